@@ -80,11 +80,11 @@ void measure(const char* what, const Distances& distances, const std::vector<Poi
 // balls of 4 to 15 mm at random positions in a body, each on a separate grid
 Distances crowd(std::size_t count) {
   std::mt19937 random(kSeed);
-  std::uniform_real_distribution<double> place(-150, 150), radius(4, 15);
+  std::uniform_real_distribution<double> coordinate(-150, 150), radius(4, 15);
   std::vector<TrackedStructure> structures;
   constexpr double kSpacing_mm = 0.8, kEdge_mm = 4;
   for (std::size_t n = 0; n < count; ++n) {
-    const double z = place(random), y = place(random), x = place(random), r = radius(random);
+    const double z = coordinate(random), y = coordinate(random), x = coordinate(random), r = radius(random);
     GridGeometry grid;
     const int half = static_cast<int>(std::ceil((r + kEdge_mm) / kSpacing_mm));
     grid.dims = {2 * half + 1, 2 * half + 1, 2 * half + 1};
@@ -139,7 +139,7 @@ void measure_vtk(const SurfaceTree& tree, const std::vector<Point<Patient>>& pos
   vtkNew<vtkImplicitPolyDataDistance> distance;
   distance->SetInput(edges->GetOutput());
   std::vector<std::int64_t> ours, theirs;
-  std::vector<double> apart_mm;
+  std::vector<double> separation_mm;
   for (const Point<Patient>& at_position : positions) {
     std::int64_t begun = now_ns();
     const auto near = tree.nearest(at_position);
@@ -148,17 +148,17 @@ void measure_vtk(const SurfaceTree& tree, const std::vector<Point<Patient>>& pos
     begun = now_ns();
     const double mm = distance->EvaluateFunction(at);
     theirs.push_back(now_ns() - begun);
-    apart_mm.push_back(std::abs(std::abs(near->distance_mm) - std::abs(mm)));
+    separation_mm.push_back(std::abs(std::abs(near->distance_mm) - std::abs(mm)));
   }
-  std::sort(apart_mm.begin(), apart_mm.end());
+  std::sort(separation_mm.begin(), separation_mm.end());
   const Costs a = costs_of(ours), b = costs_of(theirs);
   std::printf(
       "one bone, anywhere: palpate median %.0f ns, p99 %.0f; VTK %.0f, %.0f (%lld triangles); apart by %.3f "
       "mm "
       "in the median, %.3f at p99\n",
       a.median_ns, a.p99_ns, b.median_ns, b.p99_ns,
-      static_cast<long long>(edges->GetOutput()->GetNumberOfCells()), apart_mm[apart_mm.size() / 2],
-      apart_mm[apart_mm.size() * 99 / 100]);
+      static_cast<long long>(edges->GetOutput()->GetNumberOfCells()), separation_mm[separation_mm.size() / 2],
+      separation_mm[separation_mm.size() * 99 / 100]);
   json["one_bone"] = {{"palpate_median_ns", a.median_ns},
                       {"palpate_p99_ns", a.p99_ns},
                       {"vtk_median_ns", b.median_ns},
@@ -192,9 +192,9 @@ int run(double spacing_mm, int count, const std::string& file) {
   }
   std::printf("trees of the knee: %.0f ms\n", static_cast<double>(now_ns() - begun) * 1e-6);
   const Distances distances(std::move(structures), kReach_mm);
-  const auto places = places_in(low, high, count);
-  measure("knee", distances, places, json);
-  measure_vtk(*distances.structures()[largest].tree, places, json);
+  const auto points = places_in(low, high, count);
+  measure("knee", distances, points, json);
+  measure_vtk(*distances.structures()[largest].tree, points, json);
   return write_json("distance_bench", file, json);
 }
 
@@ -204,11 +204,11 @@ int run(double spacing_mm, int count, const std::string& file) {
 int main(int argc, char** argv) {
   CLI::App app("How far a tool is from structures, in the servo's tick");
   double spacing_mm = 0.6;
-  int places = 20000;
+  int points = 20000;
   std::string json;
   app.add_option("--spacing", spacing_mm, "of the generated knee, mm");
-  app.add_option("--places", places, "where the tool is");
+  app.add_option("--places", points, "where the tool is");
   app.add_option("--json", json, "figures, to a file");
   CLI11_PARSE(app, argc, argv);
-  return palpate::bench::run(spacing_mm, places, json);
+  return palpate::bench::run(spacing_mm, points, json);
 }

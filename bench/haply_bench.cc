@@ -125,11 +125,11 @@ void bare_round_trips(std::uint16_t port, const char* target, int count, bool re
     if (std::string_view(target) == "/") stream.read(buffer);
     buffer.consume(buffer.size());
     for (int n = 0; n < count; ++n) {
-      const std::int64_t begun_ns = monotonic_ns();
+      const std::int64_t started_ns = monotonic_ns();
       stream.write(boost::asio::buffer(std::string_view(kRequest)));
       stream.read(buffer);
       buffer.consume(buffer.size());
-      took_us.push_back(1e-3 * static_cast<double>(monotonic_ns() - begun_ns));
+      took_us.push_back(1e-3 * static_cast<double>(monotonic_ns() - started_ns));
     }
   }).join();
 }

@@ -274,10 +274,10 @@ std::vector<double> min_in_contact_us(const Model& model, const PalpationPath& p
     Wrench wrench;
     TickRecord record;
     for (std::size_t n = 0; n < path.states.size(); ++n) {
-      const std::int64_t begun_ns = monotonic_ns();
+      const std::int64_t started_ns = monotonic_ns();
       tick(model, path.parameters, {&path.states[n], 1}, 1 / path.rate_hz, state, {&wrench, 1}, record);
       const std::int64_t ended_ns = monotonic_ns();
-      min_us[n] = std::min(min_us[n], 1e-3 * static_cast<double>(ended_ns - begun_ns));
+      min_us[n] = std::min(min_us[n], 1e-3 * static_cast<double>(ended_ns - started_ns));
       touches[n] = record.device[0].label != 0;
     }
   }

@@ -97,7 +97,7 @@ ViewersReport watch(const Options& options, int port, bool troubled) {
   }
   for (std::thread& thread : threads) thread.join();
 
-  ObservedPoses observed;
+  ReceivedPoses observed;
   for (const auto& client : clients) observed.add(client->seen());
   report.poses = observed.ages_ms.size();
   report.missed = observed.missed;
@@ -301,7 +301,7 @@ int run(const Options& options) {
   std::optional<VolumeRenderer> renderer;
   if (options.pictures) {
     auto made =
-        VolumeRenderer::make(*loaded->model->labels, structure_looks(*loaded->model), options.threads);
+        VolumeRenderer::make(*loaded->model->labels, structure_appearances(*loaded->model), options.threads);
     if (!made) fail(made.error().message());
     renderer = std::move(*made);
   }

@@ -36,10 +36,10 @@ int main(int argc, char** argv) {
   std::uint64_t surfaces = 0;
   for (const ContactSurface& surface : (*ready)->surfaces)
     if (surface.surface) surfaces = surfaces * 31 + surface.surface->content_hash();
-  rusage used{};
-  getrusage(RUSAGE_SELF, &used);
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
   std::printf("%016llx %016llx %ld\n", static_cast<unsigned long long>((*ready)->content_hash),
-              static_cast<unsigned long long>(surfaces), used.ru_maxrss >> 10);
+              static_cast<unsigned long long>(surfaces), usage.ru_maxrss >> 10);
   // exits without destructors, because a session does not end here
   std::fflush(stdout);
   std::_Exit(0);

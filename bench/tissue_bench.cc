@@ -151,14 +151,16 @@ nlohmann::json box(int rounds) {
     labels.voxels()[n] = static_cast<LabelId>(n / 90000 % 3);
   const auto bricks = label_bricks(labels);
   const ElasticMaterial by_label[] = {{}, {Matter::kSoft, 10, 0.45}, {Matter::kRigid, 0, 0}};
-  ElasticBox place = elastic_box_of(grid, {{8, 8, 8}, {1, 1, 1}}, 1.6);
-  place.cells = {kSolverSettings.cells_along, kSolverSettings.cells_across, kSolverSettings.cells_across};
-  const auto times = medians_s({[&] { PALPATE_CHECK(ElasticGrid::of_labels(*bricks, by_label, place).ok()); },
-                                [&] {
-                                  const auto made = ElasticGrid::of_labels(*bricks, by_label, place);
-                                  ElasticSolver solver(*made);
-                                }},
-                               rounds);
+  ElasticBox pressed_box = elastic_box_of(grid, {{8, 8, 8}, {1, 1, 1}}, 1.6);
+  pressed_box.cells = {kSolverSettings.cells_along, kSolverSettings.cells_across,
+                       kSolverSettings.cells_across};
+  const auto times =
+      medians_s({[&] { PALPATE_CHECK(ElasticGrid::of_labels(*bricks, by_label, pressed_box).ok()); },
+                 [&] {
+                   const auto made = ElasticGrid::of_labels(*bricks, by_label, pressed_box);
+                   ElasticSolver solver(*made);
+                 }},
+                rounds);
   std::printf("a box laid anew        %8.2f ms   of which cells from labels %.2f ms\n", 1e3 * times[1],
               1e3 * times[0]);
   return {{"ms", 1e3 * times[1]}, {"cells_ms", 1e3 * times[0]}};
@@ -201,12 +203,12 @@ Result<std::shared_ptr<const Model>> corner(TissueLaw law) {
       for (int i = 1; i < 39; ++i) {
         // the block is that of the greatest depth below x, y or z = 0
         const int depth[3] = {19 - i, 19 - j, 19 - k};
-        int most = 0;
+        int largest = 0;
         for (int axis = 1; axis < 3; ++axis)
-          if (depth[axis] > depth[most]) most = axis;
-        const int next = std::max(depth[(most + 1) % 3], depth[(most + 2) % 3]);
-        if (depth[most] < 0 || depth[most] - next < 2) continue;
-        labels.at(i, j, k) = static_cast<LabelId>(2 * most + (depth[most] < 4 ? 1 : 2));
+          if (depth[axis] > depth[largest]) largest = axis;
+        const int next = std::max(depth[(largest + 1) % 3], depth[(largest + 2) % 3]);
+        if (depth[largest] < 0 || depth[largest] - next < 2) continue;
+        labels.at(i, j, k) = static_cast<LabelId>(2 * largest + (depth[largest] < 4 ? 1 : 2));
       }
   ModelParts parts;
   parts.labels = label_bricks(labels);
@@ -243,25 +245,25 @@ class CornerTip {
     run(1000);
   }
   void run(int ticks) {
-    places_ = 0;
+    points_ = 0;
     for (int n = 0; n < ticks; ++n, ++ticks_) {
       const double in = std::max(-4.5, 8 - 0.02 * ticks_), x = 0.3 * std::sin(3e-3 * ticks_);
       DeviceState device;
       device.tip = model_.X_WorldPatient * Point<Patient>(in + x, in - x, in + 0.5 * x);
       Wrench wrench;
       tick(model_, parameters_, {&device, 1}, 1e-3, state_, {&wrench, 1}, record_);
-      for (int layer = 0; layer < kMaxLayers; ++layer) places_ += state_.hands[0].proxy.layer(layer).contacts;
+      for (int layer = 0; layer < kMaxLayers; ++layer) points_ += state_.hands[0].proxy.layer(layer).contacts;
     }
   }
   /// Number of contacts in the last run.
-  int places() const { return places_; }
+  int points() const { return points_; }
 
  private:
   const Model& model_;
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
-  int ticks_ = 0, places_ = 0;
+  int ticks_ = 0, points_ = 0;
 };
 
 nlohmann::json corners(int rounds) {
@@ -270,11 +272,11 @@ nlohmann::json corners(int rounds) {
   PALPATE_CHECK(layers.ok() && elastic.ok());
   CornerTip spring(**layers), yielding(**elastic);
   const auto times = medians_s({[&] { spring.run(kTicks); }, [&] { yielding.run(kTicks); }}, rounds);
-  const double places = static_cast<double>(yielding.places()) / kTicks;
+  const double points = static_cast<double>(yielding.points()) / kTicks;
   std::printf("a tick of four spheres %8.2f us   with springs %.2f us   in a corner, in %.1f places\n",
-              1e6 * times[1] / kTicks, 1e6 * times[0] / kTicks, places);
+              1e6 * times[1] / kTicks, 1e6 * times[0] / kTicks, points);
   return {
-      {"yielding_us", 1e6 * times[1] / kTicks}, {"spring_us", 1e6 * times[0] / kTicks}, {"places", places}};
+      {"yielding_us", 1e6 * times[1] / kTicks}, {"spring_us", 1e6 * times[0] / kTicks}, {"places", points}};
 }
 
 nlohmann::json ticks(int rounds) {

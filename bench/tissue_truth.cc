@@ -47,13 +47,13 @@ std::vector<PressedBody> pressed_bodies() {
 
 // points of equal force under the patch's pressure, many more than in the tick's patch, because a fine grid
 // resolves them
-std::vector<Point<Patient>> pressed_places(double rho_mm) {
-  constexpr int kPlaces = 4096;
+std::vector<Point<Patient>> pressed_points(double rho_mm) {
+  constexpr int kPoints = 4096;
   const double golden_angle = std::numbers::pi * (3 - std::sqrt(5.0));
   std::vector<Point<Patient>> positions;
-  for (int n = 0; n < kPlaces; ++n) {
+  for (int n = 0; n < kPoints; ++n) {
     // the force within r is a fraction 1 - (1 - r2 / rho2)^(3/2)
-    const double beyond = std::cbrt(1 - (n + 0.5) / kPlaces), r_mm = rho_mm * std::sqrt(1 - beyond * beyond);
+    const double beyond = std::cbrt(1 - (n + 0.5) / kPoints), r_mm = rho_mm * std::sqrt(1 - beyond * beyond);
     positions.emplace_back(r_mm * std::cos(n * golden_angle), r_mm * std::sin(n * golden_angle), 0);
   }
   return positions;
@@ -74,7 +74,7 @@ double compliance(const PressedBody& body, double cell_mm) {
         return p.z() < -body.thick_mm ? ElasticMaterial{Matter::kRigid, 0, 0} : body.material(p);
       },
       8);
-  const PressurePatch patch(grid, pressed_places(body.rho_mm), Vector<Patient>(0, 0, 1));
+  const PressurePatch patch(grid, pressed_points(body.rho_mm), Vector<Patient>(0, 0, 1));
   ElasticField unit_mm(grid.layout()), load_N(grid.layout());
   patch.add(1, load_N);
   ElasticSolver(grid).solve(load_N, unit_mm, 300, 1e-6);

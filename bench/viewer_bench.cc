@@ -61,7 +61,7 @@ int run(const Options& options) {
     threads.emplace_back([&client, until_ns] { client->read_until(until_ns); });
   for (std::thread& thread : threads) thread.join();
 
-  ObservedPoses observed;
+  ReceivedPoses observed;
   for (const auto& client : clients) observed.add(client->seen());
   const double p50 = quantile(observed.ages_ms, 0.5), p99 = quantile(observed.ages_ms, 0.99),
                p999 = quantile(observed.ages_ms, 0.999), most = quantile(observed.ages_ms, 1);

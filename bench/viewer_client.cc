@@ -26,7 +26,7 @@ std::int64_t steady_ns() {
   return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
 }
 
-void ObservedPoses::add(const ObservedPoses& other) {
+void ReceivedPoses::add(const ReceivedPoses& other) {
   ages_ms.insert(ages_ms.end(), other.ages_ms.begin(), other.ages_ms.end());
   missed += other.missed;
 }
@@ -42,16 +42,16 @@ ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes, 
   address.sin_port = htons(static_cast<std::uint16_t>(port));
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   if (::connect(handle_, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) return;
-  say("GET /ws HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) +
-      "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-      "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: palpate.v1\r\n\r\n");
+  send("GET /ws HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) +
+       "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+       "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: palpate.v1\r\n\r\n");
   while (input_.find("\r\n\r\n") == std::string::npos && receive()) {
   }
   input_.erase(0, std::min(input_.size(), input_.find("\r\n\r\n") + 4));
   const std::string hello = "{\"type\":\"hello\",\"protocol\":3,\"poses_hz\":" + std::to_string(poses_hz) +
                             (task ? ",\"task\":true}" : "}");
   // masked with zeros, which leaves the payload unchanged
-  say(std::string("\x81") + static_cast<char>(0x80 | hello.size()) + std::string(4, '\0') + hello);
+  send(std::string("\x81") + static_cast<char>(0x80 | hello.size()) + std::string(4, '\0') + hello);
 }
 
 ViewerClient::~ViewerClient() {
@@ -74,7 +74,7 @@ void ViewerClient::read_until(std::int64_t until_ns) {
   }
 }
 
-void ViewerClient::say(const std::string& bytes) {
+void ViewerClient::send(const std::string& bytes) {
   (void)!::send(handle_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
 }
 
@@ -137,9 +137,9 @@ class Download {
       if (received == 0) return false;
       if (received > 0) head.append(buffer_.data(), static_cast<std::size_t>(received));
     }
-    const std::size_t stated = head.find("\r\nContent-Length: ");
-    if (stated == std::string::npos) return false;
-    const std::size_t length = std::stoul(head.substr(stated + 18));
+    const std::size_t declared = head.find("\r\nContent-Length: ");
+    if (declared == std::string::npos) return false;
+    const std::size_t length = std::stoul(head.substr(declared + 18));
     std::size_t got_bytes = head.size() - end - 4;
     bytes += got_bytes;
     if (body) *body = head.substr(end + 4);

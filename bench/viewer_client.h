@@ -11,10 +11,10 @@ namespace palpate::bench {
 std::int64_t steady_ns();
 
 /// Poses that viewers received.
-struct ObservedPoses {
+struct ReceivedPoses {
   std::vector<double> ages_ms;  ///< From a snapshot to the receipt of its message
   std::uint64_t missed = 0;     ///< Poses that the server skipped, by their sequence numbers
-  void add(const ObservedPoses& other);
+  void add(const ReceivedPoses& other);
 };
 
 class ViewerClient {
@@ -28,16 +28,16 @@ class ViewerClient {
 
   /// Reads until the deadline, or until the server closes the connection.
   void read_until(std::int64_t until_ns);
-  const ObservedPoses& seen() const { return observed_; }
+  const ReceivedPoses& seen() const { return observed_; }
 
  private:
-  void say(const std::string& bytes);
+  void send(const std::string& bytes);
   bool receive();
   std::string frame();
 
   int handle_;
   std::string input_;
-  ObservedPoses observed_;
+  ReceivedPoses observed_;
   std::uint64_t last_ = 0;
 };
 

@@ -105,9 +105,9 @@ std::vector<unsigned short> solidity(const Volume<LabelId>& labels) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     from = smooth;
     for (std::size_t n = 0; n < from.size(); ++n) {
-      const auto place = static_cast<int>(n / step[axis] % static_cast<std::size_t>(dims[axis]));
-      smooth[n] = 0.5f * from[n] + 0.25f * (place > 0 ? from[n - step[axis]] : 0) +
-                  0.25f * (place + 1 < dims[axis] ? from[n + step[axis]] : 0);
+      const auto index = static_cast<int>(n / step[axis] % static_cast<std::size_t>(dims[axis]));
+      smooth[n] = 0.5f * from[n] + 0.25f * (index > 0 ? from[n - step[axis]] : 0) +
+                  0.25f * (index + 1 < dims[axis] ? from[n + step[axis]] : 0);
     }
   }
   std::vector<unsigned short> values(smooth.size());
@@ -123,8 +123,8 @@ std::vector<unsigned short> solidity(const Volume<LabelId>& labels) {
 class Palpate {
  public:
   Palpate(const Volume<LabelId>& labels, const Options& options)
-      : renderer_(*VolumeRenderer::make(*label_bricks(labels),
-                                        std::vector<StructureLook>{{{}, 0}, {kBone, 1}}, options.threads)) {
+      : renderer_(*VolumeRenderer::make(
+            *label_bricks(labels), std::vector<StructureAppearance>{{{}, 0}, {kBone, 1}}, options.threads)) {
     style_.background = {0, 0, 0};
   }
   void draw(const VolumeCamera& camera, Image& image) { renderer_.render(camera, style_, image.rgb); }
@@ -265,7 +265,7 @@ double median(std::vector<double> values) {
 /// a full preparation. The first change runs with cold caches and is reported separately.
 nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& options) {
   constexpr int kSide = 32, kChanges = 8;
-  const std::vector<StructureLook> looks{{{}, 0}, {kBone, 1}};
+  const std::vector<StructureAppearance> appearances{{{}, 0}, {kBone, 1}};
   Volume<LabelId> cut = labels;
   VoxelBox box;
   for (std::size_t a = 0; a < 3; ++a) {
@@ -279,7 +279,7 @@ nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& option
   std::vector<double> all_ms, first_ms, box_ms, share;
   for (int n = 0; n < options.boxes; ++n) {
     const auto begin = std::chrono::steady_clock::now();
-    auto renderer = VolumeRenderer::make(*whole_bricks, looks, options.threads);
+    auto renderer = VolumeRenderer::make(*whole_bricks, appearances, options.threads);
     PALPATE_CHECK(renderer);
     auto before = std::chrono::steady_clock::now();
     all_ms.push_back(std::chrono::duration<double, std::milli>(before - begin).count());

@@ -29,12 +29,12 @@ Volume<std::uint8_t> two_bones() {
     const double across = std::hypot(p[0] - end[0], p[2] - end[2]);
     return along > 0 ? across < kRadius_mm : std::hypot(across, along) < kRadius_mm;
   };
-  const Eigen::Vector3d middle = grid.centre().eigen();
+  const Eigen::Vector3d centre = grid.centre().eigen();
   for (int k = 0; k < grid.dims[2]; ++k) {
     for (int j = 0; j < grid.dims[1]; ++j) {
       for (int i = 0; i < grid.dims[0]; ++i) {
         const Eigen::Vector3d p = (grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).eigen();
-        const bool bone = inside(p, middle - kToEnd, -1) || inside(p, middle + kToEnd, 1);
+        const bool bone = inside(p, centre - kToEnd, -1) || inside(p, centre + kToEnd, 1);
         volume.at(i, j, k) = bone ? 255 : 0;
       }
     }

@@ -41,11 +41,11 @@ CLI::Validator whole_between(std::uint64_t low, std::uint64_t high) {
 }
 
 CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<double>& numbers, int count,
-                         double most, const std::string& help) {
+                         double largest, const std::string& help) {
   return verb.add_option(name, numbers, help)
       ->delimiter(',')
       ->expected(count)
-      ->check(number_between(-most, most));
+      ->check(number_between(-largest, largest));
 }
 
 }  // namespace palpate::app

@@ -12,7 +12,7 @@ namespace palpate::app {
 CLI::Validator number_between(double low, double high);
 /// Adds an option with `count` comma-separated numbers, each in -most ... most.
 CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<double>& numbers, int count,
-                         double most, const std::string& help);
+                         double largest, const std::string& help);
 /// Validator of an integer in decimal digits in the closed interval low ... high.
 CLI::Validator whole_between(std::uint64_t low, std::uint64_t high);
 

@@ -131,11 +131,11 @@ bool is_help_on_unknown_verb(const CLI::App& app) {
 }
 
 /// Mesh placement given by two options; an empty string means not given.
-MeshPlacing mesh_placing_of(const std::string& space, const std::string& unit) {
-  MeshPlacing placing;
-  if (!space.empty()) placing.space = space == "ras" ? MeshSpace::kRas : MeshSpace::kLps;
-  if (!unit.empty()) placing.unit_mm = unit == "mm" ? 1.0 : unit == "cm" ? 10.0 : 1000.0;
-  return placing;
+MeshPlacementOptions mesh_placement_options_of(const std::string& space, const std::string& unit) {
+  MeshPlacementOptions placement_options;
+  if (!space.empty()) placement_options.space = space == "ras" ? MeshSpace::kRas : MeshSpace::kLps;
+  if (!unit.empty()) placement_options.unit_mm = unit == "mm" ? 1.0 : unit == "cm" ? 10.0 : 1000.0;
+  return placement_options;
 }
 
 /// Stops the program where kGlobalOptions and the parser's options of the program differ.
@@ -234,9 +234,9 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
       ->check(CLI::IsMember({"lps", "ras"}));
   app.add_option("--mesh-unit", mesh_unit, "Unit of the coordinates of surfaces")
       ->check(CLI::IsMember({"mm", "cm", "m"}));
-  Placing placing;
+  PlacementOptions placement_options;
   app.add_option_function<std::string>(
-         "--spacing", [&](const std::string& text) { placing.image_spacing_mm = spacing_of(text); },
+         "--spacing", [&](const std::string& text) { placement_options.image_spacing_mm = spacing_of(text); },
          "Voxel spacing of an image stack (PNG, TIFF, JPEG): mm between columns, rows and slices")
       ->check(CLI::Validator(
           [](const std::string& text) {
@@ -248,12 +248,12 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
   app.add_option_function<std::string>(
          "--form",
          [&](const std::string& text) {
-           placing.nifti_form = text == "q" ? NiftiForm::kQform : NiftiForm::kSform;
+           placement_options.nifti_form = text == "q" ? NiftiForm::kQform : NiftiForm::kSform;
          },
          "Transform to use for a NIfTI file that has both a qform and an sform; default: the sform")
       ->check(CLI::IsMember({"q", "s"}));
   app.add_flag(
-      "--cropped-scan", placing.scan_is_cropped,
+      "--cropped-scan", placement_options.scan_is_cropped,
       "The scan covers only part of the labelled region: more than half of the labels may lie outside it");
 
   bool no_cache = false;
@@ -275,8 +275,8 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
     return requested ? app.exit(error) : console.fail(explain(program, app, error));
   }
   set_reading_limits(reading);
-  placing.mesh = mesh_placing_of(mesh_space, mesh_unit);
-  set_placing(placing);
+  placement_options.mesh = mesh_placement_options_of(mesh_space, mesh_unit);
+  set_placement_options(placement_options);
   if (!no_cache) {
     auto cache = cache_settings_of_environment();
     if (!cache) return console.fail(cache.error());
@@ -290,7 +290,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
 struct DefaultSettings {
   ~DefaultSettings() {
     set_reading_limits({});
-    set_placing({});
+    set_placement_options({});
     set_read_as(ReadAs::kByContent);
     set_cache({});
   }

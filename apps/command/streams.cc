@@ -29,11 +29,11 @@ ssize_t write_printable(void* cookie, const char* bytes, std::size_t size) {
   auto& border = *static_cast<PrintableSink*>(cookie);
   try {
     const std::string shown = border.shown.next({bytes, size});
-    for (std::string_view rest = shown; !rest.empty();) {
-      const ssize_t wrote = ::write(border.descriptor, rest.data(), rest.size());
+    for (std::string_view remaining = shown; !remaining.empty();) {
+      const ssize_t wrote = ::write(border.descriptor, remaining.data(), remaining.size());
       if (wrote < 0 && errno == EINTR) continue;
       if (wrote <= 0) return 0;
-      rest.remove_prefix(static_cast<std::size_t>(wrote));
+      remaining.remove_prefix(static_cast<std::size_t>(wrote));
     }
   } catch (const std::exception&) {
     // out of memory; exceptions must not propagate through the C library

@@ -96,16 +96,16 @@ std::string fault_of(const EndedProcess& ended, const CohortCase& one, const Coh
            (ended.signal == SIGKILL ? ": killed, or out of memory" : "");
   }
   // first line of its last error message
-  std::string stated = ended.stated;
+  std::string declared = ended.declared;
   for (const std::string_view before : {"palpate: error: ", "palpate: bug: "})
-    if (const auto at = stated.rfind(before); at != stated.npos) {
-      stated = stated.substr(at + before.size());
+    if (const auto at = declared.rfind(before); at != declared.npos) {
+      declared = declared.substr(at + before.size());
       break;
     }
-  stated = printable(stated.substr(0, stated.find('\n')));
+  declared = printable(declared.substr(0, declared.find('\n')));
   if (ended.exit_code == kExitOk) return "its process left no result";
   const std::string code = "its process ended with exit code " + std::to_string(ended.exit_code);
-  return stated.empty() ? code : code + ": " + without_names(stated, one, options.folder);
+  return declared.empty() ? code : code + ": " + without_names(declared, one, options.folder);
 }
 
 /// Runs one case in a child process, so that a result is written even if that process crashes.

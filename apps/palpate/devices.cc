@@ -33,7 +33,7 @@ int print_json(const DeviceRegistry& known) {
   auto rows = Json::array();
   for (const OwnDevice& own : kOwn) rows.push_back(own_json(own.name, own.what));
   for (const DeviceVendor& vendor : known.all()) {
-    const DeviceReport report = vendor.look();
+    const DeviceReport report = vendor.detect();
     Json row = {{"name", vendor.name},
                 {"what", vendor.what},
                 {"simulated", false},
@@ -54,7 +54,7 @@ int print_text(const DeviceRegistry& known) {
   for (const OwnDevice& own : kOwn) row(own.name, own.what);
   for (const DeviceVendor& vendor : known.all()) {
     row(vendor.name, vendor.what);
-    const DeviceReport report = vendor.look();
+    const DeviceReport report = vendor.detect();
     if (const char* state = state_of(report); *state != '\0') row("", state);
     for (const ConnectedDevice& device : report.connected) row("", device.id + ": " + device.state);
   }

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "apps/command/text.h"
-#include "held.h"
+#include "grip_records.h"
 #include "known_devices.h"
 #include "palpate/json/json.h"
 #include "verb.h"

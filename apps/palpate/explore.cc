@@ -12,7 +12,7 @@
 #include "apps/command/keys.h"
 #include "apps/command/signals.h"
 #include "apps/command/text.h"
-#include "held.h"
+#include "grip_records.h"
 #include "inputs.h"
 #include "known_devices.h"
 #include "palpate/base/output.h"
@@ -282,26 +282,26 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
 
 // prints notes at the first call, then the live line; reports once that a recording ended, and each method
 // that could not be prepared
-// @param stated     collects the warnings printed at the start, one per line
+// @param declared     collects the warnings printed at the start, one per line
 // @param tracked  set to the latest error estimate of a tracked tip
 std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
-                                                     const std::string& address, std::string& stated,
+                                                     const std::string& address, std::string& declared,
                                                      std::optional<ViewedNavigation>& tracked,
                                                      Console& console) {
-  return [&console, &address, &stated, &tracked, requested = !options.no_realtime, first = true,
-          reported = false, reported_method = std::string(), reported_trouble = std::string(), deaths = 0,
+  return [&console, &address, &declared, &tracked, requested = !options.no_realtime, first = true,
+          reported = false, reported_method = std::string(), reported_failure = std::string(), deaths = 0,
           unwatched = false](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s, requested, console);
     tracked = s.navigation;
     if (first)
       for (const std::string& known : {s.coarser_tissue, s.careful_bounds}) {
         if (!known.empty()) console.warn()(known);
-        stated += known + "\n";
+        declared += known + "\n";
       }
-    const std::string trouble = s.device_trouble ? s.device_trouble->message() : "";
-    if (trouble != reported_trouble)
-      console.warn()(trouble.empty() ? "the device is back" : trouble + "\n  no force until then");
-    reported_trouble = trouble;
+    const std::string problems = s.device_failure ? s.device_failure->message() : "";
+    if (problems != reported_failure)
+      console.warn()(problems.empty() ? "the device is back" : problems + "\n  no force until then");
+    reported_failure = problems;
     if (first && !address.empty()) console.note("to see it, open " + address);
     first = false;
     if (s.recording_failure && !reported) {
@@ -318,11 +318,12 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
     deaths = s.supervisor_deaths;
     unwatched = s.supervisor_failure.has_value();
     for (const FinishedRun& finished : s.finished) {
-      console.note(
-          "run " + std::to_string(finished.run.number) + " of " + printable_name(finished.run.task) +
-          (finished.run.score.in_band ? ": every counted metric in its band"
-                                      : ": not every counted metric in its band") +
-          (finished.history.kept ? "; in the records as run " + std::to_string(*finished.history.kept) : ""));
+      console.note("run " + std::to_string(finished.run.number) + " of " + printable_name(finished.run.task) +
+                   (finished.run.score.in_band ? ": every counted metric in its band"
+                                               : ": not every counted metric in its band") +
+                   (finished.history.run_id
+                        ? "; in the records as run " + std::to_string(*finished.history.run_id)
+                        : ""));
       if (finished.history.not_stored)
         console.warn()("the run is not in the records: " + finished.history.not_stored->message());
     }
@@ -410,12 +411,12 @@ void print_tip_error(const ViewedNavigation& navigation) {
 }
 
 // limits the number of warnings, because a repeating script causes the same trouble in each repetition
-void warn_of_trouble(std::vector<std::string> trouble, const std::string& stated, Console& console) {
+void warn_of_problems(std::vector<std::string> problems, const std::string& declared, Console& console) {
   constexpr std::size_t kMost = 10;
-  std::erase_if(trouble, [&](const std::string& one) { return stated.find(one) != std::string::npos; });
-  for (std::size_t i = 0; i < std::min(kMost, trouble.size()); ++i) console.warn()(trouble[i]);
-  if (trouble.size() > kMost)
-    console.warn()("and " + std::to_string(trouble.size() - kMost) + " more like these");
+  std::erase_if(problems, [&](const std::string& one) { return declared.find(one) != std::string::npos; });
+  for (std::size_t i = 0; i < std::min(kMost, problems.size()); ++i) console.warn()(problems[i]);
+  if (problems.size() > kMost)
+    console.warn()("and " + std::to_string(problems.size() - kMost) + " more like these");
 }
 
 // "knee-phantom" of "knee-phantom:side=right"
@@ -529,7 +530,7 @@ int explore_target(ExploreArguments options, Console& console) {
   // if the terminal closes, the session continues without keys: the device must not be released for that
   const ScopedSignals without_terminal({SIGHUP}, SIG_IGN);
   std::optional<Keys> keys(std::in_place, console.streams().in);
-  std::string address, stated;
+  std::string address, declared;
   std::optional<ViewedNavigation> tracked;
   ViewerFaultQueue faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
@@ -539,12 +540,12 @@ int explore_target(ExploreArguments options, Console& console) {
   if (training->have_to_fit) session.run.task = recorded_task(training->tasks.front(), loaded->data_set);
   session.plan = plan;
   session.navigation = options.navigation;
-  const auto held = stored_held_hands();
-  if (!held) return console.fail(held.error());
-  session.known = with_held_hands(options.known, *held, options.rate_hz.value_or(Script{}.rate_hz));
+  const auto figures = stored_grip_figures();
+  if (!figures) return console.fail(figures.error());
+  session.known = with_grip_figures(options.known, *figures, options.rate_hz.value_or(Script{}.rate_hz));
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
-                              status_for(options, address, stated, tracked, console));
+                              status_for(options, address, declared, tracked, console));
   keys.reset();
   console.live("");
   if (!result) return console.fail(result.error());
@@ -552,7 +553,7 @@ int explore_target(ExploreArguments options, Console& console) {
   if (plan && !plan->viewed()->saved)
     console.warn()(options.plan->string() +
                    ": changes to the plan made in the page were not saved and are lost");
-  warn_of_trouble(result->trouble, stated, console);
+  warn_of_problems(result->problems, declared, console);
   print(*result, pointer);
   if (tracked) print_tip_error(*tracked);
   print_runs(result->runs, *training);
@@ -662,7 +663,7 @@ void add_explore(CLI::App& app, Run& run) {
       "A full disk ends the recording, not the session; the exit code is then 4.\n"
       "docs/guide/explore.md: real-time privileges, and how to read the figures.\n"
       "\n" +
-      held_defined() + " The exit code is\nthen 3, unless the user ended the session.");
+      hold_definition() + " The exit code is\nthen 3, unless the user ended the session.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return explore_target(*options, console); }; });
 }

@@ -44,7 +44,7 @@ Result<std::optional<int>> volume_of_labels(const ExportOptions& options, const 
                                             Console& console) {
   const auto study = find_study(scan, options.source, options.made_with.volume, console.progress());
   if (!study) return study.error();
-  if (options.keep_identifiers && !study->is_stated)
+  if (options.keep_identifiers && !study->is_declared)
     return Error{ErrorKind::kBadInput, "does not state that it was made on images of " + scan.string(),
                  options.source.string(),
                  "name the study that it was made on, or leave --keep-identifiers out"};
@@ -55,7 +55,8 @@ Result<std::optional<int>> volume_of_labels(const ExportOptions& options, const 
 Result<void> check_grids(const LabelMap& labels, const GridGeometry& scan, const std::filesystem::path& file,
                          Console& console) {
   const LabelPlacement placement = placement_of(labels, scan);
-  if (auto together = check_placement(placement, file, placing().scan_is_cropped); !together) return together;
+  if (auto together = check_placement(placement, file, placement_options().scan_is_cropped); !together)
+    return together;
   const std::string doubt = placement_warning(placement);
   doubt.empty() ? console.note(in_words(placement) + ".") : console.warn()(doubt);
   if (labels.geometry().same_grid(scan)) return {};
@@ -133,8 +134,8 @@ void print_path_row(std::FILE* out, const TickRecord& tick, int device) {
   const DeviceTick& at = tick.device[static_cast<std::size_t>(device)];
   const auto& [fx, fy, fz] = at.force_N;
   std::fprintf(out, "%llu,%.6f,%d", static_cast<unsigned long long>(tick.tick), tick.time_s, device + 1);
-  for (const auto* place : {&at.tip_patient_mm, &at.proxy_patient_mm})
-    for (const double value : *place) std::fprintf(out, ",%.5f", value);
+  for (const auto* point : {&at.tip_patient_mm, &at.proxy_patient_mm})
+    for (const double value : *point) std::fprintf(out, ",%.5f", value);
   std::fprintf(out, ",%.5f,%d\n", std::sqrt(fx * fx + fy * fy + fz * fz), at.label);
 }
 

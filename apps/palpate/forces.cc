@@ -68,9 +68,9 @@ int draw_forces(const ForcesOptions& options, Console& console) {
   request.size_mm = options.size_mm;
   request.spacing_mm = options.spacing_mm.value_or(0);
   if (options.at.empty()) {
-    const auto place = section_centre(**model);
-    if (!place) return console.fail(place.error());
-    request.centre = *place;
+    const auto centre = section_centre(**model);
+    if (!centre) return console.fail(centre.error());
+    request.centre = *centre;
   } else {
     request.centre = {options.at[0], options.at[1], options.at[2]};
   }

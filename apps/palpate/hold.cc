@@ -48,7 +48,7 @@ Point<Patient> point_of(const std::vector<double>& at) {
   return {at[0], at[1], at[2]};
 }
 
-Result<Point<Patient>> place_of(const HoldOptions& options, const GridGeometry& grid) {
+Result<Point<Patient>> position_of(const HoldOptions& options, const GridGeometry& grid) {
   if (!options.at.empty()) return point_of(options.at);
   const auto& v = options.voxel;
   if (!grid.contains(v[0], v[1], v[2]))
@@ -73,53 +73,53 @@ Result<double> force_gain(const HoldOptions& options, const Hold& hold, const Mo
   if (!options.stiffness) return 1.0;
   const auto recommended = recommended_stiffness_N_per_mm(hold.device, hold.rate_hz, hold.delay_s, progress);
   if (!recommended) return recommended;
-  return *options.stiffness * *recommended / model.greatest_stiffness_N_per_mm();
+  return *options.stiffness * *recommended / model.max_stiffness_N_per_mm();
 }
 
 std::string heading_of(const Hold& hold, const Model& model) {
   char text[200];
   std::snprintf(text, sizeof text, "at %.1f, %.1f, %.1f mm (LPS); %s, %s; %g Hz, %g ms of delay; %.3g N/mm",
                 hold.at.x(), hold.at.y(), hold.at.z(), hold.device.name.c_str(), hold.hand.name.c_str(),
-                hold.rate_hz, 1e3 * hold.delay_s, hold.force_gain * model.greatest_stiffness_N_per_mm());
+                hold.rate_hz, 1e3 * hold.delay_s, hold.force_gain * model.max_stiffness_N_per_mm());
   return text;
 }
 
 // state of the held tip, with the circumstance that may explain it
-const char* state_of(const HeldTip& held) {
-  if (held.inside) return "uncoupled: begun inside";
-  if (held.wedged) return held.quiet() ? "quiet, wedged" : "not quiet, wedged";
-  return held.quiet() ? "quiet" : "not quiet";
+const char* state_of(const HoldResult& result) {
+  if (result.inside) return "uncoupled: begun inside";
+  if (result.wedged) return result.quiet() ? "quiet, wedged" : "not quiet, wedged";
+  return result.quiet() ? "quiet" : "not quiet";
 }
 
-void print_table(const std::vector<HeldTip>& tips, const std::string& heading) {
+void print_table(const std::vector<HoldResult>& tips, const std::string& heading) {
   std::printf("%s\n%-16s %9s %9s %9s %8s %10s\n", heading.c_str(), "", "peak-peak", "20-500 Hz", "dominant",
               "force", "energy out");
   std::printf("%-16s %9s %9s %9s %8s %10s\n", "method", "um", "rms um", "Hz", "N", "mJ");
-  for (const HeldTip& held : tips)
-    std::printf("%-16s %9.1f %9.2f %9.0f %8.3f %10.4f  %s\n", std::string(name_of(held.method)).c_str(),
-                held.buzz.peak_to_peak_um, held.buzz.rms_um, held.buzz.dominant_Hz, held.buzz.force_N,
-                held.buzz.energy_mJ, state_of(held));
+  for (const HoldResult& result : tips)
+    std::printf("%-16s %9.1f %9.2f %9.0f %8.3f %10.4f  %s\n", std::string(name_of(result.method)).c_str(),
+                result.buzz.peak_to_peak_um, result.buzz.rms_um, result.buzz.dominant_Hz, result.buzz.force_N,
+                result.buzz.energy_mJ, state_of(result));
   std::printf("quiet: within two encoder steps, %g um\n", 2 * tips.front().encoder_step_um);
 }
 
-void print_json(const std::vector<HeldTip>& tips, const Hold& hold, const Model& model) {
+void print_json(const std::vector<HoldResult>& tips, const Hold& hold, const Model& model) {
   Json json{{"device", hold.device.name},
             {"hand", hold.hand.name},
             {"rate_Hz", hold.rate_hz},
             {"delay_ms", 1e3 * hold.delay_s},
-            {"stiffness_N_per_mm", hold.force_gain * model.greatest_stiffness_N_per_mm()},
+            {"stiffness_N_per_mm", hold.force_gain * model.max_stiffness_N_per_mm()},
             {"from_mm", {hold.from.x(), hold.from.y(), hold.from.z()}},
             {"at_mm", {hold.at.x(), hold.at.y(), hold.at.z()}},
             {"quiet_within_um", 2 * tips.front().encoder_step_um}};
-  for (const HeldTip& held : tips)
-    json["methods"][std::string(name_of(held.method))] = {{"peak_to_peak_um", held.buzz.peak_to_peak_um},
-                                                          {"rms_um", held.buzz.rms_um},
-                                                          {"dominant_Hz", held.buzz.dominant_Hz},
-                                                          {"force_N", held.buzz.force_N},
-                                                          {"energy_out_mJ", held.buzz.energy_mJ},
-                                                          {"quiet", held.quiet()},
-                                                          {"inside", held.inside},
-                                                          {"wedged", held.wedged}};
+  for (const HoldResult& result : tips)
+    json["methods"][std::string(name_of(result.method))] = {{"peak_to_peak_um", result.buzz.peak_to_peak_um},
+                                                            {"rms_um", result.buzz.rms_um},
+                                                            {"dominant_Hz", result.buzz.dominant_Hz},
+                                                            {"force_N", result.buzz.force_N},
+                                                            {"energy_out_mJ", result.buzz.energy_mJ},
+                                                            {"quiet", result.quiet()},
+                                                            {"inside", result.inside},
+                                                            {"wedged", result.wedged}};
   std::printf("%s\n", json.dump(2).c_str());
 }
 
@@ -138,20 +138,20 @@ int hold_target(const HoldOptions& options, Console& console) {
   hold.hand = *find_plant_hand(options.hand);
   hold.rate_hz = options.rate_hz;
   hold.delay_s = 1e-3 * options.delay_ms;
-  const auto place = place_of(options, (*model)->labels->geometry());
-  if (!place) return console.fail(place.error());
-  hold.at = *place;
+  const auto point = position_of(options, (*model)->labels->geometry());
+  if (!point) return console.fail(point.error());
+  hold.at = *point;
   hold.from = options.from.empty() ? hold.at : point_of(options.from);
   const auto gain = force_gain(options, hold, **model, progress);
   if (!gain) return console.fail(gain.error());
   hold.force_gain = *gain;
 
-  std::vector<HeldTip> tips;
+  std::vector<HoldResult> tips;
   for (const ForceMethod method : methods) {
     hold.method = method;
-    auto held = hold_tip(**model, hold, progress);
-    if (!held) return console.fail(held.error());
-    tips.push_back(*std::move(held));
+    auto result = hold_tip(**model, hold, progress);
+    if (!result) return console.fail(result.error());
+    tips.push_back(*std::move(result));
   }
   const std::string heading = heading_of(hold, **model);
   if (options.json)
@@ -172,9 +172,9 @@ std::vector<std::string> names_of(const std::vector<Named>& all) {
   return names;
 }
 
-CLI::Option* add_place(CLI::App& verb, const std::string& name, std::vector<double>& place,
-                       const std::string& help) {
-  return verb.add_option(name, place, help)
+CLI::Option* add_position_option(CLI::App& verb, const std::string& name, std::vector<double>& point_mm,
+                                 const std::string& help) {
+  return verb.add_option(name, point_mm, help)
       ->delimiter(',')
       ->expected(3)
       ->check(number_between(-1e6, 1e6))
@@ -183,14 +183,14 @@ CLI::Option* add_place(CLI::App& verb, const std::string& name, std::vector<doub
 
 void add_options(CLI::App& verb, HoldOptions& options) {
   add_source_options(verb, options.source)->required();
-  add_place(verb, "--at", options.at, "Target of the hand: patient coordinates in mm, LPS");
+  add_position_option(verb, "--at", options.at, "Target of the hand: patient coordinates in mm, LPS");
   verb.add_option("--voxel", options.voxel, "Target of the hand as voxel indices, from 0")
       ->delimiter(',')
       ->expected(3)
       ->check(whole_between(0, 1000000))
       ->type_name("I,J,K");
-  add_place(verb, "--from", options.from,
-            "Start of the hand, one second before it reaches the target; default: the target");
+  add_position_option(verb, "--from", options.from,
+                      "Start of the hand, one second before it reaches the target; default: the target");
   std::vector<std::string> names;
   for (const ForceMethodInfo& info : kForceMethods) names.emplace_back(info.name);
   verb.add_option("--method", options.methods, "Force method; may be repeated; default: the scene's")

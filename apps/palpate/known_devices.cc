@@ -23,12 +23,12 @@ namespace {
 /// Values of an option of the form NAME=VALUE; each name once unless `repeats`.
 class Named {
  public:
-  static Result<Named> parse(const char* option, const std::vector<std::string>& stated,
+  static Result<Named> parse(const char* option, const std::vector<std::string>& declared,
                              const std::vector<std::string>& names, bool repeats = false) {
     Named named;
     std::string all;
     for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
-    for (const std::string& each : stated) {
+    for (const std::string& each : declared) {
       const std::size_t equals = each.find('=');
       const std::string name = each.substr(0, equals);
       if (equals == std::string::npos || equals + 1 == each.size())
@@ -49,15 +49,16 @@ class Named {
     const auto found = values_.find(name);
     return found == values_.end() ? "" : found->second;
   }
-  /// Value as a number; empty if it is not given. Errors: kUsage if it is not a number from 0 to `most`.
-  Result<std::optional<double>> number(const char* option, const std::string& name, double most) const {
-    const std::string stated = text(name);
-    if (stated.empty()) return std::optional<double>();
+  /// Value as a number; empty if it is not given. Errors: kUsage if it is not a number from 0 to `largest`.
+  Result<std::optional<double>> number(const char* option, const std::string& name, double largest) const {
+    const std::string declared = text(name);
+    if (declared.empty()) return std::optional<double>();
     char* end = nullptr;
-    const double value = std::strtod(stated.c_str(), &end);
-    if (*end != '\0' || !(value >= 0 && value <= most))
-      return Error{ErrorKind::kUsage, "'" + stated + "' is not a number from 0 to " + std::to_string(most),
-                   option, "give the mass of the tool at the end of the arm in kilograms"};
+    const double value = std::strtod(declared.c_str(), &end);
+    if (*end != '\0' || !(value >= 0 && value <= largest))
+      return Error{ErrorKind::kUsage,
+                   "'" + declared + "' is not a number from 0 to " + std::to_string(largest), option,
+                   "give the mass of the tool at the end of the arm in kilograms"};
     return std::optional<double>(value);
   }
 

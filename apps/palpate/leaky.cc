@@ -13,10 +13,11 @@ std::string leaky_text(std::vector<Leaks> leaks, const std::function<std::string
       "leaky: a point tool may slip through where voxels are connected only by edges or corners; number of "
       "such places: ";
   for (std::size_t n = 0; n < std::min(leaks.size(), kNamed); ++n) {
-    char place[80];
-    std::snprintf(place, sizeof place, " (one at %.1f, %.1f, %.1f mm)", leaks[n].place.x(),
-                  leaks[n].place.y(), leaks[n].place.z());
-    text += (n == 0 ? "" : ", ") + name_of(leaks[n].label) + " " + std::to_string(leaks[n].joints) + place;
+    char position_text[80];
+    std::snprintf(position_text, sizeof position_text, " (one at %.1f, %.1f, %.1f mm)", leaks[n].shape.x(),
+                  leaks[n].shape.y(), leaks[n].shape.z());
+    text += (n == 0 ? "" : ", ") + name_of(leaks[n].label) + " " + std::to_string(leaks[n].joints) +
+            position_text;
   }
   if (leaks.size() > kNamed) text += " and " + std::to_string(leaks.size() - kNamed) + " more";
   return text;

@@ -29,7 +29,7 @@ constexpr std::size_t kEnoughPoses = 200, kFewestPoses = 6;
 constexpr double kEnoughTurn_deg = 15;
 // minimum distance between traced points, and their number
 constexpr double kTraceStep_mm = 1;
-constexpr std::size_t kTracePlaces = 100;
+constexpr std::size_t kTracePoints = 100;
 constexpr double kTooNearReported_s = 3;
 
 /// Stream of a tracker with a queue of its poses.
@@ -41,8 +41,8 @@ class LivePoses {
   Result<void> open() { return stream_.open(3, console_.progress()); }
   /// Poses received since the last call. Warns once about trouble with the stream.
   std::deque<MarkersPose> next() {
-    const auto trouble = stream_.trouble();
-    const std::string wrong = trouble ? trouble->message() : "";
+    const auto problems = stream_.failure();
+    const std::string wrong = problems ? problems->message() : "";
     if (wrong != reported_) console_.warn()(wrong.empty() ? "the tool is visible again" : wrong);
     reported_ = wrong;
     const std::lock_guard lock(mutex_);
@@ -133,7 +133,7 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
   ask();
   double near_since_s = -1;
   while (touches.taken().size() < names.size() ||
-         out.traced.size() < (requested > names.size() ? kTracePlaces : 0)) {
+         out.traced.size() < (requested > names.size() ? kTracePoints : 0)) {
     if (progress.stopped()) return Progress::interrupted();
     if (keys.next() == 'u' && out.traced.empty() && !touches.taken().empty()) {
       touches.undo();
@@ -144,7 +144,7 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
       const double time_s = 1e-9 * static_cast<double>(pose.at_ns);
       if (touches.taken().size() == requested) {
         // tracing over the structure
-        if (out.traced.size() < kTracePlaces && !out.traced.empty() &&
+        if (out.traced.size() < kTracePoints && !out.traced.empty() &&
             (at - out.traced.back()).norm() >= kTraceStep_mm)
           out.traced.push_back(at);
         continue;
@@ -156,21 +156,21 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
         near_since_s = INFINITY;
       }
       if (state != TouchDetector::State::kTaken) continue;
-      const TouchedPoint& place = touches.taken().back();
+      const TouchedPoint& point = touches.taken().back();
       if (touches.taken().size() > names.size()) {
-        out.traced.push_back(place.at);
+        out.traced.push_back(point.at);
         console.note("trace the surface of " + printable_name(structure));
         continue;
       }
       char text[60];
-      std::snprintf(text, sizeof text, ": recorded, held within %.2f mm", place.held_mm);
+      std::snprintf(text, sizeof text, ": recorded, held within %.2f mm", point.spread_mm);
       console.note(printable_name(names[touches.taken().size() - 1]) + text);
       ask();
     }
     char text[128];
     std::snprintf(text, sizeof text, "%zu of %zu points, %zu of %zu places",
                   std::min(touches.taken().size(), names.size()), names.size(), out.traced.size(),
-                  requested > names.size() ? kTracePlaces : 0);
+                  requested > names.size() ? kTracePoints : 0);
     console.live(text);
     std::this_thread::sleep_for(kPollInterval);
   }

@@ -146,15 +146,15 @@ Result<std::vector<NamedPoint>> points_of(const std::filesystem::path& file) {
 }
 
 // touched points, from files or collected live
-struct TouchedPlaces {
+struct TouchedPoints {
   std::vector<NamedPoint> points;
-  std::vector<double> held_mm;         // RMS distance of the tip samples from their mean, for each point
+  std::vector<double> spread_mm;       // RMS distance of the tip samples from their mean, for each point
                                        // collected live
   std::vector<Point<Tracker>> traced;  // points traced on the surface
 };
-Result<TouchedPlaces> touched_places(const RegisterVerb& options, const std::vector<NamedPoint>& scan,
+Result<TouchedPoints> touched_points(const RegisterVerb& options, const std::vector<NamedPoint>& scan,
                                      Console& console) {
-  TouchedPlaces out;
+  TouchedPoints out;
   if (!options.touched.empty()) {
     const auto traced = points_of(options.touched);
     if (!traced) return traced.error();
@@ -181,7 +181,7 @@ Result<TouchedPlaces> touched_places(const RegisterVerb& options, const std::vec
   if (!collected) return collected.error();
   for (std::size_t n = 0; n < names.size(); ++n) {
     out.points.push_back({names[n], collected->points[n].at.eigen(), {}});
-    out.held_mm.push_back(collected->points[n].held_mm);
+    out.spread_mm.push_back(collected->points[n].spread_mm);
   }
   if (traces) out.traced = std::move(collected->traced);
   return out;
@@ -212,7 +212,7 @@ Result<Surface> surface_of(const RegisterVerb& options, Console& console) {
   return std::move(prepared->front().surface);
 }
 
-void print_points(const RegistrationOutcome& outcome, bool stated_targets) {
+void print_points(const RegistrationOutcome& outcome, bool declared_targets) {
   const PointRegistration& points = outcome.by_points;
   std::printf("%s %s\n", fitted("point", 16).c_str(), "residual, mm");
   for (std::size_t n = 0; n < outcome.names.size(); ++n)
@@ -228,7 +228,7 @@ void print_points(const RegistrationOutcome& outcome, bool stated_targets) {
   for (const Point<Patient>& position : outcome.targets) {
     const ErrorSpread wrong = error_at(rigid_error(points, *outcome.fle_scale), position);
     std::printf("  at %.1f, %.1f, %.1f%s   %.2f mm (root mean square); below %.2f in 95 of 100 cases\n",
-                position.x(), position.y(), position.z(), stated_targets ? "" : " (centroid of the points)",
+                position.x(), position.y(), position.z(), declared_targets ? "" : " (centroid of the points)",
                 wrong.rms_mm, wrong.max_mm);
   }
 }
@@ -265,16 +265,16 @@ int register_verb(const RegisterVerb& options, Console& console) {
   };
   if (is_live && !options.surface.empty())
     if (const auto found = find_surface(); !found) return console.fail(found.error());
-  const auto touched = touched_places(options, *scan, console);
+  const auto touched = touched_points(options, *scan, console);
   if (!touched) return console.fail(touched.error());
   const std::vector<NamedPoint>& tracked = touched->points;
   auto pairs = pair_up(*scan, tracked, options, console);
   if (!pairs) return console.fail(pairs.error());
-  const auto stated = std::count_if(tracked.begin(), tracked.end(),
-                                    [](const auto& point) { return point.fle_mm.has_value(); });
-  if (!options.fle_mm && stated > 0 && stated < std::ssize(tracked))
+  const auto declared = std::count_if(tracked.begin(), tracked.end(),
+                                      [](const auto& point) { return point.fle_mm.has_value(); });
+  if (!options.fle_mm && declared > 0 && declared < std::ssize(tracked))
     return console.fail({ErrorKind::kBadInput,
-                         "gives the error of only " + std::to_string(stated) + " of " +
+                         "gives the error of only " + std::to_string(declared) + " of " +
                              std::to_string(tracked.size()) + " points",
                          printable_name(options.tracked_points),
                          "give the error of all points, or of none, or give --fle"});
@@ -290,8 +290,8 @@ int register_verb(const RegisterVerb& options, Console& console) {
   RegistrationOutcome outcome;
   outcome.by_points = *std::move(by_points);
   for (const PointPair& pair : *pairs) outcome.names.push_back(pair.name);
-  outcome.held_mm = touched->held_mm;
-  outcome.is_fle_known = options.fle_mm || stated > 0;
+  outcome.spread_mm = touched->spread_mm;
+  outcome.is_fle_known = options.fle_mm || declared > 0;
   outcome.reference = is_live ? options.stream.reference : "";
   for (const std::vector<double>& at : options.targets) outcome.targets.emplace_back(at[0], at[1], at[2]);
   if (outcome.targets.empty()) outcome.targets.push_back(outcome.by_points.centroid);

@@ -92,9 +92,9 @@ void print_touches(const std::vector<TouchFigure>& touches) {
                 touch.point.x(), touch.point.y(), touch.point.z());
 }
 
-std::string held_defined() {
+std::string hold_definition() {
   return "\"held\" is the longest uninterrupted time in which a structure was touched with a force within\n" +
-         std::to_string(std::lround(100 * kHeldWithin)) +
+         std::to_string(std::lround(100 * kHoldTolerance)) +
          " % of a force that the script presses it with (with any force if the script does not press it). A\n"
          "failed step is reported; the hand withdraws, and the run continues with\n"
          "the next approach.";

@@ -56,7 +56,7 @@ void add_preparation_option(CLI::App& verb, std::optional<PreparationMethod>& pr
 /// Prints the contact points of the approaches on stdout, one per line.
 void print_touches(const std::vector<TouchFigure>& touches);
 /// Definition of a held structure, for help texts.
-std::string held_defined();
+std::string hold_definition();
 /// Prints the removed volume of each structure on stdout, one per line.
 void print_removed(const std::vector<RemovedFigure>& removed);
 /// Prints the protected structures on stdout, one per line.

@@ -175,7 +175,7 @@ int show_plan(const PlanOptions& options, Console& console) {
 // ---- compare
 
 std::string verdict(const ToleratedValue& figure) {
-  return !figure.allowed ? "" : figure.kept() ? "kept" : "NOT KEPT";
+  return !figure.allowed ? "" : figure.is_within_limit() ? "kept" : "NOT KEPT";
 }
 
 void print_figure(const char* name, const ToleratedValue& figure, const char* unit, const std::string& more) {
@@ -189,10 +189,10 @@ void print_figure(const char* name, const ToleratedValue& figure, const char* un
               fitted(verdict(figure), 10).c_str(), more.c_str());
 }
 
-std::string at_tick(const RunPoint& place) {
+std::string at_tick(const RunPoint& point) {
   char text[64];
-  std::snprintf(text, sizeof text, "at %.3f s, tick %llu", place.time_s,
-                static_cast<unsigned long long>(place.tick));
+  std::snprintf(text, sizeof text, "at %.3f s, tick %llu", point.time_s,
+                static_cast<unsigned long long>(point.tick));
   return text;
 }
 
@@ -245,9 +245,9 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
     if (approach.requested_mm) std::snprintf(requested, sizeof requested, "%g", *approach.requested_mm);
     std::printf("  %s%-12.2f%s%s%s\n", planned_name(scene.model->name_of(approach.label)).c_str(),
                 approach.nearest_mm, fitted(requested, 8).c_str(),
-                fitted(!approach.requested_mm ? ""
-                       : approach.kept()      ? "kept"
-                                              : "NOT KEPT",
+                fitted(!approach.requested_mm       ? ""
+                       : approach.is_within_limit() ? "kept"
+                                                    : "NOT KEPT",
                        10)
                     .c_str(),
                 std::isnan(approach.nearest_mm) ? "" : at_tick(approach.nearest).c_str());
@@ -261,8 +261,8 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
     std::printf("  and %llu more\n", static_cast<unsigned long long>(made.more_breaches));
   if (made.cut_short) std::printf("the recording was cut short: what followed is unknown\n");
   if (made.missing_s > 0) std::printf("%.3f s are missing because ticks were dropped\n", made.missing_s);
-  std::printf("%s\n",
-              made.kept() ? "KEPT: all requirements of the plan" : "NOT KEPT: a requirement of the plan");
+  std::printf("%s\n", made.is_within_limit() ? "KEPT: all requirements of the plan"
+                                             : "NOT KEPT: a requirement of the plan");
 }
 
 int compare(const PlanOptions& options, Console& console) {
@@ -294,7 +294,7 @@ int compare(const PlanOptions& options, Console& console) {
     console.note("comparison: " + options.json.string());
   }
   print_comparison(*scene, *made);
-  return made->kept() ? kExitOk : kExitLimit;
+  return made->is_within_limit() ? kExitOk : kExitLimit;
 }
 
 }  // namespace

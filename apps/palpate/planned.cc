@@ -14,13 +14,13 @@ namespace {
 Json json_of(const Point<Patient>& p) {
   return {p.x(), p.y(), p.z()};
 }
-Json json_of(const RunPoint& place) {
-  return {{"tick", place.tick}, {"time_s", place.time_s}, {"at_mm", json_of(place.at)}};
+Json json_of(const RunPoint& point) {
+  return {{"tick", point.tick}, {"time_s", point.time_s}, {"at_mm", json_of(point.at)}};
 }
 Json json_of(const ToleratedValue& figure) {
   return {{"value", number_or_null(figure.value)},
           {"allowed", number_or_null(figure.allowed)},
-          {"kept", figure.kept()}};
+          {"kept", figure.is_within_limit()}};
 }
 Json json_of(const VolumeResult& volume) {
   return {{"planned_mm3", volume.planned_mm3},
@@ -48,7 +48,7 @@ Json json_of(const PlanTrajectory& planned, const TrajectoryResult& done) {
           {"depth_mm", number_or_null(done.depth_mm)},
           {"depth_error_mm", json_of(done.depth_error_mm)},
           {"shaft_deg", number_or_null(done.shaft_deg)},
-          {"kept", done.kept()}};
+          {"kept", done.is_within_limit()}};
 }
 
 }  // namespace
@@ -87,7 +87,7 @@ Json json_of(const PlannedScene& scene, const PlanComparison& made) {
   const Model& model = *scene.model;
   const PlanFile& plan = scene.plan.file;
   Json json{{"plan", plan.title},
-            {"kept", made.kept()},
+            {"kept", made.is_within_limit()},
             {"ticks", made.ticks},
             {"time_s", made.time_s},
             {"cut_short", made.cut_short},
@@ -121,7 +121,7 @@ Json json_of(const PlannedScene& scene, const PlanComparison& made) {
                                   {"nearest_mm", number_or_null(approach.nearest_mm)},
                                   {"nearest", is_known ? json_of(approach.nearest) : Json(nullptr)},
                                   {"requested_mm", number_or_null(approach.requested_mm)},
-                                  {"kept", approach.kept()},
+                                  {"kept", approach.is_within_limit()},
                                   {"below_s", approach.below_s},
                                   {"over_time_mm", over_time}});
   }

@@ -143,9 +143,9 @@ int show(const RecordsOptions& options, Console& console) {
   return kExitOk;
 }
 
-/// Passes each selected run with its metrics to `take`. @return number of runs
+/// Passes each selected run with its metrics to `visit`. @return number of runs
 Result<std::size_t> each_run(Records& records, const RunFilter& filter,
-                             const std::function<void(const RunRecord&)>& take) {
+                             const std::function<void(const RunRecord&)>& visit) {
   std::vector<std::int64_t> ids;
   const auto listed = records.list(filter, [&](const RunRecord& run) -> Result<void> {
     ids.push_back(run.id);
@@ -155,16 +155,16 @@ Result<std::size_t> each_run(Records& records, const RunFilter& filter,
   for (const std::int64_t id : ids) {
     const auto run = records.run(id);
     if (!run) return run.error();
-    take(*run);
+    visit(*run);
   }
   return ids.size();
 }
 
 /// Writes a file about all selected runs.
-/// @param take  called for each run
+/// @param visit  called for each run
 /// @param text  content of the file, called after the last run
 int write_runs(const RecordsOptions& options, Console& console,
-               const std::function<void(const RunRecord&)>& take, const std::function<std::string()>& text) {
+               const std::function<void(const RunRecord&)>& visit, const std::function<std::string()>& text) {
   const auto file = records_file(options.file);
   if (!file) return console.fail(file.error());
   auto records = Records::open_to_read(*file);
@@ -172,7 +172,7 @@ int write_runs(const RecordsOptions& options, Console& console,
   const std::vector<std::filesystem::path> never{*file, file->string() + "-wal", file->string() + "-shm"};
   const auto claimed = claim_output(options.output, never);
   if (!claimed) return console.fail(claimed.error());
-  const auto count = each_run(**records, options.filter, take);
+  const auto count = each_run(**records, options.filter, visit);
   if (!count) return console.fail(count.error());
   if (const auto written = write_file(options.output, text()); !written) return console.fail(written.error());
   console.note(std::to_string(*count) + " runs: " + options.output.string());
@@ -193,7 +193,7 @@ int export_runs(const RecordsOptions& options, Console& console) {
 /// Page about a set of runs.
 class PageOfRuns {
  public:
-  void take(const RunRecord& run);
+  void visit(const RunRecord& run);
   std::string html();
 
  private:
@@ -202,7 +202,7 @@ class PageOfRuns {
 
 // adds a run to the section of its task's text; the metrics of a text are listed in the order of its latest
 // run
-void PageOfRuns::take(const RunRecord& run) {
+void PageOfRuns::visit(const RunRecord& run) {
   LearnersPage::Task& task = tasks_[{run.task, run.task_hash}];
   task.title = run.task;
   task.hash = run.task_hash;
@@ -232,7 +232,7 @@ std::string PageOfRuns::html() {
 int write_page(const RecordsOptions& options, Console& console) {
   PageOfRuns page;
   return write_runs(
-      options, console, [&](const RunRecord& run) { page.take(run); }, [&] { return page.html(); });
+      options, console, [&](const RunRecord& run) { page.visit(run); }, [&] { return page.html(); });
 }
 
 int erase(const RecordsOptions& options, Console& console) {
@@ -272,7 +272,7 @@ RunRecord record_of(const std::string& learner, const TaskFile& task, const Scor
                    learner,
                    task.title,
                    hexadecimal(task.text_hash),
-                   utc_after(run.header.started_utc, run.score.begun_s),
+                   utc_after(run.header.started_utc, run.score.started_s),
                    run.header.data_set,
                    run.header.palpate_version,
                    run.header.commit,
@@ -305,7 +305,7 @@ static Result<std::unique_ptr<Records>> opened_to_add(const std::filesystem::pat
 }
 
 static void warn_of_person(const std::string& learner, Console& console) {
-  if (looks_like_a_person(learner))
+  if (resembles_personal_name(learner))
     console.warn()("\"" + printable_name(learner) +
                    "\" looks like a person's name: records are for pseudonyms");
 }
@@ -335,7 +335,7 @@ Result<std::string> learners_page_html(const std::filesystem::path& requested, c
   PageOfRuns page;
   RunFilter filter;
   filter.learner = learner;
-  const auto count = each_run(**records, filter, [&](const RunRecord& run) { page.take(run); });
+  const auto count = each_run(**records, filter, [&](const RunRecord& run) { page.visit(run); });
   if (!count) return count.error();
   return page.html();
 }
@@ -351,7 +351,7 @@ Result<RunHistory> add_run_with_history(const std::filesystem::path& requested, 
   const auto id = records.add(record);
   if (!id) return id.error();
   RunHistory history;
-  history.kept = *id;
+  history.run_id = *id;
   history.best.assign(task.metrics.size(), kNotKnown);
   std::vector<bool> in_band;
   std::vector<std::int64_t> earlier;

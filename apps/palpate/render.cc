@@ -99,8 +99,8 @@ Result<std::vector<LabelId>> labels_named(const Model& model, const std::vector<
   return labels;
 }
 
-Result<std::vector<StructureLook>> looks_of(const RenderOptions& options, const Model& model) {
-  std::vector<StructureLook> looks = structure_looks(model);
+Result<std::vector<StructureAppearance>> appearances_of(const RenderOptions& options, const Model& model) {
+  std::vector<StructureAppearance> appearances = structure_appearances(model);
   const auto only = labels_named(model, options.only, "--only"),
              hide = labels_named(model, options.hide, "--hide");
   if (!only) return only.error();
@@ -108,13 +108,13 @@ Result<std::vector<StructureLook>> looks_of(const RenderOptions& options, const 
   const auto has = [](const std::vector<LabelId>& labels, std::size_t label) {
     return std::find(labels.begin(), labels.end(), label) != labels.end();
   };
-  for (std::size_t label = 0; label < looks.size(); ++label)
-    if ((!only->empty() && !has(*only, label)) || has(*hide, label)) looks[label].opacity = 0;
-  return looks;
+  for (std::size_t label = 0; label < appearances.size(); ++label)
+    if ((!only->empty() && !has(*only, label)) || has(*hide, label)) appearances[label].opacity = 0;
+  return appearances;
 }
 
-Result<ScanLook> scan_of(const RenderOptions& options, const Model& model) {
-  if (!options.scan_opacity && options.window.empty()) return ScanLook{};
+Result<ScanAppearance> scan_of(const RenderOptions& options, const Model& model) {
+  if (!options.scan_opacity && options.window.empty()) return ScanAppearance{};
   if (!options.scan_opacity)
     return usage("a window applies to the scan, which is not drawn", "--window",
                  "draw it with --scan-opacity");
@@ -125,11 +125,11 @@ Result<ScanLook> scan_of(const RenderOptions& options, const Model& model) {
     return usage("a scan to be drawn may have at most " + std::to_string(kMaxScanVoxels) +
                      " voxels, this one has " + std::to_string(voxels),
                  "--scan", "crop or resample it, or leave the option out");
-  ScanLook look{model.scan, scan_window(*model.scan), *options.scan_opacity};
-  if (!options.window.empty()) look.window = {options.window[0], options.window[1]};
-  if (!(look.window[0] < look.window[1]))
+  ScanAppearance appearance{model.scan, scan_window(*model.scan), *options.scan_opacity};
+  if (!options.window.empty()) appearance.window = {options.window[0], options.window[1]};
+  if (!(appearance.window[0] < appearance.window[1]))
     return usage("the lower end of the window must be below the upper end", "--window", "give LOW,HIGH");
-  return look;
+  return appearance;
 }
 
 /// Requests for the successive pictures, each rotated by a further step.
@@ -205,12 +205,12 @@ int render(const RenderOptions& options, Console& console) {
   if (model.labels == nullptr || model.segments.empty())
     return console.fail({ErrorKind::kBadInput, "there is no structure to draw", options.source.target,
                          "palpate section draws scans"});
-  const auto looks = looks_of(options, model);
-  if (!looks) return console.fail(looks.error());
+  const auto appearances = appearances_of(options, model);
+  if (!appearances) return console.fail(appearances.error());
   const Progress progress = console.progress();
   const auto scan = scan_of(options, model);
   if (!scan) return console.fail(scan.error());
-  auto renderer = VolumeRenderer::make(*model.labels, *looks, 0, progress, *scan);
+  auto renderer = VolumeRenderer::make(*model.labels, *appearances, 0, progress, *scan);
   if (!renderer) return console.fail(renderer.error());
 
   const auto requests = requests_of(options, model.labels->geometry());
@@ -226,7 +226,7 @@ int render(const RenderOptions& options, Console& console) {
     if (drawn_model->moment)
       marks = moment_marks(*drawn_model->moment, *drawn_model->model,
                            camera_of(model.labels->geometry(), request));
-    Image picture = volume_picture(*renderer, model, *looks, request, marks);
+    Image picture = volume_picture(*renderer, model, *appearances, request, marks);
     if (animated)
       animated->add(std::move(picture));
     else

@@ -69,7 +69,7 @@ int report_recording(const ReportOptions& options, Console& console) {
   };
   std::optional<TaskScore> score;
   if (task) {
-    const auto in_scene = look_up_for_score(task->file, *model, progress);
+    const auto in_scene = resolve_for_score(task->file, *model, progress);
     if (!in_scene) return console.fail(in_scene.error());
     auto made_score = score_recording(*in_scene, *recording, progress, options.ticks);
     if (!made_score) return console.fail(named(made_score.error()));

@@ -46,17 +46,18 @@ void warn_if_silent(const VolumeHeader& header, const fs::path& file, Console& c
 /// @param volume  number of the volume to use as the scan, if the file holds several
 Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> volume,
                        const std::optional<fs::path>& labels, const std::optional<fs::path>& names,
-                       const Placing& placing, Console& console) {
+                       const PlacementOptions& placement_options, Console& console) {
   Data data;
   if (scan) {
-    auto read = read_scan(*scan, console.progress(), console.warn(), VoxelCaching::kOff, volume, placing);
+    auto read =
+        read_scan(*scan, console.progress(), console.warn(), VoxelCaching::kOff, volume, placement_options);
     if (!read) return read.error();
     data.scan = std::move(*read);
     warn_if_silent(data.scan->header, *scan, console);
   }
   if (labels) {
     auto read = read_labels(*labels, names, console.progress(), console.warn(), Doubtful::kRefused,
-                            VoxelCaching::kOff, data.scan_grid(), placing, scan);
+                            VoxelCaching::kOff, data.scan_grid(), placement_options, scan);
     if (!read) return read.error();
     data.labels = std::move(*read);
     warn_if_silent(data.labels->header, *labels, console);
@@ -130,12 +131,12 @@ Result<void> assign_files(NewOptions& options) {
   }
   options.one_file = options.files.size() == 1 && options.scan.empty() && options.labels.empty();
   for (auto file = options.files.rbegin(); file != options.files.rend(); ++file) {
-    std::string& place = options.labels.empty() ? options.labels : options.scan;
-    if (!place.empty()) {
+    std::string& file_option = options.labels.empty() ? options.labels : options.scan;
+    if (!file_option.empty()) {
       return Error{ErrorKind::kUsage, "more files than a scan and a label map", "scene new",
                    "palpate scene new SCAN LABELS"};
     }
-    place = *file;
+    file_option = *file;
   }
   if (options.scan.empty() && options.labels.empty()) {
     return Error{
@@ -242,18 +243,20 @@ Result<void> match_study(NewOptions& options, Console& console) {
 }
 
 /// Stores the placement options in the scene, so that its files are read in the same way the next time.
-void say_placing(const Placing& placing, NewSceneInput& input) {
-  input.image_spacing_mm = placing.image_spacing_mm;
-  if (placing.nifti_form)
-    input.nifti_form = *placing.nifti_form == NiftiForm::kQform ? HeaderForm::kQform : HeaderForm::kSform;
-  input.scan_is_cropped = placing.scan_is_cropped;
+void print_placement_options(const PlacementOptions& placement_options, NewSceneInput& input) {
+  input.image_spacing_mm = placement_options.image_spacing_mm;
+  if (placement_options.nifti_form)
+    input.nifti_form =
+        *placement_options.nifti_form == NiftiForm::kQform ? HeaderForm::kQform : HeaderForm::kSform;
+  input.scan_is_cropped = placement_options.scan_is_cropped;
   if (!input.labels) return;
-  if (placing.mesh.space)
-    input.mesh_space = *placing.mesh.space == MeshSpace::kRas ? SurfaceAxes::kRas : SurfaceAxes::kLps;
-  if (placing.mesh.unit_mm)
-    input.mesh_unit = *placing.mesh.unit_mm == 1    ? SurfaceUnit::kMm
-                      : *placing.mesh.unit_mm == 10 ? SurfaceUnit::kCm
-                                                    : SurfaceUnit::kM;
+  if (placement_options.mesh.space)
+    input.mesh_space =
+        *placement_options.mesh.space == MeshSpace::kRas ? SurfaceAxes::kRas : SurfaceAxes::kLps;
+  if (placement_options.mesh.unit_mm)
+    input.mesh_unit = *placement_options.mesh.unit_mm == 1    ? SurfaceUnit::kMm
+                      : *placement_options.mesh.unit_mm == 10 ? SurfaceUnit::kCm
+                                                              : SurfaceUnit::kM;
 }
 
 int run_new(NewOptions options, Console& console) {
@@ -271,7 +274,7 @@ int run_new(NewOptions options, Console& console) {
   if (!options.labels.empty()) input.labels = options.labels;
   input.names = options.names;
   input.volume_of_scan = options.volume;
-  say_placing(placing(), input);
+  print_placement_options(placement_options(), input);
   input.embed = options.embed;
   const auto data = options.one_file
                         ? read_one(*input.labels, options.volume, input.names, console)
@@ -281,7 +284,8 @@ int run_new(NewOptions options, Console& console) {
   if (options.embed && !data->labels)
     return console.fail({ErrorKind::kUsage, "there are no structures to embed without a label map", "--embed",
                          "give the label map as well, or leave the option out"});
-  if (const auto grids = compare_grids(*data, options.labels, placing().scan_is_cropped, console); !grids) {
+  if (const auto grids = compare_grids(*data, options.labels, placement_options().scan_is_cropped, console);
+      !grids) {
     Error error = grids.error();
     error.where = options.labels;
     return console.fail(error);
@@ -294,7 +298,7 @@ int run_new(NewOptions options, Console& console) {
     if (!input.names) input.names = data->labels->names_table;
     console.note(origin_of_names(*data->labels));
   }
-  if (data->scan && looks_like_labels(*data->scan))
+  if (data->scan && resembles_labels(*data->scan))
     console.warn()(options.scan + " looks like a label map, not a scan: give it last, or after --labels");
 
   const auto text = new_scene_text(input, fs::path(options.output).parent_path());
@@ -566,7 +570,7 @@ int run_check(const std::string& file, Console& console) {
     return named ? std::optional(scene->resolve(*named)) : std::nullopt;
   };
   const auto data = read_data(resolved(scene->scan), scene->scan_volume, resolved(scene->labels),
-                              resolved(scene->names), placing_of(*scene), console);
+                              resolved(scene->names), placement_options_of(*scene), console);
   if (!data) return console.fail(data.error());
   std::vector<std::vector<LabelId>> ids(scene->tissues.size());
   if (data->labels) {
@@ -576,8 +580,9 @@ int run_check(const std::string& file, Console& console) {
     if (const auto protected_labels = resolve_no_go(*scene, data->labels->labels); !protected_labels)
       return console.fail(protected_labels.error());
   }
-  if (const auto grids = compare_grids(*data, resolved(scene->labels).value_or(""),
-                                       scene->scan_is_cropped || placing().scan_is_cropped, console);
+  if (const auto grids =
+          compare_grids(*data, resolved(scene->labels).value_or(""),
+                        scene->scan_is_cropped || placement_options().scan_is_cropped, console);
       !grids) {
     Error error = grids.error();
     error.where = scene->where(scene->lines.labels);

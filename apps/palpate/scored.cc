@@ -96,7 +96,7 @@ Result<OfferedTask> offered_task(const std::string& name_or_file) {
   return OfferedTask{is_built_in_task(name, task->text_hash) ? name : "task", *std::move(task)};
 }
 
-Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<const Model> model,
+Result<TaskInScene> resolve_for_score(const TaskFile& task, std::shared_ptr<const Model> model,
                                       const Progress& progress) {
   const bool covers = std::any_of(task.steps.begin(), task.steps.end(),
                                   [](const TaskStep& step) { return step.kind == StepKind::kCover; });
@@ -106,7 +106,7 @@ Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<cons
     if (!ready) return ready.error();
     model = *std::move(ready);
   }
-  return look_up(task, *model, progress);
+  return resolve_task(task, *model, progress);
 }
 
 void add_tick_options(CLI::App& verb, TickRange& ticks) {
@@ -141,7 +141,7 @@ Result<ScoredRun> Scorer::score(const std::filesystem::path& recording, Console&
     if (!loaded) return loaded.error();
     model_ = loaded->model;
     loaded_ = header.data_set;
-    auto in_scene = look_up_for_score(task_, model_, progress);
+    auto in_scene = resolve_for_score(task_, model_, progress);
     if (!in_scene) return in_scene.error();
     in_scene_ = *std::move(in_scene);
   }
@@ -180,7 +180,7 @@ Json json_of(const TaskFile& task, const ScoredRun& run) {
   json["task_hash"] = hexadecimal(task.text_hash);
   json["recording"] = run.recording.filename().string();
   json["data_set"] = run.header.data_set;
-  json["started_utc"] = utc_after(run.header.started_utc, score.begun_s);
+  json["started_utc"] = utc_after(run.header.started_utc, score.started_s);
   json["palpate_version"] = run.header.palpate_version;
   json["ticks"] = score.ticks;
   json["missing_s"] = score.missing_s;

@@ -63,7 +63,7 @@ bool is_run_of_task(const RecordingHeader& header, const std::string& requested,
 
 /// Resolves a task in the model with which a recording began. The surfaces are computed if the task has
 /// patches on them.
-Result<TaskInScene> look_up_for_score(const TaskFile& task, std::shared_ptr<const Model> model,
+Result<TaskInScene> resolve_for_score(const TaskFile& task, std::shared_ptr<const Model> model,
                                       const Progress& progress);
 
 /// Adds --from-tick and --to-tick.

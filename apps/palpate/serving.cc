@@ -45,7 +45,7 @@ void add_serving_options(CLI::App& verb, ServingOptions& options) {
       ->type_name("ADDRESS");
 }
 
-void ViewerFaultQueue::put(const std::string& line) {
+void ViewerFaultQueue::enqueue(const std::string& line) {
   const std::lock_guard lock(mutex_);
   if (lines_.size() < kMost) lines_.push_back(line);
 }
@@ -68,7 +68,7 @@ Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptio
   constexpr int kTries = 20;
   ViewerServerOptions settings = options.viewers;
   settings.port = options.port.value_or(kViewerPort);
-  settings.log = [&faults](const std::string& fault) { faults.put(fault); };
+  settings.log = [&faults](const std::string& fault) { faults.enqueue(fault); };
   auto server = ViewerServer::start(host, settings);
   if (options.port) return server;
   for (int tries = 1; tries < kTries && !server && server.error().kind == ErrorKind::kUnavailable; ++tries) {
@@ -85,7 +85,7 @@ Result<std::unique_ptr<OpenIgtLinkServer>> publish(const ViewerHost& host, const
                                                    Console& console, ViewerFaultQueue& faults) {
   if (!options.openigtlink) return std::unique_ptr<OpenIgtLinkServer>();
   OpenIgtLinkOptions settings = *options.openigtlink;
-  settings.log = [&faults](const std::string& fault) { faults.put(fault); };
+  settings.log = [&faults](const std::string& fault) { faults.enqueue(fault); };
   auto server = OpenIgtLinkServer::start(host, settings);
   if (server)
     console.note("OpenIGTLink at " + settings.address + " port " + std::to_string((*server)->port()));

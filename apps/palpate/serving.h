@@ -26,7 +26,7 @@ void add_serving_options(CLI::App& verb, ServingOptions& options);
 /// terminal (Ctrl-S) or a full pipe must block neither the server nor the thread that polls the keys.
 class ViewerFaultQueue {
  public:
-  void put(const std::string& line);
+  void enqueue(const std::string& line);
   /// Prints at most one message, because a terminal that is ready for output may not take more without
   /// blocking.
   void show_next(Console& console);

@@ -103,7 +103,7 @@ int simulate_target(const SimulateOptions& options, Console& console) {
       console.note("the incomplete recording is kept: " + outputs->recording.string());
     return console.fail(result.error());
   }
-  for (const std::string& trouble : result->trouble) console.warn()(trouble);
+  for (const std::string& problems : result->problems) console.warn()(problems);
   print(*result, *loaded->model);
   if (!outputs->recording.empty()) console.note("recording: " + outputs->recording.string());
 
@@ -154,7 +154,7 @@ void add_simulate(CLI::App& app, Run& run) {
       "run\n"
       "bit for bit. docs/guide/script.md documents scripts, docs/reference/recording.md recordings.\n"
       "\n" +
-      held_defined() + " The exit code is then 3.");
+      hold_definition() + " The exit code is then 3.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return simulate_target(*options, console); }; });
 }

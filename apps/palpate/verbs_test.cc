@@ -106,11 +106,11 @@ TEST(Verbs, LeaveTheProcessAsTheyFoundIt) {
 
   EXPECT_EQ(reading_limits().max_memory_bytes, ReadingLimits{}.max_memory_bytes);
   EXPECT_FALSE(reading_limits().follow_links);
-  EXPECT_FALSE(placing().mesh.space.has_value());
-  EXPECT_FALSE(placing().mesh.unit_mm.has_value());
-  EXPECT_FALSE(placing().image_spacing_mm.has_value());
-  EXPECT_FALSE(placing().nifti_form.has_value());
-  EXPECT_FALSE(placing().scan_is_cropped);
+  EXPECT_FALSE(placement_options().mesh.space.has_value());
+  EXPECT_FALSE(placement_options().mesh.unit_mm.has_value());
+  EXPECT_FALSE(placement_options().image_spacing_mm.has_value());
+  EXPECT_FALSE(placement_options().nifti_form.has_value());
+  EXPECT_FALSE(placement_options().scan_is_cropped);
   EXPECT_TRUE(cache_settings().folder.empty());
   for (int n = 0; n < 4; ++n) {
     ::sigaction(signals[n], nullptr, &after[n]);

@@ -426,7 +426,7 @@ class Lesson(Trainee):
 
     def test_each_sees_and_does_what_is_theirs(self):
         self.come(self.LEARNER)
-        self.page.wait("palpateViewer.state.lesson.veiled && document.getElementById('training').hidden === false")
+        self.page.wait("palpateViewer.state.lesson.redacted && document.getElementById('training').hidden === false")
         self.assertEqual(self.text("#who"), "Learner L042")
         self.assertEqual(self.is_shown("lesson", "curves-show", "lesson-led", "lesson-learner", "method", "limit", "pause"), [True, True, False, False, False, False, True])
         # no name and no place of it has come to this page
@@ -464,7 +464,7 @@ class Lesson(Trainee):
 
         # who teaches sees what is to be found, chooses whose the runs are and begins them without the hand
         self.come(self.TEACHER)
-        self.page.wait("document.getElementById('training').hidden === false && palpateViewer.state.lesson.veiled === false")
+        self.page.wait("document.getElementById('training').hidden === false && palpateViewer.state.lesson.redacted === false")
         self.assertEqual(self.text("#who"), "Teacher")
         self.assertEqual(self.is_shown("lesson", "curves-show", "lesson-led", "method"), [True, True, True, True])
         self.page.wait(f"{at} === {place}")

@@ -1353,7 +1353,7 @@ class WithTrouble(Viewer):
         before = self.volume_pixels()
         self.page.run(f"window.told = []; new MutationObserver(() => window.told.push({note}.textContent)).observe({note}, {{ childList: true, subtree: true, characterData: true }})")
         # it throws something where nobody waits for it
-        self.page.run("window.workers[0].postMessage({ type: 'draw', id: 0, view: null, givesWay: false })")
+        self.page.run("window.workers[0].postMessage({ type: 'draw', id: 0, view: null, isYielding: false })")
         self.page.wait(f"window.told.length > 0 && {note}.hidden")
         told = self.page.run("return window.told[0]")
         for words in ("the volume cannot be drawn", "started anew", "emergency stop"):

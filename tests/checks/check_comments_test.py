@@ -93,7 +93,7 @@ class Files(unittest.TestCase):
                 found_suffixes = {file.suffix for file in files if file.is_relative_to(folder)}
                 self.assertTrue(found_suffixes)
                 self.assertLessEqual(found_suffixes, set(suffixes))
-        for name in ("src/viewer/server/veiled_labels.h", "web/src/page.ts", "web/src/volume/field.ts", "web/test/mock_server.mjs"):
+        for name in ("src/viewer/server/redacted_labels.h", "web/src/page.ts", "web/src/volume/field.ts", "web/test/mock_server.mjs"):
             self.assertIn(pathlib.Path(name), files)
         self.assertFalse([file for file in files if "node_modules" in file.parts])
 

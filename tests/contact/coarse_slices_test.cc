@@ -19,7 +19,7 @@ namespace {
 
 using namespace test;
 
-constexpr double kInPlane_mm = 0.8, kDepth_mm = 1, kLed_mm = 0.05;
+constexpr double kInPlane_mm = 0.8, kDepth_mm = 1, kGuided_mm = 0.05;
 
 GridGeometry grid_of(const Eigen::Vector3d& size_mm, const Eigen::Vector3d& spacing_mm) {
   GridGeometry grid;
@@ -58,10 +58,10 @@ Slide slide_on_a_plane(double slice_mm, double tilt_deg, double radius_mm, std::
   const Eigen::Vector3d along = std::cos(tilt) * level - std::sin(tilt) * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d spacing(kInPlane_mm, kInPlane_mm, slice_mm);
   const Eigen::Vector3d size(56, 56, 24 + 12 * slice_mm / 2.5 + 40 * std::tan(tilt));
-  const Eigen::Vector3d middle =
+  const Eigen::Vector3d centre =
       size / 2 + Eigen::Vector3d(within(random), within(random), within(random)).cwiseProduct(spacing);
   const Body body = body_of(grid_of(size, spacing), radius_mm,
-                            [&](const Eigen::Vector3d& p) { return (p - middle).dot(up) < 0; });
+                            [&](const Eigen::Vector3d& p) { return (p - centre).dot(up) < 0; });
   const ToolSphere tool{{}, radius_mm};
   ProxyState state;
   std::vector<double> forces_N;
@@ -70,10 +70,10 @@ Slide slide_on_a_plane(double slice_mm, double tilt_deg, double radius_mm, std::
     return advance_proxy(body.surfaces, {&tool, 1}, Point<Patient>(tip), state);
   };
   constexpr double kHalf_mm = 12, kSettle_mm = 4;
-  const Eigen::Vector3d begin = middle - (kHalf_mm + kSettle_mm) * along;
-  for (double above_mm = radius_mm + 1; above_mm > radius_mm - kDepth_mm; above_mm -= kLed_mm)
+  const Eigen::Vector3d begin = centre - (kHalf_mm + kSettle_mm) * along;
+  for (double above_mm = radius_mm + 1; above_mm > radius_mm - kDepth_mm; above_mm -= kGuided_mm)
     to(begin + above_mm * up);
-  for (double distance_mm = 0; distance_mm < 2 * kHalf_mm + kSettle_mm; distance_mm += kLed_mm) {
+  for (double distance_mm = 0; distance_mm < 2 * kHalf_mm + kSettle_mm; distance_mm += kGuided_mm) {
     const Eigen::Vector3d tip = begin + (radius_mm - kDepth_mm) * up + distance_mm * along;
     const ProxyResult result = to(tip);
     if (distance_mm < kSettle_mm) continue;
@@ -113,31 +113,31 @@ TEST(WideTools, FingerIsConstrainedAndReleasedByABall) {
     for (const double radius_mm : {4.0, 8.0, 12.0}) {
       SCOPED_TRACE(testing::Message() << slice_mm << " mm, " << radius_mm << " mm");
       constexpr double kBall_mm = 12;
-      const Eigen::Vector3d middle(18, 18, 18);
+      const Eigen::Vector3d centre(18, 18, 18);
       const Body body = body_of(grid_of({36, 36, 36}, {kInPlane_mm, kInPlane_mm, slice_mm}), radius_mm,
-                                [&](const Eigen::Vector3d& p) { return (p - middle).norm() < kBall_mm; });
+                                [&](const Eigen::Vector3d& p) { return (p - centre).norm() < kBall_mm; });
       const ToolSphere tool{{}, radius_mm};
       ProxyState state;
       ProxyResult result;
       const auto to = [&](double height_mm, double angle) {
         const Eigen::Vector3d up(std::cos(angle), std::sin(angle), 0);
-        result = advance_proxy(body.surfaces, {&tool, 1}, Point<Patient>(middle + height_mm * up), state);
+        result = advance_proxy(body.surfaces, {&tool, 1}, Point<Patient>(centre + height_mm * up), state);
       };
       const double touching_mm = kBall_mm + radius_mm;
-      for (double height_mm = touching_mm + 2; height_mm > touching_mm + 0.5; height_mm -= kLed_mm) {
+      for (double height_mm = touching_mm + 2; height_mm > touching_mm + 0.5; height_mm -= kGuided_mm) {
         to(height_mm, 0);
         EXPECT_EQ(result.force_N, Vector<Patient>()) << "it is free";
       }
-      for (double height_mm = touching_mm + 0.5; height_mm > touching_mm - kDepth_mm; height_mm -= kLed_mm)
+      for (double height_mm = touching_mm + 0.5; height_mm > touching_mm - kDepth_mm; height_mm -= kGuided_mm)
         to(height_mm, 0);
       // around it in the plane of a slice: beyond the last one the labels do not say where a ball ends
-      for (double angle = 0; angle < 1.2; angle += kLed_mm / touching_mm) {
+      for (double angle = 0; angle < 1.2; angle += kGuided_mm / touching_mm) {
         to(touching_mm - kDepth_mm, angle);
         EXPECT_NEAR(result.force_N.norm(), kDepth_mm, 0.25);
         const Eigen::Vector3d up(std::cos(angle), std::sin(angle), 0);
         EXPECT_GT(result.force_N.eigen().normalized().dot(up), std::cos(0.2));
       }
-      for (double height_mm = touching_mm - kDepth_mm; height_mm < touching_mm + 2; height_mm += kLed_mm)
+      for (double height_mm = touching_mm - kDepth_mm; height_mm < touching_mm + 2; height_mm += kGuided_mm)
         to(height_mm, 1.2);
       for (int n = 0; n < 100; ++n) to(touching_mm + 2, 1.2);
       EXPECT_EQ(result.force_N, Vector<Patient>());

@@ -31,10 +31,11 @@ struct Body {
     return surface.surface != nullptr && surface.beneath < 0 && surface.layer == layer;
   }
   double clearance_mm(const Point<Patient>& at, double radius_mm, int layer = 0) const {
-    double least = std::numeric_limits<double>::infinity();
+    double smallest = std::numeric_limits<double>::infinity();
     for (const ContactSurface& surface : surfaces)
-      if (is_touched(surface, layer)) least = std::min(least, surface.surface->distance_mm(at) - radius_mm);
-    return least;
+      if (is_touched(surface, layer))
+        smallest = std::min(smallest, surface.surface->distance_mm(at) - radius_mm);
+    return smallest;
   }
   /// Straight before a target, with room for a sphere all the way out of everything's reach.
   std::optional<Point<Patient>> free_place(const Point<Patient>& target, const Vector<Patient>& outward,

@@ -28,7 +28,7 @@ using namespace test;
 constexpr unsigned kFreeAirSeed = 49;
 constexpr double kDt_s = 0.001, kPress_N = 8, kStep_mm = 0.02;
 constexpr int kHold_ticks = 700;
-constexpr double kFar_mm = 12, kDeepest_mm = 12, kAside_mm = 30;
+constexpr double kFar_mm = 12, kDeepest_mm = 12, kLateral_mm = 30;
 constexpr double kFree_mm = 1;    // clearance from every touchable structure, beyond the radius of the tool
 constexpr double kLeft_N = 0.02;  // residual force below the threshold of perception
 constexpr double kJump_N = 0.02;  // change of the force in a tick beyond stiffness times displacement of the
@@ -46,8 +46,8 @@ int presses_requested() {
 }
 
 struct FreeAirFigures {
-  int presses = 0, back = 0, aside = 0;
-  int held_back = 0, held_aside = 0;  ///< ways that led to free air, where the hand then rested
+  int presses = 0, back = 0, lateral = 0;
+  int held_back = 0, held_lateral = 0;  ///< ways that led to free air, where the hand then rested
   int hooked = 0;  ///< ways back of a tool that had slid round to the other side: what it went round holds it
   int within_while_free = 0;  ///< ticks in which a layer within gave force while the outermost proxy was free
   int untold = 0;             ///< ticks with a force that neither a contact nor a release explains
@@ -57,7 +57,7 @@ struct FreeAirFigures {
   double largest_jump_N = 0, max_released_N = 0, max_drawn_N = 0, longest_drawn_s = 0;
 };
 
-enum class ExitPath { kBack, kAside };
+enum class ExitPath { kBack, kLateral };
 
 /// One press, and the way out of it.
 class FreeAirPress {
@@ -65,8 +65,8 @@ class FreeAirPress {
   FreeAirPress(const Body& body, double radius_mm, FreeAirFigures& figures)
       : body_(body), tool_{{}, radius_mm}, figures_(figures) {}
 
-  void go(const Point<Patient>& target, const Vector<Patient>& outward, const Vector<Patient>& across,
-          ExitPath path_out) {
+  void move(const Point<Patient>& target, const Vector<Patient>& outward, const Vector<Patient>& across,
+            ExitPath path_out) {
     const auto start = body_.free_place(target, outward, tool_.radius_mm, kFar_mm);
     if (!start) return;
     ++figures_.presses;
@@ -82,9 +82,9 @@ class FreeAirPress {
       for (double distance_mm = 0; distance_mm < kFar_mm && !is_far_from_all(); distance_mm += kStep_mm)
         lead(outward * kStep_mm);
     } else {
-      ++figures_.aside;
-      for (double aside_mm = 0; aside_mm < kAside_mm && !(is_far_from_all() && aside_mm > kFar_mm);
-           aside_mm += kStep_mm)
+      ++figures_.lateral;
+      for (double lateral_mm = 0; lateral_mm < kLateral_mm && !(is_far_from_all() && lateral_mm > kFar_mm);
+           lateral_mm += kStep_mm)
         lead(across * kStep_mm);
     }
     if (!is_far_from_all()) return;
@@ -92,7 +92,7 @@ class FreeAirPress {
       ++figures_.hooked;
       return;
     }
-    ++(is_back_ ? figures_.held_back : figures_.held_aside);
+    ++(is_back_ ? figures_.held_back : figures_.held_lateral);
     for (int n = 0; n < kHold_ticks; ++n) hold();
     figures_.drawn += is_back_ && drawn_;
     figures_.held_outside += !is_back_ && drawn_;
@@ -197,12 +197,12 @@ FreeAirFigures press_all_over(const Body& body, int presses, double radius_mm) {
   for (int n = 0; n < presses; ++n) {
     const Point<Patient> target = X_PatientVoxel * voxels.any(n % 2 == 0, random);
     const Eigen::Vector3d normal = body.outward(target).eigen();
-    const Eigen::Vector3d aside = Eigen::AngleAxisd(turn(random), normal) * normal.unitOrthogonal();
-    const Eigen::Vector3d outward = Eigen::AngleAxisd(tilt(random), aside) * normal;
+    const Eigen::Vector3d lateral = Eigen::AngleAxisd(turn(random), normal) * normal.unitOrthogonal();
+    const Eigen::Vector3d outward = Eigen::AngleAxisd(tilt(random), lateral) * normal;
     const Eigen::Vector3d across = Eigen::AngleAxisd(turn(random), outward) * outward.unitOrthogonal();
     FreeAirPress(body, radius_mm, figures)
-        .go(target, Vector<Patient>(outward), Vector<Patient>(across),
-            n % 4 < 2 ? ExitPath::kBack : ExitPath::kAside);
+        .move(target, Vector<Patient>(outward), Vector<Patient>(across),
+              n % 4 < 2 ? ExitPath::kBack : ExitPath::kLateral);
   }
   return figures;
 }
@@ -218,9 +218,9 @@ void expect_left_alone(const char* what, const Model& model) {
         "(largest "
         "%.3f N), %d slow releases (largest %.2f N); drawn %d (%.3f N, %.2f s), grown %d; hooked %d, held "
         "outside %d\n",
-        what, radius_mm, f.presses, f.held_back, f.held_aside, f.within_while_free, f.jumps, f.largest_jump_N,
-        f.slow_releases, f.max_released_N, f.drawn, f.max_drawn_N, f.longest_drawn_s, f.grown, f.hooked,
-        f.held_outside);
+        what, radius_mm, f.presses, f.held_back, f.held_lateral, f.within_while_free, f.jumps,
+        f.largest_jump_N, f.slow_releases, f.max_released_N, f.drawn, f.max_drawn_N, f.longest_drawn_s,
+        f.grown, f.hooked, f.held_outside);
     std::fflush(stdout);
     EXPECT_GT(f.presses, presses_requested() / 16) << "of a quarter for each tool";
     EXPECT_EQ(f.within_while_free, 0);

@@ -24,7 +24,7 @@ using namespace test;
 constexpr unsigned kTicksSeed = 4949;
 constexpr double kRate_hz = 1000, kPress_N = 8, kStep_mm = 0.05;
 constexpr double kFadeIn_s = 0.6, kRest_s = 0.7;
-constexpr double kFar_mm = 12, kDeepest_mm = 8, kAside_mm = 30;
+constexpr double kFar_mm = 12, kDeepest_mm = 8, kLateral_mm = 30;
 constexpr double kFree_mm = 1;  // distance from felt voxels, beyond the tool's radius
 constexpr double kPerceptible_N = 0.02;
 constexpr double kRounding_N = 1e-9;
@@ -81,7 +81,7 @@ class DrivenSession {
 };
 
 void press(const Body& body, double radius_mm, const Point<Patient>& start, const Vector<Patient>& outward,
-           const std::optional<Vector<Patient>>& aside, TickFigures& figures) {
+           const std::optional<Vector<Patient>>& lateral, TickFigures& figures) {
   DrivenSession session(body.model, start);
   double max_N = 0;
   const auto move = [&](const Vector<Patient>& step) {
@@ -95,8 +95,8 @@ void press(const Body& body, double radius_mm, const Point<Patient>& start, cons
     move(outward * -kStep_mm);
   ++figures.presses;
   figures.pressed += max_N > 1;
-  const Vector<Patient> out = aside.value_or(outward);
-  for (double distance_mm = 0; distance_mm < kAside_mm && !is_free(); distance_mm += kStep_mm)
+  const Vector<Patient> out = lateral.value_or(outward);
+  for (double distance_mm = 0; distance_mm < kLateral_mm && !is_free(); distance_mm += kStep_mm)
     move(out * kStep_mm);
   if (!is_free()) return;
   ++figures.in_free_air;

@@ -139,7 +139,7 @@ Hold hold_of(ForceMethod method, const PlantDevice& device, const char* grip) {
 
 // from one wall to the other: between the nearest voxels of both bones
 std::pair<Point<Patient>, Point<Patient>> walls_of(const Model& model, const Gap& gap,
-                                                   const Point<Patient>& middle) {
+                                                   const Point<Patient>& centre) {
   const Bricks<LabelId>& labels = *model.labels;
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
   const auto nearest = [&](LabelId label) {
@@ -151,8 +151,8 @@ std::pair<Point<Patient>, Point<Patient>> walls_of(const Model& model, const Gap
         for (int i = 0; i < dims[0]; ++i) {
           if (labels.at(i, j, k) != label) continue;
           const Point<Patient> at = X_PatientVoxel * Point<Voxel>(i, j, k);
-          if ((at - middle).norm() >= min_mm) continue;
-          min_mm = (at - middle).norm();
+          if ((at - centre).norm() >= min_mm) continue;
+          min_mm = (at - centre).norm();
           best = at;
         }
       }
@@ -163,8 +163,8 @@ std::pair<Point<Patient>, Point<Patient>> walls_of(const Model& model, const Gap
 }
 
 /// Places of a box that spans the gap and a little of both walls.
-std::vector<Point<Patient>> places_in(const Model& model, const Gap& gap, const Point<Patient>& middle) {
-  const auto [one, other] = walls_of(model, gap, middle);
+std::vector<Point<Patient>> places_in(const Model& model, const Gap& gap, const Point<Patient>& centre) {
+  const auto [one, other] = walls_of(model, gap, centre);
   const Vector<Patient> across = (other - one).normalized();
   const Vector<Patient> beside = across.cross(Vector<Patient>(1, 0, 0)).normalized();
   const Vector<Patient> third = across.cross(beside);
@@ -175,7 +175,7 @@ std::vector<Point<Patient>> places_in(const Model& model, const Gap& gap, const 
   for (int a = -deep; a <= deep; ++a) {
     for (int b = -wide; b <= wide; ++b) {
       for (int c = -wide; c <= wide; ++c)
-        positions.push_back(middle + across * (a * step_mm) + beside * (b * step_mm) + third * (c * step_mm));
+        positions.push_back(centre + across * (a * step_mm) + beside * (b * step_mm) + third * (c * step_mm));
     }
   }
   return positions;
@@ -191,19 +191,19 @@ TEST_F(KneeGaps, UnionFieldIsNonZeroBetweenBones) {
 /// Summary of held tips at many places. A tip that still slides along a surface is restless too, but takes
 /// energy in; a limit cycle releases the energy that the damping of the hand absorbs.
 struct Scan {
-  int places = 0, touching = 0, restless = 0, cycling = 0;
-  HeldTip worst;
+  int points = 0, touching = 0, restless = 0, cycling = 0;
+  HoldResult worst;
   Point<Patient> where;
   double max_energy_mJ = 0;  ///< Energy released where the tip was restless
 
-  void add(const HeldTip& held, const Point<Patient>& at) {
-    ++places;
-    touching += held.buzz.force_N > 0.05;
-    restless += !held.quiet();
-    cycling += !held.quiet() && held.buzz.energy_mJ > 0;
-    if (!held.quiet()) max_energy_mJ = std::max(max_energy_mJ, held.buzz.energy_mJ);
-    if (places > 1 && held.buzz.peak_to_peak_um < worst.buzz.peak_to_peak_um) return;
-    worst = held;
+  void add(const HoldResult& result, const Point<Patient>& at) {
+    ++points;
+    touching += result.buzz.force_N > 0.05;
+    restless += !result.quiet();
+    cycling += !result.quiet() && result.buzz.energy_mJ > 0;
+    if (!result.quiet()) max_energy_mJ = std::max(max_energy_mJ, result.buzz.energy_mJ);
+    if (points > 1 && result.buzz.peak_to_peak_um < worst.buzz.peak_to_peak_um) return;
+    worst = result;
     where = at;
   }
 };
@@ -212,21 +212,21 @@ struct Scan {
 // farther outward by the distance at which it gives `press_N` if a contact holds the tip at the place.
 Scan scan(const Bones& bones, std::size_t gap, Hold hold, double press_N) {
   Scan result;
-  const Point<Patient>& middle = bones.middle[gap];
-  hold.from = middle;
-  for (const Point<Patient>& position : places_in(*bones.model, kGaps[gap], middle)) {
-    const Vector<Patient> outward = (position - middle).normalized();
+  const Point<Patient>& centre = bones.middle[gap];
+  hold.from = centre;
+  for (const Point<Patient>& position : places_in(*bones.model, kGaps[gap], centre)) {
+    const Vector<Patient> outward = (position - centre).normalized();
     hold.at = position + outward * (press_N / (1e-3 * hold.hand.stiffness_N_per_m));
-    const auto held = hold_tip(*bones.model, hold);
-    PALPATE_CHECK(held.ok());
-    EXPECT_FALSE(held->inside);
-    result.add(*held, hold.at);
+    const auto hold_result = hold_tip(*bones.model, hold);
+    PALPATE_CHECK(hold_result.ok());
+    EXPECT_FALSE(hold_result->inside);
+    result.add(*hold_result, hold.at);
   }
   std::printf(
       "%-10s %-14s %-12s %-11s pressing %g N, %.3f N/mm: %d places, %d touching, %d restless, %d in a limit "
       "cycle, at most %.1f um of %.0f (at %.2f, %.2f, %.2f: %.0f Hz, %.2f N), at most %.3f mJ given out\n",
       std::string(name_of(hold.method)).c_str(), kGaps[gap].name, hold.device.name.c_str(),
-      hold.hand.name.c_str(), press_N, hold.force_gain, result.places, result.touching, result.restless,
+      hold.hand.name.c_str(), press_N, hold.force_gain, result.points, result.touching, result.restless,
       result.cycling, result.worst.buzz.peak_to_peak_um, 2 * result.worst.encoder_step_um, result.where.x(),
       result.where.y(), result.where.z(), result.worst.buzz.dominant_Hz, result.worst.buzz.force_N,
       result.max_energy_mJ);
@@ -244,11 +244,11 @@ TEST_F(KneeGaps, UnionFieldBuzzes) {
   Hold hold = hold_of(ForceMethod::kTrilinear, *find_plant_device("premium-1.5"), "firm-grip");
   hold.force_gain = 1.2;
   hold.from = hold.at = Point<Patient>(-5.92, -5.08, -17.16);
-  const auto held = hold_tip(*bones().model, hold);
-  ASSERT_TRUE(held.ok());
-  EXPECT_FALSE(held->quiet());
-  EXPECT_GT(held->buzz.energy_mJ, 0.1);
-  EXPECT_GT(held->buzz.dominant_Hz, 10);
+  const auto result = hold_tip(*bones().model, hold);
+  ASSERT_TRUE(result.ok());
+  EXPECT_FALSE(result->quiet());
+  EXPECT_GT(result->buzz.energy_mJ, 0.1);
+  EXPECT_GT(result->buzz.dominant_Hz, 10);
 }
 
 TEST_F(KneeGaps, UnionFieldIsUnstableInPlaces) {
@@ -288,7 +288,7 @@ TEST_P(ProxyInGap, IsQuietAtEveryRestingPlace) {
       // pressed from the side a tip may slide on for longer than it is looked at
       EXPECT_TRUE(pressed || scanned.restless == 0);
       // a light hand may not get as far as a wall by itself
-      EXPECT_TRUE(!pressed || scanned.touching > scanned.places / 3);
+      EXPECT_TRUE(!pressed || scanned.touching > scanned.points / 3);
       EXPECT_EQ(scanned.cycling, 0);
     }
   }

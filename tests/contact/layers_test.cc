@@ -75,10 +75,10 @@ TEST(ManyLayers, EightGradedTissuesIntegrateStiffnessAlongTheEntryPath) {
 
 TEST(ManyLayers, MergedTissuesHaveTheReportedError) {
   const std::vector<double> twenty = graded(20, 0.03, 1.15);
-  double stated = 0;
-  for (const StiffnessRange& layer : stiffness_layers(twenty)) stated = std::max(stated, layer.error());
-  EXPECT_GT(stated, 0.05);
-  EXPECT_LT(error_of_the_sum(twenty), stated + kMaxError);
+  double declared = 0;
+  for (const StiffnessRange& layer : stiffness_layers(twenty)) declared = std::max(declared, layer.error());
+  EXPECT_GT(declared, 0.05);
+  EXPECT_LT(error_of_the_sum(twenty), declared + kMaxError);
 }
 
 // as an atlas has them: what is felt alike needs one surface

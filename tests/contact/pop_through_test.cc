@@ -180,14 +180,14 @@ class Press {
 
   /// From before the structure, along a random direction through `target`, askew, up to a random force; every
   /// other one then slides. True when it was felt.
-  bool go(const Point<Patient>& target, Chance& chance) {
+  bool move(const Point<Patient>& target, Chance& chance) {
     const Vector<Patient> inward = chance.direction();
     tip_ = first_touch(target, inward) - inward * chance.between(0.5, 2);
     follow();
     max_mm_ = chance.between(0.5, kMax_N) / touchable_.stiffness_N_per_mm;
     const double speed_mm = chance.between(0.1, kFastest_mm);
-    const Vector<Patient> aside = inward.cross(chance.direction()).normalized();
-    const Vector<Patient> push = (inward + aside * chance.between(0, 0.6)).normalized() * speed_mm;
+    const Vector<Patient> lateral = inward.cross(chance.direction()).normalized();
+    const Vector<Patient> push = (inward + lateral * chance.between(0, 0.6)).normalized() * speed_mm;
     double path_mm = 0;
     while (path_mm < max_mm_ + 6 && multiplier_mm() < max_mm_ - 1e-6) {
       lead(push);
@@ -215,10 +215,10 @@ class Press {
 
   // distance of the outline of the tool from the structure, along the whole shaft
   double below_or_above(const Point<Patient>& at) const {
-    const int places = static_cast<int>(tool_.along_mm.norm() / kAlongShaft_mm);
+    const int count = static_cast<int>(tool_.along_mm.norm() / kAlongShaft_mm);
     double min_mm = std::numeric_limits<double>::infinity();
-    for (int n = 0; n <= places; ++n) {
-      const double part = static_cast<double>(n) / std::max(1, places);
+    for (int n = 0; n <= count; ++n) {
+      const double part = static_cast<double>(n) / std::max(1, count);
       min_mm = std::min(min_mm, oracle_.distance_mm(at + tool_.along_mm * part));
     }
     return min_mm - tool_.radius_mm;
@@ -243,10 +243,10 @@ class Press {
     ASSERT_LT(path.count, path.corner.size()) << "no corner is lost";
     ASSERT_EQ(path.corner[path.count - 1], state_.position);
     touched_ = touched_ || result.force_N.norm() > 0.05;
-    for (std::size_t n = 1; n < path.count; ++n) look_along(path.corner[n - 1], path.corner[n]);
+    for (std::size_t n = 1; n < path.count; ++n) scan_along(path.corner[n - 1], path.corner[n]);
   }
 
-  void look_along(const Point<Patient>& a, const Point<Patient>& b) {
+  void scan_along(const Point<Patient>& a, const Point<Patient>& b) {
     const double every_mm = tool_.along_mm == Vector<Patient>() ? kEvery_mm : kEveryOfShaft_mm;
     const int pieces = static_cast<int>((b - a).norm() / every_mm) + 1;
     for (int n = 0; n <= pieces; ++n)
@@ -271,10 +271,10 @@ struct CountedTools {
 CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, Chance& chance,
                       Chance& shaft_chance) {
   CountedTools counted;
-  const auto places = places_of(labels, structure.value);
+  const auto points = places_of(labels, structure.value);
   const TissuePreset* preset = match_preset(structure.name).preset;
   for (int turn = 0; turn < turn_count(); ++turn) {
-    const auto grid = turned(labels, structure.value, places, chance.turn());
+    const auto grid = turned(labels, structure.value, points, chance.turn());
     const auto prepared = prepare_surfaces(*label_bricks(grid), {structure.value}, {});
     EXPECT_TRUE(prepared.ok());
     if (!prepared.ok() || preset == nullptr) return counted;
@@ -287,13 +287,13 @@ CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, C
     const auto targets = places_of(grid, structure.value);
     for (int n = 0; n < presses_a_turn(); ++n) {
       Press press(surface, oracle, {{}, n % 4 == 0 ? 0 : chance.between(0, kWidest_mm)});
-      const bool touched = press.go(targets[chance.below(targets.size())], chance);
+      const bool touched = press.move(targets[chance.below(targets.size())], chance);
       counted.spheres.add({1, touched, press.ticks(), press.deepest_mm()});
     }
     for (int n = 0; n < presses_a_turn(); n += kPressesAShaft) {
       const Vector<Patient> along_mm = shaft_chance.direction() * shaft_chance.between(3, 60);
       Press press(surface, oracle, {{}, shaft_chance.between(0.3, kWidest_mm), along_mm});
-      const bool touched = press.go(targets[shaft_chance.below(targets.size())], shaft_chance);
+      const bool touched = press.move(targets[shaft_chance.below(targets.size())], shaft_chance);
       counted.shafts.add({1, touched, press.ticks(), press.deepest_mm()});
     }
   }

@@ -105,7 +105,7 @@ class SeamPress {
   SeamPress(const Body& body, const HalfAVoxel& half, double radius_mm, Figures& figures)
       : body_(body), half_(half), tool_{{}, radius_mm}, figures_(figures) {}
 
-  void go(const Point<Patient>& target, const Vector<Patient>& outward, double aside) {
+  void move(const Point<Patient>& target, const Vector<Patient>& outward, double lateral) {
     const auto start = body_.free_place(target, outward, tool_.radius_mm, kFar_mm);
     if (!start) {
       ++figures_.left_out;
@@ -120,7 +120,7 @@ class SeamPress {
     };
     while (force_N() < kPress_N && (tip_ - *start).norm() < kFar_mm + kDeepest_mm) lead(outward * -kStep_mm);
     const Eigen::Vector3d across = outward.eigen().unitOrthogonal();
-    const Vector<Patient> along(Eigen::AngleAxisd(aside, outward.eigen()) * across);
+    const Vector<Patient> along(Eigen::AngleAxisd(lateral, outward.eigen()) * across);
     for (double slid_mm = 0; slid_mm < kSlide_mm && force_N() < kSlideMost_N; slid_mm += kStep_mm)
       lead(along * kStep_mm);
     // a way that comes out of the body on another side is no press that can be taken back
@@ -258,7 +258,7 @@ Figures press_all_over(const Body& body, int presses, double radius_mm) {
   std::uniform_real_distribution<double> turn(0, 6.283185307179586);
   for (int n = 0; n < presses; ++n) {
     const Point<Patient> target = X_PatientVoxel * voxels.any(n % 2 == 0, random);
-    SeamPress(body, half, radius_mm, figures).go(target, body.outward(target), turn(random));
+    SeamPress(body, half, radius_mm, figures).move(target, body.outward(target), turn(random));
   }
   return figures;
 }
@@ -330,12 +330,12 @@ struct Crossing {
 // 1 mm deep across the seam and along it, 1 N/mm
 Crossing cross(const Body& body, double radius_mm) {
   const GridGeometry& grid = body.model->labels->geometry();
-  const Point<Patient> middle =
+  const Point<Patient> centre =
       grid.X_PatientVoxel() * Point<Voxel>(0.5 * grid.dims[0], 0.5 * grid.dims[1], 0);
   const double from_mm = 4;
   double top_mm = 0;
   for (double z = 0; z < 24; z += 0.01)
-    if (body.clearance_mm(Point<Patient>(middle.x() - from_mm, middle.y(), z), 0) < 0) top_mm = z;
+    if (body.clearance_mm(Point<Patient>(centre.x() - from_mm, centre.y(), z), 0) < 0) top_mm = z;
   const ToolSphere tool{{}, radius_mm};
   Crossing found;
   double lowest_mm = std::numeric_limits<double>::infinity(), highest_mm = -lowest_mm;
@@ -346,7 +346,7 @@ Crossing cross(const Body& body, double radius_mm) {
     for (double distance_mm = -from_mm - 3; distance_mm < from_mm; distance_mm += kStep_mm) {
       // it comes down in front of the seam
       const double deep_mm = std::min(1.0, distance_mm + from_mm + 2);
-      const Point<Patient> tip(middle.x() + along.x() * distance_mm, middle.y() + along.y() * distance_mm,
+      const Point<Patient> tip(centre.x() + along.x() * distance_mm, centre.y() + along.y() * distance_mm,
                                top_mm + radius_mm - deep_mm);
       const ProxyResult result = advance_proxy(body.surfaces, {&tool, 1}, tip, state);
       if (distance_mm > -from_mm) {

@@ -46,7 +46,7 @@ inline LabelMap cup_in_a_ball(double wall_mm) {
 /// Soft ball of radius 11 mm around plates and hollow cells of thin bone, as in a temporal bone.
 inline LabelMap cells_and_plates(unsigned seed) {
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> place(-8, 8), radius(1.5, 4), wall(0.5, 0.9), unit(-1, 1);
+  std::uniform_real_distribution<double> coordinate(-8, 8), radius(1.5, 4), wall(0.5, 0.9), unit(-1, 1);
   struct Cell {
     Eigen::Vector3d middle;
     double radius, wall;
@@ -58,12 +58,12 @@ inline LabelMap cells_and_plates(unsigned seed) {
   std::vector<Cell> cells;
   std::vector<Plate> plates;
   for (int n = 0; n < 24; ++n) {
-    const Eigen::Vector3d middle(place(random), place(random), place(random));
-    cells.push_back({middle, radius(random), wall(random)});
+    const Eigen::Vector3d centre(coordinate(random), coordinate(random), coordinate(random));
+    cells.push_back({centre, radius(random), wall(random)});
   }
   for (int n = 0; n < 3; ++n) {
     const Eigen::Vector3d normal(unit(random), unit(random), unit(random));
-    plates.push_back({normal.normalized(), 0.6 * place(random), wall(random)});
+    plates.push_back({normal.normalized(), 0.6 * coordinate(random), wall(random)});
   }
   return soft_and_bone(15, 0.3, [=](const Eigen::Vector3d& p) {
     if (p.norm() > 11) return 0;

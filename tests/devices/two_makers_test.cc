@@ -51,7 +51,7 @@ class MadeWithFaults : public Made {
   std::string faults() const override { return there_.names(); }
 
  private:
-  testing::BegunFaults<Side> there_;
+  testing::StartedFaults<Side> there_;
 };
 
 class Omega final : testing::DhdSide, public MadeWithFaults<testing::FakeDhdDevice> {
@@ -149,7 +149,7 @@ class TwoMakers {
     return loop_ && soon([&] {
              // the field fades out over four millimetres
              lead(kFree_mm);
-             if (!soon([&] { return !device(0).force_N() && !device(1).force_N() && !both_->trouble(); }))
+             if (!soon([&] { return !device(0).force_N() && !device(1).force_N() && !both_->failure(); }))
                return false;
              for (double deep_mm = kFree_mm; deep_mm < 6; deep_mm += 0.25) {
                lead(deep_mm);
@@ -175,11 +175,11 @@ class TwoMakers {
     });
   }
   /// Diagnostic text for failure messages.
-  std::string stated() const {
+  std::string declared() const {
     if (!loop_) return "no loop";
-    const auto trouble = both_->trouble();
+    const auto failure = both_->failure();
     std::ostringstream text;
-    text << (trouble ? trouble->message() : "nothing");
+    text << (failure ? failure->message() : "nothing");
     const TickRecord tick = loop_->snapshot();
     for (std::size_t d = 0; d < made_.size(); ++d)
       text << "; " << made_[d]->faults() << ": " << made_[d]->force_N() << " N, "
@@ -229,7 +229,7 @@ TEST_P(TwoMakersFaults, AnySequenceOfThemIsOutlived) {
   TwoMakers rig(GetParam().vendors);
   for (int n = 0; n < testing::fault_sequences(3); ++n) {
     SCOPED_TRACE("sequence " + std::to_string(n));
-    ASSERT_TRUE(rig.press()) << rig.stated();
+    ASSERT_TRUE(rig.press()) << rig.declared();
     // one of the two, or both
     const auto which = 1 + random() % 3;
     for (std::size_t d = 0; d < 2; ++d)
@@ -237,14 +237,14 @@ TEST_P(TwoMakersFaults, AnySequenceOfThemIsOutlived) {
     const auto is_faulty = [&](std::size_t d) { return (which >> d & 1) != 0; };
     for (std::size_t d = 0; d < 2; ++d) {
       ASSERT_TRUE(!is_faulty(d) || soon([&] { return rig.device(d).force_N() == 0; }))
-          << d << ": " << rig.stated();
+          << d << ": " << rig.declared();
     }
     for (std::size_t d = 0; d < 2; ++d) {
-      ASSERT_TRUE(is_faulty(d) || rig.goes_on_pressing(d)) << d << ": " << rig.stated();
+      ASSERT_TRUE(is_faulty(d) || rig.goes_on_pressing(d)) << d << ": " << rig.declared();
     }
     for (std::size_t d = 0; d < 2; ++d) rig.device(d).end_faults(random);
   }
-  ASSERT_TRUE(rig.press()) << rig.stated();
+  ASSERT_TRUE(rig.press()) << rig.declared();
   rig.end();
 }
 

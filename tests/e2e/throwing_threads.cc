@@ -42,7 +42,7 @@ Function* real(const char* name) {
 }
 
 template <class Function, class... Arguments>
-auto looked_at(Function* function, Arguments... arguments) {
+auto inspected(Function* function, Arguments... arguments) {
   look();
   const auto result = function(arguments...);
   look();
@@ -55,7 +55,7 @@ auto looked_at(Function* function, Arguments... arguments) {
 #define PALPATE_LOOKS_AT(name, parameters, arguments)          \
   extern "C" int name parameters {                             \
     static auto* const function = real<int parameters>(#name); \
-    return looked_at arguments;                                \
+    return inspected arguments;                                \
   }
 PALPATE_LOOKS_AT(nanosleep, (const timespec* requested, timespec* left), (function, requested, left))
 PALPATE_LOOKS_AT(clock_nanosleep, (clockid_t clock, int flags, const timespec* requested, timespec* left),
@@ -74,8 +74,8 @@ PALPATE_LOOKS_AT(pthread_cond_clockwait,
 #undef PALPATE_LOOKS_AT
 
 // not as it returns: what it tells is told once
-extern "C" int epoll_wait(int file, epoll_event* events, int most, int timeout_ms) {
+extern "C" int epoll_wait(int file, epoll_event* events, int largest, int timeout_ms) {
   static auto* const function = real<int(int, epoll_event*, int, int)>("epoll_wait");
   look();
-  return function(file, events, most, timeout_ms);
+  return function(file, events, largest, timeout_ms);
 }

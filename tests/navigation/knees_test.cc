@@ -41,13 +41,13 @@ class Traces {
           if (std::abs(values.at(i, j, k)) < 0.4)
             near.push_back(grid.X_PatientVoxel() * Point<Voxel>(i, j, k));
     PALPATE_CHECK(near.size() > kTraced);
-    while (places_.size() < kTraced) {
+    while (points_.size() < kTraced) {
       Point<Patient> x = near[random_() % near.size()];
       for (int turn = 0; turn < 20; ++turn) {
         const FieldSample here = sample_central_differences(surface_.position(), x);
         x = x - here.gradient.normalized() * here.value;
       }
-      if (std::abs(surface_.distance_mm(x)) < 0.01) places_.push_back(x);
+      if (std::abs(surface_.distance_mm(x)) < 0.01) points_.push_back(x);
     }
   }
 
@@ -58,15 +58,15 @@ class Traces {
   Case away(double noise_mm, bool mirrored = false) {
     Case out;
     out.truth = {Eigen::AngleAxisd(2.5, normal().normalized()).toRotationMatrix(), 300 * normal()};
-    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-    for (const auto& place : places_) middle += place.eigen() / static_cast<double>(kTraced);
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+    for (const auto& point : points_) centre += point.eigen() / static_cast<double>(kTraced);
     // about the bone itself: elsewhere ten degrees are many millimetres
     const Eigen::Matrix3d turned =
         Eigen::AngleAxisd(std::numbers::pi / 18, normal().normalized()).toRotationMatrix();
-    out.start = Transform<Patient, Patient>(turned, middle - turned * middle + 10 * normal().normalized()) *
+    out.start = Transform<Patient, Patient>(turned, centre - turned * centre + 10 * normal().normalized()) *
                 out.truth;
-    for (Point<Patient> position : places_) {
-      if (mirrored) position = {2 * middle.x() - position.x(), position.y(), position.z()};
+    for (Point<Patient> position : points_) {
+      if (mirrored) position = {2 * centre.x() - position.x(), position.y(), position.z()};
       out.touched.push_back(out.truth.inverse() * (position + Vector<Patient>(noise_mm * normal())));
     }
     return out;
@@ -81,7 +81,7 @@ class Traces {
   }
   std::mt19937 random_;
   Surface surface_;
-  std::vector<Point<Patient>> places_;
+  std::vector<Point<Patient>> points_;
 };
 
 enum class Mirrored { kRefused, kNotReported };
@@ -94,9 +94,9 @@ void expect_found_again(const LabelMap& labels, const std::string& name, Mirrore
       const Traces::Case of = traces.away(noise_mm);
       const auto found = register_to_surface(traces.surface(), of.touched, of.start);
       ASSERT_TRUE(found) << found.error().message();
-      double& most = noise_mm > 0 ? max_shaken_mm : max_mm;
+      double& largest = noise_mm > 0 ? max_shaken_mm : max_mm;
       for (const Point<Tracker>& point : of.touched)
-        most = std::max(most, (found->patient_from_tracker * point - of.truth * point).norm());
+        largest = std::max(largest, (found->patient_from_tracker * point - of.truth * point).norm());
     }
   std::printf("  %s: at most %.3f mm off, %.3f by a hand that shakes by 0.3 mm\n", name.c_str(), max_mm,
               max_shaken_mm);

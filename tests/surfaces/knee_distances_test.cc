@@ -17,7 +17,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kKneeVoxel_mm = 1.5, kOracleWithin_mm = 0.05, kLooked_mm = 20;
+constexpr double kKneeVoxel_mm = 1.5, kOracleWithin_mm = 0.05, kSampled_mm = 20;
 constexpr int kPlacesOfEach = 24;
 // number of parts of a voxel edge; the error of chords is then below the tolerance
 constexpr int kParts = 4;
@@ -39,9 +39,10 @@ class Triangles {
 
   /// Not signed.
   double distance_mm(const Corner& x) const {
-    double least = std::numeric_limits<double>::infinity();
-    for (const auto& triangle : all_) least = std::min(least, (nearest_in(triangle, x) - x).squaredNorm());
-    return std::sqrt(least);
+    double smallest = std::numeric_limits<double>::infinity();
+    for (const auto& triangle : all_)
+      smallest = std::min(smallest, (nearest_in(triangle, x) - x).squaredNorm());
+    return std::sqrt(smallest);
   }
 
  private:
@@ -143,9 +144,9 @@ TEST(KneeDistances, AreThoseOfEveryTriangle) {
       const Corner at =
           triangles.corner_of(random() % triangles.size()) + away_mm * Corner(x, y, z).normalized();
       const double truth_mm = triangles.distance_mm(at);
-      const auto found = tree.nearest(Point<Patient>(at), kLooked_mm);
+      const auto found = tree.nearest(Point<Patient>(at), kSampled_mm);
       if (!found) {
-        EXPECT_GT(truth_mm, kLooked_mm - kOracleWithin_mm);
+        EXPECT_GT(truth_mm, kSampled_mm - kOracleWithin_mm);
         continue;
       }
       max_mm = std::max(max_mm, std::abs(std::abs(found->distance_mm) - truth_mm));

@@ -20,7 +20,7 @@ import { Loading } from "./page/loading.js";
 import { Panels } from "./page/panels.js";
 import { VoxelChanges } from "./page/voxels.js";
 import { CaptureButtons } from "./panels/capture_buttons.js";
-import { keepCards } from "./panels/cards.js";
+import { storeCards } from "./panels/cards.js";
 import { ContactPanel } from "./panels/contact.js";
 import { DevicePanel } from "./panels/device.js";
 import { DisplayPanel } from "./panels/display.js";
@@ -51,7 +51,7 @@ import { addVolumeHead } from "./volume/volume_head.js";
 import { VolumeRenderer } from "./volume/volume_renderer.js";
 import { VolumeView } from "./volume/volume_view.js";
 import { Part } from "./words/part.js";
-import { versionTrouble } from "./words/trouble.js";
+import { versionError } from "./words/errors.js";
 import { words } from "./words/words.js";
 
 /** Angle below which a rotation is ignored. */
@@ -75,7 +75,7 @@ export class Page {
   readonly renderer = new VolumeRenderer();
   readonly volume: VolumeView;
   readonly sections: SectionView[];
-  readonly measures = new Measures(this.history, (measure) => this.goTo(measure));
+  readonly measures = new Measures(this.history, (measure) => this.moveTo(measure));
   readonly scope = new Part("scope", async () => {
     const { ScopeView } = await import("./volume/scope_view.js");
     const scope = new ScopeView(this.session, this.renderer, this.slicer.isSoftware, this.history, this.pointer);
@@ -110,7 +110,7 @@ export class Page {
       () => connection.allows("plan"),
     );
     const { pointer } = this;
-    pointer.onLetGo = () => toast(words.letGo);
+    pointer.onReleasedByPause = () => toast(words.releasedByPause);
     const volume = new VolumeView(
       session,
       renderer,
@@ -143,8 +143,8 @@ export class Page {
       volume,
       voxels: this.voxels,
       token: () => loading.token,
-      lookBy: ({ optics_deg, back_mm }) => void scope.get().then((view) => view?.standAs(optics_deg, back_mm)),
-      showPlace: (place) => this.showPlace("place", place),
+      rotateView: ({ optics_deg, back_mm }) => void scope.get().then((view) => view?.standAs(optics_deg, back_mm)),
+      showPosition: (position) => this.showPosition("place", position),
     });
     this.captures = new CaptureButtons(session, this.pictures, () => this.isRedrawn);
     this.addPanels();
@@ -166,7 +166,7 @@ export class Page {
     // releases the pointer, because browsers may keep a page and its connection alive after navigation
     addEventListener("pagehide", () => connection.end());
     // timers of a hidden page do not run often enough to hold the tip
-    document.addEventListener("visibilitychange", () => document.hidden && pointer.letGo());
+    document.addEventListener("visibilitychange", () => document.hidden && pointer.withdraw());
     addEventListener("pageshow", ({ persisted }) => {
       if (persisted) loading.reload();
     });
@@ -192,14 +192,14 @@ export class Page {
         onPose: (pose) => session.setPose(pose),
         onToken: () => void loading.askForToken(),
         onProblem: toast,
-        onOtherProtocol: () => void loading.whyEnded(versionTrouble(PROTOCOL, null)),
+        onOtherProtocol: () => void loading.whyEnded(versionError(PROTOCOL, null)),
         onUnanswered: () => void loading.whyEnded(null),
         onAsked: () => toast(words.askedAtDevice),
-        onCut: (first, sweeps) => this.voxels.tellCut(first, sweeps),
+        onCut: (first, sweeps) => this.voxels.reportCut(first, sweeps),
         onYield: (received) => this.voxels.addYield(received),
         onTask: (run) => (session.run.value = run),
         onDebriefing: (debriefing) => (session.debriefing.value = debriefing),
-        onPlan: (plan) => session.plans.tell(plan),
+        onPlan: (plan) => session.plans.update(plan),
         onNear: (near) => (session.near.value = near),
         onTracked: (tracked) => (session.tracked.value = tracked),
       },
@@ -213,7 +213,7 @@ export class Page {
     batch(() => {
       session.near.value = [];
       session.run.value = session.debriefing.value = session.tracked.value = null;
-      session.plans.tell(null);
+      session.plans.update(null);
     });
     this.voxels.beginAnew();
     this.loading.reload();
@@ -223,7 +223,7 @@ export class Page {
     this.session.state.value = state;
     if (state.lesson.over && !before?.lesson.over) toast(words.lessonOver);
     // a quiz begins or ends to hide names and voxels from this viewer
-    if (before && before.lesson.veiled !== state.lesson.veiled) this.loading.reload();
+    if (before && before.lesson.redacted !== state.lesson.redacted) this.loading.reload();
   }
 
   private addPanels(): void {
@@ -237,7 +237,7 @@ export class Page {
     showLink(session, connection);
     showTracked(session);
     showPress(session, permissions);
-    keepCards();
+    storeCards();
     byId("theme").addEventListener("click", nextTheme);
     byId("reload").addEventListener("click", () => location.reload());
     new Keys(history, () => device.stop(), {
@@ -303,13 +303,13 @@ export class Page {
     if (isOther && this.connection.allows("hand")) void this.requests.once({ type: "set", rotation_wxyz: rotation });
   }
   /** Moves the planes to a measure. */
-  private goTo({ points, plane, normal }: Measure): void {
-    this.showPlace("measure", scale(points.reduce(add), 1 / points.length), plane === "oblique" ? normal : undefined);
+  private moveTo({ points, plane, normal }: Measure): void {
+    this.showPosition("measure", scale(points.reduce(add), 1 / points.length), plane === "oblique" ? normal : undefined);
   }
   /** Moves the planes to a position, patient frame, undoably. */
-  private showPlace(by: string, place: Vec3, obliqueNormal?: Vec3): void {
+  private showPosition(by: string, position: Vec3, obliqueNormal?: Vec3): void {
     this.history.change(by, () => {
-      this.session.showPlace(place, obliqueNormal);
+      this.session.showPosition(position, obliqueNormal);
       for (const section of this.sections) section.centre();
     });
   }

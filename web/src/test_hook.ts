@@ -39,11 +39,11 @@ export function openToTests(page: Page): void {
       return session.pose.value;
     },
     get structureAtTip() {
-      const place =
+      const index =
         session.pose.value && session.volumes.value
           ? session.volumes.value.structureAt(session.pose.value.devices[0]!.tip)
           : null;
-      return place === null ? null : session.scene.value!.structures[place];
+      return index === null ? null : session.scene.value!.structures[index];
     },
     structureAt: (p: Vec3) => session.volumes.value?.structureAt(p) ?? null,
     /** Counters since the page was opened: computed texels, sent looks, pictures of the volume. */
@@ -65,8 +65,8 @@ export function openToTests(page: Page): void {
     loseGraphics: (which: string, restores: boolean) =>
       (which === "volume" ? page.renderer : page.slicer).lose(restores),
     /** Fills a box of voxels with a structure by its index; -1 empties it. */
-    fillBox: (lo: Vec3, size: Vec3, place: number) =>
-      voxels.updateBox(lo, size, new Uint8Array(size.reduce((a, b) => a * b)).fill(place + 1)),
+    fillBox: (lo: Vec3, size: Vec3, index: number) =>
+      voxels.updateBox(lo, size, new Uint8Array(size.reduce((a, b) => a * b)).fill(index + 1)),
     /** Replaces the structures in a box of voxels, i fastest: index in the scene's list + 1, or 0. */
     writeBox: (lo: Vec3, size: Vec3, structure: number[]) => voxels.updateBox(lo, size, Uint8Array.from(structure)),
     /** Displays a deformation, initially zero, on a grid of nodes; null: none. */

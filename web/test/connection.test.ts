@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { Connection, type Link } from "../src/protocol/connection.js";
 import type { Yield } from "../src/protocol/yields.js";
-import { Gone, isMemoryShort, Lasting, NoMemory, troubleOf } from "../src/words/trouble.js";
+import { Gone, isMemoryShort, Lasting, NoMemory, errorOf } from "../src/words/errors.js";
 
 /** Connection with simulated sockets and timers, and its messages. */
 function connection() {
@@ -221,11 +221,11 @@ test("connections with invalid poses are retried at increasing intervals", () =>
 
 test("HTTP errors are permanent or temporary", () => {
   for (const status of [400, 403, 404, 405, 413, 421, 431]) {
-    const trouble = troubleOf("/api/scene", status);
-    assert.ok(trouble instanceof Lasting && trouble.message.includes(String(status)) && trouble.how.length > 20);
+    const error = errorOf("/api/scene", status);
+    assert.ok(error instanceof Lasting && error.message.includes(String(status)) && error.how.length > 20);
   }
-  for (const status of [408, 429, 500, 502, 503]) assert.ok(!(troubleOf("/api/scene", status) instanceof Lasting));
-  assert.ok(troubleOf("/api/volume/scan/0f3a", 404) instanceof Gone);
+  for (const status of [408, 429, 500, 502, 503]) assert.ok(!(errorOf("/api/scene", status) instanceof Lasting));
+  assert.ok(errorOf("/api/volume/scan/0f3a", 404) instanceof Gone);
   assert.ok(
     isMemoryShort(new NoMemory()) &&
       isMemoryShort(new RangeError("Array buffer allocation failed")) &&

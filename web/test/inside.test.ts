@@ -90,7 +90,7 @@ test("the scope's stand-off is minimal, centred in a gap and within its bounds",
 
 test("in perspective, closer objects are larger, and unprojected pixels return their points", () => {
   const camera = new Camera();
-  camera.place(worldFromPatient);
+  camera.setWorldFromPatient(worldFromPatient);
   camera.orbit(40, -70);
   const parallel = [
     [0, 0, 0],
@@ -119,7 +119,7 @@ test("in perspective, closer objects are larger, and unprojected pixels return t
 test("the depth of a picture determines the occlusion of a point", () => {
   for (const isPerspective of [false, true]) {
     const camera = new Camera();
-    camera.place(worldFromPatient);
+    camera.setWorldFromPatient(worldFromPatient);
     camera.orbit(10, 20);
     camera.isPerspective = isPerspective;
     const view = viewOf(camera, 64, 32, 1);
@@ -128,19 +128,19 @@ test("the depth of a picture determines the occlusion of a point", () => {
     const p = camera.unproject(10, -6, camera.toPatient(camera.focus));
     const away = camera.ray(10, -6).into;
     // a single pixel has a structure; its centre is half a pixel right of and below its corner
-    const way = new Found(bytes, view, least, extent).place(p)!.way_mm;
+    const way = new Found(bytes, view, least, extent).project(p)!.way_mm;
     const at = 4 * (42 + 64 * (31 - 10));
     const steps = Math.round((65535 * (way - least)) / extent);
     bytes.set([steps >> 8, steps & 255, 5], at);
     const found = new Found(bytes, view, least, extent);
-    const there = found.place(add(p, scale(away, 0.3)))!;
+    const there = found.project(add(p, scale(away, 0.3)))!;
     near([there.x * 64, there.y * 32], [42, 10], 1e-6);
     const inPixel = (by: number) => camera.unproject(10.5, -5.5, add(p, scale(away, by)));
     assert.deepEqual(
       [found.hides(inPixel(9), 1), found.hides(inPixel(0.5), 1), found.hides(inPixel(-9), 1)],
       [true, false, false],
     );
-    assert.equal(found.at(42.5 / 64, 10.5 / 32)!.place, 4);
+    assert.equal(found.at(42.5 / 64, 10.5 / 32)!.structure, 4);
     assert.equal(found.hides(camera.unproject(12, -5.5, inPixel(9)), 1), false, "beside it nothing is in front");
     assert.equal(found.at(1.2, 0.5), null);
   }
@@ -249,7 +249,7 @@ test("the structure below a tool is searched again after movements and changes o
   const ground = new Ground(volumes, 20, 9000);
   let looked = 0;
   const counted = (p: Vec3) => ((looked += 1), isTouchable(p));
-  const looks = (act: () => unknown) => {
+  const appearances = (act: () => unknown) => {
     const before = looked;
     act();
     return looked > before;
@@ -258,20 +258,20 @@ test("the structure below a tool is searched again after movements and changes o
     [0, -15, 0],
     [0.3, 12, 0.4],
   ];
-  assert.ok(looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isTouchable))));
-  assert.ok(!looks(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isTouchable))));
+  assert.ok(appearances(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isTouchable))));
+  assert.ok(!appearances(() => assert.deepEqual(ground.belowTool(0, one!, counted), ground.below(one!, isTouchable))));
   assert.ok(
-    looks(() => assert.deepEqual(ground.belowTool(0, other!, counted), ground.below(other!, isTouchable))),
+    appearances(() => assert.deepEqual(ground.belowTool(0, other!, counted), ground.below(other!, isTouchable))),
     "it has moved",
   );
   assert.ok(
-    looks(() => ground.belowTool(1, other!, counted)),
+    appearances(() => ground.belowTool(1, other!, counted)),
     "another tool",
   );
   volumes.structure.fill(0);
   ground.forget();
   assert.ok(
-    looks(() => assert.equal(ground.belowTool(0, other!, counted), null)),
+    appearances(() => assert.equal(ground.belowTool(0, other!, counted), null)),
     "nothing is there any more",
   );
 });

@@ -630,7 +630,7 @@ const lessonFor = ({ role, learner }) => ({
   ...lesson,
   learner: role === "teacher" || learner === lesson.learner ? lesson.learner : null,
   of_another: role === "learner" && lesson.learner !== null && lesson.learner !== learner,
-  veiled: false,
+  redacted: false,
   learners:
     role === "teacher"
       ? [...tokens.values()]

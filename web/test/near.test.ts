@@ -1,4 +1,4 @@
-import type { HeldTool, NoGo, Scene } from "../src/protocol/messages.js";
+import type { DeviceTool, NoGo, Scene } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
 import { ApproachSound, HEARD_FROM_MM, toneAt } from "../src/panels/approach_sound.js";
@@ -59,11 +59,11 @@ test("distances are decoded as specified by the protocol", () => {
   assert.throws(() => decodeNear(new ArrayBuffer(23)), WireError);
 });
 
-const PROBE = { radius_mm: 1.5, points_mm: [[0, 0, 0]], capsules: [] } as unknown as HeldTool;
+const PROBE = { radius_mm: 1.5, points_mm: [[0, 0, 0]], capsules: [] } as unknown as DeviceTool;
 const SHAFT = {
   ...PROBE,
   capsules: [{ from_mm: [0, 0, 0], to_mm: [0, 0, 40], radius_mm: 0.5, end_radius_mm: 3 }],
-} as unknown as HeldTool;
+} as unknown as DeviceTool;
 const same = (v: Vec3): Vec3 => v;
 const region = (of: Partial<NoGo>): NoGo => ({
   name: "there",
@@ -207,16 +207,16 @@ function audio() {
 test("no sound is played before it is switched on and the user has interacted with the page", () => {
   const { received } = audio();
   const sound = new ApproachSound();
-  sound.tell(-1);
+  sound.update(-1);
   sound.wake();
   assert.deepEqual([sound.tone, received.started, received.state], [null, 0, "suspended"]);
   sound.switch(true);
-  sound.tell(-1);
-  assert.ok(sound.isHeldBack);
+  sound.update(-1);
+  assert.ok(sound.isBlocked);
   assert.deepEqual([sound.tone, received.started], [null, 0]);
   sound.wake();
-  sound.tell(-1);
-  assert.deepEqual([sound.tone!.beeps_per_s, received.started, sound.isHeldBack], [0, 1, false]);
+  sound.update(-1);
+  assert.deepEqual([sound.tone!.beeps_per_s, received.started, sound.isBlocked], [0, 1, false]);
 });
 
 test("a continuous tone ends unless it is renewed, and immediately when silenced", () => {
@@ -225,17 +225,17 @@ test("a continuous tone ends unless it is renewed, and immediately when silenced
   sound.switch(true);
   sound.wake();
   for (received.now = 0; received.now < 1; received.now += 1 / 60) {
-    sound.tell(-1);
+    sound.update(-1);
     assert.ok(loud(received.now) > 0 && loud(received.now + 0.2) > 0);
   }
   assert.equal(received.started, 1, "one voice goes on");
   assert.equal(loud(received.now + 0.5), 0);
   sound.silence();
   assert.deepEqual([loud(received.now), sound.tone, received.stopped], [0, null, 1]);
-  sound.tell(-1);
+  sound.update(-1);
   assert.deepEqual([loud(received.now + 0.1) > 0, received.started], [true, 2]);
   sound.switch(false);
-  sound.tell(-1);
+  sound.update(-1);
   assert.deepEqual([loud(received.now + 0.1), sound.tone, received.stopped], [0, null, 2]);
 });
 
@@ -247,7 +247,7 @@ test("the number of beeps per second equals the tone's rate", () => {
   let beeps = 0,
     was = 0;
   for (received.now = 0; received.now < 4; received.now += 1 / 60) {
-    sound.tell(5);
+    sound.update(5);
     const is = loud(received.now);
     if (is > 0 && was === 0) beeps++;
     was = is;
@@ -256,11 +256,11 @@ test("the number of beeps per second equals the tone's rate", () => {
   assert.ok(Math.abs(beeps - wanted) <= 0.1 * wanted + 1, `${beeps} of ${wanted}`);
   // an approach shortens the pause before the next beep
   received.now = 10;
-  sound.tell(9.9);
+  sound.update(9.9);
   received.now += 1 / 60;
-  sound.tell(0);
+  sound.update(0);
   received.now += 0.2;
-  sound.tell(0);
+  sound.update(0);
   assert.ok(loud(received.now) > 0);
 });
 
@@ -281,7 +281,7 @@ test("a quiz hides names, and the distance to its target until the target pushes
     ],
     no_go: [region({ name: "the_nodule", label: 7, keep_away_mm: 1 })],
   } as unknown as Scene;
-  made.looks.value = made.scene.value.structures.map(() => ({ colour: [1, 2, 3], opacity: 0.5, visible: false }));
+  made.appearances.value = made.scene.value.structures.map(() => ({ colour: [1, 2, 3], opacity: 0.5, visible: false }));
   const pose = {
     time: 1,
     rotation: [1, 0, 0, 0],

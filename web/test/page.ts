@@ -77,7 +77,7 @@ class IdleWorker {
     setTimeout(() => this.onmessage?.({ data }));
   }
   constructor() {
-    this.answer({ type: "ready", held: "" });
+    this.answer({ type: "ready", lockName: "" });
   }
   postMessage({ type }: { type: string }): void {
     if (type === "begin") this.answer({ type: "begun", fits: true });

@@ -1,4 +1,4 @@
-import type { HeldTool, Plan, Trajectory } from "../src/protocol/messages.js";
+import type { DeviceTool, Plan, Trajectory } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
 import { aboutAxis, add, dot, length, rotate, scale, sub, type Vec3 } from "../src/base/geometry.js";
@@ -48,7 +48,7 @@ test("the shaft of a tool is its longest part, from tip to handle", () => {
   const tool = (...capsules: [Vec3, Vec3][]) =>
     ({
       capsules: capsules.map(([from_mm, to_mm]) => ({ from_mm, to_mm, radius_mm: 1, end_radius_mm: 1 })),
-    }) as unknown as HeldTool;
+    }) as unknown as DeviceTool;
   assert.equal(shaftOf(tool()), null);
   assert.deepEqual(
     shaftOf(
@@ -124,12 +124,12 @@ function shared() {
         } as Trajectory;
       now = { ...now, version: now.version + 1, trajectories: list, saved: request.save === true };
       versions.set(now.version, now);
-      store.tell(now);
+      store.update(now);
       return true;
     },
     () => may.ask,
   );
-  store.tell(now);
+  store.update(now);
   return { history, asked, may, store, names: () => store.list.map(({ name }) => name) };
 }
 const later = () => new Promise((done) => setTimeout(done, 0));

@@ -17,7 +17,7 @@ function pointer(isGranted = true) {
     beat: (() => void) | null = null;
   const sent: number[][] = [];
   const pressed: number[] = []; // forces of the messages
-  const lifts = { count: 0, letGo: 0 };
+  const lifts = { count: 0, withdraw: 0 };
   const asked: object[] = [];
   performance.now = () => now;
   Object.assign(globalThis, {
@@ -48,7 +48,7 @@ function pointer(isGranted = true) {
       if (session.holding.value) beat!();
     }
   };
-  device.onLetGo = () => (lifts.letGo += 1);
+  device.onReleasedByPause = () => (lifts.withdraw += 1);
   /** Time passes without the page running. */
   const stall = (ms: number) => {
     now += ms;
@@ -88,7 +88,7 @@ test("presses in two pictures release the tip", () => {
   assert.equal(sent.length, before);
 });
 
-const held = (by: State["pointer_by"]) => ({ pointer: by === "you", pointer_by: by }) as State;
+const pointerState = (by: State["pointer_by"]) => ({ pointer: by === "you", pointer_by: by }) as State;
 
 test("a path is followed through all its points, with force on the surface alone", () => {
   const { device, sent, pressed, session, at } = pointer();
@@ -125,7 +125,7 @@ test("stalls of 50 to 400 ms do not end a hold, 200 times", () => {
     at(time() + 100 * random() + 16);
   }
   assert.equal(session.holding.value, true, `seed ${seed}`);
-  assert.deepEqual(lifts, { count: 0, letGo: 0 }, `seed ${seed}`);
+  assert.deepEqual(lifts, { count: 0, withdraw: 0 }, `seed ${seed}`);
   assert.deepEqual(sent.at(-1), [1, 0, 0]);
 });
 
@@ -135,11 +135,11 @@ test("after a longer stall, and when the page is hidden, the hold ends with a me
     device.hold([{ at: [1, 0, 0], into: [1, 0, 0] }], false);
     at(100);
     const before = sent.length;
-    if (ms === 0) device.letGo();
+    if (ms === 0) device.withdraw();
     else stall(ms);
     at(time() + 16);
     assert.equal(session.holding.value, false);
-    assert.deepEqual(lifts, { count: 1, letGo: 1 });
+    assert.deepEqual(lifts, { count: 1, withdraw: 1 });
     assert.deepEqual(sent.slice(before), [[-1, 0, 0]], "it leaves the surface, which would stay dented");
   }
 });
@@ -157,9 +157,9 @@ test("without force while it is withheld, and never above the limit", () => {
 
 test("a press takes a pointer that no viewer has, and moves the tip once it is granted", async () => {
   const { device, session, sent, asked, permission, at } = pointer();
-  session.state.value = held("viewer");
+  session.state.value = pointerState("viewer");
   assert.equal(device.isAvailable, false);
-  session.state.value = held(null);
+  session.state.value = pointerState(null);
   assert.equal(device.isAvailable, true);
   permission.device.value = false;
   assert.equal(device.isAvailable, false, "another learner's turn");
@@ -168,7 +168,7 @@ test("a press takes a pointer that no viewer has, and moves the tip once it is g
   at(400);
   assert.deepEqual(asked, [{ type: "pointer", take: true }]);
   assert.deepEqual(sent, [], "not before it is granted");
-  session.state.value = held("you");
+  session.state.value = pointerState("you");
   await null;
   at(420);
   assert.ok(sent[0]![0]! > 0 && sent[0]![0]! < 5, "no jump after the wait");
@@ -178,16 +178,16 @@ test("a press takes a pointer that no viewer has, and moves the tip once it is g
 
 test("a press ends if the pointer is refused or passed to another viewer", async () => {
   const refused = pointer(false);
-  refused.session.state.value = held(null);
+  refused.session.state.value = pointerState(null);
   refused.device.hold([{ at: [1, 0, 0], into: null }], false);
   await new Promise((later) => setTimeout(later));
   assert.equal(refused.session.holding.value, false);
 
   const { device, session, sent, asked, at } = pointer();
-  session.state.value = held("you");
+  session.state.value = pointerState("you");
   device.hold([{ at: [1, 0, 0], into: null }], false);
   at(48);
-  session.state.value = held("viewer");
+  session.state.value = pointerState("viewer");
   const before = sent.length;
   at(100);
   assert.equal(session.holding.value, false);

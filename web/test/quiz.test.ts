@@ -114,13 +114,13 @@ test("a position is viewed from outside, with superior up if possible", () => {
     [0, 0, -1],
   ] as Vec3[]) {
     const camera = new Camera();
-    camera.place([
+    camera.setWorldFromPatient([
       [1, 0, 0, 0],
       [0, 0, 1, 0],
       [0, -1, 0, 0],
       [0, 0, 0, 1],
     ]);
-    camera.lookAlong(outward);
+    camera.alignView(outward);
     const { backward, up, right } = camera.inPatient();
     assert.ok(dot(backward, outward) > 1 - 1e-12);
     assert.ok(dot(cross(right, up), backward) > 1 - 1e-12);
@@ -128,6 +128,6 @@ test("a position is viewed from outside, with superior up if possible", () => {
   }
   const camera = new Camera();
   const { right, up } = camera;
-  camera.lookAlong([0, 0, 0]);
+  camera.alignView([0, 0, 0]);
   assert.deepEqual([camera.right, camera.up], [right, up]);
 });

@@ -18,7 +18,7 @@ const view: View = {
 test("a picture is requested as specified by the protocol", () => {
   assert.equal(pictureQuery(view, Uint8Array.of(255, 0, 10, 255)), "view=64,48,-10,-10.5,0,1,0,0,0,1,0&looks=ff000aff");
   const eye = { at: [1, 2, -30] as [number, number, number], nearest_mm: 0, reach_mm: Infinity, isRound: false };
-  const cut = { at: [1, 2, 3] as [number, number, number], radius_mm: 0, widening: Infinity, kept: 0 };
+  const cut = { at: [1, 2, 3] as [number, number, number], radius_mm: 0, widening: Infinity, unclipped: 0 };
   assert.equal(
     pictureQuery({ ...view, eye, cut }, new Uint8Array(0)),
     "view=64,48,-10,-10.5,0,1,0,0,0,1,0,1,2,-30&cut=1,2,3,0,0,-1",
@@ -46,7 +46,7 @@ test("a response has colours, depths and structures", () => {
   const read = readPicture(bytes.buffer);
   assert.deepEqual([...read.rgba.slice(4 * at, 4 * at + 4)], [10, 20, 30, 255]);
   const found = new Found(read.found, { ...view, width: w, height: h }, read.min_mm, read.extent_mm);
-  assert.deepEqual(found.at(0.9, 0.9), { way_mm: 15, place: 1 });
+  assert.deepEqual(found.at(0.9, 0.9), { way_mm: 15, structure: 1 });
   assert.equal(found.at(0.1, 0.1), null);
   for (const length of [0, 10, 24, bytes.length - 1]) assert.throws(() => readPicture(bytes.buffer.slice(0, length)));
 });

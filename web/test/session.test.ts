@@ -95,7 +95,7 @@ test("each device has its own tool, and the first one is drawn on top", () => {
     [1, 0],
   );
   assert.deepEqual(
-    devices.map((one) => made.heldBy(one)),
+    devices.map((one) => made.toolOf(one)),
     [ball, burr],
   );
   assert.deepEqual(made.pose.value!.devices, devices, "which stay in their order");
@@ -106,7 +106,7 @@ test("a tool in contact is drawn at the surface, deformed if it yields", () => {
   const pressed = {
     ...device(3, 7, Flag.contact, [0, 0, 1]),
     proxy: [4, 0, 0],
-    contacts: [{ place: [5, 0, 0] }],
+    contacts: [{ position: [5, 0, 0] }],
   } as unknown as DevicePose;
   assert.deepEqual(made.toolAt(pressed), [4, 0, 0]);
   made.movedAt.value = ([x]) => [-0.1 * x, 0, 0];

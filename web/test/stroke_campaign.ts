@@ -202,7 +202,7 @@ class Subject {
           figures.halted += 1;
           continue;
         }
-        const tool_mm = session.heldBy(device()).radius_mm;
+        const tool_mm = session.toolOf(device()).radius_mm;
         const force_N = length(device().force);
         const far_mm = touches() ? Math.max(0, length(sub(device().proxy, place.at)) - tool_mm) : 0;
         figures.samples += 1;
@@ -284,11 +284,11 @@ class Subject {
       let view: View;
       if (kind === "volume") {
         const camera = new Camera();
-        camera.place(session.scene.value!.world_from_patient);
+        camera.setWorldFromPatient(session.scene.value!.world_from_patient);
         camera.setRotation(session.pose.value!.rotation);
         camera.focus = camera.toWorld(volumes.centre);
         camera.mmPerPixel = volumes.size / SIZE;
-        camera.look("anterior");
+        camera.orient("anterior");
         camera.orbit(between(-400, 400), between(-150, 150));
         view = {
           start: [between(-250, 250), between(-250, 250)],

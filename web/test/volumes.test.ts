@@ -182,7 +182,7 @@ test("only a changed box is recomputed", () => {
     field.put(pieceOf(volume, factor, box.lo, box.size));
     assert.deepEqual(field.texels, fieldOf(volume, factor).texels);
     const shown = new Array(256).fill(true);
-    assert.deepEqual(field.leaps(shown), fieldOf(volume, factor).leaps(shown));
+    assert.deepEqual(field.skips(shown), fieldOf(volume, factor).skips(shown));
   }
 });
 
@@ -197,14 +197,14 @@ test("a ray's leap ends before the next block with visible structures", () => {
     [0, 0, 1],
     [0, 0, 0],
   ]) {
-    const leaps = field.leaps(shown);
+    const skips = field.skips(shown);
     const full = [
       [3, 3, 3, 1],
       [70, 44, 30, 2],
     ]
       .filter(([, , , place]) => shown[place!])
       .map((p) => p.slice(0, 3).map((x) => Math.floor(x / BLOCK)));
-    leaps.forEach((leap, n) => {
+    skips.forEach((skip, n) => {
       const block = [
         n % field.blocks[0],
         Math.floor(n / field.blocks[0]) % field.blocks[1],
@@ -214,20 +214,20 @@ test("a ray's leap ends before the next block with visible structures", () => {
         255,
         ...full.map((other) => Math.max(...other.map((x, axis) => Math.abs(x - block[axis]!)))),
       );
-      assert.equal(leap, expected, `block ${block}`);
+      assert.equal(skip, expected, `block ${block}`);
     });
   }
 });
 
 test("the coverage of texels follows the opacities of their structures", () => {
   const volume = randomVolume([13, 11, 9], 5);
-  const looks = Uint8Array.from({ length: 1024 }, (_, n) =>
+  const appearances = Uint8Array.from({ length: 1024 }, (_, n) =>
     n % 4 < 3 ? n & 255 : ([0, 255, 128, 255, 0, 1][n >> 2] ?? 0),
   );
   for (const factor of FACTORS) {
     const field = fieldOf(volume, factor);
     const [lo, size]: [Vec3, Vec3] = [[1, 2, 0], field.dims.map((n, axis) => n - [1, 2, 0][axis]!) as Vec3];
-    const covers = field.covers(lo, size, looks);
+    const covers = field.covers(lo, size, appearances);
     assert.equal(covers.length, 2 * size[0] * size[1] * size[2]);
     for (let z = 0, n = 0; z < size[2]; z++)
       for (let y = 0; y < size[1]; y++)
@@ -235,7 +235,7 @@ test("the coverage of texels follows the opacities of their structures", () => {
           const at = field.at(lo[0] + x, lo[1] + y, lo[2] + z);
           const sums = [0, 0];
           for (const c of [0, 1]) {
-            const opacity = looks[4 * field.texels[at + c]! + 3]!;
+            const opacity = appearances[4 * field.texels[at + c]! + 3]!;
             if (opacity > 0) sums[opacity === 255 ? 0 : 1]! += field.texels[at + 2 + c]!;
           }
           assert.deepEqual([...covers.subarray(n, n + 2)], sums, `at ${[x, y, z]} of factor ${factor}`);
@@ -272,7 +272,7 @@ test("values written into a volume are read back, and all rays of its picture hi
     assert.equal(volumes.structureAt(apply(m, [8, 8, 9])), 1);
     assert.equal(volumes.structureAt(apply(m, [8, 8, 10])), 0);
     const camera = new Camera();
-    camera.place(worldFromPatient);
+    camera.setWorldFromPatient(worldFromPatient);
     camera.orbit(30, 50);
     camera.focus = camera.toWorld(volumes.centre);
     const view = viewOf(camera, 200, 100, 2);
@@ -291,10 +291,10 @@ test("values written into a volume are read back, and all rays of its picture hi
 
 test("in the anterior view, the patient's left is on image right and the head on top", () => {
   const camera = new Camera();
-  camera.place(worldFromPatient);
+  camera.setWorldFromPatient(worldFromPatient);
   for (const rotation of [[1, 0, 0, 0], aboutAxis([1, 2, 3], 1.1)] as const) {
     camera.setRotation([...rotation] as [number, number, number, number]);
-    camera.look("anterior");
+    camera.orient("anterior");
     const origin = camera.project([0, 0, 0]);
     const [left, up, front] = [
       [1, 0, 0],
@@ -310,7 +310,7 @@ test("in the anterior view, the patient's left is on image right and the head on
 
 test("a point of the picture is unprojected to the patient", () => {
   const camera = new Camera();
-  camera.place(worldFromPatient);
+  camera.setWorldFromPatient(worldFromPatient);
   camera.setRotation(aboutAxis([3, -1, 2], 0.8));
   camera.orbit(40, -70);
   const p: Vec3 = [12, -7, 31];
@@ -319,8 +319,8 @@ test("a point of the picture is unprojected to the patient", () => {
 
 test("dragging to the right moves the front to the right", () => {
   const camera = new Camera();
-  camera.place(worldFromPatient);
-  camera.look("anterior");
+  camera.setWorldFromPatient(worldFromPatient);
+  camera.orient("anterior");
   const front = apply(worldFromPatient, [0, -50, 0]);
   const [x] = camera.project([0, -50, 0]);
   camera.setRotation(camera.dragged(30, 0));

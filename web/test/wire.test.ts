@@ -83,8 +83,8 @@ test("a pose is decoded as specified by the protocol", () => {
     { label: 60002, depth: 2.5, share: 0.75 },
   ]);
   assert.deepEqual(pose.devices[1]!.contacts, [
-    { label: 60001, part: 0, place: [50, 51, 52], force: 53 },
-    { label: 60002, part: 1, place: [60, 61, 62], force: 63 },
+    { label: 60001, part: 0, position: [50, 51, 52], force: 53 },
+    { label: 60002, part: 1, position: [60, 61, 62], force: 63 },
   ]);
 });
 

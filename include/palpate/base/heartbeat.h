@@ -19,7 +19,7 @@ struct Heartbeat {
 
   // ---- written by the process that runs the loop
   std::atomic<std::int64_t> beat_ns{kResting};     ///< End of the last tick; ns. kResting: no tick is due.
-  std::atomic<std::int64_t> looked_ns{kResting};   ///< Last check by the loop's own watchdog; ns.
+  std::atomic<std::int64_t> checked_ns{kResting};  ///< Last check by the loop's own watchdog; ns.
   std::atomic<std::uint64_t> halts_that_ended{0};  ///< Number of the newest halt that has ended.
 
   // ---- written by the supervisor

@@ -94,10 +94,10 @@ inline double LatencyHistogram::quantile_us(double q, std::uint64_t n) const {
   if (n == 0) return 0;
   const double rank = std::clamp(std::ceil(q * static_cast<double>(n)), 1.0, static_cast<double>(n));
   const std::uint64_t max_ns = get(max_ns_);
-  std::uint64_t observed = 0;
+  std::uint64_t count = 0;
   for (std::size_t i = 0; i + 1 < kBuckets; ++i) {
-    observed += get(buckets_[i]);
-    if (static_cast<double>(observed) >= rank)
+    count += get(buckets_[i]);
+    if (static_cast<double>(count) >= rank)
       return static_cast<double>(std::min(top_of(i), max_ns)) * kUs_per_ns;
   }
   return static_cast<double>(max_ns) * kUs_per_ns;

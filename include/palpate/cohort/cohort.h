@@ -67,7 +67,7 @@ inline constexpr double kNotAvailable = std::numeric_limits<double>::quiet_NaN()
 /// Location of minimum thickness of a structure.
 struct ThinSpot {
   double thickness_mm = 0;
-  Point<Patient> place;
+  Point<Patient> position;
 };
 /// Minimum thickness of a structure, measured on its medial surface: voxels whose nearest outside voxels are
 /// on opposite sides (at least 130 degrees apart). The thickness is the distance of these minus one voxel; a
@@ -174,7 +174,7 @@ Result<void> write_fault(const CohortCase& one, int number, const std::filesyste
 struct EndedProcess {
   int exit_code = 0;  ///< -1 if terminated by a signal
   int signal = 0;
-  std::string stated;  ///< Last 4 KiB of stderr
+  std::string error_output;  ///< Last 4 KiB of stderr
 };
 /// Runs a process and waits for it. It is killed when this process ends, and receives SIGTERM when progress
 /// is stopped.

@@ -9,12 +9,12 @@ namespace palpate {
 /// Delay line of the commands that have not acted yet, oldest first, for a device whose delay is known.
 struct DelayLine {
   /// A command and the time for which it was held.
-  struct Held {
+  struct Sample {
     Vector<World> force_N;
     double time_s = 0;
   };
-  std::array<Held, 64> held;
-  int count = 0;               ///< Number of valid entries of `held`
+  std::array<Sample, 64> samples;
+  int count = 0;               ///< Number of valid entries of `samples`
   bool dropped_older = false;  ///< Whether older commands were dropped from the line
 };
 

@@ -77,10 +77,10 @@ class Distances {
 
 /// Closest approach of a tool to a surface.
 struct ToolDistance {
-  double distance_mm = 0;  ///< From the tool's outline to the surface; below 0: penetration depth
-  Point<Patient> centre;   ///< Point on the axis of the nearest tool part
-  double radius_mm = 0;    ///< Radius of that part there
-  NearestPlace near;       ///< Nearest point of the surface to `centre`
+  double distance_mm = 0;    ///< From the tool's outline to the surface; below 0: penetration depth
+  Point<Patient> centre;     ///< Point on the axis of the nearest tool part
+  double radius_mm = 0;      ///< Radius of that part there
+  NearestSurfacePoint near;  ///< Nearest point of the surface to `centre`
 };
 /// Closest approach of all parts of a tool; empty if the whole tool is outside and farther than `within_mm`.
 /// On a capsule's axis at most kMaxAlong points are evaluated: both ends and the middle, then the

@@ -273,7 +273,7 @@ struct Model {
     return *methods[has(method) && method != ForceMethod::kProxy ? index_of(method) : 0];
   }
   /// Maximum stiffness of the felt tissues, N/mm; the stiffness at field value 1.
-  double greatest_stiffness_N_per_mm() const;
+  double max_stiffness_N_per_mm() const;
   /// Name of the label, or e.g. "label 7" if it has none.
   std::string name_of(LabelId id) const;
   /// Structures in which the label is nested, as a suffix of its name: " (within liver)". Empty: none.

@@ -24,10 +24,10 @@ struct Hole {
   double length_mm = 0;    ///< Maximum distance along `inward` that the centre has reached
   double radius_mm = 0;    ///< Radius of the tool part
 
-  /// Whether a tool part at `middle` fits into the hole, from either end.
-  /// @param middle     centre of the tool part
+  /// Whether a tool part at `centre` fits into the hole, from either end.
+  /// @param centre     centre of the tool part
   /// @param radius_mm  its radius; at most that of the hole
-  bool fits(const Point<Patient>& middle, double radius_mm) const;
+  bool fits(const Point<Patient>& centre, double radius_mm) const;
 };
 
 /// The most recent holes of all tools. Trivially copyable, without pointers; does not allocate, lock or
@@ -41,7 +41,7 @@ class Holes {
   /// Adds a hole. If there are kMost, the oldest is closed.
   void add(const Hole& hole);
   /// Extends the holes around a tool part that has punctured a structure to its current centre.
-  void extend(int structure, const Point<Patient>& middle);
+  void extend(int structure, const Point<Patient>& centre);
   /// Transfers the holes to a changed set of surfaces; holes in structures that no longer exist are dropped.
   /// @param before  correspondence for each of the new surfaces
   void transfer(std::span<const SurfaceCorrespondence> before);

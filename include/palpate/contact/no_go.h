@@ -39,7 +39,7 @@ inline constexpr struct { double min, max; } kNoGoStiffness_N_per_mm{0.01, 20}, 
 /// Region that the tool is pushed out of by a one-sided spring.
 struct NoGoRegion {
   std::string name;
-  std::variant<NoGoStructure, NoGoPlane, NoGoSphere> place;
+  std::variant<NoGoStructure, NoGoPlane, NoGoSphere> shape;
   double keep_away_mm = 0;  ///< Distance before the region at which the force begins; 0 ... kMaxKeepAway_mm
   double stiffness_N_per_mm = 1;  ///< Spring stiffness; in kNoGoStiffness_N_per_mm
 };

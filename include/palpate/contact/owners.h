@@ -75,7 +75,7 @@ class Owners {
   void each_of_layer(const Bricks<LabelId>& labels, int layer, const Body& body) const;
   template <class Value, class Join>
   void spread(std::vector<Value>& of_block, const Join& join) const;
-  double weight_of(std::size_t run, const std::array<float, 3>& place,
+  double weight_of(std::size_t run, const std::array<float, 3>& point,
                    const std::array<float, 3>& per_reach) const;
   static OwnerShares in_order(OwnerShares shares);
 

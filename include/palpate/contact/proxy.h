@@ -101,7 +101,7 @@ class OwnerCache {
     /// Whether tissue had been removed from the surface; the original surface and labels do not change
     /// afterwards.
     bool cut = false;
-    Point<Patient> place;
+    Point<Patient> position;
     OwnerShares shares;
   };
   std::array<Entry, 4> entries_;

@@ -27,17 +27,18 @@ inline Eigen::Vector3d camera_of(const ScopeOptics& optics) {
   return {0, 0, optics.back_mm};
 }
 /// Viewing direction in the tool's frame; unit.
-inline Eigen::Vector3d look_of(const ScopeOptics& optics) {
+inline Eigen::Vector3d appearance_of(const ScopeOptics& optics) {
   const double lean = optics.lean_deg * std::numbers::pi / 180;
   return {0, std::sin(lean), -std::cos(lean)};
 }
 
 /// Attitude of a scope whose camera looks along a direction. Of all such attitudes, the one whose shaft comes
 /// from as near as possible to the direction `upper`; any if the two are parallel.
-/// @param look, upper  directions in World; not zero
-inline Eigen::Quaterniond held_to_look(const ScopeOptics& optics, const Vector<World>& look,
-                                       const Vector<World>& upper) {
-  const Eigen::Vector3d forward = look.normalized().eigen();
+/// @param view_direction, upper  directions in World; not zero
+inline Eigen::Quaterniond attitude_looking_along(const ScopeOptics& optics,
+                                                 const Vector<World>& view_direction,
+                                                 const Vector<World>& upper) {
+  const Eigen::Vector3d forward = view_direction.normalized().eigen();
   Eigen::Vector3d right = forward.cross(upper.eigen());
   if (!(right.norm() > 1e-6 * upper.norm())) right = forward.unitOrthogonal();
   right.normalize();

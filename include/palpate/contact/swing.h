@@ -10,7 +10,7 @@ struct OscillationState {
   double displacement_mm = 0, time_s = 0;  ///< Displacement along the axis and time since the last reversal
   /// Extremum of displacement_mm since the last reversal, and its time.
   double farthest_mm = 0, farthest_s = 0;
-  Vector<World> aside_mm;    ///< Lateral displacement since the last reversal
+  Vector<World> lateral_mm;  ///< Lateral displacement since the last reversal
   double before_mm = 0;      ///< Amplitude of the previous half cycle
   int halves = 0;            ///< Number of consecutive half cycles of a self-sustained oscillation
   double free_s = 0;         ///< Time since the last contact

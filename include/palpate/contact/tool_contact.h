@@ -73,10 +73,11 @@ struct PointContact {
 
 /// Contact of a part of the tool with a structure.
 struct ContactPoint {
-  LabelId label = 0;     ///< Structure in contact. 0: unused entry
-  int part = 0;          ///< Index of the tool part: its points, then its capsules
-  Point<Patient> place;  ///< Contact point on the surface; for a direct method the position of the tool point
-  double force_N = 0;    ///< Magnitude of the force along the surface normal, in the patient
+  LabelId label = 0;  ///< Structure in contact. 0: unused entry
+  int part = 0;       ///< Index of the tool part: its points, then its capsules
+  Point<Patient>
+      position;        ///< Contact point on the surface; for a direct method the position of the tool point
+  double force_N = 0;  ///< Magnitude of the force along the surface normal, in the patient
 };
 
 /// Structure along the penetration path.
@@ -135,11 +136,11 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand);
 
 /// Force and contacts of a proxy that has been advanced. Friction comes from the proxy, viscosity is that of
 /// the direct methods.
-/// @param held      tool with which the proxy was advanced
+/// @param posed_tool      tool with which the proxy was advanced
 /// @param proxy     state after the advance
 /// @param result    result of the advance
 /// @param coupling  spring and damper, updated
-ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& held,
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& posed_tool,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);
 
 }  // namespace palpate

@@ -170,7 +170,7 @@ NeighbourEffect displaced_by_others(std::span<const TissuePress> presses, std::s
 /// less the C term (stiffening_depth_mm), which is limited to half the compliance dd/dF at F1. So the force
 /// increases with the depth at every ratio of contact to thickness. The tangent stiffness is limited to
 /// `max_N_per_mm`: from there on the force is linear in the depth. The energy is that of this law. Where B
-/// and C vary along the surface, the tangential force (yield_aside) makes it conservative
+/// and C vary along the surface, the tangential force (yield_lateral) makes it conservative
 /// (docs/concepts/tissue.md). Where the tissue stiffens with strain, all of this is multiplied by the factor
 /// of stiffened_contact() (strain_stiffening.h), and the limit of the tangent stiffness applies to the
 /// product. Bounded work; bit-identical in every build.
@@ -185,8 +185,8 @@ struct TangentialCoefficients {
   double of_compliance_N2 = 0, of_stiffening_N3 = 0;
 };
 /// Coefficients of the tangential force at a normal force.
-TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N, double radius_mm,
-                                   double max_N_per_mm = std::numeric_limits<double>::infinity());
+TangentialCoefficients yield_lateral(const ContactLaw& tissue, double force_N, double radius_mm,
+                                     double max_N_per_mm = std::numeric_limits<double>::infinity());
 
 /// Complementary energy of that law: the integral of the depth over the force, 0 ... force_N; mJ. The stored
 /// energy is force times depth minus this.

@@ -166,7 +166,7 @@ class DeviceDriver {
   virtual int halt_file() const noexcept { return -1; }
   /// Why a device currently provides no force or no pose, with its remedy, for the user: a lost connection,
   /// an engaged brake. Empty: no problem. Any thread but the servo's; may block briefly.
-  virtual std::optional<Error> trouble() const { return std::nullopt; }
+  virtual std::optional<Error> failure() const { return std::nullopt; }
 };
 
 }  // namespace palpate

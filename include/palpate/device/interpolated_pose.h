@@ -12,51 +12,51 @@ namespace palpate {
 ///
 ///     push()       |        |           |  . . . . . . . . .      20 to 250 updates a second
 ///     tip          /‾‾‾‾‾‾‾‾\___________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾      linear interpolation over the last interval
-///     age          0                              |__________/    0 while updated; grows after held_s
+///     age          0                              |__________/    0 while updated; grows after validity_s
 ///
 /// Between two updates tip and orientation are interpolated, never extrapolated, so that the force has no
 /// steps. They lag one interval behind. The first pose, and one that follows a pose that has expired, applies
-/// at once. A pose stays valid for held_s after an update; then its age grows and the output stage removes
-/// the force.
+/// at once. A pose stays valid for validity_s after an update; then its age grows and the output stage
+/// removes the force.
 class InterpolatedPose {
  public:
   /// @param tip     initial position, invalid (age unlimited) until the first update
-  /// @param held_s  time for which a pose stays valid after an update
-  explicit InterpolatedPose(const Point<Device>& tip, double held_s = kHeld_s)
-      : held_ns_(static_cast<std::int64_t>(held_s * 1e9)), from_{tip}, to_{tip} {}
+  /// @param validity_s  time for which a pose stays valid after an update
+  explicit InterpolatedPose(const Point<Device>& tip, double validity_s = kValidity_s)
+      : validity_ns_(static_cast<std::int64_t>(validity_s * 1e9)), from_{tip}, to_{tip} {}
 
   /// Sets the pose as of `at_ns`. A non-finite pose is a bug. Never blocks. Any thread, but only one at a
-  /// time; the same holds for let_go().
+  /// time; the same holds for release().
   void push(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool, std::int64_t at_ns) noexcept;
   /// Invalidates the pose: its age is unlimited from the next tick on.
-  void let_go() noexcept;
+  void release() noexcept;
 
   /// Writes the interpolated pose at `now_ns` and its sample time. Servo thread only.
   void fill(DeviceSample& sample, std::int64_t now_ns) noexcept;
 
   /// Default validity of a pose after an update.
-  static constexpr double kHeld_s = 0.1;
+  static constexpr double kValidity_s = 0.1;
   /// Speed limit of the interpolation, device mm/s: a distant new position is approached along a path instead
   /// of reached by a jump.
   static constexpr double kMaxSpeed_mm_s = 2000;
 
  private:
-  struct Place {
+  struct Pose {
     Point<Device> tip;
     Eigen::Quaterniond R_DeviceTool = Eigen::Quaterniond::Identity();
   };
   struct Message {
-    Place place;
+    Pose pose;
     std::int64_t at_ns = 0;
-    bool held = false;
+    bool is_valid = false;
   };
-  void take_message(std::int64_t now_ns) noexcept;
-  Place place_at(std::int64_t now_ns) const noexcept;
+  void read_message(std::int64_t now_ns) noexcept;
+  Pose pose_at(std::int64_t now_ns) const noexcept;
 
-  const std::int64_t held_ns_;
+  const std::int64_t validity_ns_;
   Mailbox<Message> messages_;
   // owned by the servo thread: interpolation from one place and time to another
-  Place from_, to_;
+  Pose from_, to_;
   std::int64_t from_ns_ = 0, to_ns_ = 0;
   Message last_;
 };

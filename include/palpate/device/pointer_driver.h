@@ -49,7 +49,7 @@ class PointerDriver final : public DeviceDriver {
 
   /// Validity of a position after move(). Longer than a page's main thread is blocked by its drawing; the
   /// rendered force has faded out 0.6 s after the last message.
-  static constexpr double kHeld_s = 0.55;
+  static constexpr double kValidity_s = 0.55;
   /// Gain of the force control: stable up to a rendered stiffness of 16 N/mm at 1000 ticks a second.
   static constexpr double kPressRate_mm_s_N = 100;
   static constexpr double kMaxPressSpeed_mm_s = 100;

@@ -38,7 +38,7 @@ struct DeviceVendor {
   /// Creates a driver that is not connected; DeviceDriver::open() connects it.
   std::function<std::unique_ptr<DeviceDriver>()> make;
   /// Reports prerequisites and connected devices on this machine. Takes some seconds at most.
-  std::function<DeviceReport()> look;
+  std::function<DeviceReport()> detect;
 };
 
 /// Registered vendors, in the order of registration.

@@ -32,8 +32,8 @@ class RenderedStiffness {
   /// Largest stiffness in the patient that is rendered unclamped, N/mm, at least 0. NaN if unknown, which
   /// clamps nothing.
   double max_in_patient() const {
-    const double most = in_patient(max_N_per_mm_);
-    return most < 0 ? 0 : most;
+    const double largest = in_patient(max_N_per_mm_);
+    return largest < 0 ? 0 : largest;
   }
   /// Stiffness that the proxy renders for a tissue, N/mm at the device.
   double by_proxy(double patient_N_per_mm) const {

@@ -13,7 +13,7 @@
 namespace palpate {
 
 /// Search location of a vendor's library.
-struct VendorLibraryPlace {
+struct VendorLibraryLocation {
   /// The file itself, if the user specifies it. Empty: `names` are searched for in `folders`.
   std::filesystem::path file;
   std::vector<std::string> names;              ///< File names, the preferred one first
@@ -28,8 +28,8 @@ std::vector<std::filesystem::path> system_library_folders();
 /// Errors: kUnavailable, naming the user's file or every name and folder.
 /// @param whose  product name for the error, e.g. "OpenHaptics"
 /// @param get    remedy for the error: where to obtain the library
-Result<std::filesystem::path> find_vendor_library(const VendorLibraryPlace& place, const std::string& whose,
-                                                  const std::string& get);
+Result<std::filesystem::path> find_vendor_library(const VendorLibraryLocation& location,
+                                                  const std::string& whose, const std::string& get);
 
 /// A function of a library, and the pointer that receives its address.
 struct VendorFunction {

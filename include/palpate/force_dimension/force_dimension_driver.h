@@ -16,7 +16,7 @@ namespace palpate {
 struct ForceDimensionSettings {
   /// libdrd is preferred: it contains libdhd's functions and additionally reports whether an arm is
   /// initialised.
-  VendorLibraryPlace library{{}, {"libdrd.so.3", "libdrd.so", "libdhd.so.3", "libdhd.so"}, {}};
+  VendorLibraryLocation library{{}, {"libdrd.so.3", "libdrd.so", "libdhd.so.3", "libdhd.so"}, {}};
   bool gravity = true;  ///< Whether the library compensates the arm's weight
   /// Mass attached to the end effector, kg, if different from the vendor's; used for gravity compensation.
   std::optional<double> held_mass_kg;
@@ -27,7 +27,7 @@ struct ForceDimensionSettings {
 /// devices connected at open() are devices of the driver, at most kMaxDevices.
 ///
 /// **Fault handling**: the force is removed first. Samples are marked `fault`, zeros are written whatever the
-/// servo returns, and trouble() then describes the fault. A lost device is closed, searched for and reopened
+/// servo returns, and failure() then describes the fault. A lost device is closed, searched for and reopened
 /// by a separate thread ten times a second, while the session continues.
 ///
 /// **Autonomous motion**: initialising an arm (drdAutoInit) moves it. open() does that only with consent, and
@@ -46,7 +46,7 @@ class ForceDimensionDriver final : public DeviceDriver {
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override;
   void resume(std::uint64_t newest) noexcept override;
-  std::optional<Error> trouble() const override;
+  std::optional<Error> failure() const override;
 
   /// Interval at which the device's status is read.
   static constexpr double kStatusEvery_s = 0.004;

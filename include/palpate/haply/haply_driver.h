@@ -26,7 +26,7 @@ struct HaplySettings {
 /// at most kMaxDevices; each uses the grip (orientation, buttons) at the same position of the service's list.
 ///
 /// **Fault handling**: the force is removed first. Samples are marked `fault`, and the requests ask for zero
-/// force, or none is sent and the device goes idle by itself. trouble() then describes the fault. A separate
+/// force, or none is sent and the device goes idle by itself. failure() then describes the fault. A separate
 /// thread searches for a lost service ten times a second, and the session continues when it is found. If a
 /// reply takes longer than kSilence_s, zero force is requested without waiting for it.
 ///
@@ -45,7 +45,7 @@ class HaplyDriver final : public DeviceDriver {
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override;
   void resume(std::uint64_t newest) noexcept override;
-  std::optional<Error> trouble() const override;
+  std::optional<Error> failure() const override;
 
   /// Timeout of a reply, after which the servo runs with the previous state, whose age increases.
   static constexpr double kTimeout_s = 0.002;

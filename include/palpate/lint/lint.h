@@ -68,13 +68,13 @@ std::string_view in_words(LintSeverity severity);
 struct LintFinding {
   LintKind kind = LintKind::kIslands;
   LintSeverity severity = LintSeverity::kFault;
-  std::vector<LabelId> structures;      ///< Segment ids; empty: the whole label map
-  double quantity = 0;                  ///< Measured value in `unit`
-  std::string_view unit;                ///< "mm3", "mm2", "mm", "%", or "" for a number
-  std::size_t voxels = 0;               ///< Number of affected voxels; 0 if the finding has none
-  std::optional<Point<Patient>> place;  ///< Centre of an affected voxel; empty: the finding has no place
-  std::array<int, 3> voxel{0, 0, 0};    ///< Indices of that voxel; valid if `place` is set
-  std::string sentence;                 ///< Description with figures; without a full stop
+  std::vector<LabelId> structures;         ///< Segment ids; empty: the whole label map
+  double quantity = 0;                     ///< Measured value in `unit`
+  std::string_view unit;                   ///< "mm3", "mm2", "mm", "%", or "" for a number
+  std::size_t voxels = 0;                  ///< Number of affected voxels; 0 if the finding has none
+  std::optional<Point<Patient>> position;  ///< Centre of an affected voxel; empty: the finding has no place
+  std::array<int, 3> voxel{0, 0, 0};       ///< Indices of that voxel; valid if `position` is set
+  std::string sentence;                    ///< Description with figures; without a full stop
 };
 
 /// Grade of a structure. A: nothing but undecided findings. B: warnings. C: faults of one kind. D: faults of

@@ -74,10 +74,10 @@ struct SceneMemory {
 /// Called with the estimate before the memory is allocated.
 using MemoryCallback = std::function<void(const SceneMemory&)>;
 
-struct Placing;
+struct PlacementOptions;
 struct Study;
 /// Orientation, axes and spacing that a scene declares for its volumes (palpate/volume_io/volume_io.h).
-Placing placing_of(const Scene& scene);
+PlacementOptions placement_options_of(const Scene& scene);
 
 /// Input files of a scene, as given on a command line or in a table.
 struct SceneSource {

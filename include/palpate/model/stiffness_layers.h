@@ -20,9 +20,9 @@ struct StiffnessRange {
 inline constexpr double kSameStiffness = 1.05;
 
 /// Layers of structures that touch (docs/decisions/0018-one-body-in-layers.md), softest first. If there are
-/// more than `most`, adjacent layers with the least resulting error are merged.
+/// more than `largest`, adjacent layers with the least resulting error are merged.
 /// @param stiffnesses  N/mm, above 0, in any order
-/// @param most         at least 1
-std::vector<StiffnessRange> stiffness_layers(std::vector<double> stiffnesses, int most = kMaxLayers);
+/// @param largest         at least 1
+std::vector<StiffnessRange> stiffness_layers(std::vector<double> stiffnesses, int largest = kMaxLayers);
 
 }  // namespace palpate

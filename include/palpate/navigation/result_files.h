@@ -26,7 +26,7 @@ struct RegistrationOutcome {
   std::vector<std::string> names;  ///< Names of the points, in their order
   /// For points touched live: scatter of the tip while it was held (TouchedPoint). Empty: the points came
   /// from a file.
-  std::vector<double> held_mm;
+  std::vector<double> spread_mm;
   bool is_fle_known = false;  ///< Whether the FLE was given instead of estimated from the residuals
   /// Argument of rigid_error; empty: unknown, because the residuals are exactly zero.
   std::optional<double> fle_scale;

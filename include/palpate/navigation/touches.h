@@ -11,16 +11,16 @@ namespace palpate {
 
 /// A point that was touched and held.
 struct TouchedPoint {
-  Point<Tracker> at;   ///< Mean of the tip positions while held
-  double held_mm = 0;  ///< RMS distance of these from the mean
+  Point<Tracker> at;     ///< Mean of the tip positions while held
+  double spread_mm = 0;  ///< RMS distance of these from the mean
   std::size_t poses = 0;
 };
 
 struct TouchSettings {
-  double hold_s = 1;        ///< Minimum duration for which the tip is held
-  double still_mm = 1;      ///< Maximum distance from the mean during that time
-  double apart_mm = 5;      ///< Minimum distance from earlier touched points
-  std::size_t fewest = 10;  ///< Minimum number of poses in that time
+  double hold_s = 1;         ///< Minimum duration for which the tip is held
+  double still_mm = 1;       ///< Maximum distance from the mean during that time
+  double separation_mm = 5;  ///< Minimum distance from earlier touched points
+  std::size_t fewest = 10;   ///< Minimum number of poses in that time
 };
 
 /// Detects points that are touched in sequence: each is recorded when the tip has been held still, and the
@@ -52,7 +52,7 @@ class TouchDetector {
     double time_s = 0;
   };
   const TouchSettings settings_;
-  std::deque<Observed> observed_;  // samples of the last hold_s
+  std::deque<Observed> samples_;  // samples of the last hold_s
   std::vector<TouchedPoint> taken_;
 };
 

@@ -13,7 +13,7 @@ namespace palpate {
 
 /// Library, devices and weight compensation of OpenHaptics.
 struct OpenHapticsSettings {
-  VendorLibraryPlace library{{}, {"libHD.so", "libHD.so.3.4", "libHD.so.3.0"}, {}};
+  VendorLibraryLocation library{{}, {"libHD.so", "libHD.so.3.4", "libHD.so.3.0"}, {}};
   /// Names of the devices in the vendor's configuration. Empty: one device, under the usual names of the
   /// default one.
   std::vector<std::string> names;
@@ -31,7 +31,7 @@ struct OpenHapticsSettings {
 ///     finder                                  stop, disable, init, …  ──┘
 ///
 /// Exactly one of the first two threads calls the servo. **Fault handling**: the force is removed first.
-/// Samples are marked `fault`, frames carry zeros whatever the servo returns, and trouble() then describes
+/// Samples are marked `fault`, frames carry zeros whatever the servo returns, and failure() then describes
 /// the fault. A lost device, or one whose scheduler has stalled, is disabled and reinitialised by a separate
 /// thread, ten times a second.
 ///
@@ -48,7 +48,7 @@ class OpenHapticsDriver final : public DeviceDriver {
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override;
   void resume(std::uint64_t newest) noexcept override;
-  std::optional<Error> trouble() const override;
+  std::optional<Error> failure() const override;
 
   /// Time without a completed frame after which the motors are disabled and run() ticks, and after which the
   /// scheduler is given up.

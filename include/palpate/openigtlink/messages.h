@@ -59,7 +59,7 @@ class MessageSplitter {
 
   explicit MessageSplitter(WantsBody wants_body) : wants_body_(wants_body) {}
   /// Errors: kBadInput if the input is not OpenIGTLink; the splitter is then unusable.
-  Result<void> take(std::span<const std::uint8_t> bytes, const OnMessage& on_message);
+  Result<void> consume(std::span<const std::uint8_t> bytes, const OnMessage& on_message);
 
  private:
   Result<void> begin_body();
@@ -78,7 +78,7 @@ class PoseReader {
 
   PoseReader();
   /// Errors: kBadInput if the input is not OpenIGTLink; the reader is then unusable.
-  Result<void> take(std::span<const std::uint8_t> bytes, const OnPose& on_pose);
+  Result<void> consume(std::span<const std::uint8_t> bytes, const OnPose& on_pose);
   /// Number of pose messages that were dropped because of a wrong checksum or length.
   std::uint64_t damaged() const { return damaged_; }
 

@@ -43,14 +43,14 @@ struct SimulationOptions {
 };
 
 /// Relative tolerance within which a force counts as held.
-inline constexpr double kHeldWithin = 0.2;
+inline constexpr double kHoldTolerance = 0.2;
 
 /// How one structure of the script was held.
 struct HoldFigure {
   std::string structure;
   LabelId label = 0;
-  /// Longest uninterrupted contact with that structure at a force within kHeldWithin of one that a press step
-  /// requests there; if none does, at any force.
+  /// Longest uninterrupted contact with that structure at a force within kHoldTolerance of one that a press
+  /// step requests there; if none does, at any force.
   double held_s = 0;
   double mean_force_N = 0;
   double peak_force_N = 0;
@@ -70,7 +70,7 @@ struct RemovedFigure {
 struct ProtectedFigure {
   std::string structure;
   LabelId label = 0;
-  bool kept = false;
+  bool within_limit = false;
   /// Distance of the burr's head from the structure as prepared (NearestMeter). Empty: never near.
   std::optional<double> nearest_mm;
   double removed_mm3 = 0;
@@ -99,7 +99,7 @@ struct SimulationResult {
   double max_force_N = 0;  ///< Largest commanded force
   double limit_N = 0;
   std::vector<std::string>
-      trouble;  ///< Limits known to be unreachable, and failed steps, in words without file names
+      problems;  ///< Limits known to be unreachable, and failed steps, in words without file names
 };
 
 /// Runs a script with the simulated hand on the virtual clock and writes a recording (empty path: none).

@@ -24,14 +24,14 @@ struct RunSetup {
   double limit_N = 0;
   /// Problems known before the first tick, a sentence each: stiffness that no hand can hold stably, presses
   /// beyond what the limit or the tissue permits.
-  std::vector<std::string> trouble;
+  std::vector<std::string> problems;
   RecordedTask task = {};
 };
 
 /// Sets up a run of the simulated hand.
 /// @param script  none: the default script, which presses every bone and cartilage of a knee, or otherwise
-///                the largest touchable structures that the tool can reach. Larger ones that it cannot reach are
-///                listed in Script::limitations and `trouble`, with the reason.
+///                the largest touchable structures that the tool can reach. Larger ones that it cannot reach
+///                are listed in Script::limitations and `problems`, with the reason.
 /// Errors: an unknown device or hand, with the line of the script; no reachable structure without a script;
 /// those of ready_for.
 Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Script>& script,
@@ -39,8 +39,8 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Scrip
 
 /// Set-up of a run whose tips are led by persons, by pointer or device: model, parameters other than the
 /// devices', rate of a loop with its own clock. Limits by stiffness and heat are not applied yet.
-Result<RunSetup> set_up_led_run(const LoadedScene& loaded, const SimulationOptions& options,
-                                const Progress& progress);
+Result<RunSetup> set_up_guided_run(const LoadedScene& loaded, const SimulationOptions& options,
+                                   const Progress& progress);
 
 /// Header of the run's recording.
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);

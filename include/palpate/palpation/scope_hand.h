@@ -18,7 +18,7 @@ class ScopeHand {
   /// @param model  outlives the hand
   ScopeHand(const Model& model, const Point<World>& start);
 
-  void look(const ScopeStep& step) { step_ = step; }
+  void aim(const ScopeStep& step) { step_ = step; }
   /// Whether the camera is within half a millimetre and two degrees of the requested pose.
   bool is_there() const { return is_there_; }
   /// @param tick  last tick, with the pose of the patient and of the first device

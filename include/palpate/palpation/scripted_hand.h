@@ -11,7 +11,7 @@
 #include "palpate/palpation/free_path.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/run_setup.h"
-#include "palpate/palpation/touch_place.h"
+#include "palpate/palpation/touch_site.h"
 
 namespace palpate {
 
@@ -59,7 +59,7 @@ class ScriptedHand {
   /// Progress in steps, 0 ... 1.
   double progress() const { return static_cast<double>(step_) / static_cast<double>(steps_.size()); }
   /// Failed steps, one sentence each with the script's line.
-  const std::vector<std::string>& trouble() const { return trouble_; }
+  const std::vector<std::string>& problems() const { return problems_; }
   /// Contact points of the approaches so far.
   const std::vector<TouchFigure>& touches() const { return touches_; }
   /// Requested holds by structure, in the order of the approaches.
@@ -70,7 +70,7 @@ class ScriptedHand {
     ScriptStep action;
     int line = 0;
     LabelId structure = 0;  // structure of the last approach
-    TouchPlaces places;     // candidates of an approach
+    TouchSites sites;       // candidates of an approach
   };
   enum class Approach : std::uint8_t { kPlan, kWalk, kTouch };
   ScriptedHand(const Model& model, const Script& script, const PlantDevice& device, const PlantHand& hand);
@@ -98,7 +98,7 @@ class ScriptedHand {
   std::optional<std::string> excess_depth(const TickRecord& tick, double dt_s);
   std::optional<std::string> lost(const PlannedStep& step, const TickRecord& tick, double dt_s);
   std::optional<std::string> force_deviation(double time_s) const;
-  void try_next_place(const TickRecord& tick, const std::string& why);
+  void try_next_site(const TickRecord& tick, const std::string& why);
   bool fail(const PlannedStep& step, const TickRecord& tick, const std::string& why);
   std::string named(const PlannedStep& step) const;
   std::string skipped() const;
@@ -127,7 +127,7 @@ class ScriptedHand {
   double tool_reach_mm_ = 0, clear_of_object_mm_ = 0;
   std::vector<PlannedStep> steps_;
   bool cutting_ = false;  ///< Whether the motor runs: tissue is removed at any pressing force
-  std::vector<std::string> trouble_;
+  std::vector<std::string> problems_;
   std::vector<TouchFigure> touches_;
   Point<World> start_;
 
@@ -143,7 +143,7 @@ class ScriptedHand {
       approach_path_;  // corners of the last approach and of subsequent slides, in order
   // state of an approach
   Approach phase_ = Approach::kPlan;
-  std::size_t place_ = 0;
+  std::size_t site_index_ = 0;
   std::string refusal_;     // reason for abandoning the last place
   bool elsewhere_ = false;  // whether the next place is tried after retreating
   double phase_time_s_ = 0, contact_s_ = 0;

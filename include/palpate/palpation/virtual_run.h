@@ -37,7 +37,7 @@ class VirtualRun {
   const Model& model() const { return *model_; }
   const ScriptedHand& hand() const { return hand_; }
   /// Commands of the script since the last call, each with the first tick to which it applies.
-  std::vector<RecordingEvent> take_events() { return std::exchange(reported_, {}); }
+  std::vector<RecordingEvent> receive_events() { return std::exchange(reported_, {}); }
 
  private:
   void cut();

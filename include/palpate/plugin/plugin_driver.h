@@ -26,7 +26,7 @@ struct PluginSettings {
 ///
 /// **Fault handling**: a plug-in whose process ends, that gives no sample for kAbandoned_s, or reports one
 /// that is not finite or of another size is given up: its process is killed, samples are marked `fault` from
-/// then on, and trouble() states the reason. A session that dies or stands still is silent, and its device
+/// then on, and failure() states the reason. A session that dies or stands still is silent, and its device
 /// gets zero force.
 class PluginDriver final : public DeviceDriver {
  public:
@@ -40,7 +40,7 @@ class PluginDriver final : public DeviceDriver {
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override;
   void resume(std::uint64_t newest) noexcept override;
-  std::optional<Error> trouble() const override;
+  std::optional<Error> failure() const override;
 
   /// Loads a plug-in in a process of its own, connects to nothing, and reports its devices.
   static DeviceReport probe(const PluginSettings& settings);

@@ -71,10 +71,10 @@ class Receiver {
     get(byte);
     value = byte != 0;
   }
-  void get(std::string& text, std::size_t most = kMostText) {
+  void get(std::string& text, std::size_t largest = kMostText) {
     std::uint32_t size = 0;
     get(size);
-    if (size > most) fail("one of its strings is too long");
+    if (size > largest) fail("one of its strings is too long");
     if (!ok()) return;
     text.resize(size);
     get_bytes(std::as_writable_bytes(std::span(text)));

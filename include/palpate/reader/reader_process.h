@@ -31,7 +31,7 @@ class ParentEnd : public ByteTarget {
   ParentEnd(int pipe, int words, std::span<std::byte> shared) : pipe_(pipe), words_(words), shared_(shared) {}
   /// Sends bytes to the parent; false if the parent accepts no more.
   bool write(std::span<const std::byte> bytes) override;
-  /// Waits until the parent has called go_on() once more than this function has returned. False if it never
+  /// Waits until the parent has called resume() once more than this function has returned. False if it never
   /// will.
   bool wait_for_grant();
   /// Memory shared with the parent, initially zero.
@@ -73,7 +73,7 @@ class ReaderProcess : public ByteSource {
   /// interrupted.
   Result<void> read(std::span<std::byte> bytes) override;
   /// Allows the process to pass one wait_for_grant().
-  void go_on() const;
+  void resume() const;
   /// Shared memory, which the process may modify at any time, even during validation: copy, then check, then
   /// use.
   std::span<const std::byte> shared() const { return shared_; }

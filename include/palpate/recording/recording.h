@@ -68,7 +68,7 @@ enum class Asker : std::uint8_t {
   kScript,         ///< The simulated hand's script
   kKey,            ///< A key where palpate runs
   kControlViewer,  ///< A viewer with permission to change things
-  kLookingViewer,  ///< A viewer that may only look and stop
+  kViewingViewer,  ///< A viewer that may only look and stop
   kAgreedViewer,   ///< A viewer with permission, with consent given by a key where palpate runs
 };
 struct RequestedBy {
@@ -155,7 +155,7 @@ struct RecordingSummary {
   std::uint64_t skipped = 0;  ///< Nominal tick times of the real clock that passed without a tick
   /// Targets that the simulated hand missed, one sentence each. A recording stores at most 1000, the last of
   /// which then gives the number of omitted ones, and 512 bytes of each.
-  std::vector<std::string> trouble;
+  std::vector<std::string> problems;
 
   /// Adds a tick: its flags, each counted once per tick regardless of the number of devices, and its state
   /// hash.
@@ -176,11 +176,11 @@ struct RecordingHead {
   std::optional<RecordingSummary> summary;  ///< Absent: the recording is incomplete
   std::uint64_t ticks = 0;                  ///< Number of ticks
   bool is_clock_monotonic = true;           ///< Whether time_s is finite and strictly increasing
-  struct UsedMethod {
+  struct AppliedMethod {
     std::uint8_t method = 0;  ///< Method as in TickRecord
     std::uint64_t tick = 0;   ///< First tick that used it
   };
-  std::vector<UsedMethod> methods;  ///< Force methods used, in the order of their first ticks
+  std::vector<AppliedMethod> methods;  ///< Force methods used, in the order of their first ticks
 };
 
 /// Consecutive ticks with the events up to them: an event precedes or accompanies the first tick that
@@ -264,7 +264,7 @@ class Recorder {
                                                  EventLog* log = nullptr);
   /// Drains the ring and stops. A recording without finish() counts as incomplete.
   virtual ~Recorder() = default;
-  /// Totals so far; `dropped`, `skipped` and `trouble` are set by finish(). Thread-safe.
+  /// Totals so far; `dropped`, `skipped` and `problems` are set by finish(). Thread-safe.
   virtual RecordingSummary so_far() const = 0;
   /// Reason why writing has ended: the disk is full or gone. Ticks are still counted and passed to `on_tick`.
   /// Thread-safe.
@@ -273,7 +273,7 @@ class Recorder {
   /// function afterwards. Returns failure() if any write failed, the last one included.
   /// @param dropped, skipped  totals of the run, for the summary
   virtual Result<RecordingSummary> finish(std::uint64_t dropped, std::uint64_t skipped,
-                                          const std::vector<std::string>& trouble) = 0;
+                                          const std::vector<std::string>& problems) = 0;
 };
 
 /// Reads a whole recording into memory. Errors: those of RecordingSource.

@@ -69,9 +69,9 @@ class Records {
   /// scored by the same task, again returns the existing id. Errors: those of check_learner
   /// (palpate/base/learner.h), kOutput.
   virtual Result<std::int64_t> add(const RunRecord& run) = 0;
-  /// Lists runs in the order of their ids. `take` may stop it by returning an error.
+  /// Lists runs in the order of their ids. `visit` may stop it by returning an error.
   virtual Result<void> list(const RunFilter& filter,
-                            const std::function<Result<void>(const RunRecord&)>& take) = 0;
+                            const std::function<Result<void>(const RunRecord&)>& visit) = 0;
   /// Reads a run with its metrics. Error kBadInput if there is none.
   virtual Result<RunRecord> run(std::int64_t id) = 0;
   /// Deletes a learner with all runs, so that neither the file, its log nor free pages contain any byte of
@@ -83,7 +83,7 @@ class Records {
 
 /// Whether the text resembles a person's name rather than a pseudonym: "Doe^Jane", "Jane Doe",
 /// "jane@example.org".
-bool looks_like_a_person(const std::string& learner);
+bool resembles_personal_name(const std::string& learner);
 
 /// PALPATE_RECORDS, otherwise palpate/records.db below XDG_DATA_HOME or ~/.local/share. Empty if none of
 /// these is set.

@@ -26,7 +26,7 @@ struct ToleratedValue {
   /// Tolerance of the absolute value; empty: none
   std::optional<double> allowed;
   /// An unknown value violates a tolerance
-  bool kept() const { return !allowed || std::abs(value) <= *allowed; }
+  bool is_within_limit() const { return !allowed || std::abs(value) <= *allowed; }
 };
 
 /// How the actual entry point was determined.
@@ -68,8 +68,9 @@ struct TrajectoryResult {
   /// at the deepest point. Known only for tools with a shaft and devices that report an orientation.
   double shaft_deg = kNotKnown;
 
-  bool kept() const {
-    return entry_error_mm.kept() && target_error_mm.kept() && angle_deg.kept() && depth_error_mm.kept();
+  bool is_within_limit() const {
+    return entry_error_mm.is_within_limit() && target_error_mm.is_within_limit() &&
+           angle_deg.is_within_limit() && depth_error_mm.is_within_limit();
   }
 };
 
@@ -96,7 +97,7 @@ struct StructureClearance {
   /// Minimum in each interval of PlanComparison::times_s; NaN if no tick had a valid position.
   std::vector<float> over_time_mm;
 
-  bool kept() const { return !requested_mm || nearest_mm >= *requested_mm; }
+  bool is_within_limit() const { return !requested_mm || nearest_mm >= *requested_mm; }
 };
 /// Interval in which a required clearance was violated.
 struct ClearanceViolation {
@@ -126,7 +127,7 @@ struct PlanComparison {
 
   /// Whether every tolerance of the plan was met, the recording is not truncated, and no tick is missing (a
   /// tolerance may have been violated in a missing tick). Volumes have no tolerance.
-  bool kept() const;
+  bool is_within_limit() const;
 };
 /// Capacities of PlanComparison: intervals, breaches, points of the path.
 inline constexpr std::size_t kMaxPlanTimes = 400, kMaxBreaches = 1000, kMaxPathPoints = 4000;

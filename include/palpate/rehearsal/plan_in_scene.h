@@ -27,7 +27,7 @@ class RegionInPlan {
   }
   /// Bit set of the sample points of a voxel (RemovedVolume) that are in the region.
   /// @param label  label of the voxel
-  std::uint64_t places_in(const GridGeometry& grid, int i, int j, int k, LabelId label) const;
+  std::uint64_t samples_in(const GridGeometry& grid, int i, int j, int k, LabelId label) const;
 
  private:
   PlanShape shape_;

@@ -35,13 +35,13 @@ class StructureDistance {
     std::uint32_t first = 0, count = 0;
     double squared_mm2(const Eigen::Array3d& at) const;
   };
-  double to_places_mm(const Eigen::Vector3d& at) const;
+  double to_edge_cuts_mm(const Eigen::Vector3d& at) const;
 
   LabelId label_;
   std::shared_ptr<const Surface> surface_;
   double near_mm_;
   std::vector<Block> blocks_;
-  std::vector<Eigen::Vector3f> places_;
+  std::vector<Eigen::Vector3f> edge_points_;
 };
 
 /// Distances of every structure that has a voxel, in the order of Model::segments, before any removal. Uses

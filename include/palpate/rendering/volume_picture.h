@@ -41,8 +41,9 @@ double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureR
 /// that it is for research and education. No title and no path.
 /// @param renderer  prepared for the model's labels with these looks
 /// @param marks     drawn among the structures
-Image volume_picture(VolumeRenderer& renderer, const Model& model, std::span<const StructureLook> looks,
-                     const VolumePictureRequest& request, std::span<const VolumeMark> marks = {});
+Image volume_picture(VolumeRenderer& renderer, const Model& model,
+                     std::span<const StructureAppearance> appearances, const VolumePictureRequest& request,
+                     std::span<const VolumeMark> marks = {});
 
 /// PNG of a model from the front, for lists and tables. Errors: kInterrupted.
 /// @param model  with labels

@@ -18,17 +18,17 @@
 namespace palpate {
 
 /// Appearance of a structure.
-struct StructureLook {
+struct StructureAppearance {
   Rgb colour;
   double opacity = 1;  ///< 0: invisible; 1: opaque; between: its surface is visible, and what lies behind it
 };
 /// Looks by LabelId as the scene defines them (palpate/contact/colours.h); labels without a tissue are
 /// opaque.
-std::vector<StructureLook> structure_looks(const Model& model);
+std::vector<StructureAppearance> structure_appearances(const Model& model);
 
 /// Appearance of the scan as a haze around the structures: the brighter, the denser. Invisible in voxels that
 /// structures cover by more than half.
-struct ScanLook {
+struct ScanAppearance {
   std::shared_ptr<const Volume<float>> scan;  ///< On the grid of the labels; null: not drawn
   std::array<double, 2> window{0, 1};         ///< Values for black and white, ascending
   double opacity = 1;                         ///< 0 ... 1
@@ -91,12 +91,13 @@ struct Scratch;
 /// internally. Bit-identical on every SIMD target and for any number of threads.
 class VolumeRenderer {
  public:
-  /// @param looks    by LabelId; labels beyond it are not drawn
+  /// @param appearances    by LabelId; labels beyond it are not drawn
   /// @param threads  0: one per CPU
   /// @param scan     shared for the lifetime of the renderer
   /// Errors: kInterrupted.
-  static Result<VolumeRenderer> make(const Bricks<LabelId>& labels, std::span<const StructureLook> looks,
-                                     int threads = 0, const Progress& progress = {}, ScanLook scan = {});
+  static Result<VolumeRenderer> make(const Bricks<LabelId>& labels,
+                                     std::span<const StructureAppearance> appearances, int threads = 0,
+                                     const Progress& progress = {}, ScanAppearance scan = {});
   VolumeRenderer(VolumeRenderer&&) noexcept;
   VolumeRenderer& operator=(VolumeRenderer&&) noexcept;
   ~VolumeRenderer();

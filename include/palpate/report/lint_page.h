@@ -21,7 +21,7 @@ struct LintPage {
   struct Finding {
     std::string title, severity;            ///< "Islands", "fault"
     std::string sentence, effect, remedy;   ///< Texts without full stops
-    std::string place;                      ///< Position; empty: the finding has none
+    std::string position;                   ///< Position; empty: the finding has none
     std::vector<std::uint8_t> picture_png;  ///< PNG image; empty: none
   };
   struct Kind {

@@ -15,9 +15,9 @@
 namespace palpate {
 
 /// Nearest point of a surface to a query point.
-struct NearestPlace {
-  double distance_mm = 0;  ///< Signed distance of the query point; positive outside, negative inside
-  Point<Patient> place;    ///< Nearest point on the surface
+struct NearestSurfacePoint {
+  double distance_mm = 0;   ///< Signed distance of the query point; positive outside, negative inside
+  Point<Patient> position;  ///< Nearest point on the surface
 };
 
 namespace internal {
@@ -60,12 +60,12 @@ class SurfaceTree {
   const std::shared_ptr<const Surface>& surface() const { return surface_; }
   /// Nearest point of the surface. Empty if x is outside and farther than `within_mm`, if there is no
   /// surface, or if x is not finite. Bounded work: after kMaxNodes nodes the best point so far is returned.
-  std::optional<NearestPlace> nearest(const Point<Patient>& x,
-                                      double within_mm = std::numeric_limits<double>::infinity()) const;
+  std::optional<NearestSurfacePoint> nearest(
+      const Point<Patient>& x, double within_mm = std::numeric_limits<double>::infinity()) const;
   /// Unit gradient of the distance at x. Close to the surface, where the direction to the nearest point is
   /// ill-conditioned, the surface's own normal is used. Zero where neither is defined.
   /// @param near  result of nearest() for x
-  Vector<Patient> outward(const Point<Patient>& x, const NearestPlace& near) const;
+  Vector<Patient> outward(const Point<Patient>& x, const NearestSurfacePoint& near) const;
 
   /// Bounding box of the surface; low > high if there is none.
   const Eigen::Array3d& low() const { return low_; }

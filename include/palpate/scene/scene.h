@@ -137,9 +137,9 @@ struct DistanceSettings {
 /// A [[no_go]] region: structures, a half-space bounded by a plane, or a sphere.
 struct NoGoSettings {
   std::string name;
-  std::vector<LabelReference> structures;  ///< Structures of the region; empty if `place` is given
+  std::vector<LabelReference> structures;  ///< Structures of the region; empty if `shape` is given
   std::vector<int> structure_lines;        ///< Line of each structure, for errors
-  std::variant<std::monostate, NoGoPlane, NoGoSphere> place;
+  std::variant<std::monostate, NoGoPlane, NoGoSphere> shape;
   /// Clearance from the region at which the repelling spring begins.
   double keep_away_mm = 1;
   double stiffness_N_per_mm = 2;
@@ -376,8 +376,8 @@ struct Script {
   std::vector<int> lines;              ///< Line of each step, for errors
   int device_line = 0, hand_line = 0;  ///< 0: not set by the script
   std::string source;
-  /// Limitations of a script planned for a scene: touchable structures that it leaves out or presses with less
-  /// force, and the reason, one sentence each.
+  /// Limitations of a script planned for a scene: touchable structures that it leaves out or presses with
+  /// less force, and the reason, one sentence each.
   std::vector<std::string> limitations = {};
 };
 /// Whether the script uses a second device that holds a scope.

@@ -138,7 +138,7 @@ struct ViewedDebriefing {
   std::uint64_t patches_left_out = 0;
   std::optional<std::array<double, 3>> answer_mm, to_find_mm;
   int runs = 0, in_a_row = 0;
-  std::optional<std::int64_t> kept;
+  std::optional<std::int64_t> run_id;
   std::optional<Error> not_stored;
   std::string learner;  ///< Pseudonym of the run's learner, as in ViewedTraining
 };

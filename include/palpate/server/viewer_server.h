@@ -127,7 +127,7 @@ struct ViewedNoGo {
   };
   std::string name;
   double keep_away_mm = 0;                   ///< Distance from the region at which the force begins
-  std::variant<LabelId, Plane, Ball> place;  ///< A structure, the half-space behind a plane, or a ball
+  std::variant<LabelId, Plane, Ball> shape;  ///< A structure, the half-space behind a plane, or a ball
 };
 
 /// Scene data that is constant during a session. Apart from the names of structures and tissues it contains
@@ -382,7 +382,7 @@ class LiveHost : public ViewerHost {
   virtual Result<Grant> set(const TissueRequest& request) = 0;
   virtual Result<Grant> set(const StrokeRequest& request) = 0;
   /// Outcomes of earlier requests; each is returned once.
-  virtual std::vector<LateAnswer> take_answers() = 0;
+  virtual std::vector<LateAnswer> read_answers() = 0;
   /// Discards the pending requests of a viewer that disconnected.
   virtual void forget(const ViewerIdentity& viewer) = 0;
   /// Error kUsage if a device is physical and the code is missing or wrong, if another stop followed the one
@@ -390,7 +390,7 @@ class LiveHost : public ViewerHost {
   virtual Result<void> rearm(const RearmRequest& request) = 0;
   /// Takes or releases control of the pointer. Error kUsage if the tip has another source.
   /// @param by  viewer that takes or releases it
-  virtual Result<void> take_pointer(bool take, const ViewerIdentity& by) = 0;
+  virtual Result<void> claim_pointer(bool take, const ViewerIdentity& by) = 0;
   /// Moves the pointer's tip; empty: its pose is stale until the next target.
   virtual void move_pointer(const std::optional<PointerTarget>& target) = 0;
   /// Begins or ends a run.

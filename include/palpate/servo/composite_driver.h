@@ -50,7 +50,7 @@ class CompositeDriver final : public DeviceDriver {
   void halt() noexcept override;
   void resume(std::uint64_t newest) noexcept override;
   /// Trouble of the first device that has any; also reports a follower whose driver has given up.
-  std::optional<Error> trouble() const override;
+  std::optional<Error> failure() const override;
 
   /// The followers' threads, in the order of their drivers; for one that has not run yet, only the name.
   std::vector<TickingThread> followers() const;

@@ -69,12 +69,12 @@ class MemoryLock {
   MemoryLock(const MemoryLock&) = delete;
   MemoryLock& operator=(const MemoryLock&) = delete;
 
-  bool held() const { return held_; }
+  bool is_locked() const { return is_locked_; }
   /// "locked", or the actual state and the reason.
   const std::string& text() const { return text_; }
 
  private:
-  bool held_ = false;
+  bool is_locked_ = false;
   std::string text_;
 };
 

@@ -114,7 +114,7 @@ struct ExploreStatus {
   /// Threads other than the loop's own that exchange states and commands with a device.
   std::vector<TickingThread> followers;
   /// Reason why a device currently delivers no force or no pose.
-  std::optional<Error> device_trouble;
+  std::optional<Error> device_failure;
   // values of the latest tick
   double force_N = 0, limit_N = 0, heat = 0;
   std::string structure;  ///< Name of the structure in contact; empty: none
@@ -150,10 +150,10 @@ struct ExploreResult {
   std::vector<TickingThread> threads;  ///< Threads that exchanged states and commands with devices
   std::vector<TouchFigure> touches;
   std::vector<HoldFigure> holds;
-  std::size_t failed_steps = 0;      ///< Failed steps of the script
-  double max_force_N = 0;            ///< Largest commanded force
-  double limit_N = 0;                ///< Highest force limit in effect
-  std::vector<std::string> trouble;  ///< Limits known to be unreachable, and failed steps, in words
+  std::size_t failed_steps = 0;       ///< Failed steps of the script
+  double max_force_N = 0;             ///< Largest commanded force
+  double limit_N = 0;                 ///< Highest force limit in effect
+  std::vector<std::string> problems;  ///< Limits known to be unreachable, and failed steps, in words
   std::optional<Error> recording_failure;
   std::vector<FinishedRun> runs;  ///< Runs of tasks
   bool stopped_by_user = false;   ///< Stopped by progress.stopped(), or by a teacher in the page

@@ -37,8 +37,8 @@ struct PlayedTaskOptions {
 /// @param task      task whose progress at the displayed position is shown, and whose debriefing follows at
 ///                  its end
 /// @param plan      plan shown along with the recording; may be null
-/// Errors: those of look_up() and TaskEvaluator::observe(); kBadInput if the run contains no tick, if the
-/// recording is of another scene, has no ticks, or its clock is not monotonic; those of
+/// Errors: those of resolve_task() and TaskEvaluator::observe(); kBadInput if the run contains no tick, if
+/// the recording is of another scene, has no ticks, or its clock is not monotonic; those of
 /// RecordingSource::read; kUnavailable if no thread can be created.
 Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
                                                     std::shared_ptr<const Model> model, Modality modality,

@@ -33,7 +33,7 @@ enum class RunEnd : std::uint8_t {
   kTask,       ///< All steps were done, or the time limit expired
   kRequested,  ///< Requested by a viewer or a key
   kSession,    ///< The session ended
-  kTrouble,    ///< The clock ran backwards, or memory ran out: the run does not pass
+  kFailure,    ///< The clock ran backwards, or memory ran out: the run does not pass
 };
 
 /// Finished run.
@@ -56,7 +56,7 @@ struct RunHistory {
   /// Best value of each metric over the earlier runs that were in band; a run that was broken off would win
   /// by a short path and low forces. kNotKnown if there is none.
   std::vector<double> best;
-  std::optional<std::int64_t> kept;  ///< Number of this run in the records
+  std::optional<std::int64_t> run_id;  ///< Number of this run in the records
   std::optional<Error> not_stored;
 };
 

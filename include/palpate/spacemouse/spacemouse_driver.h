@@ -42,7 +42,7 @@ class SpaceMouseDriver final : public DeviceDriver {
   // no force to halt
   void halt() noexcept override {}
   void resume(std::uint64_t /*newest*/) noexcept override {}
-  std::optional<Error> trouble() const override;
+  std::optional<Error> failure() const override;
 
   /// Range of the cap's axes, symmetric about 0.
   static constexpr double kMaxDeflection = 350;

@@ -36,7 +36,7 @@ inline constexpr double kLead_s = 1, kHeld_s = 2;
 inline constexpr double kLowestHold_hz = 250, kHighestHold_hz = 10000;
 
 /// Result of a hold.
-struct HeldTip {
+struct HoldResult {
   ForceMethod method = ForceMethod::kTrilinear;
   Buzz buzz;  ///< Over the last second
   double encoder_step_um = 0;
@@ -55,14 +55,14 @@ struct HeldTip {
 /// the object unrotated. Deterministic.
 /// @param model  prepared for the method (Model::has)
 /// Errors: kBadInput for a rate or delay out of range; kInterrupted.
-Result<HeldTip> hold_tip(const Model& model, const Hold& hold, const Progress& progress = {});
+Result<HoldResult> hold_tip(const Model& model, const Hold& hold, const Progress& progress = {});
 
 /// Plot of held tips as a self-contained SVG: displacement over time in one panel per tip, on a common scale,
 /// along the principal direction of the tip with the largest motion, with a band of two encoder steps.
 /// @param tips     at least one, of equal rate, device and hand
 /// @param heading  description of the conditions
 /// Errors: kOutput. Written atomically.
-Result<void> write_hold_picture(const std::filesystem::path& file, std::span<const HeldTip> tips,
+Result<void> write_hold_picture(const std::filesystem::path& file, std::span<const HoldResult> tips,
                                 const std::string& heading);
 
 }  // namespace palpate

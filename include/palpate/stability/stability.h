@@ -27,7 +27,8 @@ inline constexpr double kStiffestWall_N_per_mm = 100;
 /// to peak over a second, from the second second of the hold on, that does not decay. Deterministic.
 /// kStiffestWall_N_per_mm if none occurs. Errors: kBadInput for parameters out of range, a device without
 /// encoder step or a hand without stiffness, which cannot hold; kInterrupted.
-Result<double> critical_stiffness_N_per_mm(const StabilityCase& held, const Progress& progress = {});
+Result<double> critical_stiffness_N_per_mm(const StabilityCase& stability_case,
+                                           const Progress& progress = {});
 
 /// Stiffness that is passive with any hand: min(2b/T, 2 f_c / encoder step), without delay (Abbott & Okamura
 /// 2005).

@@ -97,11 +97,11 @@ Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& lab
                                                       const SurfaceOptions& options,
                                                       const Progress& progress = {});
 
-/// Variant of prepare_surfaces() that passes each surface to `take` before building the next, for callers
+/// Variant of prepare_surfaces() that passes each surface to `visit` before building the next, for callers
 /// that do not need the intermediate data.
 Result<void> prepare_each_surface(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
                                   const SurfaceOptions& options,
-                                  const std::function<void(PreparedSurface)>& take,
+                                  const std::function<void(PreparedSurface)>& visit,
                                   const Progress& progress = {});
 
 /// Pairs of structures that touch: voxels that share a face, an edge or a corner. Errors: kInterrupted.
@@ -119,8 +119,8 @@ std::vector<std::vector<LabelId>> touching_groups(const std::vector<LabelId>& st
 /// Places where a structure is a sheet through which a point may slip.
 struct Leaks {
   LabelId label = 0;
-  std::size_t joints = 0;  ///< Places where the two sides meet at an edge or a corner of voxels
-  Point<Patient> place;    ///< One of these places
+  std::size_t joints = 0;   ///< Places where the two sides meet at an edge or a corner of voxels
+  Point<Patient> position;  ///< One of these places
 };
 /// Structures whose voxels are connected by edges or corners alone, so that free voxels on both sides meet
 /// across an edge or corner: within two voxels of it neither side is connected to the other through faces,

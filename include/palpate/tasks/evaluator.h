@@ -64,7 +64,7 @@ struct TaskScore {
   std::vector<TaskEvent> events;
   std::uint64_t more_events = 0;  ///< Number of events beyond these
   std::uint64_t ticks = 0;        ///< Number of ticks evaluated
-  double begun_s = 0;             ///< Time of the first of them in the recording (TickRecord::time_s)
+  double started_s = 0;           ///< Time of the first of them in the recording (TickRecord::time_s)
   double time_s = 0;              ///< Duration from the first to the last of them
   /// Whether the run ended by its steps or its time limit, before the end of the recording
   bool ended = false;
@@ -95,7 +95,7 @@ class TaskEvaluator {
   // ---- progress
   std::uint64_t ticks() const { return ticks_; }
   /// Time since the first tick.
-  double time_s() const { return begun_ ? time_s_ - begun_s_ : 0; }
+  double time_s() const { return begun_ ? time_s_ - started_s_ : 0; }
   double missing_s() const { return missing_s_; }
   const std::vector<bool>& done() const { return done_; }
   /// Progress of a step, 0 ... 1: fraction of the uninterrupted time, or of the required coverage or removal;
@@ -113,7 +113,7 @@ class TaskEvaluator {
   std::uint64_t more_events() const { return more_events_; }
   /// Location reported by the trainee, patient frame, mm, and the outward surface normal there.
   struct Answer {
-    Eigen::Vector3d place_mm, normal;
+    Eigen::Vector3d position_mm, normal;
   };
   std::optional<Answer> answer() const {
     return answered_ ? std::optional(Answer{answer_mm_, answer_normal_}) : std::nullopt;
@@ -122,7 +122,7 @@ class TaskEvaluator {
  private:
   struct Contact {
     LabelId label = 0;
-    Eigen::Vector3d place_mm = Eigen::Vector3d::Zero();
+    Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
     double force_N = 0;       ///< As sent to the device
     bool is_beneath = false;  ///< Whether it is beneath the outermost contact, which transmits its load
     bool is_visible = false;  ///< Visible through the scope
@@ -145,12 +145,12 @@ class TaskEvaluator {
   struct Sweep {
     bool touching = false;
     bool moving = false;  ///< Whether it has moved far enough along the surface to count
-    Eigen::Vector3d begun_mm = Eigen::Vector3d::Zero();
+    Eigen::Vector3d started_mm = Eigen::Vector3d::Zero();
   };
   /// Place at which a kTouch step was completed: until contact breaks there or leaves it, it completes no
   /// step on another region.
   struct SpentTouch {
-    Eigen::Vector3d place_mm;
+    Eigen::Vector3d position_mm;
     std::size_t region;
   };
 
@@ -188,7 +188,7 @@ class TaskEvaluator {
   std::vector<TaskEvent> events_;
   std::uint64_t more_events_ = 0, ticks_ = 0, last_tick_ = 0, hash_;
   bool begun_ = false, ended_ = false;
-  double begun_s_ = 0, time_s_ = 0, missing_s_ = 0;
+  double started_s_ = 0, time_s_ = 0, missing_s_ = 0;
   Eigen::Vector3d tip_mm_ = Eigen::Vector3d::Zero();
   bool tip_known_ = false;
   // answer
@@ -203,7 +203,7 @@ class TaskEvaluator {
   std::optional<RemovalFollower> removed_;
   std::vector<double> removed_mm3_;
   bool removal_changed_ = true;
-  double next_look_s_ = 0;
+  double next_check_s_ = 0;
 };
 
 /// Range of tick numbers of a recording, for a run that was started and ended while recording.
@@ -232,7 +232,7 @@ class RunReader {
   bool has_last_ = false;                // the recording reaches the end of the range
 };
 
-/// Scores a recording against a task. Errors: those of reading it, of look_up() and of
+/// Scores a recording against a task. Errors: those of reading it, of resolve_task() and of
 /// TaskEvaluator::observe(), to which the caller adds the recording's name; kBadInput if it has no tick in
 /// the range.
 Result<TaskScore> score_recording(const TaskInScene& task, const RecordingSource& recording,

@@ -59,7 +59,7 @@ class MotionMeter {
 
   LowPass filter_;
   bool begun_ = false;
-  double begun_s_ = 0, time_s_ = 0;
+  double started_s_ = 0, time_s_ = 0;
   double path_mm_ = 0, idle_s_ = 0;
   bool was_touching_ = false;
   std::array<Eigen::Vector3d, 4> grid_{};         // newest last

@@ -24,8 +24,8 @@ class ScopeVisibility {
   ScopeVisibility(const ScopeOptics& optics, const Model& model);
 
   /// Whether the scope of the tick's second device sees a point. False if its pose is unknown.
-  /// @param place_mm  patient frame, finite
-  bool is_visible(const TickRecord& tick, const Eigen::Vector3d& place_mm) const;
+  /// @param position_mm  patient frame, finite
+  bool is_visible(const TickRecord& tick, const Eigen::Vector3d& position_mm) const;
 
  private:
   bool is_solid(const Point<Patient>& at) const;

@@ -24,7 +24,7 @@ class SurfacePatches {
   static constexpr double kWithin_mm = 0.5;
 
   /// Adds the cube that contains a point.
-  void add(const Eigen::Vector3d& place_mm);
+  void add(const Eigen::Vector3d& position_mm);
   std::size_t count() const { return covered_.size(); }
   std::size_t covered() const { return covered_count_; }
   /// Marks as covered every patch of which a part is within kWithin_mm of a contact.
@@ -54,7 +54,7 @@ struct RegionInScene {
   SurfacePatches patches;     ///< Patches, for regions of kCover steps
 
   bool has(LabelId label) const { return label < has_label.size() && has_label[label]; }
-  bool bounds(const Eigen::Vector3d& place_mm) const;
+  bool bounds(const Eigen::Vector3d& position_mm) const;
 };
 
 /// A task's plan resolved in a scene before any removal.
@@ -94,6 +94,6 @@ RegionView view_of(const RegionInPlan& region, const Model& model);
 /// Resolves a task in a scene. Errors: kBadInput with the line of an absent structure or of an empty region;
 /// with the task's name if tissue is to be removed and no tool cuts; kInterrupted.
 /// @param model  a model with labels; the surfaces of the proxy are used if present, otherwise voxel faces
-Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress = {});
+Result<TaskInScene> resolve_task(const TaskFile& task, const Model& model, const Progress& progress = {});
 
 }  // namespace palpate

@@ -112,7 +112,7 @@ class Carving {
   std::uint64_t content_hash(std::uint64_t uncut) const;
   /// Next version of a model, with this carving's removal in place of the model's own: a local edit.
   /// @param model  the model with which the carving began, or a later version of it
-  std::shared_ptr<const Model> taken_from(const Model& model) const;
+  std::shared_ptr<const Model> applied_to(const Model& model) const;
 
  private:
   // remaining material

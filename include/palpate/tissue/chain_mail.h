@@ -77,8 +77,8 @@ class ChainMail {
   ElasticBox box_;
   ElasticLayout layout_;
   ElasticField moved_mm_;
-  std::vector<State> state_;             ///< By node
-  std::vector<std::uint32_t> observed_;  ///< By node: number of the last move that pulled it
+  std::vector<State> state_;            ///< By node
+  std::vector<std::uint32_t> visited_;  ///< By node: number of the last move that pulled it
   std::uint32_t move_ = 0;
   std::vector<Link> queue_;
 };

@@ -42,11 +42,11 @@ class PressurePatch {
   /// their loads, which is the displacement of the surface between them.
   /// @param part  columns that bear less than this fraction of the most loaded column are left free; nodes
   ///              held by the grid belong to no column
-  HeldMeans columns(double part) const;
+  ConstrainedMeans columns(double part) const;
 
  private:
   static constexpr double kReach = 2;
-  using Weight = HeldMeans::Weight;
+  using Weight = ConstrainedMeans::Weight;
   /// @param positions  in cells from the box's corner
   void spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> positions);
 
@@ -56,8 +56,8 @@ class PressurePatch {
     std::uint32_t column, value;  ///< Column of the node, and index of its first component
     float weight;
   };
-  std::vector<Borne> borne_;  ///< Loads of nodes that are not held, for a force of 1; column by column
-  std::uint32_t row_ = 0;     ///< Stride from a node's component to the next
+  std::vector<Borne> supported_;  ///< Loads of nodes that are not held, for a force of 1; column by column
+  std::uint32_t row_ = 0;         ///< Stride from a node's component to the next
   Eigen::Vector3d outward_ = Eigen::Vector3d::UnitZ();
   Eigen::Matrix3d axes_ = Eigen::Matrix3d::Identity();
   double modulus_ = 0, poissons_ratio_ = 0;

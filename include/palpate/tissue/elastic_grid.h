@@ -187,15 +187,17 @@ class ElasticGrid {
   std::size_t soft_cells() const;
 
   /// Bits for the held components of a node, along the box's axes.
-  static constexpr std::uint8_t kHeldX = 1, kHeldY = 2, kHeldZ = 4, kHeld = 7;
+  static constexpr std::uint8_t kFixedX = 1, kFixedY = 2, kFixedZ = 4, kFixed = 7;
   /// The node touches no solid cell.
   static constexpr std::uint8_t kNoNode = 8;
-  std::uint8_t held(int i, int j, int k) const { return held_[node_number(i, j, k)]; }
+  std::uint8_t constraint(int i, int j, int k) const { return constraints_[node_number(i, j, k)]; }
   /// Holds components of a node; a solver prescribes their displacement.
-  void hold(int i, int j, int k, std::uint8_t components) { held_[node_number(i, j, k)] |= components; }
+  void constrain(int i, int j, int k, std::uint8_t components) {
+    constraints_[node_number(i, j, k)] |= components;
+  }
   /// Releases components of a node.
   void release(int i, int j, int k, std::uint8_t components) {
-    held_[node_number(i, j, k)] &= static_cast<std::uint8_t>(~components);
+    constraints_[node_number(i, j, k)] &= static_cast<std::uint8_t>(~components);
   }
 
   /// Declares on which faces of the box (low x, high x, low y, ...) tissue continues beyond it. Nodes there
@@ -213,13 +215,13 @@ class ElasticGrid {
   /// Same as hold_loose_parts(), applied to a copy of the constraints, by node_number().
   class LooseParts {
    public:
-    std::size_t hold(const ElasticGrid& grid, std::vector<std::uint8_t>& held);
+    std::size_t constrain(const ElasticGrid& grid, std::vector<std::uint8_t>& constraints);
 
    private:
-    std::vector<bool> observed_;
+    std::vector<bool> visited_;
     std::vector<std::array<int, 3>> part_;
   };
-  const std::vector<std::uint8_t>& held() const { return held_; }
+  const std::vector<std::uint8_t>& constraints() const { return constraints_; }
 
   std::size_t node_number(int i, int j, int k) const {
     return (static_cast<std::size_t>(k) * (layout_.cells[1] + 1) + j) * layout_.row + i;
@@ -233,8 +235,8 @@ class ElasticGrid {
   ElasticBox box_;
   ElasticLayout layout_;
   ElasticValues mu_, lambda_, stiffening_, fill_, springs_;
-  std::vector<std::uint8_t> held_;  ///< By node_number()
-  std::array<bool, 6> beyond_{};    ///< Faces given to set_boundary_springs()
+  std::vector<std::uint8_t> constraints_;  ///< By node_number()
+  std::array<bool, 6> beyond_{};           ///< Faces given to set_boundary_springs()
   Eigen::Vector3d about_mm_ = Eigen::Vector3d::Zero();
 };
 

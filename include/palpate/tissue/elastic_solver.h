@@ -21,7 +21,7 @@ struct ElasticSolution {
 /// Linear constraints on a field: weighted means of its values that are kept at 0. No value belongs to two
 /// means. A mean represents one component of a node (one value, weight 1), or of the point at which an edge
 /// between nodes crosses a surface.
-class HeldMeans {
+class ConstrainedMeans {
  public:
   struct Weight {
     std::uint32_t value;
@@ -31,8 +31,8 @@ class HeldMeans {
   /// @param weights  not all 0
   void add(std::span<const Weight> weights);
   /// Projects a field orthogonally (in the Euclidean norm) onto the fields whose means are 0.
-  void take_out(ElasticValues& of) const;
-  /// Euclidean norm of the component that take_out() removes.
+  void project_out(ElasticValues& of) const;
+  /// Euclidean norm of the component that project_out() removes.
   double norm(const ElasticValues& of) const;
 
  private:
@@ -44,8 +44,8 @@ class HeldMeans {
 struct FiniteSolution {
   int steps = 0;       ///< Newton steps
   int iterations = 0;  ///< Conjugate gradient iterations in all steps
-  /// As ElasticSolution::residual, with the norm of the initial constraint forces of the HeldMeans added to
-  /// the denominator.
+  /// As ElasticSolution::residual, with the norm of the initial constraint forces of the ConstrainedMeans
+  /// added to the denominator.
   double residual = 0;
   bool converged = false;  ///< The residual is within the tolerance
   /// Least det F of all cells, F being the deformation gradient: the remaining volume fraction of the most
@@ -90,7 +90,7 @@ class ElasticSolver {
   ///               loose parts are found again, which visits the whole grid
   void change(const ElasticGrid& grid, const CellBox& cells, bool other);
   /// Sets the displacements of all held components to 0.
-  void zero_held(ElasticField& displacement_mm) const;
+  void zero_constrained(ElasticField& displacement_mm) const;
 
   /// Solves for the free components of `displacement_mm`, whose values are the initial guess. Its held
   /// components are the prescribed displacements and do not change.
@@ -102,10 +102,11 @@ class ElasticSolver {
   /// Newton's method with `displacement_mm` as initial guess. If prescribed displacements have changed since
   /// the guess was computed, add the linear response to the change (`solve` from 0) to it first: otherwise
   /// cells next to these nodes may be inverted.
-  /// @param held  constraints in addition to the held components. They are projected out in every iteration,
+  /// @param constraints  constraints in addition to the held components. They are projected out in every
+  /// iteration,
   ///              so the operators need not be rebuilt
   FiniteSolution solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
-                                   const FiniteSettings& settings, const HeldMeans& held = {});
+                                   const FiniteSettings& settings, const ConstrainedMeans& constraints = {});
   /// Nodal forces of the neo-Hookean body, like forces().
   void finite_forces(const ElasticField& displacement_mm, ElasticField& force_N);
 

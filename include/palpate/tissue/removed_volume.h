@@ -32,21 +32,21 @@ class RemovedVolume {
   std::map<LabelId, double> by_label_mm3() const;
 
   // ---- sample points
-  static constexpr int kPlaces = 64;  ///< Points per voxel, each a bit of the `places` below
+  static constexpr int kSamples = 64;  ///< Points per voxel, each a bit of the `samples` below
   /// Position of sample point `n` of a voxel.
-  /// @param n  0 ... kPlaces - 1
-  static Point<Voxel> place(int i, int j, int k, int n);
-  static double place_mm3(const GridGeometry& grid) { return grid.spacing_mm.prod() / kPlaces; }
+  /// @param n  0 ... kSamples - 1
+  static Point<Voxel> sample_point(int i, int j, int k, int n);
+  static double sample_mm3(const GridGeometry& grid) { return grid.spacing_mm.prod() / kSamples; }
   const GridGeometry& geometry() const { return labels_->geometry(); }
   /// Whether a label counts: it is felt and not protected.
   bool counts(LabelId label) const { return is_cut_[label]; }
   /// Calls visit(i, j, k, label, places) for every voxel with swept points, in no particular order.
   template <class Visit>
   void for_each_swept(const Visit& visit) const {
-    for (const auto& [index, places] : swept_) {
-      if (places == 0) continue;
+    for (const auto& [index, samples] : swept_) {
+      if (samples == 0) continue;
       const auto [i, j, k] = voxel_at(index);
-      visit(i, j, k, labels_->at(i, j, k), places);
+      visit(i, j, k, labels_->at(i, j, k), samples);
     }
   }
 
@@ -60,7 +60,7 @@ class RemovedVolume {
   std::shared_ptr<const Bricks<LabelId>> labels_;
   std::vector<bool> is_cut_;                              // by label
   std::unordered_map<std::size_t, std::uint64_t> swept_;  // swept points by voxel index
-  std::map<LabelId, std::uint64_t> places_;               // number of swept points
+  std::map<LabelId, std::uint64_t> sample_counts_;        // number of swept points
   StrokeHistory<Stroke> strokes_;
 };
 

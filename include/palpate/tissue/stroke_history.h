@@ -21,12 +21,12 @@ class StrokeHistory {
   /// Whether sweeps with this stroke number belong to last().
   bool continues(std::uint32_t number) const { return open_ && number_ == number; }
   /// Begins a stroke.
-  /// @param most  capacity, above 0; the oldest stroke is discarded
-  Stroke& begin(std::uint32_t number, Stroke stroke, std::size_t most = kMaxUndoneStrokes) {
+  /// @param largest  capacity, above 0; the oldest stroke is discarded
+  Stroke& begin(std::uint32_t number, Stroke stroke, std::size_t largest = kMaxUndoneStrokes) {
     open_ = true;
     number_ = number;
     undone_.clear();
-    if (done_.size() >= most) done_.erase(done_.begin());
+    if (done_.size() >= largest) done_.erase(done_.begin());
     return done_.emplace_back(std::move(stroke));
   }
   /// The last stroke. Must be preceded by begin().

@@ -80,10 +80,10 @@ class YieldSolver {
   /// displacements differ from those of the original sequence by at most 0.07 % of the largest one, as
   /// measured (docs/concepts/tissue.md, "Playback").
   /// @param boxes  boxes of the devices, from device 0 on; an empty entry: no box
-  void go_on(const Model& model, std::uint32_t frame, std::span<const std::optional<YieldBox>> boxes);
+  void resume(const Model& model, std::uint32_t frame, std::span<const std::optional<YieldBox>> boxes);
 
   /// Resumes as if `frame` frames had been solved, without boxes and with all spots unknown. For use after
-  /// solve() or go_on() has thrown, which leaves the solver in an unspecified state.
+  /// solve() or resume() has thrown, which leaves the solver in an unspecified state.
   void restart(std::uint32_t frame) noexcept;
 
   /// Displacement field of the linear solution in the last frame. Valid until the next frame.

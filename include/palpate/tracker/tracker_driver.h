@@ -31,7 +31,7 @@ struct TrackedToolSettings {
 ///
 /// The pose is stale, and contact is not rendered, from InterpolatedPose::kHeld_s after the last valid pose
 /// on, if the markers are hidden, the connection is lost or the tip is farther than kMaxFromPatient_mm from
-/// the registration's points; trouble() gives the reason.
+/// the registration's points; failure() gives the reason.
 ///
 /// The tool's z axis points from the tip to the origin of its markers: the shaft of a straight stylus with
 /// the markers on it. Rotation about that axis is not calibrated.
@@ -54,7 +54,7 @@ class TrackerDriver final : public DeviceDriver {
   // no force to be halted
   void halt() noexcept override {}
   void resume(std::uint64_t /*newest*/) noexcept override {}
-  std::optional<Error> trouble() const override;
+  std::optional<Error> failure() const override;
 
  private:
   class Core;

@@ -62,7 +62,7 @@ class TrackerStream {
   /// @param patience_s  time limit for each of the two
   Result<void> open(double patience_s = 3, const Progress& progress = {});
   /// Reason why no poses arrive, with its remedy. Empty: poses arrive. Thread-safe.
-  std::optional<Error> trouble() const;
+  std::optional<Error> failure() const;
   /// Names of all transforms received, unique, in alphabetical order, printable; at most 64.
   std::vector<std::string> heard() const;
 

@@ -66,11 +66,11 @@ struct BrickView {
     const auto a = static_cast<std::size_t>(i + L::kBorder), b = static_cast<std::size_t>(j + L::kBorder),
                c = static_cast<std::size_t>(k + L::kBorder);
     constexpr std::size_t n = L::kCells;
-    const auto place = [](std::size_t x) { return static_cast<std::ptrdiff_t>(x % n) + L::kBefore; };
+    const auto offset_of = [](std::size_t x) { return static_cast<std::ptrdiff_t>(x % n) + L::kBefore; };
     const T* const brick =
         table[static_cast<std::ptrdiff_t>(a / n) + static_cast<std::ptrdiff_t>(b / n) * row +
               static_cast<std::ptrdiff_t>(c / n) * slice];
-    return brick + (place(a) + place(b) * L::kRow + place(c) * L::kSlice);
+    return brick + (offset_of(a) + offset_of(b) * L::kRow + offset_of(c) * L::kSlice);
   }
 };
 
@@ -153,7 +153,7 @@ class Bricks : public BrickLayout {
   const std::array<int, 3>& counts() const { return counts_; }
   /// The kStored voxels of a brick.
   const T* brick(std::size_t number) const { return table_[number]; }
-  bool is_uniform(std::size_t number) const { return held(number)->uniform; }
+  bool is_uniform(std::size_t number) const { return shared_brick(number)->uniform; }
 
   /// Hash of the voxel values: equal for equal voxels on grids of equal dimensions with the same `outside`,
   /// regardless of the edits that led to them. Grids that differ only by additional voxels of value `outside`
@@ -180,7 +180,7 @@ class Bricks : public BrickLayout {
   // A brick of a single value and the number of its positions in the table.
   struct Uniform {
     Shared brick;
-    std::size_t places = 0;
+    std::size_t count = 0;
   };
 
   friend BricksBySlices<T>;
@@ -194,12 +194,12 @@ class Bricks : public BrickLayout {
     return along(i) + static_cast<std::size_t>(counts_[0]) *
                           (along(j) + static_cast<std::size_t>(counts_[1]) * along(k));
   }
-  const Shared& held(std::size_t number) const { return (*pages_[number / kPage])[number % kPage]; }
+  const Shared& shared_brick(std::size_t number) const { return (*pages_[number / kPage])[number % kPage]; }
   /// Shared copy of a brick; if it is uniform, the existing brick of that value.
-  Shared keep(const Brick& brick);
+  Shared store(const Brick& brick);
   /// Adds or removes one position of a uniform brick.
-  void count_place(const Brick& brick);
-  void discount_place(const Brick& brick);
+  void count_use(const Brick& brick);
+  void discount_use(const Brick& brick);
   /// Sets all bricks.
   /// @param brick_at  returns the shared brick of an index; called in ascending order
   template <class BrickAt>

@@ -96,7 +96,7 @@ enum class MeshSpace { kLps, kRas };
 /// is taken from the file (3D Slicer's "SPACE=LPS"), otherwise inferred from the scan: the one of LPS and
 /// RAS, and of mm, cm and m, for which the points lie within the scan; if several fit, an error asks the
 /// user. Without a scan LPS, with sides unconfirmed, and mm.
-struct MeshPlacing {
+struct MeshPlacementOptions {
   std::optional<MeshSpace> space;
   std::optional<double> unit_mm;  ///< Length of a unit of the file; mm, > 0.
 };
@@ -105,8 +105,8 @@ struct MeshPlacing {
 enum class NiftiForm { kQform, kSform };
 
 /// Position of volumes in the patient where their files leave it open or contradict themselves.
-struct Placing {
-  MeshPlacing mesh = {};
+struct PlacementOptions {
+  MeshPlacementOptions mesh = {};
   /// Spacing of columns, rows and slices of an image stack (PNG, TIFF, JPEG); > 0.
   std::optional<Eigen::Vector3d> image_spacing_mm = {};
   /// Transform to use for a NIfTI that has both; unset: the sform.
@@ -117,8 +117,8 @@ struct Placing {
 };
 /// Sets the placing for the whole process, as palpate/base/reading.h does for limits; settings of a scene
 /// take precedence.
-void set_placing(const Placing& placing);
-const Placing& placing();
+void set_placement_options(const PlacementOptions& placement_options);
+const PlacementOptions& placement_options();
 
 /// Patient directions of a grid's axes, such as "LPS": the assignment of directions to axes that fits best.
 std::string axis_codes(const Eigen::Matrix3d& direction);
@@ -165,7 +165,7 @@ struct Study {
   std::vector<std::string> notes;               ///< Relation of the two, and what is unknown about it.
   /// True if DICOM labels reference images, series or frame of reference of the scan, or if the labels are in
   /// a format that cannot reference a scan.
-  bool is_stated = true;
+  bool is_declared = true;
 };
 /// Finds the volume among DICOM images on which a DICOM segmentation was made, by the images, the series and
 /// the frame of reference that it references; identifiers are compared in the reader process. Files of other
@@ -200,7 +200,7 @@ std::optional<Error> describe_non_volume(const std::filesystem::path& file);
 
 /// Classification that read_volume() uses regardless of the values.
 enum class ReadAs { kByContent, kLabels, kScan };
-/// Sets the classification for the whole process, as set_placing().
+/// Sets the classification for the whole process, as set_placement_options().
 void set_read_as(ReadAs kind);
 ReadAs read_as();
 
@@ -217,16 +217,16 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 /// Reads a 3-D (or 2-D, as one slice) scalar volume as a scan.
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress = {},
                            const Warn& warn = {}, VoxelCaching unpacked = VoxelCaching::kOff,
-                           std::optional<int> volume = {}, const Placing& placing = {});
+                           std::optional<int> volume = {}, const PlacementOptions& placement_options = {});
 
 /// True if a scan's values look like labels: by the meaning that its file declares, otherwise integers in
 /// contiguous patches.
-bool looks_like_labels(const ScanFile& file);
+bool resembles_labels(const ScanFile& file);
 /// True if labels look like a scan's values: more than 64 values that change from voxel to voxel, that mostly
 /// occur in single voxels, or that change by small steps at every third voxel or more often.
-bool looks_like_scan(const LabelMap& labels);
+bool resembles_scan(const LabelMap& labels);
 
-/// Treatment of labels that look like a scan (looks_like_scan) and that neither the file nor a table that
+/// Treatment of labels that look like a scan (resembles_scan) and that neither the file nor a table that
 /// names more than half of them declares to be labels.
 enum class Doubtful { kRefused, kWarnedOf };
 
@@ -239,15 +239,13 @@ enum class Doubtful { kRefused, kWarnedOf };
 /// @param scan_grid  grid of the scan, on which the contours of a DICOM structure set are rasterised;
 ///                   required for such a file. Surfaces are rasterised on it too, or on a grid of their own
 ///                   if null. Other label maps have their own grid.
-/// @param placing    values that it leaves unset are those of placing()
+/// @param placement_options    values that it leaves unset are those of placing()
 /// @param scan       file of the scan, which does not count as another label map in the folder
-Result<LabelFile> read_labels(const std::filesystem::path& file,
-                              const std::optional<std::filesystem::path>& names = {},
-                              const Progress& progress = {}, const Warn& warn = {},
-                              Doubtful doubtful = Doubtful::kRefused,
-                              VoxelCaching unpacked = VoxelCaching::kOff,
-                              const GridGeometry* scan_grid = nullptr, const Placing& placing = {},
-                              const std::optional<std::filesystem::path>& scan = {});
+Result<LabelFile> read_labels(
+    const std::filesystem::path& file, const std::optional<std::filesystem::path>& names = {},
+    const Progress& progress = {}, const Warn& warn = {}, Doubtful doubtful = Doubtful::kRefused,
+    VoxelCaching unpacked = VoxelCaching::kOff, const GridGeometry* scan_grid = nullptr,
+    const PlacementOptions& placement_options = {}, const std::optional<std::filesystem::path>& scan = {});
 
 /// One row of a label table.
 struct NamedLabel {

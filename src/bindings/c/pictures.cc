@@ -12,7 +12,7 @@ namespace palpate::c {
 namespace {
 
 constexpr int kMaxPixels = 4096;
-constexpr double kMinPixel_mm = 1e-3, kMaxPixel_mm = 1e3, kMaxPlace_mm = 1e6;
+constexpr double kMinPixel_mm = 1e-3, kMaxPixel_mm = 1e3, kMaxPosition_mm = 1e6;
 // pictures address voxels by 32 bits
 constexpr std::size_t kMaxVoxelsDrawn = std::size_t{1} << 31;
 
@@ -33,7 +33,7 @@ Result<void> check_window(const plp_model& model, const Window& window) {
   if (!is_length(window.width_px) || !is_length(window.height_px))
     return bad_picture("width_px", "give 1 to 4096 pixels in both directions");
   const Eigen::Map<const Eigen::Vector3d> centre(window.centre_mm), right(window.right), down(window.down);
-  if (!centre.allFinite() || centre.cwiseAbs().maxCoeff() > kMaxPlace_mm)
+  if (!centre.allFinite() || centre.cwiseAbs().maxCoeff() > kMaxPosition_mm)
     return bad_picture("centre_mm", "give a position in mm");
   if (!(std::abs(right.norm() - 1) < 1e-3 && std::abs(down.norm() - 1) < 1e-3 &&
         std::abs(right.dot(down)) < 1e-3))
@@ -88,18 +88,18 @@ plp_status room_is_missing(std::size_t needed) {
 // section with its style, drawn or looked up by `draw(plane, style)`
 template <class Draw>
 plp_status draw_section(const plp_model* model, const plp_section* section, const Draw& draw) {
-  plp_section given_section;
-  if (!is_handle(model) || !read(section, given_section)) return PLP_BAD_INPUT;
-  if (auto fine = check_window(*model, window_of(given_section)); !fine) return fail(fine.error());
-  const auto style = style_of(given_section);
+  plp_section section_input;
+  if (!is_handle(model) || !read(section, section_input)) return PLP_BAD_INPUT;
+  if (auto fine = check_window(*model, window_of(section_input)); !fine) return fail(fine.error());
+  const auto style = style_of(section_input);
   if (!style) return fail(style.error());
-  return draw(given_section, *style);
+  return draw(section_input, *style);
 }
 
 plp_status draw_picture(const plp_model& model, const plp_camera& from, std::span<std::uint8_t> rgb,
                         std::span<float> depth_mm) {
-  const auto looks = structure_looks(model.current());
-  auto renderer = VolumeRenderer::make(*model.current().labels, looks);
+  const auto appearances = structure_appearances(model.current());
+  auto renderer = VolumeRenderer::make(*model.current().labels, appearances);
   if (!renderer) return fail(renderer.error());
   VolumeCamera camera;
   camera.focus = Point<Patient>(Eigen::Vector3d(from.focus_mm));
@@ -123,11 +123,11 @@ using palpate::c::is_handle;
 plp_status plp_model_section(const plp_model* model, const plp_section* section, uint8_t* rgb, size_t bytes) {
   return guarded([&] {
     return palpate::c::draw_section(
-        model, section, [&](const plp_section& given_section, const palpate::SectionStyle& style) {
-          const std::size_t needed = 3 * palpate::c::pixels_of(palpate::c::window_of(given_section));
+        model, section, [&](const plp_section& section_input, const palpate::SectionStyle& style) {
+          const std::size_t needed = 3 * palpate::c::pixels_of(palpate::c::window_of(section_input));
           if (rgb == nullptr || bytes != needed) return palpate::c::room_is_missing(needed);
           const auto image =
-              palpate::render_section(model->current(), palpate::c::plane_of(given_section), style);
+              palpate::render_section(model->current(), palpate::c::plane_of(section_input), style);
           std::memcpy(rgb, image.rgb.data(), needed);
           return PLP_OK;
         });
@@ -138,11 +138,11 @@ plp_status plp_model_section_labels(const plp_model* model, const plp_section* s
                                     size_t count) {
   return guarded([&] {
     return palpate::c::draw_section(
-        model, section, [&](const plp_section& given_section, const palpate::SectionStyle& style) {
-          const std::size_t needed = palpate::c::pixels_of(palpate::c::window_of(given_section));
+        model, section, [&](const plp_section& section_input, const palpate::SectionStyle& style) {
+          const std::size_t needed = palpate::c::pixels_of(palpate::c::window_of(section_input));
           if (labels == nullptr || count != needed) return palpate::c::room_is_missing(needed);
           const auto found =
-              palpate::section_labels(model->current(), palpate::c::plane_of(given_section), style);
+              palpate::section_labels(model->current(), palpate::c::plane_of(section_input), style);
           std::memcpy(labels, found.data(), needed * sizeof *labels);
           return PLP_OK;
         });

@@ -77,7 +77,7 @@ plp_run_info info_of(const plp_run& run) {
   info.rate_hz = run.records.empty() ? 0 : 1 / run.records.front().dt_s;
   info.max_force_N = run.result.max_force_N;
   info.limit_N = run.result.limit_N;
-  info.troubles = run.result.trouble.size();
+  info.troubles = run.result.problems.size();
   return info;
 }
 
@@ -138,8 +138,8 @@ plp_status plp_run_records(const plp_run* run, size_t device, uint64_t first, si
 }
 
 const char* plp_run_trouble(const plp_run* run, size_t index) {
-  if (!is_handle(run) || index >= run->result.trouble.size()) return nullptr;
-  return run->result.trouble[index].c_str();
+  if (!is_handle(run) || index >= run->result.problems.size()) return nullptr;
+  return run->result.problems[index].c_str();
 }
 
 void plp_run_destroy(plp_run* run) {

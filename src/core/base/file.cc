@@ -105,9 +105,9 @@ std::string prefix_of_hidden(std::string_view name) {
   constexpr std::string_view kBegin = ".palpate-";
   constexpr std::size_t kLength = kBegin.size() + 16;
   if (!name.starts_with(kBegin) || name.size() <= kLength) return "";
-  const std::string_view hash = name.substr(kBegin.size(), 16), rest = name.substr(kLength);
+  const std::string_view hash = name.substr(kBegin.size(), 16), remaining = name.substr(kLength);
   if (hash.find_first_not_of("0123456789abcdef") != std::string_view::npos) return "";
-  return rest == ".lock" || rest.starts_with('-') ? std::string(name.substr(0, kLength)) : "";
+  return remaining == ".lock" || remaining.starts_with('-') ? std::string(name.substr(0, kLength)) : "";
 }
 
 // temporaries of a folder, by prefix; a prefix with only a lock file has an empty list
@@ -388,14 +388,14 @@ std::filesystem::path InputFile::name_for_libraries() const {
 }
 
 Result<std::size_t> InputFile::read(std::span<std::byte> bytes) {
-  return read_by(file_, bytes, [&](std::size_t, std::span<std::byte> rest) {
-    return ::read(descriptor_, rest.data(), rest.size());
+  return read_by(file_, bytes, [&](std::size_t, std::span<std::byte> remaining) {
+    return ::read(descriptor_, remaining.data(), remaining.size());
   });
 }
 
 Result<std::size_t> InputFile::read_at(std::uint64_t offset, std::span<std::byte> bytes) const {
-  return read_by(file_, bytes, [&](std::size_t used, std::span<std::byte> rest) {
-    return ::pread(descriptor_, rest.data(), rest.size(), static_cast<off_t>(offset + used));
+  return read_by(file_, bytes, [&](std::size_t used, std::span<std::byte> remaining) {
+    return ::pread(descriptor_, remaining.data(), remaining.size(), static_cast<off_t>(offset + used));
   });
 }
 
@@ -407,14 +407,14 @@ Result<std::string> read_file(const std::filesystem::path& file, std::size_t max
   std::size_t used = 0;
   bytes.resize(static_cast<std::size_t>(std::min<std::uint64_t>(opened->size(), max_bytes)) + 1);
   while (true) {
-    const auto rest = std::as_writable_bytes(std::span(bytes)).subspan(used);
-    const auto received = opened->read(rest);
+    const auto remaining = std::as_writable_bytes(std::span(bytes)).subspan(used);
+    const auto received = opened->read(remaining);
     if (!received) return received.error();
     used += *received;
     if (used > max_bytes)
       return Error{ErrorKind::kBadInput, "is larger than " + std::to_string(max_bytes >> 20) + " MiB",
                    file.string(), "is it the right file?"};
-    if (*received < rest.size()) break;
+    if (*received < remaining.size()) break;
     bytes.resize(bytes.size() * 2);
   }
   bytes.resize(used);
@@ -488,11 +488,11 @@ bool same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
   std::error_code failed;
   if (std::filesystem::equivalent(a, b, failed)) return true;
   // a file that does not exist yet is identified by its canonical path
-  const auto place = [&](const std::filesystem::path& file) {
+  const auto path_to = [&](const std::filesystem::path& file) {
     return std::filesystem::weakly_canonical(std::filesystem::absolute(end_of_links(file), failed), failed);
   };
-  const auto place_a = place(a), place_b = place(b);
-  return !place_a.empty() && place_a == place_b;
+  const auto position_a = path_to(a), position_b = path_to(b);
+  return !position_a.empty() && position_a == position_b;
 }
 
 Result<OutputClaim> OutputClaim::take(const std::filesystem::path& file) {

@@ -25,12 +25,12 @@ TEST(Hash, IsGolden) {
 
 TEST(Hash, EveryBitOfALongInputCounts) {
   std::string bytes(100, 'x');
-  std::set<std::uint64_t> observed{hash_of(bytes)};
+  std::set<std::uint64_t> visited{hash_of(bytes)};
   for (std::size_t i = 0; i < bytes.size(); ++i)
     for (int bit = 0; bit < 8; ++bit) {
       std::string changed = bytes;
       changed[i] = static_cast<char>(changed[i] ^ (1 << bit));
-      EXPECT_TRUE(observed.insert(hash_of(changed)).second) << i << " " << bit;
+      EXPECT_TRUE(visited.insert(hash_of(changed)).second) << i << " " << bit;
     }
 }
 
@@ -47,26 +47,26 @@ TEST(HashOfWords, EveryBitAndTheOrderCount) {
     for (const std::uint64_t word : words) hash.add(word);
     return hash.value();
   };
-  std::set<std::uint64_t> observed;
+  std::set<std::uint64_t> visited;
   std::vector<std::uint64_t> words;
   // any number of zeros, and each single bit of the longest sequence
   for (std::size_t n = 0; n <= kWords; ++n) {
-    EXPECT_TRUE(observed.insert(hash_of_words(words)).second) << n;
+    EXPECT_TRUE(visited.insert(hash_of_words(words)).second) << n;
     if (n < kWords) words.push_back(0);
   }
   for (std::uint64_t& word : words)
     for (int bit = 0; bit < 64; ++bit) {
       word ^= std::uint64_t{1} << bit;
-      EXPECT_TRUE(observed.insert(hash_of_words(words)).second) << bit;
+      EXPECT_TRUE(visited.insert(hash_of_words(words)).second) << bit;
       word ^= std::uint64_t{1} << bit;
     }
   // any two words exchanged, including two of one chain
   for (std::size_t n = 0; n < kWords; ++n) words[n] = n + 1;
-  observed.insert(hash_of_words(words));
+  visited.insert(hash_of_words(words));
   for (std::size_t a = 0; a < kWords; ++a)
     for (std::size_t b = a + 1; b < kWords; ++b) {
       std::swap(words[a], words[b]);
-      EXPECT_TRUE(observed.insert(hash_of_words(words)).second) << a << " " << b;
+      EXPECT_TRUE(visited.insert(hash_of_words(words)).second) << a << " " << b;
       std::swap(words[a], words[b]);
     }
 }
@@ -81,18 +81,18 @@ TEST(HashOfWords, OfBytesLengthBitsAndOrderCount) {
     hash.add_bytes(bytes.data(), size);
     return hash.value();
   };
-  std::set<std::uint64_t> observed;
+  std::set<std::uint64_t> visited;
   for (std::size_t size = 0; size <= kBytes; ++size)
-    EXPECT_TRUE(observed.insert(hash_of_bytes(size)).second) << size;
+    EXPECT_TRUE(visited.insert(hash_of_bytes(size)).second) << size;
   // each byte changed, and the first word exchanged with any other
   for (unsigned char& byte : bytes) {
     byte ^= 1;
-    EXPECT_TRUE(observed.insert(hash_of_bytes(kBytes)).second);
+    EXPECT_TRUE(visited.insert(hash_of_bytes(kBytes)).second);
     byte ^= 1;
   }
   for (std::size_t n = 8; n + 8 <= kBytes; n += 8) {
     std::swap_ranges(bytes.begin(), bytes.begin() + 8, bytes.begin() + static_cast<std::ptrdiff_t>(n));
-    EXPECT_TRUE(observed.insert(hash_of_bytes(kBytes)).second) << n;
+    EXPECT_TRUE(visited.insert(hash_of_bytes(kBytes)).second) << n;
     std::swap_ranges(bytes.begin(), bytes.begin() + 8, bytes.begin() + static_cast<std::ptrdiff_t>(n));
   }
   // the same words one by one, the last one padded with zeros, at any position in the buffer

@@ -51,10 +51,10 @@ TEST(Printable, PiecesShowWhatTheWholeShows) {
     whole += '\n';
     PrintableStream stream;
     std::string shown;
-    for (std::string_view rest = whole; !rest.empty();) {
-      const auto piece = rest.substr(0, 1 + random() % 3);
+    for (std::string_view remaining = whole; !remaining.empty();) {
+      const auto piece = remaining.substr(0, 1 + random() % 3);
       shown += stream.next(piece);
-      rest.remove_prefix(piece.size());
+      remaining.remove_prefix(piece.size());
     }
     ASSERT_EQ(shown, printable(whole));
     for (const char c : shown) ASSERT_TRUE(c == '\n' || c == '\t' || static_cast<unsigned char>(c) >= ' ');

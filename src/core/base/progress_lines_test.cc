@@ -11,23 +11,23 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr ProgressLines::Time kBegun{};
+constexpr ProgressLines::Time kStarted{};
 
 TEST(ProgressLines, WhatIsDoneSoonIsSilent) {
-  ProgressLines lines(kBegun);
+  ProgressLines lines(kStarted);
   for (int ms = 0; ms < 2000; ms += 10)
-    EXPECT_FALSE(lines.line(ms < 1000 ? "reading" : "smoothing", ms / 2000.0, kBegun + milliseconds(ms)));
+    EXPECT_FALSE(lines.line(ms < 1000 ? "reading" : "smoothing", ms / 2000.0, kStarted + milliseconds(ms)));
 }
 
 TEST(ProgressLines, AStageIsToldOnceAndThenEachTenSeconds) {
-  ProgressLines lines(kBegun);
+  ProgressLines lines(kStarted);
   std::vector<std::string> reported;
   std::vector<int> when_s;
   // 20 reports a second of one stage that takes 35 s, then another
   for (int n = 0; n < 20 * 40; ++n) {
     const bool first = n < 20 * 35;
     const auto line =
-        lines.line(first ? "smoothing" : "writing", first ? n / 700.0 : 0, kBegun + milliseconds(50 * n));
+        lines.line(first ? "smoothing" : "writing", first ? n / 700.0 : 0, kStarted + milliseconds(50 * n));
     if (!line) continue;
     reported.push_back(*line);
     when_s.push_back(n / 20);
@@ -38,19 +38,19 @@ TEST(ProgressLines, AStageIsToldOnceAndThenEachTenSeconds) {
 }
 
 TEST(ProgressLines, StagesThatFollowEachOtherFastAreNotAllTold) {
-  ProgressLines lines(kBegun);
+  ProgressLines lines(kStarted);
   int reported = 0;
   for (int n = 0; n < 1000; ++n)
-    reported += lines.line("structure " + std::to_string(n), 0, kBegun + milliseconds(10 * n)).has_value();
+    reported += lines.line("structure " + std::to_string(n), 0, kStarted + milliseconds(10 * n)).has_value();
   EXPECT_EQ(reported, 4) << "in ten seconds";
 }
 
 TEST(ProgressLines, AnEndIsNoNewsAndAFractionThatIsNoneIsZero) {
-  ProgressLines lines(kBegun);
-  EXPECT_FALSE(lines.line("reading", 1, kBegun + seconds(60)));
-  EXPECT_EQ(lines.line("reading", std::numeric_limits<double>::quiet_NaN(), kBegun + seconds(60)),
+  ProgressLines lines(kStarted);
+  EXPECT_FALSE(lines.line("reading", 1, kStarted + seconds(60)));
+  EXPECT_EQ(lines.line("reading", std::numeric_limits<double>::quiet_NaN(), kStarted + seconds(60)),
             "reading 0 %");
-  EXPECT_EQ(lines.line("writing", -3, kBegun + seconds(70)), "writing 0 %");
+  EXPECT_EQ(lines.line("writing", -3, kStarted + seconds(70)), "writing 0 %");
 }
 
 }  // namespace

@@ -55,11 +55,11 @@ std::uint64_t cgroup_memory_left() {
     if (limit && now) left = std::min(left, *limit - std::min(*limit, *now));
   };
   const auto groups = read_file("/proc/self/cgroup", kMaxProcBytes);
-  std::string_view rest = groups ? std::string_view(*groups) : std::string_view();
-  while (!rest.empty()) {
+  std::string_view remaining = groups ? std::string_view(*groups) : std::string_view();
+  while (!remaining.empty()) {
     // "0::/path", or "4:memory:/path"
-    const std::string_view line = rest.substr(0, rest.find('\n'));
-    rest.remove_prefix(std::min(rest.size(), line.size() + 1));
+    const std::string_view line = remaining.substr(0, remaining.find('\n'));
+    remaining.remove_prefix(std::min(remaining.size(), line.size() + 1));
     const auto slash = line.find(":/");
     if (slash == std::string_view::npos) continue;
     const bool second = line.starts_with("0::");
@@ -100,17 +100,17 @@ const ReadingLimits& reading_limits() {
 }
 
 Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what) {
-  const std::uint64_t most = max_memory(), now = taken();
-  if (more_bytes <= most - std::min(most, now)) return {};
+  const std::uint64_t largest = max_memory(), now = taken();
+  if (more_bytes <= largest - std::min(largest, now)) return {};
   // Margin so that the suggested limit suffices: resident memory differs by some MiB between runs of one
   // program.
   constexpr std::uint64_t kRunsDiffer = 16 << 20;
   const std::uint64_t mebibytes = ((now + more_bytes + kRunsDiffer) >> 20) + 1;
-  return Error{ErrorKind::kBadInput,
-               "needs " + memory_text(now + more_bytes) + " of memory, " + memory_text(most) + " are allowed",
-               what,
-               "if the size is correct, allow more with --memory " + std::to_string(mebibytes) +
-                   "M, or crop or resample it first"};
+  return Error{
+      ErrorKind::kBadInput,
+      "needs " + memory_text(now + more_bytes) + " of memory, " + memory_text(largest) + " are allowed", what,
+      "if the size is correct, allow more with --memory " + std::to_string(mebibytes) +
+          "M, or crop or resample it first"};
 }
 
 Result<void> check_stays_in(const std::filesystem::path& folder, const std::filesystem::path& file) {

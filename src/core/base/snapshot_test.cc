@@ -135,7 +135,7 @@ TEST(Snapshot, AReaderThatStandsStillOrDiesHalfWayHoldsNobodyUp) {
   ASSERT_TRUE(reader.stop_when([&] { return scene->in_the_middle(); }));
   expect_the_writer_goes_on();
   const std::uint64_t ended = scene->ended;
-  reader.go_on();
+  reader.resume();
   while (scene->ended < ended + 10) ::usleep(100);
 
   ASSERT_TRUE(reader.stop_when([&] { return scene->in_the_middle(); }));

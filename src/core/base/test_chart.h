@@ -15,8 +15,8 @@ class Chart {
  public:
   /// @param first, last  range of the horizontal axis; the vertical one begins at 0
   Chart(const std::string& title, const std::string& across, const std::string& up, double first, double last,
-        double most)
-      : first_(first), last_(last), most_(most) {
+        double largest)
+      : first_(first), last_(last), most_(largest) {
     svg_ << "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"760\" height=\"340\" viewBox=\"0 0 760 340\" "
             "role=\"img\">\n<title>"
          << title

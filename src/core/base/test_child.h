@@ -42,7 +42,7 @@ class Child {
     ::kill(id_, SIGSTOP);
     ::waitpid(id_, nullptr, WUNTRACED);
   }
-  void go_on() const { ::kill(id_, SIGCONT); }
+  void resume() const { ::kill(id_, SIGCONT); }
   /// Stops it repeatedly until `condition` holds while it is stopped; false if that does not happen within 5
   /// s.
   template <class Condition>
@@ -51,7 +51,7 @@ class Child {
       ::usleep(1000);
       stop();
       if (condition()) return true;
-      go_on();
+      resume();
     }
     return false;
   }

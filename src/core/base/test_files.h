@@ -14,12 +14,12 @@ namespace palpate::test {
 /// Path of a shared data file, searched for in the folders of PALPATE_DATA.
 inline std::optional<std::filesystem::path> shared_file(const std::string& name) {
   const char* folders = std::getenv("PALPATE_DATA");
-  std::string rest = folders != nullptr ? folders : "";
-  while (!rest.empty()) {
-    const auto end = rest.find(':');
-    const std::filesystem::path candidate = std::filesystem::path(rest.substr(0, end)) / name;
+  std::string remaining = folders != nullptr ? folders : "";
+  while (!remaining.empty()) {
+    const auto end = remaining.find(':');
+    const std::filesystem::path candidate = std::filesystem::path(remaining.substr(0, end)) / name;
     if (std::filesystem::exists(candidate)) return candidate;
-    rest = end == std::string::npos ? "" : rest.substr(end + 1);
+    remaining = end == std::string::npos ? "" : remaining.substr(end + 1);
   }
   return std::nullopt;
 }

@@ -22,18 +22,18 @@ TEST(ActingForce, IsTheMeanActingForceForAnyTickLength) {
   for (const double delay_s : {0.2e-3, 1e-3, 3e-3, 7e-3}) {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> force(-2, 2);
-    std::deque<double> held(static_cast<std::size_t>(std::lround(delay_s / kFine_s)), 0.0);
+    std::deque<double> delayed(static_cast<std::size_t>(std::lround(delay_s / kFine_s)), 0.0);
     DelayLine line;
     for (int n = 0; n < 400; ++n) {
       const int fine = 50 + static_cast<int>(random() % 100);
       const double sent = force(random);
-      for (int i = 0; i < fine; ++i) held.push_back(sent);
+      for (int i = 0; i < fine; ++i) delayed.push_back(sent);
       double acted = 0, pending = 0;
       for (int i = 0; i < fine; ++i) {
-        acted += held.front() / fine;
-        held.pop_front();
+        acted += delayed.front() / fine;
+        delayed.pop_front();
       }
-      for (const double later : held) pending += later * kFine_s;
+      for (const double later : delayed) pending += later * kFine_s;
       const double reported = follow_delay(Vector<World>(0, sent, 0), fine * kFine_s, delay_s, line).y();
       ASSERT_NEAR(reported, acted, 1e-9) << n;
       ASSERT_NEAR(pending_impulse_N_s(line, Vector<World>(0, 1, 0), delay_s), pending, 1e-12) << n;
@@ -71,7 +71,7 @@ TEST(ActingForce, FullDelayLineDropsTheOldest) {
     if (n > 200) {
       ASSERT_NEAR(acted.x(), 1, 1e-9) << "what it still knows stands for that";
     }
-    ASSERT_LE(line.count, static_cast<int>(line.held.size()));
+    ASSERT_LE(line.count, static_cast<int>(line.samples.size()));
   }
 }
 

@@ -28,8 +28,10 @@ SearchDirections::SearchDirections(const Vector<Patient>& to_tip)
 Eigen::Vector3d SearchDirections::direction(int cone, int n) const {
   constexpr double kBetween_rad = 2 * std::numbers::pi / kProxySettings.search_directions;
   // successive cones are turned by half of that
-  const double aside = cone * kProxySettings.search_cone_rad, around = (n + 0.5 * (cone & 1)) * kBetween_rad;
-  return std::cos(aside) * ahead_ + std::sin(aside) * (std::cos(around) * right_ + std::sin(around) * up_);
+  const double lateral = cone * kProxySettings.search_cone_rad,
+               around = (n + 0.5 * (cone & 1)) * kBetween_rad;
+  return std::cos(lateral) * ahead_ +
+         std::sin(lateral) * (std::cos(around) * right_ + std::sin(around) * up_);
 }
 
 }  // namespace palpate

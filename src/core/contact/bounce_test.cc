@@ -27,7 +27,7 @@ struct Falling {
   double rebound = 0;  ///< ratio of rebound to impact speed
   long limited = 0;    ///< number of ticks with a limited force
 
-  void go(double time_s) {
+  void advance(double time_s) {
     BounceState state;
     double x_mm = 4, mm_s = -fall_mm_s, sent_N = 0, before_N = 0, read_before_mm = 0;
     bool inside = false;
@@ -76,12 +76,12 @@ TEST(Bounce, ReboundSpeedIsAtMostTheImpactSpeedAtAnyWallDepth) {
         SCOPED_TRACE(std::to_string(mass_kg) + " kg, " + std::to_string(stiffness_N_per_mm) + " N/mm, " +
                      std::to_string(fall_mm_s) + " mm/s, " + std::to_string(part));
         Falling tip{mass_kg, stiffness_N_per_mm, step_mm, fall_mm_s, -step_mm * part / 20};
-        tip.go(0.2);
+        tip.advance(0.2);
         EXPECT_GT(tip.rebound, 0.6) << "a wall";
         EXPECT_LE(tip.rebound, 1.02) << "what is left the account of energy takes (StabilityGrip)";
         Falling without{mass_kg, stiffness_N_per_mm, step_mm, fall_mm_s, -step_mm * part / 20};
         without.acts = false;
-        without.go(0.2);
+        without.advance(0.2);
         EXPECT_GT(without.rebound, 1.05) << "the delay throws it";
       }
 }
@@ -90,17 +90,17 @@ TEST(Bounce, PressingHandIsUnaffected) {
   for (const double fall_mm_s : {10.0, 40.0, 100.0, 200.0})
     for (const double damping_N_s_per_mm : {0.002, 0.006}) {
       SCOPED_TRACE(std::to_string(fall_mm_s) + " mm/s, " + std::to_string(damping_N_s_per_mm) + " N s/mm");
-      Falling held{0.225, 1.16, 0.03, fall_mm_s};
-      held.hand_N = 1;
-      held.hand_N_s_per_mm = damping_N_s_per_mm;
-      held.go(0.4);
-      EXPECT_EQ(held.limited, 0);
+      Falling restrained{0.225, 1.16, 0.03, fall_mm_s};
+      restrained.hand_N = 1;
+      restrained.hand_N_s_per_mm = damping_N_s_per_mm;
+      restrained.advance(0.4);
+      EXPECT_EQ(restrained.limited, 0);
     }
 }
 
 TEST(Bounce, SlowContactGivesNoMassEstimate) {
   Falling slow{0.046, 5.01, 0.055, 0.7 * 750 * 0.055};
-  slow.go(0.2);
+  slow.advance(0.2);
   EXPECT_EQ(slow.limited, 0);
 }
 

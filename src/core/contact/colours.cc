@@ -12,10 +12,10 @@ int tissue_at(std::span<const std::int16_t> tissue_of_label, LabelId label) {
 }  // namespace
 
 void apply_tissue_colours(std::vector<Segment>& segments, std::span<const std::int16_t> tissue_of_label,
-                          std::span<const std::optional<Rgb>> stated) {
+                          std::span<const std::optional<Rgb>> declared) {
   for (Segment& segment : segments) {
     const int tissue = tissue_at(tissue_of_label, segment.id);
-    if (tissue >= 0) segment.colour = stated[static_cast<std::size_t>(tissue)].value_or(segment.colour);
+    if (tissue >= 0) segment.colour = declared[static_cast<std::size_t>(tissue)].value_or(segment.colour);
   }
 }
 

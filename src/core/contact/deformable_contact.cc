@@ -23,19 +23,20 @@ Footprint footprint_under(const DeformableContact& pressed, const PressingTool& 
     const auto known = std::span(touched).first(count);
     if (std::ranges::find(known, contact.surface) == known.end()) touched[count++] = contact.surface;
   }
-  std::array<PressPlace, kMaxPressPlaces> places;
+  std::array<FootprintPoint, kMaxFootprintPoints> points;
   std::size_t found =
-      press_places(tool.surfaces, std::span(touched).first(count), tool.spheres, tool.tip, places);
+      press_points(tool.surfaces, std::span(touched).first(count), tool.spheres, tool.tip, points);
   double deepest_mm = 0;
-  for (const PressPlace& place : std::span(places).first(found))
-    deepest_mm = std::max(deepest_mm, place.depth_mm);
-  const auto shallow = std::remove_if(places.begin(), places.begin() + found, [&](PressPlace& place) {
-    place.depth_mm += depth_mm - deepest_mm;
-    return !(place.depth_mm > 0);
-  });
-  found = static_cast<std::size_t>(shallow - places.begin());
+  for (const FootprintPoint& point : std::span(points).first(found))
+    deepest_mm = std::max(deepest_mm, point.depth_mm);
+  const auto shallow =
+      std::remove_if(points.begin(), points.begin() + found, [&](FootprintPoint& footprint_point) {
+        footprint_point.depth_mm += depth_mm - deepest_mm;
+        return !(footprint_point.depth_mm > 0);
+      });
+  found = static_cast<std::size_t>(shallow - points.begin());
   if (found <= 1) return one;
-  return footprint_of(std::span(places).first(found), tool.stretched_mm * (1 / depth_mm), base_per_mm);
+  return footprint_of(std::span(points).first(found), tool.stretched_mm * (1 / depth_mm), base_per_mm);
 }
 
 // viscoelastic correction of an elastic force and of its stored energy
@@ -48,14 +49,14 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
   force.relaxed = true;
   double stored_mJ =
       force_N * foot.depth_mm - complementary_mJ(tissue, state.elastic_N, foot.radius_mm, max_N_per_mm);
-  TangentialCoefficients aside = yield_aside(tissue, elastic_N, foot.radius_mm, max_N_per_mm);
+  TangentialCoefficients lateral = yield_lateral(tissue, elastic_N, foot.radius_mm, max_N_per_mm);
   for (std::size_t n = 0; n < options.relaxation_times->count; ++n) {
     const double fraction = state.parts.of_time[n], lagging_N = state.lagging_N[n];
     if (!(fraction > 0)) continue;
     stored_mJ += fraction * complementary_mJ(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
-    const TangentialCoefficients lagging = yield_aside(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
-    aside.of_compliance_N2 -= fraction * lagging.of_compliance_N2;
-    aside.of_stiffening_N3 -= fraction * lagging.of_stiffening_N3;
+    const TangentialCoefficients lagging = yield_lateral(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
+    lateral.of_compliance_N2 -= fraction * lagging.of_compliance_N2;
+    lateral.of_stiffening_N3 -= fraction * lagging.of_stiffening_N3;
   }
   force.law.force_N = force_N;
   force.law.stored_mJ = std::max(0.0, stored_mJ);
@@ -63,8 +64,8 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
   const double left = elastic_N > 0 ? force_N / elastic_N : 1;
   force.secant_N_per_mm *= left;
   force.own_secant_N_per_mm *= left;
-  force.law.tangential_force_N = tissue.slope_per_N * std::max(0.0, aside.of_compliance_N2) -
-                                 tissue.stiffening_slope * std::max(0.0, aside.of_stiffening_N3);
+  force.law.tangential_force_N = tissue.slope_per_N * std::max(0.0, lateral.of_compliance_N2) -
+                                 tissue.stiffening_slope * std::max(0.0, lateral.of_stiffening_N3);
 }
 
 }  // namespace

@@ -18,26 +18,26 @@ class NearestOfTool {
     nearest_.distance_mm = within_mm;
   }
 
-  void look_at(const ToolSphere& sphere) {
+  void accumulate(const ToolSphere& sphere) {
     count_ = 0;
     const double length_mm = sphere.along_mm.norm();
     if (!(length_mm > 0)) {
-      look_at(sphere, 0, 0);
+      accumulate(sphere, 0, 0);
       return;
     }
     // Lipschitz bound of the clearance over the whole axis
     const double whole_mm = length_mm + std::abs(sphere.widens_mm);
-    if (!look_at(sphere, 0.5, 0.5 * whole_mm)) return;
-    look_at(sphere, 0, 0);
-    look_at(sphere, 1, 0);
+    if (!accumulate(sphere, 0.5, 0.5 * whole_mm)) return;
+    accumulate(sphere, 0, 0);
+    accumulate(sphere, 1, 0);
     follow_nearest(sphere, length_mm);
-    look_between(sphere, whole_mm);
+    sample_between(sphere, whole_mm);
   }
 
   std::optional<ToolDistance> nearest() const { return found_ ? std::optional(nearest_) : std::nullopt; }
 
  private:
-  struct Place {
+  struct Slot {
     double part, distance_mm;  // lower bound if no surface is near
     std::optional<Point<Patient>> on_surface;
   };
@@ -48,47 +48,47 @@ class NearestOfTool {
     constexpr double kStill_mm = 0.01;
     for (int n = 0; n < kFollowed; ++n) {
       const auto best =
-          std::min_element(place_.begin(), place_.begin() + count_,
+          std::min_element(slots_.begin(), slots_.begin() + count_,
                            [](const auto& a, const auto& b) { return a.distance_mm < b.distance_mm; });
       if (!best->on_surface) return;
       const Vector<Patient> displacement = *best->on_surface - (tip_ + sphere.offset_mm);
       const double part = std::clamp(displacement.dot(sphere.along_mm) / (length_mm * length_mm), 0.0, 1.0);
       if (std::abs(part - best->part) * length_mm < kStill_mm) return;
-      look_at(sphere, part, 0);
+      accumulate(sphere, part, 0);
     }
   }
 
   // bisects the interval with the smallest lower bound until it cannot contain a nearer point
-  void look_between(const ToolSphere& sphere, double whole_mm) {
+  void sample_between(const ToolSphere& sphere, double whole_mm) {
     while (count_ < kMaxAlong) {
       const auto min_mm = [&](std::size_t n) {
-        const Place &from = place_[n], &to = place_[n + 1];
+        const Slot &from = slots_[n], &to = slots_[n + 1];
         return 0.5 * (from.distance_mm + to.distance_mm - (to.part - from.part) * whole_mm);
       };
       std::size_t next = 0;
       for (std::size_t n = 1; n + 1 < count_; ++n)
         if (min_mm(n) < min_mm(next)) next = n;
       if (!(min_mm(next) < nearest_.distance_mm - kAlongSlack_mm)) return;
-      const double half = 0.5 * (place_[next + 1].part - place_[next].part);
-      look_at(sphere, place_[next].part + half, half * whole_mm);
+      const double half = 0.5 * (slots_[next + 1].part - slots_[next].part);
+      accumulate(sphere, slots_[next].part + half, half * whole_mm);
     }
   }
 
   // evaluates one point; true if a surface is within reach; keeps the points sorted along the axis
-  bool look_at(const ToolSphere& sphere, double part, double farther_mm) {
+  bool accumulate(const ToolSphere& sphere, double part, double farther_mm) {
     const Point<Patient> centre = tip_ + sphere.offset_mm + sphere.along_mm * part;
     const double radius_mm = sphere.radius_at_mm(part);
     const auto near = tree_.nearest(centre, within_mm_ + radius_mm + farther_mm);
-    Place here{part, within_mm_ + farther_mm, {}};
+    Slot here{part, within_mm_ + farther_mm, {}};
     if (near) {
-      here = {part, near->distance_mm - radius_mm, near->place};
+      here = {part, near->distance_mm - radius_mm, near->position};
       if (here.distance_mm < nearest_.distance_mm) {
         nearest_ = {here.distance_mm, centre, radius_mm, *near};
         found_ = true;
       }
     }
-    const auto end = place_.begin() + count_;
-    const auto at = std::upper_bound(place_.begin(), end, here,
+    const auto end = slots_.begin() + count_;
+    const auto at = std::upper_bound(slots_.begin(), end, here,
                                      [](const auto& a, const auto& b) { return a.part < b.part; });
     std::move_backward(at, end, end + 1);
     *at = here;
@@ -99,7 +99,7 @@ class NearestOfTool {
   const SurfaceTree& tree_;
   const Point<Patient> tip_;
   const double within_mm_;
-  std::array<Place, kMaxAlong> place_{};
+  std::array<Slot, kMaxAlong> slots_{};
   std::size_t count_ = 0;
   ToolDistance nearest_;
   bool found_ = false;
@@ -131,7 +131,7 @@ Distances Distances::with(std::size_t structure, std::shared_ptr<const Surface> 
 std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
                                              const Point<Patient>& tip, double within_mm) {
   NearestOfTool all(tree, tip, within_mm);
-  for (const ToolSphere& sphere : spheres) all.look_at(sphere);
+  for (const ToolSphere& sphere : spheres) all.accumulate(sphere);
   return all.nearest();
 }
 
@@ -157,28 +157,28 @@ std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& 
   std::size_t count = 0;
   // Structures whose boxes are nearest are evaluated first: once the list is full, its last distance bounds
   // the search for the others.
-  double within_mm = distances.reach_mm(), looked_mm = -1;
+  double within_mm = distances.reach_mm(), sampled_mm = -1;
   for (const double part : {0.1, 0.4, 1.0}) {
     const double ring_mm = part * distances.reach_mm();
     for (std::size_t s = 0; s < structures.size(); ++s) {
       if (!structures[s].reported) continue;
       const double min_mm = distances.at_least_mm(s, tool);
-      if (!(min_mm > looked_mm && min_mm <= std::min(ring_mm, within_mm))) continue;
+      if (!(min_mm > sampled_mm && min_mm <= std::min(ring_mm, within_mm))) continue;
       const auto near = distance_of_tool(*structures[s].tree, spheres, tip, within_mm);
       if (!near || !(near->distance_mm <= within_mm)) continue;
       const NearStructure here{structures[s].label, near->distance_mm};
       const auto end = reported.begin() + static_cast<std::ptrdiff_t>(count);
-      const auto place = std::upper_bound(reported.begin(), end, here, [](const auto& a, const auto& b) {
+      const auto insertion = std::upper_bound(reported.begin(), end, here, [](const auto& a, const auto& b) {
         return a.distance_mm < b.distance_mm;
       });
-      if (place == reported.end()) continue;
+      if (insertion == reported.end()) continue;
       if (count < reported.size()) ++count;
-      std::move_backward(place, reported.begin() + static_cast<std::ptrdiff_t>(count) - 1,
+      std::move_backward(insertion, reported.begin() + static_cast<std::ptrdiff_t>(count) - 1,
                          reported.begin() + static_cast<std::ptrdiff_t>(count));
-      *place = here;
+      *insertion = here;
       if (count == reported.size()) within_mm = reported.back().distance_mm;
     }
-    looked_mm = ring_mm;
+    sampled_mm = ring_mm;
   }
   return reported;
 }

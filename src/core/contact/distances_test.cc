@@ -51,9 +51,9 @@ struct Shape {
 std::vector<Shape> distance_shapes(std::mt19937& random) {
   // overlapping balls with creases between them
   std::vector<std::pair<Eigen::Vector3d, double>> balls;
-  std::uniform_real_distribution<double> place(-4, 4), radius(1, 2.5);
+  std::uniform_real_distribution<double> coordinate(-4, 4), radius(1, 2.5);
   for (int n = 0; n < 9; ++n) {
-    const double z = place(random), y = place(random), x = place(random);
+    const double z = coordinate(random), y = coordinate(random), x = coordinate(random);
     balls.push_back({{x, y, z}, radius(random)});
   }
   return {
@@ -71,9 +71,9 @@ std::vector<Shape> distance_shapes(std::mt19937& random) {
                           box_mm(p, {7.07, 6.91, 6.83})});
        }},
       {"balls", [balls](const Eigen::Vector3d& p) {
-         double least = 1e3;
-         for (const auto& [centre, r] : balls) least = std::min(least, (p - centre).norm() - r);
-         return least;
+         double smallest = 1e3;
+         for (const auto& [centre, r] : balls) smallest = std::min(smallest, (p - centre).norm() - r);
+         return smallest;
        }}};
 }
 
@@ -95,8 +95,8 @@ TEST(Distances, EqualTheOracleOnEveryGrid) {
       for (int n = 0; n < 30; ++n) {
         // far away, uniformly around, and close to the surface
         Eigen::Vector3d x;
-        std::uniform_int_distribution<std::size_t> any(0, oracle.places().size() - 1);
-        const Eigen::Vector3d on = oracle.places()[any(random)];
+        std::uniform_int_distribution<std::size_t> any(0, oracle.points().size() - 1);
+        const Eigen::Vector3d on = oracle.points()[any(random)];
         for (int axis = 0; axis < 3; ++axis)
           x[axis] = n % 3 == 0 ? far(random) : n % 3 == 1 ? around(random) : on[axis] + near(random);
         const auto found = tree.nearest(Point<Patient>(x));
@@ -104,11 +104,12 @@ TEST(Distances, EqualTheOracleOnEveryGrid) {
         const double truth_mm = oracle.distance_mm(Point<Patient>(x));
         worst_mm = std::max(worst_mm, std::abs(std::abs(found->distance_mm) - truth_mm));
         EXPECT_NEAR(std::abs(found->distance_mm), truth_mm, kTolerance_mm)
-            << x.transpose() << ", found at " << found->place.eigen().transpose();
+            << x.transpose() << ", found at " << found->position.eigen().transpose();
         EXPECT_EQ(found->distance_mm < 0, surface->distance_mm(Point<Patient>(x)) < 0) << x.transpose();
-        EXPECT_NEAR((found->place - Point<Patient>(x)).norm(), std::abs(found->distance_mm), 1e-9);
-        EXPECT_NEAR(surface->distance_mm(found->place), 0, 0.002)
-            << "the place lies on the surface; " << x.transpose() << ", " << found->place.eigen().transpose();
+        EXPECT_NEAR((found->position - Point<Patient>(x)).norm(), std::abs(found->distance_mm), 1e-9);
+        EXPECT_NEAR(surface->distance_mm(found->position), 0, 0.002)
+            << "the place lies on the surface; " << x.transpose() << ", "
+            << found->position.eigen().transpose();
       }
     }
   RecordProperty("worst_um", static_cast<int>(std::lround(1e3 * worst_mm)));

@@ -18,96 +18,98 @@ double is_deeper(double a_mm, double b_mm, double radius_mm) {
 
 }  // namespace
 
-double pair_interaction_per_mm(double aside_mm, double radius_mm, double base_per_mm) {
-  const double per_mm = aside_mm < radius_mm ? aside_mm / radius_mm / (std::numbers::pi * radius_mm)
-                                             : 1 / (std::numbers::pi * aside_mm);
-  const double x = 0.5 * std::numbers::pi * base_per_mm * aside_mm;
+double pair_interaction_per_mm(double lateral_mm, double radius_mm, double base_per_mm) {
+  const double per_mm = lateral_mm < radius_mm ? lateral_mm / radius_mm / (std::numbers::pi * radius_mm)
+                                               : 1 / (std::numbers::pi * lateral_mm);
+  const double x = 0.5 * std::numbers::pi * base_per_mm * lateral_mm;
   return x < 1 ? per_mm + 0.5 * base_per_mm * x : base_per_mm;
 }
 
-Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along, double base_per_mm) {
-  PALPATE_CHECK(!places.empty() && places.size() <= kMaxPressPlaces);
-  std::array<double, kMaxPressPlaces> counts;
+Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Patient>& along,
+                       double base_per_mm) {
+  PALPATE_CHECK(!points.empty() && points.size() <= kMaxFootprintPoints);
+  std::array<double, kMaxFootprintPoints> counts;
   counts.fill(1);
   const auto radius_mm = [&](std::size_t a, std::size_t b) {
-    return std::min(places[a].radius_mm, places[b].radius_mm);
+    return std::min(points[a].radius_mm, points[b].radius_mm);
   };
   // squared lateral distances of all pairs; up to 276 square roots and divisions dominate the cost of this
   // function, so they are evaluated only where they affect the result
-  std::array<double, kMaxPressPlaces*(kMaxPressPlaces - 1) / 2> aside_mm2;
+  std::array<double, kMaxFootprintPoints*(kMaxFootprintPoints - 1) / 2> lateral_mm2;
   std::size_t pair = 0;
-  for (std::size_t a = 0; a < places.size(); ++a)
+  for (std::size_t a = 0; a < points.size(); ++a)
     for (std::size_t b = 0; b < a; ++b, ++pair) {
-      const Vector<Patient> displacement = places[a].middle_mm - places[b].middle_mm;
-      aside_mm2[pair] = (displacement - along * displacement.dot(along)).squared_norm();
+      const Vector<Patient> displacement = points[a].middle_mm - points[b].middle_mm;
+      lateral_mm2[pair] = (displacement - along * displacement.dot(along)).squared_norm();
       const double radius = radius_mm(a, b);
-      if (!(aside_mm2[pair] < radius * radius)) continue;
-      const double behind = 1 - std::min(1.0, std::sqrt(aside_mm2[pair]) / radius);
-      const double deeper = is_deeper(places[a].depth_mm, places[b].depth_mm, radius);
+      if (!(lateral_mm2[pair] < radius * radius)) continue;
+      const double behind = 1 - std::min(1.0, std::sqrt(lateral_mm2[pair]) / radius);
+      const double deeper = is_deeper(points[a].depth_mm, points[b].depth_mm, radius);
       counts[b] *= 1 - behind * deeper;
       counts[a] *= 1 - behind * (1 - deeper);
     }
 
   // sums of sqrt(R) d^n, n = 0.5, 1.5, 2.5
-  std::array<double, kMaxPressPlaces> force;
+  std::array<double, kMaxFootprintPoints> force;
   double steep = 0, all = 0, work = 0;
   Footprint foot;
-  for (std::size_t n = 0; n < places.size(); ++n) {
-    const PressPlace& place = places[n];
-    const double root = counts[n] * std::sqrt(place.radius_mm * place.depth_mm);
-    force[n] = root * place.depth_mm;
+  for (std::size_t n = 0; n < points.size(); ++n) {
+    const FootprintPoint& point = points[n];
+    const double root = counts[n] * std::sqrt(point.radius_mm * point.depth_mm);
+    force[n] = root * point.depth_mm;
     steep += root;
     all += force[n];
-    work += force[n] * place.depth_mm;
-    foot.arm_mm += (place.middle_mm - along * place.radius_mm) * force[n];
+    work += force[n] * point.depth_mm;
+    foot.arm_mm += (point.middle_mm - along * point.radius_mm) * force[n];
   }
   if (!(all > 0)) {
     // the contact is so slight that its force rounds to 0
-    foot.depth_mm = places[0].depth_mm;
-    foot.radius_mm = places[0].radius_mm;
-    foot.arm_mm = places[0].middle_mm - along * places[0].radius_mm;
+    foot.depth_mm = points[0].depth_mm;
+    foot.radius_mm = points[0].radius_mm;
+    foot.arm_mm = points[0].middle_mm - along * points[0].radius_mm;
     return foot;
   }
   foot.depth_mm = work / all;
   foot.radius_mm = all * all / (foot.depth_mm * foot.depth_mm * foot.depth_mm);
   foot.stiffer = std::max(1.0, steep * work / (all * all));
   foot.arm_mm = foot.arm_mm * (1 / all);
-  for (std::size_t n = 0; n < places.size(); ++n) force[n] /= all;
+  for (std::size_t n = 0; n < points.size(); ++n) force[n] /= all;
   pair = 0;
-  for (std::size_t a = 0; a < places.size(); ++a)
+  for (std::size_t a = 0; a < points.size(); ++a)
     for (std::size_t b = 0; b < a; ++b, ++pair) {
       foot.interaction_per_mm +=
           2 * force[a] * force[b] *
-          pair_interaction_per_mm(std::sqrt(aside_mm2[pair]), radius_mm(a, b), base_per_mm);
+          pair_interaction_per_mm(std::sqrt(lateral_mm2[pair]), radius_mm(a, b), base_per_mm);
     }
   return foot;
 }
 
-std::size_t press_places(std::span<const ContactSurface> all, std::span<const int> surfaces,
+std::size_t press_points(std::span<const ContactSurface> all, std::span<const int> surfaces,
                          std::span<const ToolSphere> spheres, const Point<Patient>& tip,
-                         std::span<PressPlace> places) {
-  const std::size_t most =
-      std::min(places.size(), kMaxPressPlaces) / std::max<std::size_t>(1, spheres.size());
+                         std::span<FootprintPoint> points) {
+  const std::size_t largest =
+      std::min(points.size(), kMaxFootprintPoints) / std::max<std::size_t>(1, spheres.size());
   std::size_t count = 0;
   for (const ToolSphere& sphere : spheres) {
     const double length_mm = sphere.along_mm.norm();
     // positions on the axis are independent of the capsule's attitude, so that no place appears or vanishes
     // in a rotation
     const double radius = std::max({sphere.radius_mm, sphere.radius_at_mm(1), kYieldSettings.min_radius_mm});
-    const int steps =
-        length_mm > 0 ? std::clamp(static_cast<int>(length_mm / radius), 1, static_cast<int>(most) - 1) : 0;
+    const int steps = length_mm > 0
+                          ? std::clamp(static_cast<int>(length_mm / radius), 1, static_cast<int>(largest) - 1)
+                          : 0;
     for (int n = 0; n <= steps; ++n) {
       const double part = steps == 0 ? 0 : static_cast<double>(n) / steps;
-      PressPlace place{sphere.offset_mm + sphere.along_mm * part, sphere.radius_at_mm(part), 0};
+      FootprintPoint point{sphere.offset_mm + sphere.along_mm * part, sphere.radius_at_mm(part), 0};
       for (const int s : surfaces) {
         const ContactSurface& surface = all[static_cast<std::size_t>(s)];
         if (surface.surface == nullptr) continue;
-        const double depth_mm = place.radius_mm - surface.surface->distance_mm(tip + place.middle_mm);
-        place.depth_mm = std::max(place.depth_mm, depth_mm);
+        const double depth_mm = point.radius_mm - surface.surface->distance_mm(tip + point.middle_mm);
+        point.depth_mm = std::max(point.depth_mm, depth_mm);
       }
       // a thinner part presses like a sphere of the minimum radius at the same depth
-      place.radius_mm = std::max(place.radius_mm, kYieldSettings.min_radius_mm);
-      if (place.depth_mm > 0) places[count++] = place;
+      point.radius_mm = std::max(point.radius_mm, kYieldSettings.min_radius_mm);
+      if (point.depth_mm > 0) points[count++] = point;
     }
   }
   return count;

@@ -10,12 +10,12 @@
 namespace palpate {
 
 /// Sphere of the tool, or of a capsule's row, that penetrates the undeformed surface.
-struct PressPlace {
+struct FootprintPoint {
   Vector<Patient> middle_mm;  ///< Centre relative to the tip
   double radius_mm = 0;       ///< Radius; above 0
   double depth_mm = 0;        ///< Penetration of the undeformed surface; above 0
 };
-inline constexpr std::size_t kMaxPressPlaces = 24;
+inline constexpr std::size_t kMaxFootprintPoints = 24;
 
 /// Sphere equivalent to several press places under the contact law of a tick (yield.h).
 struct Footprint {
@@ -35,22 +35,22 @@ struct Footprint {
 /// their lateral distance is less than the smaller radius, it counts only by that ratio. The result is
 /// continuous as a place enters the surface or passes another one. Bounded work; does not allocate, lock or
 /// throw.
-/// @param places       1 ... kMaxPressPlaces
+/// @param points       1 ... kMaxFootprintPoints
 /// @param along        direction in which the tissue pushes the tool back; unit
 /// @param base_per_mm  -B E* of tissue on a rigid base (layer_base_mm_per_N); 0: a half-space, or softer.
 /// Places
 ///                     farther apart than the layer is thick do not lower each other, and each is supported
 ///                     by the base under its own force only
-Footprint footprint_of(std::span<const PressPlace> places, const Vector<Patient>& along,
+Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Patient>& along,
                        double base_per_mm = 0);
 
 /// Compliance between two places under unit forces, times E*, plus `base_per_mm` because the law of the
 /// sphere takes the base away again under the sum of all forces: 1 / (pi r) (1 - x)^2 with x = pi base r / 2,
 /// and 0 from x = 1 on. Places closer than a radius count partly as one place.
-/// @param aside_mm     lateral distance r
+/// @param lateral_mm     lateral distance r
 /// @param radius_mm    the smaller radius; above 0
 /// @param base_per_mm  as of footprint_of
-double pair_interaction_per_mm(double aside_mm, double radius_mm, double base_per_mm);
+double pair_interaction_per_mm(double lateral_mm, double radius_mm, double base_per_mm);
 
 /// Press places of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
 /// are the maximum over the given surfaces.
@@ -58,10 +58,10 @@ double pair_interaction_per_mm(double aside_mm, double radius_mm, double base_pe
 /// @param surfaces  indices of the surfaces in contact, without duplicates
 /// @param spheres   tool parts
 /// @param tip       position of the tip
-/// @param places    receives the places, in the order of the tool's parts
+/// @param points    receives the places, in the order of the tool's parts
 /// @returns number of places written
-std::size_t press_places(std::span<const ContactSurface> all, std::span<const int> surfaces,
+std::size_t press_points(std::span<const ContactSurface> all, std::span<const int> surfaces,
                          std::span<const ToolSphere> spheres, const Point<Patient>& tip,
-                         std::span<PressPlace> places);
+                         std::span<FootprintPoint> points);
 
 }  // namespace palpate

@@ -25,8 +25,8 @@ double energy_of(const Footprint& foot) {
 }
 
 TEST(Footprint, OfOnePointIsThatPoint) {
-  const PressPlace place{{1, 2, 3}, 2.5, 0.7};
-  const Footprint foot = footprint_of({&place, 1}, kUp);
+  const FootprintPoint point{{1, 2, 3}, 2.5, 0.7};
+  const Footprint foot = footprint_of({&point, 1}, kUp);
   EXPECT_NEAR(foot.depth_mm, 0.7, 1e-12);
   EXPECT_NEAR(foot.radius_mm, 2.5, 1e-12);
   EXPECT_EQ(foot.interaction_per_mm, 0);
@@ -40,16 +40,16 @@ TEST(Footprint, DistantPointsSuperpose) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> radius(0.5, 4), depth(1e-3, 5);
   for (int trial = 0; trial < 200; ++trial) {
-    std::vector<PressPlace> places(1 + random() % kMaxPressPlaces);
+    std::vector<FootprintPoint> points(1 + random() % kMaxFootprintPoints);
     double force = 0, energy = 0, slope = 0;
-    for (std::size_t n = 0; n < places.size(); ++n) {
-      places[n] = {Vector<Patient>(100.0 * static_cast<double>(n), 0, 0), radius(random), depth(random)};
-      const double root = std::sqrt(places[n].radius_mm), d = places[n].depth_mm;
+    for (std::size_t n = 0; n < points.size(); ++n) {
+      points[n] = {Vector<Patient>(100.0 * static_cast<double>(n), 0, 0), radius(random), depth(random)};
+      const double root = std::sqrt(points[n].radius_mm), d = points[n].depth_mm;
       force += 4.0 / 3 * root * std::pow(d, 1.5);
       energy += 8.0 / 15 * root * std::pow(d, 2.5);
       slope += 2 * root * std::sqrt(d);
     }
-    const Footprint foot = footprint_of(places, kUp);
+    const Footprint foot = footprint_of(points, kUp);
     EXPECT_NEAR(force_of(foot), force, 1e-9 * force);
     EXPECT_NEAR(energy_of(foot), energy, 1e-9 * energy);
     EXPECT_NEAR(1.5 * force_of(foot) / foot.depth_mm * foot.stiffer, slope, 1e-9 * slope);
@@ -66,13 +66,13 @@ double pressed_N(const Footprint& foot) {
 // place of the footprint is 16 to 44 % too soft for two spheres and 46 to 90 % for a shaft lying flat.
 TEST(Footprint, MatchesTheHalfSpaceSolution) {
   struct TwoSpheres {
-    double apart_mm, higher_mm, truth_N;
+    double separation_mm, higher_mm, truth_N;
   };
-  for (const auto& [apart_mm, higher_mm, truth_N] :
+  for (const auto& [separation_mm, higher_mm, truth_N] :
        {TwoSpheres{2, 0, 8.319}, {4, 0, 9.609}, {8, 0, 10.974}, {12, 0, 11.583}, {8, 1, 7.742}}) {
-    const PressPlace places[2] = {{{0, 0, 0}, 3, 2}, {{apart_mm, 0, higher_mm}, 3, 2 - higher_mm}};
-    EXPECT_NEAR(pressed_N(footprint_of(places, kUp)), truth_N, 0.03 * truth_N)
-        << apart_mm << ", " << higher_mm;
+    const FootprintPoint points[2] = {{{0, 0, 0}, 3, 2}, {{separation_mm, 0, higher_mm}, 3, 2 - higher_mm}};
+    EXPECT_NEAR(pressed_N(footprint_of(points, kUp)), truth_N, 0.03 * truth_N)
+        << separation_mm << ", " << higher_mm;
   }
   const ContactSurface plane = testing::make_contact_surface(
       testing::cube_grid(45, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
@@ -88,13 +88,13 @@ TEST(Footprint, MatchesTheHalfSpaceSolution) {
                                                                {2, 5, 1, 3.939},
                                                                {1, 40, 1, 12.921}}) {
     const ToolSphere shaft{{}, radius_mm, {length_mm, 0, 0}};
-    std::vector<PressPlace> places(kMaxPressPlaces);
-    const std::size_t count = press_places({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
-                                           Point<Patient>(-20, 0, radius_mm - deep_mm), places);
-    const double is_N = pressed_N(footprint_of(std::span(places).first(count), kUp));
+    std::vector<FootprintPoint> footprint_points(kMaxFootprintPoints);
+    const std::size_t count = press_points({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
+                                           Point<Patient>(-20, 0, radius_mm - deep_mm), footprint_points);
+    const double is_N = pressed_N(footprint_of(std::span(footprint_points).first(count), kUp));
     // where the contact is wider than the depth, the row resolves less of the area between its spheres
-    const double most = deep_mm < 0.2 * radius_mm ? 0.2 : 0.11;
-    EXPECT_NEAR(is_N, truth_N, most * truth_N) << radius_mm << ", " << length_mm << ", " << deep_mm;
+    const double largest = deep_mm < 0.2 * radius_mm ? 0.2 : 0.11;
+    EXPECT_NEAR(is_N, truth_N, largest * truth_N) << radius_mm << ", " << length_mm << ", " << deep_mm;
   }
 }
 
@@ -105,9 +105,9 @@ TEST(Footprint, PlacesOnALayerAreSupportedByTheirOwnBase) {
   const double modulus = 0.0125, thickness_mm = 3;
   const ContactLaw layer{layer_base_mm_per_N(thickness_mm, modulus, 0.45), {}, modulus};
   const double base_per_mm = -layer.surroundings_mm_per_N * modulus;
-  const auto pressed = [&](double apart_mm) {
-    const PressPlace places[2] = {{{0, 0, 0}, 3, 1}, {{apart_mm, 0, 0}, 3, 1}};
-    const Footprint foot = footprint_of(places, kUp, base_per_mm);
+  const auto pressed = [&](double separation_mm) {
+    const FootprintPoint points[2] = {{{0, 0, 0}, 3, 1}, {{separation_mm, 0, 0}, 3, 1}};
+    const Footprint foot = footprint_of(points, kUp, base_per_mm);
     ContactLaw both = layer;
     both.surroundings_mm_per_N += foot.interaction_per_mm / modulus;
     return yield_force(both, foot.depth_mm, foot.radius_mm).force_N;
@@ -115,9 +115,9 @@ TEST(Footprint, PlacesOnALayerAreSupportedByTheirOwnBase) {
   const double alone_N = yield_force(layer, 1, 3).force_N;
   EXPECT_NEAR(pressed(12) / (2 * alone_N), 1, 0.1);
   double before = pressed(3);
-  for (double apart_mm = 3.01; apart_mm < 12; apart_mm += 0.01) {
-    const double now = pressed(apart_mm);
-    EXPECT_LT(std::abs(now - before), 0.01 * alone_N) << apart_mm;
+  for (double separation_mm = 3.01; separation_mm < 12; separation_mm += 0.01) {
+    const double now = pressed(separation_mm);
+    EXPECT_LT(std::abs(now - before), 0.01 * alone_N) << separation_mm;
     EXPECT_LE(now, 2 * alone_N * 1.1);
     before = now;
   }
@@ -127,13 +127,13 @@ TEST(Footprint, PlacesOnALayerAreSupportedByTheirOwnBase) {
 // as a place passes through the surface, moves behind another place, or passes it
 TEST(Footprint, IsContinuous) {
   constexpr int kSteps = 4000;
-  for (const double aside_mm : {0.0, 0.4, 1.0, 2.0, 6.0}) {
-    SCOPED_TRACE(std::to_string(aside_mm) + " mm aside");
+  for (const double lateral_mm : {0.0, 0.4, 1.0, 2.0, 6.0}) {
+    SCOPED_TRACE(std::to_string(lateral_mm) + " mm aside");
     double last = 0;
     for (int n = 1; n <= kSteps; ++n) {
       const double depth = 4.0 * n / kSteps;
-      const PressPlace places[2] = {{{0, 0, 0}, 2, 2}, {{aside_mm, 0, 2 - depth}, 2, depth}};
-      const double force = force_of(footprint_of(places, kUp));
+      const FootprintPoint points[2] = {{{0, 0, 0}, 2, 2}, {{lateral_mm, 0, 2 - depth}, 2, depth}};
+      const double force = force_of(footprint_of(points, kUp));
       if (n > 1) {
         EXPECT_LT(std::abs(force - last), 0.01);
       }
@@ -141,9 +141,9 @@ TEST(Footprint, IsContinuous) {
     }
     // a single place, or two
     const double one = 4.0 / 3 * std::sqrt(2.0) * 8;
-    EXPECT_NEAR(last, aside_mm >= 2 ? one + 4.0 / 3 * std::sqrt(2.0) * std::pow(2, 1.5) : one,
+    EXPECT_NEAR(last, lateral_mm >= 2 ? one + 4.0 / 3 * std::sqrt(2.0) * std::pow(2, 1.5) : one,
                 1e-9 + 0.3 * one);
-    if (aside_mm == 0) {
+    if (lateral_mm == 0) {
       EXPECT_NEAR(last, one, 1e-9);
     }
   }
@@ -157,10 +157,10 @@ TEST(Footprint, ShaftPressesWithItsSupportedLength) {
   const int edge_contact_front = 0;
   const auto of = [&](const Eigen::Vector3d& along, double deep_mm) {
     const ToolSphere shaft{{}, 2, Vector<Patient>(along)};
-    std::vector<PressPlace> places(kMaxPressPlaces);
-    const std::size_t count = press_places({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
-                                           Point<Patient>(0, 0, 2 - deep_mm), places);
-    return footprint_of(std::span(places).first(count), kUp);
+    std::vector<FootprintPoint> points(kMaxFootprintPoints);
+    const std::size_t count = press_points({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
+                                           Point<Patient>(0, 0, 2 - deep_mm), points);
+    return footprint_of(std::span(points).first(count), kUp);
   };
   const double one = 4.0 / 3 * std::sqrt(2.0) * std::pow(8, 1.5);
   EXPECT_NEAR(force_of(of({0, 0, 20}, 8)), one, 1e-3 * one);

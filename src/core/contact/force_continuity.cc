@@ -47,9 +47,10 @@ double limit_stiffness(double requested, std::optional<double> before, const Vec
   const double along = motion.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
   const double across = motion.stretched_mm.squared_norm() / (length_mm * length_mm) - along * along;
   const double change = motion.max_change_mm / length_mm;
-  const double most = change * change - across;
-  if (!(most > 0)) return *before;
-  return std::clamp(requested, *before * (along - std::sqrt(most)), *before * (along + std::sqrt(most)));
+  const double largest = change * change - across;
+  if (!(largest > 0)) return *before;
+  return std::clamp(requested, *before * (along - std::sqrt(largest)),
+                    *before * (along + std::sqrt(largest)));
 }
 
 void SlipBudget::spend(std::optional<double> before_N_per_mm, const ProxyForce& now,

@@ -23,13 +23,13 @@ Point<Patient> random_corner(std::mt19937& random, double spread_mm) {
 // Dykstra's alternating projections converge to the closest point; slow, but independent of any active set
 Point<Patient> by_dykstra(const Point<Patient>& x, const std::vector<HalfSpace>& half_spaces, int rounds) {
   Eigen::Vector3d q = x.eigen();
-  std::vector<Eigen::Vector3d> given_back(half_spaces.size(), Eigen::Vector3d::Zero());
+  std::vector<Eigen::Vector3d> returned(half_spaces.size(), Eigen::Vector3d::Zero());
   for (int round = 0; round < rounds; ++round)
     for (std::size_t i = 0; i < half_spaces.size(); ++i) {
-      const Eigen::Vector3d before = q + given_back[i];
+      const Eigen::Vector3d before = q + returned[i];
       const double outside = half_spaces[i].offset - half_spaces[i].normal.eigen().dot(before);
       q = before + half_spaces[i].normal.eigen() * std::max(0.0, outside);
-      given_back[i] = before - q;
+      returned[i] = before - q;
     }
   return Point<Patient>(q);
 }

@@ -9,19 +9,19 @@ namespace palpate {
 namespace {
 
 // lateral distance of a point from the hole's axis
-double aside_mm(const Hole& hole, const Vector<Patient>& from_entry) {
+double lateral_mm(const Hole& hole, const Vector<Patient>& from_entry) {
   return (from_entry - hole.inward * from_entry.dot(hole.inward)).norm();
 }
 
 }  // namespace
 
-bool Hole::fits(const Point<Patient>& middle, double part_radius_mm) const {
-  const Vector<Patient> from_entry = middle - at;
+bool Hole::fits(const Point<Patient>& centre, double part_radius_mm) const {
+  const Vector<Patient> from_entry = centre - at;
   const double along_mm = from_entry.dot(inward), play_mm = kProxySettings.hole_play_mm;
   // a part may be anywhere in the hole, with a tolerance for one in contact with the rim beside it
   const double room_mm = radius_mm - part_radius_mm + play_mm;
   return part_radius_mm <= radius_mm + kProxySettings.skin_mm && along_mm >= -play_mm &&
-         along_mm <= length_mm + play_mm && aside_mm(*this, from_entry) <= room_mm;
+         along_mm <= length_mm + play_mm && lateral_mm(*this, from_entry) <= room_mm;
 }
 
 void Holes::add(const Hole& hole) {
@@ -33,12 +33,12 @@ void Holes::add(const Hole& hole) {
   oldest_ = (oldest_ + 1) % kMost;
 }
 
-void Holes::extend(int structure, const Point<Patient>& middle) {
+void Holes::extend(int structure, const Point<Patient>& centre) {
   for (std::size_t n = 0; n < count_; ++n) {
     Hole& hole = hole_[n];
-    const Vector<Patient> from_entry = middle - hole.at;
+    const Vector<Patient> from_entry = centre - hole.at;
     if (hole.structure != structure ||
-        aside_mm(hole, from_entry) > hole.radius_mm + kProxySettings.hole_play_mm)
+        lateral_mm(hole, from_entry) > hole.radius_mm + kProxySettings.hole_play_mm)
       continue;
     hole.length_mm = std::max(hole.length_mm, from_entry.dot(hole.inward));
   }

@@ -56,11 +56,11 @@ TEST(Holes, OldestHoleClosesBeyondTheMaximum) {
     holes.add(hole);
   }
   ASSERT_EQ(holes.all().size(), Holes::kMost);
-  std::vector<double> places;
-  for (const Hole& hole : holes.all()) places.push_back(hole.at.x());
-  std::sort(places.begin(), places.end());
-  EXPECT_EQ(places.front(), 30);
-  EXPECT_EQ(places.back(), 10.0 * (number - 1));
+  std::vector<double> coordinates;
+  for (const Hole& hole : holes.all()) coordinates.push_back(hole.at.x());
+  std::sort(coordinates.begin(), coordinates.end());
+  EXPECT_EQ(coordinates.front(), 30);
+  EXPECT_EQ(coordinates.back(), 10.0 * (number - 1));
 }
 
 TEST(Holes, FollowTheirStructureWhenSurfacesAreReordered) {

@@ -65,7 +65,7 @@ std::string burr_in_words(const Tool& tool) {
   return text;
 }
 
-double Model::greatest_stiffness_N_per_mm() const {
+double Model::max_stiffness_N_per_mm() const {
   double greatest = 0;
   for (const Tissue& tissue : tissues)
     if (tissue.touchable) greatest = std::max(greatest, tissue.stiffness_N_per_mm);

@@ -147,7 +147,7 @@ bool ContactConstraints::add(const ContactPair& pair, int step, const Point<Pati
   const Vector<Patient> normal = pair.surface->outward(at + pair.offset_mm(step));
   if (normal == Vector<Patient>()) return false;
   const HalfSpace plane{normal, normal.eigen().dot(at.eigen()) - clearance_mm};
-  const std::size_t index = full() ? place_of_weaker(plane) : count_++;
+  const std::size_t index = full() ? index_of_weaker(plane) : count_++;
   if (index == kMaxHalfSpaces) return false;
   put(index, pair, step, plane);
   return true;
@@ -160,7 +160,7 @@ void ContactConstraints::put(std::size_t index, const ContactPair& pair, int ste
 }
 
 // index of a parallel half-space that is less restrictive, or kMaxHalfSpaces
-std::size_t ContactConstraints::place_of_weaker(const HalfSpace& plane) const {
+std::size_t ContactConstraints::index_of_weaker(const HalfSpace& plane) const {
   std::size_t n = 0;
   while (n < kMaxHalfSpaces &&
          !(half_spaces_[n].normal.dot(plane.normal) > kProxySettings.min_parallel_cosine &&

@@ -161,7 +161,7 @@ class ContactConstraints {
   int step(std::size_t n) const { return step_[n]; }
 
  private:
-  std::size_t place_of_weaker(const HalfSpace& plane) const;
+  std::size_t index_of_weaker(const HalfSpace& plane) const;
   void put(std::size_t index, const ContactPair& pair, int step, const HalfSpace& plane);
 
   UninitialisedArray<HalfSpace, kMaxHalfSpaces> half_spaces_;

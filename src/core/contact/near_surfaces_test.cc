@@ -29,7 +29,7 @@ ContactSurface ball_at(const Eigen::Vector3d& centre, double radius_mm, std::mt1
       grid, [&](const Eigen::Vector3d& p) { return (p - centre).norm() - radius_mm; }, reach_mm);
 }
 
-Eigen::Vector3d place_within(double half_mm, std::mt19937& random) {
+Eigen::Vector3d point_within(double half_mm, std::mt19937& random) {
   std::uniform_real_distribution<double> about(-half_mm, half_mm);
   const double x = about(random), y = about(random), z = about(random);
   return {x, y, z};
@@ -53,23 +53,23 @@ TEST(PairSet, CulledPairsAreNotReachedOnThePath) {
   std::uniform_real_distribution<double> unit(0, 1);
   std::vector<ContactSurface> surfaces;
   for (int s = 0; s < 60; ++s)
-    surfaces.push_back(ball_at(place_within(20, random), 1 + 2 * unit(random), random));
+    surfaces.push_back(ball_at(point_within(20, random), 1 + 2 * unit(random), random));
   SurfaceSet punctured;
   punctured[7] = punctured[30] = true;
   // in another layer; covered by a surface not punctured; uncovered by a punctured one
   surfaces[12].layer = 1;
   surfaces[13].beneath = 20;
   surfaces[14].beneath = 30;
-  int looked_at = 0, cut_short = 0;
+  int inspected = 0, cut_short = 0;
   for (int n = 0; n < 400; ++n) {
     std::vector<ToolSphere> spheres;
     for (int k = 0; k <= n % 4; ++k) {
-      spheres.push_back({Vector<Patient>(place_within(15, random)), 2.5 * unit(random)});
-      if ((n + k) % 3 == 0) spheres.back().along_mm = Vector<Patient>(place_within(10, random));
+      spheres.push_back({Vector<Patient>(point_within(15, random)), 2.5 * unit(random)});
+      if ((n + k) % 3 == 0) spheres.back().along_mm = Vector<Patient>(point_within(10, random));
     }
-    const Point<Patient> at(place_within(25, random));
+    const Point<Patient> at(point_within(25, random));
     const PairSet near(surfaces, spheres, 0, punctured, at, 4 * unit(random));
-    looked_at += static_cast<int>(near.count());
+    inspected += static_cast<int>(near.count());
     cut_short += near.count() == kMaxPairs;
     for (int m = 0; m < 10; ++m) {
       const Point<Patient> there =
@@ -85,7 +85,7 @@ TEST(PairSet, CulledPairsAreNotReachedOnThePath) {
       }
     }
   }
-  EXPECT_GT(looked_at, 400);
+  EXPECT_GT(inspected, 400);
   EXPECT_GT(cut_short, 0) << "more pairs than are looked at";
 }
 
@@ -97,11 +97,11 @@ TEST(PairSet, BoundsAreConservative) {
   int beyond = 0, tells = 0;
   for (int s = 0; s < 20; ++s) {
     const double radius_mm = 1 + 4 * unit(random);
-    const Eigen::Vector3d centre = place_within(20, random);
+    const Eigen::Vector3d centre = point_within(20, random);
     const ContactSurface contact_surface = ball_at(centre, radius_mm, random, 1 + 3 * unit(random));
     const Surface& surface = *contact_surface.surface;
     for (int n = 0; n < 5000; ++n) {
-      const Point<Patient> at(centre + place_within(12, random));
+      const Point<Patient> at(centre + point_within(12, random));
       const double distance_mm = surface.distance_mm(at), within_mm = 4 * unit(random);
       ASSERT_LE(surface.at_least_mm(at), distance_mm);
       tells += surface.at_least_mm(at) > 0.5;
@@ -122,13 +122,13 @@ TEST(PairSet, ClearanceEqualsExhaustiveSearch) {
   std::uniform_real_distribution<double> unit(0, 1);
   int exact = 0, bounds = 0;
   for (int scene = 0; scene < 20; ++scene) {
-    const std::vector<ContactSurface> surfaces{ball_at(place_within(4, random), 3, random),
-                                               ball_at(place_within(4, random), 2, random)};
+    const std::vector<ContactSurface> surfaces{ball_at(point_within(4, random), 3, random),
+                                               ball_at(point_within(4, random), 2, random)};
     const std::vector<ToolSphere> tool{
-        {Vector<Patient>(place_within(3, random)), 1, Vector<Patient>(place_within(8, random))},
-        {{}, 0.3, Vector<Patient>(place_within(8, random))},
+        {Vector<Patient>(point_within(3, random)), 1, Vector<Patient>(point_within(8, random))},
+        {{}, 0.3, Vector<Patient>(point_within(8, random))},
         {{}, 0.7}};
-    Point<Patient> at(place_within(8, random));
+    Point<Patient> at(point_within(8, random));
     Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
     PairSet near(surfaces, tool, 0, {}, at, 20);
     ASSERT_EQ(near.count(), 6u);
@@ -166,15 +166,15 @@ TEST(PairSet, FreeTestEqualsExhaustiveSearch) {
   std::uniform_real_distribution<double> unit(0, 1);
   std::vector<ContactSurface> surfaces;
   for (int s = 0; s < 40; ++s)
-    surfaces.push_back(ball_at(place_within(20, random), 1 + 2 * unit(random), random, 1 + unit(random)));
+    surfaces.push_back(ball_at(point_within(20, random), 1 + 2 * unit(random), random, 1 + unit(random)));
   surfaces[12].layer = 1;
   int free = 0;
   for (int n = 0; n < 2000; ++n) {
     // radii below and above the constant distance outside the surfaces
-    std::vector<ToolSphere> spheres{{Vector<Patient>(place_within(10, random)), 1.6 * unit(random)},
+    std::vector<ToolSphere> spheres{{Vector<Patient>(point_within(10, random)), 1.6 * unit(random)},
                                     {{}, 0.5}};
-    if (n % 2 == 0) spheres[0].along_mm = Vector<Patient>(place_within(6, random));
-    const Point<Patient> at(place_within(30, random));
+    if (n % 2 == 0) spheres[0].along_mm = Vector<Patient>(point_within(6, random));
+    const Point<Patient> at(point_within(30, random));
     SurfaceSet but;
     but[static_cast<std::size_t>(n % 40)] = true;
     bool expected = true;
@@ -190,9 +190,9 @@ TEST(PairSet, FreeTestEqualsExhaustiveSearch) {
 }
 
 /// A tool that presses, slides and rotates among a few surfaces and punctures one of them.
-class LedTool {
+class GuidedTool {
  public:
-  explicit LedTool(std::vector<ContactSurface> surfaces) : surfaces_(std::move(surfaces)) {}
+  explicit GuidedTool(std::vector<ContactSurface> surfaces) : surfaces_(std::move(surfaces)) {}
   const ProxyResult& at(const ToolPose& hand) {
     const TurnedTool tool(kTool, Eigen::Quaterniond::Identity(), hand.attitude);
     result_ = advance_proxy(surfaces_, tool.spheres(), hand, state_);
@@ -245,7 +245,7 @@ TEST(PairSet, DistantStructuresHaveNoEffect) {
   SCOPED_TRACE("seed " + std::to_string(kNearSeed));
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random);
-  LedTool alone(few), among(with_far_ones(few, 250, random));
+  GuidedTool alone(few), among(with_far_ones(few, 250, random));
   Point<Patient> tip(2, 2, 8);
   Vector<Patient> velocity_mm;
   bool touched = false, punctured = false;
@@ -275,8 +275,8 @@ TEST(PairSet, EvaluatesOnlyNearbyPairs) {
   const auto few = few_surfaces(random), many = with_far_ones(few, 250, random);
   int requested = 0;
   for (int n = 0; n < 200; ++n) {
-    const Point<Patient> at(place_within(12, random));
-    const PairSet alone(few, LedTool::kTool, 0, {}, at, 3), among(many, LedTool::kTool, 0, {}, at, 3);
+    const Point<Patient> at(point_within(12, random));
+    const PairSet alone(few, GuidedTool::kTool, 0, {}, at, 3), among(many, GuidedTool::kTool, 0, {}, at, 3);
     ASSERT_EQ(alone.queries(), among.queries());
     ASSERT_EQ(alone.count(), among.count());
     ASSERT_GE(alone.queries(), static_cast<int>(alone.count()));
@@ -289,10 +289,10 @@ TEST(PairSet, EvaluatesOnlyNearbyPairs) {
 TEST(PairSet, CostDependsOnNearbyPairsOnly) {
   std::mt19937 random(kNearSeed);
   const auto few = few_surfaces(random);
-  LedTool alone(few), among(with_far_ones(few, 250, random));
+  GuidedTool alone(few), among(with_far_ones(few, 250, random));
   // pressing, where the path to be searched is long
   for (int n = 0; n < 60; ++n)
-    for (LedTool* run : {&alone, &among}) run->at(Point<Patient>(0, 0, 3 - 0.05 * n));
+    for (GuidedTool* run : {&alone, &among}) run->at(Point<Patient>(0, 0, 3 - 0.05 * n));
   const Point<Patient> pressed(0, 0, -0.1);
   // 1000 pairs instead of 12
   EXPECT_LT(among.seconds_at(pressed), 4 * alone.seconds_at(pressed));

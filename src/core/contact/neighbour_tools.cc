@@ -35,11 +35,11 @@ NeighbourEffect displaced_by_others(std::span<const TissuePress> presses, std::s
     if (d == device || !(other.force_N > 0) || !own.is_known() || other.surface != own.surface) continue;
     const double aligned = other.outward.dot(own.outward);
     const Vector<Patient> away = own.at - other.at;
-    const double aside_mm = away.norm();
-    if (!(aligned > 0) || !(aside_mm > 0)) continue;
+    const double lateral_mm = away.norm();
+    if (!(aligned > 0) || !(lateral_mm > 0)) continue;
     const double radius_mm = std::min(own.radius_mm, other.radius_mm);
     const double base_per_mm = 0.5 * (own.base_per_mm + other.base_per_mm);
-    const double per_mm = pair_interaction_per_mm(aside_mm, radius_mm, base_per_mm) - base_per_mm;
+    const double per_mm = pair_interaction_per_mm(lateral_mm, radius_mm, base_per_mm) - base_per_mm;
     if (!(per_mm > 0)) continue;
     const double of_modulus = 0.5 * aligned * (1 / own.modulus_N_per_mm2 + 1 / other.modulus_N_per_mm2);
     const double mutual_mm_per_N = per_mm * of_modulus;
@@ -49,10 +49,11 @@ NeighbourEffect displaced_by_others(std::span<const TissuePress> presses, std::s
     if (limited_mm_per_N < mutual_mm_per_N) continue;
     // derivative of per_mm with respect to the distance
     const double slope_per_mm2 =
-        (aside_mm < radius_mm ? 1 / (radius_mm * radius_mm) : -1 / (aside_mm * aside_mm)) / std::numbers::pi +
+        (lateral_mm < radius_mm ? 1 / (radius_mm * radius_mm) : -1 / (lateral_mm * lateral_mm)) /
+            std::numbers::pi +
         0.25 * std::numbers::pi * base_per_mm * base_per_mm;
     const Vector<Patient> along = away - own.outward * away.dot(own.outward);
-    effect.force_per_N += along * (slope_per_mm2 * of_modulus * other.force_N / aside_mm);
+    effect.force_per_N += along * (slope_per_mm2 * of_modulus * other.force_N / lateral_mm);
   }
   return effect;
 }

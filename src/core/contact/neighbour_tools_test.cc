@@ -36,12 +36,12 @@ TEST(NeighbourTools, AHalfSpaceIsLoweredAsByBoussinesq) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(-1, 1);
   for (int n = 0; n < 200; ++n) {
-    const Vector<Patient> aside(4 * kPressRadius_mm * unit(random), 4 * kPressRadius_mm * unit(random), 0);
-    if (aside.norm() < kPressRadius_mm) continue;
-    std::array presses{press_at({1, 2, 0}, 0.1), press_at(Point<Patient>(1, 2, 0) + aside, 0.3)};
+    const Vector<Patient> lateral(4 * kPressRadius_mm * unit(random), 4 * kPressRadius_mm * unit(random), 0);
+    if (lateral.norm() < kPressRadius_mm) continue;
+    std::array presses{press_at({1, 2, 0}, 0.1), press_at(Point<Patient>(1, 2, 0) + lateral, 0.3)};
     const NeighbourEffect effect = effect_on_first(presses);
-    EXPECT_NEAR(effect.displaced_mm, 0.3 / (std::numbers::pi * kSoftModulus * aside.norm()), 1e-12);
-    EXPECT_GT(effect.force_per_N.dot(aside), 0) << "towards the dent of the other tool";
+    EXPECT_NEAR(effect.displaced_mm, 0.3 / (std::numbers::pi * kSoftModulus * lateral.norm()), 1e-12);
+    EXPECT_GT(effect.force_per_N.dot(lateral), 0) << "towards the dent of the other tool";
   }
 }
 

@@ -29,7 +29,7 @@ struct NearRegion {
 
 using MetRegion = std::optional<NearRegion>;
 
-void keep_nearest(const NearRegion& one, MetRegion& nearest) {
+void retain_nearest(const NearRegion& one, MetRegion& nearest) {
   if (!nearest || one.distance_mm < nearest->distance_mm) nearest = one;
 }
 
@@ -40,18 +40,18 @@ MetRegion nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres
     for (const double part : {0.0, 1.0}) {
       const Point<Patient> centre = tip + sphere.offset_mm + sphere.along_mm * part;
       const double radius_mm = sphere.radius_at_mm(part);
-      keep_nearest({plane.outward.dot(centre - plane.point) - radius_mm, centre, plane.outward, radius_mm},
-                   nearest);
+      retain_nearest({plane.outward.dot(centre - plane.point) - radius_mm, centre, plane.outward, radius_mm},
+                     nearest);
     }
   return nearest;
 }
 
 // position on a tapered capsule's axis where the line from the point is perpendicular to its outline
-double nearest_part_of_axis(const ToolSphere& sphere, const Vector<Patient>& to_place) {
+double nearest_part_of_axis(const ToolSphere& sphere, const Vector<Patient>& to_point) {
   const double length2 = sphere.along_mm.squared_norm();
   if (!(length2 > 0)) return 0;
-  const double foot = to_place.dot(sphere.along_mm) / length2;
-  const double beside_mm = (to_place - sphere.along_mm * foot).norm();
+  const double foot = to_point.dot(sphere.along_mm) / length2;
+  const double beside_mm = (to_point - sphere.along_mm * foot).norm();
   const double slant2 = length2 - sphere.widens_mm * sphere.widens_mm;
   const double ahead = slant2 > 0 ? beside_mm * sphere.widens_mm / std::sqrt(slant2 * length2) : 0;
   return std::clamp(foot + ahead, 0.0, 1.0);
@@ -65,7 +65,7 @@ MetRegion nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres
     const Point<Patient> centre = end + sphere.along_mm * part;
     const Vector<Patient> displacement = centre - ball.centre;
     const double radius_mm = sphere.radius_at_mm(part);
-    keep_nearest(
+    retain_nearest(
         {displacement.norm() - ball.radius_mm - radius_mm, centre, displacement.normalized(), radius_mm},
         nearest);
   }
@@ -75,9 +75,9 @@ MetRegion nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres
 MetRegion nearest_to(const NoGoStructure& structure, const Distances& distances,
                      std::span<const ToolSphere> spheres, const Point<Patient>& tip, double within_mm) {
   if (structure.tracked < 0) return {};
-  const auto place = static_cast<std::size_t>(structure.tracked);
-  if (!(distances.at_least_mm(place, box_of_tool(spheres, tip)) <= within_mm)) return {};
-  const SurfaceTree& tree = *distances.structures()[place].tree;
+  const auto table_index = static_cast<std::size_t>(structure.tracked);
+  if (!(distances.at_least_mm(table_index, box_of_tool(spheres, tip)) <= within_mm)) return {};
+  const SurfaceTree& tree = *distances.structures()[table_index].tree;
   const auto near = distance_of_tool(tree, spheres, tip, within_mm);
   if (!near) return {};
   return NearRegion{near->distance_mm, near->centre, tree.outward(near->centre, near->near), near->radius_mm};
@@ -85,9 +85,9 @@ MetRegion nearest_to(const NoGoStructure& structure, const Distances& distances,
 
 MetRegion nearest_to(const NoGoRegion& region, const Distances& distances,
                      std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
-  if (const auto* plane = std::get_if<NoGoPlane>(&region.place)) return nearest_to(*plane, spheres, tip);
-  if (const auto* ball = std::get_if<NoGoSphere>(&region.place)) return nearest_to(*ball, spheres, tip);
-  return nearest_to(*std::get_if<NoGoStructure>(&region.place), distances, spheres, tip, region.keep_away_mm);
+  if (const auto* plane = std::get_if<NoGoPlane>(&region.shape)) return nearest_to(*plane, spheres, tip);
+  if (const auto* ball = std::get_if<NoGoSphere>(&region.shape)) return nearest_to(*ball, spheres, tip);
+  return nearest_to(*std::get_if<NoGoStructure>(&region.shape), distances, spheres, tip, region.keep_away_mm);
 }
 
 /// Active regions in order of decreasing depth, up to the capacity.
@@ -95,13 +95,13 @@ class ActiveRegions {
  public:
   void add(const Push& push) {
     const auto end = push_.begin() + static_cast<std::ptrdiff_t>(count_);
-    const auto place = std::upper_bound(push_.begin(), end, push,
-                                        [](const Push& a, const Push& b) { return a.depth_mm > b.depth_mm; });
-    if (place == push_.end()) return;
+    const auto table_index = std::upper_bound(
+        push_.begin(), end, push, [](const Push& a, const Push& b) { return a.depth_mm > b.depth_mm; });
+    if (table_index == push_.end()) return;
     if (count_ < push_.size()) ++count_;
     const auto last = push_.begin() + static_cast<std::ptrdiff_t>(count_) - 1;
-    std::move_backward(place, last, last + 1);
-    *place = push;
+    std::move_backward(table_index, last, last + 1);
+    *table_index = push;
   }
   std::span<const Push> all() const { return {push_.data(), count_}; }
 
@@ -209,11 +209,11 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
     if (!is_in(region.stiffness_N_per_mm, kNoGoStiffness_N_per_mm))
       return wrong(name + "a stiffness of " + std::to_string(region.stiffness_N_per_mm) + " N/mm",
                    "give 0.01 to 20 N/mm");
-    if (const auto* plane = std::get_if<NoGoPlane>(&region.place))
+    if (const auto* plane = std::get_if<NoGoPlane>(&region.shape))
       if (!plane->point.all_finite() || !(std::abs(plane->outward.norm() - 1) < 1e-6))
         return wrong(name + "a plane without a point or a direction",
                      "give a point, and a unit vector towards the permitted side");
-    if (const auto* ball = std::get_if<NoGoSphere>(&region.place))
+    if (const auto* ball = std::get_if<NoGoSphere>(&region.shape))
       if (!ball->centre.all_finite() || !is_in(ball->radius_mm, kNoGoRadius_mm))
         return wrong(name + "a sphere without a centre, or with a radius of " +
                          std::to_string(ball->radius_mm) + " mm",

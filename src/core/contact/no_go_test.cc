@@ -22,9 +22,9 @@ NoGoRegion plane_region(const Vector<Patient>& outward, double keep_away_mm, dou
   return {"plane", NoGoPlane{at, outward.normalized()}, keep_away_mm, stiffness};
 }
 
-NoGoForce pushed(const std::vector<NoGoRegion>& regions, const Point<Patient>& tip, double most = 2,
+NoGoForce pushed(const std::vector<NoGoRegion>& regions, const Point<Patient>& tip, double largest = 2,
                  const Distances& distances = {}, const std::vector<ToolSphere>& tool = kPointTool) {
-  return push_out_of(regions, distances, tool, tip, most);
+  return push_out_of(regions, distances, tool, tip, largest);
 }
 
 // a ball of 6 mm radius as a structure that is not felt

@@ -19,7 +19,7 @@ OwnerShares OwnerCache::at(std::span<const ContactSurface> surfaces, int index,
   const bool cut = surface.made != nullptr;
   for (const Entry& entry : entries_)
     if (entry.owners == surface.owners->number() && entry.surface == index && entry.cut == cut &&
-        entry.place == position)
+        entry.position == position)
       return entry.shares;
   Entry& entry = entries_[next_];
   next_ = (next_ + 1) % entries_.size();

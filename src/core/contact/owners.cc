@@ -145,14 +145,14 @@ void Owners::spread(std::vector<Value>& of_block, const Join& join) const {
 }
 
 // sum of (1 - r^2 / R^2)^2 over a run's voxels within R of a point
-double Owners::weight_of(std::size_t run, const std::array<float, 3>& place,
+double Owners::weight_of(std::size_t run, const std::array<float, 3>& point,
                          const std::array<float, 3>& per_reach) const {
   using Several = Eigen::Array<float, kAtOnce, 1>;
   Several all = Several::Zero();
   for (std::size_t n = runs_[run].begin; n < runs_[run + 1].begin; n += kAtOnce) {
     Several left = Several::Ones();
     for (std::size_t a = 0; a < 3; ++a) {
-      const Several path = (Eigen::Map<const Several>(index_[a].data() + n) - place[a]) * per_reach[a];
+      const Several path = (Eigen::Map<const Several>(index_[a].data() + n) - point[a]) * per_reach[a];
       left -= path * path;
     }
     const Several inside = left.max(0.0F);
@@ -174,13 +174,13 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
     low[a] = std::max(0, static_cast<int>(std::ceil(at - voxels))) / block_[a];
     high[a] = std::min(dims_[a] - 1, static_cast<int>(std::floor(at + voxels))) / block_[a];
   }
-  const std::int16_t observed = only_[block_of(nearest[0], nearest[1], nearest[2])];
-  if (observed != kSeveral) return OwnerShares(observed == kNobody ? any_ : observed);
+  const std::int16_t owner = only_[block_of(nearest[0], nearest[1], nearest[2])];
+  if (owner != kSeveral) return OwnerShares(owner == kNobody ? any_ : owner);
 
   OwnerShares shares;
-  std::array<float, 3> place{}, per_reach{};  // as a fraction of the radius
+  std::array<float, 3> point{}, per_reach{};  // as a fraction of the radius
   for (std::size_t a = 0; a < 3; ++a) {
-    place[a] = static_cast<float>(p[static_cast<int>(a)]);
+    point[a] = static_cast<float>(p[static_cast<int>(a)]);
     per_reach[a] = static_cast<float>(spacing_mm_[static_cast<int>(a)] / reach_mm_);
   }
   const auto add = [&](std::int16_t structure, double weight) {
@@ -199,7 +199,7 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
           static_cast<std::size_t>(blocks_[0]);
       const std::uint32_t end = first_run_of_block_[row + static_cast<std::size_t>(high[0]) + 1];
       for (std::uint32_t run = first_run_of_block_[row + static_cast<std::size_t>(low[0])]; run < end; ++run)
-        if (const double weight = weight_of(run, place, per_reach); weight > 0)
+        if (const double weight = weight_of(run, point, per_reach); weight > 0)
           add(runs_[run].structure, weight);
     }
   return shares.count_ > 0 ? in_order(shares) : OwnerShares(any_);

@@ -22,8 +22,8 @@ struct Led {
   bool act = true;
   double true_mJ = 0;  // work of the force sent
 
-  PassivityOutput go(const Vector<World>& displacement_mm, const Vector<World>& force_N,
-                     double stored_mJ = kUnknown_mJ) {
+  PassivityOutput advance(const Vector<World>& displacement_mm, const Vector<World>& force_N,
+                          double stored_mJ = kUnknown_mJ) {
     true_mJ -= sent_N.dot(displacement_mm);
     const PassivityOutput out = control_passivity(
         {force_N, force_N.norm(), sent_N, displacement_mm, stored_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s},
@@ -37,10 +37,10 @@ TEST(Passivity, ObserverIntegratesCommandedWork) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;
   const auto any = [&] { return Vector<World>(normal(random), normal(random), normal(random)); };
-  Led led;
-  led.act = false;
-  for (int n = 0; n < 1000; ++n) EXPECT_EQ(led.go(any(), any()).factor, 1) << "observes only";
-  EXPECT_NEAR(led.state.energy_mJ, led.true_mJ, 1e-9);
+  Led guided;
+  guided.act = false;
+  for (int n = 0; n < 1000; ++n) EXPECT_EQ(guided.advance(any(), any()).factor, 1) << "observes only";
+  EXPECT_NEAR(guided.state.energy_mJ, guided.true_mJ, 1e-9);
 }
 
 TEST(Passivity, SpringReturnsNoMoreThanItStored) {
@@ -49,21 +49,21 @@ TEST(Passivity, SpringReturnsNoMoreThanItStored) {
     SCOPED_TRACE(speed_mm_s);
     for (const bool act : {false, true}) {
       const double stride_mm = speed_mm_s * kDt_s;
-      Led led;
-      led.act = act;
+      Led guided;
+      guided.act = act;
       double x_mm = 0.5 * stride_mm;
       for (int press = 0; press < 10; ++press) {
         for (int n = 0; n < 60; ++n) {
           const double displacement_mm = n < 30 ? -stride_mm : stride_mm;
           x_mm += displacement_mm;
-          led.go({displacement_mm, 0, 0}, {kStiffness_N_per_mm * std::max(0.0, -x_mm), 0, 0});
+          guided.advance({displacement_mm, 0, 0}, {kStiffness_N_per_mm * std::max(0.0, -x_mm), 0, 0});
         }
       }
       const double once_mJ = 30 * stride_mm * kStiffness_N_per_mm * stride_mm;
       if (act)
-        EXPECT_GT(led.true_mJ, -0.5 * once_mJ) << "F v T of one press at most, on the turn";
+        EXPECT_GT(guided.true_mJ, -0.5 * once_mJ) << "F v T of one press at most, on the turn";
       else
-        EXPECT_LT(led.true_mJ, -9 * once_mJ);
+        EXPECT_LT(guided.true_mJ, -9 * once_mJ);
     }
   }
 }
@@ -72,11 +72,11 @@ TEST(Passivity, DampsOnlyForcesAlongTheMotionAndNeverReversesThem) {
   std::mt19937_64 random(4);
   std::normal_distribution<double> normal;
   const auto any = [&] { return Vector<World>(normal(random), normal(random), normal(random)); };
-  Led led;
+  Led guided;
   int acted = 0;
   for (int n = 0; n < 10'000; ++n) {
     const Vector<World> displacement_mm = any() * 0.1, force_N = any();
-    const PassivityOutput out = led.go(displacement_mm, force_N);
+    const PassivityOutput out = guided.advance(displacement_mm, force_N);
     EXPECT_GE(out.factor, 0);
     EXPECT_LE(out.factor, 1);
     EXPECT_LE(out.damping_N_s_per_m, kPassivitySettings.max_damping_N_s_per_m);
@@ -89,11 +89,11 @@ TEST(Passivity, DampsOnlyForcesAlongTheMotionAndNeverReversesThem) {
 }
 
 TEST(Passivity, OneStepEncoderNoiseChangesTheForceByAtMostTwoSteps) {
-  Led led;
+  Led guided;
   for (int n = 0; n < 5000; ++n) {
     const bool inward = n % 2 == 0;
     const double force_N = inward ? 1 + kStiffness_N_per_mm * kStep_mm : 1;
-    const PassivityOutput out = led.go({inward ? -kStep_mm : kStep_mm, 0, 0}, {force_N, 0, 0});
+    const PassivityOutput out = guided.advance({inward ? -kStep_mm : kStep_mm, 0, 0}, {force_N, 0, 0});
     EXPECT_EQ(out.damping_N_s_per_m, 0) << "no motion";
     if (inward)
       EXPECT_EQ(out.factor, 1) << n;
@@ -108,17 +108,17 @@ TEST(Passivity, SlowSpringRepaysItsEnergyDebt) {
   constexpr double kDeepest_mm = 0.5, kSpeed_mm_s = 2;
   for (const bool act : {false, true}) {
     SCOPED_TRACE(act);
-    Led led;
-    led.act = act;
+    Led guided;
+    guided.act = act;
     double true_mJ = 0, x_mm = 0.013, observed_mm = kStep_mm * std::floor(x_mm / kStep_mm);
     const int ticks = static_cast<int>(kDeepest_mm / (kSpeed_mm_s * kDt_s));
     for (int press = 0; press < 20; ++press)
       for (int n = 0; n < 2 * ticks; ++n) {
         const double displacement_mm = (n < ticks ? -1 : 1) * kSpeed_mm_s * kDt_s;
         x_mm += displacement_mm;
-        true_mJ -= led.sent_N.x() * displacement_mm;
+        true_mJ -= guided.sent_N.x() * displacement_mm;
         const double sees_mm = kStep_mm * std::floor(x_mm / kStep_mm);
-        led.go({sees_mm - observed_mm, 0, 0}, {kStiffness_N_per_mm * std::max(0.0, -sees_mm), 0, 0});
+        guided.advance({sees_mm - observed_mm, 0, 0}, {kStiffness_N_per_mm * std::max(0.0, -sees_mm), 0, 0});
         observed_mm = sees_mm;
       }
     const double once_mJ = kStiffness_N_per_mm * kDeepest_mm * kSpeed_mm_s * kDt_s;
@@ -131,37 +131,37 @@ TEST(Passivity, SlowSpringRepaysItsEnergyDebt) {
 
 TEST(Passivity, DissipatedEnergyIsNoCredit) {
   // friction over a long distance, more than the spring stores
-  Led led;
-  for (int n = 0; n < 1000; ++n) led.go({0, 0.1, 0}, {1, -0.3, 0}, 0.25);
-  EXPECT_LE(led.state.energy_mJ, 0.25);
+  Led guided;
+  for (int n = 0; n < 1000; ++n) guided.advance({0, 0.1, 0}, {1, -0.3, 0}, 0.25);
+  EXPECT_LE(guided.state.energy_mJ, 0.25);
   // in free space no energy is left
-  led.go({0, 0.1, 0}, {}, 0);
-  led.go({0, 0.1, 0}, {}, 0);
-  EXPECT_EQ(led.state.energy_mJ, 0);
+  guided.advance({0, 0.1, 0}, {}, 0);
+  guided.advance({0, 0.1, 0}, {}, 0);
+  EXPECT_EQ(guided.state.energy_mJ, 0);
 }
 
 TEST(Passivity, EnergyDebtSurvivesFreeSpace) {
-  Led led;
-  led.act = false;
-  led.go({}, {1, 0, 0});
-  led.go({0.5, 0, 0}, {});
-  for (int n = 0; n < 1000; ++n) led.go({0.1, 0, 0}, {});
-  EXPECT_NEAR(led.state.energy_mJ, -0.5, 1e-12);
+  Led guided;
+  guided.act = false;
+  guided.advance({}, {1, 0, 0});
+  guided.advance({0.5, 0, 0}, {});
+  for (int n = 0; n < 1000; ++n) guided.advance({0.1, 0, 0}, {});
+  EXPECT_NEAR(guided.state.energy_mJ, -0.5, 1e-12);
 }
 
 TEST(Passivity, SlidingAroundABallIsPassive) {
   // a force rotating with the normal: one axis gives what the other takes, 1 N times the radius
   constexpr double kRadius_mm = 15, kForce_N = 1;
-  Led led;
+  Led guided;
   Vector<World> at(kRadius_mm, 0, 0);
   const double stride = 0.1 / kRadius_mm;
   for (int n = 1; n * stride < M_PI / 2; ++n) {
     const Vector<World> next = Vector<World>(std::cos(n * stride), std::sin(n * stride), 0) * kRadius_mm;
-    EXPECT_GE(led.go(next - at, next * (kForce_N / kRadius_mm)).factor,
+    EXPECT_GE(guided.advance(next - at, next * (kForce_N / kRadius_mm)).factor,
               1 - kStiffness_N_per_mm * kStep_mm / kForce_N - 1e-12);
     at = next;
   }
-  EXPECT_NEAR(led.state.energy_mJ, 0, 0.1) << "per axis it would be 15 mJ";
+  EXPECT_NEAR(guided.state.energy_mJ, 0, 0.1) << "per axis it would be 15 mJ";
 }
 
 TEST(Passivity, StiffWallSoftensWhileEnergyIsOwed) {

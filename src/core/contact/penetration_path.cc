@@ -46,14 +46,14 @@ void PenetrationPath::report(ProxyResult& result) const {
 void PenetrationPath::report_largest(std::span<PathSegment> segments, double all_N, ProxyResult& result) {
   std::array<double, kMaxOwners> shares;
   for (std::size_t n = 0; n < segments.size(); ++n) shares[n] = segments[n].share /= all_N;
-  double least = kContactSettings.min_share;
+  double smallest = kContactSettings.min_share;
   if (segments.size() > kMaxPathSegments) {
     std::nth_element(shares.begin(), shares.begin() + kMaxPathSegments - 1,
                      shares.begin() + static_cast<std::ptrdiff_t>(segments.size()), std::greater<>());
-    least = std::max(least, shares[kMaxPathSegments - 1]);
+    smallest = std::max(smallest, shares[kMaxPathSegments - 1]);
   }
   for (const PathSegment& one : segments)
-    if (one.share >= least && result.path_segments < static_cast<int>(kMaxPathSegments))
+    if (one.share >= smallest && result.path_segments < static_cast<int>(kMaxPathSegments))
       result.path[static_cast<std::size_t>(result.path_segments++)] = one;
 }
 

@@ -470,7 +470,7 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   const Vector<Patient> tip_moved = tick.tip_moved();
   result.spring.stretched_mm = (layer.position - (tip - tip_moved)) * layer.stretch_fraction;
   const ToolTurn turn = turn_tool(surfaces, spheres, n, tick.hand.attitude, layer, path);
-  const ProxySpheres held(spheres, tick.hand.attitude, layer.attitude);
+  const ProxySpheres proxy_spheres(spheres, tick.hand.attitude, layer.attitude);
   const double turned_mm = arc_of_rotation_mm(spheres, attitude_before, layer.attitude);
 
   // Position. Without contact the path may be as long as the distance to the tip; in contact its length per
@@ -486,7 +486,7 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
       capsules ? std::min(tick.options.max_away, kProxySettings.max_distance_increase_of_capsules)
                : tick.options.max_away;
   const PositionUpdate update =
-      update_position({surfaces, held.spheres(), n, tip, max_mm, limit, result.spring.stretched_mm,
+      update_position({surfaces, proxy_spheres.spheres(), n, tip, max_mm, limit, result.spring.stretched_mm,
                        tick.options.friction, capsules, max_away, path},
                       layer, cache, work);
 
@@ -516,9 +516,9 @@ void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& rele
   if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && left_mm > 0) {
     const Vector<Patient> left_N = stretched_mm * (stiffness * left_mm / stretched_mm.norm());
     const auto contacts = std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
-    const ProxySpheres held(tick.spheres, hand.attitude, layer.attitude);
+    const ProxySpheres proxy_spheres(tick.spheres, hand.attitude, layer.attitude);
     release.force_N += left_N;
-    release.torque_Nmm += torque_of(contacts, held.spheres(), left_N, stiffness);
+    release.torque_Nmm += torque_of(contacts, proxy_spheres.spheres(), left_N, stiffness);
     release.stored_mJ += 0.5 * stiffness * left_mm * left_mm;
   }
   const Vector<Patient> displacement = hand.tip - layer.position;
@@ -608,11 +608,11 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
 
     // force of its spring; only the outermost layer contains deformable structures
     ComplianceState none;
-    const ProxySpheres held(spheres, hand.attitude, layer.attitude);
+    const ProxySpheres proxy_spheres(spheres, hand.attitude, layer.attitude);
     const bool has_arrived = !advance.lagging && !advance.wedged;
     const ProxyForce force =
-        springs.add({layer, held.spheres(), advance.spring, has_arrived, slip.left_N}, state.cache(n).owners,
-                    n == 0 ? state.yield : none, state.relaxation);
+        springs.add({layer, proxy_spheres.spheres(), advance.spring, has_arrived, slip.left_N},
+                    state.cache(n).owners, n == 0 ? state.yield : none, state.relaxation);
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
     layer.catch_up_mm = layer.contacts == 0 && advance.lagging ? advance.spring.catch_up_mm : 0;
     add_layer(n, force, result);

@@ -62,11 +62,11 @@ TEST(Proxy, FollowsAHandAtOnceInFreeSpace) {
   ProxyRun run = on_floor();
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
   std::mt19937 random(kProxySeed);
-  std::uniform_real_distribution<double> aside(-0.7, 0.7), above(0.06, 2);
+  std::uniform_real_distribution<double> lateral(-0.7, 0.7), above(0.06, 2);
   Point<Patient> tip(0, 0, 1);
   run.at(tip);
   for (int n = 0; n < 10'000; ++n) {
-    const double x = aside(random), y = aside(random), z = above(random);
+    const double x = lateral(random), y = lateral(random), z = above(random);
     tip = {x, y, z};
     run.at(tip);
     // below the threshold of rest
@@ -131,7 +131,7 @@ TEST(Proxy, NeverPassesAThinPlateAtAnySpeed) {
 }
 
 // A tip that emerges from a plate on the negative side of x, with its proxy on the other side.
-ProxyRun held_behind_a_plate(const Point<Patient>& free_tip, double second_plate_mm) {
+ProxyRun proxy_behind_a_plate(const Point<Patient>& free_tip, double second_plate_mm) {
   ProxyRun run;
   run.surfaces = {make_contact_surface(cube_grid(9, kKnee_mm), [&](const Eigen::Vector3d& p) {
     return std::min(std::abs(p.x()) - 1, std::abs(p.x() - second_plate_mm) - 0.6);
@@ -144,7 +144,7 @@ ProxyRun held_behind_a_plate(const Point<Patient>& free_tip, double second_plate
 }
 
 TEST(Proxy, ReleasesAToolThatReturnedToFreeSpace) {
-  ProxyRun run = held_behind_a_plate({-3, 1, 0}, 8);
+  ProxyRun run = proxy_behind_a_plate({-3, 1, 0}, 8);
   EXPECT_EQ(run.state.position, Point<Patient>(-2, 0, 0));
   EXPECT_EQ(run.state.contacts, 0);
   // the spring force at which the tip cleared the plate fades
@@ -182,7 +182,7 @@ TEST(Proxy, ConstrainsALeverUntilItTurnsBack) {
 TEST(Proxy, ConstrainsAToolThatExitedOnAnotherSide) {
   // back at the start, or with an obstacle on the path to it
   for (const Point<Patient>& free_tip : {Point<Patient>(3, 0, 0), Point<Patient>(-6, 0, 0)}) {
-    ProxyRun run = held_behind_a_plate(free_tip, -4);
+    ProxyRun run = proxy_behind_a_plate(free_tip, -4);
     for (int settle = 0; settle < 500; ++settle) run.at({-2, 0, 0});
     EXPECT_NEAR(run.state.position.x(), 1, 0.01);
     EXPECT_NEAR(run.result.force_N.x(), 3, 0.01);
@@ -236,8 +236,8 @@ TEST(Proxy, FourSpheresInACornerTouchAllThreeFaces) {
     run.surfaces.push_back(make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
                                                 [axis](const Eigen::Vector3d& p) { return p[axis]; }));
   run.spheres.clear();
-  for (const double aside_mm : {0.0, 0.001, 0.002, 0.003})
-    run.spheres.push_back({Vector<Patient>(aside_mm, aside_mm, aside_mm), 1});
+  for (const double lateral_mm : {0.0, 0.001, 0.002, 0.003})
+    run.spheres.push_back({Vector<Patient>(lateral_mm, lateral_mm, lateral_mm), 1});
   run.at({3, 3, 3});
   run.lead({3, 3, 3}, {0, -1, 0.5}, 0.2);
   EXPECT_LT((run.state.position - Point<Patient>(1, 1, 1)).norm(), 4e-3);
@@ -635,7 +635,7 @@ TEST(ProxyLayers, OnASlopeUnderFatForceIsTheGradientOfStoredEnergy) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> aside(-3, 3), deep(1, 9);
+  std::uniform_real_distribution<double> lateral(-3, 3), deep(1, 9);
   const auto settled = [&](const Point<Patient>& tip) {
     run.state = {};
     run.at({tip.x(), tip.y(), 3});
@@ -644,7 +644,7 @@ TEST(ProxyLayers, OnASlopeUnderFatForceIsTheGradientOfStoredEnergy) {
   };
   int hard = 0;
   for (int n = 0; n < 40; ++n) {
-    const Point<Patient> tip(aside(random), aside(random), -deep(random));
+    const Point<Patient> tip(lateral(random), lateral(random), -deep(random));
     const ProxyResult there = settled(tip);
     hard += there.stiffness_N_per_mm > 1;
     constexpr double kApart = 0.02;
@@ -1332,10 +1332,10 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
     Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
     for (int n = 0; n < 1500; ++n) {
       // alternately held still with a tremor, and moving
-      const bool held = n % 300 > 120;
+      const bool is_jittering = n % 300 > 120;
       displacement = displacement * 0.97 + random_direction(random) * 0.05 + (Point<Patient>() - tip) * 0.003;
-      tip += held ? random_direction(random) * 0.002 : displacement;
-      if (!held && scene % 2 == 1)
+      tip += is_jittering ? random_direction(random) * 0.002 : displacement;
+      if (!is_jittering && scene % 2 == 1)
         attitude = Eigen::AngleAxisd(0.01, random_direction(random).eigen()) * attitude;
       const ToolPose hand(tip, attitude);
       const auto spheres = run.turned(hand.attitude);

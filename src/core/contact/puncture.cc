@@ -21,17 +21,17 @@ void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<con
                          int structure, const ToolPose& hand, const ProxyState& state, const Visit& visit) {
   for (int n = 0; n < layer_count(surfaces); ++n) {
     const ProxyLayer& layer = state.layer(n);
-    const TurnedTool held(spheres, hand.attitude, layer.attitude);
+    const TurnedTool turned_tool(spheres, hand.attitude, layer.attitude);
     for (const ProxyContact& contact :
          std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts))) {
       const auto surface = static_cast<std::size_t>(contact.surface);
       if (!opens(surfaces[surface], surface, structure)) continue;
-      const ToolSphere& sphere = held.spheres()[static_cast<std::size_t>(contact.sphere)];
+      const ToolSphere& sphere = turned_tool.spheres()[static_cast<std::size_t>(contact.sphere)];
       const double radius_mm = sphere.radius_at_mm(contact.axis_fraction);
-      const Point<Patient> middle =
+      const Point<Patient> centre =
           layer.position + sphere.offset_mm + sphere.along_mm * contact.axis_fraction;
-      if (owners_at(surfaces, contact.surface, middle - contact.normal * radius_mm).largest() == structure)
-        visit(contact, middle, radius_mm);
+      if (owners_at(surfaces, contact.surface, centre - contact.normal * radius_mm).largest() == structure)
+        visit(contact, centre, radius_mm);
     }
   }
 }
@@ -50,19 +50,19 @@ void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
   for (const int structure : std::span(structures).first(count)) {
     const auto s = static_cast<std::size_t>(structure);
     if (const ProxyLayer& layer = state.layer(surfaces[s].layer); layer.punctured[s]) {
-      const TurnedTool held(spheres, hand.attitude, layer.attitude);
-      for (const ToolSphere& sphere : held.spheres())
+      const TurnedTool turned_tool(spheres, hand.attitude, layer.attitude);
+      for (const ToolSphere& sphere : turned_tool.spheres())
         for (const double end : {0.0, 1.0})
           holes.extend(structure, layer.position + sphere.offset_mm + sphere.along_mm * end);
       continue;
     }
     bool in_contact = false, fits = true;
     for_each_contact_of(surfaces, spheres, structure, hand, state,
-                        [&](const ProxyContact& /*contact*/, const Point<Patient>& middle, double radius_mm) {
+                        [&](const ProxyContact& /*contact*/, const Point<Patient>& centre, double radius_mm) {
                           in_contact = true;
                           fits = fits &&
                                  std::any_of(holes.all().begin(), holes.all().end(), [&](const Hole& hole) {
-                                   return hole.structure == structure && hole.fits(middle, radius_mm);
+                                   return hole.structure == structure && hole.fits(centre, radius_mm);
                                  });
                         });
     if (in_contact && fits) open_structure(surfaces, structure, state);
@@ -74,11 +74,11 @@ void make_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSp
                 const ToolPose& hand, const ProxyState& state, Holes& holes) {
   std::bitset<kMaxToolSpheres> done;
   for_each_contact_of(surfaces, spheres, structure, hand, state,
-                      [&](const ProxyContact& contact, const Point<Patient>& middle, double radius_mm) {
+                      [&](const ProxyContact& contact, const Point<Patient>& centre, double radius_mm) {
                         // one hole per tool part, at its contact in the outermost layer
                         if (done[static_cast<std::size_t>(contact.sphere)]) return;
                         done[static_cast<std::size_t>(contact.sphere)] = true;
-                        holes.add({structure, middle, -contact.normal, 0, radius_mm});
+                        holes.add({structure, centre, -contact.normal, 0, radius_mm});
                       });
 }
 
@@ -88,7 +88,7 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
                       const ToolPose& hand, const ProxyLayer& layer) {
   SurfaceSet punctured = layer.punctured;
   if (punctured.none()) return punctured;
-  const TurnedTool held(spheres, hand.attitude, layer.attitude);
+  const TurnedTool turned_tool(spheres, hand.attitude, layer.attitude);
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!punctured[s]) continue;
     const auto has_left = [&](std::span<const ToolSphere> tool, const Point<Patient>& at) {
@@ -99,7 +99,7 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
                kProxySettings.closing_mm;
       });
     };
-    if (has_left(spheres, hand.tip) && has_left(held.spheres(), layer.position)) punctured[s] = false;
+    if (has_left(spheres, hand.tip) && has_left(turned_tool.spheres(), layer.position)) punctured[s] = false;
   }
   return punctured;
 }

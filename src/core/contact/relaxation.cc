@@ -23,11 +23,11 @@ bool RelaxationTimes::add(const Relaxation& relaxation) {
   for (const RelaxationTerm& one : relaxation.term) {
     if (!(one.part > 0)) continue;
     const auto end = time_s.begin() + static_cast<std::ptrdiff_t>(count);
-    const auto place = std::lower_bound(time_s.begin(), end, one.time_s);
-    if (place != end && *place == one.time_s) continue;
+    const auto after = std::lower_bound(time_s.begin(), end, one.time_s);
+    if (after != end && *after == one.time_s) continue;
     if (count == kMaxRelaxationTimes) return false;
-    std::copy_backward(place, end, end + 1);
-    *place = one.time_s;
+    std::copy_backward(after, end, end + 1);
+    *after = one.time_s;
     ++count;
   }
   return true;

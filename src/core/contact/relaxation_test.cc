@@ -262,11 +262,11 @@ TEST(ComplementaryEnergy, IsForceTimesDepthMinusStoredEnergy) {
       tissue.stiffening_mm_per_N2 = (0.4 * unit(random) - 0.2) / (tissue.modulus_N_per_mm2 * tissue.finite_N);
     }
     const double radius_mm = 0.5 + 7 * unit(random), depth = std::pow(10, 3 * unit(random) - 2);
-    const double most = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
-    const YieldForce force = yield_force(tissue, depth, radius_mm, most);
-    ASSERT_NEAR(
-        complementary_mJ(tissue, force.force_N, radius_mm, most) / (force.force_N * depth - force.stored_mJ),
-        1, 1e-9)
+    const double largest = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
+    const YieldForce force = yield_force(tissue, depth, radius_mm, largest);
+    ASSERT_NEAR(complementary_mJ(tissue, force.force_N, radius_mm, largest) /
+                    (force.force_N * depth - force.stored_mJ),
+                1, 1e-9)
         << n;
   }
 }
@@ -378,7 +378,7 @@ TEST(ProxyOnWhatRelaxes, LeavesADentOnlyAtTheContact) {
   RelaxingFloor floor({{{{0.6, 0.5}, {}}}});
   floor.run.lead({0, 0, 5}, {0, 0, 0}, 0.05);
   floor.wait({0, 0, 0}, 3);
-  const double held_N = floor.run.result.force_N.z();
+  const double sustained_N = floor.run.result.force_N.z();
   floor.run.lead({0, 0, 0}, {0, 0, 4}, 0.2);
   EXPECT_EQ(floor.run.result.force_N, Vector<Patient>());
   const ProxyRun left = floor.run;
@@ -392,7 +392,7 @@ TEST(ProxyOnWhatRelaxes, LeavesADentOnlyAtTheContact) {
   const double first_N = yield_force({0, {}, kModulus_N_per_mm2}, 1, 3).force_N;
   EXPECT_EQ(force_N(0), 0);
   EXPECT_NEAR(force_N(10), first_N, 0.05 * first_N);
-  EXPECT_GT(held_N, 0);
+  EXPECT_GT(sustained_N, 0);
 }
 
 TEST(ProxyOnWhatRelaxes, EmptySeriesEqualsNoSeriesBitwise) {

@@ -60,9 +60,9 @@ SphereLaw::SphereLaw(const ContactLaw& tissue, double radius_mm)
   kappa_ = 1 / (radius * root);
   base_ = b_ < 0 ? -b_ / k_ : 0;
   if (!(c_ > 0 && first_s_ > 0)) return;
-  const double most = 0.5 * kMaxStiffened * elastic_compliance_mm_per_N(first_s_) / first_N_;
-  if (c_ <= most) return;
-  c_ = most;
+  const double largest = 0.5 * kMaxStiffened * elastic_compliance_mm_per_N(first_s_) / first_N_;
+  if (c_ <= largest) return;
+  c_ = largest;
   is_clamped_ = true;
   // derivative of the clamped C with respect to B; the step's error is of third order
   constexpr double kStep = 1e-4;
@@ -119,11 +119,11 @@ double SphereLaw::root(double depth_mm) const {
   return s;
 }
 
-double SphereLaw::first_limited(double end, double least) const {
+double SphereLaw::first_limited(double end, double smallest) const {
   constexpr double kNever = std::numeric_limits<double>::infinity();
   // lower bound of the compliance on 0 ... end
-  if (elastic_compliance_mm_per_N(end) * (c_ > 0 ? 1 - kMaxStiffened : 1) >= least) return kNever;
-  const auto excess = [&](double s) { return at(s).per_s - 3 * s * s * least; };
+  if (elastic_compliance_mm_per_N(end) * (c_ > 0 ? 1 - kMaxStiffened : 1) >= smallest) return kNever;
+  const auto excess = [&](double s) { return at(s).per_s - 3 * s * s * smallest; };
   double low = 0, high = end;
   // With C above 0 the compliance decreases up to F1, with C below 0 beyond it: there the end tells.
   const double kink = std::min(first_s_, end);

@@ -81,17 +81,17 @@ class StiffenedLaw {
 
   // Beyond the limit, where the force is linear in the depth, its derivative along the surface is that at the
   // limit.
-  TangentialCoefficients aside(const State& state) const {
+  TangentialCoefficients lateral(const State& state) const {
     const double f = state.base.force_N, s = cube_root(f), factor = state.contact.factor;
     const SphereLaw law(base_, radius_mm_);
     const double by_energy = state.contact.per_mJ * f * state.more_mm;
     const double by_depth_N = factor * state.base.tangent_N_per_mm * state.more_mm;
-    TangentialCoefficients aside = yield_aside(base_, f, radius_mm_);
-    aside.of_compliance_N2 =
-        (factor + by_energy) * aside.of_compliance_N2 + by_depth_N * law.per_surroundings_N(s);
-    aside.of_stiffening_N3 =
-        (factor + by_energy) * aside.of_stiffening_N3 + by_depth_N * law.per_stiffening_N2(s);
-    return aside;
+    TangentialCoefficients lateral = yield_lateral(base_, f, radius_mm_);
+    lateral.of_compliance_N2 =
+        (factor + by_energy) * lateral.of_compliance_N2 + by_depth_N * law.per_surroundings_N(s);
+    lateral.of_stiffening_N3 =
+        (factor + by_energy) * lateral.of_stiffening_N3 + by_depth_N * law.per_stiffening_N2(s);
+    return lateral;
   }
 
  private:
@@ -105,8 +105,8 @@ class StiffenedLaw {
   State limit_below(double depth_mm) const {
     double low = 0, high = depth_mm;
     for (int n = 0; n < kMaxInversionSteps && high - low > kSameDepth * depth_mm; ++n) {
-      const double middle = 0.5 * (low + high);
-      (is_within(without_limit(middle)) ? low : high) = middle;
+      const double midpoint = 0.5 * (low + high);
+      (is_within(without_limit(midpoint)) ? low : high) = midpoint;
     }
     return without_limit(low);
   }
@@ -121,15 +121,15 @@ YieldForce stiffened_force(const ContactLaw& tissue, double depth_mm, double rad
   if (!(depth_mm > 0)) return {};
   const StiffenedLaw law(tissue, radius_mm, max_N_per_mm);
   const auto state = law.at_depth(depth_mm);
-  const TangentialCoefficients aside = law.aside(state);
+  const TangentialCoefficients lateral = law.lateral(state);
   return {state.force_N(), law.limited_N_per_mm(state), state.stored_mJ(),
-          tissue.slope_per_N * aside.of_compliance_N2 - tissue.stiffening_slope * aside.of_stiffening_N3};
+          tissue.slope_per_N * lateral.of_compliance_N2 - tissue.stiffening_slope * lateral.of_stiffening_N3};
 }
 
-TangentialCoefficients stiffened_aside(const ContactLaw& tissue, double force_N, double radius_mm,
-                                       double max_N_per_mm) {
+TangentialCoefficients stiffened_lateral(const ContactLaw& tissue, double force_N, double radius_mm,
+                                         double max_N_per_mm) {
   const StiffenedLaw law(tissue, radius_mm, max_N_per_mm);
-  return law.aside(law.at_force(force_N));
+  return law.lateral(law.at_force(force_N));
 }
 
 double stiffened_complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm,

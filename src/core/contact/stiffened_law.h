@@ -9,8 +9,8 @@ namespace palpate {
 /// is linear in the depth.
 YieldForce stiffened_force(const ContactLaw& tissue, double depth_mm, double radius_mm, double max_N_per_mm);
 /// yield_aside() of such tissue.
-TangentialCoefficients stiffened_aside(const ContactLaw& tissue, double force_N, double radius_mm,
-                                       double max_N_per_mm);
+TangentialCoefficients stiffened_lateral(const ContactLaw& tissue, double force_N, double radius_mm,
+                                         double max_N_per_mm);
 /// complementary_mJ() of such tissue.
 double stiffened_complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm,
                                   double max_N_per_mm);

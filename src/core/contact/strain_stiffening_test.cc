@@ -67,11 +67,11 @@ TEST(StrainStiffening, ForceIsTheSlopeOfTheEnergyAndNoStifferThanTheLimit) {
   for (int n = 0; n < 3000; ++n) {
     const ContactLaw tissue = random_tissue(random);
     const double radius_mm = 0.5 + 7 * unit(random), depth_mm = std::pow(10, 2.5 * unit(random) - 1.5);
-    const double most = n % 2 == 0 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
+    const double largest = n % 2 == 0 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
     const double step_mm = 1e-4 * depth_mm;
-    const YieldForce less = yield_force(tissue, depth_mm - step_mm, radius_mm, most),
-                     at = yield_force(tissue, depth_mm, radius_mm, most),
-                     more = yield_force(tissue, depth_mm + step_mm, radius_mm, most);
+    const YieldForce less = yield_force(tissue, depth_mm - step_mm, radius_mm, largest),
+                     at = yield_force(tissue, depth_mm, radius_mm, largest),
+                     more = yield_force(tissue, depth_mm + step_mm, radius_mm, largest);
     const double work_N = (more.stored_mJ - less.stored_mJ) / (2 * step_mm);
     ASSERT_GT(work_N, less.force_N * (1 - 1e-4)) << n;
     ASSERT_LT(work_N, more.force_N * (1 + 1e-4)) << n;
@@ -80,10 +80,10 @@ TEST(StrainStiffening, ForceIsTheSlopeOfTheEnergyAndNoStifferThanTheLimit) {
     const double slope = (more.force_N - less.force_N) / (2 * step_mm);
     ASSERT_GT(slope, least * (1 - 2e-3)) << n;
     ASSERT_LT(slope, greatest * (1 + 2e-3)) << n;
-    ASSERT_LE(at.tangent_N_per_mm, most * (1 + 1e-9)) << n;
+    ASSERT_LE(at.tangent_N_per_mm, largest * (1 + 1e-9)) << n;
     // relaxation needs the energy, and the coefficients of the force aside, at a force
     ASSERT_NEAR(
-        complementary_mJ(tissue, at.force_N, radius_mm, most) / (at.force_N * depth_mm - at.stored_mJ), 1,
+        complementary_mJ(tissue, at.force_N, radius_mm, largest) / (at.force_N * depth_mm - at.stored_mJ), 1,
         1e-6)
         << n;
   }
@@ -97,18 +97,19 @@ TEST(StrainStiffening, TheForceAlongTheSurfaceIsTheLossOfEnergyThere) {
     ContactLaw tissue = random_tissue(random);
     tissue.slope_per_N = {0.1 / tissue.modulus_N_per_mm2, 0, 0};
     // in every other case beyond the limit of stiffness
-    const double most = n % 2 == 0 ? 1e9 : 0.5 * yield_force(tissue, 1, 3).tangent_N_per_mm;
+    const double largest = n % 2 == 0 ? 1e9 : 0.5 * yield_force(tissue, 1, 3).tangent_N_per_mm;
     const auto stored_mJ = [&](double distance_mm) {
       ContactLaw there = tissue;
       there.surroundings_mm_per_N += distance_mm * tissue.slope_per_N[0];
-      return yield_force(there, 1, 3, most).stored_mJ;
+      return yield_force(there, 1, 3, largest).stored_mJ;
     };
     constexpr double kDistance_mm = 1e-4;
     const double lost_N = (stored_mJ(-kDistance_mm) - stored_mJ(kDistance_mm)) / (2 * kDistance_mm);
-    const YieldForce at = yield_force(tissue, 1, 3, most);
+    const YieldForce at = yield_force(tissue, 1, 3, largest);
     ASSERT_NEAR(at.tangential_force_N[0] / lost_N, 1, 1e-4) << n;
-    ASSERT_NEAR(yield_aside(tissue, at.force_N, 3, most).of_compliance_N2 * tissue.slope_per_N[0] / lost_N, 1,
-                1e-4)
+    ASSERT_NEAR(
+        yield_lateral(tissue, at.force_N, 3, largest).of_compliance_N2 * tissue.slope_per_N[0] / lost_N, 1,
+        1e-4)
         << n;
   }
 }
@@ -127,9 +128,9 @@ TEST(StrainStiffening, AClosedPathOverTissueThatVariesDoesNoWork) {
   for (int n = 0; n < kSteps; ++n) {
     const double s = (n + 0.5) / kSteps;
     const double in = at(0, 2 * s).force_N * 2 / kSteps, out = at(4, 2 * s).force_N * 2 / kSteps;
-    const double aside = -at(4 * s, 2).tangential_force_N[0] * 4 / kSteps;
-    work += in + aside - out;
-    gross += in + std::abs(aside) + out;
+    const double lateral = -at(4 * s, 2).tangential_force_N[0] * 4 / kSteps;
+    work += in + lateral - out;
+    gross += in + std::abs(lateral) + out;
   }
   EXPECT_LE(std::abs(work), 1e-5 * gross);
 }

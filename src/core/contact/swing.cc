@@ -14,7 +14,7 @@ void end_half(double step_mm, OscillationState& state) {
                                                kOscillationSettings.min_amplitude_steps * step_mm) &&
                          time_s <= kOscillationSettings.max_half_cycle_s &&
                          length_mm >= kOscillationSettings.min_speed_mm_s * time_s &&
-                         state.aside_mm.norm() <= length_mm;
+                         state.lateral_mm.norm() <= length_mm;
   const bool as_large = length_mm >= kOscillationSettings.min_amplitude_ratio * state.before_mm;
   state.halves = !by_itself ? 0 : as_large ? state.halves + 1 : 1;
   if (state.halves >= kOscillationSettings.min_half_cycles)
@@ -42,7 +42,7 @@ void detect_oscillation(const Vector<World>& force_N, const Vector<World>& displ
   const double along_mm = displacement_mm.dot(state.axis);
   state.displacement_mm += along_mm;
   state.time_s += dt_s;
-  state.aside_mm += displacement_mm - state.axis * along_mm;
+  state.lateral_mm += displacement_mm - state.axis * along_mm;
   if (std::abs(state.displacement_mm) > std::abs(state.farthest_mm) &&
       state.displacement_mm * state.farthest_mm >= 0) {
     state.farthest_mm = state.displacement_mm;
@@ -57,7 +57,7 @@ void detect_oscillation(const Vector<World>& force_N, const Vector<World>& displ
   state.time_s -= state.farthest_s;
   state.farthest_mm = state.displacement_mm;
   state.farthest_s = state.time_s;
-  state.aside_mm = {};
+  state.lateral_mm = {};
 }
 
 }  // namespace palpate

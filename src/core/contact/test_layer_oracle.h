@@ -98,8 +98,8 @@ class LayerOracle {
   Contact at_depth(double sphere, double depth) const {
     double low = 0, high = sphere * (1 - 1e-9);
     for (int n = 0; n < 24; ++n) {
-      const double middle = 0.5 * (low + high);
-      (contact(sphere, middle).depth < depth ? low : high) = middle;
+      const double midpoint = 0.5 * (low + high);
+      (contact(sphere, midpoint).depth < depth ? low : high) = midpoint;
     }
     return contact(sphere, 0.5 * (low + high));
   }

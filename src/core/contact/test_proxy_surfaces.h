@@ -101,11 +101,11 @@ struct ProxyRun {
     const bool let_go =
         before.contacts > 0 && state.contacts == 0 && result.release.force_N != Vector<Patient>();
     if (before.coupled && path.count > 0 && !let_go)
-      look_along({before.position, before.attitude}, {path.corner[0], path.attitude[0]});
+      scan_along({before.position, before.attitude}, {path.corner[0], path.attitude[0]});
     for (std::size_t n = 1; n < path.count; ++n)
-      look_along({path.corner[n - 1], path.attitude[n - 1]}, {path.corner[n], path.attitude[n]});
+      scan_along({path.corner[n - 1], path.attitude[n - 1]}, {path.corner[n], path.attitude[n]});
     if (state.coupled && !result.wedged)
-      look_along({state.position, state.attitude}, {state.position, state.attitude});
+      scan_along({state.position, state.attitude}, {state.position, state.attitude});
     return result;
   }
 
@@ -121,7 +121,7 @@ struct ProxyRun {
   }
 
  private:
-  void look_along(const ToolPose& a, const ToolPose& b) {
+  void scan_along(const ToolPose& a, const ToolPose& b) {
     constexpr double kEvery_mm = 0.01;
     double farthest_mm = 0;
     for (const ToolSphere& sphere : spheres)
@@ -143,7 +143,7 @@ struct ProxyRun {
         const bool covered = outer >= 0 && !state.punctured[static_cast<std::size_t>(outer)];
         if (state.punctured[s] || covered) continue;
         for (const ToolSphere& sphere : tool.spheres())
-          free_mm = std::min(free_mm, look_along_row(*surfaces[s].surface, p, sphere));
+          free_mm = std::min(free_mm, scan_row(*surfaces[s].surface, p, sphere));
       }
       n += std::max(1, static_cast<int>(free_mm / kEvery_mm));
     }
@@ -152,13 +152,13 @@ struct ProxyRun {
   /// Checks a capsule's outline, not its row of spheres, every 0.1 mm where it may exceed the deepest
   /// penetration so far.
   /// @returns distance in mm that it may move without exceeding it
-  double look_along_row(const Surface& surface, const Point<Patient>& tip, const ToolSphere& sphere) {
+  double scan_row(const Surface& surface, const Point<Patient>& tip, const ToolSphere& sphere) {
     constexpr double kAlong_mm = 0.1;
     const double length_mm = sphere.along_mm.norm();
-    const int places = length_mm > 0 ? static_cast<int>(length_mm / kAlong_mm) + 1 : 0;
+    const int count = length_mm > 0 ? static_cast<int>(length_mm / kAlong_mm) + 1 : 0;
     double free_mm = 1e3;
-    for (int index = 0; index <= places;) {
-      const double part = places > 0 ? static_cast<double>(index) / places : 0;
+    for (int index = 0; index <= count;) {
+      const double part = count > 0 ? static_cast<double>(index) / count : 0;
       const double outside_mm =
           surface.distance_mm(tip + sphere.offset_mm + sphere.along_mm * part) - sphere.radius_mm;
       deepest_mm = std::max(deepest_mm, -outside_mm);

@@ -30,27 +30,27 @@ class SurfaceOracle {
           if (!cell.is_crossed()) continue;
           cells_.push_back(cell);
           for_lines(kFewLines, [&](const Line& line) {
-            if (const auto t = cell.crossing(line)) places_.push_back(place_of(cell, line, *t));
+            if (const auto t = cell.crossing(line)) points_.push_back(position_of(cell, line, *t));
           });
         }
   }
 
   bool empty() const { return cells_.empty(); }
   /// Points on the surface.
-  const std::vector<Eigen::Vector3d>& places() const { return places_; }
+  const std::vector<Eigen::Vector3d>& points() const { return points_; }
 
   /// Unsigned distance; infinite if there is no surface.
   double distance_mm(const Point<Patient>& x) const {
     double nearest2 = std::numeric_limits<double>::infinity();
-    for (const Eigen::Vector3d& position : places_)
+    for (const Eigen::Vector3d& position : points_)
       nearest2 = std::min(nearest2, (position - x.eigen()).squaredNorm());
     // a corner cut off by the surface may lie between the sampled lines
     double best_mm = std::sqrt(nearest2);
     const double half_mm = 0.5 * voxels_.geometry().spacing_mm.norm();
     for (const Cell& cell : cells_) {
-      const Eigen::Vector3d middle = cell.first + Eigen::Vector3d::Constant(0.5);
-      if (((X_PatientVoxel_ * Point<Voxel>(middle)).eigen() - x.eigen()).norm() - half_mm < best_mm)
-        look_closer(cell, x.eigen(), best_mm);
+      const Eigen::Vector3d centre = cell.first + Eigen::Vector3d::Constant(0.5);
+      if (((X_PatientVoxel_ * Point<Voxel>(centre)).eigen() - x.eigen()).norm() - half_mm < best_mm)
+        inspect_closely(cell, x.eigen(), best_mm);
     }
     return best_mm;
   }
@@ -104,13 +104,13 @@ class SurfaceOracle {
         for (int b = 0; b <= lines; ++b)
           visit(Line{axis, static_cast<double>(a) / lines, static_cast<double>(b) / lines});
   }
-  Eigen::Vector3d place_of(const Cell& cell, const Line& line, double t) const {
+  Eigen::Vector3d position_of(const Cell& cell, const Line& line, double t) const {
     return (X_PatientVoxel_ * Point<Voxel>(cell.first + Cell::on(line, t))).eigen();
   }
-  void look_closer(const Cell& cell, const Eigen::Vector3d& x, double& best_mm) const {
+  void inspect_closely(const Cell& cell, const Eigen::Vector3d& x, double& best_mm) const {
     const auto distance_on = [&](const Line& line) {
       const auto t = cell.crossing(line);
-      return t ? (place_of(cell, line, *t) - x).norm() : std::numeric_limits<double>::infinity();
+      return t ? (position_of(cell, line, *t) - x).norm() : std::numeric_limits<double>::infinity();
     };
     Line nearest{0, 0, 0};
     double min_mm = std::numeric_limits<double>::infinity();
@@ -137,7 +137,7 @@ class SurfaceOracle {
   SignedSteps steps_;
   Transform<Patient, Voxel> X_PatientVoxel_;
   std::vector<Cell> cells_;
-  std::vector<Eigen::Vector3d> places_;
+  std::vector<Eigen::Vector3d> points_;
 };
 
 }  // namespace palpate::testing

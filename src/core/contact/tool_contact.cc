@@ -57,15 +57,15 @@ Vector<Patient> normal_of(const ProxyResult& result) {
   const Vector<Patient> along = result.force_N.normalized();
   if (along == Vector<Patient>()) return walls;
   const double ahead = walls.dot(along);
-  const Vector<Patient> aside = walls - along * ahead;
-  const double off = aside.norm();
+  const Vector<Patient> lateral = walls - along * ahead;
+  const double off = lateral.norm();
   if (off <= result.friction * ahead || off == 0) return walls;
-  return (along + aside * (result.friction / off)).normalized();
+  return (along + lateral * (result.friction / off)).normalized();
 }
 
 // contact point on the surface
-Point<Patient> place_of(const ProxyContact& contact, const ProxyLayer& layer,
-                        std::span<const ToolSphere> spheres) {
+Point<Patient> position_of(const ProxyContact& contact, const ProxyLayer& layer,
+                           std::span<const ToolSphere> spheres) {
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
   return layer.position + arm_of(contact, sphere);
 }
@@ -88,7 +88,7 @@ std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<
   std::size_t n = 0;
   for (; n < std::min(count, reported.size()); ++n) {
     const ProxyContact& contact = *order[n];
-    const Point<Patient> position = place_of(contact, on.layer, on.spheres);
+    const Point<Patient> position = position_of(contact, on.layer, on.spheres);
     reported[n] = {label_under(model, contact, position, on.owners), contact.sphere, position,
                    std::max(0.0, contact.multiplier_mm * on.force_N_per_mm)};
   }
@@ -208,7 +208,7 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
   return options;
 }
 
-ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& held,
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& posed_tool,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling) {
   const Model& model = tick.model;
   const DeviceParameters& gains = hand.device;
@@ -227,7 +227,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
     const ProxyLayer& layer = proxy.layer(n);
     if (!layer.coupled || layer.contacts == 0) continue;
     // tool parts in the proxy's attitude
-    const ProxySpheres turned(held.spheres(), held.pose().attitude, layer.attitude);
+    const ProxySpheres turned(posed_tool.spheres(), posed_tool.pose().attitude, layer.attitude);
     const double layer_N_per_mm =
         result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.stretch_fraction;
     const LayerForce force{layer, proxy.cache(n).owners, n == 0 ? layer_N_per_mm * part : layer_N_per_mm,

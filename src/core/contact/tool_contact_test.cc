@@ -59,10 +59,10 @@ class ToolRun {
       const TickContext tick{model_, ForceMethod::kProxy, false, false, 1e-3, {}, {}};
       const DeviceContext hand{
           model_.tools[0], device_, Eigen::Matrix3d::Identity(), from + (to - from) * n / kTicks, {}};
-      const PosedTool held(tick, hand);
-      const ProxyResult result =
-          advance_proxy(model_.surfaces, held.spheres(), held.pose(), proxy_, proxy_options(tick, hand));
-      contact = touch_by_proxy(tick, hand, held, proxy_, result, coupling_);
+      const PosedTool posed_tool(tick, hand);
+      const ProxyResult result = advance_proxy(model_.surfaces, posed_tool.spheres(), posed_tool.pose(),
+                                               proxy_, proxy_options(tick, hand));
+      contact = touch_by_proxy(tick, hand, posed_tool, proxy_, result, coupling_);
     }
     return contact;
   }
@@ -90,8 +90,8 @@ TEST(ToolContact, NotchGivesTwoContactsStrongestFirst) {
   EXPECT_EQ(wall.label, kWall);
   EXPECT_NEAR(floor.force_N, kNotchStiffness_N_per_mm * 1, 0.01);
   EXPECT_NEAR(wall.force_N, kNotchStiffness_N_per_mm * 0.5, 0.01);
-  EXPECT_LT((floor.place - Point<Patient>(0, 1, 0)).norm(), 0.02);
-  EXPECT_LT((wall.place - Point<Patient>(0, 1, 0)).norm(), 0.02);
+  EXPECT_LT((floor.position - Point<Patient>(0, 1, 0)).norm(), 0.02);
+  EXPECT_LT((wall.position - Point<Patient>(0, 1, 0)).norm(), 0.02);
   // their sum is the force
   EXPECT_NEAR(contact.requested.force_N.x(), wall.force_N, 0.01);
   EXPECT_NEAR(contact.requested.force_N.z(), floor.force_N, 0.01);
@@ -115,14 +115,14 @@ TEST(ToolContact, EachToolPartReportsItsContact) {
     }
     if (one.label == kWall) {
       EXPECT_EQ(one.part, 0);
-      EXPECT_LT((one.place - Point<Patient>(0, 0, 0.5)).norm(), 0.02);
+      EXPECT_LT((one.position - Point<Patient>(0, 0, 0.5)).norm(), 0.02);
       wall_N += one.force_N;
       continue;
     }
     EXPECT_EQ(one.label, kFloor);
     ASSERT_LT(one.part, 2);
     observed[one.part] = true;
-    EXPECT_LT((one.place - (one.part == 0 ? Point<Patient>(0.5, 0, 0) : Point<Patient>(4.5, 2, 0))).norm(),
+    EXPECT_LT((one.position - (one.part == 0 ? Point<Patient>(0.5, 0, 0) : Point<Patient>(4.5, 2, 0))).norm(),
               0.02);
     floor_N += one.force_N;
   }
@@ -148,7 +148,7 @@ TEST(ToolContact, InnerLayersFollowTheOutermostStructure) {
   EXPECT_NEAR(contact.contacts[1].force_N, (bone - shell) * (kDeep_mm - kShell_mm), 0.1);
   EXPECT_NEAR(contact.requested.force_N.norm(), contact.contacts[0].force_N + contact.contacts[1].force_N,
               0.05);
-  EXPECT_LT((contact.contacts[1].place - (Point<Patient>() + out * kBoneRadius_mm)).norm(), 0.1);
+  EXPECT_LT((contact.contacts[1].position - (Point<Patient>() + out * kBoneRadius_mm)).norm(), 0.1);
 }
 
 TEST(ToolContact, NoContactInFreeSpace) {

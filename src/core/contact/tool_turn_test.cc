@@ -218,19 +218,19 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
       run.spheres[0].radius_mm = 0.3 + 0.7 * unit(random);
       run.spheres[0].along_mm = lever_mm > 0 ? run.spheres[0].offset_mm * -0.9 : random_direction(random) * 8;
     }
-    Point<Patient> middle(0, 0, 16);
+    Point<Patient> midpoint(0, 0, 16);
     Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
     Vector<Patient> velocity_mm, spin_rad;
     for (int n = 0; n < 1000; ++n) {
       // the end of the lever is attracted to the centre and rotates about the tip by up to 0.02 rad per tick
       velocity_mm =
-          velocity_mm * 0.97 + random_direction(random) * 0.06 + (Point<Patient>() - middle) * 0.002;
+          velocity_mm * 0.97 + random_direction(random) * 0.06 + (Point<Patient>() - midpoint) * 0.002;
       if (velocity_mm.norm() > 0.5) velocity_mm = velocity_mm * (0.5 / velocity_mm.norm());
-      middle += velocity_mm;
+      midpoint += velocity_mm;
       spin_rad = spin_rad * 0.95 + random_direction(random) * (lever_mm > 0 ? 0.002 : 0.02);
       const double angle = spin_rad.norm();
       attitude = (Eigen::AngleAxisd(angle, spin_rad.normalized().eigen()) * attitude).normalized();
-      run.at(middle - Vector<Patient>(lever_mm, 0, 0), attitude);
+      run.at(midpoint - Vector<Patient>(lever_mm, 0, 0), attitude);
       ASSERT_TRUE(run.result.force_N.all_finite());
       const double max_mm = scene < kWithoutCapsules
                                 ? kProxySettings.max_penetration_mm

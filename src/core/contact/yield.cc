@@ -114,8 +114,8 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
     tissue.poissons_ratio = spot.poissons_ratio;
     if (spot.is_finite()) {
       const double c = spot.stiffening_mm_per_N2, there = c + spot.stiffening_slope.dot(at - spot.at);
-      const double most = kYieldSettings.max_stiffening * reported / spot.finite_N;
-      tissue.stiffening_mm_per_N2 = std::clamp(there, std::min(-most, c), std::max(most, c));
+      const double largest = kYieldSettings.max_stiffening * reported / spot.finite_N;
+      tissue.stiffening_mm_per_N2 = std::clamp(there, std::min(-largest, c), std::max(largest, c));
       tissue.finite_N = spot.finite_N;
       if (tissue.stiffening_mm_per_N2 == there) tissue.stiffening_slope = spot.stiffening_slope;
     }
@@ -178,9 +178,9 @@ YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_
   return force;
 }
 
-TangentialCoefficients yield_aside(const ContactLaw& tissue, double force_N, double radius_mm,
-                                   double max_N_per_mm) {
-  if (tissue.strain_stiffening > 0) return stiffened_aside(tissue, force_N, radius_mm, max_N_per_mm);
+TangentialCoefficients yield_lateral(const ContactLaw& tissue, double force_N, double radius_mm,
+                                     double max_N_per_mm) {
+  if (tissue.strain_stiffening > 0) return stiffened_lateral(tissue, force_N, radius_mm, max_N_per_mm);
   const auto sum = integrals_of(tissue, force_N, radius_mm, max_N_per_mm);
   return {sum.of_surroundings_N2, sum.of_stiffening_N3};
 }

@@ -40,7 +40,7 @@ double sphere_ratio(double force_N, double modulus, double radius_mm) {
 double depth_mm(const ContactLaw& tissue, double force_N, double radius_mm) {
   return SphereLaw(tissue, radius_mm).at(std::cbrt(force_N)).mm;
 }
-double give_mm_per_N(const ContactLaw& tissue, double force_N, double radius_mm) {
+double compliance_mm_per_N(const ContactLaw& tissue, double force_N, double radius_mm) {
   const double step = 1e-5 * force_N;
   return (depth_mm(tissue, force_N + step, radius_mm) - depth_mm(tissue, force_N - step, radius_mm)) /
          (2 * step);
@@ -53,23 +53,23 @@ double slow_force_N(const ContactLaw& tissue, double depth, double radius_mm, do
   double first_N = kSmallest_N;
   int step = 0;
   while (step < kForces && depth_mm(tissue, first_N, radius_mm) < depth &&
-         give_mm_per_N(tissue, first_N, radius_mm) >= min_compliance_ratio) {
+         compliance_mm_per_N(tissue, first_N, radius_mm) >= min_compliance_ratio) {
     first_N *= kGrowth;
     ++step;
   }
   double low = step > 0 ? first_N / kGrowth : 0, high = first_N;
-  if (give_mm_per_N(tissue, high, radius_mm) < min_compliance_ratio) {
+  if (compliance_mm_per_N(tissue, high, radius_mm) < min_compliance_ratio) {
     for (int n = 0; n < 60; ++n) {
-      const double middle = 0.5 * (low + high);
-      (give_mm_per_N(tissue, middle, radius_mm) > min_compliance_ratio ? low : high) = middle;
+      const double midpoint = 0.5 * (low + high);
+      (compliance_mm_per_N(tissue, midpoint, radius_mm) > min_compliance_ratio ? low : high) = midpoint;
     }
     const double at_mm = depth_mm(tissue, low, radius_mm);
     if (depth >= at_mm) return low + (depth - at_mm) / min_compliance_ratio;
     low = 0;
   }
   for (int n = 0; n < 60; ++n) {
-    const double middle = 0.5 * (low + high);
-    (depth_mm(tissue, middle, radius_mm) < depth ? low : high) = middle;
+    const double centre = 0.5 * (low + high);
+    (depth_mm(tissue, centre, radius_mm) < depth ? low : high) = centre;
   }
   return low;
 }
@@ -120,21 +120,21 @@ TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
     // also with C that increases the stiffness; softening only where the other terms are soft enough
     const double own = 1 / (tissue.modulus_N_per_mm2 * radius_mm);
     const double per_N = unit(random) * own / (tissue.modulus_N_per_mm2 * radius_mm * radius_mm);
-    const double most = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
-    const double min_compliance_ratio = std::max(1 / most, kYieldSettings.min_compliance_mm_per_N);
+    const double largest = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
+    const double min_compliance_ratio = std::max(1 / largest, kYieldSettings.min_compliance_mm_per_N);
     if (n % 3 == 1) tissue.stiffening_mm_per_N2 = per_N;
     if (n % 3 == 2 && tissue.surroundings_mm_per_N > min_compliance_ratio)
       tissue.stiffening_mm_per_N2 = -per_N;
     tissue.finite_N = 3 * unit(random) / own;
     const double depth = std::pow(10, 3 * unit(random) - 2);
-    const YieldForce force = yield_force(tissue, depth, radius_mm, most);
+    const YieldForce force = yield_force(tissue, depth, radius_mm, largest);
     const double slow_N = slow_force_N(tissue, depth, radius_mm, min_compliance_ratio);
     // the slope of the exhaustive search is a difference
     ASSERT_NEAR(force.force_N / slow_N, 1, 1e-5) << n;
     ASSERT_LE(force.tangent_N_per_mm, 1 / min_compliance_ratio * (1 + 1e-9)) << n;
     const double step = 1e-4 * depth;
-    const YieldForce less = yield_force(tissue, depth - step, radius_mm, most),
-                     more = yield_force(tissue, depth + step, radius_mm, most);
+    const YieldForce less = yield_force(tissue, depth - step, radius_mm, largest),
+                     more = yield_force(tissue, depth + step, radius_mm, largest);
     // a mean of the slopes in the interval, which has no kink
     const auto [least, greatest] =
         std::minmax({less.tangent_N_per_mm, force.tangent_N_per_mm, more.tangent_N_per_mm});
@@ -302,8 +302,8 @@ TEST(YieldHaptics, NeoHookeanTermBlendsInWithoutAForceStep) {
   for (const double x : {0.5, 100.0}) {
     ComplianceState fresh;
     const ContactLaw tissue = blend_compliance(2, frame.spot[0], {x, 0, 0}, kModulus, 0.001, fresh);
-    const double most = kYieldSettings.max_stiffening * 12 / 0.2;
-    EXPECT_EQ(tissue.stiffening_mm_per_N2, std::min(8 + x, most));
+    const double largest = kYieldSettings.max_stiffening * 12 / 0.2;
+    EXPECT_EQ(tissue.stiffening_mm_per_N2, std::min(8 + x, largest));
     EXPECT_EQ(tissue.stiffening_slope, x < 1 ? frame.spot[0].stiffening_slope : Vector<Patient>());
   }
 }
@@ -334,7 +334,7 @@ TEST(ProxyOnWhatYields, RendersForceEnergyAndStiffnessOfTheLaw) {
 TEST(ProxyOnWhatYields, SlidingOverAHardInclusionIsConservative) {
   // W decreases towards +x, as over something hard
   const ComplianceFrame frame = frame_of(1, 16, {-0.8, 0, 0});
-  const auto work_mJ = [&](bool aside) {
+  const auto work_mJ = [&](bool lateral) {
     ProxyRun run = on_soft_floor();
     run.yields = &frame;
     double work = 0;
@@ -345,16 +345,16 @@ TEST(ProxyOnWhatYields, SlidingOverAHardInclusionIsConservative) {
         const Point<Patient> next = from + (to - from) * (static_cast<double>(n) / steps);
         run.at(tip);
         Vector<Patient> force_N = run.result.force_N;
-        if (!aside) force_N = {0, 0, force_N.z()};
+        if (!lateral) force_N = {0, 0, force_N.z()};
         work -= force_N.dot(next - tip);
         tip = next;
       }
     };
     lead({-4, 0, 4}, {-4, 0, -2});
-    const double put_in = work;
+    const double insert_pending = work;
     lead({-4, 0, -2}, {5, 0, -2});
     lead({5, 0, -2}, {5, 0, 4});
-    return work / put_in;
+    return work / insert_pending;
   };
   EXPECT_NEAR(work_mJ(true), 0, 0.01);
   EXPECT_LT(work_mJ(false), -0.2);

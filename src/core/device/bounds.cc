@@ -7,8 +7,8 @@ namespace palpate {
 namespace {
 
 // stated value if it is plausible, else the careful one
-double known_or(const std::optional<double>& stated, double careful, double least, double most) {
-  return stated && *stated >= least && *stated <= most ? *stated : careful;
+double known_or(const std::optional<double>& declared, double careful, double smallest, double largest) {
+  return declared && *declared >= smallest && *declared <= largest ? *declared : careful;
 }
 
 }  // namespace

@@ -12,10 +12,10 @@
 namespace palpate {
 namespace {
 
-DeviceInfo physical(std::optional<double> stated_N_per_mm = {}) {
+DeviceInfo physical(std::optional<double> declared_N_per_mm = {}) {
   DeviceInfo info;
   info.name = "arm";
-  info.stiffness_N_per_mm = stated_N_per_mm;
+  info.stiffness_N_per_mm = declared_N_per_mm;
   return info;
 }
 
@@ -49,9 +49,9 @@ TEST(CarefulBounds, TakeADelayThatNobodyStatesForALongOne) {
   DeviceInfo info = physical();
   EXPECT_EQ(careful_delay_s(info), 4e-3);
   EXPECT_EQ(device_parameters(info, {}).delay_s, 4e-3);
-  for (const double stated_s : {0.0, 1e-3, 0.02}) {
-    info.delay_s = stated_s;
-    EXPECT_EQ(device_parameters(info, {}).delay_s, stated_s);
+  for (const double declared_s : {0.0, 1e-3, 0.02}) {
+    info.delay_s = declared_s;
+    EXPECT_EQ(device_parameters(info, {}).delay_s, declared_s);
   }
   info.delay_s = std::nan("");
   EXPECT_EQ(careful_delay_s(info), 4e-3);

@@ -94,7 +94,7 @@ bool pass_updates(const Wall& servo, int count) {
 double pressed_mm(double intended_mm) {
   return intended_mm * kHand_N_per_mm / (kHand_N_per_mm + kWall_N_per_mm);
 }
-bool rests_at(const Wall& servo, double x_mm) {
+bool settles_at(const Wall& servo, double x_mm) {
   return soon([&] { return servo.still() > 10 && std::abs(servo.tip_x_mm() - x_mm) < 2e-3; });
 }
 
@@ -148,7 +148,7 @@ TEST_P(EveryDriver, GivesTheSameServoTheSameForce) {
   // equilibrium of the hand's spring and the wall: the same position, whichever side owns the clock
   Rig rig(GetParam());
   Running running(*rig.driver);
-  EXPECT_TRUE(rests_at(running.servo(), pressed_mm(Rig::kIntended_mm))) << running.servo().tip_x_mm();
+  EXPECT_TRUE(settles_at(running.servo(), pressed_mm(Rig::kIntended_mm))) << running.servo().tip_x_mm();
   running.stop();
   EXPECT_TRUE(running.servo().in_one_thread());
   EXPECT_EQ(rig.violations(), 0);
@@ -158,15 +158,15 @@ TEST_P(EveryDriver, HaltGivesZerosUntilResume) {
   Rig rig(GetParam());
   Running running(*rig.driver);
   const Wall& servo = running.servo();
-  ASSERT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm)));
+  ASSERT_TRUE(settles_at(servo, pressed_mm(Rig::kIntended_mm)));
 
   // without force the tip moves to the hand's target, while the servo continues to be called
   rig.driver->halt();
   const std::int64_t halted_ns = monotonic_ns();
-  EXPECT_TRUE(rests_at(servo, Rig::kIntended_mm)) << servo.tip_x_mm();
+  EXPECT_TRUE(settles_at(servo, Rig::kIntended_mm)) << servo.tip_x_mm();
   const std::int64_t resumed_ns = monotonic_ns();
   rig.driver->resume(0);
-  EXPECT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm))) << servo.tip_x_mm();
+  EXPECT_TRUE(settles_at(servo, pressed_mm(Rig::kIntended_mm))) << servo.tip_x_mm();
   running.stop();
 
   // only a request already in flight when halt() returned may still arrive
@@ -185,7 +185,7 @@ TEST_P(EveryDriver, HaltReachesADeviceWhoseServoHangs) {
   Rig rig(GetParam());
   Running running(*rig.driver);
   Wall& servo = running.servo();
-  ASSERT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm)));
+  ASSERT_TRUE(settles_at(servo, pressed_mm(Rig::kIntended_mm)));
 
   // in the first sample after the hang the tip is where the hand alone has moved it
   servo.hang(true);
@@ -207,14 +207,14 @@ TEST_P(EveryDriver, MayBeHaltedBeforeItRuns) {
   EXPECT_TRUE(pass_updates(running.servo(), 50));
   EXPECT_NEAR(running.servo().tip_x_mm(), Rig::kIntended_mm, 1e-9) << "no force has ever acted";
   rig.driver->resume(0);
-  EXPECT_TRUE(rests_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
+  EXPECT_TRUE(settles_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
 }
 
 TEST_P(EveryDriver, StopLeavesZerosAndRunGoesOn) {
   Rig rig(GetParam());
   {
     Running running(*rig.driver);
-    EXPECT_TRUE(rests_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
+    EXPECT_TRUE(settles_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
   }
   if (rig.vendor) {
     EXPECT_FALSE(rig.vendor->scheduled());
@@ -231,7 +231,7 @@ TEST_P(EveryDriver, StopLeavesZerosAndRunGoesOn) {
   EXPECT_EQ(rig.violations(), 0);
 
   Running again(*rig.driver);
-  EXPECT_TRUE(rests_at(again.servo(), pressed_mm(Rig::kIntended_mm)));
+  EXPECT_TRUE(settles_at(again.servo(), pressed_mm(Rig::kIntended_mm)));
 }
 
 TEST_P(EveryDriver, SamplesAreNotFromTheFuture) {
@@ -249,7 +249,7 @@ TEST_P(EveryDriver, SamplesAreNotFromTheFuture) {
 TEST(CallbackDriver, ACommandIsSetWithinTheFrameOfItsSample) {
   Rig rig("callback");
   Running running(*rig.driver);
-  ASSERT_TRUE(rests_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
+  ASSERT_TRUE(settles_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
   const int updates = running.servo().updates();
   running.stop();
   // bit for bit, also while settling: a command of an earlier frame would differ
@@ -303,7 +303,7 @@ TEST(CallbackDriver, TheFakeVendorNoticesWhatIsForbidden) {
 TEST(ExchangeDriver, ARequestAnswersTheReplyBefore) {
   Rig rig("exchange");
   Running running(*rig.driver);
-  ASSERT_TRUE(rests_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
+  ASSERT_TRUE(settles_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
   running.stop();
   const std::vector<Delivery> requests = rig.delivered();
   // while settling, when the previous reply asked for another force; a busy machine omits some
@@ -319,7 +319,7 @@ TEST(ExchangeDriver, ASilentPeerLetsTheStateAge) {
   Rig rig("exchange");
   Running running(*rig.driver);
   const Wall& servo = running.servo();
-  ASSERT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm)));
+  ASSERT_TRUE(settles_at(servo, pressed_mm(Rig::kIntended_mm)));
 
   // the servo is still called, with the last state
   rig.peer->silence(true);
@@ -331,7 +331,7 @@ TEST(ExchangeDriver, ASilentPeerLetsTheStateAge) {
   // it recovers
   rig.peer->silence(false);
   EXPECT_TRUE(soon([&] { return servo.taken_ns() > taken_ns && servo.age_ns() < 50'000'000; }));
-  EXPECT_TRUE(rests_at(servo, pressed_mm(Rig::kIntended_mm)));
+  EXPECT_TRUE(settles_at(servo, pressed_mm(Rig::kIntended_mm)));
 }
 
 TEST(Consent, AnArmThatMovesByItselfAsksFirst) {

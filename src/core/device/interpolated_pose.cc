@@ -17,11 +17,11 @@ void InterpolatedPose::push(const Point<Device>& tip, const Eigen::Quaterniond& 
   messages_.post({{tip, R_DeviceTool}, at_ns, true});
 }
 
-void InterpolatedPose::let_go() noexcept {
+void InterpolatedPose::release() noexcept {
   messages_.post({});
 }
 
-InterpolatedPose::Place InterpolatedPose::place_at(std::int64_t now_ns) const noexcept {
+InterpolatedPose::Pose InterpolatedPose::pose_at(std::int64_t now_ns) const noexcept {
   if (now_ns >= to_ns_) return to_;
   const double part = static_cast<double>(now_ns - from_ns_) / static_cast<double>(to_ns_ - from_ns_);
   return {from_.tip + (to_.tip - from_.tip) * part, from_.R_DeviceTool.slerp(part, to_.R_DeviceTool)};
@@ -30,13 +30,14 @@ InterpolatedPose::Place InterpolatedPose::place_at(std::int64_t now_ns) const no
 // Starts a new interpolation at the current position, over the expected time to the next update. A pose that
 // returns after an interruption applies at once: its path is unknown, and interpolating would drag a contact
 // along it.
-void InterpolatedPose::take_message(std::int64_t now_ns) noexcept {
+void InterpolatedPose::read_message(std::int64_t now_ns) noexcept {
   Message message;
   if (!messages_.take(message)) return;
-  const bool comes_back = message.held && !(last_.held && message.at_ns - last_.at_ns <= held_ns_);
-  from_ = comes_back ? message.place : place_at(now_ns);
+  const bool comes_back =
+      message.is_valid && !(last_.is_valid && message.at_ns - last_.at_ns <= validity_ns_);
+  from_ = comes_back ? message.pose : pose_at(now_ns);
   from_ns_ = now_ns;
-  to_ = message.held ? message.place : from_;
+  to_ = message.is_valid ? message.pose : from_;
   const std::int64_t interval_ns = std::clamp(message.at_ns - last_.at_ns, kMinInterval_ns, kMaxInterval_ns);
   const double path_ns = (to_.tip - from_.tip).norm() / kMaxSpeed_mm_s * 1e9;
   to_ns_ = now_ns + std::max(interval_ns, static_cast<std::int64_t>(std::min(path_ns, 1e18)));
@@ -44,11 +45,11 @@ void InterpolatedPose::take_message(std::int64_t now_ns) noexcept {
 }
 
 void InterpolatedPose::fill(DeviceSample& sample, std::int64_t now_ns) noexcept {
-  take_message(now_ns);
-  const Place place = place_at(now_ns);
-  sample.tip = place.tip;
-  sample.R_DeviceTool = place.R_DeviceTool;
-  sample.taken_ns = last_.held ? std::min(now_ns, last_.at_ns + held_ns_) : 0;
+  read_message(now_ns);
+  const Pose pose = pose_at(now_ns);
+  sample.tip = pose.tip;
+  sample.R_DeviceTool = pose.R_DeviceTool;
+  sample.taken_ns = last_.is_valid ? std::min(now_ns, last_.at_ns + validity_ns_) : 0;
 }
 
 }  // namespace palpate

@@ -18,7 +18,7 @@ constexpr double kMaxTick_s = 0.004;
 }  // namespace
 
 PointerDriver::PointerDriver(const Point<Device>& tip, TimeSource now)
-    : now_(now ? now : monotonic_ns), info_(info()), reported_(tip, kHeld_s) {}
+    : now_(now ? now : monotonic_ns), info_(info()), reported_(tip, kValidity_s) {}
 
 DeviceInfo PointerDriver::info() {
   DeviceInfo info;
@@ -40,7 +40,7 @@ Result<void> PointerDriver::move(const Point<Device>& tip, const Press& press) {
 }
 
 void PointerDriver::release() noexcept {
-  reported_.let_go();
+  reported_.release();
   presses_.post({});
 }
 

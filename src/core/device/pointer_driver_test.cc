@@ -84,11 +84,11 @@ TEST(PointerDriver, UntilItIsMovedItsPoseIsOld) {
 TEST(PointerDriver, GoesEvenlyBetweenMessagesAndNeverBeyondThem) {
   // a stroke back and forth, one message every eighth tick: 0, 4, 8, ... 40, 36, ... 0 mm
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
-  const auto stated_mm = [](int message) { return 4.0 * (message <= 10 ? message : 20 - message); };
+  const auto declared_mm = [](int message) { return 4.0 * (message <= 10 ? message : 20 - message); };
   // plus the longest possible interpolation, 40 ms
   const auto observed = run(driver, 220, [&](int tick) {
     if (tick % 8 == 0 && tick / 8 <= 20)
-      EXPECT_TRUE(driver.move(Point<Device>(stated_mm(tick / 8), 0, 0)).ok());
+      EXPECT_TRUE(driver.move(Point<Device>(declared_mm(tick / 8), 0, 0)).ok());
   });
   double farthest_mm = 0;
   int between = 0;
@@ -121,7 +121,7 @@ TEST(PointerDriver, APoseHoldsForItsTimeAndThenGrowsOld) {
     const Observed& at = observed[n];
     // correct age: time since the last message minus the time for which it is valid
     const double after_s = static_cast<double>(at.at_ns - moved_ns) * 1e-9;
-    const double expected_s = n < 900 ? std::max(0.0, after_s - PointerDriver::kHeld_s) : 0;
+    const double expected_s = n < 900 ? std::max(0.0, after_s - PointerDriver::kValidity_s) : 0;
     EXPECT_NEAR(at.age_s, expected_s, 1e-9) << n;
     (expected_s > 0 ? old : fresh) += 1;
     // the tip is stationary
@@ -149,12 +149,12 @@ TEST(PointerDriver, LetGoItIsOldAtOnceAndRestsWhereItIs) {
 
 TEST(PointerDriver, WhoComesBackIsThereAtOnce) {
   // released, or silent for longer than a pose is valid, and then 80 mm away
-  for (const bool let_go : {true, false}) {
-    SCOPED_TRACE(let_go);
+  for (const bool release : {true, false}) {
+    SCOPED_TRACE(release);
     PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
     const auto observed = run(driver, 700, [&](int tick) {
       if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(10, 0, 0)).ok());
-      if (tick == 20 && let_go) driver.release();
+      if (tick == 20 && release) driver.release();
       if (tick == 670) EXPECT_TRUE(driver.move(Point<Device>(90, 0, 0)).ok());
     });
     for (const Observed& at : observed) {
@@ -273,19 +273,19 @@ TEST(PointerDriver, APressEndsAndDoesNotWindUp) {
 
 TEST(PointerDriver, ComesFromAnotherThreadAtAnyTime) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
-  std::atomic<int> stated{0};
+  std::atomic<int> declared{0};
   std::atomic<bool> ended{false};
   std::thread page([&] {
-    for (; !ended; ++stated) {
+    for (; !ended; ++declared) {
       // a torn read would leave the diagonal
-      const double x = 5 * std::sin(0.01 * stated);
+      const double x = 5 * std::sin(0.01 * declared);
       EXPECT_TRUE(driver.move(Point<Device>(x, x, x)).ok());
       std::this_thread::yield();
     }
   });
   // until both threads have alternated several hundred times
   const auto observed = run(driver, 500, [&](int tick) {
-    while (stated < tick) std::this_thread::yield();
+    while (declared < tick) std::this_thread::yield();
   });
   ended = true;
   page.join();

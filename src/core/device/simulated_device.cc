@@ -151,16 +151,16 @@ void SimulatedDevice::advance(const DeviceCommand& command, double dt_s) {
   const double h = dt_s / steps;
   for (int i = 0; i < steps; ++i) {
     // zero-order hold
-    const Eigen::Vector3d& held_N = acting_at(time_s_ + (i + 0.5) * h).force_N;
+    const Eigen::Vector3d& sustained_N = acting_at(time_s_ + (i + 0.5) * h).force_N;
 
     // spring and damper from the intended motion to the hand, those of the skin to the device if there is
     // skin, the device's damping, then Coulomb friction as an impulse that can at most stop the motion
     // (stick)
     const Eigen::Vector3d intended_m = from_m + intended_velocity_m_s * ((i + 1) * h);
-    const Eigen::Vector3d& led_m = has_skin ? hand_m_ : position_m_;
-    const Eigen::Vector3d& led_m_s = has_skin ? hand_m_s_ : velocity_m_s_;
-    const Eigen::Vector3d hand_N = hand_.stiffness_N_per_m * (intended_m - led_m) +
-                                   hand_.damping_N_s_per_m * (intended_velocity_m_s - led_m_s);
+    const Eigen::Vector3d& guided_m = has_skin ? hand_m_ : position_m_;
+    const Eigen::Vector3d& guided_m_s = has_skin ? hand_m_s_ : velocity_m_s_;
+    const Eigen::Vector3d hand_N = hand_.stiffness_N_per_m * (intended_m - guided_m) +
+                                   hand_.damping_N_s_per_m * (intended_velocity_m_s - guided_m_s);
     Eigen::Vector3d held_by_N = hand_N;
     if (has_skin) {
       held_by_N =
@@ -168,13 +168,13 @@ void SimulatedDevice::advance(const DeviceCommand& command, double dt_s) {
       hand_m_s_ += (hand_N - held_by_N) * (h / hand_.mass_kg);
       hand_m_ += hand_m_s_ * h;
     }
-    const Eigen::Vector3d force_N = held_N + held_by_N - device_.damping_N_s_per_m * velocity_m_s_;
+    const Eigen::Vector3d force_N = sustained_N + held_by_N - device_.damping_N_s_per_m * velocity_m_s_;
     velocity_m_s_ += force_N * (h / mass_kg);
     const double speed = velocity_m_s_.norm();
     const double friction_step = device_.coulomb_N * h / mass_kg;
     velocity_m_s_ *= speed > friction_step ? 1 - friction_step / speed : 0;
     position_m_ += velocity_m_s_ * h;
-    work_mJ_ += held_N.dot(velocity_m_s_) * h * 1e3;
+    work_mJ_ += sustained_N.dot(velocity_m_s_) * h * 1e3;
   }
   time_s_ += dt_s;
   previous_target_mm_ = target_mm_;

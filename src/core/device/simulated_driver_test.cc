@@ -171,12 +171,12 @@ TEST(SimulatedDriver, NoCommandOutlivesItsRun) {
 
 TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
   SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
-  std::atomic<int> stated{0};
+  std::atomic<int> declared{0};
   std::atomic<bool> ended{false};
   std::thread hand([&] {
-    for (; !ended; ++stated) {
+    for (; !ended; ++declared) {
       // a torn read would leave the diagonal
-      const double x = 5 * std::sin(0.01 * stated);
+      const double x = 5 * std::sin(0.01 * declared);
       driver.intend(Point<Device>(x, x, x), virtual_ns + kMillisecond_ns);
       std::this_thread::yield();
     }
@@ -184,7 +184,7 @@ TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
   // until both threads have alternated several hundred times
   int ticks = 0;
   Servo servo([&](const DeviceSample&) {
-    for (++ticks; stated < ticks;) std::this_thread::yield();
+    for (++ticks; declared < ticks;) std::this_thread::yield();
     return DeviceCommand{};
   });
   Ticks clock(500);

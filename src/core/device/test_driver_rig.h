@@ -50,18 +50,18 @@ class DriverRig {
              return std::abs(wall.tip_x_mm - kWallPressed_mm) < 0.02 && force_N_() > 0.5 && !wall.fault;
            });
   }
-  bool lets_go() {
+  bool releases() {
     return soon([&] { return force_N_() == 0; });
   }
   bool says(const char* words) {
     return soon([&] {
-      const auto trouble = driver->trouble();
-      return trouble && trouble->what.find(words) != std::string::npos && !trouble->remedy.empty();
+      const auto failure = driver->failure();
+      return failure && failure->what.find(words) != std::string::npos && !failure->remedy.empty();
     });
   }
-  std::string stated() const {
-    const auto trouble = driver->trouble();
-    return trouble ? trouble->what : "nothing";
+  std::string declared() const {
+    const auto failure = driver->failure();
+    return failure ? failure->what : "nothing";
   }
 
   std::unique_ptr<Driver> driver;
@@ -91,9 +91,9 @@ DriverFault<Side> flag_fault(const char* name, std::atomic<bool> Side::*member, 
 
 /// Faults that are active at present.
 template <class Side>
-class BegunFaults {
+class StartedFaults {
  public:
-  BegunFaults(Side& side, const std::vector<DriverFault<Side>>& known) : side_(side), known_(known) {}
+  StartedFaults(Side& side, const std::vector<DriverFault<Side>>& known) : side_(side), known_(known) {}
   /// Injects one to four faults at intervals of at most 30 ms.
   void begin_any(std::mt19937& random, const std::function<void()>& meanwhile) {
     for (unsigned step = 1 + random() % 4; step > 0; --step) {
@@ -141,19 +141,19 @@ void outlive_any(DriverRig<Driver>& rig, Side& side, const std::vector<DriverFau
   std::mt19937 random(seed);
   for (int n = 0; n < fault_sequences(by_default); ++n) {
     SCOPED_TRACE("sequence " + std::to_string(n));
-    ASSERT_TRUE(rig.presses()) << rig.stated();
-    BegunFaults<Side> there(side, faults);
+    ASSERT_TRUE(rig.presses()) << rig.declared();
+    StartedFaults<Side> there(side, faults);
     there.begin_any(random, [&] {
       if (meanwhile) meanwhile(random);
       if (random() % 4 == 0) rig.driver->halt();
     });
-    ASSERT_TRUE(rig.lets_go()) << there.names();
+    ASSERT_TRUE(rig.releases()) << there.names();
     there.end_all(random);
     rig.driver->resume(0);
   }
-  ASSERT_TRUE(rig.presses()) << rig.stated();
+  ASSERT_TRUE(rig.presses()) << rig.declared();
   rig.end();
-  EXPECT_TRUE(rig.lets_go());
+  EXPECT_TRUE(rig.releases());
   EXPECT_FALSE(rig.wall.twice_at_once);
 }
 

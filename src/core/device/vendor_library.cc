@@ -20,19 +20,19 @@ std::vector<std::filesystem::path> system_library_folders() {
   };
 }
 
-Result<std::filesystem::path> find_vendor_library(const VendorLibraryPlace& place, const std::string& whose,
-                                                  const std::string& get) {
+Result<std::filesystem::path> find_vendor_library(const VendorLibraryLocation& location,
+                                                  const std::string& whose, const std::string& get) {
   std::error_code ignored;
-  if (!place.file.empty()) {
+  if (!location.file.empty()) {
     // dlopen would search for a bare name
-    const auto file = std::filesystem::absolute(place.file, ignored);
+    const auto file = std::filesystem::absolute(location.file, ignored);
     if (std::filesystem::is_regular_file(file, ignored)) return file;
-    return Error{ErrorKind::kUnavailable, "there is no such file", printable_name(place.file.string()),
+    return Error{ErrorKind::kUnavailable, "there is no such file", printable_name(location.file.string()),
                  "name the file of " + whose + "'s library, or leave it out to search for it"};
   }
-  const auto folders = place.folders.empty() ? system_library_folders() : place.folders;
+  const auto folders = location.folders.empty() ? system_library_folders() : location.folders;
   std::string names, where;
-  for (const std::string& name : place.names) {
+  for (const std::string& name : location.names) {
     names += (names.empty() ? "" : " or ") + name;
     for (const auto& folder : folders)
       if (std::filesystem::is_regular_file(folder / name, ignored)) return folder / name;

@@ -64,8 +64,8 @@ TEST(Workspace, GoesThereAndBack) {
     const Point<Device> other(dice.vector(200));
     EXPECT_NEAR((mapping.to_world(at(other), 0).tip - world).norm(), settings.scale * (other - tip).norm(),
                 1e-9);
-    const Point<Device> middle = info.workspace->low + (info.workspace->high - info.workspace->low) * 0.5;
-    EXPECT_LT((mapping.to_world(at(middle), 0).tip - *settings.home).norm(), 1e-9);
+    const Point<Device> centre = info.workspace->low + (info.workspace->high - info.workspace->low) * 0.5;
+    EXPECT_LT((mapping.to_world(at(centre), 0).tip - *settings.home).norm(), 1e-9);
   }
 }
 
@@ -89,12 +89,12 @@ TEST(Workspace, MakersAxesBecomeRightForwardUp) {
     DeviceInfo info;
     info.R_WorldDevice = vendor.R_WorldDevice;
     WorkspaceMapping mapping(info, {});
-    const auto led = [&](const Vector<Device>& v) {
+    const auto guided = [&](const Vector<Device>& v) {
       return mapping.to_world(at(Point<Device>() + v), 0).tip - Point<World>();
     };
-    EXPECT_TRUE(near(led(vendor.right), {1, 0, 0}));
-    EXPECT_TRUE(near(led(vendor.away), {0, 1, 0}));
-    EXPECT_TRUE(near(led(vendor.up), {0, 0, 1}));
+    EXPECT_TRUE(near(guided(vendor.right), {1, 0, 0}));
+    EXPECT_TRUE(near(guided(vendor.away), {0, 1, 0}));
+    EXPECT_TRUE(near(guided(vendor.up), {0, 0, 1}));
     // an upward force pushes the hand up
     EXPECT_LT((mapping.to_device(Wrench{Vector<World>(0, 0, 2), {}}).force_N - vendor.up * 2).norm(), 1e-14);
   }
@@ -225,7 +225,7 @@ class Clutch : public ::testing::Test {
  protected:
   static constexpr std::uint32_t kHeld = 1u << 3;
   static WorkspaceSettings settings() { return {1.7, 1, 33, Point<World>(5, 6, 7), 3}; }
-  DeviceState led(const Point<Device>& tip, std::uint32_t buttons) {
+  DeviceState guided(const Point<Device>& tip, std::uint32_t buttons) {
     return mapping_.to_world(at(tip, buttons), 0);
   }
   WorkspaceMapping mapping_{DeviceInfo{}, settings()};
@@ -234,17 +234,17 @@ class Clutch : public ::testing::Test {
 TEST_F(Clutch, HoldsTheTipBitForBitAndGoesOnWithoutAJump) {
   Dice dice;
   Point<Device> hand(dice.vector(40));
-  Point<World> before = led(hand, 0).tip;
+  Point<World> before = guided(hand, 0).tip;
   for (int n = 0; n < 2000; ++n) {
     // pressed for seven samples out of twenty-one; other buttons have no effect
-    const bool held = n / 7 % 3 == 1, held_before = held && n % 7 > 0;
+    const bool is_pressed = n / 7 % 3 == 1, was_pressed = is_pressed && n % 7 > 0;
     const Vector<Device> step(dice.vector(2));
     hand += step;
-    const DeviceState state = led(hand, held ? kHeld | 1u : 1u);
-    EXPECT_EQ(state.status, held ? kDeviceClutched : 0u);
-    EXPECT_EQ(state.buttons, held ? kHeld | 1u : 1u);
+    const DeviceState state = guided(hand, is_pressed ? kHeld | 1u : 1u);
+    EXPECT_EQ(state.status, is_pressed ? kDeviceClutched : 0u);
+    EXPECT_EQ(state.buttons, is_pressed ? kHeld | 1u : 1u);
     // a step of the hand moves the tip by its length times the scale, or not at all
-    if (held_before) {
+    if (was_pressed) {
       EXPECT_EQ(state.tip, before) << n;
     } else {
       EXPECT_NEAR((state.tip - before).norm(), settings().scale * step.norm(), 1e-9) << n;
@@ -254,26 +254,26 @@ TEST_F(Clutch, HoldsTheTipBitForBitAndGoesOnWithoutAJump) {
 }
 
 TEST_F(Clutch, SurvivesTipsThatAreNoNumbers) {
-  const Point<World> start = led(Point<Device>(1, 2, 3), 0).tip;
+  const Point<World> start = guided(Point<Device>(1, 2, 3), 0).tip;
   const Point<Device> lost(kNan, 0, 0);
   // pressed on a lost sample, or lost while held: passed on unchanged and not stored
-  EXPECT_FALSE(led(lost, kHeld).tip.all_finite());
-  EXPECT_EQ(led(lost, kHeld).status, kDeviceClutched);
-  EXPECT_LT((led(Point<Device>(1, 2, 3), kHeld).tip - start).norm(), 1e-12);
-  EXPECT_LT((led(Point<Device>(9, 9, 9), kHeld).tip - start).norm(), 1e-12);
-  EXPECT_FALSE(led(Point<Device>(0, std::numeric_limits<double>::infinity(), 0), kHeld).tip.all_finite());
-  EXPECT_LT((led(Point<Device>(-4, 9, 9), kHeld).tip - start).norm(), 1e-12);
+  EXPECT_FALSE(guided(lost, kHeld).tip.all_finite());
+  EXPECT_EQ(guided(lost, kHeld).status, kDeviceClutched);
+  EXPECT_LT((guided(Point<Device>(1, 2, 3), kHeld).tip - start).norm(), 1e-12);
+  EXPECT_LT((guided(Point<Device>(9, 9, 9), kHeld).tip - start).norm(), 1e-12);
+  EXPECT_FALSE(guided(Point<Device>(0, std::numeric_limits<double>::infinity(), 0), kHeld).tip.all_finite());
+  EXPECT_LT((guided(Point<Device>(-4, 9, 9), kHeld).tip - start).norm(), 1e-12);
   // released on a lost sample
-  EXPECT_FALSE(led(lost, 0).tip.all_finite());
-  EXPECT_LT((led(Point<Device>(-4, 9, 9), 0).tip - start).norm(), 1e-12);
+  EXPECT_FALSE(guided(lost, 0).tip.all_finite());
+  EXPECT_LT((guided(Point<Device>(-4, 9, 9), 0).tip - start).norm(), 1e-12);
 }
 
 TEST_F(Clutch, TheWayBackMovesWithIt) {
   // a simulated hand gets the correct position behind a clutch too
-  led(Point<Device>(1, 2, 3), 0);
-  led(Point<Device>(1, 2, 3), kHeld);
-  led(Point<Device>(-30, 8, 1), kHeld);
-  const Point<World> tip = led(Point<Device>(-30, 8, 1), 0).tip;
+  guided(Point<Device>(1, 2, 3), 0);
+  guided(Point<Device>(1, 2, 3), kHeld);
+  guided(Point<Device>(-30, 8, 1), kHeld);
+  const Point<World> tip = guided(Point<Device>(-30, 8, 1), 0).tip;
   EXPECT_LT((mapping_.to_device(tip) - Point<Device>(-30, 8, 1)).norm(), 1e-12);
 }
 

@@ -75,8 +75,8 @@ class LabelRay {
       if (!is_beyond(n * step_mm_)) continue;
       double near = (n - 1) * step_mm_, far = n * step_mm_;
       for (int halving = 0; halving < 6; ++halving) {
-        const double middle = 0.5 * (near + far);
-        (is_beyond(middle) ? far : near) = middle;
+        const double midpoint = 0.5 * (near + far);
+        (is_beyond(midpoint) ? far : near) = midpoint;
       }
       return inside ? far : -far;
     }

@@ -69,7 +69,7 @@ Result<std::shared_ptr<const ForceField>> make_gaussian(const Model& model) {
   // its sigma is in voxels, so the maximum slope is along the minimum spacing
   const GridGeometry& grid = model.labels->geometry();
   const double ramp = ramp_mm(model.method_settings.sphere_sigma_voxels * grid.min_spacing_mm(), grid);
-  return force_field(*std::move(sphere), model.greatest_stiffness_N_per_mm() * ramp);
+  return force_field(*std::move(sphere), model.max_stiffness_N_per_mm() * ramp);
 }
 
 Result<std::shared_ptr<const ForceField>> make_smooth(const Model& model) {
@@ -77,7 +77,7 @@ Result<std::shared_ptr<const ForceField>> make_smooth(const Model& model) {
       model, [&](LabelVoxels voxels) { return smooth_of(model, std::move(voxels)); });
   if (!sphere) return sphere.error();
   const double ramp = ramp_mm(sphere->parts().front().sphere.min_sigma_mm(), model.labels->geometry());
-  return force_field(*std::move(sphere), model.greatest_stiffness_N_per_mm() * ramp);
+  return force_field(*std::move(sphere), model.max_stiffness_N_per_mm() * ramp);
 }
 
 StoredNormals stored_normals_of(const Field& field, NormalEncoding encoding) {
@@ -144,7 +144,7 @@ Vector<Patient> normal_force(const FieldSample& sample, double full_force_N) {
 Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method) {
   const double width_mm =
       model.ramp_width_mm > 0 ? model.ramp_width_mm : ramp_mm(model.sigma_mm, model.labels->geometry());
-  const double of_field_N = model.greatest_stiffness_N_per_mm() * width_mm;
+  const double of_field_N = model.max_stiffness_N_per_mm() * width_mm;
   switch (method) {
     case ForceMethod::kTrilinear:
       return force_field(model.field, of_field_N);

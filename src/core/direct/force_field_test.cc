@@ -172,7 +172,7 @@ double steepest_N_per_mm(const ForceField& field, double step_mm) {
 TEST(ForceField, EveryMethodRendersTissueStiffnessOnAFlatSurface) {
   for (const Eigen::Vector3d& spacing_mm : {Eigen::Vector3d(0.3, 0.3, 0.9), Eigen::Vector3d(0.6, 0.6, 0.6)}) {
     const Model model = wall_model(spacing_mm, 1.0);
-    const double stiffness = model.greatest_stiffness_N_per_mm();
+    const double stiffness = model.max_stiffness_N_per_mm();
     for (const ForceMethodInfo& info : kDirectMethods) {
       SCOPED_TRACE(info.name);
       // differences over one voxel, because the published methods have steps and cusps
@@ -186,7 +186,7 @@ TEST(ForceField, EveryMethodRendersTissueStiffnessOnAFlatSurface) {
 TEST(ForceField, SphereWidthIsASettingOfTheMethod) {
   Model model = ball_model({0.6, 0.6, 0.9}, 1.0);
   model.method_settings.sphere_sigma_voxels = 2;
-  const double stiffness = model.greatest_stiffness_N_per_mm();
+  const double stiffness = model.max_stiffness_N_per_mm();
   const auto full_N = [&](ForceMethod method) { return (*make_force_field(model, method))->full_force_N(); };
   const double sqrt_2_pi = std::sqrt(2 * M_PI);
   EXPECT_NEAR(full_N(ForceMethod::kTrilinear), stiffness * sqrt_2_pi, 1e-9);

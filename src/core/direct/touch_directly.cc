@@ -61,7 +61,7 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
   const auto points = static_cast<double>(hand.tool.points_mm.size());
   ToolContact tool;
   // forces of points in contact at the same time add up
-  const double stiffness_N_per_mm = tick.model.greatest_stiffness_N_per_mm() * points;
+  const double stiffness_N_per_mm = tick.model.max_stiffness_N_per_mm() * points;
   const double max_N_s_per_mm = hand.max_damping_N_s_per_mm() / points;
   const double softer = RenderedStiffness(gains).direct_method_factor(stiffness_N_per_mm);
   const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;

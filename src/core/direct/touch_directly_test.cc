@@ -63,7 +63,7 @@ TEST(TouchDirectly, ReportsEveryPointInside) {
   EXPECT_NEAR(contact.contacts[0].force_N, 1.5 * 1.5, 0.1);
   EXPECT_NEAR(contact.contacts[1].force_N, 1.5 * 0.5, 0.1);
   EXPECT_NEAR(contact.requested.force_N.z(), contact.contacts[0].force_N + contact.contacts[1].force_N, 1e-6);
-  EXPECT_EQ(contact.contacts[0].place, (Point<Patient>(0, 0, kBoneRadius_mm - 1.5)));
+  EXPECT_EQ(contact.contacts[0].position, (Point<Patient>(0, 0, kBoneRadius_mm - 1.5)));
 }
 
 }  // namespace

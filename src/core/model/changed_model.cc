@@ -21,8 +21,7 @@ void apply_to_surfaces(int index, const Tissue& tissue, Model& model) {
 
 // scales the existing trilinear field down if the stiffest tissue is now softer than when it was computed
 std::shared_ptr<const ForceField> trilinear_left(const Model& current, const Model& prepared) {
-  const double part =
-      std::min(1.0, current.greatest_stiffness_N_per_mm() / prepared.greatest_stiffness_N_per_mm());
+  const double part = std::min(1.0, current.max_stiffness_N_per_mm() / prepared.max_stiffness_N_per_mm());
   const double full_force_N = prepared.force_field(ForceMethod::kTrilinear).full_force_N() * part;
   return std::make_shared<const ForceField>(prepared.field, full_force_N);
 }
@@ -54,10 +53,10 @@ Result<std::shared_ptr<const Model>> next_law(const Model& current, const ModelC
 bool is_cut(const Cut& cut) {
   const Sweep& sweep = cut.sweep;
   constexpr double kMax_mm = 1e6, kMaxRadius_mm = 1e3;
-  const auto is_place = [](const auto& at) { return at.eigen().cwiseAbs().maxCoeff() <= kMax_mm; };
+  const auto is_valid_position = [](const auto& at) { return at.eigen().cwiseAbs().maxCoeff() <= kMax_mm; };
   return cut.device < kMaxDevices && sweep.from.all_finite() && sweep.to.all_finite() &&
-         sweep.axis_mm.all_finite() && is_place(sweep.from) && is_place(sweep.to) &&
-         is_place(sweep.axis_mm) && sweep.radius_mm > 0 && sweep.radius_mm <= kMaxRadius_mm &&
+         sweep.axis_mm.all_finite() && is_valid_position(sweep.from) && is_valid_position(sweep.to) &&
+         is_valid_position(sweep.axis_mm) && sweep.radius_mm > 0 && sweep.radius_mm <= kMaxRadius_mm &&
          (sweep.is_of_ball() || (sweep.end_radius_mm > 0 && sweep.end_radius_mm <= kMaxRadius_mm));
 }
 
@@ -236,12 +235,12 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
   if (change.tissue == ModelChange::kCut) {
     if (!now.current->has(ForceMethod::kProxy))
       return Error{ErrorKind::kBadInput, "only surfaces can be cut, and this model has none", "", ""};
-    return ModelVersions{carved_by(*now.current, cuts)->taken_from(*now.current), now.prepared};
+    return ModelVersions{carved_by(*now.current, cuts)->applied_to(*now.current), now.prepared};
   }
   if (change.is_of_stroke()) {
     const auto carving = carving_after(now.current->carving.get(), change);
     if (carving == nullptr) return Error{ErrorKind::kBadInput, "there is no stroke to undo or redo", "", ""};
-    return ModelVersions{carving->taken_from(*now.current), now.prepared};
+    return ModelVersions{carving->applied_to(*now.current), now.prepared};
   }
   if (change.is_of_law()) {
     auto next = next_law(*now.current, change, preparing, progress);

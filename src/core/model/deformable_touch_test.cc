@@ -142,9 +142,9 @@ INSTANTIATE_TEST_SUITE_P(Radii, DeformableTouch, ::testing::Values(4.0, 6.0, 12.
 constexpr double kPairRadius_mm = 3;
 
 // Forces of two spheres on a half-space: Hertz's law at the depth less the other's Boussinesq displacement.
-std::array<double, 2> superposed_N(const std::array<double, 2>& depth_mm, double apart_mm) {
+std::array<double, 2> superposed_N(const std::array<double, 2>& depth_mm, double separation_mm) {
   const double mutual_mm_per_N =
-      1 / (std::numbers::pi * contact_modulus_N_per_mm2({kModulus_kPa, kPoissonsRatio}) * apart_mm);
+      1 / (std::numbers::pi * contact_modulus_N_per_mm2({kModulus_kPa, kPoissonsRatio}) * separation_mm);
   std::array<double, 2> force_N{};
   for (int n = 0; n < 200; ++n)
     for (const std::size_t d : {0, 1}) {
@@ -161,14 +161,14 @@ TEST(NeighbouringTools, LoseForceAsTheSuperpositionOfBoussinesqSays) {
   tools.stay(kSettled);
   const double alone_N = tools.force_N(0).norm(), hertz_N = superposed_N({kDepth_mm, -1}, 7)[0];
   EXPECT_NEAR(alone_N / hertz_N, 1, 0.05);
-  for (const double apart_mm : {6.0, 7.0, 10.0, 18.0}) {
-    tools.devices[0].x_mm = -0.5 * apart_mm;
+  for (const double separation_mm : {6.0, 7.0, 10.0, 18.0}) {
+    tools.devices[0].x_mm = -0.5 * separation_mm;
     for (const double deeper_mm : {0.0, 1.0}) {
-      tools.devices[1] = {0.5 * apart_mm, kDepth_mm + deeper_mm};
+      tools.devices[1] = {0.5 * separation_mm, kDepth_mm + deeper_mm};
       tools.stay(kSettled);
-      const auto expected_N = superposed_N({kDepth_mm, kDepth_mm + deeper_mm}, apart_mm);
+      const auto expected_N = superposed_N({kDepth_mm, kDepth_mm + deeper_mm}, separation_mm);
       // relative to the forces without the other tool, which the first check compares with Hertz
-      EXPECT_NEAR(tools.force_N(0).norm() / alone_N, expected_N[0] / hertz_N, 0.05) << apart_mm;
+      EXPECT_NEAR(tools.force_N(0).norm() / alone_N, expected_N[0] / hertz_N, 0.05) << separation_mm;
       EXPECT_GT(tools.force_N(0).x(), 0) << "the dent of the other tool attracts it";
     }
   }

@@ -68,9 +68,9 @@ std::shared_ptr<const Model> limb(TissueLaw law,
 }
 
 /// A tip moved at 1 kHz, with frames as in a session.
-class LedTip {
+class GuidedTip {
  public:
-  explicit LedTip(std::shared_ptr<const Model> model) : model_(std::move(model)) {
+  explicit GuidedTip(std::shared_ptr<const Model> model) : model_(std::move(model)) {
     parameters_.method = ForceMethod::kProxy;
     parameters_.friction = parameters_.viscosity = false;
     parameters_.max_force_N = parameters_.device[0].limits.peak_force_N = 20;
@@ -90,7 +90,7 @@ class LedTip {
   void stay(double time_s) {
     for (int n = 0; n < 1000 * time_s; ++n) tick();
   }
-  Result<void> go_by(TissueLaw law) {
+  Result<void> apply_law(TissueLaw law) {
     auto next = next_version({model_, model_}, change_of_law(*model_, law));
     if (!next) return next.error();
     model_ = next->current;
@@ -129,7 +129,7 @@ class LedTip {
   double z_ = kRadius_mm + 3, largest_step_N_ = 0;
 };
 
-double sent_N(const LedTip& tip) {
+double sent_N(const GuidedTip& tip) {
   return Eigen::Map<const Eigen::Vector3d>(tip.record().device[0].force_N.data()).norm();
 }
 
@@ -179,15 +179,15 @@ TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
                                    std::pair(TissueLaw::kElastic, TissueLaw::kLayers),
                                    std::pair(TissueLaw::kNeoHookean, TissueLaw::kChainMail)}) {
       SCOPED_TRACE(std::to_string(depth_mm) + " mm, from law " + std::to_string(static_cast<int>(from)));
-      LedTip reference(limb(to));
+      GuidedTip reference(limb(to));
       reference.press(depth_mm);
       reference.stay(0.4);
-      LedTip tip(limb(from));
+      GuidedTip tip(limb(from));
       tip.press(depth_mm);
       tip.stay(0.4);
       const double before_N = sent_N(tip), expected_N = sent_N(reference);
       ASSERT_GT(before_N, 0.1);
-      ASSERT_TRUE(tip.go_by(to).ok());
+      ASSERT_TRUE(tip.apply_law(to).ok());
       tip.take_largest_step_N();
       tip.stay(0.4);
       EXPECT_NEAR(sent_N(tip), expected_N, is_elastic(to) ? 0.02 * expected_N : 1e-3);
@@ -195,7 +195,7 @@ TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
       EXPECT_LT(tip.take_largest_step_N(), 0.3 * std::abs(expected_N - before_N) + 0.03);
       EXPECT_EQ(tip.record().device[0].flags & kFlagInside, 0u);
       // change back
-      ASSERT_TRUE(tip.go_by(from).ok());
+      ASSERT_TRUE(tip.apply_law(from).ok());
       tip.stay(0.4);
       EXPECT_NEAR(sent_N(tip), before_N, is_elastic(from) ? 0.02 * before_N : 1e-3);
       tip.press(-3, 100);
@@ -207,7 +207,7 @@ TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
 // Compressed to half their height and more, neo-Hookean cells have no solution in some attempts.
 TEST(LawChange, AHandAtRestFeelsNoTriesOfANeoHookeanBody) {
   for (const double depth_mm : {4.0, 5.0, 6.0}) {
-    LedTip tip(limb(TissueLaw::kNeoHookean));
+    GuidedTip tip(limb(TissueLaw::kNeoHookean));
     tip.press(depth_mm);
     tip.stay(0.4);
     double min_N = sent_N(tip), max_N = min_N;
@@ -217,7 +217,7 @@ TEST(LawChange, AHandAtRestFeelsNoTriesOfANeoHookeanBody) {
     };
     tip.stay(1);
     EXPECT_LT(max_N - min_N, 0.02) << depth_mm << " mm";
-    LedTip linear(limb(TissueLaw::kElastic));
+    GuidedTip linear(limb(TissueLaw::kElastic));
     linear.press(depth_mm);
     linear.stay(0.2);
     EXPECT_GT(max_N, 1.03 * sent_N(linear)) << depth_mm << " mm";
@@ -228,8 +228,8 @@ TEST(LawChange, WhatTheToolHasGoneThroughStaysOpen) {
   for (const auto& [from, to] : {std::pair(TissueLaw::kLayers, TissueLaw::kElastic),
                                  std::pair(TissueLaw::kElastic, TissueLaw::kLayers)}) {
     constexpr double kDepth_mm = 7, kPuncture_N = 0.3;
-    LedTip reference(limb(to, kPuncture_N)), tip(limb(from, kPuncture_N));
-    for (LedTip* one : {&reference, &tip}) {
+    GuidedTip reference(limb(to, kPuncture_N)), tip(limb(from, kPuncture_N));
+    for (GuidedTip* one : {&reference, &tip}) {
       bool ruptured = false;
       one->after_tick = [&] { ruptured = ruptured || (one->record().device[0].flags & kFlagRuptured) != 0; };
       one->press(kDepth_mm);
@@ -237,7 +237,7 @@ TEST(LawChange, WhatTheToolHasGoneThroughStaysOpen) {
       one->after_tick = {};
       ASSERT_TRUE(ruptured);
     }
-    ASSERT_TRUE(tip.go_by(to).ok());
+    ASSERT_TRUE(tip.apply_law(to).ok());
     tip.stay(0.5);
     EXPECT_NEAR(sent_N(tip), sent_N(reference), is_elastic(to) ? 0.02 * sent_N(reference) : 1e-3);
     EXPECT_EQ(tip.proxy().punctured, reference.proxy().punctured);
@@ -246,17 +246,17 @@ TEST(LawChange, WhatTheToolHasGoneThroughStaysOpen) {
 
 // a frame solved before tissue ceased to be deformable is ignored when it becomes deformable again
 TEST(LawChange, AFrameFromBeforeIsNotFeltAgain) {
-  LedTip tip(limb(TissueLaw::kElastic));
+  GuidedTip tip(limb(TissueLaw::kElastic));
   tip.press(4);
   tip.stay(0.3);
   const double elastic_N = sent_N(tip);
-  ASSERT_TRUE(tip.go_by(TissueLaw::kLayers).ok());
+  ASSERT_TRUE(tip.apply_law(TissueLaw::kLayers).ok());
   tip.press(-3);
   tip.press(4);
   const std::uint32_t last = tip.record().yield_frame;
   tip.stay(0.2);
   EXPECT_EQ(tip.record().yield_frame, last);
-  ASSERT_TRUE(tip.go_by(TissueLaw::kElastic).ok());
+  ASSERT_TRUE(tip.apply_law(TissueLaw::kElastic).ok());
   tip.stay(0.005);
   EXPECT_EQ(tip.record().yield_frame, last);
   EXPECT_EQ(tip.proxy().yield.surroundings_mm_per_N, 0) << "a half space, until there is a new one";
@@ -289,7 +289,7 @@ TEST(LawChange, WhoWasInsideWithoutForceStaysSo) {
 TEST(LawChange, IsRefusedOnceSomethingIsCut) {
   const auto model = limb(TissueLaw::kElastic);
   const Cut cut{0, {Point<Patient>(0, 0, 1), Point<Patient>(0, 0, -1), 2, 1}};
-  const auto carved = carved_by(*model, {&cut, 1})->taken_from(*model);
+  const auto carved = carved_by(*model, {&cut, 1})->applied_to(*model);
   EXPECT_TRUE(check_law(*carved, TissueLaw::kNeoHookean).ok());
   for (const TissueLaw law : {TissueLaw::kLayers, TissueLaw::kChainMail}) {
     EXPECT_THAT(check_law(*carved, law).error().what, HasSubstr("tissue was cut"));

@@ -83,9 +83,9 @@ void hash_value(std::uint64_t& hash, const NoGoSphere& sphere) {
   hash_values(hash, centre.eigen(), radius_mm);
 }
 void hash_value(std::uint64_t& hash, const NoGoRegion& region) {
-  const auto& [name, place, keep_away_mm, stiffness_N_per_mm] = region;
-  hash_word(hash, place.index());
-  std::visit([&](const auto& shape) { hash_value(hash, shape); }, place);
+  const auto& [name, shape, keep_away_mm, stiffness_N_per_mm] = region;
+  hash_word(hash, shape.index());
+  std::visit([&](const auto& shape) { hash_value(hash, shape); }, shape);
   hash_values(hash, keep_away_mm, stiffness_N_per_mm);
 }
 void hash_value(std::uint64_t& hash, const MethodSettings& settings) {
@@ -190,7 +190,7 @@ Result<void> check_relaxation(const Relaxation& relaxation) {
 // each label's level in the field, 1 for the stiffest tissue
 void set_levels(Model& model) {
   // without felt tissue the value is irrelevant
-  const double greatest = model.greatest_stiffness_N_per_mm();
+  const double greatest = model.max_stiffness_N_per_mm();
   const double stiffest = greatest > 0 ? greatest : 1;
   model.level_of_label.assign(model.tissue_of_label.size(), 0.f);
   for (std::size_t label = 0; label < model.level_of_label.size(); ++label)
@@ -286,7 +286,7 @@ Result<std::shared_ptr<Model>> make_model(ModelParts parts) {
 Result<MadeField> with_ramp_field(const Model& model, const Preparing& preparing, const Progress& progress) {
   auto ramps = preparing.ramps(
       *model.labels, ramp_structures(model, *model.labels),
-      {.stiffest_N_per_mm = model.greatest_stiffness_N_per_mm(), .width_mm = model.ramp_width_mm}, progress);
+      {.stiffest_N_per_mm = model.max_stiffness_N_per_mm(), .width_mm = model.ramp_width_mm}, progress);
   if (!ramps) return ramps.error();
   auto made = std::make_shared<Model>(model);
   set_levels(*made);

@@ -19,7 +19,8 @@ namespace {
 using L = BrickLayout;
 
 // size of a brick of 16-bit values with its reference counts and malloc overhead, and of its entry in a table
-constexpr double kBrick_bytes = sizeof(std::uint16_t) * (L::kStored + 2 * L::kSpare) + 64, kPlace_bytes = 24;
+constexpr double kBrick_bytes = sizeof(std::uint16_t) * (L::kStored + 2 * L::kSpare) + 64,
+                 kPosition_bytes = 24;
 // entry of the least distances in a surface's table
 constexpr double kMin_bytes = 8 * sizeof(float);
 // Ratio of the area of voxel faces to the smooth surface that they represent, averaged over directions.
@@ -149,13 +150,14 @@ class Estimate {
   double band_bytes(const Body& body, double voxels, const Eigen::Vector3d& spacing_mm, double inside_mm,
                     double outside_mm, double table_bytes) const {
     // the factor for a band on the inside only was measured: its surface touches fewer of the bricks
-    const double places = voxels / std::pow(L::kCells, 3);
+    const double brick_count = voxels / std::pow(L::kCells, 3);
     const double brick_mm3 = std::pow(L::kCells, 3) * spacing_mm.prod();
     const double edge_mm =
         (outside_mm > 0 ? 1 : 0.62) * kAlongNormal * (L::kVoxels - 1) * std::cbrt(spacing_mm.prod());
     const double inside_mm3 = std::min(body.surface_mm2 * inside_mm, body.volume_mm3);
     const double band_mm3 = inside_mm3 + body.surface_mm2 * (outside_mm + edge_mm);
-    return std::min(places, band_mm3 / brick_mm3) * kBrick_bytes + places * (kPlace_bytes + table_bytes);
+    return std::min(brick_count, band_mm3 / brick_mm3) * kBrick_bytes +
+           brick_count * (kPosition_bytes + table_bytes);
   }
 
   const GridGeometry& grid() const { return grid_; }
@@ -217,7 +219,7 @@ SurfaceBytes bytes_of_all(const Estimate& estimate, const std::vector<std::vecto
 FieldMemory field_memory(const Model& model, const Estimate& estimate, double ramp_width_mm) {
   const GridGeometry& grid = model.labels->geometry();
   const double voxels = static_cast<double>(grid.voxel_count());
-  const double full_N = model.greatest_stiffness_N_per_mm() * ramp_width_mm;
+  const double full_N = model.max_stiffness_N_per_mm() * ramp_width_mm;
   std::vector<LabelId> touchable;
   double rising_mm3 = 0, position = 0;
   for (const RampStructure& structure : ramp_structures(model, *model.labels)) {

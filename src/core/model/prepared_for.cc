@@ -99,9 +99,9 @@ class SurfacesNeeded {
     if (!prepared) return prepared.error();
     for (const auto& [together, parts] : parts_)
       for (const Part& part : parts) {
-        const auto place = std::find(all.begin(), all.end(), part.structures) - all.begin();
+        const auto batch = std::find(all.begin(), all.end(), part.structures) - all.begin();
         surfaces_[static_cast<std::size_t>(part.surface)].surface =
-            (*prepared)[static_cast<std::size_t>(place)];
+            (*prepared)[static_cast<std::size_t>(batch)];
       }
     if (!add_owners(labels, progress)) return Progress::interrupted();
     return surfaces_;
@@ -118,7 +118,7 @@ class SurfacesNeeded {
   double stiffness_of(LabelId label) const {
     return is_deformable(label) ? softest_ : model_.tissue_of(label)->stiffness_N_per_mm;
   }
-  int place_of(LabelId label) const {
+  int index_of(LabelId label) const {
     return static_cast<int>(std::lower_bound(touchable_.begin(), touchable_.end(), label) -
                             touchable_.begin());
   }
@@ -135,7 +135,7 @@ class SurfacesNeeded {
       if (stiffness_of(label) > to)
         stiffer.push_back(label);
       else
-        surfaces_[static_cast<std::size_t>(place_of(label))].layer = layer;
+        surfaces_[static_cast<std::size_t>(index_of(label))].layer = layer;
     }
     add_surfaces(group, layer, from, to);
     for (const std::vector<LabelId>& within : touching_groups(stiffer, touching_))
@@ -146,23 +146,23 @@ class SurfacesNeeded {
     const int common = add(group, layer, from, to, -1);
     parts_[{layer, false}].push_back({group, common});
     if (group.size() == 1) return;
-    std::vector<LabelId> rest;
+    std::vector<LabelId> remaining;
     for (const LabelId label : group) {
-      const int structure = place_of(label);
+      const int structure = index_of(label);
       if (!std::isfinite(model_.tissue_of(label)->puncture_N)) {
-        rest.push_back(label);
+        remaining.push_back(label);
         continue;
       }
       parts_[{layer, true}].push_back({{label}, add({label}, layer, from, to, common)});
       surfaces_[static_cast<std::size_t>(common)].opened_by.push_back(static_cast<std::int16_t>(structure));
     }
-    if (rest.size() == group.size() || rest.empty()) return;
-    parts_[{layer, true}].push_back({rest, add(rest, layer, from, to, common)});
+    if (remaining.size() == group.size() || remaining.empty()) return;
+    parts_[{layer, true}].push_back({remaining, add(remaining, layer, from, to, common)});
   }
 
   // Index of the surface of some structures. A structure's own index is used in the layer it belongs to.
   int add(const std::vector<LabelId>& structures, int layer, double from, double to, int beneath) {
-    const int structure = structures.size() == 1 ? place_of(structures.front()) : -1;
+    const int structure = structures.size() == 1 ? index_of(structures.front()) : -1;
     const bool own = structure >= 0 && stiffness_of(structures.front()) <= to;
     const int index = own ? structure : static_cast<int>(surfaces_.size());
     if (!own) surfaces_.emplace_back();
@@ -190,7 +190,7 @@ class SurfacesNeeded {
                                           const Bricks<LabelId>& labels) const {
     std::vector<std::int16_t> structure_of_label(std::numeric_limits<LabelId>::max() + std::size_t{1}, -1);
     for (const LabelId label : structures)
-      structure_of_label[label] = static_cast<std::int16_t>(place_of(label));
+      structure_of_label[label] = static_cast<std::int16_t>(index_of(label));
     return std::make_shared<const Owners>(labels, structure_of_label);
   }
 
@@ -291,7 +291,7 @@ std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go,
                                         const ReportedDistances& distances) {
   std::vector<LabelId> tracked = distances.structures;
   for (const NoGoRegion& region : no_go)
-    if (const auto* structure = std::get_if<NoGoStructure>(&region.place))
+    if (const auto* structure = std::get_if<NoGoStructure>(&region.shape))
       tracked.push_back(structure->label);
   std::sort(tracked.begin(), tracked.end());
   tracked.erase(std::unique(tracked.begin(), tracked.end()), tracked.end());
@@ -309,9 +309,9 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
   std::vector<std::vector<LabelId>> missing;
   for (std::size_t n = 0; n < tracked.size(); ++n) {
     const auto& labels = model->label_of_surface;
-    const auto place = std::lower_bound(labels.begin(), labels.end(), tracked[n]);
-    if (place != labels.end() && *place == tracked[n])
-      surfaces[n] = model->surfaces[static_cast<std::size_t>(place - labels.begin())].surface;
+    const auto batch = std::lower_bound(labels.begin(), labels.end(), tracked[n]);
+    if (batch != labels.end() && *batch == tracked[n])
+      surfaces[n] = model->surfaces[static_cast<std::size_t>(batch - labels.begin())].surface;
     if (surfaces[n] == nullptr) missing.push_back({tracked[n]});
   }
   if (!missing.empty()) {
@@ -338,7 +338,7 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
   auto more = std::make_shared<Model>(*model);
   more->distances = Distances(std::move(structures), model->reported_distances.reach_mm);
   for (NoGoRegion& region : more->no_go)
-    if (auto* structure = std::get_if<NoGoStructure>(&region.place))
+    if (auto* structure = std::get_if<NoGoStructure>(&region.shape))
       structure->tracked = static_cast<int>(
           std::lower_bound(tracked.begin(), tracked.end(), structure->label) - tracked.begin());
   return std::shared_ptr<const Model>(std::move(more));

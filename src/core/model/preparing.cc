@@ -19,34 +19,35 @@ Result<std::vector<std::shared_ptr<const Surface>>> Preparing::outer_surfaces(
     const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
     const SurfaceOptions& options, const Progress& progress) const {
   std::vector<std::shared_ptr<const Surface>> surfaces(groups.size());
-  const std::vector<std::vector<std::size_t>> goes = disjoint_batches(groups);
-  for (const std::vector<std::size_t>& go : goes) {
+  const std::vector<std::vector<std::size_t>> batches = disjoint_batches(groups);
+  for (const std::vector<std::size_t>& batch : batches) {
     std::vector<std::vector<LabelId>> together;
-    for (const std::size_t index : go) together.push_back(groups[index]);
+    for (const std::size_t index : batch) together.push_back(groups[index]);
     auto prepared = prepare_outer_surfaces(labels, together, options, progress);
     if (!prepared) return prepared.error();
-    for (std::size_t n = 0; n < go.size(); ++n) surfaces[go[n]] = std::move((*prepared)[n]);
+    for (std::size_t n = 0; n < batch.size(); ++n) surfaces[batch[n]] = std::move((*prepared)[n]);
   }
   return surfaces;
 }
 
 std::vector<std::vector<std::size_t>> disjoint_batches(const std::vector<std::vector<LabelId>>& groups) {
-  std::vector<std::vector<std::size_t>> goes;
+  std::vector<std::vector<std::size_t>> batches;
   std::vector<std::set<LabelId>> used;  // labels used by each batch
   for (std::size_t index = 0; index < groups.size(); ++index) {
     const std::vector<LabelId>& group = groups[index];
     const auto has_room = [&](const std::set<LabelId>& labels) {
       return std::none_of(group.begin(), group.end(), [&](LabelId label) { return labels.count(label) > 0; });
     };
-    const auto go = static_cast<std::size_t>(std::find_if(used.begin(), used.end(), has_room) - used.begin());
-    if (go == goes.size()) {
-      goes.emplace_back();
+    const auto batch =
+        static_cast<std::size_t>(std::find_if(used.begin(), used.end(), has_room) - used.begin());
+    if (batch == batches.size()) {
+      batches.emplace_back();
       used.emplace_back();
     }
-    goes[go].push_back(index);
-    used[go].insert(group.begin(), group.end());
+    batches[batch].push_back(index);
+    used[batch].insert(group.begin(), group.end());
   }
-  return goes;
+  return batches;
 }
 
 }  // namespace palpate

@@ -6,8 +6,8 @@
 
 namespace palpate {
 
-std::vector<StiffnessRange> stiffness_layers(std::vector<double> stiffnesses, int most) {
-  PALPATE_CHECK(most >= 1);
+std::vector<StiffnessRange> stiffness_layers(std::vector<double> stiffnesses, int largest) {
+  PALPATE_CHECK(largest >= 1);
   std::sort(stiffnesses.begin(), stiffnesses.end());
   std::vector<StiffnessRange> layers;
   for (const double stiffness : stiffnesses) {
@@ -15,7 +15,7 @@ std::vector<StiffnessRange> stiffness_layers(std::vector<double> stiffnesses, in
       layers.push_back({stiffness, stiffness});
     layers.back().max_N_per_mm = stiffness;
   }
-  while (layers.size() > static_cast<std::size_t>(most)) {
+  while (layers.size() > static_cast<std::size_t>(largest)) {
     std::size_t closest = 0;
     const auto error_with_next = [&](std::size_t n) {
       return StiffnessRange{layers[n].min_N_per_mm, layers[n + 1].max_N_per_mm}.error();

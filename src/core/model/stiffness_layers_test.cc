@@ -30,9 +30,9 @@ TEST(StiffnessLayers, OfTooManyTheClosestBecomeOne) {
   for (int round = 0; round < 200; ++round) {
     std::vector<double> stiffnesses(7);
     for (double& stiffness : stiffnesses) stiffness = std::exp(exponent(random));
-    const int most = 1 + static_cast<int>(random() % 7);
-    const auto layers = stiffness_layers(stiffnesses, most);
-    ASSERT_LE(layers.size(), static_cast<std::size_t>(most));
+    const int largest = 1 + static_cast<int>(random() % 7);
+    const auto layers = stiffness_layers(stiffnesses, largest);
+    ASSERT_LE(layers.size(), static_cast<std::size_t>(largest));
     for (const double stiffness : stiffnesses)
       ASSERT_EQ(std::count_if(layers.begin(), layers.end(),
                               [&](const StiffnessRange& layer) {
@@ -43,7 +43,7 @@ TEST(StiffnessLayers, OfTooManyTheClosestBecomeOne) {
       ASSERT_GT(layers[n].min_N_per_mm, layers[n - 1].max_N_per_mm);
     double worst = 0;
     for (const StiffnessRange& layer : layers) worst = std::max(worst, layer.error());
-    if (layers.size() < static_cast<std::size_t>(most) || most == 7) {
+    if (layers.size() < static_cast<std::size_t>(largest) || largest == 7) {
       ASSERT_LE(worst, 1 - 1 / kSameStiffness);
     }
   }

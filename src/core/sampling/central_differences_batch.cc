@@ -47,7 +47,7 @@ HWY_INLINE void find_cells(const BrickView<T>& voxels, const SamplingMap& map, c
   };
   const hn::Rebind<float, DD> d_float;
   const hn::Rebind<std::int32_t, DD> d_int;
-  std::int32_t brick[kPointsInGroup], place[kPointsInGroup];
+  std::int32_t brick[kPointsInGroup], voxel_offset[kPointsInGroup];
   for (std::size_t n = 0; n < kPointsInGroup; n += hn::Lanes(DD())) {
     hn::Vec<DD> x, y, z;
     hn::LoadInterleaved3(DD(), points + 3 * n, x, y, z);
@@ -70,11 +70,11 @@ HWY_INLINE void find_cells(const BrickView<T>& voxels, const SamplingMap& map, c
     const auto in_table = [](auto from) HWY_ATTR { return hn::ShiftRight<hwy::CeilLog2(L::kCells)>(from); };
     const auto in_brick = [&](auto from) HWY_ATTR { return hn::And(from, hn::Set(d_int, L::kCells - 1)); };
     hn::StoreU(at(in_table(a), in_table(b), in_table(e), voxels.row, voxels.slice), d_int, brick + n);
-    hn::StoreU(at(in_brick(a), in_brick(b), in_brick(e), L::kRow, L::kSlice), d_int, place + n);
+    hn::StoreU(at(in_brick(a), in_brick(b), in_brick(e), L::kRow, L::kSlice), d_int, voxel_offset + n);
   }
   constexpr std::ptrdiff_t kFirst = BrickLayout::kBefore * (1 + BrickLayout::kRow + BrickLayout::kSlice) - 1;
   for (std::size_t n = 0; n < kPointsInGroup; ++n)
-    group.cell[n] = voxels.table[brick[n]] + (kFirst + place[n]);
+    group.cell[n] = voxels.table[brick[n]] + (kFirst + voxel_offset[n]);
 }
 
 // ---- interpolation ----------------------------------------------------------------------------------
@@ -261,18 +261,18 @@ void sample_all(const Bricks<T>& voxels, const AnyField& field, std::span<const 
   PALPATE_CHECK(points.size() == samples.size());
   if (points.empty()) return;
   const std::size_t groups = points.size() / kPointsInGroup, done = groups * kPointsInGroup,
-                    rest = points.size() - done;
+                    remaining = points.size() - done;
   sample_groups(voxels.view(), field.map(), points.front().eigen().data(), groups, &samples.front().value);
-  if (rest == 0) return;
+  if (remaining == 0) return;
 
   // the remaining points, padded to a whole group with the last point
   std::array<Point<Patient>, kPointsInGroup> last_points;
   std::array<FieldSample, kPointsInGroup> last_samples;
   last_points.fill(points.back());
-  std::copy_n(points.begin() + static_cast<std::ptrdiff_t>(done), rest, last_points.begin());
+  std::copy_n(points.begin() + static_cast<std::ptrdiff_t>(done), remaining, last_points.begin());
   sample_groups(voxels.view(), field.map(), last_points.front().eigen().data(), 1,
                 &last_samples.front().value);
-  std::copy_n(last_samples.begin(), rest, samples.begin() + static_cast<std::ptrdiff_t>(done));
+  std::copy_n(last_samples.begin(), remaining, samples.begin() + static_cast<std::ptrdiff_t>(done));
 }
 
 }  // namespace

@@ -55,7 +55,7 @@ static_assert((kCells & (kCells - 1)) == 0);
 HWY_INLINE int brick_of(int voxel) {
   return static_cast<int>(static_cast<unsigned>(voxel + kToFirst) / kCells);
 }
-HWY_INLINE int place_of(int voxel) {
+HWY_INLINE int offset_of(int voxel) {
   return static_cast<int>(static_cast<unsigned>(voxel + kToFirst) % kCells);
 }
 
@@ -75,13 +75,13 @@ struct CountedInBricks {
     const BrickView<T>& view = box.grid.bricks;
     const int i = box.axes[0].start + block, j = box.axes[1].start, k = box.axes[2].start;
     const T* const* table = view.table + (brick_of(i) + brick_of(j) * view.row + brick_of(k) * view.slice);
-    lanes_of_first = BrickLayout::kVoxels - place_of(i);
-    first_of_second = kCells - place_of(k);
+    lanes_of_first = BrickLayout::kVoxels - offset_of(i);
+    first_of_second = kCells - offset_of(k);
     const int count_j = box.axes[1].count, bricks_k = box.axes[2].count > first_of_second ? 2 : 1;
     for (int c = 0; c < bricks_k; ++c, table += view.slice) {
-      const std::ptrdiff_t at = place_of(i) + (place_of(k) - c * kCells) * BrickLayout::kSlice;
+      const std::ptrdiff_t at = offset_of(i) + (offset_of(k) - c * kCells) * BrickLayout::kSlice;
       for (int n = 0; n < count_j; ++n) {
-        const int index = place_of(j) + n;
+        const int index = offset_of(j) + n;
         const T* const* brick = table + (index >= kCells ? view.row : 0);
         const std::ptrdiff_t row = (index % kCells) * BrickLayout::kRow;
         here[c][n] = brick[0] + (at + row);
@@ -120,12 +120,12 @@ struct CountedInOneBrick {
     const BrickView<T>& view = box.grid.bricks;
     const int i = box.axes[0].start, j = box.axes[1].start, k = box.axes[2].start;
     first = view.table[brick_of(i) + brick_of(j) * view.row + brick_of(k) * view.slice] +
-            (place_of(i) + place_of(j) * BrickLayout::kRow + place_of(k) * BrickLayout::kSlice);
+            (offset_of(i) + offset_of(j) * BrickLayout::kRow + offset_of(k) * BrickLayout::kSlice);
   }
   HWY_INLINE static bool holds(const Box<T>& box) {
     bool fits = box.part.whole;
     for (int a = 0; a < 3; ++a)
-      fits = fits && place_of(box.axes[a].start) + box.axes[a].count <= BrickLayout::kVoxels;
+      fits = fits && offset_of(box.axes[a].start) + box.axes[a].count <= BrickLayout::kVoxels;
     return fits;
   }
 
@@ -165,25 +165,25 @@ struct CountedLanes {
 
  private:
   HWY_INLINE void take_slice(int k, T* to) {
-    if (!box.part.whole) return take_part(k, to);
+    if (!box.part.whole) return read_part(k, to);
     const BrickView<T>& view = box.grid.bricks;
     const int i = box.axes[0].start + block, j = box.axes[1].start, slice = box.axes[2].start + k;
     // bricks exist only for lanes inside the box
     const int left = box.axes[0].count - block, width = static_cast<int>(kWidth);
-    const int needed = left < width ? left : width, in_first = BrickLayout::kVoxels - place_of(i);
+    const int needed = left < width ? left : width, in_first = BrickLayout::kVoxels - offset_of(i);
     const T* const* table =
         view.table + (brick_of(i) + brick_of(j) * view.row + brick_of(slice) * view.slice);
-    const std::ptrdiff_t at = place_of(i) + place_of(slice) * BrickLayout::kSlice;
-    int index = place_of(j);
-    for (int rest = box.axes[1].count; rest > 0; table += view.row, index = 0) {
-      const int room = kCells - index, rows = rest < room ? rest : room;
+    const std::ptrdiff_t at = offset_of(i) + offset_of(slice) * BrickLayout::kSlice;
+    int index = offset_of(j);
+    for (int remaining = box.axes[1].count; remaining > 0; table += view.row, index = 0) {
+      const int room = kCells - index, rows = remaining < room ? remaining : room;
       const std::ptrdiff_t first = at + index * BrickLayout::kRow;
       if (needed <= in_first) {
         take_rows(table[0] + first, rows, to);
       } else {
         take_rows(table[0] + first, table[1] + (first - kCells), in_first, rows, to);
       }
-      rest -= rows;
+      remaining -= rows;
       to += rows * width;
     }
   }
@@ -210,7 +210,7 @@ struct CountedLanes {
     }
   }
   /// Gathers with bounds checks; voxels outside the volume are not counted.
-  HWY_INLINE void take_part(int k, T* to) const {
+  HWY_INLINE void read_part(int k, T* to) const {
     const BoxPart& part = box.part;
     for (int j = 0; j < box.axes[1].count; ++j) {
       for (int i = block; i < block + static_cast<int>(kWidth); ++i) {
@@ -319,7 +319,7 @@ HWY_INLINE int sum_block(const Box<T>& box, bool in_place, int block, const Memb
   const int needed = left < static_cast<int>(kWidth) ? left : static_cast<int>(kWidth);
   if (!in_place) {
     sum_gathered<kCount, kWidth>(box, block, members, sums);
-  } else if (place_of(box.axes[0].start + block) + needed <= BrickLayout::kVoxels) {
+  } else if (offset_of(box.axes[0].start + block) + needed <= BrickLayout::kVoxels) {
     sum_slices<kCount, kWidth>(box, CountedInBricks<false, Members, T>(box, block, members), block, 0, end,
                                sums);
   } else {

@@ -70,7 +70,7 @@ TEST(LabelMethodTargets, GiveTheSameBitsWhereverBricksMeet) {
   small.dims = {44, 44, 44};
   const Volume<LabelId> labels = internal::random_labels(small, random)->dense();
   // coordinates with few binary digits, so that the fractions are not rounded
-  const Point<Patient> middle(21.25, 21.75, 22.375);
+  const Point<Patient> centre(21.25, 21.75, 22.375);
   const auto samples_at = [&](int by_i, int by_j, int by_k) {
     GridGeometry grid = small;
     for (int& dim : grid.dims) dim += 17;
@@ -79,7 +79,7 @@ TEST(LabelMethodTargets, GiveTheSameBitsWhereverBricksMeet) {
       for (int j = 0; j < 44; ++j)
         for (int i = 0; i < 44; ++i) moved.at(i + by_i, j + by_j, k + by_k) = labels.at(i, j, k);
     const auto in_bricks = label_bricks(moved);
-    const Point<Patient> at = middle + Vector<Patient>(by_i, by_j, by_k);
+    const Point<Patient> at = centre + Vector<Patient>(by_i, by_j, by_k);
     std::vector<FieldSample> samples;
     for (const LabelVoxels& voxels : {LabelVoxels(in_bricks, {2, 3}), LabelVoxels(in_bricks, {1, 3, 40000}),
                                       LabelVoxels::mask(*in_bricks, {2, 5})}) {

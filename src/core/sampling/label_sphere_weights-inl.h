@@ -47,8 +47,8 @@ HWY_INLINE double nearest(double x) {
 
 /// Padded row length: vectors of 16 lanes, and a last one of 4 or 8 where that suffices.
 HWY_INLINE int padded(int count) {
-  const int rest = count & 15;
-  return (count & ~15) + (rest == 0 ? 0 : rest <= 4 ? 4 : rest <= 8 ? 8 : 16);
+  const int remaining = count & 15;
+  return (count & ~15) + (remaining == 0 ? 0 : remaining <= 4 ? 4 : remaining <= 8 ? 8 : 16);
 }
 
 /// The window size: kCount if it is a compile-time constant, or `count` if kCount is 0.
@@ -105,11 +105,11 @@ HWY_INLINE void gaussian_axis(double x, const GaussianTable& table, AxisWeights&
   axis.start = static_cast<int>(centre) - 3;
   axis.count = 7;
 
-  const double place = (x - centre + 0.5) * GaussianTable::kIntervals;
+  const double table_position = (x - centre + 0.5) * GaussianTable::kIntervals;
   const int last = GaussianTable::kIntervals - 1;
-  const int interval = static_cast<int>(place) < last ? static_cast<int>(place) : last;
+  const int interval = static_cast<int>(table_position) < last ? static_cast<int>(table_position) : last;
   const float* row = table.rows + interval * GaussianTable::kStride;
-  const auto fraction = hn::Set(d, static_cast<float>(place - interval));
+  const auto fraction = hn::Set(d, static_cast<float>(table_position - interval));
   const auto half = hn::Set(d, 0.5f);
   alignas(16) float sums[4];
   for (int lane = 0; lane < 4; lane += lanes) {

@@ -6,15 +6,15 @@
 namespace palpate::internal {
 
 OctahedralCode encode_octahedral(const Eigen::Vector3d& n, int levels) {
-  Eigen::Vector2d place = n.head<2>() / n.lpNorm<1>();
+  Eigen::Vector2d position = n.head<2>() / n.lpNorm<1>();
   if (n.z() < 0) {
-    const Eigen::Vector2d upper = place;
-    place[0] = std::copysign(1 - std::abs(upper[1]), upper[0]);
-    place[1] = std::copysign(1 - std::abs(upper[0]), upper[1]);
+    const Eigen::Vector2d upper = position;
+    position[0] = std::copysign(1 - std::abs(upper[1]), upper[0]);
+    position[1] = std::copysign(1 - std::abs(upper[0]), upper[1]);
   }
 
-  const int a = static_cast<int>(std::floor(place[0] * levels)),
-            b = static_cast<int>(std::floor(place[1] * levels));
+  const int a = static_cast<int>(std::floor(position[0] * levels)),
+            b = static_cast<int>(std::floor(position[1] * levels));
   OctahedralCode best;
   double best_cosine = -2;
   for (int corner = 0; corner < 4; ++corner) {

@@ -157,16 +157,16 @@ void Surface::hash_content() {
 double Surface::at_least_mm(const Point<Patient>& x) const {
   const Point<Voxel> p = position_.X_VoxelPatient() * x;
   const std::array<int, 3>& dims = position_.geometry().dims;
-  std::array<std::size_t, 3> place;
+  std::array<std::size_t, 3> offset;
   for (int axis = 0; axis < 3; ++axis) {
     const auto a = static_cast<std::size_t>(axis);
     if (!(p[axis] >= -1 && p[axis] < dims[a])) return outside_mm_;
-    place[a] = static_cast<std::size_t>(p[axis] + Brick::kBorder);
+    offset[a] = static_cast<std::size_t>(p[axis] + Brick::kBorder);
   }
   const std::array<int, 3>& counts = position_.bricks().counts();
   constexpr std::size_t kCells = Brick::kCells;
-  const auto brick = [&](std::size_t axis) { return place[axis] / kCells; };
-  const auto half = [&](std::size_t axis) { return place[axis] % kCells / kBlock; };
+  const auto brick = [&](std::size_t axis) { return offset[axis] / kCells; };
+  const auto half = [&](std::size_t axis) { return offset[axis] % kCells / kBlock; };
   const std::size_t block =
       8 * ((brick(2) * static_cast<std::size_t>(counts[1]) + brick(1)) * static_cast<std::size_t>(counts[0]) +
            brick(0)) +

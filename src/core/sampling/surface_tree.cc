@@ -51,7 +51,7 @@ bool is_crossed(const std::array<double, 8>& corner_mm) {
 }
 
 /// Value and gradient of the position field's interpolant at a point.
-struct PlaceOfField {
+struct FieldValue {
   double value_mm;
   Vector<Patient> slope;
 };
@@ -64,7 +64,7 @@ class PositionReader {
         view_(field.bricks().view()),
         slope_map_(field.X_VoxelPatient().linear().transpose()) {}
 
-  PlaceOfField at(const Point<Patient>& x) const {
+  FieldValue at(const Point<Patient>& x) const {
     const Point<Voxel> p = field_.X_VoxelPatient() * x;
     const auto& dims = field_.geometry().dims;
     std::array<std::ptrdiff_t, 3> cell;
@@ -152,13 +152,13 @@ class PieceMaker {
       }
     mean /= static_cast<double>(count);
 
-    const Eigen::Vector3d middle = on_surface(cell, mean, low, size, std::span(crossing).first(count));
-    cell.at(middle, slope);
+    const Eigen::Vector3d centre = on_surface(cell, mean, low, size, std::span(crossing).first(count));
+    cell.at(centre, slope);
     Eigen::Vector3d normal = (slope_map_ * slope).normalized();
     if (!(normal.norm() > 0.5)) normal = Eigen::Vector3d::UnitX();
     const auto& X = X_PatientVoxel_.linear();
-    const Eigen::Vector3d at_mm = X * (first + middle) + X_PatientVoxel_.translation();
-    const auto [half_mm, radius_mm] = extent_of_piece(cell, middle, slope, normal, corner, corner_mm);
+    const Eigen::Vector3d at_mm = X * (first + centre) + X_PatientVoxel_.translation();
+    const auto [half_mm, radius_mm] = extent_of_piece(cell, centre, slope, normal, corner, corner_mm);
     constexpr double kRounding_mm = 2e-4;
     Disc disc;
     for (int axis = 0; axis < 3; ++axis) {
@@ -174,18 +174,18 @@ class PieceMaker {
   // from the tangent plane is trilinear and largest at a corner, so the surface lies between two parallel
   // planes; the point of that slab farthest from the axis is on an edge of the piece.
   template <class Corner>
-  std::pair<double, double> extent_of_piece(const CellOfSurface& cell, const Eigen::Vector3d& middle,
+  std::pair<double, double> extent_of_piece(const CellOfSurface& cell, const Eigen::Vector3d& centre,
                                             const Eigen::Vector3d& slope, const Eigen::Vector3d& normal,
                                             const Corner& corner,
                                             const std::array<double, 8>& corner_mm) const {
     Eigen::Vector3d unused;
-    const double here_mm = cell.at(middle, unused);
+    const double here_mm = cell.at(centre, unused);
     double off_mm = 0, max_mm = 0;
     std::array<Eigen::Vector3d, 8> path;
     std::array<double, 8> along;
     for (std::size_t n = 0; n < 8; ++n) {
-      off_mm = std::max(off_mm, std::abs(corner_mm[n] - here_mm - slope.dot(corner(n) - middle)));
-      path[n] = X_PatientVoxel_.linear() * (corner(n) - middle);
+      off_mm = std::max(off_mm, std::abs(corner_mm[n] - here_mm - slope.dot(corner(n) - centre)));
+      path[n] = X_PatientVoxel_.linear() * (corner(n) - centre);
       along[n] = normal.dot(path[n]);
       max_mm = std::max(max_mm, std::abs(along[n]));
     }
@@ -243,7 +243,7 @@ class PieceMaker {
 
 /// Bounds of a disc along a direction, and perpendicular to it.
 struct Extent {
-  double low, high, aside;
+  double low, high, lateral;
 };
 Extent extent_of(const Disc& disc, const Eigen::Vector3d& from, const Eigen::Vector3d& along) {
   const Eigen::Vector3d displacement = Eigen::Vector3d(disc.middle[0], disc.middle[1], disc.middle[2]) - from;
@@ -267,23 +267,23 @@ Disc around(std::span<const DiscNode> leaves) {
   }
   normal.normalize();
   if (!(normal.norm() > 0.5)) normal = Eigen::Vector3d::UnitX();
-  Eigen::Vector3d middle = (0.5f * (low + high)).matrix().cast<double>();
-  double least = std::numeric_limits<double>::infinity(), most = -least, aside = 0;
+  Eigen::Vector3d centre = (0.5f * (low + high)).matrix().cast<double>();
+  double smallest = std::numeric_limits<double>::infinity(), most = -smallest, lateral = 0;
   for (const DiscNode& leaf : leaves) {
-    const Extent extent = extent_of(leaf.disc, middle, normal);
-    least = std::min(least, extent.low);
+    const Extent extent = extent_of(leaf.disc, centre, normal);
+    smallest = std::min(smallest, extent.low);
     most = std::max(most, extent.high);
-    aside = std::max(aside, extent.aside);
+    lateral = std::max(lateral, extent.lateral);
   }
-  middle += normal * (0.5 * (least + most));
+  centre += normal * (0.5 * (smallest + most));
   constexpr double kRounding_mm = 2e-4;
   Disc disc;
   for (int axis = 0; axis < 3; ++axis) {
-    disc.middle[static_cast<std::size_t>(axis)] = static_cast<float>(middle[axis]);
+    disc.middle[static_cast<std::size_t>(axis)] = static_cast<float>(centre[axis]);
     disc.normal[static_cast<std::size_t>(axis)] = static_cast<float>(normal[axis]);
   }
-  disc.half_mm = static_cast<float>(0.5 * (most - least) + kRounding_mm);
-  disc.radius_mm = static_cast<float>(aside + kRounding_mm);
+  disc.half_mm = static_cast<float>(0.5 * (most - smallest) + kRounding_mm);
+  disc.radius_mm = static_cast<float>(lateral + kRounding_mm);
   return disc;
 }
 
@@ -355,9 +355,9 @@ std::shared_ptr<const BrickTree> discs_of(const SignedField& field, const PieceM
 double min_mm(const Disc& disc, const Eigen::Vector3d& x) {
   const double e[3] = {x[0] - disc.middle[0], x[1] - disc.middle[1], x[2] - disc.middle[2]};
   const double along = e[0] * disc.normal[0] + e[1] * disc.normal[1] + e[2] * disc.normal[2];
-  const double aside2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - along * along;
+  const double lateral2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - along * along;
   const double above = std::max(0.0, std::abs(along) - disc.half_mm);
-  const double beside = std::sqrt(std::max(0.0, aside2)) - disc.radius_mm;
+  const double beside = std::sqrt(std::max(0.0, lateral2)) - disc.radius_mm;
   return beside > 0 ? std::sqrt(above * above + beside * beside) : above;
 }
 
@@ -370,7 +370,7 @@ bool project_onto_surface(const PositionReader& position, Point<Patient>& p, Vec
   constexpr double kNear_mm = 2e-4, kLongest_mm = 1;
   constexpr int kSteps = 5;
   for (int step = 0; step <= kSteps; ++step) {
-    const PlaceOfField here = position.at(p);
+    const FieldValue here = position.at(p);
     slope = here.slope;
     const double steep2 = slope.squared_norm();
     if (!(steep2 > 0)) return false;
@@ -392,23 +392,23 @@ double refine_nearest(const PositionReader& position, const Point<Patient>& x, P
   Point<Patient> at = p;
   Vector<Patient> slope;
   if (!project_onto_surface(position, at, slope)) return best_mm;
-  const auto aside_of = [&](const Point<Patient>& at_position, const Vector<Patient>& steepest) {
+  const auto lateral_of = [&](const Point<Patient>& at_position, const Vector<Patient>& steepest) {
     const Vector<Patient> displacement = x - at_position;
     return displacement - steepest * (displacement.dot(steepest) / steepest.squared_norm());
   };
   double part = 1;
   for (int tries = 0; tries < kTries; ++tries) {
-    const Vector<Patient> aside = aside_of(at, slope);
-    const double aside_mm = aside.norm(), step_mm = std::min(part * aside_mm, kLongest_mm);
-    if (!(aside_mm * step_mm > 2 * kEnough_mm * std::max(best_mm, kEnough_mm))) break;
-    const Vector<Patient> along = aside * (1 / aside_mm);
+    const Vector<Patient> lateral = lateral_of(at, slope);
+    const double lateral_mm = lateral.norm(), step_mm = std::min(part * lateral_mm, kLongest_mm);
+    if (!(lateral_mm * step_mm > 2 * kEnough_mm * std::max(best_mm, kEnough_mm))) break;
+    const Vector<Patient> along = lateral * (1 / lateral_mm);
     Point<Patient> next = at + along * step_mm;
     Vector<Patient> next_slope;
     if (!project_onto_surface(position, next, next_slope)) {
       part *= 0.3;
       continue;
     }
-    const double advanced_mm = aside_mm - aside_of(next, next_slope).dot(along);
+    const double advanced_mm = lateral_mm - lateral_of(next, next_slope).dot(along);
     const double reported = advanced_mm > 0 ? std::clamp(step_mm / advanced_mm, 0.05 * part, 1.0) : 1.0;
     const double next_mm = (x - next).norm();
     if (next_mm < best_mm) {
@@ -482,7 +482,7 @@ std::size_t SurfaceTree::bytes() const {
          of_top_.size() * sizeof(of_top_.front());
 }
 
-std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double within_mm) const {
+std::optional<NearestSurfacePoint> SurfaceTree::nearest(const Point<Patient>& x, double within_mm) const {
   if (top_.empty() || !x.all_finite()) return {};
   struct Waiting {
     const DiscNode* node;
@@ -525,18 +525,18 @@ std::optional<NearestPlace> SurfaceTree::nearest(const Point<Patient>& x, double
     }
   }
   if (!found) return {};
-  return NearestPlace{inside ? -best_mm : best_mm, at_position};
+  return NearestSurfacePoint{inside ? -best_mm : best_mm, at_position};
 }
 
-Vector<Patient> SurfaceTree::outward(const Point<Patient>& x, const NearestPlace& near) const {
+Vector<Patient> SurfaceTree::outward(const Point<Patient>& x, const NearestSurfacePoint& near) const {
   // closer than this, the direction to the nearest point is dominated by its error
   constexpr double kTelling_mm = 0.3;
   const double away_mm = std::abs(near.distance_mm);
   const Vector<Patient> displacement =
-      near.distance_mm < 0 ? (near.place - x).normalized() : (x - near.place).normalized();
+      near.distance_mm < 0 ? (near.position - x).normalized() : (x - near.position).normalized();
   if (away_mm >= kTelling_mm) return displacement;
   const double part = away_mm / kTelling_mm;
-  return (displacement * part + surface_->outward(near.place) * (1 - part)).normalized();
+  return (displacement * part + surface_->outward(near.position) * (1 - part)).normalized();
 }
 
 }  // namespace palpate

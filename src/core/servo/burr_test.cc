@@ -30,7 +30,7 @@ Model burr_model() {
 }
 
 /// A single device moved by the test, and a session that carves.
-struct LedSession {
+struct GuidedSession {
   std::shared_ptr<const Model> model = std::make_shared<const Model>(burr_model());
   std::shared_ptr<const Carving> carving = std::make_shared<const Carving>(*model);
   Parameters parameters;
@@ -39,7 +39,7 @@ struct LedSession {
   Wrench wrench;
   DeviceState device;
 
-  LedSession() {
+  GuidedSession() {
     parameters.method = ForceMethod::kProxy;
     parameters.motor = true;
     parameters.viscosity = false;
@@ -67,13 +67,13 @@ struct LedSession {
     const std::vector<Cut> cuts = finished_cuts(burr(), 0);
     if (cuts.empty()) return false;
     carving = carving->with(cuts);
-    model = carving->taken_from(*model);
+    model = carving->applied_to(*model);
     return true;
   }
 };
 
 TEST(BurrTick, AMotorThatIsOffLeavesABall) {
-  LedSession off, ball;
+  GuidedSession off, ball;
   off.parameters.motor = false;
   Model without = *ball.model;
   without.tools[0].burr.reset();
@@ -90,46 +90,46 @@ TEST(BurrTick, AMotorThatIsOffLeavesABall) {
 }
 
 TEST(BurrTick, WhatItCutsIsGoneInTheSameTickAndStaysGoneInTheNextVersion) {
-  LedSession led;
-  led.lead_to(led.above(0.2), 100);
-  led.lead_to(led.above(-1), 50);
+  GuidedSession guided;
+  guided.lead_to(guided.above(0.2), 100);
+  guided.lead_to(guided.above(-1), 50);
   double tick_N = 0, edit_N = 0;
-  Vector<World> before_N = led.wrench.force_N;
+  Vector<World> before_N = guided.wrench.force_N;
   const double first_N = before_N.norm();
   int edits = 0;
   for (int n = 0; n < 400; ++n) {
-    const bool edited = n % 20 == 0 && led.carve();
+    const bool edited = n % 20 == 0 && guided.carve();
     edits += edited;
-    led.lead_to(led.device.tip, 1);
+    guided.lead_to(guided.device.tip, 1);
     double& max_N = edited ? edit_N : tick_N;
-    max_N = std::max(max_N, (led.wrench.force_N - before_N).norm());
-    before_N = led.wrench.force_N;
-    EXPECT_EQ(led.record.device[0].flags & kFlagBlend, 0u);
+    max_N = std::max(max_N, (guided.wrench.force_N - before_N).norm());
+    before_N = guided.wrench.force_N;
+    EXPECT_EQ(guided.record.device[0].flags & kFlagBlend, 0u);
     if (before_N.norm() > 0.1) {
-      EXPECT_EQ(led.record.device[0].label, kBone);
+      EXPECT_EQ(guided.record.device[0].label, kBone);
     }
-    EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u) << "its proxy is held";
+    EXPECT_EQ(guided.record.device[0].flags & kFlagInside, 0u) << "its proxy is held";
   }
   EXPECT_GT(edits, 5);
   // sunk in so far that a stationary hand feels almost no force
   EXPECT_LT(before_N.norm(), 0.5 * first_N);
   EXPECT_LT(edit_N, tick_N + 0.01);
-  EXPECT_GT(led.burr().removed_mm3, 1);
-  const Point<Patient> proxy = led.state.hands[0].proxy.position;
-  EXPECT_LT(led.model->surfaces[0].made->distance_mm(proxy), kBurrRadius_mm - 0.3);
+  EXPECT_GT(guided.burr().removed_mm3, 1);
+  const Point<Patient> proxy = guided.state.hands[0].proxy.position;
+  EXPECT_LT(guided.model->surfaces[0].made->distance_mm(proxy), kBurrRadius_mm - 0.3);
 }
 
 // stuck by friction on one side of the ball, while the other side is changed every tenth tick
-void expect_not_rendered(const std::function<void(LedSession&, int)>& change) {
-  LedSession alone, beside;
-  for (LedSession* led : {&alone, &beside}) {
-    led->parameters.motor = false;
-    led->lead_to(led->above(-0.5), 100);
+void expect_not_rendered(const std::function<void(GuidedSession&, int)>& change) {
+  GuidedSession alone, beside;
+  for (GuidedSession* guided : {&alone, &beside}) {
+    guided->parameters.motor = false;
+    guided->lead_to(guided->above(-0.5), 100);
   }
   for (int n = 0; n < 100; ++n) {
     if (n % 10 == 0) {
       change(beside, n);
-      beside.model = beside.carving->taken_from(*beside.model);
+      beside.model = beside.carving->applied_to(*beside.model);
     }
     const Point<World> to = alone.above(-0.5 - 0.001 * n, 0.0003 * n);
     alone.lead_to(to, 1);
@@ -144,16 +144,16 @@ void expect_not_rendered(const std::function<void(LedSession&, int)>& change) {
 }
 
 TEST(BurrTick, AnEditElsewhereIsNotFelt) {
-  expect_not_rendered([](LedSession& led, int n) {
-    led.carving =
-        led.carving->with(std::vector<Cut>{{1, {{-3.0 + 0.5 * n, 0, -16}, {-2.0 + 0.5 * n, 0, -16}, 2}}});
+  expect_not_rendered([](GuidedSession& guided, int n) {
+    guided.carving =
+        guided.carving->with(std::vector<Cut>{{1, {{-3.0 + 0.5 * n, 0, -16}, {-2.0 + 0.5 * n, 0, -16}, 2}}});
   });
 }
 
 TEST(BurrTick, AnUndoElsewhereIsNotFelt) {
-  expect_not_rendered([](LedSession& led, int n) {
+  expect_not_rendered([](GuidedSession& guided, int n) {
     const std::vector<Cut> cut{{1, {{-3, 0, -16}, {3, 0, -16}, 2}}};
-    led.carving = n % 20 == 0 ? led.carving->with(cut) : led.carving->undone();
+    guided.carving = n % 20 == 0 ? guided.carving->with(cut) : guided.carving->undone();
   });
 }
 
@@ -163,25 +163,25 @@ TEST(BurrTick, WhatWasGoneThroughStaysSoWhileItsSurfaceIsCutElsewhere) {
   model.surfaces[1].puncture_N = 0.5;
   model.surfaces[1].beneath = 2;
   model.surfaces[2].opened_by = {1};
-  LedSession alone, beside;
-  for (LedSession* led : {&alone, &beside}) {
-    led->model = std::make_shared<const Model>(model);
-    led->carving = std::make_shared<const Carving>(model);
-    led->state = {};
-    led->state.hands[0].output.gain = 1;
-    led->device.tip = led->above(3 - kBurrRadius_mm, -6);
-    led->tick_once();
-    led->lead_to(led->above(0.5 - kBurrRadius_mm, -6), 200);
-    ASSERT_TRUE(led->state.hands[0].proxy.punctured.any()) << "the test is about nothing";
+  GuidedSession alone, beside;
+  for (GuidedSession* guided : {&alone, &beside}) {
+    guided->model = std::make_shared<const Model>(model);
+    guided->carving = std::make_shared<const Carving>(model);
+    guided->state = {};
+    guided->state.hands[0].output.gain = 1;
+    guided->device.tip = guided->above(3 - kBurrRadius_mm, -6);
+    guided->tick_once();
+    guided->lead_to(guided->above(0.5 - kBurrRadius_mm, -6), 200);
+    ASSERT_TRUE(guided->state.hands[0].proxy.punctured.any()) << "the test is about nothing";
   }
   for (int n = 0; n < 50; ++n) {
     if (n % 10 == 0) {
       beside.carving =
           beside.carving->with(std::vector<Cut>{{0, {{0.5 * n, 0, -18}, {0.5 * n + 1, 0, -18}, 2}}});
-      beside.model = beside.carving->taken_from(*beside.model);
+      beside.model = beside.carving->applied_to(*beside.model);
     }
-    for (LedSession* led : {&alone, &beside})
-      led->lead_to(led->above(0.5 - kBurrRadius_mm + 0.002 * n, -6), 1);
+    for (GuidedSession* guided : {&alone, &beside})
+      guided->lead_to(guided->above(0.5 - kBurrRadius_mm + 0.002 * n, -6), 1);
     ASSERT_EQ(alone.wrench.force_N, beside.wrench.force_N) << n;
     ASSERT_EQ(alone.state.hands[0].proxy.punctured, beside.state.hands[0].proxy.punctured) << n;
     ASSERT_EQ(alone.record.device[0].flags, beside.record.device[0].flags) << n;
@@ -189,14 +189,14 @@ TEST(BurrTick, WhatWasGoneThroughStaysSoWhileItsSurfaceIsCutElsewhere) {
 }
 
 TEST(BurrTick, ThePedalRunsTheMotorAndNothingRunsItWithoutForce) {
-  const auto cuts = [](LedSession& led) {
-    led.lead_to(led.above(0.2), 50);
-    const double before_mm3 = led.burr().removed_mm3;
-    led.carve();
-    led.lead_to(led.above(-1), 100);
-    return led.burr().removed_mm3 > before_mm3;
+  const auto cuts = [](GuidedSession& guided) {
+    guided.lead_to(guided.above(0.2), 50);
+    const double before_mm3 = guided.burr().removed_mm3;
+    guided.carve();
+    guided.lead_to(guided.above(-1), 100);
+    return guided.burr().removed_mm3 > before_mm3;
   };
-  LedSession pedal;
+  GuidedSession pedal;
   Model trodden = *pedal.model;
   trodden.tools[0].burr->pedal = 2;
   pedal.model = std::make_shared<const Model>(trodden);
@@ -207,150 +207,150 @@ TEST(BurrTick, ThePedalRunsTheMotorAndNothingRunsItWithoutForce) {
   pedal.device.buttons = 1u << 1;
   EXPECT_FALSE(cuts(pedal));
 
-  LedSession paused;
+  GuidedSession paused;
   paused.parameters.paused = true;
   EXPECT_FALSE(cuts(paused));
-  LedSession stopped;
+  GuidedSession stopped;
   stopped.parameters.emergency_stop = true;
   EXPECT_FALSE(cuts(stopped));
-  LedSession away;
+  GuidedSession away;
   away.device.age_s = 1;
   EXPECT_FALSE(cuts(away));
-  LedSession clutched;
+  GuidedSession clutched;
   clutched.device.status = kDeviceClutched;
   EXPECT_FALSE(cuts(clutched));
 }
 
 TEST(BurrTick, NothingIsCutWithAForceGainOfZero) {
   for (const double max_force_N : {10.0, 0.0}) {
-    LedSession led;
-    led.parameters.device[0].force_gain = 0;
-    led.parameters.max_force_N = max_force_N;
-    led.lead_to(led.above(-1), 200);
-    led.lead_to(led.device.tip, 200);
-    EXPECT_EQ(led.burr().removed_mm3, 0);
-    EXPECT_FALSE(led.carve());
-    EXPECT_EQ(led.wrench.force_N, Vector<World>());
+    GuidedSession guided;
+    guided.parameters.device[0].force_gain = 0;
+    guided.parameters.max_force_N = max_force_N;
+    guided.lead_to(guided.above(-1), 200);
+    guided.lead_to(guided.device.tip, 200);
+    EXPECT_EQ(guided.burr().removed_mm3, 0);
+    EXPECT_FALSE(guided.carve());
+    EXPECT_EQ(guided.wrench.force_N, Vector<World>());
   }
 }
 
 TEST(BurrTick, WhatWasSweptBeforeAJumpIsStillCarved) {
-  LedSession led;
-  led.lead_to(led.above(0.2), 50);
-  led.lead_to(led.above(-1), 60);
-  const std::uint64_t swept = led.burr().first + static_cast<std::uint64_t>(led.burr().sweeps);
+  GuidedSession guided;
+  guided.lead_to(guided.above(0.2), 50);
+  guided.lead_to(guided.above(-1), 60);
+  const std::uint64_t swept = guided.burr().first + static_cast<std::uint64_t>(guided.burr().sweeps);
   ASSERT_GT(swept, 0u);
-  led.device.tip = led.above(30);
-  led.tick_once();
-  EXPECT_NE(led.record.device[0].flags & kFlagJump, 0u);
-  EXPECT_EQ(finished_sweeps(led.burr()), swept);
-  const std::uint64_t version = led.model->version;
-  EXPECT_TRUE(led.carve());
-  EXPECT_EQ(led.model->version, version + 1);
-  led.tick_once();
-  EXPECT_EQ(led.burr().sweeps, 0);
-  EXPECT_EQ(led.burr().first, swept);
+  guided.device.tip = guided.above(30);
+  guided.tick_once();
+  EXPECT_NE(guided.record.device[0].flags & kFlagJump, 0u);
+  EXPECT_EQ(finished_sweeps(guided.burr()), swept);
+  const std::uint64_t version = guided.model->version;
+  EXPECT_TRUE(guided.carve());
+  EXPECT_EQ(guided.model->version, version + 1);
+  guided.tick_once();
+  EXPECT_EQ(guided.burr().sweeps, 0);
+  EXPECT_EQ(guided.burr().first, swept);
 }
 
 TEST(BurrTick, AStrokeIsFromTheMotorsStartToItsStop) {
-  LedSession led;
+  GuidedSession guided;
   const auto press = [&](bool motor, double x_mm) {
-    led.parameters.motor = motor;
-    led.lead_to(led.above(0.2, x_mm), 50);
-    led.lead_to(led.above(-1, x_mm), 100);
+    guided.parameters.motor = motor;
+    guided.lead_to(guided.above(0.2, x_mm), 50);
+    guided.lead_to(guided.above(-1, x_mm), 100);
   };
   press(true, 0);
-  EXPECT_EQ(led.state.strokes, 1u);
-  const std::uint64_t first = led.burr().first + static_cast<std::uint64_t>(led.burr().sweeps);
+  EXPECT_EQ(guided.state.strokes, 1u);
+  const std::uint64_t first = guided.burr().first + static_cast<std::uint64_t>(guided.burr().sweeps);
   // the last sweep is finished without delay, in the tick in which the motor stops
-  led.parameters.motor = false;
-  led.tick_once();
-  EXPECT_EQ(finished_sweeps(led.burr()), first);
+  guided.parameters.motor = false;
+  guided.tick_once();
+  EXPECT_EQ(finished_sweeps(guided.burr()), first);
   ASSERT_GT(first, 0u);
-  for (const Sweep& sweep : led.burr().pending()) EXPECT_EQ(sweep.stroke, 1u);
-  led.carve();
+  for (const Sweep& sweep : guided.burr().pending()) EXPECT_EQ(sweep.stroke, 1u);
+  guided.carve();
   press(false, 6);
-  EXPECT_EQ(led.state.strokes, 1u);
+  EXPECT_EQ(guided.state.strokes, 1u);
   press(true, 6);
-  EXPECT_EQ(led.state.strokes, 2u);
-  ASSERT_GT(led.burr().sweeps, 0);
-  for (const Sweep& sweep : led.burr().pending()) EXPECT_EQ(sweep.stroke, 2u);
-  led.carve();
-  EXPECT_EQ(led.carving->strokes_to_undo(), 2u);
+  EXPECT_EQ(guided.state.strokes, 2u);
+  ASSERT_GT(guided.burr().sweeps, 0);
+  for (const Sweep& sweep : guided.burr().pending()) EXPECT_EQ(sweep.stroke, 2u);
+  guided.carve();
+  EXPECT_EQ(guided.carving->strokes_to_undo(), 2u);
 }
 
 // drills to a depth, then rests on the bottom of the hole with the motor off
-void drill(LedSession& led, double deep_mm) {
-  led.lead_to(led.above(0.2), 50);
+void drill(GuidedSession& guided, double deep_mm) {
+  guided.lead_to(guided.above(0.2), 50);
   for (int n = 0; n < 3000; ++n) {
     const double in_mm = std::min(0.02 * n, deep_mm);
-    led.lead_to(led.above(-in_mm), 1);
-    if (n % 20 == 0) led.carve();
+    guided.lead_to(guided.above(-in_mm), 1);
+    if (n % 20 == 0) guided.carve();
   }
-  led.parameters.motor = false;
-  led.tick_once();
-  led.carve();
-  led.lead_to(led.above(-deep_mm - 1), 300);
-  ASSERT_GT(led.wrench.force_N.norm(), 0.3);
-  ASSERT_TRUE(led.state.hands[0].proxy.coupled);
+  guided.parameters.motor = false;
+  guided.tick_once();
+  guided.carve();
+  guided.lead_to(guided.above(-deep_mm - 1), 300);
+  ASSERT_GT(guided.wrench.force_N.norm(), 0.3);
+  ASSERT_TRUE(guided.state.hands[0].proxy.coupled);
 }
 
 TEST(BurrTick, InAShallowHoleThatIsPutBackItStays) {
-  LedSession led;
-  drill(led, 1.2);
-  led.carving = led.carving->undone();
-  led.model = led.carving->taken_from(*led.model);
-  const double before_N = led.wrench.force_N.norm();
-  for (int n = 0; n < 200; ++n) led.tick_once();
-  EXPECT_NEAR(led.wrench.force_N.norm(), before_N, 0.05);
+  GuidedSession guided;
+  drill(guided, 1.2);
+  guided.carving = guided.carving->undone();
+  guided.model = guided.carving->applied_to(*guided.model);
+  const double before_N = guided.wrench.force_N.norm();
+  for (int n = 0; n < 200; ++n) guided.tick_once();
+  EXPECT_NEAR(guided.wrench.force_N.norm(), before_N, 0.05);
   // after the tip has left, the hole is closed
-  led.lead_to(led.above(1), 100);
-  EXPECT_EQ(led.wrench.force_N.norm(), 0);
-  led.lead_to(led.above(-0.5), 100);
-  const Point<Patient> proxy = led.state.hands[0].proxy.position;
-  EXPECT_NEAR(led.model->surfaces[0].surface->distance_mm(proxy), kBurrRadius_mm, 0.05);
+  guided.lead_to(guided.above(1), 100);
+  EXPECT_EQ(guided.wrench.force_N.norm(), 0);
+  guided.lead_to(guided.above(-0.5), 100);
+  const Point<Patient> proxy = guided.state.hands[0].proxy.position;
+  EXPECT_NEAR(guided.model->surfaces[0].surface->distance_mm(proxy), kBurrRadius_mm, 0.05);
 }
 
 TEST(BurrTick, WhatIsPutBackAroundItLetsItGoSmoothly) {
-  LedSession led;
-  drill(led, 3);
-  led.carving = led.carving->undone();
-  led.model = led.carving->taken_from(*led.model);
-  double last_N = led.wrench.force_N.norm(), max_step_N = 0, passed_N = 0;
+  GuidedSession guided;
+  drill(guided, 3);
+  guided.carving = guided.carving->undone();
+  guided.model = guided.carving->applied_to(*guided.model);
+  double last_N = guided.wrench.force_N.norm(), max_step_N = 0, passed_N = 0;
   for (int n = 0; n < 200; ++n) {
-    led.tick_once();
-    const double now_N = led.wrench.force_N.norm();
+    guided.tick_once();
+    const double now_N = guided.wrench.force_N.norm();
     max_step_N = std::max(max_step_N, std::abs(now_N - last_N));
     passed_N = std::max(passed_N, now_N - last_N);
     last_N = now_N;
   }
   EXPECT_EQ(last_N, 0) << "nobody knows on which side it is";
-  EXPECT_NE(led.record.device[0].flags & kFlagInside, 0u);
+  EXPECT_NE(guided.record.device[0].flags & kFlagInside, 0u);
   EXPECT_LE(passed_N, 0) << "nothing throws it out";
   EXPECT_LT(max_step_N, 0.05);
   // swept material is carved: the burr can be retracted and cuts again
-  led.lead_to(led.above(1), 100);
-  EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u);
-  led.parameters.motor = true;
-  led.lead_to(led.above(-1), 200);
-  EXPECT_GT(led.wrench.force_N.norm(), 0.1);
-  EXPECT_GT(led.burr().sweeps, 0);
+  guided.lead_to(guided.above(1), 100);
+  EXPECT_EQ(guided.record.device[0].flags & kFlagInside, 0u);
+  guided.parameters.motor = true;
+  guided.lead_to(guided.above(-1), 200);
+  EXPECT_GT(guided.wrench.force_N.norm(), 0.1);
+  EXPECT_GT(guided.burr().sweeps, 0);
 }
 
 TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
   // hand at twice the distance from the proxy, with the force clamped to the same limit
   double removed_mm3[2];
   for (const int n : {0, 1}) {
-    LedSession led;
-    led.parameters.max_force_N = 1;
-    led.lead_to(led.above(0.2), 50);
-    led.lead_to(led.above(n == 0 ? -3 : -6), 50);
+    GuidedSession guided;
+    guided.parameters.max_force_N = 1;
+    guided.lead_to(guided.above(0.2), 50);
+    guided.lead_to(guided.above(n == 0 ? -3 : -6), 50);
     for (int more = 0; more < 100; ++more) {
-      if (more % 20 == 0) led.carve();
-      led.lead_to(led.device.tip, 1);
+      if (more % 20 == 0) guided.carve();
+      guided.lead_to(guided.device.tip, 1);
     }
-    EXPECT_NEAR(led.wrench.force_N.norm(), 1, 0.02);
-    removed_mm3[n] = led.burr().removed_mm3;
+    EXPECT_NEAR(guided.wrench.force_N.norm(), 1, 0.02);
+    removed_mm3[n] = guided.burr().removed_mm3;
   }
   EXPECT_NEAR(removed_mm3[1] / removed_mm3[0], 1, 0.05);
 }
@@ -359,76 +359,76 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
   constexpr double kShell_mm = 2;
   for (const bool cuts : {false, true}) {
     SCOPED_TRACE(cuts);
-    LedSession led;
+    GuidedSession guided;
     Model layered = testing::as_one_body(testing::ball_model({1, 1, 1}, 1, kShell_mm), kShell_mm);
-    layered.tools = led.model->tools;
+    layered.tools = guided.model->tools;
     for (ContactSurface& surface : layered.surfaces)
       surface.cutting_energy_mJ_per_mm3 = cuts ? 100 : std::numeric_limits<double>::infinity();
     layered.protected_structures = {{kBone, layered.surfaces[0].surface, false}};
-    led.model = std::make_shared<const Model>(layered);
-    led.carving = std::make_shared<const Carving>(layered);
-    led.state = {};
-    led.state.hands[0].output.gain = 1;
-    led.tick_once();
-    led.lead_to(led.above(kShell_mm + 0.2, -3), 50);
+    guided.model = std::make_shared<const Model>(layered);
+    guided.carving = std::make_shared<const Carving>(layered);
+    guided.state = {};
+    guided.state.hands[0].output.gain = 1;
+    guided.tick_once();
+    guided.lead_to(guided.above(kShell_mm + 0.2, -3), 50);
     // through the shell, whose surface holds it two millimetres higher
     NearestMeter meter(layered);
-    double apart_mm = 0;
+    double separation_mm = 0;
     int swept = 0;
     for (int n = 1; n <= 400; ++n) {
-      if (n % 20 == 0) led.carve();
-      const double before_mm3 = led.burr().removed_mm3;
-      led.lead_to(led.above(std::max(-1.0, kShell_mm - 0.02 * n), -3), 1);
-      meter.observe(led.record);
-      const int layer = led.burr().layer;
+      if (n % 20 == 0) guided.carve();
+      const double before_mm3 = guided.burr().removed_mm3;
+      guided.lead_to(guided.above(std::max(-1.0, kShell_mm - 0.02 * n), -3), 1);
+      meter.observe(guided.record);
+      const int layer = guided.burr().layer;
       if (layer < 0) continue;
-      const ProxyState& proxy = led.state.hands[0].proxy;
+      const ProxyState& proxy = guided.state.hands[0].proxy;
       const Point<Patient> head = proxy.layer(layer).position;
-      EXPECT_EQ(led.record.device[0].proxy_patient_mm, (std::array{head.x(), head.y(), head.z()})) << n;
-      if (led.burr().removed_mm3 > before_mm3) {
+      EXPECT_EQ(guided.record.device[0].proxy_patient_mm, (std::array{head.x(), head.y(), head.z()})) << n;
+      if (guided.burr().removed_mm3 > before_mm3) {
         ++swept;
-        EXPECT_LT((led.burr().pending().back().to - head).norm(), 1e-9) << n;
+        EXPECT_LT((guided.burr().pending().back().to - head).norm(), 1e-9) << n;
       }
-      if (layer == 1) apart_mm = std::max(apart_mm, (proxy.position - head).norm());
+      if (layer == 1) separation_mm = std::max(separation_mm, (proxy.position - head).norm());
     }
     EXPECT_EQ(swept > 20, cuts);
-    EXPECT_GT(apart_mm, cuts ? 0.2 : 1.5) << "else the test is about nothing";
+    EXPECT_GT(separation_mm, cuts ? 0.2 : 1.5) << "else the test is about nothing";
     EXPECT_NEAR(meter.nearest_mm().at(kBone), 0, 0.06);
   }
 }
 
 TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
-  LedSession led;
-  Model with_row = *led.model;
+  GuidedSession guided;
+  Model with_row = *guided.model;
   // axis towards the handle, which is tilted to the side
   with_row.tools[0].burr->spindle = Eigen::Vector3d(0, 0, 1);
   with_row.tools[0].burr->length_mm = 5;
   with_row.tools[0].burr->end_radius_mm = kBurrRadius_mm;
-  led.model = std::make_shared<const Model>(with_row);
-  led.carving = std::make_shared<const Carving>(with_row);
-  led.lead_to(led.above(0.2), 50);
-  led.lead_to(led.above(-0.5), 100);
+  guided.model = std::make_shared<const Model>(with_row);
+  guided.carving = std::make_shared<const Carving>(with_row);
+  guided.lead_to(guided.above(0.2), 50);
+  guided.lead_to(guided.above(-0.5), 100);
   // tilts down next to its tip's pocket, carving all along
-  const Point<World> at = led.device.tip;
-  double turned_rad = 0, last_N = led.wrench.force_N.norm(), max_step_N = 0;
+  const Point<World> at = guided.device.tip;
+  double turned_rad = 0, last_N = guided.wrench.force_N.norm(), max_step_N = 0;
   for (int n = 0; n < 600; ++n) {
-    if (n % 20 == 0) led.carve();
+    if (n % 20 == 0) guided.carve();
     turned_rad = std::min(1.5, turned_rad + 0.003);
-    led.device.R_WorldTool = Eigen::AngleAxisd(turned_rad, Eigen::Vector3d::UnitX());
-    led.device.tip = at;
-    led.tick_once();
-    EXPECT_EQ(led.record.device[0].flags & kFlagInside, 0u) << n;
-    max_step_N = std::max(max_step_N, std::abs(led.wrench.force_N.norm() - last_N));
-    last_N = led.wrench.force_N.norm();
+    guided.device.R_WorldTool = Eigen::AngleAxisd(turned_rad, Eigen::Vector3d::UnitX());
+    guided.device.tip = at;
+    guided.tick_once();
+    EXPECT_EQ(guided.record.device[0].flags & kFlagInside, 0u) << n;
+    max_step_N = std::max(max_step_N, std::abs(guided.wrench.force_N.norm() - last_N));
+    last_N = guided.wrench.force_N.norm();
   }
-  led.carve();
+  guided.carve();
   EXPECT_LT(max_step_N, 0.3);
-  EXPECT_GT(led.burr().removed_mm3, 3);
+  EXPECT_GT(guided.burr().removed_mm3, 3);
   // the far end has passed through bone that the tip was never near
-  const Vector<Patient> axis = (led.model->X_WorldPatient.inverse() *
-                                Vector<World>(led.device.R_WorldTool * Eigen::Vector3d(0, 0, 5)));
-  const Point<Patient> tip = led.state.hands[0].proxy.position;
-  const Surface &made = *led.model->surfaces[0].made, &now = *led.model->surfaces[0].surface;
+  const Vector<Patient> axis = (guided.model->X_WorldPatient.inverse() *
+                                Vector<World>(guided.device.R_WorldTool * Eigen::Vector3d(0, 0, 5)));
+  const Point<Patient> tip = guided.state.hands[0].proxy.position;
+  const Surface &made = *guided.model->surfaces[0].made, &now = *guided.model->surfaces[0].surface;
   const Point<Patient> end = tip + axis;
   EXPECT_LT(made.distance_mm(end), kBurrRadius_mm - 0.1);
   EXPECT_GT(now.distance_mm(end), made.distance_mm(end) + 0.1);

@@ -76,7 +76,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
     }
   }
   /// Leaves the commands for the next update.
-  void take_commands(std::span<const DeviceCommand> commands, std::int64_t now_ns) noexcept {
+  void receive_commands(std::span<const DeviceCommand> commands, std::int64_t now_ns) noexcept {
     std::copy_n(commands.begin(), part_.count, next_.commands.begin());
     next_.at_ns = now_ns;
     answers_.post(next_);
@@ -159,7 +159,7 @@ class CompositeDriver::Gatherer final : public ServoFunction {
     std::ranges::copy(std::span(commands_).subspan(owner_.first, owner_.count), commands.begin());
     const std::int64_t now_ns = monotonic_ns();
     for (const auto& follower : followers_)
-      follower->take_commands(std::span(commands_).subspan(follower->part().first), now_ns);
+      follower->receive_commands(std::span(commands_).subspan(follower->part().first), now_ns);
   }
 
  private:
@@ -272,9 +272,9 @@ void CompositeDriver::resume(std::uint64_t newest) noexcept {
   for (const Part& part : parts_) part.driver->resume(newest);
 }
 
-std::optional<Error> CompositeDriver::trouble() const {
+std::optional<Error> CompositeDriver::failure() const {
   for (const Part& part : parts_)
-    if (auto trouble = part.driver->trouble()) return trouble;
+    if (auto failure = part.driver->failure()) return failure;
   const std::lock_guard lock(mutex_);
   for (const auto& follower : followers_)
     if (follower->gone())

@@ -135,10 +135,10 @@ TEST(CompositeDriver, WhatFollowsIsSofterAndSaysWhy) {
   EXPECT_EQ(*follows.stiffness_N_per_mm, careful_bounds(follows).stiffness_N_per_mm);
   EXPECT_NEAR(*follows.stiffness_N_per_mm, 0.6 * 2 / (2e-3 + 6e-3) * 1e-3, 1e-9);
   // a lower stiffness is unchanged, and an invalid one stays invalid
-  for (const double least : {0.01, 0.0, -1.0}) {
-    slow.info.stiffness_N_per_mm = least;
+  for (const double smallest : {0.01, 0.0, -1.0}) {
+    slow.info.stiffness_N_per_mm = smallest;
     EXPECT_EQ(bound_of_stiffness_N_per_mm(CompositeDriver({&fast, &slow}, {}).devices()[1]),
-              std::max(0.0, least));
+              std::max(0.0, smallest));
   }
 }
 
@@ -243,12 +243,12 @@ TEST(CompositeDriver, WhereAFollowersDriverGivesUpTheSessionGoesOnAndSaysSo) {
   CompositeDriver both({&owns, &follows}, {.realtime = false});
   const auto loop = loop_of(both);
   ASSERT_TRUE(soon([&] { return follows.force_N > 0.3; }));
-  EXPECT_FALSE(both.trouble());
+  EXPECT_FALSE(both.failure());
   follows.gives_up = true;
   EXPECT_TRUE(soon([&] { return (loop->snapshot().device[1].flags & kFlagDeviceFault) != 0; }));
-  EXPECT_TRUE(soon([&] { return both.trouble().has_value(); }));
-  EXPECT_EQ(both.trouble()->where, "own clock");
-  EXPECT_FALSE(both.trouble()->remedy.empty());
+  EXPECT_TRUE(soon([&] { return both.failure().has_value(); }));
+  EXPECT_EQ(both.failure()->where, "own clock");
+  EXPECT_FALSE(both.failure()->remedy.empty());
   EXPECT_TRUE(loop->running());
   EXPECT_TRUE(soon([&] { return loop->snapshot().device[0].force_N[0] > 0.2; }));
   EXPECT_EQ(loop->snapshot().device[1].force_N[0], 0);

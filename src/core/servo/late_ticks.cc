@@ -18,7 +18,7 @@ constexpr auto kLook = std::chrono::milliseconds(10);
 void LateTicks::begin(int servo_cpu) {
   thread_ = std::thread([this, servo_cpu] {
     exclude_cpu(servo_cpu);
-    look_for_causes();
+    find_causes();
   });
 }
 
@@ -41,11 +41,11 @@ void LateTicks::add(std::int64_t late_ns, std::uint64_t ticks) noexcept {
   late_.store(late_.load(std::memory_order_relaxed) + ticks, std::memory_order_release);
 }
 
-void LateTicks::look_for_causes() {
+void LateTicks::find_causes() {
   pid_t watched = 0;
   std::optional<ThreadMonitor> monitor;
   ThreadMonitor::Counters before;
-  std::uint64_t observed = 0;
+  std::uint64_t count = 0;
   while (true) {
     const bool last = end_.load();
     const std::uint64_t late = late_.load(std::memory_order_acquire);
@@ -58,10 +58,10 @@ void LateTicks::look_for_causes() {
       before = {};
     }
     ThreadMonitor::Counters after = monitor ? monitor->read() : ThreadMonitor::Counters();
-    if (late > observed) {
+    if (late > count) {
       const LateCause cause = late_cause(before, after, worst_ns);
-      by_cause_[static_cast<std::size_t>(cause)].fetch_add(late - observed);
-      observed = late;
+      by_cause_[static_cast<std::size_t>(cause)].fetch_add(late - count);
+      count = late;
     }
     before = std::move(after);
     if (last) return;

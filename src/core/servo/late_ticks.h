@@ -40,7 +40,7 @@ class LateTicks {
   std::string scheduler() const;
 
  private:
-  void look_for_causes();
+  void find_causes();
 
   std::atomic<bool> end_{false};
   std::atomic<pid_t> tid_{0};  // thread that ticked last; 0: none

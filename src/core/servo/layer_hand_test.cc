@@ -97,9 +97,9 @@ void expect_settled(const HandCase& hand) {
   // depth of the exact solution under that force, by bisection
   double low = 0, high = 2 * hand.thickness_mm;
   for (int n = 0; n < 24; ++n) {
-    const double middle = 0.5 * (low + high);
-    const auto at = oracle.at_depth(scene.tool_mm / hand.thickness_mm, middle / hand.thickness_mm);
-    (at.force * modulus * hand.thickness_mm * hand.thickness_mm < hand.force_N ? low : high) = middle;
+    const double midpoint = 0.5 * (low + high);
+    const auto at = oracle.at_depth(scene.tool_mm / hand.thickness_mm, midpoint / hand.thickness_mm);
+    (at.force * modulus * hand.thickness_mm * hand.thickness_mm < hand.force_N ? low : high) = midpoint;
   }
   const Pressed pressed = press_with_hand(scene, low, hand.force_N, hand.rate_hz, hand.delay_s);
   // two encoder steps

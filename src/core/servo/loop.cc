@@ -100,7 +100,7 @@ void Loop::run(std::promise<void>& ready) {
   if (ticks_here_) late_ticks_.tick_here();
   ready.set_value();
   driver_.run(*this, *this);
-  watchdog_.rest();
+  watchdog_.disarm();
   running_.store(false);
 }
 
@@ -205,12 +205,12 @@ bool Loop::wait() noexcept {
 }
 
 void Loop::update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept {
-  const std::int64_t begun_ns = now_();
+  const std::int64_t started_ns = now_();
   late_ticks_.tick_here();
   const std::size_t count = mappings_.size();
   PALPATE_CHECK(samples.size() == count && commands.size() == count);
-  const double dt_s = keep_time(begun_ns);
-  take_inputs(samples, dt_s, begun_ns);
+  const double dt_s = retain_time(started_ns);
+  receive_inputs(samples, dt_s, started_ns);
 
   tick(model_.begin_tick(), parameters_, {states_.data(), count}, dt_s, state_, {wrenches_.data(), count},
        record_);
@@ -220,22 +220,22 @@ void Loop::update(std::span<const DeviceSample> samples, std::span<DeviceCommand
   const std::int64_t ended_ns = now_();
   watchdog_.beat(ended_ns);
   record_.lateness_s = static_cast<double>(lateness_ns_) * 1e-9;
-  record_.compute_s = static_cast<double>(ended_ns - begun_ns) * 1e-9;
+  record_.compute_s = static_cast<double>(ended_ns - started_ns) * 1e-9;
   // strokes before sweeps before the record: a reader of the tick in which a motor stopped finds all its
   // sweeps, and a reader of a sweep finds its stroke
   strokes_.store(state_.strokes);
   publish_sweeps(count);
   publish();
-  count_tick(begun_ns, ended_ns);
+  count_tick(started_ns, ended_ns);
 }
 
 // Time since the last tick, s, and lateness_ns_. A device with a clock of its own is late by the amount by
 // which the interval between ticks exceeds its period.
-double Loop::keep_time(std::int64_t now_ns) noexcept {
-  const std::int64_t since_ns = last_begun_ns_ == 0 ? period_ns_ : now_ns - last_begun_ns_;
+double Loop::retain_time(std::int64_t now_ns) noexcept {
+  const std::int64_t since_ns = last_started_ns_ == 0 ? period_ns_ : now_ns - last_started_ns_;
   if (!paced_) lateness_ns_ = std::max<std::int64_t>(0, since_ns - period_ns_);
   paced_ = false;
-  last_begun_ns_ = now_ns;
+  last_started_ns_ = now_ns;
   return static_cast<double>(since_ns) * 1e-9;
 }
 
@@ -253,7 +253,7 @@ bool Loop::apply_arming() noexcept {
   return stopped_;
 }
 
-void Loop::take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept {
+void Loop::receive_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept {
   parameters_in_.take(posted_);
   parameters_ = posted_.parameters;
   record_.settings_number = posted_.number;
@@ -302,21 +302,21 @@ void Loop::publish() noexcept {
   silent_.store(silent, std::memory_order_relaxed);
 }
 
-void Loop::count_tick(std::int64_t begun_ns, std::int64_t ended_ns) noexcept {
+void Loop::count_tick(std::int64_t started_ns, std::int64_t ended_ns) noexcept {
   // plain load first: an exchange waits for all preceding stores
   if (reset_.load(std::memory_order_relaxed) && reset_.exchange(false)) clear_figures();
   lateness_.add(lateness_ns_);
-  compute_.add(ended_ns - begun_ns);
+  compute_.add(ended_ns - started_ns);
   if (counts_.ticks.load(std::memory_order_relaxed) == 0)
-    counts_.first_ns.store(begun_ns, std::memory_order_relaxed);
-  counts_.last_ns.store(begun_ns, std::memory_order_relaxed);
+    counts_.first_ns.store(started_ns, std::memory_order_relaxed);
+  counts_.last_ns.store(started_ns, std::memory_order_relaxed);
   add(counts_.ticks, 1);
   cpu_.store(::sched_getcpu(), std::memory_order_relaxed);
 
   const std::uint64_t skipped = pacer_.skipped() - skipped_;
   skipped_ += skipped;
   add(counts_.skipped, skipped);
-  const bool on_time = lateness_ns_ <= period_ns_ / 2 && lateness_ns_ + (ended_ns - begun_ns) <= period_ns_;
+  const bool on_time = lateness_ns_ <= period_ns_ / 2 && lateness_ns_ + (ended_ns - started_ns) <= period_ns_;
   add(counts_.on_time, on_time);
   if (!on_time || skipped > 0) late_ticks_.add(lateness_ns_, skipped + !on_time);
 }

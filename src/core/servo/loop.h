@@ -70,11 +70,11 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
 
   void run(std::promise<void>& ready);
   bool apply_arming() noexcept;
-  double keep_time(std::int64_t now_ns) noexcept;
-  void take_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept;
+  double retain_time(std::int64_t now_ns) noexcept;
+  void receive_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept;
   void publish() noexcept;
   void publish_sweeps(std::size_t devices) noexcept;
-  void count_tick(std::int64_t begun_ns, std::int64_t ended_ns) noexcept;
+  void count_tick(std::int64_t started_ns, std::int64_t ended_ns) noexcept;
   void clear_figures() noexcept;
 
   DeviceDriver& driver_;
@@ -104,7 +104,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   std::array<DeviceState, kMaxDevices> states_;
   std::array<Wrench, kMaxDevices> wrenches_;
   TickRecord record_;
-  std::int64_t last_begun_ns_ = 0;
+  std::int64_t last_started_ns_ = 0;
   std::int64_t lateness_ns_ = 0;
   bool stopped_ = false;  // state that the last tick took from arming_
   std::uint64_t tick_arming_ = 0;

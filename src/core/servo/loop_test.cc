@@ -296,7 +296,7 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
   const auto loop = started(driver, {.rate_hz = 4000, .ring_s = 10}, watched(ball(1)));
   // popped continuously: on a busy machine more ticks pass than the ring can hold
   std::vector<TickRecord> records, taken(4096);
-  const auto take_records = [&] {
+  const auto read_records = [&] {
     // until it was empty once: a thread slower than the loop would never find it empty permanently
     for (std::size_t count = taken.size(); count == taken.size();) {
       count = loop->ring().pop(taken);
@@ -304,14 +304,14 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
     }
   };
   wait_until([&] {
-    take_records();
+    read_records();
     return loop->snapshot().time_s > 0.6;
   });
   // alternately soft and stiff, faster than a blend
   for (std::uint32_t version = 2; version <= 20; ++version) {
     ASSERT_TRUE(loop->set_model(watched(ball(version, version % 2 ? 1 : 0.5))).ok());
     std::this_thread::sleep_for(20ms);
-    take_records();
+    read_records();
   }
   wait_until([&] { return loop->snapshot().model_version == 20; });
   wait_until([&] { return loop->collect() == 1; });
@@ -319,7 +319,7 @@ TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
   EXPECT_EQ(freed_by_servo, 0);
   loop->stop();
 
-  take_records();
+  read_records();
   // if this thread is not scheduled for long, the ring overflows and records are dropped
   ASSERT_EQ(records.size() + loop->health().dropped, forces_N.size());
   std::uint32_t version = 1;
@@ -561,21 +561,21 @@ TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
       ++ticks;
     }
   });
-  double most = 0;
+  double largest = 0;
   // repeated until both threads have overlapped: on a busy machine one of them may not run for long
   for (int n = 0; n < 2000 || ticks < 2000; ++n) {
     if (n % 500 == 499) loop.reset_health();
-    most = std::max(most, loop.health().on_time);
+    largest = std::max(largest, loop.health().on_time);
   }
   observed = true;
   ticking.join();
-  EXPECT_LE(most, 1);
+  EXPECT_LE(largest, 1);
 }
 
 TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
   // a millimetre deep in the ball of 1.5 N/mm; the caller states what a hand can hold
   bool simulated = true;
-  const auto rendered_N = [&simulated](std::optional<double> vouched, double held) {
+  const auto rendered_N = [&simulated](std::optional<double> vouched, double limit_N_per_mm) {
     test_time_ns = 1'000'000;
     TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
     driver.info.simulated = simulated;
@@ -583,7 +583,7 @@ TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
     Parameters parameters;
     parameters.method = ForceMethod::kProxy;
     parameters.viscosity = parameters.friction = false;
-    parameters.device[0].max_stiffness_N_per_mm = held;
+    parameters.device[0].max_stiffness_N_per_mm = limit_N_per_mm;
     auto model = std::make_shared<const Model>(testing::with_exact_surfaces(*ball()));
     Loop loop(std::move(model), driver, parameters, {WorkspaceSettings{}}, {}, test_clock);
     for (int n = 0; n < 200; ++n) tick_after(loop, 1'000'000, kBoneRadius_mm + 1 - 0.01 * n);
@@ -593,10 +593,10 @@ TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
     return std::pair{device.max_stiffness_N_per_mm, device.force_N[0]};
   };
   constexpr double kNone = std::numeric_limits<double>::infinity();
-  const auto expect = [&](std::optional<double> vouched, double held, double most, double force_N) {
+  const auto expect = [&](std::optional<double> vouched, double held, double largest, double force_N) {
     SCOPED_TRACE(vouched.value_or(-7));
     const auto [rendered, pushed_N] = rendered_N(vouched, held);
-    EXPECT_EQ(rendered, most);
+    EXPECT_EQ(rendered, largest);
     EXPECT_NEAR(pushed_N, force_N, 0.03);
   };
   expect({}, kNone, kNone, 1.5);
@@ -612,8 +612,8 @@ TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
   simulated = false;
   const double careful = careful_bounds(DeviceInfo()).stiffness_N_per_mm;
   for (const double held : {kNone, std::nan("")})
-    for (const std::optional<double> stated : {std::optional<double>(), std::optional<double>(kNone)})
-      expect(stated, held, careful, careful);
+    for (const std::optional<double> declared : {std::optional<double>(), std::optional<double>(kNone)})
+      expect(declared, held, careful, careful);
   expect({}, 0.1, 0.1, 0.1);
   expect(0.6, kNone, 0.6, 0.6);
   expect(std::nan(""), kNone, 0, 0);

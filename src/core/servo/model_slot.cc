@@ -16,14 +16,14 @@ constexpr std::uint64_t kNever = std::numeric_limits<std::uint64_t>::max();
 
 ModelSlot::ModelSlot(std::shared_ptr<const Model> model) : current_(model.get()) {
   PALPATE_CHECK(model != nullptr);
-  held_.push_back({std::move(model), kNever});
+  retired_.push_back({std::move(model), kNever});
 }
 
 Result<void> ModelSlot::set(std::shared_ptr<const Model> model) {
   const std::lock_guard lock(mutex_);
   if (model == nullptr)
     return Error{ErrorKind::kBadInput, "is null", "model", "give the model's next version"};
-  const std::uint32_t current = held_.back().model->version;
+  const std::uint32_t current = retired_.back().model->version;
   if (model->version < current)
     return Error{ErrorKind::kBadInput,
                  "version " + std::to_string(model->version) + " is lower than version " +
@@ -31,9 +31,9 @@ Result<void> ModelSlot::set(std::shared_ptr<const Model> model) {
                  "model", "make the next version of the loop's model"};
   const Model* next = model.get();
   // before the exchange, because it may throw for lack of memory: the servo's pointer must always be owned
-  held_.push_back({std::move(model), kNever});
+  retired_.push_back({std::move(model), kNever});
   current_.store(next);
-  held_[held_.size() - 2].free_from = begun_.load();
+  retired_[retired_.size() - 2].free_from = begun_.load();
   collect_locked();
   return {};
 }
@@ -45,8 +45,8 @@ std::size_t ModelSlot::collect() {
 
 std::size_t ModelSlot::collect_locked() {
   const std::uint64_t done = done_.load();
-  std::erase_if(held_, [&](const Held& held) { return held.free_from <= done; });
-  return held_.size();
+  std::erase_if(retired_, [&](const Retired& retired) { return retired.free_from <= done; });
+  return retired_.size();
 }
 
 }  // namespace palpate

@@ -15,7 +15,7 @@ namespace palpate {
 /// servo only loads a pointer and frees nothing. The thread that replaces a model frees the old one once no
 /// tick can be using it.
 ///
-///      set:    held_ += new, current_ = new, retired at = begun_        begun_ ... done_: ticks
+///      set:    retired_ += new, current_ = new, retired at = begun_        begun_ ... done_: ticks
 ///      tick:   ++begun_, use current_, ++done_
 ///      free:   a retired model once done_ >= the begun_ of its retirement
 ///
@@ -39,7 +39,7 @@ class ModelSlot {
   std::size_t collect();
 
  private:
-  struct Held {
+  struct Retired {
     std::shared_ptr<const Model> model;
     std::uint64_t free_from;  // value of done_ from which it may be freed; maximum for the current model
   };
@@ -48,7 +48,7 @@ class ModelSlot {
   std::atomic<const Model*> current_;
   std::atomic<std::uint64_t> begun_{0}, done_{0};
   std::mutex mutex_;
-  std::vector<Held> held_;
+  std::vector<Retired> retired_;
 };
 
 }  // namespace palpate

@@ -74,7 +74,9 @@ double freshness_at(double age_s) {
 // fraction of the change from `sent` to `requested` that one tick may apply
 double slew_part(const Wrench& sent, const Wrench& requested, const OutputLimits& limits, double slew_N_per_s,
                  double dt_s) {
-  const auto part = [](double distance, double most) { return distance > most ? most / distance : 1.0; };
+  const auto part = [](double distance, double largest) {
+    return distance > largest ? largest / distance : 1.0;
+  };
   const double swing = dt_s / kOutputSettings.full_range_s;
   return std::min(
       {part(magnitude(requested.force_N - sent.force_N), slew_N_per_s * dt_s),

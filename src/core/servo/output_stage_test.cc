@@ -360,8 +360,8 @@ OutputRequest any_request(int n, std::mt19937& random) {
 // varying limits, invalid ones during the bursts
 void change_limits(int n, std::mt19937& random, Stage& stage) {
   std::uniform_real_distribution<double> unit(0, 1);
-  const auto limit = [&](double most) {
-    return is_wild(n) && random() % 3 == 0 ? any_number(random) : most * unit(random);
+  const auto limit = [&](double largest) {
+    return is_wild(n) && random() % 3 == 0 ? any_number(random) : largest * unit(random);
   };
   if (random() % 300 == 0) stage.max_force_N = limit(10);
   if (random() % 1000 == 0) stage.limits = {limit(10), limit(4), limit(100), limit(8), limit(4000)};

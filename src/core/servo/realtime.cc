@@ -164,8 +164,8 @@ MemoryLock::MemoryLock() {
   const std::lock_guard guard(memory_mutex);
   const rlim_t limit = memlock_limit();
   const bool later_too = limit_does_not_apply(limit);
-  held_ = ::mlockall(later_too ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
-  if (held_) {
+  is_locked_ = ::mlockall(later_too ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
+  if (is_locked_) {
     ++memory_locks;
     text_ = "locked";
     if (!later_too)
@@ -177,7 +177,7 @@ MemoryLock::MemoryLock() {
 }
 
 MemoryLock::~MemoryLock() {
-  if (!held_) return;
+  if (!is_locked_) return;
   const std::lock_guard guard(memory_mutex);
   if (--memory_locks == 0) ::munlockall();
 }
@@ -220,9 +220,9 @@ RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request) {
   thread_local std::optional<MemoryLock> lock;
   if (!request.lock_memory)
     lock.reset();
-  else if (!lock || !lock->held())
+  else if (!lock || !lock->is_locked())
     lock.emplace();
-  grant.memory_locked = lock && lock->held();
+  grant.memory_locked = lock && lock->is_locked();
   grant.memory = lock ? lock->text() : "not locked (not asked for)";
 
   touch_stack(std::min(kStack_bytes, stack_left()));

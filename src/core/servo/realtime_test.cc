@@ -242,7 +242,7 @@ class BurrExercise {
       for (const Sweep& sweep : burr.pending().first(finished_sweeps(burr) - burr.first))
         cuts.push_back({0, sweep});
       carving = carving->with(cuts);
-      models_.push_back(carving->taken_from(*models_.back()));
+      models_.push_back(carving->applied_to(*models_.back()));
     }
     run(100);
     removed_mm3_ = state_.hands[0].burr.removed_mm3;

@@ -196,7 +196,7 @@ TEST_F(PretendedLimits, AFiniteMemoryLimitMustNotMakeLaterAllocationsFail) {
   pretended.memlock_bytes = 64 << 20;
   {
     const MemoryLock lock;
-    EXPECT_TRUE(lock.held());
+    EXPECT_TRUE(lock.is_locked());
     EXPECT_EQ(pretended.mlockall_flags, MCL_CURRENT);
     EXPECT_EQ(lock.text(), "locked as it was (what is allocated later is not: the memlock limit is 64 MiB)");
   }
@@ -209,7 +209,7 @@ TEST_F(PretendedLimits, AFiniteMemoryLimitMustNotMakeLaterAllocationsFail) {
 TEST_F(PretendedLimits, AMemoryLockLastsUntilTheLastOneGoes) {
   pretended.memlock_bytes = RLIM_INFINITY;
   auto first = std::make_unique<MemoryLock>(), second = std::make_unique<MemoryLock>();
-  EXPECT_TRUE(first->held() && second->held());
+  EXPECT_TRUE(first->is_locked() && second->is_locked());
   first.reset();
   EXPECT_NE(pretended.mlockall_flags, 0);
   first = std::make_unique<MemoryLock>();
@@ -218,7 +218,7 @@ TEST_F(PretendedLimits, AMemoryLockLastsUntilTheLastOneGoes) {
   // a refused lock holds nothing and releases nothing
   pretended.mlockall_errno = EAGAIN;
   second = std::make_unique<MemoryLock>();
-  EXPECT_FALSE(second->held());
+  EXPECT_FALSE(second->is_locked());
   EXPECT_THAT(second->text(), StartsWith("not locked (mlockall refused: Resource temporarily unavailable"));
   second.reset();
   EXPECT_NE(pretended.mlockall_flags, 0);

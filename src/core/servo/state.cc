@@ -19,7 +19,7 @@ template <class Part>
 }
 
 template <class Place>
-[[gnu::always_inline]] inline void hash_place(HashOfWords& hash, const Place& p) {
+[[gnu::always_inline]] inline void hash_point(HashOfWords& hash, const Place& p) {
   hash.add(p.x(), p.y(), p.z());
 }
 
@@ -46,8 +46,8 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
   hash.add(static_cast<std::uint64_t>(proxy.coupled) << 1 | static_cast<std::uint64_t>(proxy.sticking));
   // an uncoupled layer is reinitialised before use, and the layer may not exist
   if (!proxy.coupled && proxy.punctured.none()) return;
-  hash_place(hash, proxy.position);
-  hash_place(hash, proxy.last_displacement);
+  hash_point(hash, proxy.position);
+  hash_point(hash, proxy.last_displacement);
   hash_quaternion(hash, proxy.attitude);
   hash_surfaces(hash, proxy.punctured);
   hash.add(proxy.stretch_fraction, proxy.spring_N_per_mm.value_or(-1), proxy.catch_up_mm, proxy.lost_s,
@@ -66,37 +66,37 @@ void hash_burr(HashOfWords& hash, const BurrState& burr) {
            burr.front_mm2, burr.energy_mJ_per_mm3, burr.work_mJ, burr.removed_mm3, burr.open_s);
   hash.add(static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.closed) << 1 |
            static_cast<std::uint64_t>(burr.full));
-  if (burr.began_axis_mm != Vector<Patient>()) hash_place(hash, burr.began_axis_mm);
+  if (burr.began_axis_mm != Vector<Patient>()) hash_point(hash, burr.began_axis_mm);
   hash.add(burr.first);
   for (const Sweep& sweep : burr.pending()) {
-    hash_place(hash, sweep.from);
-    hash_place(hash, sweep.to);
+    hash_point(hash, sweep.from);
+    hash_point(hash, sweep.to);
     hash.add(sweep.radius_mm, sweep.stroke);
     if (sweep.is_of_ball()) continue;
-    hash_place(hash, sweep.axis_mm);
+    hash_point(hash, sweep.axis_mm);
     hash.add(sweep.end_radius_mm);
   }
 }
 
 void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   hash.add(hand.has_previous);
-  hash_place(hash, hand.previous_world);
-  hash_place(hash, hand.previous_tip);
+  hash_point(hash, hand.previous_world);
+  hash_point(hash, hand.previous_tip);
   hash_part(hash, hand.velocity);
   for (int n = 0; n < kMaxLayers; ++n) hash_layer(hash, hand.proxy.layer(n));
   // without contact stiffness the proxy's tip has no effect
   if (const ProxyState& proxy = hand.proxy; proxy.stiffness_N_per_mm > 0) {
-    hash_place(hash, proxy.tip);
+    hash_point(hash, proxy.tip);
     hash.add(proxy.stiffness_N_per_mm);
   }
   if (const ProxyState& proxy = hand.proxy; proxy.contacts > 0) {
-    hash_place(hash, proxy.free_tip);
+    hash_point(hash, proxy.free_tip);
     hash_quaternion(hash, proxy.free_attitude);
-    hash_place(hash, proxy.last_search_tip);
+    hash_point(hash, proxy.last_search_tip);
   }
   if (const ProxyRelease& release = hand.proxy.release; release.force_N != Vector<Patient>()) {
-    hash_place(hash, release.force_N);
-    hash_place(hash, release.torque_Nmm);
+    hash_point(hash, release.force_N);
+    hash_point(hash, release.torque_Nmm);
     hash.add(release.stored_mJ);
   }
   if (hand.proxy.yield.modulus_N_per_mm2 > 0) hash_part(hash, hand.proxy.yield);
@@ -104,7 +104,7 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   if (hand.press.is_known()) hash_part(hash, hand.press);
   const CouplingState& coupling = hand.coupling;
   hash.add(hand.proxy_version, hand.pushed_directly, coupling.stiffness_N_per_mm);
-  hash_place(hash, coupling.multiplier_mm);
+  hash_point(hash, coupling.multiplier_mm);
   hash_part(hash, coupling.pull_velocity);
   // only burrs have this state
   if (hand.burr.open_s > 0) hash_burr(hash, hand.burr);
@@ -117,14 +117,14 @@ void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
   hash.add(bounce.impact_mm_s, bounce.time_s, bounce.depth_mm, bounce.push_N_s, bounce.pushed_N_s2,
            bounce.back_N_s2_mm, bounce.squares_N2_s4, bounce.touched);
   const OscillationState& swing = hand.swing;
-  hash_place(hash, swing.axis);
-  hash_place(hash, swing.aside_mm);
+  hash_point(hash, swing.axis);
+  hash_point(hash, swing.lateral_mm);
   hash.add(swing.displacement_mm, swing.time_s, swing.farthest_mm, swing.farthest_s, swing.before_mm,
            swing.free_s, swing.extra_delay_s, swing.halves);
   hash.add(hand.delay.count, hand.delay.dropped_older);
   for (int n = 0; n < hand.delay.count; ++n) {
-    const DelayLine::Held& held = hand.delay.held[static_cast<std::size_t>(n)];
-    hash.add(held.force_N.x(), held.force_N.y(), held.force_N.z(), held.time_s);
+    const DelayLine::Sample& sample = hand.delay.samples[static_cast<std::size_t>(n)];
+    hash.add(sample.force_N.x(), sample.force_N.y(), sample.force_N.z(), sample.time_s);
   }
   hash.add(hand.turned_mJ);
   hash_wrench(hash, hand.output.sent);

@@ -21,10 +21,10 @@ std::uint64_t content_of(const ContactSurface& surface) {
 
 // index that satisfies `fits`, preferring the previous index; the number of entries if there is none
 template <class Fits>
-std::size_t place_where(std::size_t places, std::size_t stood, const Fits& fits) {
-  if (stood < places && fits(stood)) return stood;
+std::size_t index_where(std::size_t count, std::size_t stood, const Fits& fits) {
+  if (stood < count && fits(stood)) return stood;
   std::size_t index = 0;
-  while (index < places && !fits(index)) ++index;
+  while (index < count && !fits(index)) ++index;
   return index;
 }
 
@@ -48,12 +48,12 @@ std::span<const SurfaceCorrespondence> match_surfaces(const Model& model,
     const auto is_structure = [&](std::size_t index) {
       return label != 0 && remembered.label[index] == label;
     };
-    const auto is_same = [&](std::size_t place_index) {
-      return remembered.label[place_index] == label && remembered.content[place_index] == content;
+    const auto is_same = [&](std::size_t candidate) {
+      return remembered.label[candidate] == label && remembered.content[candidate] == content;
     };
-    std::size_t at_index = place_where(places, s, is_same);
+    std::size_t at_index = index_where(places, s, is_same);
     const bool same = at_index < places;
-    if (!same) at_index = place_where(places, s, is_structure);
+    if (!same) at_index = index_where(places, s, is_structure);
     before[s] = {at_index < places ? static_cast<std::int16_t>(at_index) : std::int16_t{-1}, same};
   }
   return std::span(before).first(count);

@@ -71,8 +71,9 @@ Wrench blended(const Wrench& requested, bool changed, double dt_s, SessionState:
   hand.blend_elapsed_s = std::min(kOutputSettings.blend_s, hand.blend_elapsed_s + on_s);
   hand.requested = requested;
   if (hand.blend_elapsed_s >= kOutputSettings.blend_s) return requested;
-  const double rest = 1 - hand.blend_elapsed_s / kOutputSettings.blend_s;
-  const double left = rest * std::sqrt(rest);  // from 1 to 0, with zero slope at 0
+  const double remaining_fraction = 1 - hand.blend_elapsed_s / kOutputSettings.blend_s;
+  const double left =
+      remaining_fraction * std::sqrt(remaining_fraction);  // from 1 to 0, with zero slope at 0
   hand.requested.force_N += hand.difference.force_N * left;
   hand.requested.torque_Nmm += hand.difference.torque_Nmm * left;
   return hand.requested;

@@ -69,7 +69,7 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
       out.contact_label[n] = contact.label;
       out.contact_part[n] = static_cast<std::uint16_t>(contact.part);
       for (int axis = 0; axis < 3; ++axis)
-        out.contact_patient_mm[3 * n + static_cast<std::size_t>(axis)] = contact.place[axis];
+        out.contact_patient_mm[3 * n + static_cast<std::size_t>(axis)] = contact.position[axis];
       out.contact_N[n] = contact.force_N;
     }
     for (std::size_t n = 0; n < tool.path.size(); ++n) {

@@ -585,7 +585,7 @@ TEST(Tick, FromADirectMethodToTheProxyTheForceIsNoStep) {
 }
 
 // repeated presses and releases at a constant speed; returns the work of the force on the tip
-double given_out_mJ(ProxyLoop& loop, double speed_mm_s) {
+double generated_mJ(ProxyLoop& loop, double speed_mm_s) {
   loop.parameters.friction = loop.parameters.viscosity = false;
   double given_mJ = 0;
   const double stride_mm = speed_mm_s * kMillisecond_s;
@@ -603,7 +603,7 @@ TEST(Tick, WhatTheHandHasNotPutInIsTakenOffTheForceAndSaidSo) {
   ProxyLoop free, kept;
   kept.parameters.passivity = true;
   for (ProxyLoop* loop : {&free, &kept}) loop->parameters.device[0].position_step_mm = 0.03;
-  const double free_mJ = given_out_mJ(free, 100), controlled_mJ = given_out_mJ(kept, 100);
+  const double free_mJ = generated_mJ(free, 100), controlled_mJ = generated_mJ(kept, 100);
   EXPECT_NEAR(free_mJ, 10 * 1.5 * 0.1, 0.3) << "F v T of every press";
   EXPECT_LT(controlled_mJ, 0.15 * free_mJ);
 
@@ -1124,7 +1124,7 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
   constexpr double kSpeed_mm_s = 40, kDepth_mm = 1.2;
   const ProxyLoop fresh;
   const auto damping_of = [&](ForceMethod method, double viscosity, double coupling, double along,
-                              double most, const Vector<World>& displacement, double gain = 1,
+                              double largest, const Vector<World>& displacement, double gain = 1,
                               double scale = 1) {
     Vector<World> force_N[2];
     for (const bool damped : {false, true}) {
@@ -1137,7 +1137,7 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
       loop.model.method_settings.coupling_damping_N_s_per_mm = damped ? coupling : 0;
       loop.parameters.method = method;
       loop.parameters.friction = method != ForceMethod::kProxy;
-      loop.parameters.device[0].max_damping_N_s_per_mm = most;
+      loop.parameters.device[0].max_damping_N_s_per_mm = largest;
       loop.parameters.device[0].force_gain = gain;
       loop.parameters.device[0].scale = scale;
       // down to the start of the path, then along it
@@ -1151,15 +1151,15 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
     return -(force_N[1] - force_N[0]).dot(displacement) / (kSpeed_mm_s / scale);
   };
   const Vector<World> out(1, 0, 0), along(0, 1, 0);
-  for (const double most : {0.012, 0.03}) {
-    SCOPED_TRACE(most);
-    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, most, along), most, 1e-4);
-    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0.004, 0, most, out * -1.0), most, 1e-3);
-    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0, 0.05, 0, most, out * -1.0), most, 1e-3);
+  for (const double max_value : {0.012, 0.03}) {
+    SCOPED_TRACE(max_value);
+    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, max_value, along), max_value, 1e-4);
+    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0.004, 0, max_value, out * -1.0), max_value, 1e-3);
+    EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0, 0.05, 0, max_value, out * -1.0), max_value, 1e-3);
     // a direct method's field has not reached its full value there
-    EXPECT_LE(damping_of(ForceMethod::kTrilinear, 0.05, 0, 0, most, along), most);
-    EXPECT_GT(damping_of(ForceMethod::kTrilinear, 0.05, 0, 0, most, along), 0.8 * most);
-    EXPECT_NEAR(damping_of(ForceMethod::kTrilinear, 0.005, 0, 0.06, most, along), most, 1e-3);
+    EXPECT_LE(damping_of(ForceMethod::kTrilinear, 0.05, 0, 0, max_value, along), max_value);
+    EXPECT_GT(damping_of(ForceMethod::kTrilinear, 0.05, 0, 0, max_value, along), 0.8 * max_value);
+    EXPECT_NEAR(damping_of(ForceMethod::kTrilinear, 0.005, 0, 0.06, max_value, along), max_value, 1e-3);
   }
   // clamped by the damping rendered at the device
   EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, 0.012, along, 0.5, 3), 0.012, 1e-4);

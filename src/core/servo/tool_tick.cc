@@ -36,25 +36,27 @@ unsigned coupled_layers(const ProxyState& proxy) {
 ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, const ProxyChange& change,
                          const MotorState& motor, SessionState::Hand& hand) {
   const std::vector<ContactSurface>& surfaces = tick.model.surfaces;
-  PosedTool held(tick, context);
+  PosedTool posed_tool(tick, context);
   ProxyState& proxy = hand.proxy;
   const std::optional<Burr> burr = burr_of(tick, context, motor);
   if (burr) {
-    if (change.surfaces) rebase_burr(surfaces, *burr, held.pose(), change.carved, proxy, hand.burr);
-    held.set_first(burr->head(hand.burr.inset_mm));
+    if (change.surfaces) rebase_burr(surfaces, *burr, posed_tool.pose(), change.carved, proxy, hand.burr);
+    posed_tool.set_first(burr->head(hand.burr.inset_mm));
   }
   const unsigned coupled_before = coupled_layers(proxy);
   if (change.surfaces && change.layers)
-    transfer_proxy_to_new_layers(surfaces, held.spheres(), held.pose(), change.before, proxy);
+    transfer_proxy_to_new_layers(surfaces, posed_tool.spheres(), posed_tool.pose(), change.before, proxy);
   else if (change.surfaces)
-    transfer_proxy(surfaces, held.spheres(), held.pose(), change.before, proxy);
+    transfer_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), change.before, proxy);
   const bool released = coupled_layers(proxy) != coupled_before;
-  if (change.method && !proxy.coupled) initialise_proxy(surfaces, held.spheres(), held.pose(), proxy);
+  if (change.method && !proxy.coupled)
+    initialise_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), proxy);
   const ProxyOptions options = proxy_options(tick, context);
-  const ProxyResult result = burr ? advance_burr(surfaces, *burr, held.pose(), proxy, hand.burr, options)
-                                  : advance_proxy(surfaces, held.spheres(), held.pose(), proxy, options);
-  if (burr) held.set_first(burr->head(hand.burr.penetration_mm));
-  ToolContact contact = touch_by_proxy(tick, context, held, proxy, result, hand.coupling);
+  const ProxyResult result =
+      burr ? advance_burr(surfaces, *burr, posed_tool.pose(), proxy, hand.burr, options)
+           : advance_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), proxy, options);
+  if (burr) posed_tool.set_first(burr->head(hand.burr.penetration_mm));
+  ToolContact contact = touch_by_proxy(tick, context, posed_tool, proxy, result, hand.coupling);
   contact.released = released;
   // the proxy reported for a burr is that of the innermost layer in contact, or of the layer into which it
   // has cut
@@ -66,18 +68,18 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
 void keep_away(const TickContext& tick, const DeviceContext& context, ToolContact& contact, DeviceTick& out) {
   const Model& model = tick.model;
   if (model.no_go.empty() && model.distances.structures().empty()) return;
-  PosedTool held(tick, context);
-  if (const auto burr = burr_of(tick, context, {})) held.set_first(burr->head(0));
+  PosedTool posed_tool(tick, context);
+  if (const auto burr = burr_of(tick, context, {})) posed_tool.set_first(burr->head(0));
 
   // structures near the tool
-  const auto near = nearest_structures(model.distances, held.spheres(), context.tip);
+  const auto near = nearest_structures(model.distances, posed_tool.spheres(), context.tip);
   for (std::size_t n = 0; n < near.size(); ++n) {
     out.near_label[n] = near[n].label;
     out.near_mm[n] = near[n].distance_mm;
   }
 
   // force of the no-go regions
-  const NoGoForce push = push_out_of(model.no_go, model.distances, held.spheres(), context.tip,
+  const NoGoForce push = push_out_of(model.no_go, model.distances, posed_tool.spheres(), context.tip,
                                      context.max_stiffness_N_per_mm());
   if (push.region < 0) return;
   out.flags |= kFlagNoGo;

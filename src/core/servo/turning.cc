@@ -16,7 +16,7 @@ Eigen::Quaterniond rotation_after(const SessionState& state, double elapsed_s) {
 }
 
 /// Material point of the object that was under a device's tip in the last tick, and the contact there.
-struct Held {
+struct LimitedTurn {
   bool pushed = false;  // force is sent, or may be in this tick
   Vector<World> lever;  // from World's origin to the point, object not rotated, patient mm
   Vector<World> sent_N;
@@ -25,39 +25,40 @@ struct Held {
   double scale = 1;
 };
 
-Held held_by(const Model& model, const DeviceParameters& own, const DeviceState& device,
-             const SessionState::Hand& hand) {
-  Held held;
+LimitedTurn held_by(const Model& model, const DeviceParameters& own, const DeviceState& device,
+                    const SessionState::Hand& hand) {
+  LimitedTurn limited;
   if (!hand.has_previous || hand.output.gain == 0 || !device.tip.all_finite() || !(own.scale > 0))
-    return held;
-  held.pushed = true;
-  held.lever = Vector<World>((model.X_WorldPatient * hand.previous_tip).eigen());
-  held.sent_N = hand.output.sent.force_N;
-  held.stiffness_N_per_mm = RenderedStiffness(own).at_device(hand.coupling.stiffness_N_per_mm);
-  held.stiffest_N_per_mm = RenderedStiffness(own).by_proxy(model.greatest_stiffness_N_per_mm());
-  held.scale = own.scale;
-  return held;
+    return limited;
+  limited.pushed = true;
+  limited.lever = Vector<World>((model.X_WorldPatient * hand.previous_tip).eigen());
+  limited.sent_N = hand.output.sent.force_N;
+  limited.stiffness_N_per_mm = RenderedStiffness(own).at_device(hand.coupling.stiffness_N_per_mm);
+  limited.stiffest_N_per_mm = RenderedStiffness(own).by_proxy(model.max_stiffness_N_per_mm());
+  limited.scale = own.scale;
+  return limited;
 }
 
 // displacement of the point when the object rotates from `from` to `to`, device mm
-Vector<World> displacement_of(const Held& held, const Eigen::Quaterniond& from,
+Vector<World> displacement_of(const LimitedTurn& limited, const Eigen::Quaterniond& from,
                               const Eigen::Quaterniond& to) {
-  return (Rotation<World, World>(to) * held.lever - Rotation<World, World>(from) * held.lever) / held.scale;
+  return (Rotation<World, World>(to) * limited.lever - Rotation<World, World>(from) * limited.lever) /
+         limited.scale;
 }
 
 // Fraction of a displacement that satisfies all limits. Against a spring the force grows along the path, so
 // the work is F s + K s^2 / 2.
-double allowed_part(const Held& held, const Vector<World>& displacement_mm, double dt_s) {
-  const double length_mm = displacement_mm.norm(), force_N = held.sent_N.norm();
+double allowed_part(const LimitedTurn& limited, const Vector<World>& displacement_mm, double dt_s) {
+  const double length_mm = displacement_mm.norm(), force_N = limited.sent_N.norm();
   const double max_mJ = kRotationSettings.max_power_mW * dt_s;
   double longest_mm = kRotationSettings.max_speed_mm_s * dt_s;
-  if (held.stiffest_N_per_mm > 0)
-    longest_mm = std::min(longest_mm, kRotationSettings.max_step_N / held.stiffest_N_per_mm);
+  if (limited.stiffest_N_per_mm > 0)
+    longest_mm = std::min(longest_mm, kRotationSettings.max_step_N / limited.stiffest_N_per_mm);
   double part = std::min(1.0, longest_mm / std::max(length_mm, 1e-12));
   if (!(force_N > 0)) return part;
-  const double along_mm = held.sent_N.dot(displacement_mm) / force_N;
+  const double along_mm = limited.sent_N.dot(displacement_mm) / force_N;
   if (along_mm == 0) return part;
-  const double stiffness = along_mm > 0 ? held.stiffness_N_per_mm : 0;
+  const double stiffness = along_mm > 0 ? limited.stiffness_N_per_mm : 0;
   const double max_mm = 2 * max_mJ / (force_N + std::sqrt(force_N * force_N + 2 * stiffness * max_mJ));
   return std::min(part, max_mm / std::abs(along_mm));
 }
@@ -81,9 +82,9 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
   if (state.rotation_elapsed_s >= kRotationSettings.interval_s || !(dt_s > 0)) return 0;
 
   // the largest rotation that every operator's limits allow
-  std::array<Held, kMaxDevices> held;
+  std::array<LimitedTurn, kMaxDevices> limited;
   for (std::size_t d = 0; d < devices.size(); ++d)
-    held[d] = held_by(model, parameters.device[d], devices[d], state.hands[d]);
+    limited[d] = held_by(model, parameters.device[d], devices[d], state.hands[d]);
   const Eigen::Quaterniond before = state.rotation_applied;
   const double within_s = std::min(dt_s, kRotationSettings.max_tick_s);
   std::uint32_t holding = 0;
@@ -92,8 +93,8 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
   for (int tries = 0; tries < kRotationSettings.max_iterations; ++tries) {
     double part = 1;
     for (std::size_t d = 0; d < devices.size(); ++d) {
-      if (!held[d].pushed) continue;
-      const double own = allowed_part(held[d], displacement_of(held[d], before, rotation), within_s);
+      if (!limited[d].pushed) continue;
+      const double own = allowed_part(limited[d], displacement_of(limited[d], before, rotation), within_s);
       if (own < 1) holding |= 1u << d;
       part = std::min(part, own);
     }
@@ -104,8 +105,8 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
 
   // work on the operators
   for (std::size_t d = 0; d < devices.size(); ++d)
-    if (held[d].pushed)
-      state.hands[d].turned_mJ += held[d].sent_N.dot(displacement_of(held[d], before, rotation));
+    if (limited[d].pushed)
+      state.hands[d].turned_mJ += limited[d].sent_N.dot(displacement_of(limited[d], before, rotation));
   state.rotation_elapsed_s += step_s;
   state.rotation_applied = rotation;
   return holding;

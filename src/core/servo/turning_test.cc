@@ -85,8 +85,9 @@ TEST(Turning, UnderAHandOfIronTheForceGrowsAsASpringThatIsFedItsPower) {
     }
     EXPECT_NEAR(wall.record.device[0].turned_mJ, kRotationSettings.max_power_mW * 0.4, 0.05);
     // the contact's passivity observer stays relative to the object: the spring holds the energy of both
-    const double held_mJ = 0.5 * (wall.force() * wall.force() - begins_N * begins_N) / kWall_N_per_mm;
-    EXPECT_NEAR(wall.record.device[0].energy_mJ - energy_mJ, held_mJ, 0.05 * held_mJ);
+    const double stored_energy_mJ =
+        0.5 * (wall.force() * wall.force() - begins_N * begins_N) / kWall_N_per_mm;
+    EXPECT_NEAR(wall.record.device[0].energy_mJ - energy_mJ, stored_energy_mJ, 0.05 * stored_energy_mJ);
   }
 }
 
@@ -105,7 +106,7 @@ TEST(Turning, AWallThatTurnsAwayTakesItsForceAsSlowly) {
 }
 
 // P / F: the speed at which a compliant hand is displaced
-TEST(Turning, AHandThatGivesWayIsLedNoFasterThanThePowerOverItsForce) {
+TEST(Turning, AHandThatGivesWayIsGuidedNoFasterThanThePowerOverItsForce) {
   constexpr double kHand_N = 1;
   TurningWall wall;
   ASSERT_NO_FATAL_FAILURE(wall.press(kHand_N));
@@ -233,7 +234,7 @@ TEST(Turning, WhateverHappensNoTickDoesMoreWork) {
   wall.parameters.friction = true;
   Point<World> tip = TurningWall::tip_at(3);
   double counted_mJ = 0;
-  int held = 0;
+  int limited = 0;
   for (int n = 0; n < 20'000; ++n) {
     if (n % 37 == 0)
       wall.parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(
@@ -249,10 +250,10 @@ TEST(Turning, WhateverHappensNoTickDoesMoreWork) {
     const double work_mJ = before.has_previous ? before.output.sent.force_N.eigen().dot(displacement_mm) : 0;
     counted_mJ += work_mJ;
     EXPECT_LE(std::abs(work_mJ), kRotationSettings.max_power_mW * dt_s * (1 + 1e-3)) << n;
-    held += (wall.record.device[0].flags & kFlagTurnHeld) != 0;
+    limited += (wall.record.device[0].flags & kFlagTurnHeld) != 0;
   }
   EXPECT_NEAR(wall.record.device[0].turned_mJ, counted_mJ, 1e-9);
-  EXPECT_GT(held, 1000);
+  EXPECT_GT(limited, 1000);
 }
 
 }  // namespace

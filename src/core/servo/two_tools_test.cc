@@ -30,7 +30,7 @@ Tool burr_of_ball() {
 }
 
 /// Devices moved over a ball of bone by the test, and a session that carves.
-struct LedHands {
+struct GuidedHands {
   std::shared_ptr<const Model> model;
   std::shared_ptr<const Carving> carving;
   Parameters parameters;
@@ -39,7 +39,7 @@ struct LedHands {
   std::vector<DeviceState> devices;
   std::vector<Wrench> wrenches;
 
-  explicit LedHands(std::vector<Tool> tools) : devices(tools.size()), wrenches(tools.size()) {
+  explicit GuidedHands(std::vector<Tool> tools) : devices(tools.size()), wrenches(tools.size()) {
     Model made = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
     made.tools = std::move(tools);
     model = std::make_shared<const Model>(std::move(made));
@@ -63,13 +63,13 @@ struct LedHands {
         cuts.push_back(cut);
     if (cuts.empty()) return 0;
     carving = carving->with(cuts);
-    model = carving->taken_from(*model);
+    model = carving->applied_to(*model);
     return cuts.size();
   }
 };
 
 TEST(TwoTools, EachFeelsWhatItFeelsAlone) {
-  LedHands both({probe_of_ball(), burr_of_ball()}), probe({probe_of_ball()}), burr({burr_of_ball()});
+  GuidedHands both({probe_of_ball(), burr_of_ball()}), probe({probe_of_ball()}), burr({burr_of_ball()});
   std::size_t cuts = 0;
   for (int n = 0; n < 600; ++n) {
     const double in_mm = std::min(3.0, 0.01 * n), along = 2e-4 * n;
@@ -82,7 +82,7 @@ TEST(TwoTools, EachFeelsWhatItFeelsAlone) {
       ASSERT_EQ(burr.carve(), carved);
       cuts += carved;
     }
-    for (LedHands* led : {&both, &probe, &burr}) led->tick_once();
+    for (GuidedHands* guided : {&both, &probe, &burr}) guided->tick_once();
     const DeviceTick &of_probe = both.record.device[0], &of_burr = both.record.device[1];
     ASSERT_EQ(both.wrenches[0].force_N, probe.wrenches[0].force_N) << n;
     ASSERT_EQ(both.wrenches[0].torque_Nmm, probe.wrenches[0].torque_Nmm) << n;
@@ -106,42 +106,42 @@ TEST(TwoTools, OnlyTheBurrTakesAnythingAway) {
     const std::size_t with_burr = burr_is_first ? 0 : 1, with_probe = 1 - with_burr;
     std::vector<Tool> tools(2, probe_of_ball());
     tools[with_burr] = burr_of_ball();
-    LedHands led(std::move(tools));
+    GuidedHands guided(std::move(tools));
     // side by side, with the motor's switch on
     for (int n = 0; n < 400; ++n) {
-      led.devices[with_burr].tip = led.above(2.2 - 0.01 * n, 0);
-      led.devices[with_probe].tip = led.above(2.2 - 0.005 * n, 0.4);
-      if (n % 20 == 0) led.carve();
-      led.tick_once();
-      ASSERT_EQ(led.state.hands[with_probe].burr.sweeps, 0);
+      guided.devices[with_burr].tip = guided.above(2.2 - 0.01 * n, 0);
+      guided.devices[with_probe].tip = guided.above(2.2 - 0.005 * n, 0.4);
+      if (n % 20 == 0) guided.carve();
+      guided.tick_once();
+      ASSERT_EQ(guided.state.hands[with_probe].burr.sweeps, 0);
     }
-    EXPECT_GT(led.wrenches[with_probe].force_N.norm(), 0.3);
-    EXPECT_EQ(led.state.hands[with_probe].burr.removed_mm3, 0);
-    EXPECT_GT(led.state.hands[with_burr].burr.removed_mm3, 2);
-    EXPECT_GT(led.carving->sweeps(with_burr), 0u);
-    EXPECT_EQ(led.carving->sweeps(with_probe), 0u);
+    EXPECT_GT(guided.wrenches[with_probe].force_N.norm(), 0.3);
+    EXPECT_EQ(guided.state.hands[with_probe].burr.removed_mm3, 0);
+    EXPECT_GT(guided.state.hands[with_burr].burr.removed_mm3, 2);
+    EXPECT_GT(guided.carving->sweeps(with_burr), 0u);
+    EXPECT_EQ(guided.carving->sweeps(with_probe), 0u);
   }
 }
 
 TEST(TwoTools, AProbeFindsTheHoleThatTheBurrHasCut) {
-  LedHands led({probe_of_ball(), burr_of_ball()});
-  led.devices[0].tip = led.above(20, 0);
+  GuidedHands guided({probe_of_ball(), burr_of_ball()});
+  guided.devices[0].tip = guided.above(20, 0);
   for (int n = 0; n < 1500; ++n) {
-    led.devices[1].tip = led.above(2.2 - std::min(3.5, 0.005 * n), 0);
-    if (n % 20 == 0) led.carve();
-    led.tick_once();
+    guided.devices[1].tip = guided.above(2.2 - std::min(3.5, 0.005 * n), 0);
+    if (n % 20 == 0) guided.carve();
+    guided.tick_once();
   }
-  led.devices[1].tip = led.above(20, 0);
-  led.parameters.motor = false;
-  led.tick_once();
-  led.carve();
+  guided.devices[1].tip = guided.above(20, 0);
+  guided.parameters.motor = false;
+  guided.tick_once();
+  guided.carve();
   // enters where there was bone, which it would have touched from 1.5 mm above
   for (int n = 0; n < 300; ++n) {
-    led.devices[0].tip = led.above(20 - std::min(18.8, 0.1 * n), 0);
-    led.tick_once();
+    guided.devices[0].tip = guided.above(20 - std::min(18.8, 0.1 * n), 0);
+    guided.tick_once();
   }
-  EXPECT_EQ(led.wrenches[0].force_N.norm(), 0);
-  LedHands uncut({probe_of_ball(), burr_of_ball()});
+  EXPECT_EQ(guided.wrenches[0].force_N.norm(), 0);
+  GuidedHands uncut({probe_of_ball(), burr_of_ball()});
   for (int n = 0; n < 300; ++n) {
     uncut.devices[0].tip = uncut.above(20 - std::min(18.8, 0.1 * n), 0);
     uncut.devices[1].tip = uncut.above(20, 0);
@@ -155,19 +155,19 @@ TEST(TwoTools, TheSwitchRunsEveryBurrAndAPedalItsOwn) {
   one.burr->pedal = 1;
   other.burr->pedal = 4;
   const auto cut_mm3 = [&](bool motor, std::uint32_t first, std::uint32_t second) {
-    LedHands led({one, other, probe_of_ball()});
-    led.parameters.motor = motor;
-    led.devices[0].buttons = first;
-    led.devices[1].buttons = second;
+    GuidedHands guided({one, other, probe_of_ball()});
+    guided.parameters.motor = motor;
+    guided.devices[0].buttons = first;
+    guided.devices[1].buttons = second;
     // a probe has no pedal, whatever its device's buttons
-    led.devices[2].buttons = ~0u;
+    guided.devices[2].buttons = ~0u;
     for (int n = 0; n < 150; ++n) {
       for (std::size_t d = 0; d < 3; ++d)
-        led.devices[d].tip = led.above(2.2 - 0.01 * n, 2.0 * static_cast<double>(d));
-      led.tick_once();
+        guided.devices[d].tip = guided.above(2.2 - 0.01 * n, 2.0 * static_cast<double>(d));
+      guided.tick_once();
     }
-    EXPECT_EQ(led.state.strokes, motor || first == 1u << 1 || second == 1u << 4 ? 1u : 0u);
-    return std::array{led.state.hands[0].burr.removed_mm3, led.state.hands[1].burr.removed_mm3};
+    EXPECT_EQ(guided.state.strokes, motor || first == 1u << 1 || second == 1u << 4 ? 1u : 0u);
+    return std::array{guided.state.hands[0].burr.removed_mm3, guided.state.hands[1].burr.removed_mm3};
   };
   const auto by_switch = cut_mm3(true, 0, 0);
   EXPECT_GT(by_switch[0], 0.1);
@@ -184,15 +184,15 @@ TEST(TwoTools, TheSwitchRunsEveryBurrAndAPedalItsOwn) {
 TEST(TwoTools, AStrokeIsFromTheFirstMotorsStartToTheLastOnesStop) {
   Tool burr = burr_of_ball();
   burr.burr->pedal = 0;
-  LedHands led({burr, burr, probe_of_ball()});
-  for (auto& device : led.devices) device.tip = led.above(10, 0);
-  led.parameters.motor = false;
+  GuidedHands guided({burr, burr, probe_of_ball()});
+  for (auto& device : guided.devices) device.tip = guided.above(10, 0);
+  guided.parameters.motor = false;
   const auto strokes = [&](std::uint32_t first, std::uint32_t second) {
-    led.devices[0].buttons = first;
-    led.devices[1].buttons = second;
-    led.devices[2].buttons = 1;
-    led.tick_once();
-    return led.state.strokes;
+    guided.devices[0].buttons = first;
+    guided.devices[1].buttons = second;
+    guided.devices[2].buttons = 1;
+    guided.tick_once();
+    return guided.state.strokes;
   };
   EXPECT_EQ(strokes(0, 0), 0u) << "the probe's device has no motor";
   EXPECT_EQ(strokes(1, 0), 1u);

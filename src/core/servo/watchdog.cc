@@ -57,7 +57,7 @@ void Watchdog::look(std::int64_t now_ns) {
   // read before the devices resume, so that a later halt is not ended with this one
   const std::uint64_t halts = heartbeat_ != nullptr ? heartbeat_->halts.load() : 0;
   const bool halted_outside = heartbeat_ != nullptr && halts != heartbeat_->halts_that_ended.load();
-  if (heartbeat_ != nullptr) heartbeat_->looked_ns.store(now_ns);
+  if (heartbeat_ != nullptr) heartbeat_->checked_ns.store(now_ns);
   if (!halted_ && (stalled || halted_outside)) {
     halted_.store(true, std::memory_order_release);
     driver_.halt();

@@ -47,7 +47,7 @@ class Watchdog {
       heartbeat_->beat_ns.store(now_ns, std::memory_order_release);
   }
   /// Records that no further tick is due.
-  void rest() noexcept {
+  void disarm() noexcept {
     beat_ns_.store(kResting, std::memory_order_release);
     if (heartbeat_ != nullptr) heartbeat_->beat_ns.store(Heartbeat::kResting);
   }

@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 // neighbourhood of a joint: the voxels that meet at it and two more on every side
-constexpr int kAside = 2, kEdge = 2 * kAside + 2;
+constexpr int kLateral = 2, kEdge = 2 * kLateral + 2;
 // components of fewer voxels count as a pocket, not a side
 constexpr int kSide_voxels = 9;
 
@@ -21,9 +21,9 @@ class Surroundings {
  public:
   Surroundings(const Bricks<LabelId>& labels, const std::vector<char>& is_touchable, const Index& at) {
     std::size_t n = 0;
-    for (int k = -kAside; k < kEdge - kAside; ++k)
-      for (int j = -kAside; j < kEdge - kAside; ++j)
-        for (int i = -kAside; i < kEdge - kAside; ++i)
+    for (int k = -kLateral; k < kEdge - kLateral; ++k)
+      for (int j = -kLateral; j < kEdge - kLateral; ++j)
+        for (int i = -kLateral; i < kEdge - kLateral; ++i)
           free_[n++] = !is_touchable[labels.anywhere(at[0] + i, at[1] + j, at[2] + k)];
   }
 
@@ -32,15 +32,15 @@ class Surroundings {
   bool separates(const Index& one, const Index& other) {
     if (2 * std::count(free_.begin(), free_.end(), 0) > static_cast<std::ptrdiff_t>(free_.size()))
       return false;
-    const int first = place_of(one), second = place_of(other);
+    const int first = index_of(one), second = index_of(other);
     const int reached = fill(first, 1);
-    return observed_[static_cast<std::size_t>(second)] == 0 && reached >= kSide_voxels &&
+    return visited_[static_cast<std::size_t>(second)] == 0 && reached >= kSide_voxels &&
            fill(second, 2) >= kSide_voxels;
   }
 
  private:
-  static int place_of(const Index& at) {
-    return at[0] + kAside + kEdge * (at[1] + kAside + kEdge * (at[2] + kAside));
+  static int index_of(const Index& at) {
+    return at[0] + kLateral + kEdge * (at[1] + kLateral + kEdge * (at[2] + kLateral));
   }
 
   // flood fill; returns the number of free voxels connected to one through faces
@@ -49,34 +49,34 @@ class Surroundings {
     std::size_t count = 0, done = 0;
     const auto observe = [&](int index) {
       const auto at = static_cast<std::size_t>(index);
-      if (!free_[at] || observed_[at] != 0) return;
-      observed_[at] = mark;
+      if (!free_[at] || visited_[at] != 0) return;
+      visited_[at] = mark;
       todo[count++] = index;
     };
     observe(from);
     while (done < count) {
-      const int place_index = todo[done++];
-      const int i = place_index % kEdge, j = place_index / kEdge % kEdge, k = place_index / (kEdge * kEdge);
-      if (i > 0) observe(place_index - 1);
-      if (i + 1 < kEdge) observe(place_index + 1);
-      if (j > 0) observe(place_index - kEdge);
-      if (j + 1 < kEdge) observe(place_index + kEdge);
-      if (k > 0) observe(place_index - kEdge * kEdge);
-      if (k + 1 < kEdge) observe(place_index + kEdge * kEdge);
+      const int node_index = todo[done++];
+      const int i = node_index % kEdge, j = node_index / kEdge % kEdge, k = node_index / (kEdge * kEdge);
+      if (i > 0) observe(node_index - 1);
+      if (i + 1 < kEdge) observe(node_index + 1);
+      if (j > 0) observe(node_index - kEdge);
+      if (j + 1 < kEdge) observe(node_index + kEdge);
+      if (k > 0) observe(node_index - kEdge * kEdge);
+      if (k + 1 < kEdge) observe(node_index + kEdge * kEdge);
     }
     return static_cast<int>(count);
   }
 
-  std::array<char, kEdge * kEdge * kEdge> free_{}, observed_{};
+  std::array<char, kEdge * kEdge * kEdge> free_{}, visited_{};
 };
 
 struct Found {
   std::size_t joints = 0, first = std::numeric_limits<std::size_t>::max();
-  Point<Patient> place;  // position of the first joint in memory order, independent of threads
+  Point<Patient> position;  // position of the first joint in memory order, independent of threads
 
   void add(const Found& other) {
     joints += other.joints;
-    if (other.first < first) place = other.place;
+    if (other.first < first) position = other.position;
     first = std::min(first, other.first);
   }
 };
@@ -103,7 +103,7 @@ constexpr unsigned bit(const Index& at) {
 }
 
 struct Pattern {
-  unsigned looked_at = 0, solid = 0;
+  unsigned inspected = 0, solid = 0;
 };
 constexpr std::array<Pattern, kJoints.size()> patterns() {
   std::array<Pattern, kJoints.size()> all;
@@ -111,9 +111,9 @@ constexpr std::array<Pattern, kJoints.size()> patterns() {
     for (int c = 0; c < 8; ++c) {
       const Index at{c & 1, c >> 1 & 1, c >> 2};
       const Index& size = kJoints[n].size;
-      if (at[0] < size[0] && at[1] < size[1] && at[2] < size[2]) all[n].looked_at |= bit(at);
+      if (at[0] < size[0] && at[1] < size[1] && at[2] < size[2]) all[n].inspected |= bit(at);
     }
-    all[n].solid = all[n].looked_at & ~bit(kJoints[n].one) & ~bit(kJoints[n].other);
+    all[n].solid = all[n].inspected & ~bit(kJoints[n].one) & ~bit(kJoints[n].other);
   }
   return all;
 }
@@ -124,16 +124,16 @@ constexpr std::array<bool, 256> joint_blocks() {
   std::array<bool, 256> any{};
   for (unsigned block = 0; block < 256; ++block)
     for (const Pattern& pattern : kPatterns)
-      any[block] = any[block] || (block & pattern.looked_at) == pattern.solid;
+      any[block] = any[block] || (block & pattern.inspected) == pattern.solid;
   return any;
 }
 constexpr std::array<bool, 256> kJointBlocks = joint_blocks();
 
 // examines the joints of one block
-void look_at(const Bricks<LabelId>& labels, const std::vector<char>& is_touchable, const Index& at,
+void inspect(const Bricks<LabelId>& labels, const std::vector<char>& is_touchable, const Index& at,
              unsigned block, FoundOfLabel& found) {
   for (std::size_t n = 0; n < kJoints.size(); ++n) {
-    if ((block & kPatterns[n].looked_at) != kPatterns[n].solid) continue;
+    if ((block & kPatterns[n].inspected) != kPatterns[n].solid) continue;
     const auto label_of = [&](int corner) {
       return labels.at(at[0] + (corner & 1), at[1] + (corner >> 1 & 1), at[2] + (corner >> 2));
     };
@@ -145,10 +145,10 @@ void look_at(const Bricks<LabelId>& labels, const std::vector<char>& is_touchabl
     Surroundings around(labels, is_touchable, at);
     if (!around.separates(kJoints[n].one, kJoints[n].other)) continue;
     const Index& size = kJoints[n].size;
-    const Point<Voxel> middle(at[0] + 0.5 * (size[0] - 1), at[1] + 0.5 * (size[1] - 1),
+    const Point<Voxel> centre(at[0] + 0.5 * (size[0] - 1), at[1] + 0.5 * (size[1] - 1),
                               at[2] + 0.5 * (size[2] - 1));
     found[label].add(
-        {1, labels.geometry().offset(at[0], at[1], at[2]), labels.geometry().X_PatientVoxel() * middle});
+        {1, labels.geometry().offset(at[0], at[1], at[2]), labels.geometry().X_PatientVoxel() * centre});
   }
 }
 
@@ -164,7 +164,7 @@ Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::
   std::vector<FoundOfLabel> found(static_cast<std::size_t>(workers), FoundOfLabel(is_touchable.size()));
   const auto done =
       internal::for_each_slice(dims[2], workers, progress, {"looking for leaks"}, [&](int worker, int k) {
-        const auto look_along = [&](const RowPiece<LabelId>& piece) {
+        const auto scan_along = [&](const RowPiece<LabelId>& piece) {
           if (piece.uniform) return;
           // beyond the last slice nothing is felt
           const auto column = [&](int i) {
@@ -181,18 +181,18 @@ Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::
             const unsigned next = column(i + 1), block = before | next << 1;
             before = next;
             if (kJointBlocks[block])
-              look_at(labels, is_touchable, {piece.i + i, piece.j, k}, block,
+              inspect(labels, is_touchable, {piece.i + i, piece.j, k}, block,
                       found[static_cast<std::size_t>(worker)]);
           }
         };
-        for (int j = 0; j + 1 < dims[1]; ++j) labels.for_each_piece(j, k, look_along);
+        for (int j = 0; j + 1 < dims[1]; ++j) labels.for_each_piece(j, k, scan_along);
       });
   if (!done) return done.error();
   std::vector<Leaks> leaky;
   for (const LabelId structure : structures) {
     Found all;
     for (const FoundOfLabel& mine : found) all.add(mine[structure]);
-    if (all.joints > 0) leaky.push_back({structure, all.joints, all.place});
+    if (all.joints > 0) leaky.push_back({structure, all.joints, all.position});
   }
   return leaky;
 }

@@ -42,7 +42,7 @@ TEST(Leaks, AWallThatHoldsTogetherByAnEdgeIsLeaky) {
     ASSERT_EQ(leaky->size(), 1u);
     EXPECT_EQ(leaky->front().label, 3);
     EXPECT_EQ(leaky->front().joints, 6u) << "one in every slice that is not near the border";
-    EXPECT_EQ(leaky->front().place, wall.geometry().X_PatientVoxel() * Point<Voxel>(4.5, 4.5, 2));
+    EXPECT_EQ(leaky->front().position, wall.geometry().X_PatientVoxel() * Point<Voxel>(4.5, 4.5, 2));
   }
   EXPECT_EQ(joints_of(stepped_wall(true), {3}), 0u);
   EXPECT_EQ(joints_of(wall, {}), 0u) << "of what is not felt nobody asks";

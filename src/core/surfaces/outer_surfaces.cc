@@ -30,12 +30,12 @@ Result<std::vector<std::pair<LabelId, LabelId>>> touching_pairs(const Bricks<Lab
 std::vector<std::vector<LabelId>> touching_groups(const std::vector<LabelId>& structures,
                                                   const std::vector<std::pair<LabelId, LabelId>>& touching) {
   constexpr int kNone = -1;
-  std::vector<int> place(std::size_t{std::numeric_limits<LabelId>::max()} + 1, kNone);
+  std::vector<int> index_of(std::size_t{std::numeric_limits<LabelId>::max()} + 1, kNone);
   DisjointSets sets;
-  for (const LabelId structure : structures) place[structure] = static_cast<int>(sets.add());
+  for (const LabelId structure : structures) index_of[structure] = static_cast<int>(sets.add());
   for (const auto& [a, b] : touching)
-    if (place[a] != kNone && place[b] != kNone)
-      sets.join(static_cast<std::uint32_t>(place[a]), static_cast<std::uint32_t>(place[b]));
+    if (index_of[a] != kNone && index_of[b] != kNone)
+      sets.join(static_cast<std::uint32_t>(index_of[a]), static_cast<std::uint32_t>(index_of[b]));
 
   std::vector<std::vector<LabelId>> groups;
   std::vector<std::size_t> group_of(structures.size());
@@ -55,13 +55,13 @@ Result<std::vector<std::shared_ptr<const Surface>>> prepare_outer_surfaces(
     const SurfaceOptions& options, const Progress& progress) {
   std::vector<std::shared_ptr<const Surface>> surfaces;
   // the intermediate data, as large as the surface itself, is discarded here
-  const auto take = [&](PreparedSurface one) {
+  const auto visit = [&](PreparedSurface one) {
     surfaces.push_back(std::make_shared<const Surface>(std::move(one.surface)));
   };
   const auto of =
       [&](const Bricks<LabelId>& merged,
           const std::vector<LabelId>& firsts) -> Result<std::vector<std::shared_ptr<const Surface>>> {
-    const auto done = prepare_each_surface(merged, firsts, options, take, progress);
+    const auto done = prepare_each_surface(merged, firsts, options, visit, progress);
     if (!done) return done.error();
     return std::move(surfaces);
   };

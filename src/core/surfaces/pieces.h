@@ -43,8 +43,8 @@ inline Pieces cut_into_pieces(const Span3& box, const PieceMargins& margins, int
   const auto bytes = [&](int rows) {
     return border_bytes * with(rows, s[1]) + filtered_bytes * with(rows, f[1]);
   };
-  const double most = (kPiece_bytes - bytes(0)) / (border_bytes + filtered_bytes);
-  const int at_most = std::max(kMinRows, static_cast<int>(std::min(1e6, most)));
+  const double largest = (kPiece_bytes - bytes(0)) / (border_bytes + filtered_bytes);
+  const int at_most = std::max(kMinRows, static_cast<int>(std::min(1e6, largest)));
   const int strips = (box.size(1) + at_most - 1) / at_most, rows = (box.size(1) + strips - 1) / strips;
   for (int k = box.low[2]; k < box.high[2]; k += slices) {
     for (int j = box.low[1]; j < box.high[1]; j += rows) {

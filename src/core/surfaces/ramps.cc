@@ -232,10 +232,10 @@ class ChainTraversal {
 };
 
 /// Greatest field value of every structure.
-Result<std::vector<std::uint16_t>> greatest_values(const Bricks<LabelId>& labels,
-                                                   const std::vector<int>& index, std::size_t structures,
-                                                   const Bricks<std::uint16_t>& field, int threads,
-                                                   const Progress& progress, const ProgressSpan& stage) {
+Result<std::vector<std::uint16_t>> max_values(const Bricks<LabelId>& labels, const std::vector<int>& index,
+                                              std::size_t structures, const Bricks<std::uint16_t>& field,
+                                              int threads, const Progress& progress,
+                                              const ProgressSpan& stage) {
   const GridGeometry& grid = labels.geometry();
   const int workers = worker_count(threads, grid.dims[2]);
   // one more entry for voxels of no structure
@@ -285,8 +285,8 @@ Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStruc
     ramps.structures.push_back({structures[s].label, 0, traversal.half_thickness_mm});
   }
   ramps.field = field.take();
-  const auto greatest = greatest_values(labels, index, structures.size(), ramps.field, options.threads,
-                                        progress, work.part(0.95, 1));
+  const auto greatest = max_values(labels, index, structures.size(), ramps.field, options.threads, progress,
+                                   work.part(0.95, 1));
   if (!greatest) return greatest.error();
   for (RampFigures& figures : ramps.structures)
     figures.max_N =

@@ -36,7 +36,7 @@ Result<void> by_pieces(const Pieces& pieces, const Progress& progress, const Pro
 Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, const std::vector<LabelId>& set,
                             const Span3& span) {
   Block<std::uint8_t> mask(span, 0);
-  const Span3 known = span.clipped(whole(labels.geometry()));
+  const Span3 known = span.clipped(full_span(labels.geometry()));
   const int length = known.size(0);
   for_each_row(labels, known, [&](int j, int k, const LabelId* from) {
     std::uint8_t* to = mask.row(j, k) + (known.low[0] - span.low[0]);

@@ -193,10 +193,10 @@ TEST(Ramps, OfPlatesOfOneAndTwoVoxelsPushBothWays) {
         const Ramps ramps = prepared(labels);
         expect_nothing_outside_and_something_inside(labels, ramps);
         const Field field(ramps.field);
-        Point<Voxel> middle(grid.dims[0] / 2, grid.dims[1] / 2, grid.dims[2] / 2);
-        middle[axis] = first + 0.5 * (thick - 1);
+        Point<Voxel> centre(grid.dims[0] / 2, grid.dims[1] / 2, grid.dims[2] / 2);
+        centre[axis] = first + 0.5 * (thick - 1);
         for (const double side : {-1.0, 1.0}) {
-          Point<Voxel> p = middle;
+          Point<Voxel> p = centre;
           p[axis] += side * 0.25 * thick;
           const FieldSample sample = sample_central_differences(field, grid.X_PatientVoxel() * p);
           EXPECT_GT(ramps.full_force_N * sample.value, 0.05);

@@ -9,6 +9,6 @@ namespace palpate::internal {
 ///     least[x] = min(centre[x], before_1[x] + weight_1, after_1[x] + weight_1, ...)
 ///
 /// Dispatches to the best SIMD target of the machine; bit-identical for all. centre_weight is ignored.
-void min_of_rows(const WeightedRows<float>& rows, std::size_t length, float* least);
+void min_of_rows(const WeightedRows<float>& rows, std::size_t length, float* smallest);
 
 }  // namespace palpate::internal

@@ -16,15 +16,15 @@ double oracle(const Block<std::uint8_t>& mask, const Eigen::Vector3d& spacing, d
               int k) {
   const auto at = [&](int x, int y, int z) { return mask.row(y, z)[x - mask.span().low[0]]; };
   const std::uint8_t mine = at(i, j, k);
-  double least = reach * reach;
+  double smallest = reach * reach;
   for_each_row(mask.span(), [&](int y, int z) {
     for (int x = mask.span().low[0]; x < mask.span().high[0]; ++x) {
       if (at(x, y, z) == mine) continue;
       const Eigen::Vector3d displacement((x - i) * spacing[0], (y - j) * spacing[1], (z - k) * spacing[2]);
-      least = std::min(least, displacement.squaredNorm());
+      smallest = std::min(smallest, displacement.squaredNorm());
     }
   });
-  return (mine != 0 ? -1 : 1) * std::sqrt(least);
+  return (mine != 0 ? -1 : 1) * std::sqrt(smallest);
 }
 
 Block<std::uint8_t> random_mask(const Span3& span, double fill, std::mt19937& random) {

@@ -42,7 +42,7 @@ struct Span3 {
   }
 };
 
-inline Span3 whole(const GridGeometry& grid) {
+inline Span3 full_span(const GridGeometry& grid) {
   return {{0, 0, 0}, grid.dims};
 }
 inline VoxelBox to_box(const Span3& s) {

@@ -93,7 +93,7 @@ Components find_components(const Bricks<LabelId>& labels, LabelId label, const S
 std::vector<Span3> label_spans(const Bricks<LabelId>& labels) {
   std::vector<Span3> spans(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
   const int length = labels.geometry().dims[0];
-  for_each_row(labels, whole(labels.geometry()), [&](int j, int k, const LabelId* row) {
+  for_each_row(labels, full_span(labels.geometry()), [&](int j, int k, const LabelId* row) {
     for (int i = 0; i < length;) {
       const LabelId label = row[i];
       const int first = i;

@@ -22,7 +22,7 @@ std::vector<std::size_t> flood_fill(Volume<LabelId> labels, LabelId label) {
     open.push_back({i, j, k});
     ++sizes.back();
   };
-  for_each_row(whole(grid), [&](int j, int k) {
+  for_each_row(full_span(grid), [&](int j, int k) {
     for (int i = 0; i < grid.dims[0]; ++i) {
       if (labels.at(i, j, k) != label) continue;
       sizes.push_back(0);

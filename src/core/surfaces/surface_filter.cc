@@ -54,13 +54,13 @@ class ConstantRows {
     values_.resize(static_cast<std::size_t>(span.size(1)) * static_cast<std::size_t>(span.size(2)));
   }
 
-  float& at(int j, int k) { return values_[place(j, k)]; }
-  const float& at(int j, int k) const { return values_[place(j, k)]; }
+  float& at(int j, int k) { return values_[positions(j, k)]; }
+  const float& at(int j, int k) const { return values_[positions(j, k)]; }
 
   static constexpr float kUneven = std::numeric_limits<float>::quiet_NaN();
 
  private:
-  std::size_t place(int j, int k) const {
+  std::size_t positions(int j, int k) const {
     return static_cast<std::size_t>(k - span_.low[2]) * static_cast<std::size_t>(span_.size(1)) +
            static_cast<std::size_t>(j - span_.low[1]);
   }

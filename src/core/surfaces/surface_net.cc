@@ -18,16 +18,16 @@ std::uint8_t classes_at(const CornerRows& rows, int x) {
   return static_cast<std::uint8_t>(bits);
 }
 
-CellPlace mean_crossing(const CornerRows& rows, int x) {
+CellPosition mean_crossing(const CornerRows& rows, int x) {
   const auto value = [&](int corner) { return static_cast<float>(rows[corner >> 1][x + (corner & 1)]); };
-  CellPlace sum = CellPlace::Zero();
+  CellPosition sum = CellPosition::Zero();
   float count = 0;
   for (int from = 0; from < 8; ++from) {
     for (int a = 0; a < 3; ++a) {
       const int to = from | (1 << a);
       if (to == from || (value(from) < 0) == (value(to) < 0)) continue;
-      CellPlace at(static_cast<float>(from & 1), static_cast<float>(from >> 1 & 1),
-                   static_cast<float>(from >> 2), 0.0f);
+      CellPosition at(static_cast<float>(from & 1), static_cast<float>(from >> 1 & 1),
+                      static_cast<float>(from >> 2), 0.0f);
       at[a] = value(from) / (value(from) - value(to));
       sum += at;
       ++count;
@@ -66,7 +66,7 @@ SurfaceNet make_net(const FieldRow& field, const Span3& cells, const Eigen::Vect
       const std::uint8_t bits = classes_at(rows, x);
       net.column.push_back(cells.low[0] + x);
       net.classes.push_back(bits);
-      net.place.push_back(mean_crossing(rows, x));
+      net.positions.push_back(mean_crossing(rows, x));
     }
     net.row_begin.push_back(static_cast<std::uint32_t>(net.column.size()));
   });
@@ -86,7 +86,7 @@ void append_net(const SurfaceNet& part, SurfaceNet& net) {
   for (std::size_t r = 1; r < part.row_begin.size(); ++r) net.row_begin.push_back(before + part.row_begin[r]);
   net.column.insert(net.column.end(), part.column.begin(), part.column.end());
   net.classes.insert(net.classes.end(), part.classes.begin(), part.classes.end());
-  net.place.insert(net.place.end(), part.place.begin(), part.place.end());
+  net.positions.insert(net.positions.end(), part.positions.begin(), part.positions.end());
 }
 
 void for_each_difference(const SurfaceNet& a, const SurfaceNet& b, const Span3& cells,
@@ -98,7 +98,8 @@ void for_each_difference(const SurfaceNet& a, const SurfaceNet& b, const Span3& 
       const bool in_a = n < n_end && (m == m_end || a.column[n] <= b.column[m]);
       const bool in_b = m < m_end && (n == n_end || b.column[m] <= a.column[n]);
       const int i = in_a ? a.column[n] : b.column[m];
-      const bool same = in_a && in_b && a.classes[n] == b.classes[m] && (a.place[n] == b.place[m]).all();
+      const bool same =
+          in_a && in_b && a.classes[n] == b.classes[m] && (a.positions[n] == b.positions[m]).all();
       if (!same && i >= cells.low[0] && i < cells.high[0]) visit({i, j, k});
       n += in_a ? 1 : 0;
       m += in_b ? 1 : 0;

@@ -12,7 +12,7 @@ namespace palpate::internal {
 
 /// Position within a cell, in voxels from the centre of its lowest voxel along i, j, k; the fourth component
 /// is padding, so that a position is one SIMD vector.
-using CellPlace = Eigen::Array4f;
+using CellPosition = Eigen::Array4f;
 
 /// Constrained surface net (Gibson, MICCAI 1998): one node in every cell that has voxel centres of both
 /// classes. As long as each node stays in its cell, every centre stays on its side of the surface.
@@ -31,7 +31,7 @@ struct SurfaceNet {
   std::vector<std::uint32_t> row_begin;  ///< First node of each row of cells, and the end of the last row
   std::vector<std::int32_t> column;      ///< Index i of each node's cell
   std::vector<std::uint8_t> classes;
-  std::vector<CellPlace> place;
+  std::vector<CellPosition> positions;
 
   std::size_t size() const { return column.size(); }
   std::size_t row(int j, int k) const {

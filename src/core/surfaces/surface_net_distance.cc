@@ -67,12 +67,12 @@ void NetTriangles::for_each_quad(const SurfaceNet& net, const Visit& visit) cons
   });
 }
 
-std::size_t NetTriangles::place_of(const Index3& cell) const {
-  std::array<std::size_t, 3> place;
-  for (int a = 0; a < 3; ++a) place[a] = static_cast<std::size_t>((cell[a] - cells_.low[a]) / edge_[a]);
-  return (place[2] * static_cast<std::size_t>(places_.high[1]) + place[1]) *
-             static_cast<std::size_t>(places_.high[0]) +
-         place[0];
+std::size_t NetTriangles::index_of(const Index3& cell) const {
+  std::array<std::size_t, 3> offset;
+  for (int a = 0; a < 3; ++a) offset[a] = static_cast<std::size_t>((cell[a] - cells_.low[a]) / edge_[a]);
+  return (offset[2] * static_cast<std::size_t>(part_grid_.high[1]) + offset[1]) *
+             static_cast<std::size_t>(part_grid_.high[0]) +
+         offset[0];
 }
 
 NetTriangles::NetTriangles(const SurfaceNet& net, const Span3& cells)
@@ -80,13 +80,13 @@ NetTriangles::NetTriangles(const SurfaceNet& net, const Span3& cells)
       cells_(cells.clipped(net.cells)) {
   for (int a = 0; a < 3; ++a) {
     edge_[a] = std::max(1, static_cast<int>(std::lround(kPart_mm / spacing_mm_[a])));
-    places_.high[a] = (cells_.size(a) + edge_[a] - 1) / edge_[a];
+    part_grid_.high[a] = (cells_.size(a) + edge_[a] - 1) / edge_[a];
   }
-  std::vector<Range> of_place(places_.count());
+  std::vector<Range> of_position(part_grid_.count());
   for_each_quad(net,
-                [&](const Index3& cell, const auto&, const auto&) { of_place[place_of(cell)].last += 2; });
+                [&](const Index3& cell, const auto&, const auto&) { of_position[index_of(cell)].last += 2; });
   std::uint32_t sum = 0;
-  for (Range& range : of_place) {
+  for (Range& range : of_position) {
     range.first = sum;
     sum += range.last;
     range.last = range.first;
@@ -97,11 +97,11 @@ NetTriangles::NetTriangles(const SurfaceNet& net, const Span3& cells)
     for (std::size_t m = 0; m < 4; ++m) {
       const auto less = [&](int a) { return static_cast<int>(below[m] >> a & 1u); };
       corners[m] = centre_mm(cell[0] - less(0), cell[1] - less(1), cell[2] - less(2)) +
-                   net.place[node[m]].matrix().cwiseProduct(spacing_mm_);
+                   net.positions[node[m]].matrix().cwiseProduct(spacing_mm_);
     }
-    add(corners, of_place[place_of(cell)].last);
+    add(corners, of_position[index_of(cell)].last);
   });
-  make_parts(of_place);
+  make_parts(of_position);
 }
 
 void NetTriangles::add(const std::array<Vector, 4>& corners, std::uint32_t& next) {
@@ -123,18 +123,18 @@ void NetTriangles::add(const std::array<Vector, 4>& corners, std::uint32_t& next
     const float area = t.ab_ab * t.ac_ac - t.ab_ac * t.ab_ac;
     // a degenerate triangle is represented by its edges only
     t.area = area > 1e-6f * t.ab_ab * t.ac_ac ? area : -1;
-    const Vector middle = (ab + ac) / 3, normal = ab.cross3(ac).normalized();
+    const Vector centre = (ab + ac) / 3, normal = ab.cross3(ac).normalized();
     const float across =
-        std::max({middle.squaredNorm(), (ab - middle).squaredNorm(), (ac - middle).squaredNorm()});
-    t.disc = disc_of(corners[from] + middle, normal, 0, std::sqrt(across));
+        std::max({centre.squaredNorm(), (ab - centre).squaredNorm(), (ac - centre).squaredNorm()});
+    t.disc = disc_of(corners[from] + centre, normal, 0, std::sqrt(across));
     ++next;
   }
 }
 
-void NetTriangles::make_parts(const std::vector<Range>& of_place) {
-  parts_before_.reserve(of_place.size() + 1);
+void NetTriangles::make_parts(const std::vector<Range>& of_position) {
+  parts_before_.reserve(of_position.size() + 1);
   parts_before_.push_back(0);
-  for (const Range& range : of_place) {
+  for (const Range& range : of_position) {
     if (range.first < range.last) parts_.push_back({around(range), range.first, range.last});
     parts_before_.push_back(static_cast<std::uint32_t>(parts_.size()));
   }
@@ -151,23 +151,23 @@ NetDisc NetTriangles::around(const Range& triangles) const {
   normal /= std::max(normal.norm(), 1e-12f);
   mean /= static_cast<float>(triangles.last - triangles.first);
   // the triangle centroid nearest to the mean of all
-  Vector middle = centre(triangles_[triangles.first]);
+  Vector midpoint = centre(triangles_[triangles.first]);
   for (std::uint32_t t = triangles.first + 1; t < triangles.last; ++t) {
     const Vector other = centre(triangles_[t]);
-    if ((other - mean).squaredNorm() < (middle - mean).squaredNorm()) middle = other;
+    if ((other - mean).squaredNorm() < (midpoint - mean).squaredNorm()) midpoint = other;
   }
   float along = 0, across = 0;
   for (std::uint32_t t = triangles.first; t < triangles.last; ++t) {
     const NetTriangle& triangle = triangles_[t];
     for (const float* distance : {static_cast<const float*>(nullptr), triangle.ab, triangle.ac}) {
-      Vector from = vector(triangle.corner) - middle;
+      Vector from = vector(triangle.corner) - midpoint;
       if (distance != nullptr) from += vector(distance);
       const float up = normal.dot(from);
       along = std::max(along, std::abs(up));
       across = std::max(across, (from - up * normal).norm());
     }
   }
-  return disc_of(middle, normal, along, across);
+  return disc_of(midpoint, normal, along, across);
 }
 
 /// Computes the distances of a block, box by box.
@@ -207,15 +207,15 @@ class NetTriangles::Search {
       within.low[a] = std::max(0, box.low[a] - cells - net_.cells_.low[a]) / net_.edge_[a];
       within.high[a] = std::max(0, box.high[a] + cells - net_.cells_.low[a]) / net_.edge_[a] + 1;
     }
-    within = within.clipped(net_.places_);
+    within = within.clipped(net_.part_grid_);
     NearParts& near = near_[0];
     near.count = 0;
     for_each_row(within, [&](int j, int k) {
       const std::uint32_t* row =
           net_.parts_before_.data() +
-          (static_cast<std::size_t>(k) * static_cast<std::size_t>(net_.places_.high[1]) +
+          (static_cast<std::size_t>(k) * static_cast<std::size_t>(net_.part_grid_.high[1]) +
            static_cast<std::size_t>(j)) *
-              static_cast<std::size_t>(net_.places_.high[0]);
+              static_cast<std::size_t>(net_.part_grid_.high[0]);
       const std::uint32_t first = row[within.low[0]], last = row[within.high[0]];
       near.make_room(near.count + (last - first));
       for (std::uint32_t n = first; n < last; ++n) near.add(net_.parts_[n].disc, n);
@@ -226,9 +226,9 @@ class NetTriangles::Search {
   void narrow(const Span3& box, std::size_t level) {
     const Vector low = net_.centre_mm(box.low[0], box.low[1], box.low[2]);
     const Vector high = net_.centre_mm(box.high[0] - 1, box.high[1] - 1, box.high[2] - 1);
-    const Vector middle = 0.5f * (low + high);
+    const Vector centre = 0.5f * (low + high);
     NearParts& near = near_[level + 1];
-    select_near(near_[level], {{middle[0], middle[1], middle[2]}, 0.5f * (high - low).norm()}, reach_mm_,
+    select_near(near_[level], {{centre[0], centre[1], centre[2]}, 0.5f * (high - low).norm()}, reach_mm_,
                 near);
     if (near.count == 0) {
       fill(box);

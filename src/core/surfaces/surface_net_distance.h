@@ -37,16 +37,16 @@ class NetTriangles {
   template <class Visit>
   void for_each_quad(const SurfaceNet& net, const Visit& visit) const;
   void add(const std::array<Vector, 4>& corners, std::uint32_t& next);
-  void make_parts(const std::vector<Range>& of_place);
+  void make_parts(const std::vector<Range>& of_position);
   NetDisc around(const Range& triangles) const;
-  std::size_t place_of(const Index3& cell) const;
+  std::size_t index_of(const Index3& cell) const;
   Vector centre_mm(int i, int j, int k) const {
     return Eigen::Vector4i(i, j, k, 0).cast<float>().cwiseProduct(spacing_mm_);
   }
 
   Vector spacing_mm_;
-  Span3 cells_, places_;  ///< Grid of parts' boxes of cells, i fastest
-  Index3 edge_;           ///< Edge of a part's box, in cells
+  Span3 cells_, part_grid_;  ///< Grid of parts' boxes of cells, i fastest
+  Index3 edge_;              ///< Edge of a part's box, in cells
   /// Number of parts before each box; and one entry past the end.
   std::vector<std::uint32_t> parts_before_;
   std::vector<NetPart> parts_;

@@ -18,7 +18,7 @@ NetLinks::NetLinks(const SurfaceNet& net) : NetLinks(net.size()) {
     const std::size_t r = net.row(j, k);
     for (std::uint32_t n = net.row_begin[r]; n < net.row_begin[r + 1]; ++n) {
       float links = 0;
-      CellPlace sum = CellPlace::Zero();
+      CellPosition sum = CellPosition::Zero();
       for (int f = 0; f < 6; ++f) {
         to[n][f] = n;
         const unsigned face = net.classes[n] & kFaceCorners[f];
@@ -44,21 +44,21 @@ void carve_net(const SurfaceNet& once, SurfaceNet& now) {
     for (std::uint32_t n = now.row_begin[r]; n < now.row_begin[r + 1]; ++n) {
       const std::uint32_t before = row.find(now.column[n]);
       if (before != SurfaceNet::kNone && once.classes[before] == now.classes[n])
-        now.place[n] = once.place[before];
+        now.positions[n] = once.positions[before];
       else
         cut.push_back(n);
     }
   });
   if (cut.empty()) return;
   const NetLinks links(now);
-  std::vector<CellPlace> moved(cut.size());
+  std::vector<CellPosition> moved(cut.size());
   for (int round = 0; round < kCarvingRounds; ++round) {
     for (std::size_t c = 0; c < cut.size(); ++c) {
       const std::uint32_t n = cut[c];
-      const CellPlace path = links.paths(now.place, n) * links.share[n] + links.offset[n];
-      moved[c] = (now.place[n] + path).max(kCellMargin).min(1 - kCellMargin);
+      const CellPosition path = links.paths(now.positions, n) * links.share[n] + links.offset[n];
+      moved[c] = (now.positions[n] + path).max(kCellMargin).min(1 - kCellMargin);
     }
-    for (std::size_t c = 0; c < cut.size(); ++c) now.place[cut[c]] = moved[c];
+    for (std::size_t c = 0; c < cut.size(); ++c) now.positions[cut[c]] = moved[c];
   }
 }
 

@@ -39,18 +39,19 @@ struct NetLinks {
 
   /// Sum over the links of the differences in position within the cells, in voxels, excluding the cells'
   /// offsets.
-  CellPlace paths(const std::vector<CellPlace>& place, std::size_t n) const {
+  CellPosition paths(const std::vector<CellPosition>& positions, std::size_t n) const {
     const auto& l = to[n];
-    const CellPlace& at = place[n];
-    return ((place[l[0]] - at) + (place[l[1]] - at)) + ((place[l[2]] - at) + (place[l[3]] - at)) +
-           ((place[l[4]] - at) + (place[l[5]] - at));
+    const CellPosition& at = positions[n];
+    return ((positions[l[0]] - at) + (positions[l[1]] - at)) +
+           ((positions[l[2]] - at) + (positions[l[3]] - at)) +
+           ((positions[l[4]] - at) + (positions[l[5]] - at));
   }
 
   /// Linked nodes through the faces at low i, high i, low j, high j, low k, high k; the node itself where
   /// there is no link.
   std::vector<std::array<std::uint32_t, 6>> to;
-  std::vector<float> share;       ///< 1 / number of links
-  std::vector<CellPlace> offset;  ///< Mean of the linked cells' offsets
+  std::vector<float> share;          ///< 1 / number of links
+  std::vector<CellPosition> offset;  ///< Mean of the linked cells' offsets
 };
 
 }  // namespace palpate::internal

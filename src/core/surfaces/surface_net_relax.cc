@@ -46,15 +46,15 @@ struct Unpaired {
 };
 
 /// Mean of the midpoints of a cell's edges between the classes.
-CellPlace midway(unsigned classes) {
-  CellPlace sum = CellPlace::Zero();
+CellPosition midway(unsigned classes) {
+  CellPosition sum = CellPosition::Zero();
   float count = 0;
   for (unsigned from = 0; from < 8; ++from) {
     for (unsigned a = 0; a < 3; ++a) {
       const unsigned to = from | 1u << a;
       if (to == from || (classes >> from & 1) == (classes >> to & 1)) continue;
-      CellPlace at(static_cast<float>(from & 1), static_cast<float>(from >> 1 & 1),
-                   static_cast<float>(from >> 2), 0.0f);
+      CellPosition at(static_cast<float>(from & 1), static_cast<float>(from >> 1 & 1),
+                      static_cast<float>(from >> 2), 0.0f);
       at[a] = 0.5f;
       sum += at;
       ++count;
@@ -73,7 +73,7 @@ class Relaxation {
   Result<void> solve(int rounds, const Progress& progress);
   /// Updates the nodes' offsets from their neighbours' mean, from the current curvature.
   void bend();
-  void put_places(SurfaceNet& net) const;
+  void write_positions(SurfaceNet& net) const;
 
  private:
   /// Calls work(first, last) for chunks of a range of nodes.
@@ -89,34 +89,34 @@ class Relaxation {
   }
   template <class Work>
   void over_nodes(const Work& work) const {
-    over_nodes(0, place_.size(), work);
+    over_nodes(0, positions_.size(), work);
   }
   void unlink_walls(const std::vector<std::uint8_t>& wall);
   void compute_border_divisors();
   void unlink_unpaired();
   void relink_unpaired();
-  CellPlace distance_mm(std::size_t n, int link) const;
-  float square_along(std::size_t n, int link, const CellPlace& normal) const;
-  CellPlace area(std::size_t n) const;
-  std::vector<CellPlace> normals() const;
-  void smooth(std::vector<CellPlace>& values, float sigma_mm) const;
+  CellPosition distance_mm(std::size_t n, int link) const;
+  float square_along(std::size_t n, int link, const CellPosition& normal) const;
+  CellPosition area(std::size_t n) const;
+  std::vector<CellPosition> normals() const;
+  void smooth(std::vector<CellPosition>& values, float sigma_mm) const;
 
   int threads_;
-  CellPlace spacing_;
+  CellPosition spacing_;
   std::size_t even_ = 0;              ///< Number of even nodes
   std::vector<std::uint32_t> order_;  ///< Their indices in the net
   std::vector<std::uint8_t> classes_;
-  std::vector<CellPlace> place_;
+  std::vector<CellPosition> positions_;
   NetLinks links_;
   std::vector<Unpaired> unpaired_;
   std::vector<float>
       curvature_divisor_;  ///< Divisor of a node's curvature near walls; empty if there are none
   /// Voxels; offset of the links minus the node's target offset from their mean
-  std::vector<CellPlace> rest_;
+  std::vector<CellPosition> rest_;
 };
 
 Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
-    : threads_(threads), order_(net.size()), classes_(net.size()), place_(net.size()), links_(net) {
+    : threads_(threads), order_(net.size()), classes_(net.size()), positions_(net.size()), links_(net) {
   spacing_ << net.spacing_mm[0], net.spacing_mm[1], net.spacing_mm[2], 0.0f;
   std::vector<std::uint32_t> number(net.size());
   std::vector<std::uint8_t> wall(net.size());
@@ -140,7 +140,7 @@ Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
   for (std::size_t n = 0; n < order_.size(); ++n) {
     const std::uint32_t m = order_[n];
     classes_[n] = net.classes[m];
-    place_[n] = net.place[m];
+    positions_[n] = net.positions[m];
     for (int f = 0; f < 6; ++f) links_.to[n][f] = number[links.to[m][f]];
     links_.share[n] = links.share[m];
     links_.offset[n] = links.offset[m];
@@ -153,7 +153,7 @@ Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
 /// versa. Surface nodes at a wall start midway: their zero crossings are rounded by the filter beside the
 /// wall, and along the border little would restore them.
 void Relaxation::unlink_walls(const std::vector<std::uint8_t>& wall) {
-  for (std::uint32_t n = 0; n < place_.size(); ++n) {
+  for (std::uint32_t n = 0; n < positions_.size(); ++n) {
     auto& to = links_.to[n];
     std::array<bool, 6> parted{};
     for (int f = 0; f < 6; ++f) {
@@ -161,9 +161,9 @@ void Relaxation::unlink_walls(const std::vector<std::uint8_t>& wall) {
       if (parted[f]) to[f] = n;
     }
     if (parted == std::array<bool, 6>{}) continue;
-    place_[n] = midway(classes_[n]);
+    positions_[n] = midway(classes_[n]);
     float pulls = 0;
-    CellPlace offset = CellPlace::Zero();
+    CellPosition offset = CellPosition::Zero();
     for (int f = 0; f < 6; ++f) {
       if (to[f] == n) continue;
       if (parted[f ^ 1]) {
@@ -184,24 +184,24 @@ void Relaxation::unlink_walls(const std::vector<std::uint8_t>& wall) {
 /// determines how the surface continues, and its kink is not curvature.
 void Relaxation::compute_border_divisors() {
   if (unpaired_.empty()) return;
-  std::vector<float> apart_mm(place_.size(), kBorder_mm);
+  std::vector<float> separation_mm(positions_.size(), kBorder_mm);
   using Reached = std::pair<float, std::uint32_t>;
   std::priority_queue<Reached, std::vector<Reached>, std::greater<>> nearest;
   const auto reach = [&](std::uint32_t n, float mm) {
-    if (mm >= apart_mm[n]) return;
-    apart_mm[n] = mm;
+    if (mm >= separation_mm[n]) return;
+    separation_mm[n] = mm;
     nearest.push({mm, n});
   };
   for (const Unpaired& u : unpaired_) reach(u.node, 0);
   while (!nearest.empty()) {
     const auto [mm, n] = nearest.top();
     nearest.pop();
-    if (mm > apart_mm[n]) continue;
+    if (mm > separation_mm[n]) continue;
     for (int f = 0; f < 6; ++f) reach(links_.to[n][f], mm + spacing_[f / 2]);
   }
-  curvature_divisor_.resize(place_.size());
-  for (std::size_t n = 0; n < place_.size(); ++n) {
-    const float part = apart_mm[n] / kBorder_mm;
+  curvature_divisor_.resize(positions_.size());
+  for (std::size_t n = 0; n < positions_.size(); ++n) {
+    const float part = separation_mm[n] / kBorder_mm;
     curvature_divisor_[n] = 1 / std::max(part * part * part * part, kMinTrust);
   }
 }
@@ -213,58 +213,58 @@ void Relaxation::relink_unpaired() {
   for (const Unpaired& u : unpaired_) links_.to[u.node][u.link] = u.to;
 }
 
-void Relaxation::put_places(SurfaceNet& net) const {
-  for (std::size_t n = 0; n < order_.size(); ++n) net.place[order_[n]] = place_[n];
+void Relaxation::write_positions(SurfaceNet& net) const {
+  for (std::size_t n = 0; n < order_.size(); ++n) net.positions[order_[n]] = positions_[n];
 }
 
 /// Even and odd nodes alternately move beyond the mean of their neighbours by a factor that increases from 1
 /// to the optimum for the slowest waves (Chebyshev acceleration; Varga, Matrix iterative analysis, 2000),
 /// then are projected back into their cells.
 Result<void> Relaxation::solve(int rounds, const Progress& progress) {
-  std::vector<float> moved(place_.size() / kChunk + 2);
+  std::vector<float> moved(positions_.size() / kChunk + 2);
   float beyond = 1;
   for (int round = 0; round < rounds; ++round) {
     if (progress.stopped()) return Progress::interrupted();
-    float most = 0;
+    float largest = 0;
     for (const bool odd : {false, true}) {
-      const std::size_t begin = odd ? even_ : 0, end = odd ? place_.size() : even_;
+      const std::size_t begin = odd ? even_ : 0, end = odd ? positions_.size() : even_;
       std::fill(moved.begin(), moved.end(), 0.0f);
       over_nodes(begin, end, [&](std::size_t first, std::size_t last) {
-        CellPlace farthest = CellPlace::Zero();
+        CellPosition farthest = CellPosition::Zero();
         for (std::size_t n = first; n < last; ++n) {
-          const CellPlace at = place_[n];
-          const CellPlace pull = links_.paths(place_, n) * links_.share[n] + rest_[n];
-          const CellPlace to = (at + beyond * pull).max(kCellMargin).min(1 - kCellMargin);
+          const CellPosition at = positions_[n];
+          const CellPosition pull = links_.paths(positions_, n) * links_.share[n] + rest_[n];
+          const CellPosition to = (at + beyond * pull).max(kCellMargin).min(1 - kCellMargin);
           farthest = farthest.max((to - at).abs());
-          place_[n] = to;
+          positions_[n] = to;
         }
         moved[(first - begin) / kChunk] = farthest.maxCoeff();
       });
-      most = std::max(most, *std::max_element(moved.begin(), moved.end()));
+      largest = std::max(largest, *std::max_element(moved.begin(), moved.end()));
       const bool at_first = round == 0 && !odd;
       beyond = 1 / (1 - (at_first ? 0.5f : 0.25f * beyond) * kSlowest * kSlowest);
     }
-    if (most < kTolerance) break;
+    if (largest < kTolerance) break;
   }
   return {};
 }
 
 /// Vector from a node to the linked one, mm.
-CellPlace Relaxation::distance_mm(std::size_t n, int link) const {
-  CellPlace path = place_[links_.to[n][link]] - place_[n];
+CellPosition Relaxation::distance_mm(std::size_t n, int link) const {
+  CellPosition path = positions_[links_.to[n][link]] - positions_[n];
   path[link / 2] += link % 2 == 0 ? -1.0f : 1.0f;
   return path * spacing_;
 }
 
 /// Squared length of a link's component tangential to the surface, mm2.
-float Relaxation::square_along(std::size_t n, int link, const CellPlace& normal) const {
-  const CellPlace path = distance_mm(n, link);
+float Relaxation::square_along(std::size_t n, int link, const CellPosition& normal) const {
+  const CellPosition path = distance_mm(n, link);
   const float up = (normal * path).sum();
   return path.square().sum() - up * up;
 }
 
 /// Sum of the area vectors of a node's quads, outward.
-CellPlace Relaxation::area(std::size_t n) const {
+CellPosition Relaxation::area(std::size_t n) const {
   const unsigned classes = classes_[n];
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   for (int a = 0; a < 3; ++a) {
@@ -282,39 +282,39 @@ CellPlace Relaxation::area(std::size_t n) const {
       sum += ((sb == sc) == inside ? 0.5f : -0.5f) * z.cross(y - x);
     }
   }
-  CellPlace vector;
+  CellPosition vector;
   vector << sum[0], sum[1], sum[2], 0.0f;
   return vector;
 }
 
-std::vector<CellPlace> Relaxation::normals() const {
-  std::vector<CellPlace> normal(place_.size());
+std::vector<CellPosition> Relaxation::normals() const {
+  std::vector<CellPosition> normal(positions_.size());
   over_nodes([&](std::size_t first, std::size_t last) {
     for (std::size_t n = first; n < last; ++n) normal[n] = area(n);
   });
   smooth(normal, kNormal_mm);
-  for (CellPlace& n : normal) n /= std::max(n.matrix().norm(), 1e-12f);
+  for (CellPosition& n : normal) n /= std::max(n.matrix().norm(), 1e-12f);
   return normal;
 }
 
 /// Diffusion along the links, by one step of a Runge-Kutta-Legendre method (Meyer, Balsara and Aslam, Journal
 /// of Computational Physics 257, 2014), whose number of stages is the square root of the number of explicit
 /// steps.
-void Relaxation::smooth(std::vector<CellPlace>& values, float sigma_mm) const {
+void Relaxation::smooth(std::vector<CellPosition>& values, float sigma_mm) const {
   const std::array<float, 3> weight{1 / (spacing_[0] * spacing_[0]), 1 / (spacing_[1] * spacing_[1]),
                                     1 / (spacing_[2] * spacing_[2])};
   const float time = 0.5f * sigma_mm * sigma_mm;
   const float fastest = 4 * (weight[0] + weight[1] + weight[2]);
   const auto stages = static_cast<int>(std::ceil(0.5f * (std::sqrt(1 + 4 * time * fastest) - 1)));
-  std::vector<CellPlace> before = values, next(values.size());
+  std::vector<CellPosition> before = values, next(values.size());
   for (int s = 1; s <= stages; ++s) {
     const float mu = static_cast<float>(2 * s - 1) / static_cast<float>(s), nu = 1 - mu;
     const float step = mu * 2 * time / static_cast<float>(stages * stages + stages);
     over_nodes([&](std::size_t first, std::size_t last) {
       for (std::size_t n = first; n < last; ++n) {
         const auto& to = links_.to[n];
-        const CellPlace at = values[n];
-        CellPlace sum = CellPlace::Zero();
+        const CellPosition at = values[n];
+        CellPosition sum = CellPosition::Zero();
         for (int f = 0; f < 6; ++f) sum += weight[f / 2] * (values[to[f]] - at);
         next[n] = mu * at + nu * before[n] + step * sum;
       }
@@ -326,11 +326,11 @@ void Relaxation::smooth(std::vector<CellPlace>& values, float sigma_mm) const {
 
 void Relaxation::bend() {
   relink_unpaired();
-  const std::vector<CellPlace> normal = normals();
+  const std::vector<CellPosition> normal = normals();
   // Curvature from the rotation of the normals. Computed from positions, a small error of the normal would
   // turn displacements along the surface, caused by the cells' borders, into curvature.
-  std::vector<CellPlace> bent(place_.size());
-  std::vector<float> area(place_.size());
+  std::vector<CellPosition> bent(positions_.size());
+  std::vector<float> area(positions_.size());
   over_nodes([&](std::size_t first, std::size_t last) {
     for (std::size_t n = first; n < last; ++n) {
       float turn = 0, square = 0;
@@ -344,17 +344,17 @@ void Relaxation::bend() {
       area[n] = 0.25f * square;
     }
   });
-  std::vector<CellPlace> nearby = bent;
+  std::vector<CellPosition> nearby = bent;
   smooth(nearby, kEdge_mm);
-  for (std::size_t n = 0; n < place_.size(); ++n) {
+  for (std::size_t n = 0; n < positions_.size(); ++n) {
     const float edge = nearby[n][0] / (kEdgeCurvature * std::max(nearby[n][1], 1e-9f));
     bent[n] /= (1 + edge * edge * edge * edge) * (curvature_divisor_.empty() ? 1 : curvature_divisor_[n]);
   }
   smooth(bent, kCurvature_mm);
   for (const Unpaired& u : unpaired_) area[u.node] -= 0.25f * square_along(u.node, u.link, normal[u.node]);
   unlink_unpaired();
-  const CellPlace per_mm = (spacing_ + CellPlace(0, 0, 0, 1)).inverse();
-  for (std::size_t n = 0; n < place_.size(); ++n) {
+  const CellPosition per_mm = (spacing_ + CellPosition(0, 0, 0, 1)).inverse();
+  for (std::size_t n = 0; n < positions_.size(); ++n) {
     const float curvature = bent[n][0] / std::max(bent[n][1], 1e-9f);
     rest_[n] = links_.offset[n] - normal[n] * per_mm * (curvature * area[n] * links_.share[n]);
   }
@@ -371,7 +371,7 @@ Result<void> relax_net(SurfaceNet& net, const Span3& known, int threads, const P
     if (!done) return done;
     progress.report(span.stage, span.from + (span.to - span.from) * (bending + 1) / (kBendings + 1));
   }
-  relaxation.put_places(net);
+  relaxation.write_positions(net);
   return {};
 }
 

@@ -23,7 +23,7 @@ Volume<std::int16_t> sides_of(const Volume<LabelId>& labels) {
 }
 
 SurfaceNet net_of(const Volume<std::int16_t>& sides) {
-  Span3 cells = whole(sides.geometry());
+  Span3 cells = full_span(sides.geometry());
   for (int& high : cells.high) --high;
   return make_net([&](int j, int k) { return sides.voxels().data() + sides.geometry().offset(0, j, k); },
                   cells, sides.geometry().spacing_mm);
@@ -32,8 +32,8 @@ SurfaceNet net_of(const Volume<std::int16_t>& sides) {
 Volume<std::int16_t> lump(std::mt19937& random) {
   return sides_of(
       test::label_where(test::surface_grid({30, 28, 16}, {0.3, 0.4, 0.8}), [&](const Eigen::Vector3d& p) {
-        const Eigen::Vector3d middle(4.4, 5.5, 6.1);
-        return (p - middle).norm() < 3.6 + 0.3 * std::sin(3 * p[0]) && random() % 40 != 0;
+        const Eigen::Vector3d centre(4.4, 5.5, 6.1);
+        return (p - centre).norm() < 3.6 + 0.3 * std::sin(3 * p[0]) && random() % 40 != 0;
       }));
 }
 
@@ -88,9 +88,9 @@ TEST(SurfaceNet, NodesStayInTheirCellsWithAnyNumberOfThreads) {
     ASSERT_TRUE(relax_net(three, known, 3, {}, {"relaxing"}).ok());
     for (std::size_t n = 0; n < one.size(); ++n) {
       for (int a = 0; a < 3; ++a) {
-        EXPECT_EQ(one.place[n][a], three.place[n][a]);
-        EXPECT_GE(one.place[n][a], kCellMargin);
-        EXPECT_LE(one.place[n][a], 1 - kCellMargin);
+        EXPECT_EQ(one.positions[n][a], three.positions[n][a]);
+        EXPECT_GE(one.positions[n][a], kCellMargin);
+        EXPECT_LE(one.positions[n][a], 1 - kCellMargin);
       }
     }
   }
@@ -118,7 +118,8 @@ TEST(SurfaceNet, AWallDoesNotBendWhatEndsAtIt) {
       const std::uint32_t n = wall.find(i, j, k);
       if (n == SurfaceNet::kNone) continue;
       // iterations end when nothing moves, walls included
-      for (int a = 0; a < 3; ++a) EXPECT_NEAR(wall.place[n][a], crumbs.place[crumbs.find(i, j, k)][a], 5e-3f);
+      for (int a = 0; a < 3; ++a)
+        EXPECT_NEAR(wall.positions[n][a], crumbs.positions[crumbs.find(i, j, k)][a], 5e-3f);
       ++compared;
     }
   });
@@ -142,14 +143,14 @@ double distance_to(const Eigen::Vector3d& p, const Eigen::Vector3d& a, const Eig
 }
 double distance_to(const Eigen::Vector3d& p, const std::array<Eigen::Vector3d, 3>& t) {
   const Eigen::Vector3d normal = (t[1] - t[0]).cross(t[2] - t[0]);
-  double least = 1e9;
+  double smallest = 1e9;
   bool over = normal.norm() > 1e-9;
   for (int e = 0; e < 3; ++e) {
     const Eigen::Vector3d &a = t[e], &b = t[(e + 1) % 3];
-    least = std::min(least, distance_to(p, a, b));
+    smallest = std::min(smallest, distance_to(p, a, b));
     over = over && normal.cross(b - a).dot(p - a) >= 0;
   }
-  return over ? std::abs(normal.normalized().dot(p - t[0])) : least;
+  return over ? std::abs(normal.normalized().dot(p - t[0])) : smallest;
 }
 
 /// Both triangles of every quad, split as NetTriangles splits them.
@@ -169,7 +170,7 @@ std::vector<std::array<Eigen::Vector3d, 3>> triangles_of(const SurfaceNet& net) 
           whole_quad = whole_quad && node != SurfaceNet::kNone;
           if (!whole_quad) break;
           for (int b = 0; b < 3; ++b)
-            at[m][b] = (cell[b] + double{net.place[node][b]}) * double{net.spacing_mm[b]};
+            at[m][b] = (cell[b] + double{net.positions[node][b]}) * double{net.spacing_mm[b]};
         }
         if (!whole_quad) continue;
         const int from = (at[0] - at[2]).squaredNorm() <= (at[1] - at[3]).squaredNorm() ? 0 : 1;
@@ -216,11 +217,11 @@ TEST(SurfaceNet, DistanceIsThatToTheNearestTriangle) {
             v[a] = all.low[a] + static_cast<int>(random() % static_cast<unsigned>(all.size(a)));
           const Eigen::Vector3d p =
               Eigen::Vector3d(v[0], v[1], v[2]).cwiseProduct(net.spacing_mm.cast<double>());
-          double least = reach_mm;
-          for (const auto& t : all_triangles) least = std::min(least, distance_to(p, t));
+          double smallest = reach_mm;
+          for (const auto& t : all_triangles) smallest = std::min(smallest, distance_to(p, t));
           const float found = mm.row(v[1], v[2])[v[0] - all.low[0]];
-          ASSERT_NEAR(found, least, 2e-5) << v[0] << " " << v[1] << " " << v[2];
-          within += least < reach_mm ? 1 : 0;
+          ASSERT_NEAR(found, smallest, 2e-5) << v[0] << " " << v[1] << " " << v[2];
+          within += smallest < reach_mm ? 1 : 0;
         }
         EXPECT_GT(within, 80);
       }

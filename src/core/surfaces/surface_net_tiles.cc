@@ -21,24 +21,24 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Tag = hn::CappedTag<float, kTileVoxels>;
 using Many = hn::Vec<Tag>;
 
-struct Place {
+struct CellCorners {
   Many x, y, z;
 };
 
-HWY_INLINE Many dot(const Place& a, const Place& b) {
+HWY_INLINE Many dot(const CellCorners& a, const CellCorners& b) {
   return hn::Add(hn::Add(hn::Mul(a.x, b.x), hn::Mul(a.y, b.y)), hn::Mul(a.z, b.z));
 }
-HWY_INLINE Place less(const Place& a, const Place& b) {
+HWY_INLINE CellCorners less(const CellCorners& a, const CellCorners& b) {
   return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z)};
 }
-HWY_INLINE Place all_at(const float* place) {
+HWY_INLINE CellCorners all_at(const float* positions) {
   const Tag d;
-  return {hn::Set(d, place[0]), hn::Set(d, place[1]), hn::Set(d, place[2])};
+  return {hn::Set(d, positions[0]), hn::Set(d, positions[1]), hn::Set(d, positions[2])};
 }
 
 /// Squared lower bound of the distance to a disc from a point `up` above its plane and at `from` relative to
 /// its centre.
-HWY_INLINE Many apart_squared(const Place& from, Many up, Many along, Many across) {
+HWY_INLINE Many apart_squared(const CellCorners& from, Many up, Many along, Many across) {
   const auto zero = hn::Zero(Tag());
   const auto beside = hn::Sqrt(hn::Max(zero, hn::Sub(dot(from, from), hn::Mul(up, up))));
   const auto out = hn::Max(zero, hn::Sub(beside, across));
@@ -46,19 +46,20 @@ HWY_INLINE Many apart_squared(const Place& from, Many up, Many along, Many acros
   return hn::Add(hn::Mul(out, out), hn::Mul(above, above));
 }
 
-std::size_t keep(const NearPartRows& in, const VoxelsBall& ball, float reach_mm, const NearPartRows& out) {
+std::size_t filter_parts(const NearPartRows& in, const VoxelsBall& ball, float reach_mm,
+                         const NearPartRows& out) {
   const Tag d;
   const std::size_t lanes = hn::Lanes(d);
-  const Place centre = all_at(ball.centre);
+  const CellCorners centre = all_at(ball.centre);
 
   // lower bound of the distance to each part, and distance to the nearest centre
   auto nearest = hn::Set(d, 1e30f);
   for (std::size_t n = 0; n < in.count; n += lanes) {
-    const Place middle{hn::LoadU(d, in.number[0] + n), hn::LoadU(d, in.number[1] + n),
-                       hn::LoadU(d, in.number[2] + n)};
-    const Place normal{hn::LoadU(d, in.number[4] + n), hn::LoadU(d, in.number[5] + n),
-                       hn::LoadU(d, in.number[6] + n)};
-    const Place from = less(centre, middle);
+    const CellCorners middle{hn::LoadU(d, in.number[0] + n), hn::LoadU(d, in.number[1] + n),
+                             hn::LoadU(d, in.number[2] + n)};
+    const CellCorners normal{hn::LoadU(d, in.number[4] + n), hn::LoadU(d, in.number[5] + n),
+                             hn::LoadU(d, in.number[6] + n)};
+    const CellCorners from = less(centre, middle);
     const auto apart = apart_squared(from, dot(from, normal), hn::LoadU(d, in.number[3] + n),
                                      hn::LoadU(d, in.number[7] + n));
     hn::StoreU(apart, d, in.number[8] + n);
@@ -91,15 +92,15 @@ std::size_t keep(const NearPartRows& in, const VoxelsBall& ball, float reach_mm,
 
 /// Squared distance to a triangle; `up` is the height above its plane. If the projection is inside, the
 /// distance to the plane, else to the nearest of the three edges.
-HWY_INLINE Many squared_distance(const NetTriangle& t, const Place& p, Many up) {
+HWY_INLINE Many squared_distance(const NetTriangle& t, const CellCorners& p, Many up) {
   const Tag d;
   const auto zero = hn::Zero(d), one = hn::Set(d, 1.0f);
-  const Place ap = less(p, all_at(t.corner)), ab = all_at(t.ab), ac = all_at(t.ac), bc = less(ac, ab);
+  const CellCorners ap = less(p, all_at(t.corner)), ab = all_at(t.ab), ac = all_at(t.ac), bc = less(ac, ab);
   const auto along_ab = dot(ab, ap), along_ac = dot(ac, ap);
   const auto ab_ab = hn::Set(d, t.ab_ab), ab_ac = hn::Set(d, t.ab_ac), ac_ac = hn::Set(d, t.ac_ac);
-  const auto to_edge = [&](const Place& from, const Place& edge, Many along, float per) HWY_ATTR {
+  const auto to_edge = [&](const CellCorners& from, const CellCorners& edge, Many along, float per) HWY_ATTR {
     const auto part = hn::Max(zero, hn::Min(one, hn::Mul(along, hn::Set(d, per))));
-    const Place off = less(from, {hn::Mul(part, edge.x), hn::Mul(part, edge.y), hn::Mul(part, edge.z)});
+    const CellCorners off = less(from, {hn::Mul(part, edge.x), hn::Mul(part, edge.y), hn::Mul(part, edge.z)});
     return dot(off, off);
   };
   const auto along_bc = hn::Sub(hn::Sub(along_ac, along_ab), hn::Sub(ab_ac, ab_ab));
@@ -116,10 +117,10 @@ void measure(const NetPart* parts, const NetTriangle* triangles, const std::int3
              NetTile& tile) {
   const Tag d;
   for (std::size_t x = 0; x < kTileVoxels; x += hn::Lanes(d)) {
-    const Place p{hn::LoadU(d, tile.x + x), hn::LoadU(d, tile.y + x), hn::Set(d, tile.z)};
+    const CellCorners p{hn::LoadU(d, tile.x + x), hn::LoadU(d, tile.y + x), hn::Set(d, tile.z)};
     auto best = hn::LoadU(d, tile.squared + x);
     const auto may_be_nearer = [&](const NetDisc& disc, Many& up) HWY_ATTR {
-      const Place from = less(p, all_at(disc.middle));
+      const CellCorners from = less(p, all_at(disc.middle));
       up = dot(from, all_at(disc.normal));
       const auto apart = apart_squared(from, up, hn::Set(d, disc.along), hn::Set(d, disc.across));
       return !hn::AllFalse(d, hn::Lt(apart, best));
@@ -142,15 +143,15 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace palpate::internal {
 
-HWY_EXPORT(keep);
+HWY_EXPORT(filter_parts);
 HWY_EXPORT(measure);
 
 NearPartRows::NearPartRows(NearParts& parts) : part(parts.part.data()), count(parts.count) {
   for (std::size_t m = 0; m < parts.number.size(); ++m) number[m] = parts.number[m].data();
 }
 
-void NearParts::make_room(std::size_t most) {
-  const std::size_t room = most + kTileVoxels;
+void NearParts::make_room(std::size_t largest) {
+  const std::size_t room = largest + kTileVoxels;
   if (part.size() >= room) return;
   for (auto& numbers : number) numbers.resize(room);
   part.resize(room);
@@ -174,7 +175,7 @@ void NearParts::move_nearest_first() {
 
 void select_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& stored) {
   stored.make_room(all.count);
-  stored.count = HWY_DYNAMIC_DISPATCH(keep)(NearPartRows(all), ball, reach_mm, NearPartRows(stored));
+  stored.count = HWY_DYNAMIC_DISPATCH(filter_parts)(NearPartRows(all), ball, reach_mm, NearPartRows(stored));
 }
 
 void measure_tile(const NetPart* parts, const NetTriangle* triangles, const NearParts& near, NetTile& tile) {

@@ -32,8 +32,8 @@ struct NetTriangle {
 
 /// Discs of candidate parts, in structure-of-arrays layout.
 struct NearParts {
-  /// Allocates capacity for `most` parts and one vector of padding.
-  void make_room(std::size_t most);
+  /// Allocates capacity for `largest` parts and one vector of padding.
+  void make_room(std::size_t largest);
   /// Appends a part; requires capacity.
   void add(const NetDisc& disc, std::uint32_t its_part);
   /// Moves the part that select_near() found nearest to the centre of its ball to the front.

@@ -61,18 +61,18 @@ void PositionFilter::apply(const Block<float>& distance, Block<std::int16_t>& po
   filter_block(distance, smooth, smoothed);
 
   // weights where labels must be enforced; hardly any on a bone
-  Block<float> wrong(widened), keep(span, 0);
+  Block<float> wrong(widened), preserve(span, 0);
   if (negated_wrong(distance, smoothed, wrong)) {
     Block<float> worst(softened);
     filter_block(wrong, widen, min_of_rows, worst);
-    filter_block(worst, soften, keep);
+    filter_block(worst, soften, preserve);
   }
 
   const auto length = static_cast<std::size_t>(span.size(0));
   const int to_distance = span.low[0] - distance.span().low[0], to_smooth = span.low[0] - widened.low[0];
   for_each_row(span, [&](int j, int k) {
     const PositionRows rows{distance.row(j, k) + to_distance, smoothed.row(j, k) + to_smooth,
-                            wrong.row(j, k) + to_smooth, keep.row(j, k)};
+                            wrong.row(j, k) + to_smooth, preserve.row(j, k)};
     hold_position(rows, kHeld, length, position.row(j, k));
   });
 }

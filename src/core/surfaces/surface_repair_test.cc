@@ -9,7 +9,7 @@ namespace palpate {
 namespace {
 
 struct Quality {
-  double direction_deg = 0, place_mm = 0;  ///< Root mean squares
+  double direction_deg = 0, position_mm = 0;  ///< Root mean squares
 };
 
 /// Error of the position's gradient and zero level, along rays from inside, against a shape with known
@@ -24,9 +24,9 @@ Quality measure(const Surface& s, const Shape& shape, std::mt19937& random) {
     const Point<Patient> p(Eigen::Vector3d(on + t * normal));
     const Eigen::Vector3d gradient = sample_central_differences(s.position(), p).gradient.eigen();
     q.direction_deg += std::pow(test::angle_deg(gradient, normal), 2) / kRays;
-    q.place_mm += t * t / kRays;
+    q.position_mm += t * t / kRays;
   }
-  return {std::sqrt(q.direction_deg), std::sqrt(q.place_mm)};
+  return {std::sqrt(q.direction_deg), std::sqrt(q.position_mm)};
 }
 
 /// A half space whose surface is slanted through the centre of a grid.
@@ -93,14 +93,14 @@ TEST(SurfaceRepair, SlantingPlanesLoseTheirStairs) {
       const Quality raw = measure(unsmoothed(labels), slope, random);
       const Quality smooth = measure(smoothed(labels), slope, random);
       before.direction_deg += raw.direction_deg / 2;
-      before.place_mm += raw.place_mm / 2;
+      before.position_mm += raw.position_mm / 2;
       after.direction_deg += smooth.direction_deg / 2;
-      after.place_mm += smooth.place_mm / 2;
+      after.position_mm += smooth.position_mm / 2;
     }
     std::printf("plane tilted %2.0f deg: direction %.2f -> %.2f deg rms, place %.3f -> %.3f mm rms\n",
-                tilt_deg, before.direction_deg, after.direction_deg, before.place_mm, after.place_mm);
+                tilt_deg, before.direction_deg, after.direction_deg, before.position_mm, after.position_mm);
     EXPECT_LT(after.direction_deg, 0.5 * before.direction_deg);
-    EXPECT_LT(after.place_mm, before.place_mm);
+    EXPECT_LT(after.position_mm, before.position_mm);
   }
 }
 
@@ -115,10 +115,10 @@ TEST(SurfaceRepair, RodsLoseTheirStairs) {
     const Quality before = measure(unsmoothed(labels), rod, random);
     const Quality after = measure(smoothed(labels), rod, random);
     std::printf("rod of %.0f mm: direction %.2f -> %.2f deg rms, place %.3f -> %.3f mm rms\n", radius,
-                before.direction_deg, after.direction_deg, before.place_mm, after.place_mm);
+                before.direction_deg, after.direction_deg, before.position_mm, after.position_mm);
     EXPECT_LT(after.direction_deg, 0.6 * before.direction_deg);
     // a thin rod becomes slightly thinner
-    EXPECT_LT(after.place_mm, 0.1);
+    EXPECT_LT(after.position_mm, 0.1);
   }
 }
 
@@ -133,7 +133,7 @@ TEST(SurfaceRepair, MovesTheSurfaceByLessThanHalfAVoxel) {
     const PreparedSurface s = prepare_with(labels, sigma_mm);
     const Volume<std::int16_t> position = s.surface.position().bricks().dense();
     const GridGeometry& grid = position.geometry();
-    double most = 0;
+    double largest = 0;
     for (int k = 0; k + 1 < grid.dims[2]; ++k) {
       for (int j = 0; j + 1 < grid.dims[1]; ++j) {
         for (int i = 0; i + 1 < grid.dims[0]; ++i) {
@@ -143,12 +143,12 @@ TEST(SurfaceRepair, MovesTheSurfaceByLessThanHalfAVoxel) {
             const double d = s.workings.distance.at(i, j, k);
             const double e = s.workings.distance.at(i + (a == 0), j + (a == 1), k + (a == 2));
             ASSERT_EQ(here < 0, d < 0);
-            if ((d < 0) != (e < 0)) most = std::max(most, std::abs(here / (here - next) - 0.5));
+            if ((d < 0) != (e < 0)) largest = std::max(largest, std::abs(here / (here - next) - 0.5));
           }
         }
       }
     }
-    EXPECT_LT(most, 0.5);
+    EXPECT_LT(largest, 0.5);
   }
 }
 

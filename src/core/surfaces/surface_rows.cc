@@ -56,7 +56,7 @@ void to_stored(const float* mm, std::size_t length, std::int16_t* steps) {
 }
 
 /// Copies every second value; returns the number copied, which leaves less than a vector.
-std::size_t take_even(const std::int16_t* from, std::size_t count, std::int16_t* used) {
+std::size_t sample_evenly(const std::int16_t* from, std::size_t count, std::int16_t* used) {
   const hn::ScalableTag<std::int16_t> d;
   const std::size_t lanes = hn::Lanes(d);
   std::size_t n = 0;
@@ -98,12 +98,12 @@ HWY_INLINE V on_side_of(D d, V value, V side) {
   return hn::IfThenElse(hn::Lt(side, zero), hn::Sub(zero, value), value);
 }
 
-bool wrong(const float* distance, const float* smooth, float held, std::size_t length, float* out) {
+bool wrong(const float* distance, const float* smooth, float clamp_fraction, std::size_t length, float* out) {
   bool any = false;
   by_vectors(length, [&](auto d, std::size_t x) HWY_ATTR {
     const auto far = hn::LoadU(d, distance + x);
-    const auto part =
-        hn::Div(on_side_of(d, hn::LoadU(d, smooth + x), far), hn::Mul(hn::Set(d, held), hn::Abs(far)));
+    const auto part = hn::Div(on_side_of(d, hn::LoadU(d, smooth + x), far),
+                              hn::Mul(hn::Set(d, clamp_fraction), hn::Abs(far)));
     const auto zero = hn::Zero(d);
     const auto value = hn::Max(hn::Set(d, -1.0f), hn::Min(zero, part));
     any = any || !hn::AllFalse(d, hn::Lt(value, zero));
@@ -112,14 +112,14 @@ bool wrong(const float* distance, const float* smooth, float held, std::size_t l
   return any;
 }
 
-void hold(const PositionRows& rows, float held_part, std::size_t length, std::int16_t* position) {
+void hold(const PositionRows& rows, float clamp_fraction, std::size_t length, std::int16_t* position) {
   by_vectors(length, [&](auto d, std::size_t x) HWY_ATTR {
     const auto distance = hn::LoadU(d, rows.distance + x);
     const auto far = hn::Abs(distance);
     const auto own = hn::Min(on_side_of(d, hn::LoadU(d, rows.smooth + x), distance), far);
-    const auto held = hn::Max(own, hn::Mul(hn::Set(d, held_part), far));
-    const auto keep = hn::Neg(hn::Min(hn::LoadU(d, rows.keep + x), hn::LoadU(d, rows.wrong + x)));
-    const auto stored = hn::Add(own, hn::Mul(keep, hn::Sub(held, own)));
+    const auto clamped = hn::Max(own, hn::Mul(hn::Set(d, clamp_fraction), far));
+    const auto preserve = hn::Neg(hn::Min(hn::LoadU(d, rows.preserve + x), hn::LoadU(d, rows.wrong + x)));
+    const auto stored = hn::Add(own, hn::Mul(preserve, hn::Sub(clamped, own)));
     // no voxel lies exactly on the surface: its sign is the label
     const auto one = hn::Set(d, 1.0f);
     const auto steps = hn::Max(one, hn::Mul(stored, hn::Set(d, static_cast<float>(1 / kSurfaceStep_mm))));
@@ -196,7 +196,7 @@ namespace palpate::internal {
 
 HWY_EXPORT(to_mm);
 HWY_EXPORT(to_stored);
-HWY_EXPORT(take_even);
+HWY_EXPORT(sample_evenly);
 HWY_EXPORT(equal);
 HWY_EXPORT(roots);
 HWY_EXPORT(wrong);
@@ -212,7 +212,7 @@ void mm_to_steps(const float* mm, std::size_t length, std::int16_t* steps) {
   HWY_DYNAMIC_DISPATCH(to_stored)(mm, length, steps);
 }
 void take_every(const std::int16_t* from, std::size_t step, std::size_t count, std::int16_t* used) {
-  std::size_t n = step == 2 ? HWY_DYNAMIC_DISPATCH(take_even)(from, count, used) : 0;
+  std::size_t n = step == 2 ? HWY_DYNAMIC_DISPATCH(sample_evenly)(from, count, used) : 0;
   for (; n < count; ++n) used[n] = from[n * step];
 }
 bool all_equal(const float* row, std::size_t length) {
@@ -222,11 +222,13 @@ void roots_where(const std::uint8_t* mask, std::uint8_t mine, const float* squar
                  float* distance) {
   HWY_DYNAMIC_DISPATCH(roots)(mask, mine, squared, length, distance);
 }
-bool wrong_side(const float* distance, const float* smooth, float held, std::size_t length, float* out) {
-  return HWY_DYNAMIC_DISPATCH(wrong)(distance, smooth, held, length, out);
+bool wrong_side(const float* distance, const float* smooth, float clamp_fraction, std::size_t length,
+                float* out) {
+  return HWY_DYNAMIC_DISPATCH(wrong)(distance, smooth, clamp_fraction, length, out);
 }
-void hold_position(const PositionRows& rows, float held, std::size_t length, std::int16_t* position) {
-  HWY_DYNAMIC_DISPATCH(hold)(rows, held, length, position);
+void hold_position(const PositionRows& rows, float clamp_fraction, std::size_t length,
+                   std::int16_t* position) {
+  HWY_DYNAMIC_DISPATCH(hold)(rows, clamp_fraction, length, position);
 }
 void weigh_by_position(const float* position, const float* broad, const SurfaceBand& band, std::size_t length,
                        float* weight, float* weighted) {

@@ -20,15 +20,17 @@ bool all_equal(const float* row, std::size_t length);
 void roots_where(const std::uint8_t* mask, std::uint8_t mine, const float* squared, std::size_t length,
                  float* distance);
 
-/// Distance of a smoothed value on the wrong side, relative to the distance times `held`, negated: -1 ... 0.
-/// Returns whether any is on the wrong side.
-bool wrong_side(const float* distance, const float* smooth, float held, std::size_t length, float* wrong);
+/// Distance of a smoothed value on the wrong side, relative to the distance times `clamp_fraction`, negated:
+/// -1 ... 0. Returns whether any is on the wrong side.
+bool wrong_side(const float* distance, const float* smooth, float clamp_fraction, std::size_t length,
+                float* wrong);
 /// Inputs of hold_position().
 struct PositionRows {
-  const float *distance, *smooth, *wrong, *keep;
+  const float *distance, *smooth, *wrong, *preserve;
 };
 /// Position from the smoothed distance, as documented at PositionFilter.
-void hold_position(const PositionRows& rows, float held, std::size_t length, std::int16_t* position);
+void hold_position(const PositionRows& rows, float clamp_fraction, std::size_t length,
+                   std::int16_t* position);
 
 /// Parameters of weigh_by_position().
 struct SurfaceBand {

@@ -52,8 +52,8 @@ float greatest(std::span<const float> slopes) {
   return *std::max_element(worst.begin(), worst.end());
 }
 
-float greatest_outside(std::span<const float> slopes, const Span3& all, const Span3& without) {
-  const auto place = [&](int i, int j, int k) {
+float max_outside(std::span<const float> slopes, const Span3& all, const Span3& without) {
+  const auto positions = [&](int i, int j, int k) {
     return (static_cast<std::size_t>(k) * static_cast<std::size_t>(all.size(1)) +
             static_cast<std::size_t>(j)) *
                static_cast<std::size_t>(all.size(0)) +
@@ -63,9 +63,9 @@ float greatest_outside(std::span<const float> slopes, const Span3& all, const Sp
   float worst = 0;
   std::size_t from = 0;
   for_each_row(without, [&](int j, int k) {
-    const std::size_t to = place(without.low[0], j, k);
+    const std::size_t to = positions(without.low[0], j, k);
     worst = std::max(worst, greatest(slopes.subspan(from, to - from)));
-    from = place(without.high[0], j, k);
+    from = positions(without.high[0], j, k);
   });
   return std::max(worst, greatest(slopes.subspan(from)));
 }

@@ -20,7 +20,7 @@ void bound_slopes(const GridGeometry& grid, const Block<std::int16_t>& position,
 
 /// Maximum of the squares, 0 for none; and the same with a sub-box of stretches excluded.
 float greatest(std::span<const float> slopes);
-float greatest_outside(std::span<const float> slopes, const Span3& all, const Span3& without);
+float max_outside(std::span<const float> slopes, const Span3& all, const Span3& without);
 /// Slope bound that corresponds to a maximum square; at least 1e-6.
 double steepest_of(float square);
 

@@ -45,8 +45,8 @@ Surface filtered_surface(const PreparedSurface& s, const Volume<LabelId>& labels
     EXPECT_TRUE(stages.run({&stage, 1}, {}, {"filtering"}).ok());
   };
   const auto distance = StepsSource::of(s.workings.distance);
-  const internal::Span3 coarse = internal::whole(broad.geometry());
-  run(stages.crossings(distance, {position.voxels().data(), internal::whole(plan.fine)}));
+  const internal::Span3 coarse = internal::full_span(broad.geometry());
+  run(stages.crossings(distance, {position.voxels().data(), internal::full_span(plan.fine)}));
   run(stages.broad(distance, {broad.voxels().data(), coarse}));
   const Bricks<std::int16_t> in_bricks[]{{broad, 0}, {position, 0}};
   run(stages.normal(StepsSource::of(in_bricks[0]), StepsSource::of(in_bricks[1]),
@@ -82,22 +82,22 @@ struct Ripple {
   double mean_mm = 0;  ///< Mean displacement of the surface
   std::vector<double> deep_mm;
 };
-constexpr double kFirst_mm = -8, kLast_mm = 8, kApart_mm = 0.05;
+constexpr double kFirst_mm = -8, kLast_mm = 8, kSeparation_mm = 0.05;
 
 /// Measured along the steepest line, 16 mm long.
 Ripple ripple_along(const Surface& s, const TiltedPlane& plane) {
   Ripple ripple;
   std::vector<double> angles, places;
-  for (double x = kFirst_mm; x <= kLast_mm; x += kApart_mm) {
+  for (double x = kFirst_mm; x <= kLast_mm; x += kSeparation_mm) {
     const Vector3d on = plane.middle + x * plane.along;
     ripple.deep_mm.push_back(-s.distance_mm(Point<Patient>(Vector3d(on - plane.up))));
     places.push_back(s.distance_mm(Point<Patient>(on)));
     angles.push_back(test::angle_deg(s.outward(Point<Patient>(on)).eigen(), plane.up));
   }
-  const test::Spread depth(ripple.deep_mm), angle(angles), place(places);
+  const test::Spread depth(ripple.deep_mm), angle(angles), positions(places);
   ripple.mm = depth.at(1) - depth.at(0);
   ripple.p99_deg = angle.at(0.99);
-  ripple.mean_mm = std::abs(place.mean);
+  ripple.mean_mm = std::abs(positions.mean);
   return ripple;
 }
 
@@ -109,7 +109,7 @@ Ripple ripple_of_plane(const Vector3d& spacing, double tilt_deg, std::mt19937& r
 
 /// Number of positions of a plane relative to the voxels; overridden by PALPATE_TEST_SCENES. Terraces at 5
 /// degrees are longer than a Gaussian along the surface, those at 2 degrees longer than the measured line.
-int places_of_planes(double tilt_deg) {
+int positions_of_planes(double tilt_deg) {
   const char* value = std::getenv("PALPATE_TEST_SCENES");
   return value != nullptr ? std::atoi(value) : tilt_deg == 5 ? 8 : 2;
 }
@@ -120,9 +120,9 @@ TEST(SurfaceSmoothness, PlanesHaveNoTerraces) {
   std::mt19937 random(seed);
   for (const Vector3d& spacing : {kThinSlices, kEven, kCoarse}) {
     for (const double tilt : {2.0, 5.0, 10.0, 20.0, 35.0, 60.0}) {
-      const int places = places_of_planes(tilt);
+      const int count = positions_of_planes(tilt);
       Ripple worst;
-      for (int index = 0; index < places; ++index) {
+      for (int index = 0; index < count; ++index) {
         const Ripple ripple = ripple_of_plane(spacing, tilt, random);
         worst.mm = std::max(worst.mm, ripple.mm);
         worst.p99_deg = std::max(worst.p99_deg, ripple.p99_deg);
@@ -131,7 +131,7 @@ TEST(SurfaceSmoothness, PlanesHaveNoTerraces) {
       std::printf(
           "spacing %.3f %.2f, plane of %2.0f deg, worst of %d: ripple %.3f mm, direction p99 %.2f deg, "
           "place %.3f\n",
-          spacing[0], spacing[2], tilt, places, worst.mm, worst.p99_deg, worst.mean_mm);
+          spacing[0], spacing[2], tilt, count, worst.mm, worst.p99_deg, worst.mean_mm);
       const bool coarse_and_steep = spacing == kCoarse && (tilt == 20 || tilt == 35);
       EXPECT_LE(worst.mm, tilt == 2 ? 0.35 : coarse_and_steep ? 0.15 : 0.08);
       EXPECT_LE(worst.mean_mm, 0.1);
@@ -182,7 +182,7 @@ TEST(SurfaceSmoothness, TerracesOfTheFilteredDistanceAreGone) {
         if (tilt != 5 || grid != 0) continue;
         std::vector<std::array<double, 2>> points;
         for (std::size_t n = 0; n < ripple->deep_mm.size(); ++n)
-          points.push_back({kFirst_mm + kApart_mm * static_cast<double>(n), ripple->deep_mm[n]});
+          points.push_back({kFirst_mm + kSeparation_mm * static_cast<double>(n), ripple->deep_mm[n]});
         along.line(kind, kind, points);
       }
     }
@@ -233,10 +233,10 @@ double remaining_ridge(const Vector3d& spacing, bool along_slices, std::mt19937&
   });
   const auto height = [&](const Vector3d& p) { return test::crossing(s, p - up, up, 3) - 1; };
   double retained = 0;
-  constexpr int kPlaces = 21;
-  for (int n = 0; n < kPlaces; ++n) {
+  constexpr int kPoints = 21;
+  for (int n = 0; n < kPoints; ++n) {
     const Vector3d on = foot + (0.5 * n - 5) * along;
-    retained += (height(on) - 0.5 * height(on + 5.5 * wide) - 0.5 * height(on - 5.5 * wide)) / kPlaces;
+    retained += (height(on) - 0.5 * height(on + 5.5 * wide) - 0.5 * height(on - 5.5 * wide)) / kPoints;
   }
   return retained;
 }

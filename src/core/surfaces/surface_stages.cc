@@ -43,7 +43,7 @@ Block<std::uint8_t> mask_of(const Bricks<LabelId>& labels, LabelId label,
   Block<std::uint8_t> mask(span, 0);
   const Span3 there{{span.low[0] + box.first[0], span.low[1] + box.first[1], span.low[2] + box.first[2]},
                     {span.high[0] + box.first[0], span.high[1] + box.first[1], span.high[2] + box.first[2]}};
-  const Span3 known = there.clipped(whole(labels.geometry()));
+  const Span3 known = there.clipped(full_span(labels.geometry()));
   const auto row_of = [&](int j, int k) {
     return mask.row(j - box.first[1], k - box.first[2]) - there.low[0];
   };
@@ -111,7 +111,7 @@ Block<std::int16_t> gather(const StepsSource& source, const Index3& step, const 
     });
   };
   std::vector<std::int16_t> row(static_cast<std::size_t>(source.bricks->geometry().dims[0]));
-  copy(whole(source.bricks->geometry()), [&](int i, int j, int k, int count) {
+  copy(full_span(source.bricks->geometry()), [&](int i, int j, int k, int count) {
     source.bricks->copy_row(i, j, k, count, row.data());
     return row.data();
   });
@@ -149,13 +149,13 @@ Index3 SurfacePlan::margin(const GridGeometry& labels, const SurfaceOptions& opt
 
 namespace {
 
-/// Number of slabs of each stage when the most expensive one is cut into `most`.
-std::vector<int> slab_counts(std::span<const SurfaceStage> stages, int most) {
+/// Number of slabs of each stage when the most expensive one is cut into `max_value`.
+std::vector<int> slab_counts(std::span<const SurfaceStage> stages, int max_value) {
   double largest = 0;
   for (const SurfaceStage& stage : stages) largest = std::max(largest, stage.total_cost());
   std::vector<int> counts;
   for (const SurfaceStage& stage : stages) {
-    const auto share = static_cast<int>(std::lround(most * stage.total_cost() / largest));
+    const auto share = static_cast<int>(std::lround(max_value * stage.total_cost() / largest));
     counts.push_back(std::clamp(share, 1, std::max(1, stage.part.size(2))));
   }
   return counts;
@@ -174,8 +174,8 @@ double end_of(std::span<const SurfaceStage> stages, const std::vector<int>& coun
 /// Smallest numbers of slabs that let all workers finish together; each slab has margins.
 std::vector<int> balanced_slab_counts(std::span<const SurfaceStage> stages, int workers) {
   std::vector<int> best = slab_counts(stages, workers);
-  for (int most = workers + 1; most < 2 * workers; ++most) {
-    std::vector<int> counts = slab_counts(stages, most);
+  for (int largest = workers + 1; largest < 2 * workers; ++largest) {
+    std::vector<int> counts = slab_counts(stages, largest);
     if (end_of(stages, counts, workers) < end_of(stages, best, workers)) best = std::move(counts);
   }
   return best;
@@ -279,15 +279,15 @@ SurfaceStage SurfaceStages::stale(const Block<std::uint8_t>& corners, const Step
                                   const Target<std::uint8_t>& out) const {
   return {out.span, [&corners, was, out, this](const Span3& slab) {
             // the point of a cell nearest to a voxel is one of its corners
-            Block<float> apart_mm(slab, 0);
-            distance_to_class(corners, 1, plan.fine.spacing_mm, plan.reach_mm, apart_mm);
+            Block<float> separation_mm(slab, 0);
+            distance_to_class(corners, 1, plan.fine.spacing_mm, plan.reach_mm, separation_mm);
             const Block<std::int16_t> before = gather(was, kEvery, slab, 0);
             Block<std::uint8_t> stale(slab);
             const auto reach = static_cast<float>(plan.reach_mm), step = static_cast<float>(kSurfaceStep_mm);
             for (std::size_t n = 0; n < stale.values().size(); ++n) {
-              const float apart = apart_mm.values()[n];
+              const float separation = separation_mm.values()[n];
               const auto nearest = static_cast<float>(std::abs(before.values()[n]) + 1) * step;
-              stale.values()[n] = apart < reach && nearest >= apart ? 1 : 0;
+              stale.values()[n] = separation < reach && nearest >= separation ? 1 : 0;
             }
             put(stale, out);
           }};
@@ -335,7 +335,7 @@ SurfaceStage SurfaceStages::slopes(const StepsSource& position, const Target<flo
             voxels.low[0] = slab.low[0] * kStretch;
             voxels.high[0] = slab.high[0] * kStretch;
             for (int& high : voxels.high) ++high;
-            voxels = voxels.clipped(whole(plan.fine));
+            voxels = voxels.clipped(full_span(plan.fine));
             Block<float> squares(slab);
             bound_slopes(plan.fine, gather(position, kEvery, voxels, 0), squares);
             put(squares, out);

@@ -18,6 +18,7 @@ namespace {
 
 using internal::Component;
 using internal::Components;
+using internal::full_span;
 using internal::LabelRun;
 using internal::PieceMargins;
 using internal::ProgressSpan;
@@ -28,7 +29,6 @@ using internal::SurfaceStage;
 using internal::SurfaceStages;
 using internal::to_box;
 using internal::to_span;
-using internal::whole;
 
 Error out_of_range(const char* name, double value, const char* range) {
   std::ostringstream what;
@@ -117,7 +117,7 @@ class WholeSurface {
   Result<void> build(const Bricks<LabelId>& labels, const std::vector<LabelRun>& without,
                      PreparedSurface& prepared) {
     using Target = internal::Target<std::int16_t>;
-    const Span3 fine = whole(plan_.fine);
+    const Span3 fine = full_span(plan_.fine);
     SurfaceIntermediates& w = prepared.workings;
 
     auto done = make_bricks(
@@ -133,7 +133,7 @@ class WholeSurface {
     done = make_net(distance, *net);
     if (!done) return done;
     const internal::Index3& first = plan_.box.first;
-    Span3 volume = whole(labels.geometry());
+    Span3 volume = full_span(labels.geometry());
     for (int a = 0; a < 3; ++a) {
       volume.low[a] -= first[a];
       volume.high[a] -= first[a];
@@ -180,10 +180,10 @@ class WholeSurface {
  private:
   /// Runs a stage over a grid, some slices at a time.
   /// @param stage_of  creates the stage that writes to a target
-  /// @param take      called with each range of slices, in order, when values_ holds it
+  /// @param visit      called with each range of slices, in order, when values_ holds it
   template <class StageOf, class Take>
   Result<void> by_slices(const Span3& all, const StageOf& stage_of, double from, double to,
-                         const Take& take) {
+                         const Take& visit) {
     if (all.empty()) return {};
     Span3 part = all;
     for (int k = all.low[2]; k < all.high[2]; k = part.high[2]) {
@@ -197,7 +197,7 @@ class WholeSurface {
       const auto done = stages_.run_in_pieces(stage_of(internal::Target<std::int16_t>{values_.data(), part}),
                                               progress_, span_.part(at(part.low[2]), at(part.high[2])));
       if (!done) return done;
-      take(part);
+      visit(part);
     }
     return {};
   }
@@ -206,7 +206,7 @@ class WholeSurface {
   Result<void> make_bricks(const GridGeometry& grid, double outside_mm, const StageOf& stage_of, double from,
                            double to, Bricks<std::int16_t>& made) {
     BricksBySlices<std::int16_t> bricks(grid, internal::to_steps(outside_mm));
-    const auto done = by_slices(whole(grid), stage_of, from, to,
+    const auto done = by_slices(full_span(grid), stage_of, from, to,
                                 [&](const Span3& part) { bricks.add(part.size(2), values_.data()); });
     if (!done) return done;
     made = bricks.take();
@@ -215,7 +215,7 @@ class WholeSurface {
 
   /// Cells between two batches need slices of both.
   Result<void> make_net(const StepsSource& distance, internal::SurfaceNet& net) {
-    const Span3 fine = whole(plan_.fine);
+    const Span3 fine = full_span(plan_.fine);
     const auto row = static_cast<std::size_t>(fine.size(0)),
                slice = row * static_cast<std::size_t>(fine.size(1));
     std::vector<std::int16_t> last;
@@ -365,7 +365,7 @@ class SurfaceUpdate {
  public:
   /// @param changed  bounding box of voxels whose class changed
   SurfaceUpdate(const SurfacePlan& plan, const internal::SurfaceNet& once, const Span3& changed)
-      : plan_(plan), once_(once), fine_(whole(plan.fine)) {
+      : plan_(plan), once_(once), fine_(full_span(plan.fine)) {
     // nodes of cells at the change, those affected by relaxation, and triangles at them
     moved = grown(changed, internal::kCarvingRounds + 2);
     near = moved.grown(plan.window).clipped(fine_);
@@ -456,7 +456,7 @@ void write(const PatchOf<T>& patch, const internal::Index3& dims, std::vector<T>
 
 Result<void> prepare_each_surface(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,
                                   const SurfaceOptions& options,
-                                  const std::function<void(PreparedSurface)>& take,
+                                  const std::function<void(PreparedSurface)>& visit,
                                   const Progress& progress) {
   const auto checked = check(options);
   if (!checked) return checked.error();
@@ -473,7 +473,7 @@ Result<void> prepare_each_surface(const Bricks<LabelId>& labels, const std::vect
     auto one =
         prepare(labels, label, spans[label], options, progress, whole_work.part(n / count, (n + 1) / count));
     if (!one) return one.error();
-    take(*std::move(one));
+    visit(*std::move(one));
     ++n;
   }
   return {};
@@ -484,8 +484,8 @@ Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& lab
                                                       const SurfaceOptions& options,
                                                       const Progress& progress) {
   std::vector<PreparedSurface> all;
-  const auto take = [&](PreparedSurface one) { all.push_back(std::move(one)); };
-  const auto done = prepare_each_surface(labels, structures, options, take, progress);
+  const auto visit = [&](PreparedSurface one) { all.push_back(std::move(one)); };
+  const auto done = prepare_each_surface(labels, structures, options, visit, progress);
   if (!done) return done.error();
   return all;
 }
@@ -493,7 +493,7 @@ Result<std::vector<PreparedSurface>> prepare_surfaces(const Bricks<LabelId>& lab
 SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& labels, const VoxelBox& dirty) {
   SurfacePatch patch;
   if (old.options.drop_below_mm3 > 0) return patch;
-  const Span3 known = to_span(dirty).clipped(whole(labels.geometry()));
+  const Span3 known = to_span(dirty).clipped(full_span(labels.geometry()));
   if (!has_room(labels, old.label, to_span(old.workings.extent), known)) return patch;
   const Span3 changed = find_changes(old, labels, known.clipped(to_span(old.box)), patch.voxels_more);
   if (old.volume_mm3 + static_cast<double>(patch.voxels_more) * labels.geometry().voxel_volume_mm3() <
@@ -509,7 +509,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
   const auto run = [&](std::initializer_list<SurfaceStage> together) {
     patch.local = patch.local && stages.run(together, {}, {"preparing surfaces"}).ok();
   };
-  const Span3 fine = whole(plan.fine), coarse = whole(plan.normal.geometry);
+  const Span3 fine = full_span(plan.fine), coarse = full_span(plan.normal.geometry);
   const Bricks<std::int16_t>& was = old.surface.position().bricks();
   const auto old_position = StepsSource::of(was);
   const auto distance = StepsSource::of(old.workings.distance).with(patch.distance);
@@ -540,7 +540,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
        stages.slopes(position, start(patch.slopes, slopes_part))});
 
   const float beside =
-      internal::greatest_outside(old.workings.slopes, internal::stretches(plan.fine), slopes_part);
+      internal::max_outside(old.workings.slopes, internal::stretches(plan.fine), slopes_part);
   patch.steepest = internal::steepest_of(std::max(beside, internal::greatest(patch.slopes.values)));
   return patch;
 }

@@ -64,8 +64,8 @@ inline double crossing(const Surface& surface, const Eigen::Vector3d& start, con
   while (low < length && (at(low + 0.02) > 0) == side) low += 0.02;
   double high = low + 0.02;
   for (int n = 0; n < 30; ++n) {
-    const double middle = 0.5 * (low + high);
-    ((at(middle) > 0) == side ? low : high) = middle;
+    const double midpoint = 0.5 * (low + high);
+    ((at(midpoint) > 0) == side ? low : high) = midpoint;
   }
   return low;
 }

@@ -73,7 +73,7 @@ void expect_same(const ElasticGrid& grid, const ElasticGrid& whole) {
   expect_same_bits(grid.lambda(), whole.lambda(), "lambda");
   expect_same_bits(grid.fill(), whole.fill(), "fill");
   expect_same_bits(grid.springs(), whole.springs(), "springs");
-  EXPECT_EQ(grid.held(), whole.held());
+  EXPECT_EQ(grid.constraints(), whole.constraints());
 }
 
 // sweep given in the grid's own axes
@@ -85,7 +85,7 @@ Cut sweep_in(const Model& model, const Eigen::Vector3d& from, const Eigen::Vecto
 
 std::shared_ptr<const Model> cut(const std::shared_ptr<const Model>& model, const std::vector<Cut>& cuts) {
   const auto carving = model->carving != nullptr ? model->carving : std::make_shared<const Carving>(*model);
-  return carving->with(cuts)->taken_from(*model);
+  return carving->with(cuts)->applied_to(*model);
 }
 
 TEST(TakenParts, AreWhatASweepHasOfAVoxel) {
@@ -106,12 +106,12 @@ TEST(TakenParts, AreWhatASweepHasOfAVoxel) {
       for (int j = 0; j < 34; ++j)
         for (int i = 0; i < 36; ++i) {
           const LabelId label = model->labels->at(i, j, k);
-          constexpr int kPlaces = 5;
+          constexpr int kSamples = 5;
           int within = 0;
-          for (int p = 0; p < kPlaces * kPlaces * kPlaces; ++p) {
-            const auto along = [](int voxel, int index) { return voxel + (index + 0.5) / kPlaces - 0.5; };
-            const Point<Voxel> at(along(i, p % kPlaces), along(j, p / kPlaces % kPlaces),
-                                  along(k, p / (kPlaces * kPlaces)));
+          for (int p = 0; p < kSamples * kSamples * kSamples; ++p) {
+            const auto along = [](int voxel, int index) { return voxel + (index + 0.5) / kSamples - 0.5; };
+            const Point<Voxel> at(along(i, p % kSamples), along(j, p / kSamples % kSamples),
+                                  along(k, p / (kSamples * kSamples)));
             within += shape.depth_mm(X_PatientVoxel * at) > 0;
           }
           const bool stays = label == 0 || label == kProtectedLabel;
@@ -139,7 +139,9 @@ TEST(ChangedVoxels, AreThoseThatDiffer) {
   GridGeometry grid;
   grid.dims = {40, 35, 50};
   const Bricks<std::uint8_t> none(grid, std::uint8_t{0});
-  const auto within = [&](int most) { return static_cast<int>(random() % static_cast<unsigned>(most)); };
+  const auto within = [&](int largest) {
+    return static_cast<int>(random() % static_cast<unsigned>(largest));
+  };
   for (int round = 0; round < 200; ++round) {
     PatchOf<std::uint8_t> patch{
         {{within(30), within(25), within(40)}, {1 + within(9), 1 + within(9), 1 + within(9)}}, {}};
@@ -201,8 +203,8 @@ class CarvedCellsOf : public ::testing::Test {
         for (int i = 0; i <= layout.cells[0]; ++i)
           for (int c = 0; c < 3; ++c) u.values[layout.node(i, j, k, c)] = small(random);
     ElasticField at_rest = u, fresh_at_rest = u;
-    solver_->zero_held(at_rest);
-    fresh.zero_held(fresh_at_rest);
+    solver_->zero_constrained(at_rest);
+    fresh.zero_constrained(fresh_at_rest);
     expect_same_bits(at_rest.values, fresh_at_rest.values, "held");
     solver_->forces(u, f);
     fresh.forces(u, g);
@@ -234,15 +236,17 @@ TEST_F(CarvedCellsOf, FollowRandomStrokesAsIfLaidWhole) {
   for (int scene = 0; scene < kScenes; ++scene) {
     const Eigen::Matrix3d turned =
         Eigen::AngleAxisd(0.4 * scene, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
-    const auto from = [&](int most) { return static_cast<int>(random() % static_cast<unsigned>(most)) - 3; };
+    const auto from = [&](int largest) {
+      return static_cast<int>(random() % static_cast<unsigned>(largest)) - 3;
+    };
     const auto model = layered(turned);
     begin(model, box_in(*model, {from(8), from(8), from(6)}, {19, 16, 18}));
     for (int n = 0; n < kActions; ++n) {
       const auto carving = model_->carving;
       if (const unsigned dice = random() % 4; dice == 0 && carving && carving->strokes_to_undo() > 0)
-        model_ = carving->undone()->taken_from(*model_);
+        model_ = carving->undone()->applied_to(*model_);
       else if (dice == 1 && carving && carving->strokes_to_redo() > 0)
-        model_ = carving->redone()->taken_from(*model_);
+        model_ = carving->redone()->applied_to(*model_);
       else {
         const Eigen::Vector3d begin_at(x(random), y(random), z(random));
         model_ = cut(model_, {sweep_in(*model_, begin_at,
@@ -302,13 +306,13 @@ TEST_F(CarvedCellsOf, BoneThatIsTakenAwayLetsGoOfWhatIsOnIt) {
 TEST_F(CarvedCellsOf, WhatIsCutOffIsHeldAndIsFreeAgainWhenItIsPutBack) {
   const auto model = layered();
   begin(model, box_in(*model, {2, 1, 0}, {19, 16, 18}));
-  const auto held_nodes = [&] {
+  const auto constrained_nodes = [&] {
     ElasticField u(cells_->grid().layout());
     std::fill(u.values.begin(), u.values.end(), 1.0f);
-    solver_->zero_held(u);
+    solver_->zero_constrained(u);
     return std::count(u.values.begin(), u.values.end(), 0.0f);
   };
-  const auto before = held_nodes();
+  const auto before = constrained_nodes();
   // a plane beneath and one on each side leave a disconnected block
   std::vector<Cut> cuts;
   for (double y = 5; y <= 21; y += 1) cuts.push_back(sweep_in(*model, {5, y, 12}, {18, y, 12}, 1.7, 1));
@@ -320,18 +324,18 @@ TEST_F(CarvedCellsOf, WhatIsCutOffIsHeldAndIsFreeAgainWhenItIsPutBack) {
   settle();
   expect_as_whole();
   const ElasticGrid& grid = cells_->grid();
-  const Point<Patient> middle = model->labels->geometry().X_PatientVoxel() * Point<Voxel>(11, 13, 18);
-  const Eigen::Vector3d at = box_.local_mm(middle) / box_.cell_mm;
+  const Point<Patient> centre = model->labels->geometry().X_PatientVoxel() * Point<Voxel>(11, 13, 18);
+  const Eigen::Vector3d at = box_.local_mm(centre) / box_.cell_mm;
   const int i = static_cast<int>(at.x()), j = static_cast<int>(at.y()), k = static_cast<int>(at.z());
   EXPECT_GT(grid.mu()[grid.layout().cell(i, j, k)], 0);
   ElasticField u(grid.layout());
   u.values[grid.layout().node(i, j, k, 0)] = 1;
-  solver_->zero_held(u);
+  solver_->zero_constrained(u);
   EXPECT_EQ(u.values[grid.layout().node(i, j, k, 0)], 0);
-  model_ = model_->carving->undone()->taken_from(*model_);
+  model_ = model_->carving->undone()->applied_to(*model_);
   settle();
   expect_as_whole();
-  EXPECT_EQ(held_nodes(), before);
+  EXPECT_EQ(constrained_nodes(), before);
 }
 
 TEST_F(CarvedCellsOf, OthersGoOnWhereTheseAreOnTheirWay) {

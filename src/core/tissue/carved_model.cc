@@ -202,7 +202,7 @@ std::uint64_t Carving::content_hash(std::uint64_t uncut) const {
   return hash_finish(uncut);
 }
 
-std::shared_ptr<const Model> Carving::taken_from(const Model& model) const {
+std::shared_ptr<const Model> Carving::applied_to(const Model& model) const {
   PALPATE_CHECK(model.surfaces.size() == tracked_surfaces_ &&
                 model.distances.structures().size() == made_of_tracked_.size());
   auto next = std::make_shared<Model>(model);

@@ -47,7 +47,7 @@ TEST(CarvedModel, EverySurfaceIsCarvedAndTheRestIsShared) {
   const auto none = std::make_shared<const Carving>(model);
   const std::vector<Cut> cuts = groove(2, -6);
   const auto carving = none->with(cuts);
-  const auto next = carving->taken_from(model);
+  const auto next = carving->applied_to(model);
   EXPECT_EQ(next->version, model.version + 1);
   EXPECT_EQ(next->edits, 1u);
   EXPECT_NE(next->content_hash, model.content_hash);
@@ -65,7 +65,7 @@ TEST(CarvedModel, EverySurfaceIsCarvedAndTheRestIsShared) {
   }
   EXPECT_NE(next->surfaces[2].surface, model.surfaces[2].surface);
   // nothing in range: the surfaces are the same objects
-  const auto far = none->with(std::vector<Cut>{{0, {{25, 25, 25}, {26, 25, 25}, 2}}})->taken_from(model);
+  const auto far = none->with(std::vector<Cut>{{0, {{25, 25, 25}, {26, 25, 25}, 2}}})->applied_to(model);
   EXPECT_EQ(far->surfaces[2].surface, model.surfaces[2].surface);
   EXPECT_EQ(far->surfaces[2].made, nullptr);
   EXPECT_EQ(far->labels, model.labels);
@@ -75,20 +75,21 @@ TEST(CarvedModel, VersionsInPiecesAreThoseAtOnce) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> place(-12, 12);
+  std::uniform_real_distribution<double> coordinate(-12, 12);
   std::vector<Cut> cuts;
   for (int n = 0; n < 12; ++n) {
-    const Point<Patient> from(place(random), place(random), kBoneRadius_mm + 0.1 * place(random));
+    const Point<Patient> from(coordinate(random), coordinate(random),
+                              kBoneRadius_mm + 0.1 * coordinate(random));
     cuts.push_back({static_cast<std::uint32_t>(n % 2), {from, from + Vector<Patient>(1, 0.5, -0.5), 2}});
   }
   const Model model = one_body();
   const auto none = std::make_shared<const Carving>(model);
-  const auto at_once = none->with(cuts)->taken_from(model);
+  const auto at_once = none->with(cuts)->applied_to(model);
   auto carving = none;
   auto carved = std::make_shared<const Model>(model);
   for (std::size_t n = 0; n < cuts.size(); n += 3) {
     carving = carving->with(std::span(cuts).subspan(n, 3));
-    carved = carving->taken_from(*carved);
+    carved = carving->applied_to(*carved);
   }
   EXPECT_EQ(carved->edits, 4u);
   EXPECT_EQ(carved->version, model.version + 4);
@@ -118,14 +119,14 @@ TEST(CarvedModel, DistancesAreToWhatIsLeft) {
   };
   const auto none = std::make_shared<const Carving>(model);
   const auto carving = none->with(groove(2, -6));
-  const auto cut = carving->taken_from(model);
+  const auto cut = carving->applied_to(model);
   // at the centre of the ball that cut, everything within its radius is removed
   const double z = outer_mm;
   EXPECT_NEAR(at(model, 1, z), std::hypot(6, z) - outer_mm, 0.05);
   EXPECT_NEAR(at(*cut, 1, z), 2, 0.3);
   EXPECT_GT(at(*cut, 0, z), at(model, 0, z) - 0.05) << "of the bone little is gone";
   EXPECT_EQ(cut->distances.structures()[2].tree, model.distances.structures()[2].tree) << "not felt, not cut";
-  const auto back = carving->undone()->taken_from(*cut);
+  const auto back = carving->undone()->applied_to(*cut);
   for (std::size_t s = 0; s < 3; ++s) EXPECT_EQ(at(*back, s, z), at(model, s, z)) << s;
 }
 
@@ -133,7 +134,7 @@ TEST(CarvedModel, DistancesAreToWhatIsLeft) {
 std::shared_ptr<const Model> cut_at_once(const Model& model, const std::vector<std::vector<Cut>>& strokes) {
   std::vector<Cut> cuts;
   for (const std::vector<Cut>& stroke : strokes) cuts.insert(cuts.end(), stroke.begin(), stroke.end());
-  return Carving(model).with(cuts)->taken_from(model);
+  return Carving(model).with(cuts)->applied_to(model);
 }
 
 TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
@@ -141,10 +142,10 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
   RecordProperty("seed", static_cast<int>(seed));
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  const auto below = [&](int most) { return std::uniform_int_distribution<int>(0, most - 1)(random); };
+  const auto below = [&](int largest) { return std::uniform_int_distribution<int>(0, largest - 1)(random); };
   const Model model = one_body();
   auto carving = std::make_shared<const Carving>(model);
-  auto carved = carving->taken_from(model);
+  auto carved = carving->applied_to(model);
   EXPECT_EQ(carved->content_hash, model.content_hash);
   EXPECT_EQ(carving->undone(), nullptr);
   EXPECT_EQ(carving->redone(), nullptr);
@@ -177,7 +178,7 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
     EXPECT_EQ(carving->strokes_to_redo(), undone.size());
     // swept material is reported as carved even after an undo
     EXPECT_EQ(carving->sweeps(0) + carving->sweeps(1), swept);
-    carved = carving->taken_from(*carved);
+    carved = carving->applied_to(*carved);
     const auto at_once = cut_at_once(model, done);
     EXPECT_EQ(carved->content_hash, at_once->content_hash);
     EXPECT_EQ(carved->labels->content_hash(), at_once->labels->content_hash());
@@ -190,7 +191,7 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
     }
   }
   while (carving->strokes_to_undo() > 0) carving = carving->undone();
-  carved = carving->taken_from(*carved);
+  carved = carving->applied_to(*carved);
   EXPECT_EQ(carved->content_hash, model.content_hash);
   EXPECT_EQ(carved->surfaces[2].surface, model.surfaces[2].surface) << "the very same";
   EXPECT_EQ(carved->labels, model.labels);
@@ -243,7 +244,7 @@ class Published {
 };
 
 TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
-  constexpr std::size_t kReaders = 3, kHeld = 4;
+  constexpr std::size_t kReaders = 3, kFixed = 4;
   constexpr std::uint32_t kVersions = 24;
   constexpr int kReportedOfEach = 40;
   const unsigned seed = test::test_seed();
@@ -258,20 +259,20 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
   const auto read = [&](std::size_t reader) {
     std::mt19937 random(seed + 1 + static_cast<unsigned>(reader));
     std::uniform_real_distribution<double> across(-12, 12), height(-4, 4);
-    std::deque<std::shared_ptr<const Model>> held;
+    std::deque<std::shared_ptr<const Model>> retained;
     std::array<int, kVersions + 1> reported_of{};
     for (bool last = false; !last;) {
       last = done;
       auto newest = published.get();
-      if (held.empty() || held.back() != newest) held.push_back(std::move(newest));
-      if (held.size() > kHeld) held.pop_front();
-      for (const auto& version : held) {
+      if (retained.empty() || retained.back() != newest) retained.push_back(std::move(newest));
+      if (retained.size() > kFixed) retained.pop_front();
+      for (const auto& version : retained) {
         const Point<Patient> at(across(random), across(random), kBoneRadius_mm + height(random));
         const int k = static_cast<int>(random() % static_cast<unsigned>(model->labels->geometry().dims[2]));
         const Reported now = reported_by(*version, version->edits, at, k);
         if (reported_of[version->edits]++ < kReportedOfEach) reported[reader].push_back(now);
       }
-      observed[reader] = held.back()->edits;
+      observed[reader] = retained.back()->edits;
     }
   };
   std::vector<std::thread> readers;
@@ -279,7 +280,7 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
 
   // grooves at random positions; each fifth version undoes a stroke
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> below_mm(1, 3), place_mm(-8, 8);
+  std::uniform_real_distribution<double> below_mm(1, 3), position_mm(-8, 8);
   std::vector<std::vector<Cut>> strokes;
   std::vector<std::vector<std::vector<Cut>>> strokes_of{{}};
   auto carving = std::make_shared<const Carving>(*model);
@@ -289,12 +290,12 @@ TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
       carving = carving->undone();
       strokes.pop_back();
     } else {
-      std::vector<Cut> cuts = groove(below_mm(random), place_mm(random));
+      std::vector<Cut> cuts = groove(below_mm(random), position_mm(random));
       for (Cut& cut : cuts) cut.sweep.stroke = n;
       carving = carving->with(cuts);
       strokes.push_back(cuts);
     }
-    carved = carving->taken_from(*carved);
+    carved = carving->applied_to(*carved);
     strokes_of.push_back(strokes);
     published.set(carved);
     // all readers have seen recent versions while more is carved, even on a busy machine
@@ -334,7 +335,7 @@ double peak_of_versions(const Model& model, unsigned versions) {
         const Cut cut{0, {at, at + Vector<Patient>(0, 0, 0.2), 1, n / 2}};
         carving = carving->with({&cut, 1});
       }
-      current = carving->taken_from(*current);
+      current = carving->applied_to(*current);
     }
     return current->edits == versions;
   });
@@ -360,7 +361,7 @@ TEST(CarvedModel, WhatIsCutAfterAnUndoIsAStrokeOfItsOwn) {
   EXPECT_EQ(rest->strokes_to_undo(), 1u);
   EXPECT_EQ(rest->strokes_to_redo(), 0u);
   EXPECT_EQ(rest->sweeps(0) + rest->sweeps(1), 2u);
-  EXPECT_EQ(rest->taken_from(model)->content_hash, cut_at_once(model, {{cuts[1]}})->content_hash);
+  EXPECT_EQ(rest->applied_to(model)->content_hash, cut_at_once(model, {{cuts[1]}})->content_hash);
 }
 
 TEST(CarvedModel, AStrokeThatIsTooLongAgoStays) {
@@ -377,13 +378,13 @@ TEST(CarvedModel, AStrokeThatIsTooLongAgoStays) {
   }
   EXPECT_EQ(carving->strokes_to_undo(), kMaxUndoneStrokes);
   while (carving->strokes_to_undo() > 0) carving = carving->undone();
-  EXPECT_EQ(carving->taken_from(model)->content_hash, cut_at_once(model, {first})->content_hash);
+  EXPECT_EQ(carving->applied_to(model)->content_hash, cut_at_once(model, {first})->content_hash);
 }
 
 TEST(CarvedModel, LabelsAreGoneWhereTheirCentresWereSweptIfTheyAreFelt) {
   const Model model = one_body();
   const std::vector<Cut> cuts = groove(2, 0);
-  const auto next = Carving(model).with(cuts)->taken_from(model);
+  const auto next = Carving(model).with(cuts)->applied_to(model);
   const auto X_PatientVoxel = model.labels->geometry().X_PatientVoxel();
   const auto& dims = model.labels->geometry().dims;
   int removed = 0, fat = 0;
@@ -411,7 +412,7 @@ TEST(CarvedModel, WhatWasBeneathBelongsToWhomItsLabelsSay) {
     return owners_at(of.surfaces, 2, Point<Patient>(x_mm, 0, std::sqrt(r * r - x_mm * x_mm))).largest();
   };
   EXPECT_EQ(owner(model, -6, 0), 1);
-  const auto next = Carving(model).with(groove(6, -6))->taken_from(model);
+  const auto next = Carving(model).with(groove(6, -6))->applied_to(model);
   EXPECT_EQ(owner(*next, -6, 0), 1);
   EXPECT_EQ(owner(*next, -6, 1.5), 1);
   EXPECT_EQ(owner(*next, -6, 4.5), 0) << "bone, through the shell";

@@ -87,11 +87,11 @@ class Nearby {
     if (size() == 0) return nearest;
     const Eigen::ArrayXf paths = distances_mm(at_mm);
     // margin for rounding
-    const float most = std::min(max_mm + radius_mm, paths.minCoeff() + 2 * radius_mm) + 1e-3f;
-    const Eigen::Index count = (paths <= most).count();
+    const float largest = std::min(max_mm + radius_mm, paths.minCoeff() + 2 * radius_mm) + 1e-3f;
+    const Eigen::Index count = (paths <= largest).count();
     nearest.voxels_.resize(count, 4);
     for (Eigen::Index n = 0, to = 0; to < count; ++n)
-      if (paths[n] <= most) nearest.voxels_.row(to++) = voxels_.row(n);
+      if (paths[n] <= largest) nearest.voxels_.row(to++) = voxels_.row(n);
     return nearest;
   }
   Eigen::Index size() const { return voxels_.rows(); }
@@ -136,7 +136,7 @@ class Carved {
     cut_ = read(cut, read_);
     before_ = united();
     for (const Sweep& sweep : sweeps) take(sweep, made.X_VoxelPatient());
-    for (const auto& one : stored) keep(*one);
+    for (const auto& one : stored) retain(*one);
     is_ = united();
     beside_ = beside(is_, [](Steps value) { return value < 0; });
     position_ = read(now, changing_);
@@ -213,7 +213,7 @@ class Carved {
   }
 
   // excludes a protected structure from the cuts
-  void keep(const Surface& stored) {
+  void retain(const Surface& stored) {
     Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
     for (unsigned at = 0; at < 8; ++at) {
       Index voxel;
@@ -260,7 +260,7 @@ class Carved {
     for (std::size_t n = 0; n < values.size(); ++n) count += counts(n) ? 1 : 0;
     Nearby nearby(count);
     for_voxels(read_, [&, n = std::size_t{0}, to = std::size_t{0}](int i, int j, int k) mutable {
-      if (counts(n)) nearby.set(to++, place_mm(i, j, k), static_cast<float>(values[n] * step_mm_));
+      if (counts(n)) nearby.set(to++, position_mm(i, j, k), static_cast<float>(values[n] * step_mm_));
       ++n;
     });
     return nearby;
@@ -273,7 +273,7 @@ class Carved {
     return nearby(before_, beside(more, [](Steps changed) { return changed != 0; }));
   }
 
-  Eigen::Array3f place_mm(int i, int j, int k) const {
+  Eigen::Array3f position_mm(int i, int j, int k) const {
     return (Eigen::Array3d(i, j, k) * grid_.spacing_mm.array()).cast<float>();
   }
 
@@ -313,7 +313,7 @@ class Carved {
       if (beside_[n] != 0) return;
       Steps& value = position_[changing_.offset(i, j, k)];
       if (value >= far_) return;
-      const Eigen::Array3f at = place_mm(i, j, k);
+      const Eigen::Array3f at = position_mm(i, j, k);
       int steps = in_steps(around.is.distance_mm(at));
       if (made_[n] >= 0 && steps > made_[n])
         steps = made_[n] + std::max(0, steps - in_steps(around.made.distance_mm(at)));

@@ -22,11 +22,11 @@ double ball(const Eigen::Vector3d& p) {
   return p.norm() - 7;
 }
 std::vector<Sweep> random_sweeps(std::mt19937& random, int count) {
-  std::uniform_real_distribution<double> place(-8, 8), step(-2, 2), radius(0.4, 2.5);
+  std::uniform_real_distribution<double> coordinate(-8, 8), step(-2, 2), radius(0.4, 2.5);
   std::vector<Sweep> sweeps;
   for (int n = 0; n < count; ++n) {
     Sweep sweep;
-    sweep.from = Point<Patient>(place(random), place(random), place(random));
+    sweep.from = Point<Patient>(coordinate(random), coordinate(random), coordinate(random));
     // some are stationary
     sweep.to = sweep.from;
     if (n % 3 != 0) sweep.to += Vector<Patient>(step(random), step(random), step(random));
@@ -185,10 +185,10 @@ TEST(Carving, WhereNothingIsTakenNothingChanges) {
   const CarvedSurface carved = whole.with(cut);
   EXPECT_NE(carved.surface()->content_hash(), made->content_hash());
   std::mt19937 random(test::test_seed());
-  std::uniform_real_distribution<double> place(-9, 9);
+  std::uniform_real_distribution<double> coordinate(-9, 9);
   int found = 0;
   for (int n = 0; n < 20000; ++n) {
-    const Point<Patient> p(place(random), place(random), place(random));
+    const Point<Patient> p(coordinate(random), coordinate(random), coordinate(random));
     const Vector<Patient> from = p - Point<Patient>(6, 0.5, 0);
     if (from.norm() < 1.5 + kReach_mm + 2) continue;
     ++found;
@@ -219,15 +219,15 @@ const Case kCases[] = {
 
 TEST(Carving, ABedThatWasMilledIsFlatAndFree) {
   // parallel passes, as in milling a bed: the ball's centre is free at the height of the passes
-  const double radius_mm = 2, apart_mm = 0.4;
+  const double radius_mm = 2, separation_mm = 0.4;
   for (const auto& [spacing_mm, turn] : kCases) {
     const auto made = testing::surface_to_carve(18, spacing_mm, slab(-5, 0, 9), testing::turned_by(turn));
     std::vector<Sweep> sweeps;
-    for (double y = -5; y <= 5; y += apart_mm)
+    for (double y = -5; y <= 5; y += separation_mm)
       sweeps.push_back({Point<Patient>(-5, y, 1), Point<Patient>(5, y, 1), radius_mm});
     const CarvedSurface carved = CarvedSurface(made).with(sweeps);
     const Surface& bed = *carved.surface();
-    const double cusp_mm = apart_mm * apart_mm / (8 * radius_mm), voxel_mm = spacing_mm.maxCoeff();
+    const double cusp_mm = separation_mm * separation_mm / (8 * radius_mm), voxel_mm = spacing_mm.maxCoeff();
     std::mt19937 random(test::test_seed());
     std::uniform_real_distribution<double> across(-3, 3), height(-1, 2.5);
     double max_mm = 0, most_degrees = 0;
@@ -285,10 +285,11 @@ TEST(Carving, NoSlopeIsSteeperThanItIsSaid) {
   const Surface& surface = *carved.surface();
   // where three sweeps meet in a point, each axis may contribute its slope
   EXPECT_LT(surface.steepest(), 2.2);
-  std::uniform_real_distribution<double> place(-9, 9);
+  std::uniform_real_distribution<double> coordinate(-9, 9);
   for (int n = 0; n < 20000; ++n) {
-    const Point<Patient> p(place(random), place(random), place(random));
-    const Vector<Patient> step(1e-4 * place(random), 1e-4 * place(random), 1e-4 * place(random));
+    const Point<Patient> p(coordinate(random), coordinate(random), coordinate(random));
+    const Vector<Patient> step(1e-4 * coordinate(random), 1e-4 * coordinate(random),
+                               1e-4 * coordinate(random));
     EXPECT_LE(std::abs(surface.distance_mm(p + step) - surface.distance_mm(p)),
               surface.steepest() * step.norm() + 1e-12);
     EXPECT_LE(surface.at_least_mm(p), surface.distance_mm(p) + 1e-9);
@@ -301,10 +302,10 @@ TEST(Carving, WhatIsKeptStaysWhateverTheOrder) {
   SCOPED_TRACE(seed);
   const Eigen::Vector3d spacing_mm(0.5, 0.6, 0.7);
   const auto made = testing::surface_to_carve(12, spacing_mm, ball, testing::turned_by(0.4));
-  const Eigen::Vector3d middle(3, -2, 4);
+  const Eigen::Vector3d centre(3, -2, 4);
   // on a grid of its own that contains all of it
   const auto stored = testing::surface_to_carve(
-      12, Eigen::Vector3d::Constant(0.5), [&](const Eigen::Vector3d& p) { return (p - middle).norm() - 3; });
+      12, Eigen::Vector3d::Constant(0.5), [&](const Eigen::Vector3d& p) { return (p - centre).norm() - 3; });
   std::vector<Sweep> sweeps = random_sweeps(random, 30);
   sweeps.push_back({{3, -2, 4}, {4, -2, 5}, 2.5});
   const CarvedSurface all = CarvedSurface(made).with(sweeps),
@@ -314,10 +315,10 @@ TEST(Carving, WhatIsKeptStaysWhateverTheOrder) {
     one_by_one = one_by_one.with({{*sweep}});
   EXPECT_EQ(one_by_one.surface()->content_hash(), but.surface()->content_hash());
 
-  std::uniform_real_distribution<double> place(-8, 8);
+  std::uniform_real_distribution<double> coordinate(-8, 8);
   int retained_points = 0, saved = 0, gone = 0;
   for (int n = 0; n < 100'000; ++n) {
-    const Point<Patient> at(place(random), place(random), place(random));
+    const Point<Patient> at(coordinate(random), coordinate(random), coordinate(random));
     // within a cell's length of the protected surface the result is not specified
     const double from_retained_mm = stored->distance_mm(at), cell_mm = spacing_mm.norm();
     const bool was = made->distance_mm(at) < -0.05, is = but.surface()->distance_mm(at) < 0;

@@ -53,14 +53,14 @@ struct ChainMail::Bounds {
 ChainMail::ChainMail(const ElasticGrid& grid)
     : box_(grid.box()), layout_(grid.layout()), moved_mm_(grid.layout()) {
   state_.resize(number(0, 0, layout_.cells[2] + 1), kFree);
-  observed_.resize(state_.size());
+  visited_.resize(state_.size());
   const auto& cells = layout_.cells;
   for_each_node({{0, 0, 0}, cells}, [&](int i, int j, int k) {
     const bool face = i == 0 || j == 0 || k == 0 || i == cells[0] || j == cells[1] || k == cells[2];
-    const std::uint8_t held = grid.held(i, j, k);
-    state_[number(i, j, k)] = (held & ElasticGrid::kNoNode) != 0         ? kNone
-                              : face || (held & ElasticGrid::kHeld) != 0 ? kFixed
-                                                                         : kFree;
+    const std::uint8_t constraints = grid.constraint(i, j, k);
+    state_[number(i, j, k)] = (constraints & ElasticGrid::kNoNode) != 0          ? kNone
+                              : face || (constraints & ElasticGrid::kFixed) != 0 ? kFixed
+                                                                                 : kFree;
   });
 }
 
@@ -74,15 +74,15 @@ ChainMail::Bounds ChainMail::bounds_of(int i, int j, int k, int neighbour) const
   const auto edge_mm = static_cast<float>(box_.cell_mm);
   const float shorter = (1 - static_cast<float>(kLeast)) * edge_mm,
               longer = (static_cast<float>(kMost) - 1) * edge_mm,
-              aside = static_cast<float>(kShear) * edge_mm;
+              lateral = static_cast<float>(kShear) * edge_mm;
   Bounds bounds;
   for (int c = 0; c < 3; ++c) {
     const float its = moved_mm_.values[layout_.node(at[0], at[1], at[2], c)];
     const auto n = static_cast<std::size_t>(c);
     // relative to a neighbour in the positive direction the node may approach by `shorter` and recede by
     // `longer`
-    const float back = c != axis ? aside : path > 0 ? longer : shorter;
-    const float on = c != axis ? aside : path > 0 ? shorter : longer;
+    const float back = c != axis ? lateral : path > 0 ? longer : shorter;
+    const float on = c != axis ? lateral : path > 0 ? shorter : longer;
     bounds.low[n] = its - back;
     bounds.high[n] = its + on;
   }
@@ -108,7 +108,7 @@ void ChainMail::pull() {
   for (std::size_t n = 0; n < queue_.size(); ++n) {
     const Link link = queue_[n];
     const std::size_t node = number(link.i, link.j, link.k);
-    if (state_[node] != kFree || observed_[node] == move_) continue;
+    if (state_[node] != kFree || visited_[node] == move_) continue;
     const Bounds bounds = bounds_of(link.i, link.j, link.k, link.by);
     bool is_moving = false;
     for (int c = 0; c < 3; ++c) {
@@ -119,7 +119,7 @@ void ChainMail::pull() {
       moved = bound;
     }
     if (!is_moving) continue;
-    observed_[node] = move_;
+    visited_[node] = move_;
     queue_neighbours(link.i, link.j, link.k);
   }
   queue_.clear();
@@ -134,7 +134,7 @@ void ChainMail::press(const Dent& dent) {
   let_go();
   // a tool thinner than a cell still moves the surrounding nodes
   const double radius_mm = std::max(dent.radius_mm, box_.cell_mm);
-  const Eigen::Vector3d middle = box_.local_mm(dent.at);
+  const Eigen::Vector3d centre = box_.local_mm(dent.at);
   const Eigen::Vector3d outward = box_.axes.transpose() * dent.outward.eigen();
   struct Moved {
     double to_mm;  // outward displacement that the tool imposes
@@ -143,13 +143,13 @@ void ChainMail::press(const Dent& dent) {
   std::vector<Moved> moved;
   for_each_node({{0, 0, 0}, layout_.cells}, [&](int i, int j, int k) {
     if (state_[number(i, j, k)] != kFree) return;
-    const Eigen::Vector3d from = Eigen::Vector3d(i, j, k) * box_.cell_mm - middle;
+    const Eigen::Vector3d from = Eigen::Vector3d(i, j, k) * box_.cell_mm - centre;
     const double above_mm = from.dot(outward);
-    const double aside_squared = (from - outward * above_mm).squaredNorm();
+    const double lateral_squared = (from - outward * above_mm).squaredNorm();
     // the column's node at the surface, and nodes of partly filled cells above it
-    if (above_mm < -0.5 * box_.cell_mm || above_mm > box_.cell_mm || aside_squared >= radius_mm * radius_mm)
+    if (above_mm < -0.5 * box_.cell_mm || above_mm > box_.cell_mm || lateral_squared >= radius_mm * radius_mm)
       return;
-    const double to_mm = radius_mm - std::sqrt(radius_mm * radius_mm - aside_squared) - dent.depth_mm;
+    const double to_mm = radius_mm - std::sqrt(radius_mm * radius_mm - lateral_squared) - dent.depth_mm;
     if (to_mm < 0) moved.push_back({to_mm, i, j, k});
   });
   std::stable_sort(moved.begin(), moved.end(),
@@ -212,9 +212,10 @@ void ChainMail::copy_overlap(const ChainMail& other, const std::array<int, 3>& o
 }
 
 double ChainMail::max_moved_mm() const {
-  double most = 0;
-  for (const float moved : moved_mm_.values) most = std::max(most, std::abs(static_cast<double>(moved)));
-  return most;
+  double largest = 0;
+  for (const float moved : moved_mm_.values)
+    largest = std::max(largest, std::abs(static_cast<double>(moved)));
+  return largest;
 }
 
 struct ChainMailTissue::Region {
@@ -237,9 +238,9 @@ void ChainMailTissue::advance(const Model& model, const TickRecord& record) {
     const bool same = region != nullptr && region->labels.made == labels.made &&
                       region->labels.taken == labels.taken && region->by_label == by_label;
     if (pressed) {
-      const Eigen::Vector3d middle = middle_below(model, dent.at, dent.outward);
-      if (!same || !is_around(model, region->where.first_cell, middle)) {
-        const YieldBox where{first_cell_around(model, middle), dent.at};
+      const Eigen::Vector3d centre = middle_below(model, dent.at, dent.outward);
+      if (!same || !is_around(model, region->where.first_cell, centre)) {
+        const YieldBox where{first_cell_around(model, centre), dent.at};
         auto next = std::make_unique<Region>(
             Region{where, labels, by_label, ChainMail(yield_cells(model, by_label, where).grid())});
         if (region != nullptr && region->by_label == by_label) {

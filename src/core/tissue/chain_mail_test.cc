@@ -46,8 +46,10 @@ Eigen::Vector3d moved_mm(const ChainMail& mail, int i, int j, int k) {
 
 // Largest violation of a link's bounds, over links between existing nodes at least one of which was moved.
 double max_beyond_mm(const ChainMail& mail, const ElasticGrid& grid) {
-  double most = 0;
-  const auto is_there = [&](int i, int j, int k) { return (grid.held(i, j, k) & ElasticGrid::kNoNode) == 0; };
+  double largest = 0;
+  const auto is_there = [&](int i, int j, int k) {
+    return (grid.constraint(i, j, k) & ElasticGrid::kNoNode) == 0;
+  };
   for_each_node({{0, 0, 0}, {kMailCells, kMailCells, kMailCells}}, [&](int i, int j, int k) {
     for (int axis = 0; axis < 3; ++axis) {
       const int to[3] = {i + (axis == 0), j + (axis == 1), k + (axis == 2)};
@@ -55,12 +57,12 @@ double max_beyond_mm(const ChainMail& mail, const ElasticGrid& grid) {
         continue;
       const Eigen::Vector3d further = moved_mm(mail, to[0], to[1], to[2]) - moved_mm(mail, i, j, k);
       for (int c = 0; c < 3; ++c)
-        most = std::max(most, c == axis ? std::max(further[c] - (ChainMail::kMost - 1) * kEdge_mm,
-                                                   -further[c] - (1 - ChainMail::kLeast) * kEdge_mm)
-                                        : std::abs(further[c]) - ChainMail::kShear * kEdge_mm);
+        largest = std::max(largest, c == axis ? std::max(further[c] - (ChainMail::kMost - 1) * kEdge_mm,
+                                                         -further[c] - (1 - ChainMail::kLeast) * kEdge_mm)
+                                              : std::abs(further[c]) - ChainMail::kShear * kEdge_mm);
     }
   });
-  return most;
+  return largest;
 }
 
 TEST(ChainMail, BelowADentEachLinkTakesItsShareAndNoMore) {
@@ -73,10 +75,10 @@ TEST(ChainMail, BelowADentEachLinkTakesItsShareAndNoMore) {
         << below;
   // the tool's sphere and, where that is steeper than links can shear, half a length per link
   const double first_mm = 1.8 - (3 - std::sqrt(8.0));
-  for (int aside = 1; aside < 5; ++aside)
-    EXPECT_NEAR(-moved_mm(mail, 8 + aside, 8, kMailCells - 4).z(),
-                std::max(0.0, first_mm - 0.5 * (aside - 1)), 1e-6)
-        << aside;
+  for (int lateral = 1; lateral < 5; ++lateral)
+    EXPECT_NEAR(-moved_mm(mail, 8 + lateral, 8, kMailCells - 4).z(),
+                std::max(0.0, first_mm - 0.5 * (lateral - 1)), 1e-6)
+        << lateral;
   EXPECT_EQ(moved_mm(mail, 2, 2, kMailCells - 4), Eigen::Vector3d::Zero()) << "far away";
 }
 
@@ -117,10 +119,10 @@ TEST(ChainMail, ATissueThatIsHeldSpreadsEvenlyToAllSides) {
   mail.press(dent_of(1.5));
   mail.relax(300);
   const int top = kMailCells - 4;
-  for (const int aside : {1, 3, 5}) {
-    const double right = moved_mm(mail, 8 + aside, 8, top).z();
-    EXPECT_NEAR(moved_mm(mail, 8 - aside, 8, top).z(), right, 1e-3);
-    EXPECT_NEAR(moved_mm(mail, 8, 8 + aside, top).z(), right, 1e-3);
+  for (const int lateral : {1, 3, 5}) {
+    const double right = moved_mm(mail, 8 + lateral, 8, top).z();
+    EXPECT_NEAR(moved_mm(mail, 8 - lateral, 8, top).z(), right, 1e-3);
+    EXPECT_NEAR(moved_mm(mail, 8, 8 + lateral, top).z(), right, 1e-3);
     EXPECT_LT(right, -0.05);
   }
   // where no bound is active, the mean of its neighbours

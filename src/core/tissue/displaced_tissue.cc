@@ -40,7 +40,7 @@ std::vector<bool> empty_nodes(const ElasticGrid& grid) {
   for (int k = 0; k <= box.cells[2]; ++k)
     for (int j = 0; j <= box.cells[1]; ++j)
       for (int i = 0; i <= box.cells[0]; ++i)
-        empty[DisplacementField::node(box, i, j, k)] = (grid.held(i, j, k) & ElasticGrid::kNoNode) != 0;
+        empty[DisplacementField::node(box, i, j, k)] = (grid.constraint(i, j, k) & ElasticGrid::kNoNode) != 0;
   return empty;
 }
 

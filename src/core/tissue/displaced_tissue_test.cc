@@ -71,21 +71,21 @@ TEST(DisplacedTissue, IsStrainedAsItsPlacesMove) {
   const Point<Patient> corner(-40.5, -40.5, -41);
   for (const Eigen::Vector3d& cells :
        {Eigen::Vector3d(27.5, 27.5, 24.5), Eigen::Vector3d(29.5, 26.5, 25.5)}) {
-    const Point<Patient> middle = corner + Vector<Patient>(1.5 * cells);
+    const Point<Patient> centre = corner + Vector<Patient>(1.5 * cells);
     Eigen::Matrix3d gradient = Eigen::Matrix3d::Identity();
     for (int axis = 0; axis < 3; ++axis) {
       Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
       displacement[axis] = 0.01;
-      gradient.col(axis) += (yielded.moved_mm(middle + Vector<Patient>(displacement)) -
-                             yielded.moved_mm(middle - Vector<Patient>(displacement)))
+      gradient.col(axis) += (yielded.moved_mm(centre + Vector<Patient>(displacement)) -
+                             yielded.moved_mm(centre - Vector<Patient>(displacement)))
                                 .eigen() /
                             0.02;
     }
     const Eigen::Matrix3d back = gradient.inverse();
     Eigen::Matrix3d e = 0.5 * (Eigen::Matrix3d::Identity() - back.transpose() * back);
     e -= Eigen::Matrix3d::Identity() * e.trace() / 3;
-    EXPECT_GT(yielded.strain(middle), 0.005);
-    EXPECT_NEAR(yielded.strain(middle), std::sqrt((e.cwiseProduct(e)).sum() * 2 / 3), 1e-4);
+    EXPECT_GT(yielded.strain(centre), 0.005);
+    EXPECT_NEAR(yielded.strain(centre), std::sqrt((e.cwiseProduct(e)).sum() * 2 / 3), 1e-4);
   }
   // the hard ball keeps its shape, the soft tissue above it does not
   EXPECT_LT(yielded.strain({0, 0, -9}), 0.3 * yielded.strain({0, 0, -4}));

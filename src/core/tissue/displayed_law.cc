@@ -3,17 +3,17 @@
 namespace palpate {
 
 Model displayed_under_law(const Model& model, TissueLaw law) {
-  Model observed = model;
-  observed.tissue_law = law;
-  observed.relaxation_times = {};
-  if (!is_elastic(law)) return observed;
-  for (const Tissue& tissue : observed.tissues)
+  Model displayed = model;
+  displayed.tissue_law = law;
+  displayed.relaxation_times = {};
+  if (!is_elastic(law)) return displayed;
+  for (const Tissue& tissue : displayed.tissues)
     // models never have more relaxation times than the capacity
-    if (tissue.elastic && tissue.touchable && !observed.relaxation_times.add(tissue.relaxation)) {
-      observed.relaxation_times = {};
+    if (tissue.elastic && tissue.touchable && !displayed.relaxation_times.add(tissue.relaxation)) {
+      displayed.relaxation_times = {};
       break;
     }
-  return observed;
+  return displayed;
 }
 
 }  // namespace palpate

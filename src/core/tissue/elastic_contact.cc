@@ -11,28 +11,28 @@ namespace palpate {
 namespace {
 
 /// Number of sample points of a patch, with equal shares of the force.
-constexpr int kPatchPlaces = 128;
+constexpr int kPatchPoints = 128;
 /// Maximum number of iterations for the radius of a wide contact.
 constexpr int kMaxRadii = 6;
 
 // sample point of a patch: the cell from which its displacement is interpolated, and its position in that
 // cell
-struct PlaceInCell {
+struct CellSample {
   std::array<int, 3> cell;
-  Eigen::Vector3d place;  ///< In cells from the box's corner
+  Eigen::Vector3d position;  ///< In cells from the box's corner
   Eigen::Vector3d fraction;
   bool inside[3];  ///< False where the point was clamped to the cell's boundary
 };
 
 bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& position, const Eigen::Vector3d& down,
-               double reach, PlaceInCell& found) {
+               double reach, CellSample& found) {
   constexpr double kStep = 0.25;
   for (double distance = 1e-3; distance <= reach; distance += kStep) {
     const Eigen::Vector3d below = position + distance * down;
     for (int a = 0; a < 3; ++a) found.cell[a] = static_cast<int>(std::floor(below[a]));
     const auto [i, j, k] = found.cell;
     if (!grid.layout().contains_cell(i, j, k) || grid.mu()[grid.layout().cell(i, j, k)] == 0) continue;
-    found.place = position;
+    found.position = position;
     for (int a = 0; a < 3; ++a) {
       const double fraction = position[a] - found.cell[a];
       found.fraction[a] = std::clamp(fraction, 0.0, 1.0);
@@ -97,20 +97,20 @@ PressurePatch::PressurePatch(const ElasticGrid& grid, const Point<Patient>& at,
   const double h = grid.box().cell_mm;
   const Eigen::Vector3d across = outward_.unitOrthogonal(), other = outward_.cross(across);
   const Eigen::Vector3d centre = grid.box().local_mm(at) / h;
-  std::array<Eigen::Vector3d, kPatchPlaces> places;
+  std::array<Eigen::Vector3d, kPatchPoints> points;
   // rotation by the golden angle, pi (3 - sqrt 5); constants, because library sines differ between machines
   constexpr double kCos = -0.73736887807831985, kSin = 0.67549029426152364;
   double c = 1, s = 0;
-  for (int n = 0; n < kPatchPlaces; ++n) {
+  for (int n = 0; n < kPatchPoints; ++n) {
     // the force share within r is 1 - (1 - r2 / rho2)^(3/2)
-    const double beyond = cube_root(1 - (n + 0.5) / kPatchPlaces);
+    const double beyond = cube_root(1 - (n + 0.5) / kPatchPoints);
     const double r = rho_mm / h * std::sqrt(1 - beyond * beyond);
-    places[static_cast<std::size_t>(n)] = centre + r * (c * across + s * other);
+    points[static_cast<std::size_t>(n)] = centre + r * (c * across + s * other);
     const double next = c * kCos - s * kSin;
     s = c * kSin + s * kCos;
     c = next;
   }
-  spread(grid, places);
+  spread(grid, points);
 }
 
 PressurePatch::PressurePatch(const ElasticGrid& grid, std::span<const Point<Patient>> positions,
@@ -124,40 +124,40 @@ PressurePatch::PressurePatch(const ElasticGrid& grid, std::span<const Point<Pati
 
 void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> requested) {
   const double h = grid.box().cell_mm;
-  std::vector<PlaceInCell> places;
+  std::vector<CellSample> samples;
   double modulus = 0, poissons_ratio = 0;
   for (const Eigen::Vector3d& at : requested) {
-    PlaceInCell place;
-    if (!find_cell(grid, at, -outward_, kReach, place)) continue;
-    places.push_back(place);
-    const std::size_t cell = grid.layout().cell(place.cell[0], place.cell[1], place.cell[2]);
+    CellSample sample;
+    if (!find_cell(grid, at, -outward_, kReach, sample)) continue;
+    samples.push_back(sample);
+    const std::size_t cell = grid.layout().cell(sample.cell[0], sample.cell[1], sample.cell[2]);
     const double mu = grid.mu()[cell] / grid.fill()[cell], lambda = grid.lambda()[cell] / grid.fill()[cell];
     modulus += 4 * mu * (lambda + mu) / (lambda + 2 * mu);
     poissons_ratio += 0.5 * lambda / (lambda + mu);
   }
-  if (places.empty()) return;
-  modulus_ = modulus / static_cast<double>(places.size());
-  poissons_ratio_ = std::clamp(poissons_ratio / static_cast<double>(places.size()), 0.0, kMaxPoissonsRatio);
+  if (samples.empty()) return;
+  modulus_ = modulus / static_cast<double>(samples.size());
+  poissons_ratio_ = std::clamp(poissons_ratio / static_cast<double>(samples.size()), 0.0, kMaxPoissonsRatio);
 
-  const double share = 1.0 / static_cast<double>(places.size());
+  const double share = 1.0 / static_cast<double>(samples.size());
   int along = 0;
   outward_.cwiseAbs().maxCoeff(&along);
   const auto& all = grid.layout().cells;
-  for (const PlaceInCell& place : places) {
+  for (const CellSample& sample : samples) {
     for (int corner = 0; corner < 8; ++corner) {
       double factor[3], slope[3];
       std::array<int, 3> node;
       for (int a = 0; a < 3; ++a) {
         const bool high = (corner >> a & 1) != 0;
-        node[a] = place.cell[a] + (high ? 1 : 0);
-        factor[a] = high ? place.fraction[a] : 1 - place.fraction[a];
-        slope[a] = place.inside[a] ? (high ? 1 : -1) / h : 0;
+        node[a] = sample.cell[a] + (high ? 1 : 0);
+        factor[a] = high ? sample.fraction[a] : 1 - sample.fraction[a];
+        slope[a] = sample.inside[a] ? (high ? 1 : -1) / h : 0;
       }
-      if (grid.held(node[0], node[1], node[2]) == 0) {
+      if (grid.constraint(node[0], node[1], node[2]) == 0) {
         const int one = (along + 1) % 3, other = (along + 2) % 3;
-        borne_.push_back({static_cast<std::uint32_t>(node[other] * (all[one] + 1) + node[one]),
-                          static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], 0)),
-                          static_cast<float>(share * factor[0] * factor[1] * factor[2])});
+        supported_.push_back({static_cast<std::uint32_t>(node[other] * (all[one] + 1) + node[one]),
+                              static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], 0)),
+                              static_cast<float>(share * factor[0] * factor[1] * factor[2])});
       }
       for (int c = 0; c < 3; ++c) {
         const auto value = static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], c));
@@ -171,8 +171,8 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
   }
   row_ = static_cast<std::uint32_t>(grid.layout().row);
   sum_up(weights_);
-  sum_up(borne_);
-  std::sort(borne_.begin(), borne_.end(), [](const Borne& a, const Borne& b) {
+  sum_up(supported_);
+  std::sort(supported_.begin(), supported_.end(), [](const Borne& a, const Borne& b) {
     return std::pair(a.column, a.value) < std::pair(b.column, b.value);
   });
   for (auto& weights : along_) sum_up(weights);
@@ -186,28 +186,28 @@ double PressurePatch::displacement(const ElasticField& u_mm) const {
   return product(weights_, u_mm);
 }
 
-HeldMeans PressurePatch::columns(double part) const {
+ConstrainedMeans PressurePatch::columns(double part) const {
   // end of the column that begins at an index
   const auto end_of = [&](std::size_t first) {
     std::size_t end = first;
-    while (end < borne_.size() && borne_[end].column == borne_[first].column) ++end;
+    while (end < supported_.size() && supported_[end].column == supported_[first].column) ++end;
     return end;
   };
   const auto bears = [&](std::size_t first) {
     double sum = 0;
-    for (std::size_t n = first, end = end_of(first); n < end; ++n) sum += borne_[n].weight;
+    for (std::size_t n = first, end = end_of(first); n < end; ++n) sum += supported_[n].weight;
     return sum;
   };
-  double most = 0;
-  for (std::size_t n = 0; n < borne_.size(); n = end_of(n)) most = std::max(most, bears(n));
-  HeldMeans means;
+  double largest = 0;
+  for (std::size_t n = 0; n < supported_.size(); n = end_of(n)) largest = std::max(largest, bears(n));
+  ConstrainedMeans means;
   std::vector<Weight> mean;
-  for (std::size_t n = 0; n < borne_.size(); n = end_of(n)) {
-    if (!(bears(n) > 0) || bears(n) < part * most) continue;
+  for (std::size_t n = 0; n < supported_.size(); n = end_of(n)) {
+    if (!(bears(n) > 0) || bears(n) < part * largest) continue;
     for (std::uint32_t c = 0; c < 3; ++c) {
       mean.clear();
       for (std::size_t m = n, end = end_of(n); m < end; ++m)
-        mean.push_back({borne_[m].value + c * row_, borne_[m].weight});
+        mean.push_back({supported_[m].value + c * row_, supported_[m].weight});
       means.add(mean);
     }
   }
@@ -271,12 +271,12 @@ Eigen::VectorXd contact_forces(const Eigen::MatrixXd& compliance, const Eigen::V
   const Eigen::Index count = depth_mm.size();
   Eigen::VectorXd force = Eigen::VectorXd::Zero(count);
   std::vector<bool> pressed(static_cast<std::size_t>(count), false);
-  const double least = 1e-9 * depth_mm.cwiseAbs().maxCoeff();
+  const double smallest = 1e-9 * depth_mm.cwiseAbs().maxCoeff();
   for (Eigen::Index turn = 0; turn < 10 * count; ++turn) {
     const Eigen::VectorXd within = depth_mm - compliance * force;
     Eigen::Index deepest = -1;
     for (Eigen::Index n = 0; n < count; ++n)
-      if (!pressed[static_cast<std::size_t>(n)] && within[n] > least &&
+      if (!pressed[static_cast<std::size_t>(n)] && within[n] > smallest &&
           (deepest < 0 || within[n] > within[deepest]))
         deepest = n;
     if (deepest < 0) break;

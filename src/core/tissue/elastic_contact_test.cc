@@ -26,7 +26,7 @@ class TissueWithNodule : public ::testing::Test {
     ElasticGrid grid(
         box, [=](const Point<Patient>& p) { return soft((p - nodule).norm() < 2.5 ? 100 : 10, 0.45); }, 2);
     for (int j = 0; j <= 20; ++j)
-      for (int i = 0; i <= 23; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+      for (int i = 0; i <= 23; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
     return grid;
   }
   Point<Patient> at(double x, double y, double z = 9) const { return grid_.box().patient({x, y, z}); }
@@ -42,9 +42,10 @@ class TissueWithNodule : public ::testing::Test {
 
 TEST_F(TissueWithNodule, ComplianceIsSymmetricAndPositive) {
   std::mt19937 random(test::test_seed());
-  std::uniform_real_distribution<double> place(6, 15);
+  std::uniform_real_distribution<double> coordinate(6, 15);
   std::vector<PressurePatch> patches;
-  for (int n = 0; n < 8; ++n) patches.emplace_back(grid_, at(place(random), place(random)), outward(), 2.2);
+  for (int n = 0; n < 8; ++n)
+    patches.emplace_back(grid_, at(coordinate(random), coordinate(random)), outward(), 2.2);
   double residual = 1;
   const Eigen::MatrixXd w = contact_compliance(solver_, patches, 1e-6, &residual);
   EXPECT_LE(residual, 1e-6);

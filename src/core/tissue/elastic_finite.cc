@@ -17,7 +17,7 @@ constexpr double kGoodPart = 0.9;
 
 }  // namespace
 
-void HeldMeans::add(std::span<const Weight> weights) {
+void ConstrainedMeans::add(std::span<const Weight> weights) {
   double squares = 0;
   for (const Weight& one : weights) squares += static_cast<double>(one.weight) * one.weight;
   PALPATE_CHECK(squares > 0);
@@ -26,7 +26,7 @@ void HeldMeans::add(std::span<const Weight> weights) {
   ends_.push_back(weights_.size());
 }
 
-void HeldMeans::take_out(ElasticValues& of) const {
+void ConstrainedMeans::project_out(ElasticValues& of) const {
   std::size_t first = 0;
   for (const std::size_t end : ends_) {
     float mean = 0;
@@ -35,7 +35,7 @@ void HeldMeans::take_out(ElasticValues& of) const {
   }
 }
 
-double HeldMeans::norm(const ElasticValues& of) const {
+double ConstrainedMeans::norm(const ElasticValues& of) const {
   double squares = 0;
   std::size_t first = 0;
   for (const std::size_t end : ends_) {
@@ -52,7 +52,8 @@ void ElasticSolver::finite_forces(const ElasticField& displacement_mm, ElasticFi
 }
 
 FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
-                                                const FiniteSettings& settings, const HeldMeans& held) {
+                                                const FiniteSettings& settings,
+                                                const ConstrainedMeans& constraints) {
   State& s = *state_;
   Operator& k = s.multigrid.finest();
   ElasticValues& u = displacement_mm.values;
@@ -60,22 +61,22 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
   FiniteSolution solution;
   // residual r = f - forces(at); returns the least volume fraction
   const auto left_over = [&](const ElasticValues& at) {
-    const double least = k.apply_finite(at, s.q);
+    const double smallest = k.apply_finite(at, s.q);
     for (std::size_t n = 0; n < u.size(); ++n) s.r[n] = k.free(n) ? force_N.values[n] - s.q[n] : 0.0f;
-    held.take_out(s.r);
-    return least;
+    constraints.project_out(s.r);
+    return smallest;
   };
   double load = 0;
   for (std::size_t n = 0; n < u.size(); ++n)
     if (k.free(n)) load += static_cast<double>(force_N.values[n]) * force_N.values[n];
-  double scale = std::sqrt(load) + s.held_norm(displacement_mm);
+  double scale = std::sqrt(load) + s.constrained_norm(displacement_mm);
   const auto part = [&] {
     const double norm = std::sqrt(dot(s.r, s.r));
     return scale > 0 ? norm / scale : norm;
   };
 
   solution.min_volume = left_over(u);
-  scale += held.norm(s.q);
+  scale += constraints.norm(s.q);
   solution.residual = part();
   while (solution.residual > settings.tolerance && solution.steps < settings.max_steps) {
     // Solves T step = r by conjugate gradients, truncated where the tangent T is not positive definite.
@@ -87,14 +88,14 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
       // The V-cycle ignores the additional constraints. They are projected out of its result, which keeps it
       // symmetric positive definite on the remaining components.
       s.multigrid.cycle(s.r, s.z);
-      held.take_out(s.z);
+      constraints.project_out(s.z);
       const double next = dot(s.r, s.z);
       if (!(next > 0) || !std::isfinite(next)) break;
       const float beta = n == 0 ? 0.0f : static_cast<float>(next / rz);
       rz = next;
       for (std::size_t m = 0; m < u.size(); ++m) s.p[m] = s.z[m] + beta * s.p[m];
       k.apply_tangent(u, s.p, s.q);
-      held.take_out(s.q);
+      constraints.project_out(s.q);
       const double pq = dot(s.p, s.q);
       if (!(pq > 0) || !std::isfinite(pq)) {
         if (n == 0) s.step = s.p;

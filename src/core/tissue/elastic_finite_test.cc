@@ -56,8 +56,8 @@ double energy_of(const ElasticGrid& grid, const Eigen::VectorXd& u) {
   return energy;
 }
 
-ElasticField random_displacement(const ElasticGrid& grid, float most, std::mt19937& random) {
-  std::uniform_real_distribution<float> between(-most, most);
+ElasticField random_displacement(const ElasticGrid& grid, float largest, std::mt19937& random) {
+  std::uniform_real_distribution<float> between(-largest, largest);
   ElasticField field(grid.layout());
   SlowElastic(grid).for_each_node([&](int i, int j, int k) {
     for (int c = 0; c < 3; ++c) field.values[grid.layout().node(i, j, k, c)] = between(random);
@@ -114,13 +114,13 @@ TEST_P(ElasticFiniteOf, TheTangentIsTheSlopeOfTheForcesOnEverySimdTarget) {
     k.apply_finite(high.values, at_high.values);
     k.apply_finite(low.values, at_low.values);
     k.apply_tangent(u.values, path.values, reported.values);
-    double most = 0, off = 0;
+    double largest = 0, off = 0;
     for (std::size_t n = 0; n < u.values.size(); ++n) {
       const double slope = (static_cast<double>(at_high.values[n]) - at_low.values[n]) / (2 * kStep);
-      most = std::max(most, std::abs(slope));
+      largest = std::max(largest, std::abs(slope));
       off = std::max(off, std::abs(slope - reported.values[n]));
     }
-    EXPECT_LE(off, 2e-3 * most);
+    EXPECT_LE(off, 2e-3 * largest);
     if (first.values.empty()) first = reported;
     ASSERT_EQ(
         std::memcmp(reported.values.data(), first.values.data(), reported.values.size() * sizeof(float)), 0);
@@ -149,18 +149,19 @@ TEST(ElasticFinite, WithoutStiffeningTheExponentialLawIsTheNeoHookeanOneToTheBit
 
 /// Uniform block with all nodes on its surface held at u = A x, solved inside.
 ElasticField solved_inside(const ElasticGrid& grid, const Eigen::Matrix3d& a, int steps) {
-  ElasticGrid held = grid;
+  ElasticGrid constrained_grid = grid;
   const auto& cells = grid.layout().cells;
   const double h = grid.box().cell_mm;
   ElasticField u(grid.layout()), load(grid.layout()), linear(grid.layout());
-  const auto for_each_held = [&](const auto& visit) {
+  const auto for_each_constrained = [&](const auto& visit) {
     for (int k = 0; k <= cells[2]; ++k)
       for (int j = 0; j <= cells[1]; ++j)
         for (int i = 0; i <= cells[0]; ++i)
           if (i == 0 || j == 0 || k == 0 || i == cells[0] || j == cells[1] || k == cells[2]) visit(i, j, k);
   };
-  for_each_held([&](int i, int j, int k) { held.hold(i, j, k, ElasticGrid::kHeld); });
-  ElasticSolver solver(held);
+  for_each_constrained(
+      [&](int i, int j, int k) { constrained_grid.constrain(i, j, k, ElasticGrid::kFixed); });
+  ElasticSolver solver(constrained_grid);
   FiniteSettings settings;
   settings.max_steps = 40;
   settings.max_iterations = 40;
@@ -168,7 +169,7 @@ ElasticField solved_inside(const ElasticGrid& grid, const Eigen::Matrix3d& a, in
   for (int step = 1; step <= steps; ++step) {
     // the linear response to the change of the held displacements first
     std::fill(linear.values.begin(), linear.values.end(), 0.0f);
-    for_each_held([&](int i, int j, int k) {
+    for_each_constrained([&](int i, int j, int k) {
       const Eigen::Vector3d moved = a * (h / steps * Eigen::Vector3d(i, j, k));
       for (int c = 0; c < 3; ++c)
         linear.values[grid.layout().node(i, j, k, c)] = static_cast<float>(moved[c]);
@@ -187,13 +188,13 @@ TEST(ElasticFinite, AStiffeningBodyPassesThePatchTestAndHasTheStressOfItsLaw) {
   a << 0.05, 0.08, 0, -0.03, 0.04, 0.02, 0, 0.06, -0.12;
   const ElasticField u = solved_inside(grid, a, 1);
   const SlowElastic slow(grid);
-  double most = 0;
+  double largest = 0;
   slow.for_each_node([&](int i, int j, int k) {
     const Eigen::Vector3d there = a * (kCell_mm * Eigen::Vector3d(i, j, k));
     for (int c = 0; c < 3; ++c)
-      most = std::max(most, std::abs(u.values[grid.layout().node(i, j, k, c)] - there[c]));
+      largest = std::max(largest, std::abs(u.values[grid.layout().node(i, j, k, c)] - there[c]));
   });
-  EXPECT_LE(most, 2e-5);
+  EXPECT_LE(largest, 2e-5);
 
   // force on the top face: first Piola-Kirchhoff stress P = exp(x) (mu F + s cof F), times its area
   ElasticField force(grid.layout());
@@ -278,17 +279,17 @@ TEST(ElasticFinite, SmallStrainsAreLinear) {
 TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
   ElasticGrid grid = testing::elastic_block({15, 12, 6}, 1, soft(10, 0.45));
   for (int j = 0; j <= 12; ++j)
-    for (int i = 0; i <= 15; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+    for (int i = 0; i <= 15; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
   const ElasticLayout& layout = grid.layout();
   ElasticSolver solver(grid);
   ElasticField load(layout), besides(layout);
-  HeldMeans held;
+  ConstrainedMeans constraints;
   for (int j = 5; j <= 7; ++j)
     for (int i = 6; i <= 8; ++i) {
-      grid.hold(i, j, 6, ElasticGrid::kHeld);
+      grid.constrain(i, j, 6, ElasticGrid::kFixed);
       for (int c = 0; c < 3; ++c) {
-        const HeldMeans::Weight one{static_cast<std::uint32_t>(layout.node(i, j, 6, c)), 2};
-        held.add({&one, 1});
+        const ConstrainedMeans::Weight one{static_cast<std::uint32_t>(layout.node(i, j, 6, c)), 2};
+        constraints.add({&one, 1});
       }
       besides.values[layout.node(i, j, 6, 2)] = -0.5f;
     }
@@ -297,7 +298,7 @@ TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
   settings.max_steps = 40;
   settings.max_iterations = 60;
   settings.tolerance = 2e-5;  // about the precision of floats
-  EXPECT_TRUE(solver.solve_neo_hookean(load, besides, settings, held).converged);
+  EXPECT_TRUE(solver.solve_neo_hookean(load, besides, settings, constraints).converged);
   EXPECT_TRUE(ElasticSolver(grid).solve_neo_hookean(load, by_grid, settings).converged);
   for (std::size_t n = 0; n < by_grid.values.size(); ++n)
     ASSERT_NEAR(besides.values[n], by_grid.values[n], 1e-4f);
@@ -306,7 +307,7 @@ TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
 TEST(ElasticFinite, NoCellIsTurnedInsideOutByALoadThatIsTooMuch) {
   ElasticGrid grid = testing::elastic_block({15, 12, 6}, 1, soft(10, 0.45));
   for (int j = 0; j <= 12; ++j)
-    for (int i = 0; i <= 15; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+    for (int i = 0; i <= 15; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
   ElasticSolver solver(grid);
   ElasticField load(grid.layout()), u(grid.layout());
   FiniteSettings settings;

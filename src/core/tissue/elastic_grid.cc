@@ -11,7 +11,7 @@ namespace palpate {
 namespace {
 
 /// Number of held nodes, per direction, that fix a part of the tissue.
-constexpr int kHoldingNodes = 3;
+constexpr int kConstrainingNodes = 3;
 
 template <class Visit>
 void for_each_corner(int i, int j, int k, const Visit& visit) {
@@ -83,7 +83,7 @@ ElasticGrid::ElasticGrid(const ElasticBox& box)
       stiffening_(mu_.size(), 0.0f),
       fill_(mu_.size(), 0.0f),
       springs_(layout_.node_values() + ElasticLayout::kSpare, 0.0f),
-      held_(layout_.node_values() / 3 + ElasticLayout::kSpare, kNoNode) {
+      constraints_(layout_.node_values() / 3 + ElasticLayout::kSpare, kNoNode) {
   PALPATE_CHECK(box.cell_mm > 0 && *std::min_element(box.cells.begin(), box.cells.end()) >= 1);
 }
 
@@ -117,11 +117,11 @@ bool ElasticGrid::set_nodes(const CellBox& cells) {
       if (!layout_.contains_cell(a, b, c)) return;
       const std::size_t n = layout_.cell(a, b, c);
       if (mu_[n] > 0) bits &= static_cast<std::uint8_t>(~kNoNode);
-      if (mu_[n] == 0 && fill_[n] > 0) bits |= kHeld;
+      if (mu_[n] == 0 && fill_[n] > 0) bits |= kFixed;
     });
-    std::uint8_t& held = held_[node_number(i, j, k)];
-    other = other || held != bits;
-    held = bits;
+    std::uint8_t& constraints = constraints_[node_number(i, j, k)];
+    other = other || constraints != bits;
+    constraints = bits;
   });
   return other;
 }
@@ -229,26 +229,27 @@ void ElasticGrid::set_springs(const CellBox& cells) {
 }
 
 std::size_t ElasticGrid::hold_loose_parts() {
-  return LooseParts().hold(*this, held_);
+  return LooseParts().constrain(*this, constraints_);
 }
 
-std::size_t ElasticGrid::LooseParts::hold(const ElasticGrid& grid, std::vector<std::uint8_t>& held) {
+std::size_t ElasticGrid::LooseParts::constrain(const ElasticGrid& grid,
+                                               std::vector<std::uint8_t>& constraints) {
   const ElasticLayout& layout = grid.layout();
-  observed_.assign(grid.mu().size(), false);
+  visited_.assign(grid.mu().size(), false);
   std::size_t loose = 0;
   for_each_cell(grid.all_cells(), [&](int i, int j, int k) {
-    if (grid.mu()[layout.cell(i, j, k)] == 0 || observed_[layout.cell(i, j, k)]) return;
+    if (grid.mu()[layout.cell(i, j, k)] == 0 || visited_[layout.cell(i, j, k)]) return;
     // flood fill over cells that share faces, counting constrained nodes in each direction
     part_.assign(1, {i, j, k});
-    observed_[layout.cell(i, j, k)] = true;
+    visited_[layout.cell(i, j, k)] = true;
     std::array<int, 3> holds{0, 0, 0};
-    const auto is_held = [&] { return *std::min_element(holds.begin(), holds.end()) >= kHoldingNodes; };
+    const auto is_held = [&] { return *std::min_element(holds.begin(), holds.end()) >= kConstrainingNodes; };
     for (std::size_t n = 0; n < part_.size(); ++n) {
       const auto [x, y, z] = part_[n];
       if (!is_held())
         for_each_corner(x, y, z, [&](int a, int b, int c) {
           for (int component = 0; component < 3; ++component)
-            holds[component] += (held[grid.node_number(a, b, c)] >> component & 1) != 0 ||
+            holds[component] += (constraints[grid.node_number(a, b, c)] >> component & 1) != 0 ||
                                 grid.springs()[layout.node(a, b, c, component)] > 0;
         });
       for (int axis = 0; axis < 3; ++axis) {
@@ -257,8 +258,8 @@ std::size_t ElasticGrid::LooseParts::hold(const ElasticGrid& grid, std::vector<s
           next[axis] += step;
           if (!layout.contains_cell(next[0], next[1], next[2])) continue;
           const std::size_t cell = layout.cell(next[0], next[1], next[2]);
-          if (grid.mu()[cell] == 0 || observed_[cell]) continue;
-          observed_[cell] = true;
+          if (grid.mu()[cell] == 0 || visited_[cell]) continue;
+          visited_[cell] = true;
           part_.push_back(next);
         }
       }
@@ -266,7 +267,8 @@ std::size_t ElasticGrid::LooseParts::hold(const ElasticGrid& grid, std::vector<s
     if (is_held()) return;
     loose += part_.size();
     for (const auto& [x, y, z] : part_)
-      for_each_corner(x, y, z, [&](int a, int b, int c) { held[grid.node_number(a, b, c)] |= kHeld; });
+      for_each_corner(x, y, z,
+                      [&](int a, int b, int c) { constraints[grid.node_number(a, b, c)] |= kFixed; });
   });
   return loose;
 }

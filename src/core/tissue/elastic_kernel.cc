@@ -101,12 +101,12 @@ HWY_INLINE void gather_row(const float* left, const float* right, int row, bool 
 }
 
 // Zeroes forces where a node's components are held. There is one byte of constraint bits per node.
-HWY_INLINE void hold_row(const std::uint8_t* held, int row, float* force) {
+HWY_INLINE void constrain_row(const std::uint8_t* constraints, int row, float* force) {
   const D d;
   const hn::Rebind<std::uint8_t, D> bytes;
   const hn::RebindToSigned<D> whole;
   for (int i = 0; i < row; i += static_cast<int>(hn::Lanes(d))) {
-    const auto bits = hn::PromoteTo(whole, hn::LoadU(bytes, held + i));
+    const auto bits = hn::PromoteTo(whole, hn::LoadU(bytes, constraints + i));
     for (int c = 0; c < 3; ++c) {
       float* p = force + static_cast<std::size_t>(c) * row + i;
       const auto free =
@@ -127,11 +127,11 @@ HWY_INLINE void finish_cell_row(const Cells& cells, int j, int k, const NodeRows
     for (int r = 0; r < 4; ++r)
       gather_row(left + (4 * c + r) * stride, right + (4 * c + r) * stride, layout.row, firsts[r],
                  force + rows.at[r] + c * row);
-  if (cells.held == nullptr) return;
+  if (cells.constraints == nullptr) return;
   const bool last_j = j == layout.cells[1] - 1, last_k = k == layout.cells[2] - 1;
   const bool done[4] = {true, last_j, last_k, last_j && last_k};
   for (int r = 0; r < 4; ++r)
-    if (done[r]) hold_row(cells.held + rows.at[r] / 3, layout.row, force + rows.at[r]);
+    if (done[r]) constrain_row(cells.constraints + rows.at[r] / 3, layout.row, force + rows.at[r]);
 }
 
 // For every vector of cells in every row, calls `stress` to turn the modes w_m of each displacement component

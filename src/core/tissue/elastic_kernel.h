@@ -14,9 +14,9 @@ struct Cells {
   ElasticLayout layout;
   const float* mu;
   const float* lambda;
-  const float* stiffening;   ///< ElasticConstants::stiffening by cell; read by the exponential law alone
-  const std::uint8_t* held;  ///< Constraint bits by node; null: nothing is held
-  float* scratch;            ///< scratch_floats(layout) values
+  const float* stiffening;  ///< ElasticConstants::stiffening by cell; read by the exponential law alone
+  const std::uint8_t* constraints;  ///< Constraint bits by node; null: nothing is held
+  float* scratch;                   ///< scratch_floats(layout) values
 };
 inline std::size_t scratch_floats(const ElasticLayout& layout) {
   return static_cast<std::size_t>(2) * 12 * (layout.row + ElasticLayout::kLanes);

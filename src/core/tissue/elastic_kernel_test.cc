@@ -23,10 +23,11 @@ using testing::SlowElastic;
 /// Operator of a grid's data, with held nodes.
 internal::elastic::Operator operator_of(const ElasticGrid& grid) {
   const ElasticLayout& layout = grid.layout();
-  std::vector<std::uint8_t> held(layout.node_values() / 3 + ElasticLayout::kSpare, ElasticGrid::kNoNode);
+  std::vector<std::uint8_t> constraints(layout.node_values() / 3 + ElasticLayout::kSpare,
+                                        ElasticGrid::kNoNode);
   SlowElastic(grid).for_each_node(
-      [&](int i, int j, int k) { held[grid.node_number(i, j, k)] = grid.held(i, j, k); });
-  return {layout, grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(), std::move(held)};
+      [&](int i, int j, int k) { constraints[grid.node_number(i, j, k)] = grid.constraint(i, j, k); });
+  return {layout, grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(), std::move(constraints)};
 }
 
 ElasticField random_field(const ElasticGrid& grid, std::mt19937& random) {

@@ -92,11 +92,11 @@ double dot(const ElasticValues& a, const ElasticValues& b) {
 }
 
 Operator::Operator(const ElasticLayout& layout, double cell_mm, const ElasticValues& mu,
-                   const ElasticValues& lambda, const ElasticValues& springs, std::vector<std::uint8_t> held,
-                   const ElasticValues& stiffening)
-    : held_(std::move(held)), cell_mm_(static_cast<float>(cell_mm)) {
+                   const ElasticValues& lambda, const ElasticValues& springs,
+                   std::vector<std::uint8_t> constraints, const ElasticValues& stiffening)
+    : constraints_(std::move(constraints)), cell_mm_(static_cast<float>(cell_mm)) {
   make_room(layout);
-  change(mu, lambda, springs, held_, {{0, 0, 0}, layout.cells}, stiffening);
+  change(mu, lambda, springs, constraints_, {{0, 0, 0}, layout.cells}, stiffening);
 }
 
 void Operator::make_room(const ElasticLayout& layout) {
@@ -107,11 +107,11 @@ void Operator::make_room(const ElasticLayout& layout) {
   volumes_.assign(mu_.size(), 1.0f);
   spring_of_node_.assign(layout.node_values() + ElasticLayout::kSpare, 0.0f);
   inverse_diagonal_ = spring_of_node_;
-  held_.resize(layout.node_values() / 3 + ElasticLayout::kSpare, ElasticGrid::kNoNode);
+  constraints_.resize(layout.node_values() / 3 + ElasticLayout::kSpare, ElasticGrid::kNoNode);
 }
 
 void Operator::change(const ElasticValues& mu, const ElasticValues& lambda, const ElasticValues& springs,
-                      const std::vector<std::uint8_t>& held, const CellBox& box,
+                      const std::vector<std::uint8_t>& constraints, const CellBox& box,
                       const ElasticValues& stiffening) {
   const float scale = static_cast<float>(static_cast<double>(cell_mm_) / 16);
   for_each_cell(box, [&](int i, int j, int k) {
@@ -125,7 +125,7 @@ void Operator::change(const ElasticValues& mu, const ElasticValues& lambda, cons
     if (!stiffening_.empty()) stiffening_[cell] = exponent;
   });
   for_each_node(box, [&](int i, int j, int k) {
-    held_[node_number(layout_, i, j, k)] = held[node_number(layout_, i, j, k)];
+    constraints_[node_number(layout_, i, j, k)] = constraints[node_number(layout_, i, j, k)];
     for (int c = 0; c < 3; ++c) spring_of_node_[layout_.node(i, j, k, c)] = springs[layout_.node(i, j, k, c)];
   });
   list_springs(box);
@@ -153,11 +153,11 @@ void Operator::find_inverse_diagonal(const CellBox& box) {
       // a component's normal strain, two shears, four hourglass modes
       of_cells += (4 + 4 * kHourglass) * mu_[cell] + lambda_[cell];
     }
-    const int held = held_[node_number(layout_, i, j, k)];
+    const int constraint_bits = constraints_[node_number(layout_, i, j, k)];
     for (int c = 0; c < 3; ++c) {
       const std::size_t value = layout_.node(i, j, k, c);
       const float spring = spring_of_node_[value], diagonal = spring > 0 ? of_cells + spring : of_cells;
-      const bool is_free = (held & (1 << c | ElasticGrid::kNoNode)) == 0 && diagonal > 0;
+      const bool is_free = (constraint_bits & (1 << c | ElasticGrid::kNoNode)) == 0 && diagonal > 0;
       inverse_diagonal_[value] = is_free ? 1 / diagonal : 0.0f;
     }
   });
@@ -179,23 +179,23 @@ void Operator::average(const Operator& finer, const CellBox& box) {
     lambda_[layout_.cell(i, j, k)] = lambda;
   });
   for_each_node(box, [&](int i, int j, int k) {
-    std::uint8_t held = ElasticGrid::kNoNode;
+    std::uint8_t constraints = ElasticGrid::kNoNode;
     for (int corner = 0; corner < 8; ++corner) {
       const int x = i - (corner & 1), y = j - (corner >> 1 & 1), z = k - (corner >> 2 & 1);
-      if (layout_.contains_cell(x, y, z) && mu_[layout_.cell(x, y, z)] > 0) held = 0;
+      if (layout_.contains_cell(x, y, z) && mu_[layout_.cell(x, y, z)] > 0) constraints = 0;
     }
     float springs[3] = {};
     for_each_moved(k, fine.cells[2], [&](int z, float along_z) {
       for_each_moved(j, fine.cells[1], [&](int y, float along_y) {
         for_each_moved(i, fine.cells[0], [&](int x, float along_x) {
-          held = static_cast<std::uint8_t>(held |
-                                           (finer.held_[node_number(fine, x, y, z)] & ElasticGrid::kHeld));
+          constraints = static_cast<std::uint8_t>(
+              constraints | (finer.constraints_[node_number(fine, x, y, z)] & ElasticGrid::kFixed));
           for (int c = 0; c < 3; ++c)
             springs[c] += along_x * along_y * along_z * finer.spring_of_node_[fine.node(x, y, z, c)];
         });
       });
     });
-    held_[node_number(layout_, i, j, k)] = held;
+    constraints_[node_number(layout_, i, j, k)] = constraints;
     for (int c = 0; c < 3; ++c) spring_of_node_[layout_.node(i, j, k, c)] = springs[c];
   });
   list_springs(box);
@@ -239,8 +239,8 @@ Operator Operator::part(const CellBox& box) const {
       inside = inside && !low && !high;
     }
     const int a = i - box.low[0], b = j - box.low[1], c = k - box.low[2];
-    to.held_[node_number(to.layout_, a, b, c)] =
-        inside ? held_[node_number(layout_, i, j, k)] : ElasticGrid::kHeld;
+    to.constraints_[node_number(to.layout_, a, b, c)] =
+        inside ? constraints_[node_number(layout_, i, j, k)] : ElasticGrid::kFixed;
     for (int component = 0; component < 3; ++component)
       to.spring_of_node_[to.layout_.node(a, b, c, component)] =
           spring_of_node_[layout_.node(i, j, k, component)];
@@ -256,33 +256,35 @@ std::size_t Operator::free_values() const {
       std::count_if(inverse_diagonal_.begin(), inverse_diagonal_.end(), [](float one) { return one > 0; }));
 }
 
-Cells Operator::cells(const std::uint8_t* held) {
-  return {layout_, mu_.data(), lambda_.data(), stiffening_.data(), held, scratch_.data()};
+Cells Operator::cells(const std::uint8_t* constraints) {
+  return {layout_, mu_.data(), lambda_.data(), stiffening_.data(), constraints, scratch_.data()};
 }
 
-void Operator::add_springs(bool held_too, const ElasticValues& displacement, ElasticValues& force) const {
+void Operator::add_springs(bool include_constrained, const ElasticValues& displacement,
+                           ElasticValues& force) const {
   for (const auto& [value, spring] : springs_)
-    if (held_too || free(value)) force[value] += spring * displacement[value];
+    if (include_constrained || free(value)) force[value] += spring * displacement[value];
 }
 
-void Operator::apply(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force) {
-  apply_linear(cells(held), displacement.data(), force.data());
-  add_springs(held == nullptr, displacement, force);
+void Operator::apply(const std::uint8_t* constraints, const ElasticValues& displacement,
+                     ElasticValues& force) {
+  apply_linear(cells(constraints), displacement.data(), force.data());
+  add_springs(constraints == nullptr, displacement, force);
 }
 
-void Operator::apply_finite(const std::uint8_t* held, const ElasticValues& displacement,
+void Operator::apply_finite(const std::uint8_t* constraints, const ElasticValues& displacement,
                             ElasticValues& force) {
   const auto apply = stiffening_.empty() ? apply_neo_hookean : apply_exponential;
-  apply(cells(held), cell_mm_, displacement.data(), force.data(), volumes_.data());
-  add_springs(held == nullptr, displacement, force);
+  apply(cells(constraints), cell_mm_, displacement.data(), force.data(), volumes_.data());
+  add_springs(constraints == nullptr, displacement, force);
 }
 
 float Operator::apply_finite(const ElasticValues& displacement, ElasticValues& force) {
-  apply_finite(held_.data(), displacement, force);
+  apply_finite(constraints_.data(), displacement, force);
   // NaN counts as the least
-  float least = 1;
-  for (const float volume : volumes_) least = volume >= least ? least : volume;
-  return least;
+  float smallest = 1;
+  for (const float volume : volumes_) smallest = volume >= smallest ? smallest : volume;
+  return smallest;
 }
 
 void Operator::apply_finite_everywhere(const ElasticValues& displacement, ElasticValues& force) {
@@ -292,12 +294,12 @@ void Operator::apply_finite_everywhere(const ElasticValues& displacement, Elasti
 void Operator::apply_tangent(const ElasticValues& base, const ElasticValues& displacement,
                              ElasticValues& force) {
   const auto apply = stiffening_.empty() ? apply_neo_hookean_tangent : apply_exponential_tangent;
-  apply(cells(held_.data()), cell_mm_, base.data(), displacement.data(), force.data());
+  apply(cells(constraints_.data()), cell_mm_, base.data(), displacement.data(), force.data());
   add_springs(false, displacement, force);
 }
 
 void Operator::apply(const ElasticValues& displacement, ElasticValues& force) {
-  apply(held_.data(), displacement, force);
+  apply(constraints_.data(), displacement, force);
 }
 
 void Operator::apply_everywhere(const ElasticValues& displacement, ElasticValues& force) {
@@ -313,7 +315,7 @@ Multigrid::Multigrid(Operator finest) {
   levels_.emplace_back(std::move(finest));
   while (levels_.back().k.free_values() > kMaxFactorized && levels_.back().k.can_be_coarser())
     levels_.emplace_back(levels_.back().k.coarser());
-  for (Level& level : levels_) level.most = kPowerMargin * greatest_eigenvalue(level);
+  for (Level& level : levels_) level.most = kPowerMargin * max_eigenvalue(level);
   factorize();
   row_.assign(static_cast<std::size_t>(2) * levels_.front().k.layout().row + 2 * ElasticLayout::kLanes, 0.0f);
 }
@@ -326,13 +328,13 @@ void Multigrid::follow(const CellBox& changed) {
     Level& level = levels_[n];
     if (n > 0) box = level.k.follow(levels_[n - 1].k, box);
     Level near(level.k.part(box.grown(kAround).clipped(level.k.layout().cells)));
-    level.most = std::max(level.most, kPowerMargin * greatest_eigenvalue(near));
+    level.most = std::max(level.most, kPowerMargin * max_eigenvalue(near));
   }
   factorize();
 }
 
 // lower bound of the greatest eigenvalue of the diagonally scaled K, by power iteration; at least 1
-double Multigrid::greatest_eigenvalue(Level& level) {
+double Multigrid::max_eigenvalue(Level& level) {
   // fixed pseudo-random start vector, which contains all modes
   std::uint32_t state = 12345;
   for (std::size_t n = 0; n < level.x.size(); ++n) {
@@ -340,7 +342,7 @@ double Multigrid::greatest_eigenvalue(Level& level) {
     level.x[n] = level.k.free(n) ? static_cast<float>(state >> 8) / (1 << 23) - 1 : 0.0f;
   }
   const ElasticValues& inverse = level.k.inverse_diagonal();
-  double most = 1;
+  double largest = 1;
   for (int n = 0; n < kPowerIterations; ++n) {
     level.k.apply(level.x, level.product);
     double of_k = 0, of_diagonal = 0;
@@ -350,11 +352,11 @@ double Multigrid::greatest_eigenvalue(Level& level) {
       of_diagonal += static_cast<double>(level.x[m]) * level.x[m] / inverse[m];
     }
     if (!(of_diagonal > 0)) break;
-    most = of_k / of_diagonal;
-    const float scale = static_cast<float>(1 / most);
+    largest = of_k / of_diagonal;
+    const float scale = static_cast<float>(1 / largest);
     for (std::size_t m = 0; m < level.x.size(); ++m) level.x[m] = scale * inverse[m] * level.product[m];
   }
-  return most;
+  return largest;
 }
 
 void Multigrid::factorize() {
@@ -394,11 +396,11 @@ void Multigrid::smooth(Level& level, const ElasticValues& b, ElasticValues& x, b
   float* const p = x.data();
   const float* const product = level.product.data();
   // Chebyshev iteration over [kSmoothedFrom, 1] most (Saad, Iterative Methods, algorithm 12.1)
-  const double middle = level.most * (1 + kSmoothedFrom) / 2, half = level.most * (1 - kSmoothedFrom) / 2;
-  const double sigma = middle / half;
+  const double midpoint = level.most * (1 + kSmoothedFrom) / 2, half = level.most * (1 - kSmoothedFrom) / 2;
+  const double sigma = midpoint / half;
   double rho = 1 / sigma;
   if (!from_zero) level.k.apply(x, level.product);
-  const float first = static_cast<float>(1 / middle);
+  const float first = static_cast<float>(1 / midpoint);
   for (std::size_t n = 0; n < values; ++n) {
     r[n] = from_zero ? b[n] : b[n] - product[n];
     d[n] = first * inverse[n] * r[n];
@@ -407,11 +409,11 @@ void Multigrid::smooth(Level& level, const ElasticValues& b, ElasticValues& x, b
   for (int degree = 1; degree < kDegree; ++degree) {
     level.k.apply(level.step, level.product);
     const double next = 1 / (2 * sigma - rho);
-    const float keep = static_cast<float>(next * rho), add = static_cast<float>(2 * next / half);
+    const float momentum = static_cast<float>(next * rho), add = static_cast<float>(2 * next / half);
     rho = next;
     for (std::size_t n = 0; n < values; ++n) {
       r[n] -= product[n];
-      d[n] = keep * d[n] + add * inverse[n] * r[n];
+      d[n] = momentum * d[n] + add * inverse[n] * r[n];
       p[n] += d[n];
     }
   }

@@ -21,12 +21,12 @@ class Operator {
   /// @param mu,lambda   Lame's moduli by cell, N/mm2
   /// @param stiffening  ElasticConstants::stiffening by cell; empty: none
   Operator(const ElasticLayout& layout, double cell_mm, const ElasticValues& mu, const ElasticValues& lambda,
-           const ElasticValues& springs, std::vector<std::uint8_t> held,
+           const ElasticValues& springs, std::vector<std::uint8_t> constraints,
            const ElasticValues& stiffening = {});
   /// Replaces cells of a box and the constraints of their nodes. The result is bit-identical to a new
   /// operator.
   void change(const ElasticValues& mu, const ElasticValues& lambda, const ElasticValues& springs,
-              const std::vector<std::uint8_t>& held, const CellBox& box,
+              const std::vector<std::uint8_t>& constraints, const CellBox& box,
               const ElasticValues& stiffening = {});
   /// Operator of the same body on cells twice as long: moduli averaged, springs restricted, a node held if
   /// any fine node that it interpolates is held.
@@ -52,14 +52,14 @@ class Operator {
   const ElasticValues& inverse_diagonal() const { return inverse_diagonal_; }
   bool free(std::size_t value) const { return inverse_diagonal_[value] > 0; }
   std::size_t free_values() const;
-  const std::vector<std::uint8_t>& held() const { return held_; }
+  const std::vector<std::uint8_t>& constraints() const { return constraints_; }
   const std::vector<std::pair<std::uint32_t, float>>& springs() const { return springs_; }
 
  private:
-  Cells cells(const std::uint8_t* held);
-  void apply(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force);
-  void apply_finite(const std::uint8_t* held, const ElasticValues& displacement, ElasticValues& force);
-  void add_springs(bool held_too, const ElasticValues& displacement, ElasticValues& force) const;
+  Cells cells(const std::uint8_t* constraints);
+  void apply(const std::uint8_t* constraints, const ElasticValues& displacement, ElasticValues& force);
+  void apply_finite(const std::uint8_t* constraints, const ElasticValues& displacement, ElasticValues& force);
+  void add_springs(bool include_constrained, const ElasticValues& displacement, ElasticValues& force) const;
   void make_room(const ElasticLayout& layout);
   void average(const Operator& finer, const CellBox& box);
   void find_inverse_diagonal(const CellBox& box);
@@ -70,7 +70,7 @@ class Operator {
   ElasticValues stiffening_;      ///< By cell of the finest grid; empty: no cell stiffens
   ElasticValues spring_of_node_;  ///< 0: none
   std::vector<std::pair<std::uint32_t, float>> springs_;
-  std::vector<std::uint8_t> held_;
+  std::vector<std::uint8_t> constraints_;
   ElasticValues inverse_diagonal_, scratch_, volumes_;
   float cell_mm_ = 0;
 };
@@ -98,7 +98,7 @@ class Multigrid {
     ElasticValues x, b, residual, step, product;
   };
 
-  static double greatest_eigenvalue(Level& level);
+  static double max_eigenvalue(Level& level);
   void factorize();
   // smooths x, which is 0 if `from_zero`; sets level.residual to b - K x if requested
   void smooth(Level& level, const ElasticValues& b, ElasticValues& x, bool from_zero, bool residual_needed);

@@ -10,12 +10,12 @@ using internal::elastic::dot;
 using internal::elastic::Operator;
 
 ElasticSolver::State::State(const ElasticGrid& grid)
-    : held(grid.held()),
-      // members are initialised in the order of declaration: `loose` and `held` precede the multigrid
+    : constraints(grid.constraints()),
+      // members are initialised in the order of declaration: `loose` and `constraints` precede the multigrid
       multigrid([&] {
-        loose.hold(grid, held);
-        return Operator(grid.layout(), grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(), held,
-                        grid.stiffening());
+        loose.constrain(grid, constraints);
+        return Operator(grid.layout(), grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(),
+                        constraints, grid.stiffening());
       }()) {
   const std::size_t values = multigrid.finest().layout().node_values() + ElasticLayout::kSpare;
   for (ElasticValues* field : {&r, &z, &p, &q, &step, &tried}) field->assign(values, 0.0f);
@@ -27,8 +27,8 @@ void ElasticSolver::change(const ElasticGrid& grid, const CellBox& cells, bool o
   Operator& k = s.multigrid.finest();
   CellBox changed = cells;
   if (other) {
-    s.held = grid.held();
-    s.loose.hold(grid, s.held);
+    s.constraints = grid.constraints();
+    s.loose.constrain(grid, s.constraints);
     // Replacing cells can detach or reattach tissue at any distance from them. The box is extended to all
     // cells at nodes whose constraints changed.
     const ElasticLayout& layout = grid.layout();
@@ -36,21 +36,21 @@ void ElasticSolver::change(const ElasticGrid& grid, const CellBox& cells, bool o
       for (int b = 0; b <= layout.cells[1]; ++b)
         for (int a = 0; a <= layout.cells[0]; ++a) {
           const std::size_t node = grid.node_number(a, b, c);
-          if (s.held[node] == k.held()[node] || changed.contains_node(a, b, c)) continue;
+          if (s.constraints[node] == k.constraints()[node] || changed.contains_node(a, b, c)) continue;
           changed = changed.joined(CellBox{{a, b, c}, {a, b, c}}.grown(1).clipped(layout.cells));
         }
   }
-  k.change(grid.mu(), grid.lambda(), grid.springs(), s.held, changed, grid.stiffening());
+  k.change(grid.mu(), grid.lambda(), grid.springs(), s.constraints, changed, grid.stiffening());
   s.multigrid.follow(changed);
 }
 
-void ElasticSolver::zero_held(ElasticField& displacement_mm) const {
+void ElasticSolver::zero_constrained(ElasticField& displacement_mm) const {
   const Operator& k = state_->multigrid.finest();
   for (std::size_t n = 0; n < displacement_mm.values.size(); ++n)
     if (!k.free(n)) displacement_mm.values[n] = 0;
 }
 
-double ElasticSolver::State::held_norm(const ElasticField& u) {
+double ElasticSolver::State::constrained_norm(const ElasticField& u) {
   Operator& k = multigrid.finest();
   bool any = false;
   for (std::size_t n = 0; n < p.size(); ++n) {
@@ -84,7 +84,7 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
   ElasticSolution solution;
 
   // initial residual, and the load that it is relative to
-  double scale = s.held_norm(displacement_mm);
+  double scale = s.constrained_norm(displacement_mm);
   k.apply(u, s.q);
   double load = 0;
   for (std::size_t n = 0; n < u.size(); ++n) {

@@ -12,10 +12,10 @@ struct ElasticSolver::State {
   explicit State(const ElasticGrid& grid);
   /// Norm |K u| over the free components, with u set to 0 there: the forces caused by the prescribed
   /// displacements alone. Overwrites p and q.
-  double held_norm(const ElasticField& u);
+  double constrained_norm(const ElasticField& u);
 
   ElasticGrid::LooseParts loose;
-  std::vector<std::uint8_t> held;  ///< Constraints of the grid and of loose parts
+  std::vector<std::uint8_t> constraints;  ///< Constraints of the grid and of loose parts
   internal::elastic::Multigrid multigrid;
   /// Conjugate gradients: residual, preconditioned residual, search direction, and K times that direction.
   ElasticValues r, z, p, q;

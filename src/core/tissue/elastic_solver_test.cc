@@ -32,7 +32,7 @@ void press_down(const ElasticGrid& grid, int i, int j, float force_N, ElasticFie
 ElasticGrid on_bone(std::array<int, 3> cells, const ElasticGrid::MaterialAt& material) {
   ElasticGrid grid(testing::elastic_box(cells), material, 2);
   for (int j = 0; j <= cells[1]; ++j)
-    for (int i = 0; i <= cells[0]; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+    for (int i = 0; i <= cells[0]; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
   return grid;
 }
 
@@ -211,9 +211,9 @@ TEST(ElasticSolver, RandomScenesStayFiniteAndComeBackToRest) {
           std::all_of(u.values.begin(), u.values.end(), [](float one) { return std::isfinite(one); }));
     }
     const auto greatest = [&] {
-      float most = 0;
-      for (const float one : u.values) most = std::max(most, std::abs(one));
-      return most;
+      float largest = 0;
+      for (const float one : u.values) largest = std::max(largest, std::abs(one));
+      return largest;
     };
     const float pressed = greatest();
     std::fill(load.values.begin(), load.values.end(), 0.0f);
@@ -229,9 +229,9 @@ TEST(ElasticGrid, WhatNothingHoldsIsHeld) {
     return p.x() < 5 || (p.x() > 7 && p.z() > 1) ? soft(10, 0.4) : ElasticMaterial{};
   });
   EXPECT_EQ(grid.hold_loose_parts(), static_cast<std::size_t>(5 * 4 * 3));
-  EXPECT_EQ(grid.held(12, 4, 4) & ElasticGrid::kHeld, ElasticGrid::kHeld);
-  EXPECT_EQ(grid.held(2, 2, 2) & ElasticGrid::kHeld, 0);
-  EXPECT_EQ(grid.held(6, 2, 3) & ElasticGrid::kNoNode, ElasticGrid::kNoNode);
+  EXPECT_EQ(grid.constraint(12, 4, 4) & ElasticGrid::kFixed, ElasticGrid::kFixed);
+  EXPECT_EQ(grid.constraint(2, 2, 2) & ElasticGrid::kFixed, 0);
+  EXPECT_EQ(grid.constraint(6, 2, 3) & ElasticGrid::kNoNode, ElasticGrid::kNoNode);
 }
 
 TEST(ElasticGrid, TakesLabelsByTheirShareOfACell) {
@@ -253,8 +253,8 @@ TEST(ElasticGrid, TakesLabelsByTheirShareOfACell) {
     const double mu = grid->mu()[cell], lambda = grid->lambda()[cell];
     return 1000 * mu * (3 * lambda + 2 * mu) / (lambda + mu);
   };
-  EXPECT_EQ(grid->held(1, 2, 1) & ElasticGrid::kHeld, ElasticGrid::kHeld);
-  EXPECT_EQ(grid->held(1, 2, 2) & ElasticGrid::kHeld, 0);
+  EXPECT_EQ(grid->constraints(1, 2, 1) & ElasticGrid::kFixed, ElasticGrid::kFixed);
+  EXPECT_EQ(grid->constraints(1, 2, 2) & ElasticGrid::kFixed, 0);
   EXPECT_NEAR(youngs_kPa(1), 10, 1e-3);
   EXPECT_NEAR(youngs_kPa(2), 2 / (1 / 10.0 + 1 / 40.0), 1e-3);
   EXPECT_NEAR(youngs_kPa(3), 40, 1e-3);

@@ -137,9 +137,9 @@ CellBox LabelCells::cells_of(const VoxelBox& voxels) const {
   for (int axis = 0; axis < 3; ++axis) {
     // tolerance for boundaries that rounding moves into the next cell
     constexpr double kRounding = 1e-9;
-    const double most = box_.cells[axis];
-    cells.low[axis] = static_cast<int>(std::clamp(std::floor(low[axis] - kRounding), 0.0, most));
-    cells.high[axis] = static_cast<int>(std::clamp(std::ceil(high[axis] + kRounding), 0.0, most));
+    const double largest = box_.cells[axis];
+    cells.low[axis] = static_cast<int>(std::clamp(std::floor(low[axis] - kRounding), 0.0, largest));
+    cells.high[axis] = static_cast<int>(std::clamp(std::ceil(high[axis] + kRounding), 0.0, largest));
   }
   return cells;
 }

@@ -132,14 +132,14 @@ class MaterialSampler {
     Sum sum;
     for (int n = 0; n < layer.contacts; ++n) {
       const ProxyContact& contact = layer.contact[static_cast<std::size_t>(n)];
-      const Point<Patient> middle = at_ + head_.along_mm * contact.axis_fraction;
+      const Point<Patient> centre = at_ + head_.along_mm * contact.axis_fraction;
       // the contact normal is smoothed and may point past the edge
       const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
       const Vector<Patient> outward =
-          sample_central_differences(surface.surface->position(), middle).gradient.normalized();
+          sample_central_differences(surface.surface->position(), centre).gradient.normalized();
       // between voxels the edge may read closer than it is
       const double radius_mm = head_.radius_at_mm(contact.axis_fraction);
-      add(middle - outward * surface.clearance_error_mm, -outward, radius_mm,
+      add(centre - outward * surface.clearance_error_mm, -outward, radius_mm,
           std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions, 0, sum);
     }
     return front_of(sum);
@@ -203,10 +203,10 @@ class MaterialSampler {
   }
 
   // @param counts_mm  depth in material at which a point begins to count
-  void add(const Point<Patient>& middle, const Vector<Patient>& direction, double radius_mm, double share_mm2,
+  void add(const Point<Patient>& centre, const Vector<Patient>& direction, double radius_mm, double share_mm2,
            double counts_mm, Sum& sum) const {
     const Material material =
-        before(middle + direction * (radius_mm + kCuttingSettings.lookahead_mm), counts_mm);
+        before(centre + direction * (radius_mm + kCuttingSettings.lookahead_mm), counts_mm);
     if (!(material.part > 0)) return;
     const double area_mm2 = share_mm2 * material.part;
     sum.area_mm2 += area_mm2;
@@ -242,9 +242,9 @@ class MaterialSampler {
   }
   static Vector<Patient> perpendicular(const Vector<Patient>& to) {
     const Eigen::Vector3d away = to.eigen().cwiseAbs();
-    int least = 0;
-    away.minCoeff(&least);
-    return to.cross(Vector<Patient>(Eigen::Vector3d::Unit(least))).normalized();
+    int smallest = 0;
+    away.minCoeff(&smallest);
+    return to.cross(Vector<Patient>(Eigen::Vector3d::Unit(smallest))).normalized();
   }
 
   static constexpr double kGoldenAngle = 2 * std::numbers::pi * (2 - std::numbers::phi);
@@ -286,7 +286,7 @@ bool sweep(const BurrTool& burr, const HeadPose& from, const HeadPose& to, BurrS
 double penetration_mm(std::span<const ContactSurface> surfaces, const BurrTool& burr,
                       const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
-  double sunk = 0;
+  double depth_mm = 0;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     const ContactSurface& surface = surfaces[s];
     const ProxyLayer& layer = proxy.layer(surface.layer);
@@ -295,9 +295,9 @@ double penetration_mm(std::span<const ContactSurface> surfaces, const BurrTool& 
     const ToolSphere head = burr.head(layer.attitude);
     if (is_farther(*surface.surface, head, layer.position, radius_mm)) continue;
     const NearestPart nearest = nearest_part(*surface.surface, head, layer.position, radius_mm);
-    sunk = std::max(sunk, radius_mm - nearest.distance_mm);
+    depth_mm = std::max(depth_mm, radius_mm - nearest.distance_mm);
   }
-  return sunk;
+  return depth_mm;
 }
 
 // Largest lack of clearance of the head where material was removed, as the interpolated surfaces read. It
@@ -305,17 +305,18 @@ double penetration_mm(std::span<const ContactSurface> surfaces, const BurrTool& 
 double missing_clearance_mm(std::span<const ContactSurface> surfaces, const BurrTool& burr,
                             const ProxyState& proxy) {
   const double radius_mm = burr->radius_mm;
-  double most = 0;
+  double largest = 0;
   for (const ContactSurface& surface : surfaces) {
-    if (surface.made == nullptr || surface.clearance_error_mm <= most || !proxy.layer(surface.layer).coupled)
+    if (surface.made == nullptr || surface.clearance_error_mm <= largest ||
+        !proxy.layer(surface.layer).coupled)
       continue;
     const Point<Patient>& at = proxy.layer(surface.layer).position;
     const ToolSphere head = burr.head(proxy.layer(surface.layer).attitude);
-    if (is_farther(*surface.made, head, at, radius_mm - most)) continue;
-    const NearestPart nearest = nearest_part(*surface.made, head, at, radius_mm - most);
-    most = std::max(most, std::min(surface.clearance_error_mm, radius_mm - nearest.distance_mm));
+    if (is_farther(*surface.made, head, at, radius_mm - largest)) continue;
+    const NearestPart nearest = nearest_part(*surface.made, head, at, radius_mm - largest);
+    largest = std::max(largest, std::min(surface.clearance_error_mm, radius_mm - nearest.distance_mm));
   }
-  return most;
+  return largest;
 }
 
 /// Volume removed by a burr that sinks in by a feed: its front area grows with depth as for a ball entering a
@@ -400,7 +401,7 @@ double Burr::widest_mm() const {
 
 ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options) {
-  const BurrTool held(burr, hand);
+  const BurrTool burr_tool(burr, hand);
   state.open_s += options.dt_s;
   if (state.open_s >= kCuttingSettings.max_sweep_s) state.closed = true;
   // After a reset of the proxy, sweeps made so far are still to be carved but are not extended.
@@ -424,7 +425,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
                  std::max(state.penetration_mm, kCuttingSettings.max_inset_fraction * burr.thinnest_mm()));
   }
   // a burr that does not cut must be able to leave by the path on which it entered
-  if (!cuts) state.inset_mm = std::max(state.inset_mm, missing_clearance_mm(surfaces, held, proxy));
+  if (!cuts) state.inset_mm = std::max(state.inset_mm, missing_clearance_mm(surfaces, burr_tool, proxy));
   if (!(burr.revolutions_per_s > 0)) state.closed = true;
 
   const int was_in = state.layer;
@@ -436,18 +437,18 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   }
   const ToolSphere head = burr.head(state.inset_mm);
   // the motor's work limits the displacement, not the slip rate
-  ProxyOptions led = options;
-  led.max_slip_N_per_s = std::numeric_limits<double>::infinity();
-  if (cuts) led.max_away = kCuttingSettings.max_distance_increase;
-  ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, led);
+  ProxyOptions guided = options;
+  guided.max_slip_N_per_s = std::numeric_limits<double>::infinity();
+  if (cuts) guided.max_away = kCuttingSettings.max_distance_increase;
+  ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, guided);
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));
     if (burr.spared.empty() || !layer.coupled || !was_coupled[n]) continue;
-    const HeadPose pose = outside_protected(held, before[n], {layer.position, layer.attitude});
+    const HeadPose pose = outside_protected(burr_tool, before[n], {layer.position, layer.attitude});
     const bool same = pose.at == layer.position && pose.attitude.coeffs() == layer.attitude.coeffs();
     if (!same) move_to(pose, hand.tip, layer, result.of_layer[n], result);
   }
-  state.penetration_mm = std::min(state.inset_mm, penetration_mm(surfaces, held, proxy));
+  state.penetration_mm = std::min(state.inset_mm, penetration_mm(surfaces, burr_tool, proxy));
   // a burr that has sunk in is in material even without a contact
   const int touched = innermost_touched(proxy);
   if (touched >= 0 || !(state.penetration_mm > 0)) state.layer = touched;
@@ -472,37 +473,39 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   const ProxyLayer& layer = proxy.layer(is_in);
   const HeadPose from = before[static_cast<std::size_t>(is_in)], to{layer.position, layer.attitude};
   const Vector<Patient> moved = to.at - from.at;
-  const Vector<Patient> turned = held.head(to.attitude).along_mm - held.head(from.attitude).along_mm;
+  const Vector<Patient> turned =
+      burr_tool.head(to.attitude).along_mm - burr_tool.head(from.attitude).along_mm;
   const HeadDisplacement displacement(moved, moved + turned);
   if (was_in == is_in && displacement.length_mm > kCuttingSettings.at_rest_mm) {
-    const HeadPose middle = held.partway(from, to, 0.5);
+    const HeadPose middle = burr_tool.partway(from, to, 0.5);
     const Front swept =
-        MaterialSampler(surfaces, held, held.head(middle.attitude), layer, is_in, middle.at, state)
+        MaterialSampler(surfaces, burr_tool, burr_tool.head(middle.attitude), layer, is_in, middle.at, state)
             .along(displacement);
     const double cost_mJ = swept.area_mm2 * displacement.length_mm * swept.energy_mJ_per_mm3;
     if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
       // motion through material is limited by the motor's work and by the capacity for sweeps
       double part = std::min(1.0, state.unspent_work_mJ / cost_mJ);
-      const HeadPose there = outside_protected(held, from, held.partway(from, to, part));
-      state.full = part > 0 && !sweep(held, from, there, state);
+      const HeadPose there = outside_protected(burr_tool, from, burr_tool.partway(from, to, part));
+      state.full = part > 0 && !sweep(burr_tool, from, there, state);
       if (state.full) part = 0;
       // all layers represent one burr: none may move ahead of the one that cuts
       for (std::size_t n = 0; n < before.size(); ++n) {
         ProxyLayer& layered = proxy.layer(static_cast<int>(n));
         if (!layered.coupled || layered.contacts == 0) continue;
-        const HeadPose pose = held.partway(before[n], {layered.position, layered.attitude}, part);
-        move_to(outside_protected(held, before[n], pose), hand.tip, layered, result.of_layer[n], result);
+        const HeadPose pose = burr_tool.partway(before[n], {layered.position, layered.attitude}, part);
+        move_to(outside_protected(burr_tool, before[n], pose), hand.tip, layered, result.of_layer[n], result);
       }
       state.removed_mm3 += swept.area_mm2 * displacement.length_mm * part;
       state.unspent_work_mJ -= cost_mJ * part;
     }
   }
   state.pressed_N = std::min(result.force_N.norm(), burr.max_press_N);
-  state.penetration_mm = std::min(state.inset_mm, penetration_mm(surfaces, held, proxy));
+  state.penetration_mm = std::min(state.inset_mm, penetration_mm(surfaces, burr_tool, proxy));
 
   const Vector<Patient> push = result.force_N * -1.0;
   if (!(push.norm() > 0)) return result;
-  const MaterialSampler ahead(surfaces, held, held.head(layer.attitude), layer, is_in, layer.position, state);
+  const MaterialSampler ahead(surfaces, burr_tool, burr_tool.head(layer.attitude), layer, is_in,
+                              layer.position, state);
   Front front = ahead.along({push, push});
   if (!(front.area_mm2 > 0)) front = ahead.edge_contact_front(layer);
   state.front_mm2 = front.area_mm2;
@@ -519,9 +522,9 @@ void rebase_burr(std::span<const ContactSurface> surfaces, const Burr& burr, con
   state.first += static_cast<std::uint64_t>(removed);
   state.sweeps -= removed;
   if (removed > 0) state.full = false;
-  const double sunk = penetration_mm(surfaces, BurrTool(burr, hand), proxy);
-  const bool fits = sunk > 0 && sunk + kCuttingSettings.surface_error_mm < burr.thinnest_mm();
-  state.penetration_mm = state.inset_mm = fits ? sunk + kCuttingSettings.surface_error_mm : 0;
+  const double depth_mm = penetration_mm(surfaces, BurrTool(burr, hand), proxy);
+  const bool fits = depth_mm > 0 && depth_mm + kCuttingSettings.surface_error_mm < burr.thinnest_mm();
+  state.penetration_mm = state.inset_mm = fits ? depth_mm + kCuttingSettings.surface_error_mm : 0;
 }
 
 std::uint64_t finished_sweeps(const BurrState& state) {

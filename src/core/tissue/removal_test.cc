@@ -26,9 +26,9 @@ const Row kLyingCone{5, 1.2, Vector<Patient>(5, 0, -0.8).normalized()};
 const Row kStandingCone{5, 2.8, {0, 0, 1}};
 
 /// A burr of 4 mm above a block of bone, moved by a hand that yields to no force.
-class LedBurr {
+class GuidedBurr {
  public:
-  explicit LedBurr(double revolutions_per_s = 1000, const Row& row = {})
+  explicit GuidedBurr(double revolutions_per_s = 1000, const Row& row = {})
       : carved_(testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), testing::slab(-10, 0, 8))) {
     burr_.radius_mm = 2;
     burr_.revolutions_per_s = revolutions_per_s;
@@ -100,7 +100,7 @@ class LedBurr {
 };
 
 TEST(Removal, AMotorThatIsOffLeavesABall) {
-  LedBurr off(0);
+  GuidedBurr off(0);
   ProxyState ball;
   const ToolSphere sphere{Vector<Patient>(), 2};
   off.lead_to(Point<Patient>(0, 0, 2.5), 1);
@@ -119,7 +119,7 @@ TEST(Removal, AMotorThatIsOffLeavesABall) {
 }
 
 TEST(Removal, WhatCannotBeCutIsNot) {
-  LedBurr burr;
+  GuidedBurr burr;
   burr.surfaces_[0].cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
   burr.lead_to(Point<Patient>(0, 0, 1), 50);
   EXPECT_EQ(burr.state_.removed_mm3, 0);
@@ -128,7 +128,7 @@ TEST(Removal, WhatCannotBeCutIsNot) {
 }
 
 TEST(Removal, ItSinksInAndTheForceFallsInTheSameTick) {
-  LedBurr burr, ball(0);
+  GuidedBurr burr, ball(0);
   burr.lead_to(Point<Patient>(0, 0, 1.5), 50);
   ball.lead_to(Point<Patient>(0, 0, 1.5), 50);
   EXPECT_NEAR(ball.lead_to(ball.tip_, 1).force_N.z(), 1, 0.05);
@@ -146,7 +146,7 @@ TEST(Removal, ItSinksInAndTheForceFallsInTheSameTick) {
 }
 
 TEST(Removal, InLayersItIsOneBurr) {
-  LedBurr one, two;
+  GuidedBurr one, two;
   two.in_two_layers();
   for (int n = 0; n < 40; ++n) {
     // deeper than it can advance at once, carved from time to time
@@ -164,7 +164,7 @@ TEST(Removal, InLayersItIsOneBurr) {
 }
 
 TEST(Removal, WithItsMotorOffItComesOutWhereItWentIn) {
-  LedBurr burr;
+  GuidedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.9), 20);
   const Point<Patient> in(1.3, 0.8, -3);
   const Vector<Patient> displacement = in - burr.tip_;
@@ -199,18 +199,19 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
   SCOPED_TRACE(seed);
   // a nerve of 3 mm diameter, 2.5 mm below the bone's surface
   const auto nerve = [](const Eigen::Vector3d& p) { return std::hypot(p.x(), p.z() + 4) - 1.5; };
-  LedBurr burr;
+  GuidedBurr burr;
   const ProtectedStructure structure{2, testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), nerve),
                                      true};
   burr.burr_.spared = {&structure, 1};
   burr.carved_ = CarvedSurface(burr.carved_.made(), {structure.surface});
-  std::uniform_real_distribution<double> aside(-4, 4), depth(-8, 0);
+  std::uniform_real_distribution<double> lateral(-4, 4), depth(-8, 0);
   double nearest_mm = 10;
   for (int stroke = 0; stroke < 40; ++stroke) {
-    burr.lead_to(Point<Patient>(aside(random), aside(random), 2.2), 100);
+    burr.lead_to(Point<Patient>(lateral(random), lateral(random), 2.2), 100);
     const Point<Patient> from = burr.tip_;
     // with up to 10 N, towards it and next to it
-    const Vector<Patient> displacement = Point<Patient>(aside(random), aside(random), depth(random)) - from;
+    const Vector<Patient> displacement =
+        Point<Patient>(lateral(random), lateral(random), depth(random)) - from;
     for (int n = 1; n <= 20; ++n) {
       for (int tick = 1; tick <= 20; ++tick) {
         burr.lead_to(from + displacement * ((n - 1 + 0.05 * tick) / 20), 1);
@@ -241,7 +242,7 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
 
 TEST(Removal, AHeadWhoseMotorIsOffIsACapsule) {
   for (const Row& row : {kLyingCylinder, kStandingCylinder, kLyingCone, kStandingCone}) {
-    LedBurr off(0, row);
+    GuidedBurr off(0, row);
     ProxyState head;
     off.lead_to(Point<Patient>(0, 0, 2.6), 1);
     (void)advance_proxy(off.surfaces_, std::array{off.burr_.head(0)}, off.pose(), head, off.options_);
@@ -293,17 +294,17 @@ TEST(Removal, AHeadTakesWhatItReckonsAndWorksFor) {
                               {"cylinder, turning", kLyingCylinder, {0, 0, -1.5}, 0.3},
                               {"cone, pressed sideways", kLyingCone, {0, 0, -2}},
                               {"cone, drilling and turning", kStandingCone, {1, 0, -3}, 0.3}};
-  for (const GuidedPath& led : paths) {
-    SCOPED_TRACE(led.name);
-    LedBurr burr(1000, led.row);
+  for (const GuidedPath& guided : paths) {
+    SCOPED_TRACE(guided.name);
+    GuidedBurr burr(1000, guided.row);
     burr.lead_to(Point<Patient>(-2, -2, 2.05), 50);
     const Point<Patient> from = burr.tip_;
     std::vector<SweptShape> shapes;
     constexpr int kVersions = 30;
     for (int n = 1; n <= kVersions; ++n) {
       const double part = static_cast<double>(n) / kVersions;
-      const Eigen::Quaterniond turned(Eigen::AngleAxisd(led.turn_rad * part, Eigen::Vector3d::UnitY()));
-      burr.lead_to(from + led.along * part, turned, 20);
+      const Eigen::Quaterniond turned(Eigen::AngleAxisd(guided.turn_rad * part, Eigen::Vector3d::UnitY()));
+      burr.lead_to(from + guided.along * part, turned, 20);
       for (const Sweep& sweep : finished_from(burr.state_, burr.state_.first)) shapes.emplace_back(sweep);
       burr.carve();
       ASSERT_TRUE(burr.proxy_.coupled) << n;
@@ -322,7 +323,7 @@ TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
   SCOPED_TRACE(seed);
   std::uniform_real_distribution<double> about(-1, 1), unit(0, 1);
   for (const Row& row : {kLyingCylinder, kStandingCone}) {
-    LedBurr burr(1000, row);
+    GuidedBurr burr(1000, row);
     // soft enough for it to follow
     burr.surfaces_[0].cutting_energy_mJ_per_mm3 = 5;
     burr.lead_to(Point<Patient>(-2, 0, 1.9), 50);
@@ -337,13 +338,13 @@ TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
       for (int n = 1; n <= 20; ++n) {
         burr.lead_to(from + displacement * (0.05 * n), was.slerp(0.05 * n, aim), 1);
         const ToolSphere head = burr.burr_.head(0);
-        const ToolSphere held = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
+        const ToolSphere sphere = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
         for (int m = 0; m < 40; ++m) {
           const double part = unit(random);
           const Vector<Patient> out(about(random), about(random), about(random));
           // almost on its outline
-          const Point<Patient> at = burr.proxy_.position + held.along_mm * part +
-                                    out.normalized() * (held.radius_at_mm(part) - 0.02);
+          const Point<Patient> at = burr.proxy_.position + sphere.along_mm * part +
+                                    out.normalized() * (sphere.radius_at_mm(part) - 0.02);
           if (burr.carved_.made()->distance_mm(at) < -0.02) been.push_back(at);
         }
       }
@@ -367,7 +368,7 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
   SCOPED_TRACE(seed);
   // a nerve of 3 mm diameter that descends half a millimetre beside the head
   const auto nerve = [](const Eigen::Vector3d& p) { return std::hypot(p.x() - 4, p.y()) - 1.5; };
-  LedBurr burr(1000, kStandingCylinder);
+  GuidedBurr burr(1000, kStandingCylinder);
   const ProtectedStructure structure{2, testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), nerve),
                                      true};
   burr.burr_.spared = {&structure, 1};
@@ -382,9 +383,9 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
         const double part = (n - 1 + 0.05 * tick) / 10;
         burr.lead_to(from + aim_mm * part, was.slerp(part, aim), 1);
         const ToolSphere head = burr.burr_.head(0);
-        const ToolSphere held = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
+        const ToolSphere sphere = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
         const double gap_mm =
-            nearest_part(*structure.surface, held, burr.proxy_.position).distance_mm - burr.burr_.radius_mm;
+            nearest_part(*structure.surface, sphere, burr.proxy_.position).distance_mm - burr.burr_.radius_mm;
         nearest_mm = std::min(nearest_mm, gap_mm);
         deepest_mm = std::max(deepest_mm, -gap_mm);
       }
@@ -420,7 +421,7 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
 
 TEST(Removal, TheRimOfAGrooveGivesWay) {
   // moved along an existing groove, whose rim it meets from the side
-  LedBurr burr;
+  GuidedBurr burr;
   for (ContactSurface& surface : burr.surfaces_) surface.cutting_energy_mJ_per_mm3 = 2;
   for (const double y : {-1.0, -0.5, 0.0, 0.5}) {
     burr.lead_to(Point<Patient>(-2.5, y, 2.2), 50);
@@ -438,7 +439,7 @@ TEST(Removal, TheRimOfAGrooveGivesWay) {
 
 TEST(Removal, WhatIsNotCarvedYetIsBounded) {
   // surfaces that are never rebuilt, material soft enough for a long path, on a spiral
-  LedBurr burr;
+  GuidedBurr burr;
   burr.surfaces_[0].cutting_energy_mJ_per_mm3 = 5;
   burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
   for (int n = 0; n < 400; ++n)
@@ -457,7 +458,7 @@ TEST(Removal, WhatIsNotCarvedYetIsBounded) {
 }
 
 TEST(Removal, SweepsThatCameMeanwhileStay) {
-  LedBurr burr;
+  GuidedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
   const std::uint64_t count = finished_sweeps(burr.state_);
   ASSERT_GT(count, 0u);
@@ -478,7 +479,7 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
 }
 
 TEST(Removal, ASweepIsFinishedInTimeHoweverSlowItGrows) {
-  LedBurr burr;
+  GuidedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.9), 100);
   std::uint64_t finished = finished_sweeps(burr.state_);
   ASSERT_GT(burr.state_.removed_mm3, 0);

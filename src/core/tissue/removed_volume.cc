@@ -27,9 +27,9 @@ void RemovedVolume::add(std::span<const Cut> cuts) {
 bool RemovedVolume::undo() {
   Stroke* const stroke = strokes_.undo();
   if (stroke == nullptr) return false;
-  for (const auto& [voxel, places] : *stroke) {
-    swept_[voxel] &= ~places;
-    places_[label_of(voxel)] -= static_cast<std::uint64_t>(std::popcount(places));
+  for (const auto& [voxel, samples] : *stroke) {
+    swept_[voxel] &= ~samples;
+    sample_counts_[label_of(voxel)] -= static_cast<std::uint64_t>(std::popcount(samples));
   }
   return true;
 }
@@ -37,14 +37,14 @@ bool RemovedVolume::undo() {
 bool RemovedVolume::redo() {
   const Stroke* const stroke = strokes_.redo();
   if (stroke == nullptr) return false;
-  for (const auto& [voxel, places] : *stroke) {
-    swept_[voxel] |= places;
-    places_[label_of(voxel)] += static_cast<std::uint64_t>(std::popcount(places));
+  for (const auto& [voxel, samples] : *stroke) {
+    swept_[voxel] |= samples;
+    sample_counts_[label_of(voxel)] += static_cast<std::uint64_t>(std::popcount(samples));
   }
   return true;
 }
 
-Point<Voxel> RemovedVolume::place(int i, int j, int k, int n) {
+Point<Voxel> RemovedVolume::sample_point(int i, int j, int k, int n) {
   const auto along = [](int voxel, int index) { return voxel + (index + 0.5) / kAlong - 0.5; };
   return {along(i, n % kAlong), along(j, n / kAlong % kAlong), along(k, n / (kAlong * kAlong))};
 }
@@ -85,21 +85,21 @@ void RemovedVolume::add(const Sweep& sweep, Stroke& stroke) {
         std::uint64_t now = kAll;
         if (depth_mm < half_diagonal_mm) {
           now = 0;
-          for (int n = 0; n < kPlaces; ++n)
-            if (shape.depth_mm(X_PatientVoxel * place(i, j, k, n)) > 0) now |= std::uint64_t{1} << n;
+          for (int n = 0; n < kSamples; ++n)
+            if (shape.depth_mm(X_PatientVoxel * sample_point(i, j, k, n)) > 0) now |= std::uint64_t{1} << n;
         }
         now &= ~swept;
         if (now == 0) continue;
         stroke.emplace_back(index(i, j, k), now);
-        places_[label] += static_cast<std::uint64_t>(std::popcount(now));
+        sample_counts_[label] += static_cast<std::uint64_t>(std::popcount(now));
         swept |= now;
       }
 }
 
 std::map<LabelId, double> RemovedVolume::by_label_mm3() const {
   std::map<LabelId, double> volumes;
-  for (const auto& [label, places] : places_)
-    if (places > 0) volumes[label] = static_cast<double>(places) * place_mm3(geometry());
+  for (const auto& [label, samples] : sample_counts_)
+    if (samples > 0) volumes[label] = static_cast<double>(samples) * sample_mm3(geometry());
   return volumes;
 }
 

@@ -75,11 +75,11 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> place(-14, 14);
+  std::uniform_real_distribution<double> coordinate(-14, 14);
   const Model model = blocks({0.6, 0.75, 1}, testing::turned_by(0.5));
   std::vector<Cut> cuts;
   for (int n = 0; n < 30; ++n) {
-    const Point<Patient> from(place(random), place(random), place(random));
+    const Point<Patient> from(coordinate(random), coordinate(random), coordinate(random));
     cuts.push_back({0, {from, from + Vector<Patient>(0.2, 0.1, 0), 0.5 + 0.05 * n}});
     // every third one is a cone
     if (n % 3 == 0) {
@@ -103,29 +103,29 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
       for (int i = 0; i < grid.dims[0]; ++i) {
         const LabelId label = model.labels->at(i, j, k);
         if (!model.is_touchable(label)) continue;
-        for (int place_n = 0; place_n < 64; ++place_n) {
+        for (int sample_n = 0; sample_n < 64; ++sample_n) {
           const auto part = [](int n) { return -0.375 + 0.25 * n; };
           const Point<Patient> at =
               X_PatientVoxel *
-              Point<Voxel>(i + part(place_n & 3), j + part(place_n >> 2 & 3), k + part(place_n >> 4));
+              Point<Voxel>(i + part(sample_n & 3), j + part(sample_n >> 2 & 3), k + part(sample_n >> 4));
           if (std::ranges::any_of(cuts,
                                   [&](const Cut& cut) { return SweptShape(cut.sweep).depth_mm(at) > 0; }))
             expected[label] += grid.spacing_mm.prod() / 64;
         }
       }
   const auto volumes = once.by_label_mm3();
-  std::map<LabelId, double> by_places;
-  once.for_each_swept([&](int i, int j, int k, LabelId label, std::uint64_t places) {
+  std::map<LabelId, double> by_positions;
+  once.for_each_swept([&](int i, int j, int k, LabelId label, std::uint64_t samples) {
     EXPECT_EQ(label, model.labels->at(i, j, k));
-    by_places[label] += std::popcount(places) * RemovedVolume::place_mm3(grid);
+    by_positions[label] += std::popcount(samples) * RemovedVolume::sample_mm3(grid);
     // the first removed point lies in a sweep
-    const int first = std::countr_zero(places);
-    const Point<Patient> at = X_PatientVoxel * RemovedVolume::place(i, j, k, first);
+    const int first = std::countr_zero(samples);
+    const Point<Patient> at = X_PatientVoxel * RemovedVolume::sample_point(i, j, k, first);
     EXPECT_TRUE(
         std::ranges::any_of(cuts, [&](const Cut& cut) { return SweptShape(cut.sweep).depth_mm(at) > 0; }));
   });
-  ASSERT_EQ(by_places.size(), volumes.size());
-  for (const auto& [label, mm3] : by_places) EXPECT_NEAR(mm3, volumes.at(label), 1e-6 * mm3);
+  ASSERT_EQ(by_positions.size(), volumes.size());
+  for (const auto& [label, mm3] : by_positions) EXPECT_NEAR(mm3, volumes.at(label), 1e-6 * mm3);
   ASSERT_EQ(volumes.size(), expected.size());
   for (const auto& [label, mm3] : expected) EXPECT_NEAR(volumes.at(label), mm3, 1e-6 * mm3);
 }
@@ -134,8 +134,8 @@ TEST(RemovedVolume, WhatIsUndoneCountsNoMore) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  const auto within = [&](double most) {
-    return std::uniform_real_distribution<double>(-most, most)(random);
+  const auto within = [&](double largest) {
+    return std::uniform_real_distribution<double>(-largest, largest)(random);
   };
   const Model model = blocks({0.6, 0.6, 0.6}, Eigen::Matrix3d::Identity());
   RemovedVolume removed(model);

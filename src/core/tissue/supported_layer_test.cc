@@ -57,7 +57,7 @@ TEST(SupportedLayer, ALayerThatIsTrimmedIsThinner) {
   std::vector<Cut> cuts;
   for (double down_mm = 1; down_mm <= 2; down_mm += 1)
     cuts.push_back({0, {{-15, -15, 2 - down_mm}, {15, -15, 2 - down_mm}, 2, 0, {0, 30, 0}, 2}});
-  const auto layer = measured(*Carving(*whole).with(cuts)->taken_from(*whole), {0, 0, -2});
+  const auto layer = measured(*Carving(*whole).with(cuts)->applied_to(*whole), {0, 0, -2});
   ASSERT_TRUE(layer);
   EXPECT_NEAR(layer->thickness_mm, 2, 0.1);
 }

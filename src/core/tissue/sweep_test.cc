@@ -36,18 +36,18 @@ double searched_depth_mm(const Sweep& sweep, const Point<Patient>& at) {
   });
 }
 
-TEST(Sweep, ADepthIsTheGreatestOverAllBalls) {
+TEST(Sweep, ADepthIsTheMaxOverAllBalls) {
   const unsigned seed = test::test_seed();
   std::mt19937 random(seed);
   SCOPED_TRACE(seed);
-  std::uniform_real_distribution<double> place(-4, 4), unit(0, 1), about(-1, 1);
+  std::uniform_real_distribution<double> coordinate(-4, 4), unit(0, 1), about(-1, 1);
   const auto vector = [&](double length_mm) {
     return Vector<Patient>(about(random), about(random), about(random)).normalized() * length_mm;
   };
   int inside = 0, in_plane = 0;
   for (int n = 0; n < 400; ++n) {
     Sweep sweep;
-    sweep.from = Point<Patient>(place(random), place(random), place(random));
+    sweep.from = Point<Patient>(coordinate(random), coordinate(random), coordinate(random));
     sweep.radius_mm = 0.3 + 2 * unit(random);
     sweep.end_radius_mm = n % 3 == 0 ? sweep.radius_mm : 0.3 + 2 * unit(random);
     sweep.axis_mm = vector(0.2 + 5 * unit(random));
@@ -60,7 +60,7 @@ TEST(Sweep, ADepthIsTheGreatestOverAllBalls) {
     sweep.to = sweep.from + displacement;
     const SweptShape shape(sweep);
     for (int m = 0; m < 12; ++m) {
-      Point<Patient> at(place(random), place(random), place(random));
+      Point<Patient> at(coordinate(random), coordinate(random), coordinate(random));
       // every other point is near it, some in the plane of path and axis
       if (m % 2 == 0)
         at = sweep.from + displacement * unit(random) + sweep.axis_mm * unit(random) +

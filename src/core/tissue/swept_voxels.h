@@ -26,12 +26,12 @@ inline MiddlesOfSweep middles_of(const Sweep& sweep, const Transform<Voxel, Pati
   return middles;
 }
 
-/// Calls run(centre, radius) for balls that cover a sweep, at most `apart_mm` apart.
+/// Calls run(centre, radius) for balls that cover a sweep, at most `separation_mm` apart.
 template <class F>
-void for_balls_of(const Sweep& sweep, double apart_mm, const F& run) {
+void for_balls_of(const Sweep& sweep, double separation_mm, const F& run) {
   const Vector<Patient> displacement = sweep.to - sweep.from;
-  const int steps = 1 + static_cast<int>(displacement.norm() / apart_mm);
-  const int along = sweep.is_of_ball() ? 0 : 1 + static_cast<int>(sweep.axis_mm.norm() / apart_mm);
+  const int steps = 1 + static_cast<int>(displacement.norm() / separation_mm);
+  const int along = sweep.is_of_ball() ? 0 : 1 + static_cast<int>(sweep.axis_mm.norm() / separation_mm);
   for (int m = 0; m <= along; ++m) {
     const double part = along > 0 ? static_cast<double>(m) / along : 0;
     const double wider_mm = along > 0 ? (sweep.end_radius_mm - sweep.radius_mm) * part : 0;

@@ -72,8 +72,8 @@ class SlowElastic {
     return all;
   }
 
-  /// K u; held components are 0 unless `held_too`.
-  Eigen::VectorXd apply(const Eigen::VectorXd& u, bool held_too = false) const {
+  /// K u; held components are 0 unless `include_constrained`.
+  Eigen::VectorXd apply(const Eigen::VectorXd& u, bool include_constrained = false) const {
     Eigen::VectorXd force = Eigen::VectorXd::Zero(values());
     const ElasticLayout& layout = grid_.layout();
     for (int k = 0; k < layout.cells[2]; ++k)
@@ -93,11 +93,13 @@ class SlowElastic {
             force.segment<3>(3 * node(corner)) += of_cell.segment<3>(3 * corner);
         }
     for_each_node([&](int i, int j, int k) {
-      const int held = grid_.held(i, j, k);
+      const int constraint_bits = grid_.constraint(i, j, k);
       for (int c = 0; c < 3; ++c) {
         double& f = force[3 * number(i, j, k) + c];
         f += grid_.springs()[layout.node(i, j, k, c)] * u[3 * number(i, j, k) + c];
-        if (!held_too && ((held >> c & 1) != 0 || (held & ElasticGrid::kNoNode) != 0)) f = 0;
+        if (!include_constrained &&
+            ((constraint_bits >> c & 1) != 0 || (constraint_bits & ElasticGrid::kNoNode) != 0))
+          f = 0;
       }
     });
     return force;

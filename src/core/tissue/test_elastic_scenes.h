@@ -41,7 +41,7 @@ inline ElasticGrid random_grid(std::array<int, 3> cells, double cell_mm, std::mt
   for (int k = 0; k <= cells[2]; ++k)
     for (int j = 0; j <= cells[1]; ++j)
       for (int i = 0; i <= cells[0]; ++i)
-        if (unit(random) < 0.05) grid.hold(i, j, k, static_cast<std::uint8_t>(random() % 8));
+        if (unit(random) < 0.05) grid.constrain(i, j, k, static_cast<std::uint8_t>(random() % 8));
   return grid;
 }
 

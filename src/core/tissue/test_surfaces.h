@@ -21,10 +21,10 @@ inline std::shared_ptr<const Surface> surface_to_carve(
 
 /// Slab between two heights, with sides far from the centre: a slightly larger grid contains all of it.
 inline Distance slab(double low_mm, double high_mm, double half_mm) {
-  const Eigen::Vector3d middle(0, 0, 0.5 * (low_mm + high_mm));
+  const Eigen::Vector3d centre(0, 0, 0.5 * (low_mm + high_mm));
   const Eigen::Vector3d half(half_mm, half_mm, 0.5 * (high_mm - low_mm));
   return [=](const Eigen::Vector3d& p) {
-    const Eigen::Vector3d off = (p - middle).cwiseAbs() - half;
+    const Eigen::Vector3d off = (p - centre).cwiseAbs() - half;
     return off.cwiseMax(0).norm() + std::min(0.0, off.maxCoeff());
   };
 }

@@ -31,21 +31,21 @@ Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const
   return lattice.local_mm(at - outward * (depth_cells * lattice.cell_mm)) / lattice.cell_mm;
 }
 
-std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle) {
+std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& centre) {
   const std::array<int, 3> cells = cells_of_box(model);
   std::array<int, 3> first;
   for (int axis = 0; axis < 3; ++axis) {
     const double step = kSolverSettings.step_cells;
     first[axis] = kSolverSettings.step_cells *
-                  static_cast<int>(std::floor((middle[axis] - 0.5 * cells[axis]) / step + 0.5));
+                  static_cast<int>(std::floor((centre[axis] - 0.5 * cells[axis]) / step + 0.5));
   }
   return first;
 }
 
-bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle) {
+bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& centre) {
   const std::array<int, 3> cells = cells_of_box(model);
   for (int axis = 0; axis < 3; ++axis)
-    if (std::abs(middle[axis] - first_cell[axis] - 0.5 * cells[axis]) >
+    if (std::abs(centre[axis] - first_cell[axis] - 0.5 * cells[axis]) >
         kSolverSettings.max_offset_cells / model.tissue_coarsened)
       return false;
   return true;

@@ -20,8 +20,8 @@ inline constexpr double kMaxPatchPart = 0.25;
 /// @param outward  unit normal of the surface there
 Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const Vector<Patient>& outward);
 /// First cell of the box with that middle, and whether an existing box still covers a middle.
-std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& middle);
-bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& middle);
+std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& centre);
+bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& centre);
 /// YieldSolver::displacing_force_N for tissue that relaxes or stiffens with strain.
 /// @param tissue        tissue at the contact
 /// @param max_N_per_mm  max_deformable_stiffness_N_per_mm() of the model

@@ -167,9 +167,9 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& dev
                                        const std::optional<YieldBox>& before) {
   const auto contact = expected_contact(model, device);
   if (!contact) return before;
-  const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
-  if (before && is_around(model, before->first_cell, middle)) return before;
-  return YieldBox{first_cell_around(model, middle), contact->at};
+  const Eigen::Vector3d centre = middle_below(model, contact->at, contact->outward);
+  if (before && is_around(model, before->first_cell, centre)) return before;
+  return YieldBox{first_cell_around(model, centre), contact->at};
 }
 
 /// Neo-Hookean body around a device's tool (docs/decisions/archive/0039-neo-hookean-in-the-tick.md).
@@ -290,15 +290,15 @@ struct YieldSolver::Region {
           for (int axis = 0; axis < 3; ++axis)
             to.values[layout.node(i, j, k, axis)] = from.values[layout.node(a, b, c, axis)];
         }
-    solver.zero_held(to);
+    solver.zero_constrained(to);
   }
   // updates cells and solver after material was removed or restored since the last frame
   void follow(const CarvedLabels& labels) {
     if (cells.follow(labels, solver).empty()) return;
-    solver.zero_held(unit_mm);
+    solver.zero_constrained(unit_mm);
     if (finite == nullptr) return;
-    solver.zero_held(finite->correction_mm);
-    solver.zero_held(finite->turning_mm);
+    solver.zero_constrained(finite->correction_mm);
+    solver.zero_constrained(finite->turning_mm);
   }
 
   /// Solves the neo-Hookean body at the tool's predicted depth, and adds F, C and grad C to the spot of the
@@ -318,7 +318,7 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   const bool at_rest = f.depth_mm > 0 && is_as_deep(f.depth_mm);
   f.depth_mm = std::max(depth_mm, 0.0);
   if (f.failed_mm > 0 && !is_as_deep(f.failed_mm)) f.failed_mm = 0;
-  const HeldMeans surface = patch.columns(kSolverSettings.min_load_fraction);
+  const ConstrainedMeans surface = patch.columns(kSolverSettings.min_load_fraction);
 
   // displacement of the patch at the predicted depth, by the last published contact law
   const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
@@ -340,7 +340,7 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   const auto by = static_cast<float>(grown * grown), force_by = static_cast<float>(s);
   for (float& value : f.turning_mm.values) value *= by;
   for (float& value : f.correction_mm.values) value *= by;
-  surface.take_out(f.correction_mm.values);
+  surface.project_out(f.correction_mm.values);
   for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
     f.u_mm.values[n] = force_by * unit_mm.values[n] + f.correction_mm.values[n];
 
@@ -410,10 +410,10 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
     std::unique_ptr<Region>& region = regions_[d];
     const bool same = region != nullptr && region->is_of(model, labels, by_label);
     if (same) region->follow(labels);
-    const Eigen::Vector3d middle = middle_below(model, contact->at, contact->outward);
-    if (!same || !is_around(model, region->box.first_cell, middle))
+    const Eigen::Vector3d centre = middle_below(model, contact->at, contact->outward);
+    if (!same || !is_around(model, region->box.first_cell, centre))
       region = std::make_unique<Region>(
-          model, by_label, YieldBox{first_cell_around(model, middle), contact->at}, region.get());
+          model, by_label, YieldBox{first_cell_around(model, centre), contact->at}, region.get());
     const bool anew = std::exchange(region->is_new, false);
 
     const double cell_mm = region->grid().box().cell_mm;
@@ -482,8 +482,8 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
   return frame_;
 }
 
-void YieldSolver::go_on(const Model& model, std::uint32_t frame,
-                        std::span<const std::optional<YieldBox>> boxes) {
+void YieldSolver::resume(const Model& model, std::uint32_t frame,
+                         std::span<const std::optional<YieldBox>> boxes) {
   frame_ = {};
   frame_.number = frame;
   const std::vector<ElasticMaterial> by_label = materials_of(model);

@@ -120,13 +120,13 @@ TEST(YieldSolver, OneToolLowersTheSurfaceUnderAnotherAsTheSolutionSays) {
     pressed.outward = Vector<Patient>(0, 0, 1);
     return pressed;
   };
-  for (const double apart_mm : {7.0, 9.0, 12.0}) {
-    const std::array presses{press(spot.at + Vector<Patient>(apart_mm, 0, 0)), press(spot.at)};
+  for (const double separation_mm : {7.0, 9.0, 12.0}) {
+    const std::array presses{press(spot.at + Vector<Patient>(separation_mm, 0, 0)), press(spot.at)};
     const PressurePatch under(*grid, presses[0].at, presses[0].outward, spot.patch_radius_mm);
     const double own_mm = spot.compliance_mm_per_N;
     EXPECT_NEAR(displaced_by_others(presses, 0, presses[0]).displaced_mm, under.displacement(*field.unit_mm),
                 0.06 * own_mm)
-        << apart_mm;
+        << separation_mm;
   }
 }
 
@@ -362,7 +362,7 @@ TEST(YieldSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack)
 }
 
 // relative reduction of the depth of a sphere at 4.5 mm, compared with the linear body; cells of three voxels
-double stiffer_part_askew(const Eigen::Vector3d& up, double off_mm, bool nodule) {
+double stiffer_part_misaligned(const Eigen::Vector3d& up, double off_mm, bool nodule) {
   constexpr int kHalfBlock = 24;
   constexpr double kSphere_mm = 4.5;
   GridGeometry grid;
@@ -402,7 +402,8 @@ TEST(YieldSolver, ANeoHookeanBodyIsFoundWhereverTheSurfaceRunsWithinCells) {
   const Eigen::Vector3d straight = Eigen::Vector3d::UnitZ(), askew(0.4, 0.3, std::sqrt(0.75));
   for (const auto& [up, off_mm] : {std::pair(straight, 0.0), std::pair(straight, 0.5),
                                    std::pair(straight, 1.0), std::pair(askew, 0.0)}) {
-    const double over = stiffer_part_askew(up, off_mm, true), none = stiffer_part_askew(up, off_mm, false);
+    const double over = stiffer_part_misaligned(up, off_mm, true),
+                 none = stiffer_part_misaligned(up, off_mm, false);
     EXPECT_NEAR(over, -0.01, 0.045) << up.transpose() << ", " << off_mm;
     EXPECT_NEAR(none, -0.06, 0.045) << up.transpose() << ", " << off_mm;
     EXPECT_GT(over, none + 0.03) << up.transpose() << ", " << off_mm;
@@ -422,13 +423,13 @@ TEST(YieldSolver, NothingThatIsPressedFastMakesANeoHookeanBodyNotFinite) {
     double depth_mm = -3, x = 0;
     for (int n = 0; n < 16; ++n) {
       // up to 0.5 m/s
-      const double sinks_mm_s = 1000 * (unit(random) - 0.5), slides_mm_s = 400 * (unit(random) - 0.5);
-      depth_mm = std::clamp(depth_mm + sinks_mm_s * kYieldFrame_s, -4.0, 9.0);
+      const double sinking_mm_s = 1000 * (unit(random) - 0.5), slides_mm_s = 400 * (unit(random) - 0.5);
+      depth_mm = std::clamp(depth_mm + sinking_mm_s * kYieldFrame_s, -4.0, 9.0);
       x = std::clamp(x + slides_mm_s * kYieldFrame_s, -12.0, 12.0);
-      TickRecord record = tool_at({x, 0, 3 - depth_mm}, {slides_mm_s, 0, -sinks_mm_s});
+      TickRecord record = tool_at({x, 0, 3 - depth_mm}, {slides_mm_s, 0, -sinking_mm_s});
       if (depth_mm > 0) {
         record = deep_at(x, 0, depth_mm, 1e-3 * tissue_kPa * depth_mm * depth_mm * unit(random));
-        record.device[0].velocity_patient_mm_s = {slides_mm_s, 0, -sinks_mm_s};
+        record.device[0].velocity_patient_mm_s = {slides_mm_s, 0, -sinking_mm_s};
       }
       const LocalCompliance& spot = solver.solve(*model, record).spot[0];
       ASSERT_TRUE(spot.is_known());
@@ -488,7 +489,7 @@ std::shared_ptr<const Model> trimmed(const std::shared_ptr<const Model>& model, 
                      0,
                      {0, 2 * kAcross_mm, 0},
                      kRadius_mm}});
-  return Carving(*model).with(cuts)->taken_from(*model);
+  return Carving(*model).with(cuts)->applied_to(*model);
 }
 
 TickRecord pressed_on(double z) {
@@ -531,8 +532,8 @@ TEST(YieldSolver, WhatIsCutAndPutBackIsFollowedWithoutALaidBox) {
   // surface between two layers of cells, and groove next to the patch
   whole->tissue_cell_mm = 1;
   const auto groove = Carving(*whole).with(std::vector<Cut>{{0, {{6.5, -10, 0}, {6.5, 10, 0}, 3}}});
-  const auto cut_away = groove->taken_from(*whole);
-  const auto put_back = groove->undone()->taken_from(*cut_away);
+  const auto cut_away = groove->applied_to(*whole);
+  const auto restore = groove->undone()->applied_to(*cut_away);
   YieldSolver solver;
   const auto settled = [&](const Model& model) {
     for (int n = 0; n < 14; ++n) solver.solve(model, pressed_at(0, 0));
@@ -542,7 +543,7 @@ TEST(YieldSolver, WhatIsCutAndPutBackIsFollowedWithoutALaidBox) {
   EXPECT_GT(after, 1.01 * before);
   // a new box would have the same springs, because the tool has not moved
   EXPECT_NEAR(after / settled_compliance(*cut_away, pressed_at(0, 0)), 1, 1e-3);
-  EXPECT_NEAR(settled(*put_back) / before, 1, 1e-3);
+  EXPECT_NEAR(settled(*restore) / before, 1, 1e-3);
   // gradually: in no frame of the cut does a cell lose more than the limit
   YieldSolver other;
   for (int n = 0; n < 8; ++n) other.solve(*whole, pressed_at(0, 0));

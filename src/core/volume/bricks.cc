@@ -51,8 +51,8 @@ std::array<Stretch, 3> stored_of(const std::array<int, 3>& brick, const std::arr
 /// @param from    the box's voxels, i fastest, beginning at `low`
 /// @param stored  the brick's voxels
 template <class T>
-void put_into(const std::array<int, 3>& brick, const std::array<int, 3>& low, const std::array<int, 3>& high,
-              const T* from, T* stored) {
+void write_into(const std::array<int, 3>& brick, const std::array<int, 3>& low,
+                const std::array<int, 3>& high, const T* from, T* stored) {
   const auto [is, js, ks] = stored_of(brick, low, high);
   if (is.size() == 0) return;
   const std::ptrdiff_t row = high[0] - low[0], slice = row * (high[1] - low[1]);
@@ -81,7 +81,7 @@ bool same_voxels(const T* a, const T* b) {
 }  // namespace
 
 template <class T>
-typename Bricks<T>::Shared Bricks<T>::keep(const Brick& brick) {
+typename Bricks<T>::Shared Bricks<T>::store(const Brick& brick) {
   constexpr std::size_t bytes = kStored * sizeof(T);
   const auto* const raw = reinterpret_cast<const unsigned char*>(brick.voxels());
   const bool uniform = std::memcmp(raw, raw + sizeof(T), bytes - sizeof(T)) == 0;
@@ -98,16 +98,16 @@ typename Bricks<T>::Shared Bricks<T>::keep(const Brick& brick) {
 }
 
 template <class T>
-void Bricks<T>::count_place(const Brick& brick) {
+void Bricks<T>::count_use(const Brick& brick) {
   if (!brick.uniform) return;
   for (Uniform& one : uniform_)
-    if (one.brick.get() == &brick) ++one.places;
+    if (one.brick.get() == &brick) ++one.count;
 }
 
 template <class T>
-void Bricks<T>::discount_place(const Brick& brick) {
+void Bricks<T>::discount_use(const Brick& brick) {
   if (brick.uniform)
-    std::erase_if(uniform_, [&](Uniform& one) { return one.brick.get() == &brick && --one.places == 0; });
+    std::erase_if(uniform_, [&](Uniform& one) { return one.brick.get() == &brick && --one.count == 0; });
 }
 
 namespace {
@@ -143,7 +143,7 @@ class Bricks<T>::Filling {
         brick_(std::make_unique<Brick>()) {}
 
   void put(Shared stored) {
-    bricks_.count_place(*stored);
+    bricks_.count_use(*stored);
     bricks_.table_[number_] = stored->voxels();
     bricks_.hash_ += hash_at(stored->hash, number_);
     pages_[number_ / kPage][number_ % kPage] = std::move(stored);
@@ -154,8 +154,8 @@ class Bricks<T>::Filling {
     for (int b = 0; b < bricks_.counts_[1]; ++b) {
       for (int a = 0; a < bricks_.counts_[0]; ++a) {
         std::fill_n(brick_->voxels(), kStored, bricks_.outside_);
-        put_into({a, b, c}, low, high, voxels, brick_->voxels());
-        const Shared stored = bricks_.keep(*brick_);
+        write_into({a, b, c}, low, high, voxels, brick_->voxels());
+        const Shared stored = bricks_.store(*brick_);
         const auto [first, is_new] = made_.try_emplace(stored->hash, stored);
         put(!is_new && same_voxels(first->second->voxels(), stored->voxels()) ? first->second : stored);
       }
@@ -189,7 +189,7 @@ template <class T>
 Bricks<T>::Bricks(const GridGeometry& grid, T value) : Bricks(grid, value, Unfilled{}) {
   const auto brick = std::make_unique<Brick>();
   std::fill_n(brick->voxels(), kStored, value);
-  const Shared one = keep(*brick);
+  const Shared one = store(*brick);
   fill([&](std::size_t) { return one; });
 }
 
@@ -218,7 +218,7 @@ Bricks<T> Bricks<T>::of_labels(const Bricks<LabelId>& labels, std::span<const T>
     Shared& stored = made[here];
     if (stored == nullptr) {
       std::transform(here, here + kStored, brick->voxels(), [&](LabelId label) { return value_of[label]; });
-      stored = values.keep(*brick);
+      stored = values.store(*brick);
     }
     return stored;
   });
@@ -248,16 +248,16 @@ Bricks<T> Bricks<T>::with(const PatchOf<T>& patch) const {
                             static_cast<std::size_t>(counts_[0]) *
                                 (static_cast<std::size_t>(b) +
                                  static_cast<std::size_t>(counts_[1]) * static_cast<std::size_t>(c));
-        const Brick& was = *held(number);
+        const Brick& was = *shared_brick(number);
         std::copy_n(was.voxels(), kStored, brick->voxels());
-        put_into({a, b, c}, low, high, patch.values.data(), brick->voxels());
+        write_into({a, b, c}, low, high, patch.values.data(), brick->voxels());
         if (same_voxels(brick->voxels(), was.voxels())) continue;
         std::shared_ptr<Page>& page = own[number / kPage];
         if (page == nullptr) page = std::make_shared<Page>(*pages_[number / kPage]);
         Shared& stored = (*page)[number % kPage];
-        stored = now.keep(*brick);
-        now.count_place(*stored);
-        now.discount_place(was);
+        stored = now.store(*brick);
+        now.count_use(*stored);
+        now.discount_use(was);
         now.table_[number] = stored->voxels();
         now.hash_ += hash_at(stored->hash, number) - hash_at(was.hash, number);
       }

@@ -226,9 +226,9 @@ TEST(Bricks, TenThousandVersionsTakeWhatTheLastDoes) {
   const GridGeometry cube = grid({60, 60, 60}, {1, 1, 1}, Eigen::Matrix3d::Identity(), {});
   Volume<std::int16_t> volume(cube, 100);
   Bricks<std::int16_t> now(volume, 0);
-  std::uniform_int_distribution<int> place(0, 55), edge(1, 5), value(0, 3);
+  std::uniform_int_distribution<int> coordinate(0, 55), edge(1, 5), value(0, 3);
   for (int n = 0; n < 10'000; ++n) {
-    PatchOf<std::int16_t> patch{{{place(random), place(random), place(random)}, {}}, {}};
+    PatchOf<std::int16_t> patch{{{coordinate(random), coordinate(random), coordinate(random)}, {}}, {}};
     for (int& size : patch.box.size) size = edge(random);
     patch.values.assign(patch.box.voxel_count(), static_cast<std::int16_t>(100 * value(random)));
     write(patch, volume);
@@ -308,9 +308,9 @@ TEST(Bricks, SlicesMakeTheSameAsAVolume) {
     const auto volume = any_volume<std::int16_t>(grid, random);
     const Bricks<std::int16_t> whole(volume, 7);
     BricksBySlices<std::int16_t> slices(grid, 7);
-    const int most = std::uniform_int_distribution<int>(1, 45)(random);
+    const int largest = std::uniform_int_distribution<int>(1, 45)(random);
     for (int k = 0; k < grid.dims[2];) {
-      const int count = std::uniform_int_distribution<int>(0, std::min(most, grid.dims[2] - k))(random);
+      const int count = std::uniform_int_distribution<int>(0, std::min(largest, grid.dims[2] - k))(random);
       if (count > 0) slices.add(count, &volume.at(0, 0, k));
       k += count;
     }

@@ -12,7 +12,7 @@ namespace {
 // flood fill, voxel by voxel: slow and simple
 std::map<LabelId, SegmentStatistics> flood_oracle(const Volume<LabelId>& labels) {
   const GridGeometry& g = labels.geometry();
-  std::vector<bool> observed(g.voxel_count(), false);
+  std::vector<bool> visited(g.voxel_count(), false);
   std::map<LabelId, SegmentStatistics> all;
   std::map<LabelId, Eigen::Vector3d> sums;
   for (int k = 0; k < g.dims[2]; ++k)
@@ -29,11 +29,11 @@ std::map<LabelId, SegmentStatistics> flood_oracle(const Volume<LabelId>& labels)
         if (s.voxels == 0) sums[value].setZero();
         ++s.voxels;
         sums[value] += (g.X_PatientVoxel() * Point<Voxel>(i, j, k)).eigen();
-        if (observed[g.offset(i, j, k)]) continue;
+        if (visited[g.offset(i, j, k)]) continue;
 
         std::size_t size = 0;
         std::vector<std::array<int, 3>> stack{at};
-        observed[g.offset(i, j, k)] = true;
+        visited[g.offset(i, j, k)] = true;
         while (!stack.empty()) {
           const auto [x, y, z] = stack.back();
           stack.pop_back();
@@ -43,9 +43,9 @@ std::map<LabelId, SegmentStatistics> flood_oracle(const Volume<LabelId>& labels)
               for (int dx = -1; dx <= 1; ++dx) {
                 const std::array<int, 3> n{x + dx, y + dy, z + dz};
                 if (std::abs(dx) + std::abs(dy) + std::abs(dz) != 1) continue;
-                if (labels.at_or(n[0], n[1], n[2], 0) != value || observed[g.offset(n[0], n[1], n[2])])
+                if (labels.at_or(n[0], n[1], n[2], 0) != value || visited[g.offset(n[0], n[1], n[2])])
                   continue;
-                observed[g.offset(n[0], n[1], n[2])] = true;
+                visited[g.offset(n[0], n[1], n[2])] = true;
                 stack.push_back(n);
               }
         }

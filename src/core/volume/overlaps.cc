@@ -14,10 +14,10 @@ constexpr std::size_t kNoSegment = SIZE_MAX;
 /// LabelMap::segments.
 template <class Visit>
 void for_each_labelled_voxel(const LabelMap& labels, const Visit& visit) {
-  std::vector<std::vector<std::size_t>> place_of_value(labels.layers.size());
+  std::vector<std::vector<std::size_t>> segments_of_value(labels.layers.size());
   for (std::size_t index = 0; index < labels.segments.size(); ++index) {
     const Segment& segment = labels.segments[index];
-    std::vector<std::size_t>& of_layer = place_of_value[static_cast<std::size_t>(segment.layer)];
+    std::vector<std::size_t>& of_layer = segments_of_value[static_cast<std::size_t>(segment.layer)];
     if (of_layer.size() <= segment.value) of_layer.resize(segment.value + 1u, kNoSegment);
     of_layer[segment.value] = index;
   }
@@ -26,7 +26,7 @@ void for_each_labelled_voxel(const LabelMap& labels, const Visit& visit) {
     indices.clear();
     for (std::size_t layer = 0; layer < labels.layers.size(); ++layer) {
       const LabelId value = labels.layers[layer].voxels()[voxel];
-      const std::vector<std::size_t>& of_layer = place_of_value[layer];
+      const std::vector<std::size_t>& of_layer = segments_of_value[layer];
       if (value != 0 && value < of_layer.size() && of_layer[value] != kNoSegment)
         indices.push_back(of_layer[value]);
     }
@@ -36,8 +36,8 @@ void for_each_labelled_voxel(const LabelMap& labels, const Visit& visit) {
 
 std::vector<std::size_t> voxel_counts(const LabelMap& labels) {
   std::vector<std::size_t> counts(labels.segments.size());
-  for_each_labelled_voxel(labels, [&](std::size_t, std::span<const std::size_t> places) {
-    for (const std::size_t index : places) ++counts[index];
+  for_each_labelled_voxel(labels, [&](std::size_t, std::span<const std::size_t> segments) {
+    for (const std::size_t index : segments) ++counts[index];
   });
   return counts;
 }
@@ -64,10 +64,10 @@ std::vector<SegmentOverlap> segment_overlaps(const LabelMap& labels) {
   if (labels.layers.size() < 2) return {};
   const SmallerSegment is_smaller(labels);
   std::map<std::pair<std::size_t, std::size_t>, std::size_t> shared;
-  for_each_labelled_voxel(labels, [&](std::size_t, std::span<const std::size_t> places) {
-    for (std::size_t a = 0; a < places.size(); ++a)
-      for (std::size_t b = a + 1; b < places.size(); ++b)
-        ++shared[std::minmax(places[a], places[b], is_smaller)];
+  for_each_labelled_voxel(labels, [&](std::size_t, std::span<const std::size_t> segments) {
+    for (std::size_t a = 0; a < segments.size(); ++a)
+      for (std::size_t b = a + 1; b < segments.size(); ++b)
+        ++shared[std::minmax(segments[a], segments[b], is_smaller)];
   });
   std::vector<SegmentOverlap> overlaps;
   for (const auto& [pair, voxels] : shared)
@@ -96,13 +96,13 @@ std::vector<std::vector<LabelId>> enclosing_segments(std::span<const SegmentOver
 Volume<LabelId> flatten(const LabelMap& labels, std::span<const SegmentOverlap> overlaps,
                         std::span<const std::uint16_t> preference) {
   const std::vector<Segment>& segments = labels.segments;
-  const auto place_of = [&](LabelId id) {
+  const auto index_of = [&](LabelId id) {
     return static_cast<std::size_t>(labels.find(id) - segments.data());
   };
   std::vector<std::vector<bool>> is_nested_in(segments.size(), std::vector<bool>(segments.size()));
   for (const SegmentOverlap& overlap : overlaps)
     if (overlap.is_nested() && preference[overlap.smaller] > 0)
-      is_nested_in[place_of(overlap.smaller)][place_of(overlap.larger)] = true;
+      is_nested_in[index_of(overlap.smaller)][index_of(overlap.larger)] = true;
   const SmallerSegment is_smaller(labels);
   const auto goes_before = [&](std::size_t one, std::size_t other) {
     const auto preferred = preference[segments[one].id], others = preference[segments[other].id];
@@ -110,11 +110,11 @@ Volume<LabelId> flatten(const LabelMap& labels, std::span<const SegmentOverlap> 
   };
 
   Volume<LabelId> flat(labels.geometry());
-  for_each_labelled_voxel(labels, [&](std::size_t voxel, std::span<const std::size_t> places) {
+  for_each_labelled_voxel(labels, [&](std::size_t voxel, std::span<const std::size_t> indices) {
     std::size_t best = kNoSegment;
-    for (const std::size_t index : places) {
+    for (const std::size_t index : indices) {
       const bool has_nested =
-          std::ranges::any_of(places, [&](std::size_t other) { return is_nested_in[other][index]; });
+          std::ranges::any_of(indices, [&](std::size_t other) { return is_nested_in[other][index]; });
       if (!has_nested && (best == kNoSegment || goes_before(index, best))) best = index;
     }
     flat.voxels()[voxel] = segments[best].id;

@@ -21,8 +21,8 @@ struct NamedShape {
   std::uint16_t preference = 1;
 };
 
-Shape ball(const Eigen::Vector3d& middle, double radius) {
-  return [=](const Eigen::Vector3d& p) { return (p - middle).norm() < radius; };
+Shape ball(const Eigen::Vector3d& centre, double radius) {
+  return [=](const Eigen::Vector3d& p) { return (p - centre).norm() < radius; };
 }
 Shape half_space(int axis, double from) {
   return [=](const Eigen::Vector3d& p) { return p[axis] >= from; };
@@ -145,14 +145,14 @@ TEST(Flatten, ANestedSegmentOfPreference0LeavesTheVoxelToTheOuterOne) {
 TEST(Flatten, TenRandomArrangementsAreTheSameInEveryOrder) {
   constexpr unsigned kSeed = 50;
   std::mt19937 random(kSeed);
-  std::uniform_real_distribution<double> place(0, kEdge), radius(1, 7);
+  std::uniform_real_distribution<double> coordinate(0, kEdge), radius(1, 7);
   std::uniform_int_distribution<std::uint16_t> preference(0, 2);
   for (int arrangement = 0; arrangement < 10; ++arrangement) {
     SCOPED_TRACE("seed " + std::to_string(kSeed) + ", arrangement " + std::to_string(arrangement));
     std::vector<NamedShape> shapes;
     for (int n = 0; n < 5; ++n)
       shapes.push_back({"s" + std::to_string(n),
-                        ball({place(random), place(random), place(random)}, radius(random)),
+                        ball({coordinate(random), coordinate(random), coordinate(random)}, radius(random)),
                         preference(random)});
     std::vector<std::size_t> order = file_order(shapes.size());
     const auto expected = flat_names(shapes, order);

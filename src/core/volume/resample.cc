@@ -18,7 +18,7 @@ Error no_overlap() {
 /// Calls take(offset in `grid`, position in `source`) for each voxel of `grid` whose centre lies within
 /// `source`, in memory order; returns whether there was one.
 template <class Take>
-bool for_each_covered(const GridGeometry& source, const GridGeometry& grid, const Take& take) {
+bool for_each_covered(const GridGeometry& source, const GridGeometry& grid, const Take& visit) {
   const auto X_SourceGrid = source.X_PatientVoxel().inverse() * grid.X_PatientVoxel();
   bool any = false;
   std::size_t offset = 0;
@@ -31,7 +31,7 @@ bool for_each_covered(const GridGeometry& source, const GridGeometry& grid, cons
           inside &= p[a] >= -kReach && p[a] <= source.dims[static_cast<std::size_t>(a)] - 1 + kReach;
         if (!inside) continue;
         any = true;
-        take(offset, p);
+        visit(offset, p);
       }
     }
   }

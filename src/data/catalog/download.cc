@@ -107,10 +107,10 @@ class Fetching {
         part_.cut(0);
         if (!resumed_)
           return unavailable(checked.error().what, "what arrived was deleted; try again, or another mirror");
-        trouble_ = "the rest of the file did not match its beginning";
+        failure_ = "the rest of the file did not match its beginning";
       }
       if (attempt >= download_.attempts)
-        return unavailable(trouble_, part_.size() > 0 ? "try again later: the part received so far is kept"
+        return unavailable(failure_, part_.size() > 0 ? "try again later: the part received so far is kept"
                                                       : "try again later");
       if (!pause(attempt)) return Progress::interrupted();
     }
@@ -164,7 +164,7 @@ class Fetching {
                            "use the original address or another mirror");
       case TransferOutcome::kBroken:
       case TransferOutcome::kStalled:
-        trouble_ = "the transfer was interrupted (" + result.reason + ")";
+        failure_ = "the transfer was interrupted (" + result.reason + ")";
         return Next::kRetry;
       case TransferOutcome::kDone:
         break;
@@ -180,7 +180,7 @@ class Fetching {
     }
     if (misplaced_) {
       part_.cut(0);
-      trouble_ = "the server sent a part of the file that was not requested";
+      failure_ = "the server sent a part of the file that was not requested";
       return Next::kRetry;
     }
     return Progress::interrupted();
@@ -193,14 +193,14 @@ class Fetching {
         // an empty body does not call take()
         if (first_piece_ && reply.status == 200) part_.cut(0);
         if (download_.bytes && part_.size() < *download_.bytes) {
-          trouble_ = "the server sent only " + std::to_string(part_.size()) + " of " +
+          failure_ = "the server sent only " + std::to_string(part_.size()) + " of " +
                      std::to_string(*download_.bytes) + " bytes";
           return Next::kRetry;
         }
         return Next::kCheck;
       case 416:
         // nothing beyond the local part: either the file is complete, or it has changed on the server
-        trouble_ = "the server does not have the rest of the file";
+        failure_ = "the server does not have the rest of the file";
         if (reply.whole_size == part_.size() && part_.size() > 0) return Next::kCheck;
         part_.cut(0);
         return Next::kRetry;
@@ -210,7 +210,7 @@ class Fetching {
       case 502:
       case 503:
       case 504:
-        trouble_ = "the server answers " + std::to_string(reply.status);
+        failure_ = "the server answers " + std::to_string(reply.status);
         return Next::kRetry;
       default:
         return unavailable("the server answers " + std::to_string(reply.status) +
@@ -244,7 +244,7 @@ class Fetching {
   bool resumed_ = false;      ///< The file on disk was received in more than one piece.
   bool too_large_ = false;
   bool misplaced_ = false;
-  std::string trouble_;  ///< Reason for the failure of the last attempt.
+  std::string failure_;  ///< Reason for the failure of the last attempt.
 };
 
 }  // namespace

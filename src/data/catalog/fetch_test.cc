@@ -209,7 +209,7 @@ TEST_F(FetchTest, WhatAKilledRunLeftIsSwept) {
     fs::last_write_time(made, fs::file_time_type::clock::now() - std::chrono::seconds(age_s));
     return made;
   };
-  const fs::path killed = left(".palpate-a1B2c3", 3600), begun_now = left(".palpate-d4E5f6", 0),
+  const fs::path killed = left(".palpate-a1B2c3", 3600), started_now = left(".palpate-d4E5f6", 0),
                  lives = left(".palpate-g7H8i9", 3600), somebodys = left(".palpate-of-somebody", 3600);
   const int lock = ::open(lives.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   ASSERT_EQ(::flock(lock, LOCK_EX | LOCK_NB), 0);
@@ -218,7 +218,7 @@ TEST_F(FetchTest, WhatAKilledRunLeftIsSwept) {
   options.voxel_mm = 3;
   ASSERT_TRUE(fetch("knee-phantom", options));
   EXPECT_FALSE(fs::exists(killed));
-  EXPECT_TRUE(fs::exists(begun_now)) << "it may not have locked its folder yet";
+  EXPECT_TRUE(fs::exists(started_now)) << "it may not have locked its folder yet";
   EXPECT_TRUE(fs::exists(lives));
   EXPECT_TRUE(fs::exists(somebodys)) << "no folder of ours is called so";
   ::close(lock);

@@ -8,7 +8,7 @@ namespace palpate {
 namespace {
 
 // removes the next word from a line and returns it
-std::string_view take_word(std::string_view& line) {
+std::string_view read_word(std::string_view& line) {
   constexpr std::string_view kSpace = " \t\r";
   line.remove_prefix(std::min(line.find_first_not_of(kSpace), line.size()));
   const std::string_view word = line.substr(0, line.find_first_of(kSpace));
@@ -25,7 +25,7 @@ Result<std::string> mricron_names_to_tsv(std::string_view text, const std::strin
     std::string_view line = text.substr(0, text.find('\n'));
     text.remove_prefix(std::min(line.size() + 1, text.size()));
     ++number;
-    const std::string_view value = take_word(line), name = take_word(line);
+    const std::string_view value = read_word(line), name = read_word(line);
     if (value.empty()) continue;
     std::uint16_t label = 0;
     const auto [end, failed] = std::from_chars(value.data(), value.data() + value.size(), label);

@@ -116,12 +116,12 @@ TEST(Lint, WhatIsMendedIsGone) {
     EXPECT_FALSE(finding.severity == LintSeverity::kFault && lint_kind(finding.kind).is_mended)
         << finding.sentence;
   // the counts of the mends equal the number of changed voxels
-  std::size_t changed = 0, stated = 0;
+  std::size_t changed = 0, declared = 0;
   for (std::size_t n = 0; n < before.layers[0].voxels().size(); ++n)
     changed += before.layers[0].voxels()[n] != one.labels.layers[0].voxels()[n];
-  for (const LintMend& mend : mended->mends) stated += mend.voxels;
+  for (const LintMend& mend : mended->mends) declared += mend.voxels;
   EXPECT_GT(changed, 0u);
-  EXPECT_EQ(changed, stated);
+  EXPECT_EQ(changed, declared);
   // a second call changes nothing
   const auto again = mended_labels(one.labels);
   ASSERT_TRUE(again.ok());

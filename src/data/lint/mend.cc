@@ -44,10 +44,10 @@ class LayerMender {
     for (const std::uint32_t n : found.islands) {
       const auto at = neighbours.find(n);
       if (at == neighbours.end()) continue;
-      std::size_t most = 0;
+      std::size_t largest = 0;
       for (const auto& [value, faces] : at->second)
-        if (faces > most) {
-          most = faces;
+        if (faces > largest) {
+          largest = faces;
           becomes[n] = value;
         }
       note(LintKind::kIslands, components[n].value, components[n].voxels);
@@ -90,16 +90,17 @@ class LayerMender {
 
 void mend_names(MendedLabels& mended) {
   std::vector<Segment>& segments = mended.labels.segments;
-  std::set<std::string> used;
+  std::set<std::string> taken_names;
   std::vector<Segment*> wrong;
   for (Segment& segment : segments)
-    if (segment.name.empty() || !used.insert(internal::plain_name(segment.name)).second)
+    if (segment.name.empty() || !taken_names.insert(internal::plain_name(segment.name)).second)
       wrong.push_back(&segment);
   for (Segment* segment : wrong) {
     const bool was_empty = segment->name.empty();
     const std::string base = was_empty ? "structure " + std::to_string(segment->id) : segment->name;
     std::string name = base;
-    for (int n = 2; !used.insert(internal::plain_name(name)).second || (!was_empty && name == base); ++n)
+    for (int n = 2; !taken_names.insert(internal::plain_name(name)).second || (!was_empty && name == base);
+         ++n)
       name = base + " " + std::to_string(n);
     segment->name = name;
     mended.mends.push_back(

@@ -121,21 +121,21 @@ void check_sides(LintStudy& study) {
     return;
   }
   // minimum distance of the centroids along the patient's left-right axis that decides which side is which
-  constexpr double kApart_mm = 2;
+  constexpr double kSeparation_mm = 2;
   std::vector<LabelId> wrong;
   double max_mm = 0;
   std::size_t decided = 0, contrary = 0;
   for (const SidePair& pair : pairs) {
     // LPS: x grows towards the patient's left
-    const double apart_mm =
+    const double separation_mm =
         study.statistics_of(pair.left)->centroid.x() - study.statistics_of(pair.right)->centroid.x();
-    if (std::abs(apart_mm) < kApart_mm) continue;
+    if (std::abs(separation_mm) < kSeparation_mm) continue;
     ++decided;
-    if (apart_mm > 0) continue;
+    if (separation_mm > 0) continue;
     ++contrary;
     for (const LabelId id : {pair.left, pair.right})
       if (std::ranges::find(wrong, id) == wrong.end()) wrong.push_back(id);
-    max_mm = std::max(max_mm, -apart_mm);
+    max_mm = std::max(max_mm, -separation_mm);
   }
   if (decided == 0) {
     study.add(LintKind::kSwappedSides, LintSeverity::kUndetermined, {}, {},

@@ -14,7 +14,7 @@ namespace {
 using Index = std::array<int, 3>;
 using Random = std::mt19937;
 
-int whole(Random& random, int low, int high) {
+int integer_between(Random& random, int low, int high) {
   return std::uniform_int_distribution<int>(low, high)(random);
 }
 
@@ -66,7 +66,7 @@ std::optional<Index> free_box(LintCase& one, Random& random, int radius) {
   for (int attempt = 0; attempt < 20000; ++attempt) {
     Index at;
     for (std::size_t a = 0; a < 3; ++a)
-      at[a] = whole(random, radius + 2, std::max(radius + 2, dims[a] - radius - 3));
+      at[a] = integer_between(random, radius + 2, std::max(radius + 2, dims[a] - radius - 3));
     if (is_uniform(one, at, radius, 0)) return at;
   }
   return std::nullopt;
@@ -77,7 +77,7 @@ std::optional<std::pair<Index, LabelId>> inner_box(LintCase& one, Random& random
   const auto& dims = one.labels.geometry().dims;
   for (int attempt = 0; attempt < 20000; ++attempt) {
     Index at;
-    for (std::size_t a = 0; a < 3; ++a) at[a] = whole(random, radius + 1, dims[a] - radius - 2);
+    for (std::size_t a = 0; a < 3; ++a) at[a] = integer_between(random, radius + 1, dims[a] - radius - 2);
     const LabelId label = label_at(one, at);
     if (label != 0 && is_uniform(one, at, radius, label)) return std::pair(at, label);
   }
@@ -96,8 +96,8 @@ Planted leaky_sheet(LintCase& one, Random& random) {
   const auto at = free_box(one, random, 5);
   if (!at) return std::nullopt;
   const LabelId id = add_structure(one, "fascia");
-  const int half = whole(random, 3, 5), mirrored = whole(random, 0, 1);
-  const auto u = static_cast<std::size_t>(whole(random, 0, 2)), v = (u + 1) % 3, w = (u + 2) % 3;
+  const int half = integer_between(random, 3, 5), mirrored = integer_between(random, 0, 1);
+  const auto u = static_cast<std::size_t>(integer_between(random, 0, 2)), v = (u + 1) % 3, w = (u + 2) % 3;
   for (int p = -half; p <= half; ++p)
     for (int q = -half; q <= half; ++q)
       label_at(one, plus(plus(plus(*at, u, p), v, mirrored ? -p : p), w, q)) = id;
@@ -108,8 +108,8 @@ Planted one_voxel_sheet(LintCase& one, Random& random) {
   const auto at = free_box(one, random, 5);
   if (!at) return std::nullopt;
   const LabelId id = add_structure(one, "membrane");
-  const auto u = static_cast<std::size_t>(whole(random, 0, 2)), v = (u + 1) % 3;
-  const int p_half = whole(random, 3, 5), q_half = whole(random, 3, 5);
+  const auto u = static_cast<std::size_t>(integer_between(random, 0, 2)), v = (u + 1) % 3;
+  const int p_half = integer_between(random, 3, 5), q_half = integer_between(random, 3, 5);
   for (int p = -p_half; p <= p_half; ++p)
     for (int q = -q_half; q <= q_half; ++q) label_at(one, plus(plus(*at, u, p), v, q)) = id;
   return std::vector{id};
@@ -126,8 +126,8 @@ std::optional<ExitLine> path_out(LintCase& one, Random& random, int deep, int ro
   for (int attempt = 0; attempt < 300; ++attempt) {
     const auto inside = inner_box(one, random, deep);
     if (!inside) return std::nullopt;
-    const auto axis = static_cast<std::size_t>(whole(random, 0, 2));
-    const int step = whole(random, 0, 1) ? 1 : -1;
+    const auto axis = static_cast<std::size_t>(integer_between(random, 0, 2));
+    const int step = integer_between(random, 0, 1) ? 1 : -1;
     Index at = inside->first;
     while (is_inside(one, at) && label_at(one, at) == inside->second) at[axis] += step;
     if (!is_inside(one, at) || label_at(one, at) != 0) continue;
@@ -138,7 +138,8 @@ std::optional<ExitLine> path_out(LintCase& one, Random& random, int deep, int ro
 }
 
 Planted neck(LintCase& one, Random& random) {
-  const int radius = whole(random, 3, 4), length = whole(random, 2, 3), thick = whole(random, 1, 2);
+  const int radius = integer_between(random, 3, 4), length = integer_between(random, 2, 3),
+            thick = integer_between(random, 1, 2);
   const auto path = path_out(one, random, 2, radius + 1, length + radius);
   if (!path) return std::nullopt;
   const std::size_t across = (path->axis + 1) % 3;
@@ -157,7 +158,7 @@ Planted open_cavity(LintCase& one, Random& random) {
   if (!path) return std::nullopt;
   // centre of the cavity, on the same line inside the structure
   constexpr int kRadius = 3;
-  const int depth = kRadius + 2 + whole(random, 0, 1);
+  const int depth = kRadius + 2 + integer_between(random, 0, 1);
   const Index centre = plus(path->surface, path->axis, -path->step * depth);
   if (!is_inside(one, centre, kRadius + 1) || !is_uniform(one, centre, kRadius - 1, path->id))
     return std::nullopt;
@@ -176,11 +177,11 @@ Planted open_cavity(LintCase& one, Random& random) {
 Planted islands(LintCase& one, Random& random) {
   const auto inside = inner_box(one, random, 3);
   if (!inside) return std::nullopt;
-  const int count = whole(random, 1, 4);
+  const int count = integer_between(random, 1, 4);
   for (int n = 0; n < count; ++n) {
     const auto at = free_box(one, random, 3);
     if (!at) return std::nullopt;
-    const int size = whole(random, 1, 3);
+    const int size = integer_between(random, 1, 3);
     for (int p = 0; p < size; ++p) label_at(one, plus(*at, 0, p)) = inside->second;
   }
   return std::vector{inside->second};
@@ -189,8 +190,8 @@ Planted islands(LintCase& one, Random& random) {
 Planted holes(LintCase& one, Random& random) {
   const auto inside = inner_box(one, random, 3);
   if (!inside) return std::nullopt;
-  const int size = whole(random, 1, 3);
-  const auto axis = static_cast<std::size_t>(whole(random, 0, 2));
+  const int size = integer_between(random, 1, 3);
+  const auto axis = static_cast<std::size_t>(integer_between(random, 0, 2));
   for (int p = 0; p < size; ++p) label_at(one, plus(inside->first, axis, p - 1)) = 0;
   return std::vector{inside->second};
 }
@@ -198,7 +199,7 @@ Planted holes(LintCase& one, Random& random) {
 Planted narrow_gap(LintCase& one, Random& random) {
   const auto inside = inner_box(one, random, 4);
   if (!inside) return std::nullopt;
-  const auto axis = static_cast<std::size_t>(whole(random, 0, 2));
+  const auto axis = static_cast<std::size_t>(integer_between(random, 0, 2));
   const auto& dims = one.labels.geometry().dims;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
@@ -212,8 +213,8 @@ Planted narrow_gap(LintCase& one, Random& random) {
 Planted seam(LintCase& one, Random& random) {
   const auto inside = inner_box(one, random, 4);
   if (!inside) return std::nullopt;
-  const auto axis = static_cast<std::size_t>(whole(random, 0, 2)), along = (axis + 1) % 3;
-  const int shift = whole(random, 3, 4) * (whole(random, 0, 1) ? 1 : -1);
+  const auto axis = static_cast<std::size_t>(integer_between(random, 0, 2)), along = (axis + 1) % 3;
+  const int shift = integer_between(random, 3, 4) * (integer_between(random, 0, 1) ? 1 : -1);
   const LintCase before = one;
   const auto& dims = one.labels.geometry().dims;
   for (int k = 0; k < dims[2]; ++k)
@@ -231,8 +232,8 @@ Planted seam(LintCase& one, Random& random) {
 Planted terraces(LintCase& one, Random& random) {
   const auto inside = inner_box(one, random, 4);
   if (!inside) return std::nullopt;
-  const auto axis = static_cast<std::size_t>(whole(random, 0, 2));
-  const int step = whole(random, 2, 3);
+  const auto axis = static_cast<std::size_t>(integer_between(random, 0, 2));
+  const int step = integer_between(random, 2, 3);
   const auto& dims = one.labels.geometry().dims;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
@@ -244,7 +245,7 @@ Planted terraces(LintCase& one, Random& random) {
 }
 
 Planted swapped_sides(LintCase& one, Random& random) {
-  const bool kidneys = whole(random, 0, 1) != 0;
+  const bool kidneys = integer_between(random, 0, 1) != 0;
   Segment *left = nullptr, *right = nullptr;
   for (Segment& segment : one.labels.segments) {
     if (segment.name == (kidneys ? "left kidney" : "adrenal_gland_left")) left = &segment;
@@ -272,7 +273,7 @@ Planted mirrored(LintCase& one, Random&) {
 Planted cut_by_border(LintCase& one, Random& random) {
   const auto inside = inner_box(one, random, 3);
   if (!inside) return std::nullopt;
-  const auto axis = static_cast<std::size_t>(whole(random, 0, 2));
+  const auto axis = static_cast<std::size_t>(integer_between(random, 0, 2));
   const auto crop = [&](const auto& volume) {
     using Value = std::decay_t<decltype(volume.voxels().front())>;
     GridGeometry grid = volume.geometry();
@@ -299,14 +300,14 @@ Planted overlap(LintCase& one, Random& random) {
   if (!inside) return std::nullopt;
   // a ball centred on the surface of the structure
   Index at = inside->first;
-  const auto axis = static_cast<std::size_t>(whole(random, 0, 2));
+  const auto axis = static_cast<std::size_t>(integer_between(random, 0, 2));
   while (is_inside(one, at, 6) && label_at(one, at) == inside->second) ++at[axis];
   if (!is_inside(one, at, 5) || label_at(one, at) == inside->second) return std::nullopt;
   const LabelId id = add_structure(one, "tumour");
   one.labels.segments.back().layer = 1;
   one.labels.segments.back().value = 1;
   one.labels.layers.emplace_back(one.labels.geometry());
-  const int radius = whole(random, 3, 4);
+  const int radius = integer_between(random, 3, 4);
   for_each_in_box(at, radius, [&](const Index& voxel, double off) {
     if (off <= radius + 0.2) one.labels.layers[1].at(voxel[0], voxel[1], voxel[2]) = 1;
   });
@@ -314,8 +315,8 @@ Planted overlap(LintCase& one, Random& random) {
 }
 
 Segment& any_segment(LintCase& one, Random& random) {
-  return one.labels
-      .segments[static_cast<std::size_t>(whole(random, 0, static_cast<int>(one.labels.segments.size()) - 1))];
+  return one.labels.segments[static_cast<std::size_t>(
+      integer_between(random, 0, static_cast<int>(one.labels.segments.size()) - 1))];
 }
 
 Planted no_name(LintCase& one, Random& random) {
@@ -329,7 +330,7 @@ Planted duplicate_name(LintCase& one, Random& random) {
   Segment& other =
       segment.id == one.labels.segments.front().id ? one.labels.segments.back() : one.labels.segments.front();
   segment.name = other.name;
-  if (whole(random, 0, 1) != 0)
+  if (integer_between(random, 0, 1) != 0)
     for (char& c : segment.name) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
   return std::vector{segment.id, other.id};
 }
@@ -345,10 +346,10 @@ Planted outside_body(LintCase& one, Random& random) {
   const auto inside = inner_box(one, random, 3);
   if (!inside) return std::nullopt;
   const auto& dims = one.labels.geometry().dims;
-  const int radius = whole(random, 3, 4);
+  const int radius = integer_between(random, 3, 4);
   for (int attempt = 0; attempt < 5000; ++attempt) {
     Index at;
-    for (std::size_t a = 0; a < 3; ++a) at[a] = whole(random, radius + 1, dims[a] - radius - 2);
+    for (std::size_t a = 0; a < 3; ++a) at[a] = integer_between(random, radius + 1, dims[a] - radius - 2);
     bool is_air = true;
     for_each_in_box(at, radius + 1, [&](const Index& voxel, double) {
       is_air =
@@ -366,7 +367,7 @@ Planted outside_body(LintCase& one, Random& random) {
 Planted outside_scan(LintCase& one, Random& random) {
   const auto inside = inner_box(one, random, 3);
   if (!inside) return std::nullopt;
-  const auto axis = static_cast<std::size_t>(whole(random, 0, 2));
+  const auto axis = static_cast<std::size_t>(integer_between(random, 0, 2));
   GridGeometry grid = one.scan.geometry();
   grid.dims[axis] = inside->first[axis];
   Volume<float> cropped(grid);
@@ -381,7 +382,7 @@ Planted unreachable(LintCase& one, Random& random) {
   const auto at = free_box(one, random, 6);
   if (!at) return std::nullopt;
   const LabelId shell = add_structure(one, "bone shell"), core = add_structure(one, "core");
-  const int inner = whole(random, 2, 3);
+  const int inner = integer_between(random, 2, 3);
   for_each_in_box(*at, 6, [&](const Index& voxel, double off) {
     if (off <= inner)
       label_at(one, voxel) = core;
@@ -389,7 +390,7 @@ Planted unreachable(LintCase& one, Random& random) {
       label_at(one, voxel) = shell;
   });
   // a hole through the shell, too narrow for the tool
-  if (whole(random, 0, 1) != 0)
+  if (integer_between(random, 0, 1) != 0)
     for (int n = 3; n <= 6; ++n) label_at(one, plus(*at, 0, n)) = 0;
   return std::vector{core};
 }
@@ -494,15 +495,15 @@ const std::vector<PlantedFault>& planted_faults() {
 bool is_found(const LintReport& after, const LintReport& before, LintKind kind,
               const std::vector<LabelId>& structures) {
   const auto has = [&](const LintReport& report) {
-    double most = -1;
+    double largest = -1;
     for (const LintFinding& finding : report.findings) {
       if (finding.kind != kind || finding.severity == LintSeverity::kUndetermined) continue;
       const bool names_all = std::ranges::all_of(structures, [&](LabelId id) {
         return std::ranges::find(finding.structures, id) != finding.structures.end();
       });
-      if (names_all) most = std::max(most, static_cast<double>(finding.voxels));
+      if (names_all) largest = std::max(largest, static_cast<double>(finding.voxels));
     }
-    return most;
+    return largest;
   };
   return has(after) > has(before);
 }

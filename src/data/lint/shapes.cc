@@ -279,13 +279,13 @@ void report_necks_and_pockets(Layer& layer, RunVolume& inner) {
 
 std::vector<Sections> sections_of(const Layer& layer) {
   std::vector<Sections> all;
-  std::vector<std::size_t> place(layer.segment_of_value.size(), SIZE_MAX);
-  for (std::size_t value = 1; value < place.size(); ++value)
+  std::vector<std::size_t> index_of(layer.segment_of_value.size(), SIZE_MAX);
+  for (std::size_t value = 1; value < index_of.size(); ++value)
     if (layer.segment_of_value[value] != nullptr) {
-      place[value] = all.size();
+      index_of[value] = all.size();
       all.emplace_back(layer.study.grid.dims);
     }
-  const auto of = [&](LabelId value) { return value == 0 ? nullptr : &all[place[value]]; };
+  const auto of = [&](LabelId value) { return value == 0 ? nullptr : &all[index_of[value]]; };
   const auto& dims = layer.study.grid.dims;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
@@ -538,7 +538,7 @@ Result<void> check_leaks(LintStudy& study, const Volume<LabelId>& flat) {
   constexpr std::size_t kManyJoints = 10;
   const auto X_VoxelPatient = study.grid.X_PatientVoxel().inverse();
   for (const Leaks& one : *leaks) {
-    const Point<Voxel> at = X_VoxelPatient * one.place;
+    const Point<Voxel> at = X_VoxelPatient * one.position;
     study.add(
         LintKind::kLeakySheet, one.joints >= kManyJoints ? LintSeverity::kFault : LintSeverity::kWarning,
         {one.label},

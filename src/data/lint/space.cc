@@ -15,7 +15,7 @@ namespace {
 constexpr double kGap_mm2 = 20;
 // minimum fraction of the neighbouring columns, up to this number of voxels to each side, that must be in
 // the gap as well; a crevice along a line of contact is narrower
-constexpr int kGapAside = 2;
+constexpr int kGapLateral = 2;
 constexpr double kGapFilled = 0.6;
 
 /// A run of free voxels between two labels along an axis.
@@ -35,18 +35,18 @@ struct GapSpan {
 /// Scans successive rows of voxels along one axis for gaps of at most `most` voxels.
 class GapScan {
  public:
-  GapScan(int lines, int most) : last_(static_cast<std::size_t>(lines)), most_(most) { restart(); }
+  GapScan(int lines, int largest) : last_(static_cast<std::size_t>(lines)), most_(largest) { restart(); }
 
   void restart() { std::ranges::fill(last_, Last{}); }
 
   template <class Take>
-  void look(int position, const LabelId* values, const Take& take) {
+  void look(int position, const LabelId* values, const Take& visit) {
     for (std::size_t i = 0; i < last_.size(); ++i) {
       const LabelId value = values[i];
       if (value == 0) continue;
       Last& last = last_[i];
       const int gap = position - last.position - 1;
-      if (gap > 0 && gap <= most_ && last.value != 0) take(static_cast<int>(i), gap, last.value, value);
+      if (gap > 0 && gap <= most_ && last.value != 0) visit(static_cast<int>(i), gap, last.value, value);
       last = {position, value};
     }
   }
@@ -118,8 +118,8 @@ Result<std::vector<GapSpan>> find_spans(LintStudy& study, const Volume<LabelId>&
 bool is_wide(const GapSpan& span, const VoxelBits& gap) {
   const std::size_t u = span.axis == 0 ? 1 : 0, v = span.axis == 2 ? 1 : 2;
   int filled = 0;
-  for (int p = -kGapAside; p <= kGapAside; ++p)
-    for (int q = -kGapAside; q <= kGapAside; ++q) {
+  for (int p = -kGapLateral; p <= kGapLateral; ++p)
+    for (int q = -kGapLateral; q <= kGapLateral; ++q) {
       std::array<int, 3> at = span.middle();
       at[u] += p;
       at[v] += q;
@@ -133,7 +133,7 @@ bool is_wide(const GapSpan& span, const VoxelBits& gap) {
       }
       filled += is_filled;
     }
-  constexpr int kColumns = (2 * kGapAside + 1) * (2 * kGapAside + 1);
+  constexpr int kColumns = (2 * kGapLateral + 1) * (2 * kGapLateral + 1);
   return filled >= kGapFilled * kColumns;
 }
 
@@ -254,9 +254,9 @@ Result<void> check_gaps(LintStudy& study, const Volume<LabelId>& flat, const Pro
 }
 
 Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span) {
-  std::size_t most = 0;
-  for (const SegmentStatistics& s : study.statistics) most = std::max<std::size_t>(most, s.id);
-  std::vector<bool> hard(most + 1), perhaps_hard(most + 1);
+  std::size_t largest = 0;
+  for (const SegmentStatistics& s : study.statistics) largest = std::max<std::size_t>(largest, s.id);
+  std::vector<bool> hard(largest + 1), perhaps_hard(largest + 1);
   for (const SegmentStatistics& s : study.statistics) {
     const Segment* segment = study.labels.find(s.id);
     const auto known =
@@ -269,7 +269,7 @@ Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const P
   if (!any_hard && !any_unknown) return {};
   const auto runs = runs_of(flat, study.workers, study.progress, span.part(0, 0.1));
   if (!runs) return runs.error();
-  const std::vector<bool> all(most + 1, true);
+  const std::vector<bool> all(largest + 1, true);
   auto surely = any_hard ? reached(study, *runs, hard, span.part(0.1, 0.55)) : Result(all);
   if (!surely) return surely.error();
   auto perhaps = any_unknown ? reached(study, *runs, perhaps_hard, span.part(0.55, 1)) : surely;

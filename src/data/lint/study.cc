@@ -35,7 +35,7 @@ std::string LintStudy::names_of(const std::vector<LabelId>& ids) const {
   return text;
 }
 
-Point<Patient> LintStudy::place_of(const std::array<int, 3>& voxel) const {
+Point<Patient> LintStudy::index_of(const std::array<int, 3>& voxel) const {
   return grid.X_PatientVoxel() * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
 }
 
@@ -54,7 +54,7 @@ void LintStudy::add(LintKind kind, LintSeverity severity, std::vector<LabelId> s
   finding.voxels = found.voxels;
   if (found.voxel) {
     finding.voxel = *found.voxel;
-    finding.place = place_of(*found.voxel);
+    finding.position = index_of(*found.voxel);
   }
   finding.sentence = std::move(sentence);
   findings.push_back(std::move(finding));

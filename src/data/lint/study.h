@@ -34,7 +34,7 @@ struct LintStudy {
   std::string name_of(LabelId id) const;
   /// Names of at most five structures: "liver, spleen and 3 more".
   std::string names_of(const std::vector<LabelId>& ids) const;
-  Point<Patient> place_of(const std::array<int, 3>& voxel) const;
+  Point<Patient> index_of(const std::array<int, 3>& voxel) const;
   /// Area of a voxel face perpendicular to an axis, mm2.
   double face_mm2(std::size_t axis) const;
 

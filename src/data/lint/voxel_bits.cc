@@ -55,7 +55,7 @@ Result<VoxelBits> VoxelBits::dilated(double radius_mm, const Eigen::Vector3d& sp
     std::size_t reach;
   };
   std::vector<BallRow> ball;
-  std::size_t most = 0;
+  std::size_t largest = 0;
   const int rj = std::min(dims_[1] - 1, static_cast<int>((radius_mm + kRounding_mm) / spacing_mm[1]));
   const int rk = std::min(dims_[2] - 1, static_cast<int>((radius_mm + kRounding_mm) / spacing_mm[2]));
   for (int k = -rk; k <= rk; ++k)
@@ -66,11 +66,11 @@ Result<VoxelBits> VoxelBits::dilated(double radius_mm, const Eigen::Vector3d& sp
       const auto reach = std::min(static_cast<std::size_t>(dims_[0] - 1),
                                   static_cast<std::size_t>(std::sqrt(left) / spacing_mm[0]));
       ball.push_back({j, k, reach});
-      most = std::max(most, reach);
+      largest = std::max(largest, reach);
     }
   // the set dilated along i by each half-length
   std::vector<VoxelBits> along{*this};
-  for (std::size_t reach = 1; reach <= most; ++reach) {
+  for (std::size_t reach = 1; reach <= largest; ++reach) {
     if (progress.stopped()) return Progress::interrupted();
     const VoxelBits& before = along.back();
     VoxelBits next(dims_);

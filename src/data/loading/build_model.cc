@@ -250,11 +250,11 @@ Result<std::vector<NoGoRegion>> no_go_of(const Scene& scene, const std::vector<s
   std::vector<NoGoRegion> regions;
   for (std::size_t n = 0; n < scene.no_go.size(); ++n) {
     const NoGoSettings& settings = scene.no_go[n];
-    const auto add = [&](const std::string& name, auto place) {
-      regions.push_back({name, place, settings.keep_away_mm, settings.stiffness_N_per_mm});
+    const auto add = [&](const std::string& name, auto shape) {
+      regions.push_back({name, shape, settings.keep_away_mm, settings.stiffness_N_per_mm});
     };
-    if (const auto* plane = std::get_if<NoGoPlane>(&settings.place)) add(settings.name, *plane);
-    if (const auto* ball = std::get_if<NoGoSphere>(&settings.place)) add(settings.name, *ball);
+    if (const auto* plane = std::get_if<NoGoPlane>(&settings.shape)) add(settings.name, *plane);
+    if (const auto* ball = std::get_if<NoGoSphere>(&settings.shape)) add(settings.name, *ball);
     if (settings.structures.empty()) continue;
     const auto wrong = [&](const std::string& what, std::string remedy) {
       return Error{ErrorKind::kBadInput, "no-go region \"" + settings.name + "\" " + what,
@@ -284,7 +284,7 @@ ReportedDistances reported_distances_of(const DistanceSettings& settings, const 
   distances.reach_mm = settings.reach_mm;
   const auto is_protected_from = [&](std::size_t label) {
     return std::ranges::any_of(parts.no_go, [&](const NoGoRegion& region) {
-      const auto* structure = std::get_if<NoGoStructure>(&region.place);
+      const auto* structure = std::get_if<NoGoStructure>(&region.shape);
       return structure != nullptr && structure->label == label;
     });
   };
@@ -449,9 +449,9 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   if (!ramps) weigh_embedding(scene, flat, parts, stiffest, weights);
   std::sort(parts.segments.begin(), parts.segments.end(),
             [](const Segment& a, const Segment& b) { return a.id < b.id; });
-  std::vector<std::optional<Rgb>> stated;
-  for (const TissueSettings& settings : scene.tissues) stated.push_back(settings.colour);
-  apply_tissue_colours(parts.segments, parts.tissue_of_label, stated);
+  std::vector<std::optional<Rgb>> declared;
+  for (const TissueSettings& settings : scene.tissues) declared.push_back(settings.colour);
+  apply_tissue_colours(parts.segments, parts.tissue_of_label, declared);
 
   parts.labels = label_bricks(flat);
   const std::vector<std::size_t> voxels = label_counts(*parts.labels);

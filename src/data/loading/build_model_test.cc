@@ -628,7 +628,7 @@ TEST(BuildModel, TheSplineOfARampNeitherGrowsItNorPulls) {
   ASSERT_TRUE(model.ok()) << model.error().message();
   const ForceField& spline = (*model)->force_field(ForceMethod::kSpline);
   const GridGeometry& grid = (*model)->labels->geometry();
-  double least = 0, max_beyond_N = 0;
+  double smallest = 0, max_beyond_N = 0;
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
@@ -637,11 +637,11 @@ TEST(BuildModel, TheSplineOfARampNeitherGrowsItNorPulls) {
           ASSERT_EQ(spline.sample(centre).value, 0);
         }
         const Point<Patient> between = centre + Vector<Patient>(0.5, 0.4, 0.3);
-        least = std::min(least, spline.sample(between).value);
+        smallest = std::min(smallest, spline.sample(between).value);
         if (sample_value(*(*model)->field, between) == 0)
           max_beyond_N = std::max(max_beyond_N, spline.full_force_N() * spline.sample(between).value);
       }
-  EXPECT_EQ(least, 0);
+  EXPECT_EQ(smallest, 0);
   std::printf("b-spline: at most %.3f N beyond the voxel around a structure\n", max_beyond_N);
   EXPECT_LT(max_beyond_N, 0.05);
 }

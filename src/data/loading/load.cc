@@ -61,7 +61,7 @@ std::string doubt_of_file(const char* what, const VolumeHeader& header) {
   return header.placement_doubt.empty() ? "" : what + (" " + header.placement_doubt);
 }
 
-void put_doubt(std::string doubt, const Warn& warn, SceneVolumes& volumes) {
+void record_doubt(std::string doubt, const Warn& warn, SceneVolumes& volumes) {
   if (doubt.empty()) return;
   if (warn) warn(doubt);
   volumes.caveats.push_back({CaveatKind::kPlacement, std::move(doubt)});
@@ -87,12 +87,13 @@ void take_labels(LabelFile labels, FileVolumes& files) {
 Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>& labels_file,
                                      const std::optional<std::filesystem::path>& names_file,
                                      const std::optional<std::filesystem::path>& scan_file,
-                                     std::optional<int> scan_volume, const Placing& placing,
-                                     const Progress& progress, const Warn& warn) {
+                                     std::optional<int> scan_volume,
+                                     const PlacementOptions& placement_options, const Progress& progress,
+                                     const Warn& warn) {
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
   if (scan_file) {
-    auto read = read_scan(*scan_file, progress, warn, VoxelCaching::kKept, scan_volume, placing);
+    auto read = read_scan(*scan_file, progress, warn, VoxelCaching::kKept, scan_volume, placement_options);
     if (!read) return read.error();
     scan = std::move(*read);
     if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
@@ -102,7 +103,7 @@ Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>&
   if (labels_file) {
     const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
     auto read = read_labels(*labels_file, names_file, progress, warn, doubtful, VoxelCaching::kKept,
-                            scan ? &scan->scan.geometry() : nullptr, placing, scan_file);
+                            scan ? &scan->scan.geometry() : nullptr, placement_options, scan_file);
     if (!read) return read.error();
     labels = std::move(*read);
   }
@@ -111,13 +112,13 @@ Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>&
   FileVolumes files{{{}, {}, oriented}};
   if (labels && scan) {
     files.volumes.label_placement = placement_of(labels->labels, scan->scan.geometry());
-    const bool cropped = placing.scan_is_cropped || palpate::placing().scan_is_cropped;
+    const bool cropped = placement_options.scan_is_cropped || palpate::placement_options().scan_is_cropped;
     if (auto together = check_placement(*files.volumes.label_placement, *labels_file, cropped); !together)
       return together.error();
-    put_doubt(placement_warning(*files.volumes.label_placement), warn, files.volumes);
+    record_doubt(placement_warning(*files.volumes.label_placement), warn, files.volumes);
   }
-  if (scan) put_doubt(doubt_of_file("The scan", scan->header), {}, files.volumes);
-  if (labels) put_doubt(doubt_of_file("The label map", labels->header), {}, files.volumes);
+  if (scan) record_doubt(doubt_of_file("The scan", scan->header), {}, files.volumes);
+  if (labels) record_doubt(doubt_of_file("The label map", labels->header), {}, files.volumes);
   if (labels) take_labels(*std::move(labels), files);
   if (scan) files.volumes.scan = std::make_shared<const Volume<float>>(std::move(scan->scan));
   return files;
@@ -184,14 +185,14 @@ Result<ReadScene> read_with_proposal(const Study& study, const std::optional<std
     if (names && std::holds_alternative<ScanFile>(*volume)) return names_without_labels(study.scan.string());
     if (auto* labels = std::get_if<LabelFile>(&*volume)) {
       volumes.oriented = labels->header.has_geometry;
-      put_doubt(doubt_of_file("The label map", labels->header), {}, volumes);
+      record_doubt(doubt_of_file("The label map", labels->header), {}, volumes);
       evidence = labels->evidence;
       take_labels(std::move(*labels), files);
       input.labels = study.scan;
     } else {
       ScanFile& scan = std::get<ScanFile>(*volume);
       volumes.oriented = scan.header.has_geometry;
-      put_doubt(doubt_of_file("The scan", scan.header), {}, volumes);
+      record_doubt(doubt_of_file("The scan", scan.header), {}, volumes);
       evidence = scan.evidence;
       volumes.scan = std::make_shared<const Volume<float>>(std::move(scan.scan));
       input.scan = study.scan;
@@ -230,7 +231,7 @@ Result<FileVolumes> volumes_of_scene(const Scene& scene, const Progress& progres
     return file ? std::optional(scene.resolve(*file)) : std::nullopt;
   };
   return volumes_of_files(resolved(scene.labels), resolved(scene.names), resolved(scene.scan),
-                          scene.scan_volume, placing_of(scene), progress, warn);
+                          scene.scan_volume, placement_options_of(scene), progress, warn);
 }
 
 // whether a source names volumes rather than a scene file or a data set
@@ -274,19 +275,20 @@ Result<ReadScene> read_scene_or_data_set(const SceneSource& source, const Progre
 
 }  // namespace
 
-Placing placing_of(const Scene& scene) {
-  Placing placing;
+PlacementOptions placement_options_of(const Scene& scene) {
+  PlacementOptions placement_options;
   if (scene.mesh_space)
-    placing.mesh.space = *scene.mesh_space == SurfaceAxes::kLps ? MeshSpace::kLps : MeshSpace::kRas;
+    placement_options.mesh.space = *scene.mesh_space == SurfaceAxes::kLps ? MeshSpace::kLps : MeshSpace::kRas;
   if (scene.mesh_unit)
-    placing.mesh.unit_mm = *scene.mesh_unit == SurfaceUnit::kMm   ? 1.0
-                           : *scene.mesh_unit == SurfaceUnit::kCm ? 10.0
-                                                                  : 1000.0;
-  placing.image_spacing_mm = scene.image_spacing_mm;
+    placement_options.mesh.unit_mm = *scene.mesh_unit == SurfaceUnit::kMm   ? 1.0
+                                     : *scene.mesh_unit == SurfaceUnit::kCm ? 10.0
+                                                                            : 1000.0;
+  placement_options.image_spacing_mm = scene.image_spacing_mm;
   if (scene.nifti_form)
-    placing.nifti_form = *scene.nifti_form == HeaderForm::kQform ? NiftiForm::kQform : NiftiForm::kSform;
-  placing.scan_is_cropped = scene.scan_is_cropped;
-  return placing;
+    placement_options.nifti_form =
+        *scene.nifti_form == HeaderForm::kQform ? NiftiForm::kQform : NiftiForm::kSform;
+  placement_options.scan_is_cropped = scene.scan_is_cropped;
+  return placement_options;
 }
 
 Result<Study> study_of(const SceneSource& source, const Progress& progress) {

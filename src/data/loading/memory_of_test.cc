@@ -15,9 +15,9 @@ MemoryForecast measured_memory(const Model& model) {
   memory.labels = model.labels->bytes();
   if (model.field)
     memory.field = std::visit([](const auto& bricks) { return bricks.bytes(); }, model.field->bricks());
-  std::set<const Surface*> observed;
+  std::set<const Surface*> visited;
   for (const ContactSurface& surface : model.surfaces)
-    if (surface.surface && observed.insert(surface.surface.get()).second)
+    if (surface.surface && visited.insert(surface.surface.get()).second)
       memory.surfaces +=
           surface.surface->position().bricks().bytes() + surface.surface->normal().bricks().bytes();
   return memory;
@@ -27,20 +27,20 @@ double over(std::uint64_t forecast, std::uint64_t measured) {
   return static_cast<double>(forecast) / static_cast<double>(measured);
 }
 
-TEST(MemoryOf, StandsAsForetold) {
+TEST(MemoryOf, StandsAsPredicted) {
   // at 0.36 mm the forecast of the field is exact and that of the surfaces 1.26 times too large
   for (const char* const knee : {"knee-phantom:spacing=1", "knee-phantom:spacing=0.7"}) {
     SCOPED_TRACE(knee);
-    SceneMemory foretold;
+    SceneMemory predicted;
     const auto loaded =
-        load_scene_or_data_set({knee}, {}, {}, {}, [&](const SceneMemory& memory) { foretold = memory; });
+        load_scene_or_data_set({knee}, {}, {}, {}, [&](const SceneMemory& memory) { predicted = memory; });
     ASSERT_TRUE(loaded.ok());
     const ForceMethod proxy = ForceMethod::kProxy;
     const auto ready = ready_for(loaded->model, {&proxy, 1});
     ASSERT_TRUE(ready.ok());
     const MemoryForecast is = measured_memory(**ready);
-    EXPECT_EQ(foretold.model.labels, is.labels);
-    EXPECT_EQ(foretold.model.field, 0u) << "the scene is rendered by the proxy";
+    EXPECT_EQ(predicted.model.labels, is.labels);
+    EXPECT_EQ(predicted.model.field, 0u) << "the scene is rendered by the proxy";
     EXPECT_EQ(is.field, 0u);
     const ForceMethod trilinear = ForceMethod::kTrilinear;
     const auto direct = ready_for(*ready, {&trilinear, 1});
@@ -48,19 +48,19 @@ TEST(MemoryOf, StandsAsForetold) {
     const FieldMemory field = memory_of_ramp_field(**direct);
     EXPECT_GT(over(field.stays, measured_memory(**direct).field), 0.95);
     EXPECT_LT(over(field.stays, measured_memory(**direct).field), 1.25);
-    EXPECT_GT(over(foretold.model.surfaces, is.surfaces), 0.97);
-    EXPECT_LT(over(foretold.model.surfaces, is.surfaces), 1.25);
+    EXPECT_GT(over(predicted.model.surfaces, is.surfaces), 0.97);
+    EXPECT_LT(over(predicted.model.surfaces, is.surfaces), 1.25);
   }
 }
 
 TEST(MemoryOf, StatesTheCellsOfSoftTissue) {
-  SceneMemory foretold;
+  SceneMemory predicted;
   const auto loaded = load_scene_or_data_set({"palpation-block:spacing=1.5,width=44,thickness=25"}, {}, {},
-                                             {}, [&](const SceneMemory& memory) { foretold = memory; });
+                                             {}, [&](const SceneMemory& memory) { predicted = memory; });
   ASSERT_TRUE(loaded.ok());
   ASSERT_TRUE(is_elastic(loaded->model->tissue_law));
-  EXPECT_EQ(foretold.tissue_cell_mm, 1.5);
-  EXPECT_EQ(yield_cell_mm(*loaded->model), foretold.tissue_cell_mm);
+  EXPECT_EQ(predicted.tissue_cell_mm, 1.5);
+  EXPECT_EQ(yield_cell_mm(*loaded->model), predicted.tissue_cell_mm);
   const auto layers = memory_of_scene_or_data_set({"knee-phantom:spacing=3"});
   ASSERT_TRUE(layers.ok());
   EXPECT_EQ(layers->tissue_cell_mm, 0);

@@ -73,7 +73,7 @@ bool has_touchable_tissue(const Model& model) {
 
 Result<void> require_touchable_tissue(const LoadedScene& loaded) {
   if (has_touchable_tissue(*loaded.model)) return {};
-  const bool switched_off = loaded.model->greatest_stiffness_N_per_mm() <= 0;
+  const bool switched_off = loaded.model->max_stiffness_N_per_mm() <= 0;
   std::string remedy = loaded.proposed.empty()
                            ? switched_off
                                  ? "set touchable = true, with a preset or a stiffness, on a [[tissue]]"

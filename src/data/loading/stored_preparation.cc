@@ -411,13 +411,13 @@ Result<std::vector<std::shared_ptr<const Surface>>> CachedPreparation::outer_sur
   }
   if (missing.size() < groups.size()) report_found(progress);
   // completed groups are cached even if the preparation is interrupted afterwards
-  for (const std::vector<std::size_t>& go : disjoint_batches(missing)) {
+  for (const std::vector<std::size_t>& batch : disjoint_batches(missing)) {
     std::vector<std::vector<LabelId>> together;
-    for (const std::size_t n : go) together.push_back(missing[n]);
+    for (const std::size_t n : batch) together.push_back(missing[n]);
     auto prepared = Preparing::outer_surfaces(labels, together, options, progress);
     if (!prepared) return prepared.error();
-    for (std::size_t n = 0; n < go.size(); ++n) {
-      const std::size_t g = indices[go[n]];
+    for (std::size_t n = 0; n < batch.size(); ++n) {
+      const std::size_t g = indices[batch[n]];
       surfaces[g] = std::move((*prepared)[n]);
       store_result(keys[g], [&](FieldWriter& out) { put_surface(*surfaces[g], out); });
     }

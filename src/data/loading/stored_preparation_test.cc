@@ -43,15 +43,15 @@ LabelMap stored_ball(int n = 32) {
   grid.origin = {-10, 20, 30};
   LabelMap map;
   map.layers.emplace_back(grid);
-  const double middle = 0.5 * (n - 1);
+  const double midpoint = 0.5 * (n - 1);
   for (int k = 0; k < n; ++k)
     for (int j = 0; j < n; ++j)
       for (int i = 0; i < n; ++i) {
-        const double r = std::hypot(i - middle, j - middle, 1.25 * (k - middle));
-        map.layers[0].at(i, j, k) = static_cast<LabelId>(r > 0.35 * n                 ? 0
-                                                         : r > 0.22 * n && j < middle ? 3
-                                                         : i < middle                 ? 1
-                                                                                      : 2);
+        const double r = std::hypot(i - midpoint, j - midpoint, 1.25 * (k - midpoint));
+        map.layers[0].at(i, j, k) = static_cast<LabelId>(r > 0.35 * n                   ? 0
+                                                         : r > 0.22 * n && j < midpoint ? 3
+                                                         : i < midpoint                 ? 1
+                                                                                        : 2);
       }
   const std::string canary = kCanary;
   map.segments = {{1, canary + "-hard", {1, 2, 3}, 0, 1},

@@ -33,8 +33,8 @@ void add_defect(std::vector<PhantomPart>& parts, const KneeParameters& knee, con
   cartilage.shape = Shape::subtract(whole, hole);
   const Shape removed = Shape::intersect(whole, hole);
   // painted before the bone, as the cartilage was
-  const auto place = parts.begin() + (&cartilage - parts.data());
-  parts.insert(place, {"cartilage_defect", 0, {}, PhantomMaterial::kFluid, removed});
+  const auto iterator = parts.begin() + (&cartilage - parts.data());
+  parts.insert(iterator, {"cartilage_defect", 0, {}, PhantomMaterial::kFluid, removed});
 }
 
 void add_lesion(std::vector<PhantomPart>& parts, const KneeParameters& knee, const Eigen::Vector3d& scale) {

@@ -53,7 +53,7 @@ GridGeometry millimetre_grid() {
 double gap_mm(const Shape& from, const Shape& to) {
   const GridGeometry grid = millimetre_grid();
   std::mutex joining;
-  double least = 1e9;
+  double smallest = 1e9;
   const auto narrow = [](const Shape::Node::Ptr& node, const VoxelBlock&,
                          const Ball& ball) -> std::optional<Shape::Node::Ptr> {
     const auto within = node->within(node, ball);
@@ -71,10 +71,10 @@ double gap_mm(const Shape& from, const Shape& to) {
         here = std::min(here, to.distance_mm(Point<Patient>(on_surface)));
     });
     const std::scoped_lock lock(joining);
-    least = std::min(least, here);
+    smallest = std::min(smallest, here);
   };
   EXPECT_TRUE(visit_grid(grid, from.node(), "", {}, narrow, leaf));
-  return least;
+  return smallest;
 }
 
 void expect_structures_of_the_atlas() {
@@ -161,9 +161,9 @@ TEST(KneePhantom, JointGapsAreThoseOfAKnee) {
   const auto gap = [&](const char* a, const char* b) {
     return gap_mm(shape_of(parts, a), shape_of(parts, b));
   };
-  const auto expect_within = [](double value, double least, double most) {
-    EXPECT_GE(value, least);
-    EXPECT_LE(value, most);
+  const auto expect_within = [](double value, double smallest, double largest) {
+    EXPECT_GE(value, smallest);
+    EXPECT_LE(value, largest);
   };
   // between bones
   expect_within(gap("femur", "tibia"), 3.5, 5.2);
@@ -281,9 +281,9 @@ void expect_every_structure_touchable() {
 
 void expect_plausible_volumes() {
   const auto millilitres = [](const char* name) { return statistics_06().at(name).volume_mm3 / 1000; };
-  const auto expect_within = [&](const char* name, double least, double most) {
-    EXPECT_GE(millilitres(name), least) << name;
-    EXPECT_LE(millilitres(name), most) << name;
+  const auto expect_within = [&](const char* name, double smallest, double largest) {
+    EXPECT_GE(millilitres(name), smallest) << name;
+    EXPECT_LE(millilitres(name), largest) << name;
   };
   expect_within("femoral_cartilage", 9, 17);
   expect_within("medial_tibial_cartilage", 1.3, 3.5);

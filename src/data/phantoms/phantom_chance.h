@@ -16,13 +16,13 @@ class PhantomVariation {
     hash_word(state, seed);
     random_.seed(hash_finish(state));
   }
-  /// Random number from `least` to `most`; `mean` for seed 0.
-  double within(double least, double most, double mean) {
+  /// Random number from `smallest` to `largest`; `mean` for seed 0.
+  double within(double smallest, double largest, double mean) {
     const double share = static_cast<double>(random_() >> 11) * 0x1.0p-53;
-    return varied_ ? least + (most - least) * share : mean;
+    return varied_ ? smallest + (largest - smallest) * share : mean;
   }
-  double factor(double most) { return within(1 - most, 1 + most, 1); }
-  double offset(double most) { return within(-most, most, 0); }
+  double factor(double largest) { return within(1 - largest, 1 + largest, 1); }
+  double offset(double largest) { return within(-largest, largest, 0); }
 
  private:
   bool varied_;

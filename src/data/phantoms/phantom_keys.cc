@@ -47,8 +47,8 @@ void choice(PhantomKeyVisitor& v, const PhantomKey& key, std::span<const std::st
 }
 
 void visit_islands(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.whole({"islands", "", "Number of stray islands in the segmentation, and of holes in its structures."},
-          1000, s.islands);
+  v.integer({"islands", "", "Number of stray islands in the segmentation, and of holes in its structures."},
+            1000, s.islands);
 }
 void visit_noise(PhantomSettings& s, PhantomKeyVisitor& v) {
   v.number({"noise", "mm",
@@ -57,11 +57,11 @@ void visit_noise(PhantomSettings& s, PhantomKeyVisitor& v) {
            0, 1.5, s.noise_mm);
 }
 void visit_scan_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.whole({"scan-seed", "", "Standard deviation of the noise in the scan."}, kMaxSeed, s.scan_seed);
+  v.integer({"scan-seed", "", "Standard deviation of the noise in the scan."}, kMaxSeed, s.scan_seed);
 }
 void visit_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.whole({"seed", "", "Seed of the natural variation, of `noise` and of `islands`; 0 is the mean shape."},
-          kMaxSeed, s.seed);
+  v.integer({"seed", "", "Seed of the natural variation, of `noise` and of `islands`; 0 is the mean shape."},
+            kMaxSeed, s.seed);
 }
 void visit_spacing(PhantomSettings& s, PhantomKeyVisitor& v) {
   v.edges({"spacing", "mm", "Voxel spacing: one number, or three along x, y and z, such as `0.28x0.28x1`."},
@@ -79,9 +79,9 @@ void visit(KneeParameters& p, PhantomKeyVisitor& v) {
   visit_islands(p.settings, v);
   v.number({"lesion", "mm", "Radius of a round lesion with a label of its own, `lesion`, 200; 0: none."}, 0,
            15, p.lesion_mm);
-  v.whole({"lesion-at", "",
-           "Place of `lesion` on its structure: 0 is the usual one; a cartilage has three more."},
-          kMaxKneeSites - 1, p.lesion_at);
+  v.integer({"lesion-at", "",
+             "Place of `lesion` on its structure: 0 is the usual one; a cartilage has three more."},
+            kMaxKneeSites - 1, p.lesion_at);
   v.number({"lesion-depth", "mm",
             "Depth of the centre of `lesion` below the surface of its structure; 0: a hemisphere that can be "
             "touched."},
@@ -147,13 +147,13 @@ void visit_depth_and_diameter(NoduleParameters& p, PhantomKeyVisitor& v) {
       30, p.diameter_mm);
 }
 void visit_nodules(NoduleParameters& p, PhantomKeyVisitor& v) {
-  v.whole({"nodules", "", "Number of nodules, with centres at least 1.5 diameters apart."}, 12, p.nodules);
+  v.integer({"nodules", "", "Number of nodules, with centres at least 1.5 diameters apart."}, 12, p.nodules);
 }
-void visit_place_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
-  v.whole({"seed", "",
-           "Seed of the places of the nodules, of `noise` and of `islands`; with 0 the first nodule is in "
-           "the centre."},
-          kMaxSeed, s.seed);
+void visit_position_seed(PhantomSettings& s, PhantomKeyVisitor& v) {
+  v.integer({"seed", "",
+             "Seed of the places of the nodules, of `noise` and of `islands`; with 0 the first nodule is in "
+             "the centre."},
+            kMaxSeed, s.seed);
 }
 void visit_stiffness(NoduleParameters& p, PhantomKeyVisitor& v) {
   v.number({"stiffness", "",
@@ -172,7 +172,7 @@ void visit(BlockParameters& p, PhantomKeyVisitor& v) {
   visit_nodules(p.nodules, v);
   visit_noise(p.settings, v);
   visit_scan_seed(p.settings, v);
-  visit_place_seed(p.settings, v);
+  visit_position_seed(p.settings, v);
   visit_spacing(p.settings, v);
   visit_stiffness(p.nodules, v);
   v.number({"thickness", "mm", "Thickness of the tissue on the plate."}, 10, 80, p.thickness_mm);
@@ -188,7 +188,7 @@ void visit(DomeParameters& p, PhantomKeyVisitor& v) {
   visit_noise(p.settings, v);
   v.number({"radius", "mm", "Radius of the dome's base."}, 20, 80, p.radius_mm);
   visit_scan_seed(p.settings, v);
-  visit_place_seed(p.settings, v);
+  visit_position_seed(p.settings, v);
   visit_spacing(p.settings, v);
   visit_stiffness(p.nodules, v);
   visit_visible(p.nodules, v);
@@ -202,9 +202,9 @@ void visit(AbdomenParameters& p, PhantomKeyVisitor& v) {
   visit_noise(p.settings, v);
   choice(v, {"rib", "", "Whether there is a rib above the edge of the liver."}, kAnswers, p.rib, true, false);
   visit_scan_seed(p.settings, v);
-  v.whole({"seed", "",
-           "Seed of the position of edge and rib, of `noise` and of `islands`; 0 is the mean position."},
-          kMaxSeed, p.settings.seed);
+  v.integer({"seed", "",
+             "Seed of the position of edge and rib, of `noise` and of `islands`; 0 is the mean position."},
+            kMaxSeed, p.settings.seed);
   v.number({"skin", "mm", "Outermost layer."}, 1, 5, p.skin_mm);
   visit_spacing(p.settings, v);
 }

@@ -19,10 +19,10 @@ struct PhantomKey {
 class PhantomKeyVisitor {
  public:
   virtual ~PhantomKeyVisitor() = default;
-  virtual void number(const PhantomKey& key, double least, double most, double& value) = 0;
-  virtual void whole(const PhantomKey& key, std::uint64_t most, std::uint64_t& value) = 0;
+  virtual void number(const PhantomKey& key, double smallest, double largest, double& value) = 0;
+  virtual void integer(const PhantomKey& key, std::uint64_t largest, std::uint64_t& value) = 0;
   /// Voxel edges along the patient's x, y and z.
-  virtual void edges(const PhantomKey& key, double least, double most, Eigen::Vector3d& value) = 0;
+  virtual void edges(const PhantomKey& key, double smallest, double largest, Eigen::Vector3d& value) = 0;
   virtual void word(const PhantomKey& key, std::span<const std::string_view> words, std::string& value) = 0;
   /// Any of the words, without repetition.
   virtual void words(const PhantomKey& key, std::span<const std::string_view> words,

@@ -21,8 +21,8 @@ std::string joined(std::span<const std::string_view> words, std::string_view bet
   return text;
 }
 
-std::string range_text(double least, double most, std::string_view unit) {
-  return text_of(least) + " ... " + text_of(most) + (unit.empty() ? "" : " " + std::string(unit));
+std::string range_text(double smallest, double largest, std::string_view unit) {
+  return text_of(smallest) + " ... " + text_of(largest) + (unit.empty() ? "" : " " + std::string(unit));
 }
 
 std::string edges_text(const Eigen::Vector3d& edges) {
@@ -33,14 +33,14 @@ std::string edges_text(const Eigen::Vector3d& edges) {
 // Descriptions of the values of each key: "side left or right, spacing 0.2 ... 3 mm".
 class Describer final : public PhantomKeyVisitor {
  public:
-  void number(const PhantomKey& key, double least, double most, double&) override {
-    add(key, range_text(least, most, key.unit));
+  void number(const PhantomKey& key, double smallest, double largest, double&) override {
+    add(key, range_text(smallest, largest, key.unit));
   }
-  void whole(const PhantomKey& key, std::uint64_t most, std::uint64_t&) override {
-    add(key, "0 ... " + std::to_string(most));
+  void integer(const PhantomKey& key, std::uint64_t largest, std::uint64_t&) override {
+    add(key, "0 ... " + std::to_string(largest));
   }
-  void edges(const PhantomKey& key, double least, double most, Eigen::Vector3d&) override {
-    add(key, range_text(least, most, key.unit) + ", one number or three (0.28x0.28x1)");
+  void edges(const PhantomKey& key, double smallest, double largest, Eigen::Vector3d&) override {
+    add(key, range_text(smallest, largest, key.unit) + ", one number or three (0.28x0.28x1)");
   }
   void word(const PhantomKey& key, std::span<const std::string_view> words, std::string&) override {
     add(key, joined(words, " or "));
@@ -87,14 +87,14 @@ Error out_of_range(const PhantomParameters& parameters, std::string_view key) {
 // Finds the first key with a value out of range.
 class RangeCheck final : public PhantomKeyVisitor {
  public:
-  void number(const PhantomKey& key, double least, double most, double& value) override {
-    expect(key, value >= least && value <= most);
+  void number(const PhantomKey& key, double smallest, double largest, double& value) override {
+    expect(key, value >= smallest && value <= largest);
   }
-  void whole(const PhantomKey& key, std::uint64_t most, std::uint64_t& value) override {
-    expect(key, value <= most);
+  void integer(const PhantomKey& key, std::uint64_t largest, std::uint64_t& value) override {
+    expect(key, value <= largest);
   }
-  void edges(const PhantomKey& key, double least, double most, Eigen::Vector3d& value) override {
-    expect(key, (value.array() >= least).all() && (value.array() <= most).all());
+  void edges(const PhantomKey& key, double smallest, double largest, Eigen::Vector3d& value) override {
+    expect(key, (value.array() >= smallest).all() && (value.array() <= largest).all());
   }
   void word(const PhantomKey& key, std::span<const std::string_view> words, std::string& value) override {
     expect(key, std::ranges::find(words, value) != words.end());
@@ -120,7 +120,7 @@ class Setter final : public PhantomKeyVisitor {
   void number(const PhantomKey& key, double, double, double& value) override {
     if (key.name == key_) take(read(text_, value));
   }
-  void whole(const PhantomKey& key, std::uint64_t, std::uint64_t& value) override {
+  void integer(const PhantomKey& key, std::uint64_t, std::uint64_t& value) override {
     if (key.name == key_) take(read(text_, value));
   }
   void edges(const PhantomKey& key, double, double, Eigen::Vector3d& value) override {
@@ -173,7 +173,7 @@ class Setter final : public PhantomKeyVisitor {
 class Writer final : public PhantomKeyVisitor {
  public:
   void number(const PhantomKey& key, double, double, double& value) override { add(key, text_of(value)); }
-  void whole(const PhantomKey& key, std::uint64_t, std::uint64_t& value) override {
+  void integer(const PhantomKey& key, std::uint64_t, std::uint64_t& value) override {
     add(key, std::to_string(value));
   }
   void edges(const PhantomKey& key, double, double, Eigen::Vector3d& value) override {
@@ -203,14 +203,14 @@ std::vector<Describer::Line> written(PhantomParameters parameters) {
 // Writes one row of the documentation for each key.
 class Documenter final : public PhantomKeyVisitor {
  public:
-  void number(const PhantomKey& key, double least, double most, double& value) override {
-    row(key, "a number", text_of(value), text_of(least) + " … " + text_of(most));
+  void number(const PhantomKey& key, double smallest, double largest, double& value) override {
+    row(key, "a number", text_of(value), text_of(smallest) + " … " + text_of(largest));
   }
-  void whole(const PhantomKey& key, std::uint64_t most, std::uint64_t& value) override {
-    row(key, "a whole number", std::to_string(value), "0 … " + std::to_string(most));
+  void integer(const PhantomKey& key, std::uint64_t largest, std::uint64_t& value) override {
+    row(key, "a whole number", std::to_string(value), "0 … " + std::to_string(largest));
   }
-  void edges(const PhantomKey& key, double least, double most, Eigen::Vector3d& value) override {
-    row(key, "one or three numbers", edges_text(value), text_of(least) + " … " + text_of(most));
+  void edges(const PhantomKey& key, double smallest, double largest, Eigen::Vector3d& value) override {
+    row(key, "one or three numbers", edges_text(value), text_of(smallest) + " … " + text_of(largest));
   }
   void word(const PhantomKey& key, std::span<const std::string_view> words, std::string& value) override {
     row(key, "`" + joined(words, "`, `") + "`", value, "");

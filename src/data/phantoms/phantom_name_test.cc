@@ -123,15 +123,15 @@ TEST(PhantomName, WhatIsTooLargeIsRefusedBeforeMemoryIsTaken) {
 class Shuffler final : public PhantomKeyVisitor {
  public:
   explicit Shuffler(std::mt19937_64& random) : random_(random) {}
-  void number(const PhantomKey&, double least, double most, double& value) override {
-    if (chance()) value = least + (most - least) * unit();
+  void number(const PhantomKey&, double smallest, double largest, double& value) override {
+    if (chance()) value = smallest + (largest - smallest) * unit();
   }
-  void whole(const PhantomKey&, std::uint64_t most, std::uint64_t& value) override {
-    if (chance()) value = random_() % (most + 1);
+  void integer(const PhantomKey&, std::uint64_t largest, std::uint64_t& value) override {
+    if (chance()) value = random_() % (largest + 1);
   }
-  void edges(const PhantomKey&, double least, double most, Eigen::Vector3d& value) override {
+  void edges(const PhantomKey&, double smallest, double largest, Eigen::Vector3d& value) override {
     if (!chance()) return;
-    for (int a = 0; a < 3; ++a) value[a] = least + (most - least) * unit();
+    for (int a = 0; a < 3; ++a) value[a] = smallest + (largest - smallest) * unit();
     if (chance()) value.setConstant(value[0]);
   }
   void word(const PhantomKey&, std::span<const std::string_view> words, std::string& value) override {
@@ -170,7 +170,7 @@ TEST(PhantomName, KeysStandInAlphabeticalOrder) {
   class Names final : public PhantomKeyVisitor {
    public:
     void number(const PhantomKey& key, double, double, double&) override { names.emplace_back(key.name); }
-    void whole(const PhantomKey& key, std::uint64_t, std::uint64_t&) override {
+    void integer(const PhantomKey& key, std::uint64_t, std::uint64_t&) override {
       names.emplace_back(key.name);
     }
     void edges(const PhantomKey& key, double, double, Eigen::Vector3d&) override {

@@ -122,7 +122,7 @@ class Painter {
 void drop_specks(Volume<LabelId>& labels) {
   constexpr std::size_t kSpeckVoxels = 10;
   const GridGeometry& grid = labels.geometry();
-  std::vector<bool> observed(grid.voxel_count(), false);
+  std::vector<bool> visited(grid.voxel_count(), false);
   std::vector<std::array<int, 3>> open;
   std::vector<std::size_t> piece;  // first voxels of the component
   for (int k = 0; k < grid.dims[2]; ++k) {
@@ -131,8 +131,8 @@ void drop_specks(Volume<LabelId>& labels) {
         const LabelId label = labels.at(i, j, k);
         piece.clear();
         const auto enter = [&](int x, int y, int z) {
-          if (labels.at_or(x, y, z, 0) != label || observed[grid.offset(x, y, z)]) return;
-          observed[grid.offset(x, y, z)] = true;
+          if (labels.at_or(x, y, z, 0) != label || visited[grid.offset(x, y, z)]) return;
+          visited[grid.offset(x, y, z)] = true;
           open.push_back({x, y, z});
           if (piece.size() <= kSpeckVoxels) piece.push_back(grid.offset(x, y, z));
         };

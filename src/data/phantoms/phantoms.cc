@@ -48,10 +48,10 @@ Result<void> check_together(const PhantomParameters& all, const KneeParameters& 
     return needs("lesion-depth", "lesion");
   if (knee.lesion_mm == 0 && knee.lesion_at != mean.lesion_at) return needs("lesion-at", "lesion");
   if (knee.lesion_mm == 0 && knee.visible != mean.visible) return needs("visible", "lesion");
-  if (const std::size_t places = knee_site_count(knee.lesion_in); knee.lesion_at >= places)
+  if (const std::size_t count = knee_site_count(knee.lesion_in); knee.lesion_at >= count)
     return refused(all,
                    quoted("lesion-at") + " of " + std::to_string(knee.lesion_at) + " is not a place on " +
-                       knee.lesion_in + ", which has " + std::to_string(places),
+                       knee.lesion_in + ", which has " + std::to_string(count),
                    "count them from 0; cartilages have several");
   if (knee.defect_mm == 0 && knee.defect_in != mean.defect_in) return needs("defect-in", "defect");
   const auto present = [&](const char* key, const std::string& structure) -> Result<void> {

@@ -335,11 +335,11 @@ TEST(Phantoms, IslandsAndHolesAreCounted) {
 // All `open` voxels connected with `start`; 26-connected, so also across corners.
 std::vector<bool> reached(const Volume<LabelId>& labels, const std::array<int, 3>& start) {
   const GridGeometry& grid = labels.geometry();
-  std::vector<bool> observed(grid.voxel_count(), false);
+  std::vector<bool> visited(grid.voxel_count(), false);
   std::vector<std::array<int, 3>> open;
   const auto enter = [&](int i, int j, int k) {
-    if (!grid.contains(i, j, k) || labels.at(i, j, k) == 1 || observed[grid.offset(i, j, k)]) return;
-    observed[grid.offset(i, j, k)] = true;
+    if (!grid.contains(i, j, k) || labels.at(i, j, k) == 1 || visited[grid.offset(i, j, k)]) return;
+    visited[grid.offset(i, j, k)] = true;
     open.push_back({i, j, k});
   };
   enter(start[0], start[1], start[2]);
@@ -350,7 +350,7 @@ std::vector<bool> reached(const Volume<LabelId>& labels, const std::array<int, 3
       for (int y = -1; y <= 1; ++y)
         for (int x = -1; x <= 1; ++x) enter(i + x, j + y, k + z);
   }
-  return observed;
+  return visited;
 }
 
 std::array<int, 3> middle_of(const GridGeometry& grid) {
@@ -413,15 +413,15 @@ TEST(Phantoms, TheSkullIsThinAtTheTemples) {
       for (double r = 0; r < 120; r += 0.02) inside += bone.distance_mm(from + r * ray) < 0 ? 0.02 : 0;
       return inside * skull.size;
     };
-    double least = 1e9;
+    double smallest = 1e9;
     for (double y = -30; y < 10; y += 4)
       for (double z = -20; z < 15; z += 4)
         for (const double side : {-1.0, 1.0}) {
           const Point<Patient> inside(side * 40, y, z);
-          least = std::min(least, wall_mm(inside, Vector<Patient>(side, 0, 0)));
+          smallest = std::min(smallest, wall_mm(inside, Vector<Patient>(side, 0, 0)));
         }
-    EXPECT_NEAR(least, skull.temporal_mm, 0.15 * skull.temporal_mm);
-    EXPECT_GE(least, skull.temporal_mm - 0.05);
+    EXPECT_NEAR(smallest, skull.temporal_mm, 0.15 * skull.temporal_mm);
+    EXPECT_GE(smallest, skull.temporal_mm - 0.05);
     EXPECT_NEAR(wall_mm({0, 0, 30}, {0, 0, 1}), skull.thickness_mm, 0.05);
     EXPECT_NEAR(wall_mm({0, 40, 10}, {0, 1, 0}), skull.thickness_mm, 0.5);
   }

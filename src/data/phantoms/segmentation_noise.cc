@@ -56,17 +56,17 @@ class DiscPlacer {
       : labels_(labels), grid_(labels.geometry()), axis_(slice_axis(grid_)), dice_(mixed({seed, 0x15})) {}
 
   // islands need a neighbourhood of background, holes one of a single structure
-  bool place_hole() {
+  bool cut_hole() {
     return try_often([&](const std::array<int, 3>& centre) {
       const LabelId here = value(centre);
-      return here != 0 && put(disc_at(centre), here, 0);
+      return here != 0 && place_disc(disc_at(centre), here, 0);
     });
   }
-  bool place_island() {
+  bool add_island() {
     return try_often([&](const std::array<int, 3>& centre) {
       if (value(centre) != 0) return false;
       const LabelId owner = nearby_structure(centre);
-      return owner != 0 && put(disc_at(centre), 0, owner);
+      return owner != 0 && place_disc(disc_at(centre), 0, owner);
     });
   }
 
@@ -111,7 +111,7 @@ class DiscPlacer {
     return 0;
   }
 
-  bool put(const Disc& disc, LabelId around, LabelId label) {
+  bool place_disc(const Disc& disc, LabelId around, LabelId label) {
     for (const auto& [x, y, z] : disc.voxels)
       for (int k = z - 1; k <= z + 1; ++k)
         for (int j = y - 1; j <= y + 1; ++j)
@@ -180,10 +180,10 @@ void add_islands_and_holes(Volume<LabelId>& labels, std::uint64_t count, std::ui
   DiscPlacer placer(labels, seed);
   for (std::uint64_t n = 0; n < count; ++n) {
     // once no space was found, further attempts are unlikely to succeed
-    if (!placer.place_hole()) break;
+    if (!placer.cut_hole()) break;
   }
   for (std::uint64_t n = 0; n < count; ++n)
-    if (!placer.place_island()) break;
+    if (!placer.add_island()) break;
 }
 
 }  // namespace palpate

@@ -45,8 +45,8 @@ inline double half_diagonal_mm(const GridGeometry& grid, const Eigen::Vector3d& 
 inline Ball ball_around(const GridGeometry& grid, const VoxelBlock& block) {
   const Eigen::Vector3d begin(block.begin[0], block.begin[1], block.begin[2]);
   const Eigen::Vector3d end(block.end[0], block.end[1], block.end[2]);
-  const Eigen::Vector3d middle = 0.5 * (begin + end) - Eigen::Vector3d::Constant(0.5);
-  return {(grid.X_PatientVoxel() * Point<Voxel>(middle)).eigen(), half_diagonal_mm(grid, end - begin)};
+  const Eigen::Vector3d centre = 0.5 * (begin + end) - Eigen::Vector3d::Constant(0.5);
+  return {(grid.X_PatientVoxel() * Point<Voxel>(centre)).eigen(), half_diagonal_mm(grid, end - begin)};
 }
 
 inline constexpr int kTopBlock = 32;  ///< Edge length of the blocks processed in parallel; voxels.

@@ -18,35 +18,35 @@ double decisive_difference(const Ball& ball) {
 struct Union final : Node {
   explicit Union(std::vector<Ptr> nodes) : parts(std::move(nodes)) {}
   double distance(const Vector3d& p) const override {
-    double least = parts.front()->distance(p);
-    for (std::size_t i = 1; i < parts.size(); ++i) least = std::min(least, parts[i]->distance(p));
-    return least;
+    double smallest = parts.front()->distance(p);
+    for (std::size_t i = 1; i < parts.size(); ++i) smallest = std::min(smallest, parts[i]->distance(p));
+    return smallest;
   }
   Vector3d gradient(const Vector3d& p) const override {
     const Node* nearest = nullptr;
-    double least = 0;
+    double smallest = 0;
     for (const Ptr& part : parts) {
       const double d = part->distance(p);
-      if (nearest != nullptr && !(d < least)) continue;
+      if (nearest != nullptr && !(d < smallest)) continue;
       nearest = part.get();
-      least = d;
+      smallest = d;
     }
     return nearest->gradient(p);
   }
   Within within(const Ptr& self, const Ball& ball) const override {
     std::vector<Within> near;
-    double least = 0;
+    double smallest = 0;
     for (const Ptr& part : parts) {
       near.push_back(part->within(part, ball));
-      least = near.size() == 1 ? near.back().distance : std::min(least, near.back().distance);
+      smallest = near.size() == 1 ? near.back().distance : std::min(smallest, near.back().distance);
     }
     std::vector<Ptr> stored;
     for (const Within& part : near) {
-      if (part.distance <= least + decisive_difference(ball)) stored.push_back(part.node);
+      if (part.distance <= smallest + decisive_difference(ball)) stored.push_back(part.node);
     }
-    if (stored.size() == 1) return {stored.front(), least};
-    if (stored == parts) return {self, least};
-    return {std::make_shared<Union>(std::move(stored)), least};
+    if (stored.size() == 1) return {stored.front(), smallest};
+    if (stored == parts) return {self, smallest};
+    return {std::make_shared<Union>(std::move(stored)), smallest};
   }
 
   std::vector<Ptr> parts;

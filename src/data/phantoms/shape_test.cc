@@ -92,7 +92,7 @@ TEST(Shape, NormalIsTheGradientAndHasLengthOne) {
 TEST(Shape, NormalHasLengthOneEvenOnMedialSets) {
   for (const KnownShape& known : known_shapes()) {
     for (const auto& p :
-         {placed_point(0, 0, 0), placed_point(0, 0, 3), placed_point(2, 0, 0), placed_point(9, 0, 0)}) {
+         {patient_point(0, 0, 0), patient_point(0, 0, 3), patient_point(2, 0, 0), patient_point(9, 0, 0)}) {
       EXPECT_NEAR(known.shape.normal(p).norm(), 1, 1e-12) << known.name;
     }
   }

@@ -50,13 +50,13 @@ inline Vector3d on_circle(double u) {
 inline Vector3d placed(const Vector3d& local) {
   return turned() * local + Vector3d(1.3, -2.1, 0.7);
 }
-inline Point<Patient> placed_point(double x, double y, double z) {
+inline Point<Patient> patient_point(double x, double y, double z) {
   return Point<Patient>(placed(Vector3d(x, y, z)));
 }
 
 inline std::vector<KnownShape> known_shapes() {
   const double pi = std::numbers::pi;
-  const auto c = placed_point(0, 0, 0);
+  const auto c = patient_point(0, 0, 0);
   std::vector<KnownShape> shapes;
 
   shapes.push_back({"sphere",
@@ -80,7 +80,7 @@ inline std::vector<KnownShape> known_shapes() {
     };
   };
   shapes.push_back({"capsule",
-                    Shape::capsule(placed_point(0, 0, -7), placed_point(0, 0, 7), 5),
+                    Shape::capsule(patient_point(0, 0, -7), patient_point(0, 0, 7), 5),
                     {capsule_side, capsule_cap(1), capsule_cap(-1)},
                     pi * 25 * 14 + 4.0 / 3 * pi * 125});
 
@@ -106,7 +106,7 @@ inline std::vector<KnownShape> known_shapes() {
     return [z](double u, double v) { return placed(6 * unit(v) * on_circle(u) + Vector3d(0, 0, z)); };
   };
   shapes.push_back({"cylinder",
-                    Shape::cylinder(placed_point(0, 0, -8), placed_point(0, 0, 8), 6),
+                    Shape::cylinder(patient_point(0, 0, -8), patient_point(0, 0, 8), 6),
                     {cylinder_side, cylinder_cap(8), cylinder_cap(-8)},
                     pi * 36 * 16});
 

@@ -38,11 +38,12 @@ auto narrow_or_fill(Volume<T>& volume, T inside) {
 // offsets of n^3 evenly spaced points from a voxel's centre; mm
 std::vector<Eigen::Vector3d> subsample_offsets(const GridGeometry& grid, int n) {
   const Eigen::Matrix3d linear = grid.X_PatientVoxel().linear();
-  const auto place = [n](int s) { return (s + 0.5) / n - 0.5; };
+  const auto centre_of = [n](int s) { return (s + 0.5) / n - 0.5; };
   std::vector<Eigen::Vector3d> offsets;
   for (int k = 0; k < n; ++k) {
     for (int j = 0; j < n; ++j) {
-      for (int i = 0; i < n; ++i) offsets.push_back(linear * Eigen::Vector3d(place(i), place(j), place(k)));
+      for (int i = 0; i < n; ++i)
+        offsets.push_back(linear * Eigen::Vector3d(centre_of(i), centre_of(j), centre_of(k)));
     }
   }
   return offsets;

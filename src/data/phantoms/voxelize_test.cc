@@ -28,8 +28,8 @@ GridGeometry awkward() {
   grid.dims = {37, 29, 18};
   grid.spacing_mm = {0.7, 0.9, 1.6};
   grid.direction = turned().transpose() * Vector3d(1, 1, -1).asDiagonal();
-  const Vector3d middle = grid.X_PatientVoxel().linear() * Vector3d(18, 14, 8.5);
-  grid.origin = Point<Patient>(placed(Vector3d::Zero()) - middle);
+  const Vector3d centre = grid.X_PatientVoxel().linear() * Vector3d(18, 14, 8.5);
+  grid.origin = Point<Patient>(placed(Vector3d::Zero()) - centre);
   return grid;
 }
 
@@ -76,9 +76,9 @@ TEST(Voxelize, CoverageEqualsAskingEveryPoint) {
         for (int i = 0; i < grid.dims[0]; ++i) {
           int inside = 0;
           for (int s = 0; s < n * n * n; ++s) {
-            const auto place = [&](int at, int step) { return at + (step % n + 0.5) / n - 0.5; };
-            inside += known.shape.distance_mm(
-                          X * Point<Voxel>(place(i, s), place(j, s / n), place(k, s / n / n))) < 0;
+            const auto centre_of = [&](int at, int step) { return at + (step % n + 0.5) / n - 0.5; };
+            inside += known.shape.distance_mm(X * Point<Voxel>(centre_of(i, s), centre_of(j, s / n),
+                                                               centre_of(k, s / n / n))) < 0;
           }
           ASSERT_NEAR(coverage->at(i, j, k), inside / 27.0, 1e-6)
               << known.name << " " << i << " " << j << " " << k;
@@ -106,7 +106,7 @@ TEST(Voxelize, BinaryEqualsAskingEveryCentre) {
 }
 
 TEST(Voxelize, SingleVoxelsAndThinGridsWork) {
-  const Shape all = Shape::sphere(placed_point(0, 0, 0), 100);
+  const Shape all = Shape::sphere(patient_point(0, 0, 0), 100);
   GridGeometry grid;
   for (const auto& dims : {std::array{1, 1, 1}, std::array{70, 1, 1}, std::array{1, 5, 33}}) {
     grid.dims = dims;

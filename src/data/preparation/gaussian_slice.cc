@@ -65,9 +65,9 @@ void SliceSmoother<In>::fill_ring_row(int j, int k) {
            line_start_);
 
   // along i
-  float* place = ring_.data() + static_cast<std::size_t>(j % (2 * kj.radius() + 1)) * ring_stride_;
-  sum_rows(WeightedRows<float>{line_start_, ki.weights[0], pairs_i_.data(), pairs_i_.size()}, nx_, place);
-  smoothed = place;
+  float* row = ring_.data() + static_cast<std::size_t>(j % (2 * kj.radius() + 1)) * ring_stride_;
+  sum_rows(WeightedRows<float>{line_start_, ki.weights[0], pairs_i_.data(), pairs_i_.size()}, nx_, row);
+  smoothed = row;
 }
 
 /// Along j: output row j from the adjacent rows in the ring.

@@ -625,7 +625,8 @@ SceneKeys declared_keys() {
       .distances =
           {"[distances]",
            "Structures whose distance to the tool is reported in every tick: from the outline of the tool to "
-           "the surface of the structure, negative inside. Each needs as much memory as a touchable structure.",
+           "the surface of the structure, negative inside. Each needs as much memory as a touchable "
+           "structure.",
            {{.name = "structures",
              .type = kChoice,
              .default_text = "\"none\"",
@@ -1051,15 +1052,15 @@ std::string_view nearest(std::string_view text, const std::vector<std::string_vi
   constexpr std::size_t kMaxCompared = 100;
   text = text.substr(0, kMaxCompared);
   std::string_view best;
-  int least = std::max(1, static_cast<int>(text.size()) / 3) + 1;
+  int smallest = std::max(1, static_cast<int>(text.size()) / 3) + 1;
   for (const auto candidate : candidates) {
     // the difference in length is a lower bound of the distance
     const auto length = static_cast<int>(std::min(candidate.size(), kMaxCompared));
-    if (std::abs(length - static_cast<int>(text.size())) >= least) continue;
+    if (std::abs(length - static_cast<int>(text.size())) >= smallest) continue;
     const int edits = edit_distance(text, candidate.substr(0, kMaxCompared));
-    if (edits >= least) continue;
+    if (edits >= smallest) continue;
     best = candidate;
-    least = edits;
+    smallest = edits;
   }
   return best;
 }

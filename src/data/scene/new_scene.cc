@@ -35,12 +35,12 @@ struct Group {
 };
 
 /// Returns a name that no tissue of the scene has.
-std::string unused_name(const Segment& segment, std::set<std::string>& used) {
+std::string unused_name(const Segment& segment, std::set<std::string>& taken_names) {
   const std::string number = std::to_string(segment.id);
   std::string name = "label " + number;
   if (!segment.name.empty() && is_utf8(segment.name) && segment.name.find('\0') == std::string::npos)
     name = segment.name;
-  while (!used.insert(name).second) name += " (" + number + ")";
+  while (!taken_names.insert(name).second) name += " (" + number + ")";
   return name;
 }
 
@@ -59,12 +59,14 @@ std::vector<Group> group_structures(const LabelMap& labels) {
   std::erase_if(groups, [](const Group& group) { return group.segments.empty(); });
 
   // the others individually, or in one tissue
-  std::set<std::string> used;
-  for (const Group& group : groups) used.insert(group.name);
+  std::set<std::string> taken_names;
+  for (const Group& group : groups) taken_names.insert(group.name);
   if (groups.size() + others.segments.size() <= kMaxTissues) {
     for (std::size_t n = 0; n < others.segments.size(); ++n)
-      groups.push_back(
-          {nullptr, unused_name(*others.segments[n], used), {others.segments[n]}, {others.matches[n]}});
+      groups.push_back({nullptr,
+                        unused_name(*others.segments[n], taken_names),
+                        {others.segments[n]},
+                        {others.matches[n]}});
   } else {
     groups.push_back(std::move(others));
   }
@@ -263,8 +265,8 @@ Result<std::string> embedding_text(const NewSceneInput& input, const std::vector
         ErrorKind::kBadInput,
         "a scene has " + std::to_string(kMaxTissues) + " tissues at most, and the labels use all of them",
         input.labels->string(), "leave out --embed"};
-  std::set<std::string> used;
-  for (const Group& group : groups) used.insert(group.name);
+  std::set<std::string> taken_names;
+  for (const Group& group : groups) taken_names.insert(group.name);
   const TissueSettings& fat = find_preset("fat")->values;
   double stiffness_N_per_mm = fat.stiffness_N_per_mm, modulus_kPa = fat.elastic->youngs_modulus_kPa;
   for (const Group& group : groups) {
@@ -275,7 +277,8 @@ Result<std::string> embedding_text(const NewSceneInput& input, const std::vector
   }
   std::string text =
       "\n# unlabelled tissue between the structures, as a soft medium of its own\n[[tissue]]\nname = " +
-      toml_string(unused_name({0, "embedding", {}, 0, 0}, used)) + "\npreset = \"fat\"\nembedding = true\n";
+      toml_string(unused_name({0, "embedding", {}, 0, 0}, taken_names)) +
+      "\npreset = \"fat\"\nembedding = true\n";
   text +=
       "# as soft as fat, and softer than the embedded structures, so that they are felt through it\n"
       "stiffness = " +
@@ -288,12 +291,12 @@ Result<std::string> embedding_text(const NewSceneInput& input, const std::vector
                    "all voxels of the scan have the same value, so air cannot be separated from the body",
                    input.scan->string(), "leave out the scan: then voxels enclosed by labels are inside"};
     // if there is a gap between the two classes, Otsu's threshold lies at its lower end
-    const double middle = 0.5 * (split->mean_below + split->mean_above);
+    const double midpoint = 0.5 * (split->mean_below + split->mean_above);
     const double step = std::max(1.0, std::pow(10.0, std::floor(std::log10(split->bin_width))));
-    text +=
-        "# between the means of air and body by Otsu's method; of a CT about -400 HU\nair_below = " +
-        number_text(split->mean_above - split->mean_below < 100 ? middle : std::round(middle / step) * step) +
-        "\n";
+    text += "# between the means of air and body by Otsu's method; of a CT about -400 HU\nair_below = " +
+            number_text(split->mean_above - split->mean_below < 100 ? midpoint
+                                                                    : std::round(midpoint / step) * step) +
+            "\n";
   }
   return text + "colour = \"#e6cd96\"\nopacity = 0.15\n";
 }

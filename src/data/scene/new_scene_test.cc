@@ -334,8 +334,8 @@ TEST(TomlText, KnowsWellFormedUtf8) {
         if ((s[i + j] >> 6) != 2) return false;
         code = (code << 6) | (s[i + j] & 0x3F);
       }
-      const int least[] = {0, 0, 0x80, 0x800, 0x10000};
-      if (code < least[n] || code > 0x10FFFF || (code >= 0xD800 && code <= 0xDFFF)) return false;
+      const int smallest[] = {0, 0, 0x80, 0x800, 0x10000};
+      if (code < smallest[n] || code > 0x10FFFF || (code >= 0xD800 && code <= 0xDFFF)) return false;
       i += n;
     }
     return true;

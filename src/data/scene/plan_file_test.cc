@@ -124,11 +124,13 @@ TEST(ParsePlan, IsWrittenAndReadAgainToTheLastBit) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
-  std::uniform_real_distribution<double> place(-300, 300), part(0.2, 30);
+  std::uniform_real_distribution<double> coordinate(-300, 300), part(0.2, 30);
   for (int n = 0; n < 200; ++n) {
     PlanFile made;
     made.title = "a \"quoted\"\ntitle \\ ü";
-    const auto point = [&] { return Point<Patient>(place(random), place(random), place(random)); };
+    const auto point = [&] {
+      return Point<Patient>(coordinate(random), coordinate(random), coordinate(random));
+    };
     made.trajectories.push_back({"t\t1", point(), point(), {"a", 5}, part(random), {}, part(random), {}, 0});
     const Vector<Patient> axis = made.trajectories[0].axis();
     Vector<Patient> across = Vector<Patient>(1, 0.3, -0.2);

@@ -14,7 +14,7 @@ namespace {
 
 void read_data(const TableReader& data, Scene& scene) {
   if (const auto scan = data.text("scan")) scene.scan = *scan;
-  if (const auto volume = data.whole("scan_volume")) scene.scan_volume = static_cast<int>(*volume);
+  if (const auto volume = data.integer("scan_volume")) scene.scan_volume = static_cast<int>(*volume);
   if (const auto labels = data.text("labels")) scene.labels = *labels;
   if (const auto space = data.choice("mesh_space")) scene.mesh_space = value_of(*space, kSurfaceAxes);
   if (const auto unit = data.choice("mesh_unit")) scene.mesh_unit = value_of(*unit, kSurfaceUnits);
@@ -167,7 +167,7 @@ void read_preparation(const TableReader& reader, PreparationSettings& preparatio
   preparation.sigma_mm = reader.number("sigma").value_or(preparation.sigma_mm);
   if (const auto engine = reader.choice("engine"))
     preparation.engine = *engine == "fourier" ? GaussianEngine::kFourier : GaussianEngine::kDirect;
-  if (const auto bits = reader.whole("bits")) {
+  if (const auto bits = reader.integer("bits")) {
     if (*bits != 8 && *bits != 16)
       problems.add(reader.line("bits"), "bits = " + std::to_string(*bits) + " is neither 8 nor 16",
                    "bits takes 8 or 16; default 16");
@@ -303,7 +303,7 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
                    "leave this out, or write shape = \"cylinder\" or shape = \"cone\"");
   if (const auto speed = reader.number("speed")) burr.revolutions_per_s = *speed / kSecondsPerMinute;
   burr.grip = reader.number("grip").value_or(burr.grip);
-  if (const auto pedal = reader.whole("pedal")) burr.pedal = static_cast<int>(*pedal);
+  if (const auto pedal = reader.integer("pedal")) burr.pedal = static_cast<int>(*pedal);
   if (const auto spindle = reader.point("spindle")) {
     constexpr double kLeast = 1e-3;
     if (spindle->norm() < kLeast)
@@ -411,7 +411,8 @@ void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {
   set("force_gain", workspace.force_gain);
   set("yaw", workspace.yaw_deg);
   if (const auto home = reader.point("home")) workspace.home = Point<World>(*home);
-  if (const auto button = reader.whole("clutch_button")) workspace.clutch_button = static_cast<int>(*button);
+  if (const auto button = reader.integer("clutch_button"))
+    workspace.clutch_button = static_cast<int>(*button);
 }
 
 void read_distances(const TableReader& reader, DistanceSettings& distances) {
@@ -464,14 +465,14 @@ NoGoSettings read_no_go(const TableReader& reader, Problems& problems) {
     lacks("outward", "add: outward = \"superior\", or a vector, LPS");
     const auto point = reader.point("point");
     const auto outward = reader.direction("outward");
-    if (point && outward) region.place = NoGoPlane{Point<Patient>(*point), unit_direction(*outward)};
+    if (point && outward) region.shape = NoGoPlane{Point<Patient>(*point), unit_direction(*outward)};
   }
   if (is_ball) {
     lacks("centre", "add: centre = [x, y, z], in millimetres, LPS");
     lacks("radius", "add: radius = 5, in millimetres");
     const auto centre = reader.point("centre");
     const auto radius_mm = reader.number("radius");
-    if (centre && radius_mm) region.place = NoGoSphere{Point<Patient>(*centre), *radius_mm};
+    if (centre && radius_mm) region.shape = NoGoSphere{Point<Patient>(*centre), *radius_mm};
   }
   return region;
 }

@@ -153,13 +153,13 @@ TEST(ParseScene, NoGoRegionsAreStructuresPlanesAndBalls) {
   EXPECT_EQ(scene->no_go[0].structures, (std::vector<LabelReference>{"facial nerve", 4}));
   EXPECT_EQ(scene->no_go[0].keep_away_mm, 1);
   EXPECT_EQ(scene->no_go[0].stiffness_N_per_mm, 2);
-  const auto& plane = std::get<NoGoPlane>(scene->no_go[1].place);
+  const auto& plane = std::get<NoGoPlane>(scene->no_go[1].shape);
   EXPECT_EQ(plane.point, Point<Patient>(1, 2, 3));
   EXPECT_EQ(plane.outward, Vector<Patient>(0, -1, 0));
   EXPECT_EQ(scene->no_go[1].keep_away_mm, 0);
   EXPECT_EQ(scene->no_go[1].stiffness_N_per_mm, 0.5);
-  EXPECT_EQ(std::get<NoGoSphere>(scene->no_go[2].place).radius_mm, 2.5);
-  EXPECT_EQ(std::get<NoGoPlane>(scene->no_go[3].place).outward, Vector<Patient>(0.6, 0, 0.8));
+  EXPECT_EQ(std::get<NoGoSphere>(scene->no_go[2].shape).radius_mm, 2.5);
+  EXPECT_EQ(std::get<NoGoPlane>(scene->no_go[3].shape).outward, Vector<Patient>(0.6, 0, 0.8));
 }
 
 TEST(ParseScene, AWidthBelongsToRamps) {

@@ -34,13 +34,13 @@ bool is_structure(const std::string& text) {
 }
 
 /// Reads a structure or a point; an invalid label number is an error.
-std::optional<std::variant<std::string, Eigen::Vector3d>> read_place(const TableReader& reader,
-                                                                     std::string_view key,
-                                                                     Problems& problems) {
-  auto place = reader.place(key);
-  if (!place) return std::nullopt;
-  const auto* name = std::get_if<std::string>(&*place);
-  if (!name || is_structure(*name)) return place;
+std::optional<std::variant<std::string, Eigen::Vector3d>> read_position(const TableReader& reader,
+                                                                        std::string_view key,
+                                                                        Problems& problems) {
+  auto key_position = reader.key_position(key);
+  if (!key_position) return std::nullopt;
+  const auto* name = std::get_if<std::string>(&*key_position);
+  if (!name || is_structure(*name)) return key_position;
   problems.add(reader.line(key), std::string(key) + " = \"" + *name + "\" is not a label number",
                "a label number is written \"#1\" ... \"#65535\"");
   return std::nullopt;
@@ -48,15 +48,16 @@ std::optional<std::variant<std::string, Eigen::Vector3d>> read_place(const Table
 
 ScriptStep read_approach(const TableReader& reader, Problems& problems) {
   ApproachStep step;
-  if (const auto place = read_place(reader, "approach", problems)) {
-    if (const auto* name = std::get_if<std::string>(&*place)) step.structure = *name;
-    if (const auto* point = std::get_if<Eigen::Vector3d>(&*place)) step.point = Point<Patient>(*point);
+  if (const auto key_position = read_position(reader, "approach", problems)) {
+    if (const auto* name = std::get_if<std::string>(&*key_position)) step.structure = *name;
+    if (const auto* point = std::get_if<Eigen::Vector3d>(&*key_position)) step.point = Point<Patient>(*point);
   }
   if (const auto landmark = reader.choice("landmark"))
     step.landmark = Vector<Patient>(vector_of(*landmark, kPatientDirections));
-  if (const auto place = read_place(reader, "nearest", problems)) {
-    if (const auto* name = std::get_if<std::string>(&*place)) step.nearest = *name;
-    if (const auto* point = std::get_if<Eigen::Vector3d>(&*place)) step.nearest = Point<Patient>(*point);
+  if (const auto key_position = read_position(reader, "nearest", problems)) {
+    if (const auto* name = std::get_if<std::string>(&*key_position)) step.nearest = *name;
+    if (const auto* point = std::get_if<Eigen::Vector3d>(&*key_position))
+      step.nearest = Point<Patient>(*point);
   }
   if (step.landmark && step.nearest.index() != 0)
     problems.add(reader.line("nearest"), "an approach with both landmark and nearest",
@@ -124,7 +125,7 @@ ScriptStep read_law(const TableReader& reader, Problems&) {
 
 ScriptStep read_scope(const TableReader& reader, Problems& problems) {
   ScopeStep step;
-  if (const auto at = reader.place("scope")) {
+  if (const auto at = reader.key_position("scope")) {
     const auto* name = std::get_if<std::string>(&*at);
     if (name && *name != "probe")
       problems.add(reader.line("scope"), "a scope cannot look at \"" + *name + "\"",
@@ -280,7 +281,7 @@ Result<Script> parse_script(std::string_view text, const std::string& source) {
   script.rate_hz = top.number("rate").value_or(script.rate_hz);
   if (const auto delay_ms = top.number("delay")) script.delay_s = *delay_ms * 1e-3;
   script.tremor_mm = top.number("tremor").value_or(script.tremor_mm);
-  if (const auto seed = top.whole("seed")) script.seed = static_cast<std::uint64_t>(*seed);
+  if (const auto seed = top.integer("seed")) script.seed = static_cast<std::uint64_t>(*seed);
   read_steps(top, script, problems);
   if (!problems.any()) check_order(script, problems);
   if (problems.any()) return problems.first();

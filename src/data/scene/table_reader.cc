@@ -28,19 +28,19 @@ int hex_digit(char c) {
 
 }  // namespace
 
-void Problems::keep_earliest(std::optional<Problem>& first, int line, std::string what,
-                             std::string remedy) const {
+void Problems::retain_earliest(std::optional<Problem>& first, int line, std::string what,
+                               std::string remedy) const {
   if (first && line >= first->line) return;
   first = {line, Error{ErrorKind::kBadInput, std::move(what), source_ + ":" + std::to_string(line),
                        std::move(remedy)}};
 }
 
 void Problems::add(int line, std::string what, std::string remedy) {
-  keep_earliest(wrong_, line, std::move(what), std::move(remedy));
+  retain_earliest(wrong_, line, std::move(what), std::move(remedy));
 }
 
 void Problems::add_missing(int line, std::string what, std::string remedy) {
-  keep_earliest(missing_, line, std::move(what), std::move(remedy));
+  retain_earliest(missing_, line, std::move(what), std::move(remedy));
 }
 
 void Problems::add_from(const Problems& part, std::string_view heading) {
@@ -165,7 +165,7 @@ std::optional<double> TableReader::number(std::string_view key) const {
   return number_in_range(*spec, *value, value->line);
 }
 
-std::optional<std::int64_t> TableReader::whole(std::string_view key) const {
+std::optional<std::int64_t> TableReader::integer(std::string_view key) const {
   const KeySpec* spec = nullptr;
   const TomlValue* value = find(key, KeyType::kWhole, &spec);
   if (!value) return std::nullopt;
@@ -348,7 +348,8 @@ std::optional<std::vector<std::array<double, 2>>> TableReader::terms(std::string
   return terms;
 }
 
-std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::place(std::string_view key) const {
+std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::key_position(
+    std::string_view key) const {
   const KeySpec* spec = nullptr;
   const TomlValue* value = find(key, KeyType::kPlace, &spec);
   if (!value) return std::nullopt;
@@ -426,13 +427,15 @@ Vector<Patient> direction_named(std::string_view name) {
   return {};
 }
 
-std::vector<const TomlTable*> limited_tables(const TableReader& top, std::string_view key, std::size_t most,
-                                             std::string_view remedy, Problems& problems) {
+std::vector<const TomlTable*> limited_tables(const TableReader& top, std::string_view key,
+                                             std::size_t largest, std::string_view remedy,
+                                             Problems& problems) {
   auto tables = top.tables(key);
-  if (tables.size() > most) {
-    problems.add(tables[most]->line, "more than " + std::to_string(most) + " [[" + std::string(key) + "]]",
+  if (tables.size() > largest) {
+    problems.add(tables[largest]->line,
+                 "more than " + std::to_string(largest) + " [[" + std::string(key) + "]]",
                  std::string(remedy));
-    tables.resize(most);
+    tables.resize(largest);
   }
   return tables;
 }

@@ -33,7 +33,7 @@ class Problems {
     int line;
     Error error;
   };
-  void keep_earliest(std::optional<Problem>& first, int line, std::string what, std::string remedy) const;
+  void retain_earliest(std::optional<Problem>& first, int line, std::string what, std::string remedy) const;
 
   std::string source_;
   std::optional<Problem> wrong_, missing_;
@@ -56,7 +56,7 @@ class TableReader {
   std::optional<std::string> choice(std::string_view key) const;
   std::optional<bool> flag(std::string_view key) const;
   std::optional<double> number(std::string_view key) const;
-  std::optional<std::int64_t> whole(std::string_view key) const;
+  std::optional<std::int64_t> integer(std::string_view key) const;
   std::optional<Rgb> colour(std::string_view key) const;
   std::optional<Labels> labels(std::string_view key) const;
   std::optional<std::vector<std::string>> names(std::string_view key) const;
@@ -66,7 +66,7 @@ class TableReader {
   /// Terms as written; finite.
   std::optional<std::vector<std::array<double, 2>>> terms(std::string_view key) const;
   /// Name of a structure, or a point.
-  std::optional<std::variant<std::string, Eigen::Vector3d>> place(std::string_view key) const;
+  std::optional<std::variant<std::string, Eigen::Vector3d>> key_position(std::string_view key) const;
   /// One of the choices, or a vector.
   std::optional<std::variant<std::string, Eigen::Vector3d>> direction(std::string_view key) const;
   const TomlTable* table(std::string_view key) const;  ///< Nested table; null: absent
@@ -93,9 +93,10 @@ class TableReader {
 /// Vector of a direction of kPatientDirections; the name has to be one of them.
 Vector<Patient> direction_named(std::string_view name);
 
-/// The first `most` tables of an array of tables; adds an error if there are more.
-std::vector<const TomlTable*> limited_tables(const TableReader& top, std::string_view key, std::size_t most,
-                                             std::string_view remedy, Problems& problems);
+/// The first `largest` tables of an array of tables; adds an error if there are more.
+std::vector<const TomlTable*> limited_tables(const TableReader& top, std::string_view key,
+                                             std::size_t largest, std::string_view remedy,
+                                             Problems& problems);
 /// Reads the required key `name`.
 /// @param heading  description of the table in errors: "a [[region]]"
 std::string required_name(const TableReader& reader, std::string_view heading, Problems& problems);

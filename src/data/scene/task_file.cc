@@ -304,7 +304,7 @@ Result<TaskFile> parse_task(std::string_view text, const std::string& source,
   task.quiz = top.flag("quiz").value_or(false);
   if (top.choice("end") == "recording") task.end = TaskEnd::kRecording;
   task.time_limit_s = top.number("time_limit");
-  if (const auto runs = top.whole("in_a_row")) task.in_a_row = static_cast<int>(*runs);
+  if (const auto runs = top.integer("in_a_row")) task.in_a_row = static_cast<int>(*runs);
   if (const TomlTable* table = top.table("scope")) {
     const TableReader reader(table, task_key_tables().scope, problems);
     task.scope.emplace();
@@ -355,8 +355,8 @@ std::string drawn_data_set(const TaskFile& task, std::uint64_t seed) {
       text += "," + draw.key + "=" + draw.words[random() % draw.words.size()];
       continue;
     }
-    const double most = std::floor((draw.range[1] - draw.range[0]) / draw.step + 1e-9);
-    const auto steps = static_cast<std::uint64_t>(std::clamp(most, 0.0, 1e9)) + 1;
+    const double largest = std::floor((draw.range[1] - draw.range[0]) / draw.step + 1e-9);
+    const auto steps = static_cast<std::uint64_t>(std::clamp(largest, 0.0, 1e9)) + 1;
     // the modulo bias is negligible for so few values, and the result is the same on every platform
     const double value = draw.range[0] + draw.step * static_cast<double>(random() % steps);
     // rounded to 1e-6 to remove binary representation errors

@@ -20,7 +20,7 @@ namespace palpate {
 namespace dhd {
 
 /// Reasons for the absence of force, the most serious first.
-enum class Trouble : std::uint8_t {
+enum class Failure : std::uint8_t {
   kNone,
   kLost,   ///< Calls fail, and the device is searched for
   kInUse,  ///< It is connected, but cannot be opened
@@ -60,11 +60,11 @@ struct Unit {
   std::atomic<char> id{kNobody};
   std::atomic<int> halts{0};  ///< Number of threads that are disabling its motors at this moment
   std::atomic<State> state{State::kThere};
-  std::atomic<Trouble> trouble{Trouble::kNone};
+  std::atomic<Failure> failure{Failure::kNone};
 
   // ---- the servo's thread
   DeviceSample sample;
-  Trouble status_trouble = Trouble::kNone, off_why = Trouble::kNone;
+  Failure status_failure = Failure::kNone, off_why = Failure::kNone;
   std::int64_t status_ns = 0, failing_since_ns = 0, unheard_since_ns = 0, off_since_ns = 0;
   /// Cause of forces disabled by the operator, until the device reports them enabled; 0: none
   int operator_off_cause = 0;
@@ -79,7 +79,7 @@ namespace {
 
 using dhd::DeviceModel;
 using dhd::kNobody;
-using DhdTrouble = dhd::Trouble;
+using DhdFailure = dhd::Failure;
 using DhdIdentity = dhd::Identity;
 using DhdUnit = dhd::Unit;
 
@@ -99,66 +99,66 @@ std::int64_t in_ns(double seconds) {
 struct DhdWords {
   const char *what, *remedy;
 };
-DhdWords words_for(DhdTrouble trouble) {
-  switch (trouble) {
-    case DhdTrouble::kLost:
+DhdWords words_for(DhdFailure failure) {
+  switch (failure) {
+    case DhdFailure::kLost:
       return {"the device was disconnected",
               "check its USB cable and power: the session resumes when it is reconnected"};
-    case DhdTrouble::kInUse:
+    case DhdFailure::kInUse:
       return {"the device is connected but cannot be opened",
               "close the program that uses it; palpate doctor checks the permissions of this account"};
-    case DhdTrouble::kOther:
+    case DhdFailure::kOther:
       return {"a different device is connected", "connect the device with which the session started"};
-    case DhdTrouble::kNoPower:
+    case DhdFailure::kNoPower:
       return {"the device has no power", "switch on its power supply"};
-    case DhdTrouble::kNotInitialised:
+    case DhdFailure::kNotInitialised:
       return {"the arm is not initialised, so its position is unknown",
               "keep clear of it and initialise it with the vendor's program (HapticInit): the session then "
               "resumes by itself. Or end the session and restart it with --may-move"};
-    case DhdTrouble::kByHand:
+    case DhdFailure::kByHand:
       return {"the position of the grip is not calibrated yet",
               "pull the grip all the way out and push it all the way in, until the lights turn"};
-    case DhdTrouble::kError:
+    case DhdFailure::kError:
       return {"the device reports an error", "switch it off and on again"};
-    case DhdTrouble::kBroken:
+    case DhdFailure::kBroken:
       return {"the device reports an invalid position", "switch it off and on again"};
-    case DhdTrouble::kButton:
+    case DhdFailure::kButton:
       return {"forces are disabled at the device", "press its force button"};
-    case DhdTrouble::kVelocity:
+    case DhdFailure::kVelocity:
       return {"the device exceeded its speed limit and has disabled its forces",
               "hold it still: they return after a second"};
-    case DhdTrouble::kWatchdog:
+    case DhdFailure::kWatchdog:
       return {"the device has disabled its forces because it received no commands",
               "hold it still: they return after a second. Is the machine overloaded?"};
-    case DhdTrouble::kUsb:
+    case DhdFailure::kUsb:
       return {"the device has disabled its forces because of a USB error", "check its USB cable"};
-    case DhdTrouble::kDeadman:
+    case DhdFailure::kDeadman:
       return {"the grip of the device is not held", "hold its grip"};
-    case DhdTrouble::kForceOff:
+    case DhdFailure::kForceOff:
       return {"the device has disabled its forces without giving a reason",
               "press its force button, or restart the session"};
-    case DhdTrouble::kSilent:
+    case DhdFailure::kSilent:
       return {"the device does not answer", "check its USB cable"};
-    case DhdTrouble::kNone:
+    case DhdFailure::kNone:
       break;
   }
   return {"", ""};
 }
 
-DhdTrouble trouble_of_cause(int cause) {
+DhdFailure error_of_cause(int cause) {
   switch (cause) {
     case dhd::kByButton:
-      return DhdTrouble::kButton;
+      return DhdFailure::kButton;
     case dhd::kByVelocity:
-      return DhdTrouble::kVelocity;
+      return DhdFailure::kVelocity;
     case dhd::kByWatchdog:
-      return DhdTrouble::kWatchdog;
+      return DhdFailure::kWatchdog;
     case dhd::kByUsb:
-      return DhdTrouble::kUsb;
+      return DhdFailure::kUsb;
     case dhd::kByDeadman:
-      return DhdTrouble::kDeadman;
+      return DhdFailure::kDeadman;
     default:
-      return DhdTrouble::kForceOff;
+      return DhdFailure::kForceOff;
   }
 }
 
@@ -168,19 +168,19 @@ bool is_by_hand(int cause) {
 }
 
 // with an unknown arm position the library's gravity compensation would act in a wrong direction
-bool is_unlocated(DhdTrouble trouble) {
-  return trouble == DhdTrouble::kNoPower || trouble == DhdTrouble::kNotInitialised ||
-         trouble == DhdTrouble::kByHand || trouble == DhdTrouble::kError || trouble == DhdTrouble::kBroken;
+bool is_unlocated(DhdFailure failure) {
+  return failure == DhdFailure::kNoPower || failure == DhdFailure::kNotInitialised ||
+         failure == DhdFailure::kByHand || failure == DhdFailure::kError || failure == DhdFailure::kBroken;
 }
 
-Error error_for(DhdTrouble trouble, const std::string& where) {
-  const DhdWords words = words_for(trouble);
+Error error_for(DhdFailure failure, const std::string& where) {
+  const DhdWords words = words_for(failure);
   return {ErrorKind::kUnavailable, words.what, where, words.remedy};
 }
 
 /// Error with the library's own message for a failed call.
-Error stated_by(const dhd::Library& library, const std::string& what, const std::string& where,
-                const std::string& remedy) {
+Error declared_by(const dhd::Library& library, const std::string& what, const std::string& where,
+                  const std::string& remedy) {
   const char* message = library.dhdErrorGetLastStr();
   return {ErrorKind::kUnavailable,
           what + (message && *message != '\0' ? " (" + printable_name(message) + ")" : std::string()), where,
@@ -300,9 +300,9 @@ class ForceDimensionDriver::Core {
   }
   void resume() { halted_.store(false); }
 
-  std::optional<Error> trouble() const {
+  std::optional<Error> failure() const {
     for (std::size_t d = 0; d < count_; ++d)
-      if (const DhdTrouble now = units_[d].trouble.load(); now != DhdTrouble::kNone)
+      if (const DhdFailure now = units_[d].failure.load(); now != DhdFailure::kNone)
         return error_for(now, units_[d].info.name);
     return std::nullopt;
   }
@@ -320,7 +320,7 @@ class ForceDimensionDriver::Core {
       DhdUnit& unit = units_[count_];
       const int id = open_device(*library_, index);
       if (id < 0)
-        return stated_by(
+        return declared_by(
             *library_, "device " + std::to_string(index + 1) + " cannot be opened", "force-dimension",
             "close the program that uses it; palpate doctor checks the permissions of this account");
       unit.id.store(static_cast<char>(id));
@@ -339,20 +339,20 @@ class ForceDimensionDriver::Core {
     if (is_initialised(*library_, id)) return {};
     // the session waits for manual initialisation and reports it
     if (unit.model.by_hand) return {};
-    if (!library_->initialises()) return error_for(DhdTrouble::kNotInitialised, unit.info.name);
+    if (!library_->initialises()) return error_for(DhdFailure::kNotInitialised, unit.info.name);
     unit.info.moves_by_itself = true;
     if (auto agreed = require_consent(unit.info, may_move); !agreed) return agreed.error();
     if (library_->drdAutoInit(id) < 0) {
-      const Error failed = stated_by(*library_, "the arm could not be initialised", unit.info.name,
-                                     "make sure that nothing obstructs it, and try again");
+      const Error failed = declared_by(*library_, "the arm could not be initialised", unit.info.name,
+                                       "make sure that nothing obstructs it, and try again");
       // the library's motion control may still be active
       library_->drdStop(false, id);
       return failed;
     }
     // ends the library's motion control, with forces enabled
     if (library_->drdStop(true, id) < 0)
-      return stated_by(*library_, "the library continues to move the arm", unit.info.name,
-                       "switch the device off and on again");
+      return declared_by(*library_, "the library continues to move the arm", unit.info.name,
+                         "switch the device off and on again");
     return {};
   }
 
@@ -360,7 +360,7 @@ class ForceDimensionDriver::Core {
   Result<void> prepare(const DhdUnit& unit) {
     const char id = unit.id.load();
     const auto failed = [&](const char* what) {
-      return stated_by(*library_, what, unit.info.name, "switch the device off and on again");
+      return declared_by(*library_, what, unit.info.name, "switch the device off and on again");
     };
     // in addition to the limit of the output stage
     if (unit.info.peak_force_N && library_->dhdSetMaxForce(*unit.info.peak_force_N, id) < 0)
@@ -434,8 +434,8 @@ class ForceDimensionDriver::Core {
     unit.failing_since_ns = 0;
     if (requested_ns - unit.status_ns >= in_ns(kStatusEvery_s)) {
       unit.status_ns = requested_ns;
-      unit.status_trouble = read_status(unit);
-      if (unit.status_trouble == DhdTrouble::kLost) return lose(unit);
+      unit.status_failure = read_status(unit);
+      if (unit.status_failure == DhdFailure::kLost) return lose(unit);
     }
     // an old state has arbitrary contents, and says nothing about the current one
     if (received != dhd::kTimeGuard) {
@@ -447,9 +447,9 @@ class ForceDimensionDriver::Core {
         sample.taken_ns = requested_ns;
       }
     }
-    DhdTrouble trouble = unit.status_trouble;
-    if (unit.is_broken) trouble = DhdTrouble::kBroken;
-    if (trouble == DhdTrouble::kNone && unit.unheard_since_ns != 0) trouble = DhdTrouble::kSilent;
+    DhdFailure failure = unit.status_failure;
+    if (unit.is_broken) failure = DhdFailure::kBroken;
+    if (failure == DhdFailure::kNone && unit.unheard_since_ns != 0) failure = DhdFailure::kSilent;
     sample.velocity_mm_s = Vector<Device>(kNotKnown, kNotKnown, kNotKnown);
     if (library_->dhdGetLinearVelocity(&velocity_m_s[0], &velocity_m_s[1], &velocity_m_s[2], id) >= 0 &&
         velocity_m_s.allFinite())
@@ -458,11 +458,11 @@ class ForceDimensionDriver::Core {
     if (double gripper_rad = 0; unit.gripper && library_->dhdGetGripperAngleRad(&gripper_rad, id) >= 0)
       sample.gripper_rad = gripper_rad;
     sample.buttons = library_->dhdGetButtonMask(id);
-    sample.fault = trouble != DhdTrouble::kNone;
-    unit.trouble.store(trouble);
+    sample.fault = failure != DhdFailure::kNone;
+    unit.failure.store(failure);
     // the device's own button may have enabled them since the halt
-    if (unit.motors_on && (is_unlocated(trouble) || halted_.load())) switch_off(unit);
-    if (unit.status_trouble != DhdTrouble::kNone) unit.force_on = false;
+    if (unit.motors_on && (is_unlocated(failure) || halted_.load())) switch_off(unit);
+    if (unit.status_failure != DhdFailure::kNone) unit.force_on = false;
   }
 
   void switch_off(DhdUnit& unit) {
@@ -470,11 +470,11 @@ class ForceDimensionDriver::Core {
     unit.force_on = unit.motors_on = false;
   }
 
-  DhdTrouble read_status(DhdUnit& unit) {
+  DhdFailure read_status(DhdUnit& unit) {
     const char id = unit.id.load();
     std::array<int, dhd::kStatusFields> status{};
-    if (library_->dhdGetStatus(status.data(), id) < 0) return DhdTrouble::kSilent;
-    if (!status[dhd::kConnected]) return DhdTrouble::kLost;
+    if (library_->dhdGetStatus(status.data(), id) < 0) return DhdFailure::kSilent;
+    if (!status[dhd::kConnected]) return DhdFailure::kLost;
     unit.motors_on = status[dhd::kForce];
     // a cause set by the operator persists until forces are enabled, whatever the device reports meanwhile
     const int cause = status[dhd::kForceOffCause];
@@ -482,26 +482,26 @@ class ForceDimensionDriver::Core {
     if (!unit.motors_on && is_by_hand(cause)) unit.operator_off_cause = cause;
     const bool by_hand = unit.operator_off_cause != 0;
     const int why = by_hand ? unit.operator_off_cause : cause;
-    if (!status[dhd::kPower]) return DhdTrouble::kNoPower;
-    if (status[dhd::kError]) return DhdTrouble::kError;
+    if (!status[dhd::kPower]) return DhdFailure::kNoPower;
+    if (status[dhd::kError]) return DhdFailure::kError;
     if (!is_initialised(*library_, id))
-      return unit.model.by_hand ? DhdTrouble::kByHand : DhdTrouble::kNotInitialised;
+      return unit.model.by_hand ? DhdFailure::kByHand : DhdFailure::kNotInitialised;
     if (unit.off_since_ns != 0) {
       // the cause "software" comes from a halt after the device's own reason
-      if (!unit.motors_on && why != dhd::kBySoftware) unit.off_why = trouble_of_cause(why);
+      if (!unit.motors_on && why != dhd::kBySoftware) unit.off_why = error_of_cause(why);
       // forces disabled at the device have to be enabled there
-      const bool asks = !by_hand && unit.off_why != DhdTrouble::kForceOff;
+      const bool asks = !by_hand && unit.off_why != DhdFailure::kForceOff;
       if (!is_calm(unit) || (!asks && !unit.motors_on)) return unit.off_why;
       unit.off_since_ns = 0;
-      return DhdTrouble::kNone;
+      return DhdFailure::kNone;
     }
-    if (unit.motors_on) return DhdTrouble::kNone;
-    if (!by_hand && (!unit.force_on || halted_.load())) return DhdTrouble::kNone;
+    if (unit.motors_on) return DhdFailure::kNone;
+    if (!by_hand && (!unit.force_on || halted_.load())) return DhdFailure::kNone;
     unit.force_on = false;
     // from a halt that has ended
-    if (why == dhd::kBySoftware) return DhdTrouble::kNone;
+    if (why == dhd::kBySoftware) return DhdFailure::kNone;
     unit.off_since_ns = monotonic_ns();
-    unit.off_why = trouble_of_cause(why);
+    unit.off_why = error_of_cause(why);
     return unit.off_why;
   }
 
@@ -515,7 +515,7 @@ class ForceDimensionDriver::Core {
 
   void fail(DhdUnit& unit, std::int64_t now_ns) {
     unit.sample.fault = true;
-    unit.trouble.store(DhdTrouble::kSilent);
+    unit.failure.store(DhdFailure::kSilent);
     if (unit.failing_since_ns == 0) unit.failing_since_ns = now_ns;
     if (now_ns - unit.failing_since_ns > in_ns(kAbandoned_s)) lose(unit);
   }
@@ -525,13 +525,13 @@ class ForceDimensionDriver::Core {
     set_force(unit, {});
     unit.sample.fault = true;
     unit.force_on = false;
-    unit.trouble.store(DhdTrouble::kLost);
+    unit.failure.store(DhdFailure::kLost);
     unit.state.store(DhdUnit::State::kLost);
   }
 
   void come_back(DhdUnit& unit) {
     unit.failing_since_ns = unit.unheard_since_ns = unit.status_ns = unit.off_since_ns = 0;
-    unit.status_trouble = DhdTrouble::kNone;
+    unit.status_failure = DhdFailure::kNone;
     unit.operator_off_cause = 0;
     unit.force_on = unit.is_broken = false;
     unit.motors_on = true;
@@ -552,9 +552,9 @@ class ForceDimensionDriver::Core {
 
   void switch_on(DhdUnit& unit) {
     // the operator may have used the device's own switch since the last query
-    unit.status_trouble = read_status(unit);
-    if (unit.status_trouble == DhdTrouble::kLost) return lose(unit);
-    if (unit.status_trouble != DhdTrouble::kNone) return;
+    unit.status_failure = read_status(unit);
+    if (unit.status_failure == DhdFailure::kLost) return lose(unit);
+    if (unit.status_failure != DhdFailure::kNone) return;
     unit.force_on = library_->dhdEnableForce(1, unit.id.load()) >= 0;
     unit.motors_on = true;
     // a halt arrived meanwhile
@@ -585,7 +585,7 @@ class ForceDimensionDriver::Core {
       if (std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
       for (std::size_t d = 0; d < count_; ++d)
-        if (units_[d].state.load() == DhdUnit::State::kLost) look_for(units_[d]);
+        if (units_[d].state.load() == DhdUnit::State::kLost) detect(units_[d]);
     }
   }
 
@@ -601,7 +601,7 @@ class ForceDimensionDriver::Core {
     return id;
   }
 
-  void look_for(DhdUnit& unit) {
+  void detect(DhdUnit& unit) {
     if (const char id = reclaim_id(unit); id != kNobody) {
       library_->dhdStop(id);
       close_device(*library_, id);
@@ -609,7 +609,7 @@ class ForceDimensionDriver::Core {
     const auto units = std::span(units_).first(count_);
     const auto open =
         std::ranges::count_if(units, [](const DhdUnit& each) { return each.id.load() != kNobody; });
-    DhdTrouble why = DhdTrouble::kLost;
+    DhdFailure why = DhdFailure::kLost;
     const bool any = library_->dhdGetDeviceCount() > open;
     for (int index = 0; any && index < kMaxDevices; ++index) {
       if (std::ranges::any_of(
@@ -617,15 +617,15 @@ class ForceDimensionDriver::Core {
         continue;
       const int opened = open_device(*library_, index);
       if (opened < 0) {
-        if (why == DhdTrouble::kLost) why = DhdTrouble::kInUse;
+        if (why == DhdFailure::kLost) why = DhdFailure::kInUse;
         continue;
       }
       const auto id = static_cast<char>(opened);
       if (identity_of(*library_, id) != unit.identity) {
-        why = DhdTrouble::kOther;
+        why = DhdFailure::kOther;
       } else if (!unit.model.by_hand && !is_initialised(*library_, id)) {
         // closed again meanwhile, so that the vendor's program can initialise it
-        why = DhdTrouble::kNotInitialised;
+        why = DhdFailure::kNotInitialised;
       } else {
         unit.id.store(id);
         if (prepare(unit)) {
@@ -636,7 +636,7 @@ class ForceDimensionDriver::Core {
       }
       close_device(*library_, id);
     }
-    unit.trouble.store(why);
+    unit.failure.store(why);
   }
 
   const ForceDimensionSettings settings_;
@@ -674,13 +674,13 @@ void ForceDimensionDriver::resume(std::uint64_t /*newest*/) noexcept {
   core_->resume();
 }
 
-std::optional<Error> ForceDimensionDriver::trouble() const {
-  return core_->trouble();
+std::optional<Error> ForceDimensionDriver::failure() const {
+  return core_->failure();
 }
 
 namespace {
 
-DeviceReport look_for_dhd(const ForceDimensionSettings& settings) {
+DeviceReport detect_dhd(const ForceDimensionSettings& settings) {
   DeviceReport report;
   std::vector<UsbDevice> plugged = usb_devices(kForceDimensionUsb);
   std::ranges::copy(usb_devices(kFtdiUsb, kFalconUsb), std::back_inserter(plugged));
@@ -709,19 +709,20 @@ DeviceReport look_for_dhd(const ForceDimensionSettings& settings) {
     return report;
   }
   for (int index = 0; index < std::min(count, kMaxDevices); ++index) {
-    const std::string place = "device " + std::to_string(index + 1);
+    const std::string device_name = "device " + std::to_string(index + 1);
     const int opened = open_device(*library, index);
     if (opened < 0) {
-      const Error error = stated_by(*library, "cannot be opened", place, "close the program that uses it");
-      report.connected.push_back({place, error.what});
-      report.checks.push_back({place, false, error.what, error.remedy});
+      const Error error =
+          declared_by(*library, "cannot be opened", device_name, "close the program that uses it");
+      report.connected.push_back({device_name, error.what});
+      report.checks.push_back({device_name, false, error.what, error.remedy});
       continue;
     }
     const auto id = static_cast<char>(opened);
     const DhdIdentity identity = identity_of(*library, id);
     const bool ready = is_initialised(*library, id);
     const DhdWords words =
-        words_for(dhd::model_of(identity.type).by_hand ? DhdTrouble::kByHand : DhdTrouble::kNotInitialised);
+        words_for(dhd::model_of(identity.type).by_hand ? DhdFailure::kByHand : DhdFailure::kNotInitialised);
     const std::string state = ready ? "ready" : words.what;
     close_device(*library, id);
     report.connected.push_back({name_of(identity), state});
@@ -736,7 +737,7 @@ DeviceVendor force_dimension_vendor(const ForceDimensionSettings& settings) {
   return {"force-dimension",
           "Force Dimension omega, sigma and delta, and Novint Falcon, through the vendor's library",
           [settings] { return std::make_unique<ForceDimensionDriver>(settings); },
-          [settings] { return look_for_dhd(settings); }};
+          [settings] { return detect_dhd(settings); }};
 }
 
 }  // namespace palpate

@@ -200,7 +200,7 @@ TEST(ForceDimension, AFalconIsInitialisedByHandWhileTheSessionWaits) {
   EXPECT_TRUE(rig.wall.fault);
   rig.device.initialised = true;
   EXPECT_TRUE(rig.presses());
-  EXPECT_FALSE(rig.driver->trouble());
+  EXPECT_FALSE(rig.driver->failure());
   EXPECT_EQ(rig.device.auto_inits, 0);
 }
 
@@ -213,7 +213,7 @@ TEST(ForceDimension, HaltGivesZerosUntilResume) {
     const int then = rig.wall.samples_taken;
     EXPECT_TRUE(soon([&] { return rig.wall.samples_taken > then + 20; })) << "the servo goes on";
     EXPECT_EQ(rig.device.force_N, 0);
-    EXPECT_FALSE(rig.driver->trouble()) << "it is no fault of the device's";
+    EXPECT_FALSE(rig.driver->failure()) << "it is no fault of the device's";
     rig.driver->resume(0);
   }
   EXPECT_TRUE(rig.presses());
@@ -228,7 +228,7 @@ TEST(ForceDimension, AHandThatSwitchesForcesOffDuringAHaltIsObeyed) {
     rig.device.trip = cause;
     ASSERT_TRUE(soon([&] { return rig.device.trip == 0; }));
     rig.driver->resume(0);
-    EXPECT_TRUE(soon([&] { return rig.driver->trouble().has_value(); })) << cause;
+    EXPECT_TRUE(soon([&] { return rig.driver->failure().has_value(); })) << cause;
     std::this_thread::sleep_for(std::chrono::milliseconds(30));
     EXPECT_FALSE(rig.device.forces_on);
     EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
@@ -273,7 +273,7 @@ TEST(ForceDimension, ForcesThatAreOffWithoutACauseAreNotAskedFor) {
   ASSERT_TRUE(rig.says("without giving a reason"));
   std::this_thread::sleep_for(std::chrono::duration<double>(ForceDimensionDriver::kCalm_s + 0.1));
   EXPECT_FALSE(rig.device.forces_on);
-  EXPECT_TRUE(rig.driver->trouble().has_value());
+  EXPECT_TRUE(rig.driver->failure().has_value());
 }
 
 TEST(ForceDimension, StopLeavesZeroAndRunGoesOn) {
@@ -309,8 +309,8 @@ TEST(ForceDimension, SeveralDevicesAreOfOneDriver) {
   EXPECT_NEAR(servo.last()[1].tip.x(), -3, 0.2);
   // a lost device is a fault of that device only
   fake.device[1].plugged = false;
-  EXPECT_TRUE(soon([&] { return servo.last()[1].fault && driver.trouble(); }));
-  EXPECT_EQ(driver.trouble()->where, "sigma.7 (left) no. 118");
+  EXPECT_TRUE(soon([&] { return servo.last()[1].fault && driver.failure(); }));
+  EXPECT_EQ(driver.failure()->where, "sigma.7 (left) no. 118");
   EXPECT_FALSE(servo.last()[0].fault);
   EXPECT_TRUE(soon([&] { return fake.device[0].force_N > 0.9; }));
   fake.device[1].plugged = true;
@@ -409,7 +409,7 @@ TEST(ForceDimension, IsLookedForWithoutMovingAnything) {
   fake.device[1].type = 60;
   const DeviceVendor vendor = force_dimension_vendor(fake_dhd_settings());
   EXPECT_EQ(vendor.name, "force-dimension");
-  DeviceReport report = vendor.look();
+  DeviceReport report = vendor.detect();
   ASSERT_EQ(report.connected.size(), 2u);
   EXPECT_EQ(report.connected[0].id, "omega.3 no. 117");
   EXPECT_THAT(report.connected[0].state, HasSubstr("not initialised"));
@@ -423,7 +423,7 @@ TEST(ForceDimension, IsLookedForWithoutMovingAnything) {
   EXPECT_EQ(fake.violations, 0) << fake.first_violation.load();
 
   fake.count = 0;
-  report = vendor.look();
+  report = vendor.detect();
   EXPECT_TRUE(report.connected.empty());
   EXPECT_FALSE(report.checks.back().fine);
   EXPECT_FALSE(report.checks.back().remedy.empty());

@@ -36,7 +36,7 @@ TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
   ASSERT_TRUE(rig.presses());
   GetParam().begin(rig.device);
   EXPECT_TRUE(soon([&] { return rig.wall.fault && rig.device.force_N == 0; }));
-  EXPECT_TRUE(rig.says(GetParam().words)) << rig.stated();
+  EXPECT_TRUE(rig.says(GetParam().words)) << rig.declared();
   const int then = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > then + 20; })) << "the session goes on";
   EXPECT_EQ(rig.device.force_N, 0);
@@ -44,8 +44,8 @@ TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
   const bool is_reached = rig.device.plugged && !rig.device.fails;
   EXPECT_TRUE(!is_reached || soon([&] { return !rig.device.forces_on; }));
   GetParam().end(rig.device);
-  EXPECT_TRUE(rig.presses()) << rig.stated();
-  EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
+  EXPECT_TRUE(rig.presses()) << rig.declared();
+  EXPECT_TRUE(soon([&] { return !rig.driver->failure(); }));
   rig.end();
   rig.driver.reset();
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();

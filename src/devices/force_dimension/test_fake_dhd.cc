@@ -88,7 +88,7 @@ class Call {
 };
 
 // advances the hand and the device's own behaviour; requires the mutex
-void go_on(Behind& known, FakeDhdDevice& device) {
+void resume(Behind& known, FakeDhdDevice& device) {
   const std::int64_t now_ns = monotonic_ns();
   if (const int trip = device.trip.exchange(0)) {
     if (known.on || by_hand(trip) || !by_hand(known.off_cause)) known.off_cause = trip;
@@ -233,7 +233,7 @@ int dhdGetPositionAndOrientationFrame(double* x, double* y, double* z, double fr
     *x = *y = *z = std::nan("");
     return 1;
   }
-  go_on(call.known(), call.device());
+  resume(call.known(), call.device());
   const palpate::DeviceSample sample = call.known().hand->read();
   *x = call.device().nowhere ? std::nan("") : sample.tip.x() * 1e-3;
   *y = sample.tip.y() * 1e-3;
@@ -321,7 +321,7 @@ int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double 
     force = force.normalized() * device.max_force_N;
   call.known().acting.force_N = force;
   call.known().spoken_ns = palpate::monotonic_ns();
-  go_on(call.known(), device);
+  resume(call.known(), device);
   ++device.forces;
   return device.saturated ? 2 : 0;
 }
@@ -339,7 +339,7 @@ int dhdGetStatus(int* status, char id) {
   Call call(id);
   if (!call.ok()) return failed(2);
   const std::lock_guard lock(call.known().mutex);
-  go_on(call.known(), call.device());
+  resume(call.known(), call.device());
   // more fields than version 3.17 has
   std::fill_n(status, 24, 0);
   status[0] = call.device().power;

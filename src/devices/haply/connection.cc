@@ -146,8 +146,8 @@ std::string http_get(const std::string& host, std::uint16_t port, const char* ta
 }
 
 Error not_there(const HaplySettings& settings) {
-  const std::string place = settings.host + ":" + std::to_string(settings.port);
-  return {ErrorKind::kUnavailable, "no Inverse Service answers at " + place, "haply",
+  const std::string endpoint = settings.host + ":" + std::to_string(settings.port);
+  return {ErrorKind::kUnavailable, "no Inverse Service answers at " + endpoint, "haply",
           "install the Inverse Service from Haply's developer site (develop.haply.co), start it, and connect "
           "the Inverse3"};
 }
@@ -156,13 +156,14 @@ Error not_there(const HaplySettings& settings) {
 
 Result<ServiceVersion> find_service(const HaplySettings& settings) {
   // newer services answer on the WebSocket port, older ones on a separate port
-  struct Place {
+  struct ServicePath {
     std::uint16_t port;
     const char* target;
   };
-  for (const Place& place : {Place{settings.port, "/3.5/version"}, Place{settings.port, "/version"},
-                             Place{settings.old_http_port, "/3.0/version"}})
-    if (const auto version = parse_version(http_get(settings.host, place.port, place.target)))
+  for (const ServicePath& service_path :
+       {ServicePath{settings.port, "/3.5/version"}, ServicePath{settings.port, "/version"},
+        ServicePath{settings.old_http_port, "/3.0/version"}})
+    if (const auto version = parse_version(http_get(settings.host, service_path.port, service_path.target)))
       return *version;
   return not_there(settings);
 }

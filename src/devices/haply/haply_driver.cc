@@ -53,7 +53,7 @@ std::int64_t in_ns(double seconds) {
 namespace haply {
 
 /// Reasons for the absence of force, the most serious first.
-enum class Trouble : std::uint8_t {
+enum class Failure : std::uint8_t {
   kNone,
   kLost,          ///< The connection was closed
   kNoService,     ///< The connection was closed, and no service answers
@@ -79,59 +79,59 @@ struct Found {
 
 namespace {
 
+using haply::Failure;
 using haply::Found;
-using haply::Trouble;
 
 // trouble reported by a device; anything not reported counts as fine
-Trouble trouble_of(const Status& status) {
-  if (!status.power_supply.value_or(true)) return Trouble::kNoPower;
-  if (!status.calibrated.value_or(true)) return Trouble::kNotCalibrated;
-  if (!status.ready.value_or(true) || !status.started.value_or(true)) return Trouble::kNotReady;
-  return Trouble::kNone;
+Failure failure_of(const Status& status) {
+  if (!status.power_supply.value_or(true)) return Failure::kNoPower;
+  if (!status.calibrated.value_or(true)) return Failure::kNotCalibrated;
+  if (!status.ready.value_or(true) || !status.started.value_or(true)) return Failure::kNotReady;
+  return Failure::kNone;
 }
 
 struct Words {
   const char *what, *remedy;
 };
-Words words_for(Trouble trouble) {
-  switch (trouble) {
-    case Trouble::kLost:
+Words words_for(Failure failure) {
+  switch (failure) {
+    case Failure::kLost:
       return {"the Inverse Service has closed the connection",
               "no action is needed: the session resumes when it is connected again"};
-    case Trouble::kNoService:
+    case Failure::kNoService:
       return {"the Inverse Service does not answer", "restart it: the session then resumes by itself"};
-    case Trouble::kOtherVersion:
+    case Failure::kOtherVersion:
       return {"the version of the Inverse Service is not supported",
               "start version 3.0, 3.1, or 3.5 or later: the session then resumes by itself"};
-    case Trouble::kSilent:
+    case Failure::kSilent:
       return {"the Inverse Service sends no states",
               "is the machine overloaded? If this persists, restart the service"};
-    case Trouble::kBroken:
+    case Failure::kBroken:
       return {"the Inverse Service sends messages that are not device states",
               "does another program listen on its port? Restart the service"};
-    case Trouble::kBehind:
+    case Failure::kBehind:
       return {"the Inverse Service sends more states than usual, or stalled: states may be outdated",
               "wait a moment; if this persists, close other programs that request states, or restart it"};
-    case Trouble::kBrake:
+    case Failure::kBrake:
       return {"the device's brake is on, or it was unplugged",
               "release the brake and check the USB cable: the session resumes a second later"};
-    case Trouble::kGone:
+    case Failure::kGone:
       return {"the service has lost the device", "check its USB cable, and reconnect it"};
-    case Trouble::kNoPower:
+    case Failure::kNoPower:
       return {"the device has no power", "connect its power supply"};
-    case Trouble::kNotCalibrated:
+    case Failure::kNotCalibrated:
       return {"the device is not calibrated",
               "move its arm as described in Haply's manual until it is calibrated"};
-    case Trouble::kNotReady:
+    case Failure::kNotReady:
       return {"the device is not ready", "wait until its light shows that it is ready, or reconnect it"};
-    case Trouble::kNone:
+    case Failure::kNone:
       break;
   }
   return {"", ""};
 }
 
-Error error_for(Trouble trouble, const std::string& where) {
-  const Words words = words_for(trouble);
+Error error_for(Failure failure, const std::string& where) {
+  const Words words = words_for(failure);
   return {ErrorKind::kUnavailable, words.what, where, words.remedy};
 }
 
@@ -141,32 +141,32 @@ std::string name_of(const Inverse3& device) {
 
 std::string state_in_words(const Status& status) {
   if (status.in_use.value_or(false)) return "in use by another program";
-  const Trouble trouble = trouble_of(status);
-  return trouble == Trouble::kNone ? "ready" : words_for(trouble).what;
+  const Failure failure = failure_of(status);
+  return failure == Failure::kNone ? "ready" : words_for(failure).what;
 }
 
 /// Reason of a failed search: kNoService, kOtherVersion, kSilent or kBroken.
 struct NotFound {
-  Trouble why = Trouble::kNoService;
+  Failure why = Failure::kNoService;
   Error error;
 };
 
 std::variant<Found, NotFound> find(const HaplySettings& settings) {
   const auto version = haply::find_service(settings);
-  if (!version) return NotFound{Trouble::kNoService, version.error()};
+  if (!version) return NotFound{Failure::kNoService, version.error()};
   if (!haply::force_key(*version)) {
-    Error other = error_for(Trouble::kOtherVersion, "haply");
+    Error other = error_for(Failure::kOtherVersion, "haply");
     other.what += ": " + std::to_string(version->major) + "." + std::to_string(version->minor);
-    return NotFound{Trouble::kOtherVersion, other};
+    return NotFound{Failure::kOtherVersion, other};
   }
   auto connection = Connection::open(settings, settings.port);
-  if (!connection) return NotFound{Trouble::kNoService, connection.error()};
+  if (!connection) return NotFound{Failure::kNoService, connection.error()};
   std::string text;
   const auto received = (*connection)->receive(text, monotonic_ns() + kInventoryPatience_ns);
   if (received != Connection::Received::kMessage)
-    return NotFound{Trouble::kSilent, error_for(Trouble::kSilent, "haply")};
+    return NotFound{Failure::kSilent, error_for(Failure::kSilent, "haply")};
   auto inventory = haply::parse_state(text);
-  if (!inventory) return NotFound{Trouble::kBroken, error_for(Trouble::kBroken, "haply")};
+  if (!inventory) return NotFound{Failure::kBroken, error_for(Failure::kBroken, "haply")};
   return Found{*version, *std::move(connection), *std::move(inventory)};
 }
 
@@ -177,7 +177,7 @@ std::variant<Found, NotFound> find(const HaplySettings& settings) {
 /// than that. A pace that is sustained becomes the known pace.
 class SenderPace {
  public:
-  explicit SenderPace(std::int64_t now_ns = 0) : observed_ns_(now_ns), begun_ns_(now_ns) {}
+  explicit SenderPace(std::int64_t now_ns = 0) : observed_ns_(now_ns), started_ns_(now_ns) {}
 
   /// @param count  number of unsolicited states since the last call
   void observe(int count, std::int64_t now_ns) {
@@ -185,7 +185,7 @@ class SenderPace {
     observed_ns_ = now_ns;
     if (stalled) return doubt(now_ns);
     count_ += count;
-    const double window_s = static_cast<double>(now_ns - begun_ns_) * 1e-9;
+    const double window_s = static_cast<double>(now_ns - started_ns_) * 1e-9;
     const bool explained = count_ <= kSurplus + kAbove * pace_hz_ * window_s;
     if (!queued_ && !explained) return doubt(now_ns);
     if (window_s < kWindow_s) return;
@@ -199,14 +199,14 @@ class SenderPace {
       pace_hz_ = hz;
     if (explained || maintained_ >= kMaintained) queued_ = false;
     before_hz_ = hz;
-    begun_ns_ = now_ns;
+    started_ns_ = now_ns;
     count_ = 0;
   }
   /// States may be queued from now on.
   void doubt(std::int64_t now_ns) {
     if (!queued_) maintained_ = 0;
     queued_ = true;
-    observed_ns_ = begun_ns_ = now_ns;
+    observed_ns_ = started_ns_ = now_ns;
     count_ = 0;
   }
   bool may_be_queued() const { return queued_; }
@@ -223,7 +223,7 @@ class SenderPace {
   static constexpr int kMaintained = 25;
 
   bool queued_ = false;
-  std::int64_t observed_ns_, begun_ns_;
+  std::int64_t observed_ns_, started_ns_;
   int count_ = 0, maintained_ = 0;
   double pace_hz_ = 0, before_hz_ = 0;
 };
@@ -254,8 +254,8 @@ class HaplyDriver::Core {
       if (device.status.in_use.value_or(false))
         return Error{ErrorKind::kUnavailable, name_of(device) + " is in use by another program", "haply",
                      "close that program"};
-      if (const Trouble trouble = trouble_of(device.status); trouble != Trouble::kNone)
-        return error_for(trouble, name_of(device));
+      if (const Failure failure = failure_of(device.status); failure != Failure::kNone)
+        return error_for(failure, name_of(device));
     }
     count_ = std::min<std::size_t>(found->inventory.devices.size(), kMaxDevices);
     for (std::size_t d = 0; d < count_; ++d) ids_.push_back(found->inventory.devices[d].id);
@@ -263,10 +263,10 @@ class HaplyDriver::Core {
     reply_timeout_s_ = kOpenPatience_s;
     adopt(std::move(*found));
     const auto round_trip_s = measure();
-    if (!round_trip_s) return error_for(trouble_.load(), "haply");
+    if (!round_trip_s) return error_for(failure_.load(), "haply");
     describe(inventory, 1 / std::max(*round_trip_s, 1 / settings_.max_rate_hz));
     try {
-      finder_ = std::thread([this] { look_for_service(); });
+      finder_ = std::thread([this] { detect_service(); });
     } catch (const std::system_error& error) {
       return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(), "haply",
                    "close other programs, or raise the process limit (ulimit -u)"};
@@ -278,13 +278,13 @@ class HaplyDriver::Core {
     commands_ = {};
     reply_timeout_s_ = kAbandoned_s;
     last_message_ns_ = monotonic_ns();
-    const std::int64_t begun_ns = monotonic_ns();
+    const std::int64_t started_ns = monotonic_ns();
     bool reported = false;
     while (!clock.stopped()) {
       reported = (connection_ ? exchange() : wait_for_service()) || reported;
       // the initial tip positions come from open(); after kSilence_s without a sample the servo runs with
       // stale ones
-      if (reported || monotonic_ns() - begun_ns > in_ns(kSilence_s))
+      if (reported || monotonic_ns() - started_ns > in_ns(kSilence_s))
         servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
     }
     send_final_zero();
@@ -292,9 +292,9 @@ class HaplyDriver::Core {
 
   void halt() { halted_.store(true); }
   void resume() { halted_.store(false); }
-  std::optional<Error> trouble() const {
-    const Trouble now = trouble_.load();
-    if (now == Trouble::kNone) return std::nullopt;
+  std::optional<Error> failure() const {
+    const Failure now = failure_.load();
+    if (now == Failure::kNone) return std::nullopt;
     return error_for(now, infos_.empty() ? "haply" : infos_.front().name);
   }
 
@@ -306,45 +306,45 @@ class HaplyDriver::Core {
     if (outstanding_ == 0) {
       std::this_thread::sleep_for(std::chrono::nanoseconds(
           std::max<std::int64_t>(0, sent_ns_ + in_ns(1 / settings_.max_rate_hz) - monotonic_ns())));
-      if (!drain()) return lose(Trouble::kLost);
-      if (!send(halted_.load() || pace_.may_be_queued() ? zeros_ : commands_)) return lose(Trouble::kLost);
+      if (!drain()) return lose(Failure::kLost);
+      if (!send(halted_.load() || pace_.may_be_queued() ? zeros_ : commands_)) return lose(Failure::kLost);
     } else if (!zero_requested_ && monotonic_ns() - sent_ns_ > in_ns(kSilence_s)) {
       // a service that does not reply may still read
       zero_requested_ = true;
-      note(Trouble::kSilent);
-      if (!send(zeros_)) return lose(Trouble::kLost);
+      note(Failure::kSilent);
+      if (!send(zeros_)) return lose(Failure::kLost);
     }
     switch (connection_->receive(text_, monotonic_ns() + in_ns(kTimeout_s))) {
       case Connection::Received::kMessage:
-        return take_message();
+        return read_message();
       case Connection::Received::kNothing:
-        return monotonic_ns() - last_message_ns_ > in_ns(reply_timeout_s_) ? lose(Trouble::kSilent) : false;
+        return monotonic_ns() - last_message_ns_ > in_ns(reply_timeout_s_) ? lose(Failure::kSilent) : false;
       case Connection::Received::kLost:
         break;
     }
-    return lose(Trouble::kLost);
+    return lose(Failure::kLost);
   }
 
   // Reads unsolicited states, so that the next state was sampled afterwards. A service that sends more states
   // than there are requests would otherwise fill a queue, and the force would follow its oldest entry.
   // Returns false if the connection is lost.
   bool drain() {
-    const std::int64_t begun_ns = monotonic_ns();
+    const std::int64_t started_ns = monotonic_ns();
     for (int count = 0;; ++count) {
-      const std::int64_t looked_ns = monotonic_ns();
-      if (count == kMaxDrained || looked_ns > begun_ns + kDraining_ns) {
-        pace_.doubt(looked_ns);
+      const std::int64_t checked_ns = monotonic_ns();
+      if (count == kMaxDrained || checked_ns > started_ns + kDraining_ns) {
+        pace_.doubt(checked_ns);
         return true;
       }
-      switch (connection_->receive(text_, looked_ns)) {
+      switch (connection_->receive(text_, checked_ns)) {
         case Connection::Received::kLost:
           return false;
         case Connection::Received::kMessage:
-          last_message_ns_ = looked_ns;
+          last_message_ns_ = checked_ns;
           break;
         case Connection::Received::kNothing:
-          drained_ns_ = looked_ns;
-          pace_.observe(count, looked_ns);
+          drained_ns_ = checked_ns;
+          pace_.observe(count, checked_ns);
           return true;
       }
     }
@@ -358,14 +358,14 @@ class HaplyDriver::Core {
     return connection_->send(request);
   }
 
-  bool take_message() {
+  bool read_message() {
     last_message_ns_ = monotonic_ns();
     outstanding_ = std::max(0, outstanding_ - 1);
     const auto state = haply::parse_state(text_);
     if (!state) {
       for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
-      if (++broken_ >= kMaxBroken) return lose(Trouble::kBroken);
-      note(Trouble::kBroken);
+      if (++broken_ >= kMaxBroken) return lose(Failure::kBroken);
+      note(Failure::kBroken);
       return true;
     }
     broken_ = 0;
@@ -374,24 +374,24 @@ class HaplyDriver::Core {
     zero_requested_ = false;
     const bool braked = last_message_ns_ < braked_until_ns_.load();
     const bool queued = pace_.may_be_queued();
-    Trouble worst = queued ? Trouble::kBehind : braked ? Trouble::kBrake : Trouble::kNone;
+    Failure worst = queued ? Failure::kBehind : braked ? Failure::kBrake : Failure::kNone;
     for (std::size_t d = 0; d < count_; ++d) {
-      const Trouble own = take_state(*state, d);
+      const Failure own = receive_state(*state, d);
       samples_[d].fault = samples_[d].fault || braked || queued;
-      if (own != Trouble::kNone && (worst == Trouble::kNone || own < worst)) worst = own;
+      if (own != Failure::kNone && (worst == Failure::kNone || own < worst)) worst = own;
     }
     note(worst);
     return true;
   }
 
   // state of one device
-  Trouble take_state(const State& state, std::size_t d) {
+  Failure receive_state(const State& state, std::size_t d) {
     DeviceSample& sample = samples_[d];
     const auto device = std::ranges::find(state.devices, ids_[d], &Inverse3::id);
     sample.fault = true;
-    if (device == state.devices.end()) return Trouble::kGone;
+    if (device == state.devices.end()) return Failure::kGone;
     // a state without a position is not an update
-    if (!device->tip_mm) return Trouble::kBroken;
+    if (!device->tip_mm) return Failure::kBroken;
     sample.tip = *device->tip_mm;
     sample.velocity_mm_s = device->velocity_mm_s;
     // the state is a reply to the request, or was sent unsolicited after the queue had been drained
@@ -400,13 +400,13 @@ class HaplyDriver::Core {
       sample.R_DeviceTool = state.grips[d].orientation;
       sample.buttons = state.grips[d].buttons;
     }
-    const Trouble trouble = trouble_of(device->status);
-    sample.fault = trouble != Trouble::kNone;
-    return trouble;
+    const Failure failure = failure_of(device->status);
+    sample.fault = failure != Failure::kNone;
+    return failure;
   }
 
   // always returns false, for exchange()
-  bool lose(Trouble why) {
+  bool lose(Failure why) {
     note(why);
     connection_.reset();
     for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
@@ -450,11 +450,11 @@ class HaplyDriver::Core {
   std::optional<double> measure() {
     std::array<std::int64_t, kMeasured> took_ns{};
     for (std::int64_t& took : took_ns) {
-      const std::int64_t begun_ns = monotonic_ns();
+      const std::int64_t started_ns = monotonic_ns();
       while (connection_ && !exchange()) {
       }
       if (!connection_) return std::nullopt;
-      took = monotonic_ns() - begun_ns;
+      took = monotonic_ns() - started_ns;
     }
     std::ranges::nth_element(took_ns, took_ns.begin() + kMeasured / 2);
     return static_cast<double>(took_ns[kMeasured / 2]) * 1e-9;
@@ -473,18 +473,18 @@ class HaplyDriver::Core {
       info.buttons = grip ? 3 : 0;
       info.R_WorldDevice = haply_axes();
       // rest position of the tip in the vendor's example: in front of the base and above it
-      const Point<Device> middle(0, -120, 150);
+      const Point<Device> centre(0, -120, 150);
       const Vector<Device> half(kHalfReach_mm, kHalfReach_mm, kHalfReach_mm);
-      info.workspace = {middle - half, middle + half};
+      info.workspace = {centre - half, centre + half};
       infos_.push_back(info);
     }
   }
 
   // ---- any thread
-  void note(Trouble trouble) { trouble_.store(trouble); }
+  void note(Failure failure) { failure_.store(failure); }
 
   // ---- the finder's thread
-  void look_for_service() {
+  void detect_service() {
     auto next = std::chrono::steady_clock::now();
     while (!end_.load()) {
       std::this_thread::sleep_for(kFindPoll);
@@ -538,7 +538,7 @@ class HaplyDriver::Core {
   SenderPace pace_;
 
   std::atomic<bool> halted_{false}, wanted_{false}, end_{false};
-  std::atomic<Trouble> trouble_{Trouble::kNone};
+  std::atomic<Failure> failure_{Failure::kNone};
   std::atomic<Found*> found_{nullptr};
   std::atomic<bool> has_events_{false};
   std::atomic<std::int64_t> braked_until_ns_{0};
@@ -571,34 +571,34 @@ void HaplyDriver::resume(std::uint64_t /*newest*/) noexcept {
   core_->resume();
 }
 
-std::optional<Error> HaplyDriver::trouble() const {
-  return core_->trouble();
+std::optional<Error> HaplyDriver::failure() const {
+  return core_->failure();
 }
 
 namespace {
 
-DeviceReport look_for(const HaplySettings& settings) {
+DeviceReport detect(const HaplySettings& settings) {
   DeviceReport report;
-  const std::string place = "Inverse Service at " + settings.host + ":" + std::to_string(settings.port);
+  const std::string endpoint = "Inverse Service at " + settings.host + ":" + std::to_string(settings.port);
   auto result = find(settings);
   if (const auto* none = std::get_if<NotFound>(&result)) {
-    report.checks.push_back({place, false, none->error.what, none->error.remedy});
+    report.checks.push_back({endpoint, false, none->error.what, none->error.remedy});
     return report;
   }
   const Found* const found = std::get_if<Found>(&result);
   report.checks.push_back(
-      {place, true,
+      {endpoint, true,
        "version " + std::to_string(found->version.major) + "." + std::to_string(found->version.minor), ""});
   if (found->inventory.devices.empty())
     report.checks.push_back({"Inverse3", false, "the service detects none",
                              "connect it by USB, power it, and check that its light is on"});
   for (const Inverse3& device : found->inventory.devices) {
-    const Trouble trouble = trouble_of(device.status);
+    const Failure failure = failure_of(device.status);
     const bool in_use = device.status.in_use.value_or(false);
     report.connected.push_back({device.id, state_in_words(device.status)});
-    report.checks.push_back({name_of(device), trouble == Trouble::kNone && !in_use,
+    report.checks.push_back({name_of(device), failure == Failure::kNone && !in_use,
                              state_in_words(device.status),
-                             in_use ? "close the program that uses it" : words_for(trouble).remedy});
+                             in_use ? "close the program that uses it" : words_for(failure).remedy});
   }
   return report;
 }
@@ -608,7 +608,7 @@ DeviceReport look_for(const HaplySettings& settings) {
 DeviceVendor haply_vendor(const HaplySettings& settings) {
   return {"haply", "Haply Inverse3, through the Inverse Service (3.0, 3.1, 3.5 on)",
           [settings] { return std::make_unique<HaplyDriver>(settings); },
-          [settings] { return look_for(settings); }};
+          [settings] { return detect(settings); }};
 }
 
 }  // namespace palpate

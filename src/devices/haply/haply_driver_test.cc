@@ -72,7 +72,7 @@ INSTANTIATE_TEST_SUITE_P(Services, HaplyVersions, ::testing::Values("3.0.2", "3.
 TEST_P(HaplyVersions, AreToldApartAndFelt) {
   HaplyRig rig(GetParam());
   EXPECT_TRUE(rig.presses()) << rig.wall.tip_x_mm << " " << rig.service.last_message();
-  EXPECT_FALSE(rig.driver->trouble());
+  EXPECT_FALSE(rig.driver->failure());
   rig.end();
   EXPECT_EQ(rig.service.violations(), 0) << rig.service.last_message();
   EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
@@ -206,7 +206,7 @@ TEST(HaplyDriver, IsLookedForWithoutMovingAnything) {
   FakeInverseService service(testing::haply_hand());
   const DeviceVendor vendor = haply_vendor(service.settings());
   EXPECT_EQ(vendor.name, "haply");
-  DeviceReport report = vendor.look();
+  DeviceReport report = vendor.detect();
   ASSERT_EQ(report.connected.size(), 1u);
   EXPECT_EQ(report.connected[0].id, "049D");
   EXPECT_EQ(report.connected[0].state, "ready");
@@ -214,12 +214,12 @@ TEST(HaplyDriver, IsLookedForWithoutMovingAnything) {
   EXPECT_EQ(service.messages(), 0u);
 
   service.calibrated = false;
-  report = vendor.look();
+  report = vendor.detect();
   EXPECT_EQ(report.connected[0].state, "the device is not calibrated");
   EXPECT_FALSE(report.checks.back().fine);
   EXPECT_FALSE(report.checks.back().remedy.empty());
   service.stop();
-  report = vendor.look();
+  report = vendor.detect();
   ASSERT_EQ(report.checks.size(), 1u);
   EXPECT_FALSE(report.checks[0].fine);
   EXPECT_TRUE(report.connected.empty());

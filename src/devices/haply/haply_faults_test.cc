@@ -35,14 +35,14 @@ TEST_P(HaplyFaults, TakeTheForceThenSayWhyAndAreOver) {
   ASSERT_TRUE(rig.presses());
   GetParam().begin(rig.service);
   EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
-  EXPECT_TRUE(rig.says(GetParam().words)) << rig.stated();
+  EXPECT_TRUE(rig.says(GetParam().words)) << rig.declared();
   // without force, but the servo keeps running
   const int updates = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > updates + 20; }));
   EXPECT_EQ(rig.service.force_N(), 0);
   GetParam().end(rig.service);
-  EXPECT_TRUE(rig.presses()) << rig.stated();
-  EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
+  EXPECT_TRUE(rig.presses()) << rig.declared();
+  EXPECT_TRUE(soon([&] { return !rig.driver->failure(); }));
   rig.end();
   EXPECT_TRUE(soon([&] { return rig.service.force_N() == 0; }));
   EXPECT_EQ(rig.service.violations(), 0);
@@ -55,7 +55,7 @@ TEST(HaplyFaults, AClosedConnectionIsMadeAnewByItself) {
   rig.service.close_connections();
   EXPECT_TRUE(soon([&] { return rig.service.connections() > before; }));
   EXPECT_TRUE(rig.presses());
-  EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
+  EXPECT_TRUE(soon([&] { return !rig.driver->failure(); }));
 }
 
 // zero force is requested from a silent service before it is given up
@@ -94,7 +94,7 @@ TEST(HaplyFaults, ABrakeIsAFaultForAMoment) {
   EXPECT_TRUE(rig.presses());
   rig.service.report_event(R"({"event":"device-safety-triggered","cause":"ebrake_triggered"})");
   EXPECT_TRUE(soon([&] { return rig.wall.fault && rig.service.force_N() == 0; }));
-  EXPECT_TRUE(rig.says("brake")) << rig.stated();
+  EXPECT_TRUE(rig.says("brake")) << rig.declared();
   EXPECT_TRUE(rig.presses()) << "and is over";
   rig.end();
   EXPECT_EQ(rig.service.violations(), 0);
@@ -131,8 +131,8 @@ class Ages final : public ServoFunction {
     ++updates;
     if (sample.fault || sample.taken_ns == last_ns_) return;
     last_ns_ = sample.taken_ns;
-    const double stated_ms = 1e-6 * static_cast<double>(sample.taken_ns % FakeInverseService::kEra_ns);
-    max_ms = std::max(max_ms.load(), stated_ms - sample.tip.z());
+    const double declared_ms = 1e-6 * static_cast<double>(sample.taken_ns % FakeInverseService::kEra_ns);
+    max_ms = std::max(max_ms.load(), declared_ms - sample.tip.z());
     ++fresh;
   }
   std::atomic<int> updates{0}, fresh{0};
@@ -205,12 +205,12 @@ TEST_F(HaplyPace, AQueueOfOldStatesGivesNoForceUntilItIsEmpty) {
 TEST_F(HaplyPace, OneThatFloodsGivesNoForceAndIsNamed) {
   service_.answers_each = 3000;
   EXPECT_TRUE(soon([&] {
-    return driver_.trouble() && driver_.trouble()->what.find("may be outdated") != std::string::npos;
+    return driver_.failure() && driver_.failure()->what.find("may be outdated") != std::string::npos;
   }));
   EXPECT_TRUE(soon([&] { return service_.force_N() == 0; }));
   service_.answers_each = 1;
   EXPECT_TRUE(becomes_fresh());
-  EXPECT_TRUE(soon([&] { return !driver_.trouble(); }));
+  EXPECT_TRUE(soon([&] { return !driver_.failure(); }));
   expect_no_state_is_older_than_said();
 }
 

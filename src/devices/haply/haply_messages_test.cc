@@ -45,12 +45,12 @@ TEST(HaplyMessages, OfAWirelessGripHaveThreeButtons) {
 }
 
 TEST(HaplyMessages, WhatIsNoNumberIsNotThere) {
-  for (const char* place : {R"({"x":null,"y":0,"z":0})", R"({"x":"1","y":0,"z":0})", R"({"x":0,"y":0})",
-                            "[0,0,0]", R"({"x":1e306,"y":0,"z":0})", "7"}) {
+  for (const char* position_text : {R"({"x":null,"y":0,"z":0})", R"({"x":"1","y":0,"z":0})",
+                                    R"({"x":0,"y":0})", "[0,0,0]", R"({"x":1e306,"y":0,"z":0})", "7"}) {
     const auto state = parse_state(
-        std::string(R"({"inverse3":[{"device_id":"A","state":{"cursor_position":)") + place + "}}]}");
-    ASSERT_TRUE(state) << place;
-    EXPECT_FALSE(state->devices[0].tip_mm) << place;
+        std::string(R"({"inverse3":[{"device_id":"A","state":{"cursor_position":)") + position_text + "}}]}");
+    ASSERT_TRUE(state) << position_text;
+    EXPECT_FALSE(state->devices[0].tip_mm) << position_text;
   }
   for (const char* broken : {"", "{", "[]", "null", R"({"inverse3":{}})", R"({"hello":1})",
                              R"({"inverse3":[{"state":{"cursor_position":{"x":1e999,"y":0,"z":0}}}]})"})
@@ -89,7 +89,7 @@ TEST(HaplyMessages, AreReadHoweverDeepOrLong) {
 }
 
 /// Compares with an independent library: positions agree within a few units in the last place.
-void expect_places_of(const State& state, const nlohmann::json& message) {
+void expect_positions_of(const State& state, const nlohmann::json& message) {
   for (std::size_t n = 0; n < state.devices.size(); ++n) {
     const auto at = [&](const char* axis) -> std::optional<double> {
       const nlohmann::json::json_pointer path("/state/cursor_position/" + std::string(axis));
@@ -130,7 +130,7 @@ TEST(HaplyMessages, NoBytesOfThemDoHarm) {
     if (!state) continue;
     ++read;
     ASSERT_EQ(state->devices.size(), other["inverse3"].size());
-    expect_places_of(*state, other);
+    expect_positions_of(*state, other);
     for (const Inverse3& device : state->devices) ASSERT_TRUE(!device.tip_mm || device.tip_mm->all_finite());
     for (const Grip& grip : state->grips) ASSERT_NEAR(grip.orientation.norm(), 1, 1e-9);
   }

@@ -36,7 +36,7 @@ inline const std::vector<HaplyFault>& haply_faults() {
       flag_fault("deaf", &FakeInverseService::deaf, true, "sends no states"),
       flag_fault("broken", &FakeInverseService::breaks_json, true, "not device states"),
       flag_fault("other", &FakeInverseService::says_other, true, "not device states"),
-      flag_fault("place", &FakeInverseService::odd_place, true, "not device states"),
+      flag_fault("place", &FakeInverseService::odd_position, true, "not device states"),
       flag_fault("calibration", &FakeInverseService::calibrated, false, "not calibrated"),
       flag_fault("power", &FakeInverseService::power, false, "no power"),
       flag_fault("ready", &FakeInverseService::ready, false, "not ready"),

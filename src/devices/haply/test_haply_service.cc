@@ -150,7 +150,7 @@ class FakeInverseService::Session {
   Session(FakeInverseService& service, TestServiceSocket& socket) : service_(service), socket_(socket) {}
 
   void run() {
-    if (!answer(true)) return go_idle();
+    if (!answer(true)) return enter_idle();
     std::string text;
     while (!service_.ended_) {
       if (service_.deaf) {
@@ -168,9 +168,9 @@ class FakeInverseService::Session {
         }
       }
       if (!push()) break;
-      if (monotonic_ns() - last_ns_ > kIdle_ns) go_idle();
+      if (monotonic_ns() - last_ns_ > kIdle_ns) enter_idle();
     }
-    go_idle();
+    enter_idle();
     socket_.close();
   }
 
@@ -199,7 +199,7 @@ class FakeInverseService::Session {
     service_.last_message_ = text;
   }
 
-  void go_idle() {
+  void enter_idle() {
     if (service_.force_N_ != 0 || !idle_) deliver({}, true);
     idle_ = true;
   }
@@ -305,7 +305,7 @@ std::string FakeInverseService::state_text(const DeviceSample& sample, bool inve
                        {"ready", ready.load()},
                        {"started", true}}}};
   if (inventory) device["config"] = {{"type", "inverse3"}, {"handedness", "right"}};
-  if (odd_place) device["state"]["cursor_position"] = {{"x", nullptr}, {"y", "nan"}, {"z", 1e300}};
+  if (odd_position) device["state"]["cursor_position"] = {{"x", nullptr}, {"y", "nan"}, {"z", 1e300}};
   ServiceJson message{{"inverse3", ServiceJson::array()}, {"verse_grip", ServiceJson::array()}};
   if (inventory) message["session_id"] = 7;
   if (present) message["inverse3"].push_back(device);

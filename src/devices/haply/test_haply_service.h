@@ -33,11 +33,11 @@ class FakeInverseService {
   void intend(const Point<Device>& tip);
 
   // ---- faults, each active until reset
-  std::atomic<bool> silent{false};       ///< Reads and acts, but does not reply
-  std::atomic<bool> deaf{false};         ///< Does not read
-  std::atomic<bool> breaks_json{false};  ///< Truncates each reply to half
-  std::atomic<bool> says_other{false};   ///< Replies with unrelated JSON
-  std::atomic<bool> odd_place{false};    ///< Sends a non-finite position
+  std::atomic<bool> silent{false};        ///< Reads and acts, but does not reply
+  std::atomic<bool> deaf{false};          ///< Does not read
+  std::atomic<bool> breaks_json{false};   ///< Truncates each reply to half
+  std::atomic<bool> says_other{false};    ///< Replies with unrelated JSON
+  std::atomic<bool> odd_position{false};  ///< Sends a non-finite position
   /// Rate of unsolicited states, each with its own time of sampling; 0: none
   std::atomic<double> pushes_hz{0};
   std::atomic<int> answers_each{1};           ///< Number of replies per request, all with the same state

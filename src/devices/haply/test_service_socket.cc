@@ -109,7 +109,7 @@ bool TestServiceSocket::accept() {
       accept_key(key_) + "\r\n\r\n");
 }
 
-bool TestServiceSocket::take_frame(Frame& frame) {
+bool TestServiceSocket::receive_frame(Frame& frame) {
   const auto byte = [&](std::size_t at) { return static_cast<unsigned char>(input_[at]); };
   if (input_.size() < 2) return false;
   std::size_t length = byte(1) & 0x7fu, at = 2;
@@ -133,7 +133,7 @@ TestServiceSocket::Read TestServiceSocket::read_for(std::chrono::milliseconds ti
   const auto until = std::chrono::steady_clock::now() + time;
   for (;;) {
     Frame frame;
-    while (take_frame(frame)) {
+    while (receive_frame(frame)) {
       if (frame.opcode == kCloseFrame) {
         write_raw(service_frame(frame.payload, kCloseFrame));
         lost_ = true;

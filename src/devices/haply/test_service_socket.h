@@ -47,7 +47,7 @@ class TestServiceSocket {
   /// Returns false if nothing arrived within that time, or if the connection is lost.
   bool receive(std::chrono::milliseconds time);
   /// Extracts a complete frame from the input. Returns false if there is none.
-  bool take_frame(Frame& frame);
+  bool receive_frame(Frame& frame);
 
   int handle_;
   bool lost_ = false;

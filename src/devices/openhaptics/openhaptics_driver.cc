@@ -24,7 +24,7 @@ namespace palpate {
 namespace hd {
 
 /// Reasons for the absence of force, the most serious first.
-enum class Trouble : std::uint8_t {
+enum class Failure : std::uint8_t {
   kNone,
   kLost,     ///< The library cannot reach the device
   kStalled,  ///< The scheduler makes no calls
@@ -48,7 +48,7 @@ struct Unit {
   std::optional<double> max_N;
   // ---- the thread that runs the frame
   DeviceSample sample;
-  Trouble trouble = Trouble::kNone, calibration = Trouble::kNone, tripped = Trouble::kNone;
+  Failure failure = Failure::kNone, calibration = Failure::kNone, tripped = Failure::kNone;
   bool update_calibration = false;
   double carried = 0;  ///< Fraction of the attached weight that is compensated at present
   std::int64_t tripped_until_ns = 0, calibration_ns = 0;
@@ -58,7 +58,7 @@ struct Unit {
 
 namespace {
 
-using HdTrouble = hd::Trouble;
+using HdFailure = hd::Failure;
 using HdUnit = hd::Unit;
 
 constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
@@ -85,38 +85,38 @@ std::string newtons(double force_N) {
 struct HdWords {
   const char *what, *remedy;
 };
-HdWords words_for(HdTrouble trouble) {
-  switch (trouble) {
-    case HdTrouble::kLost:
+HdWords words_for(HdFailure failure) {
+  switch (failure) {
+    case HdFailure::kLost:
       return {"the library has lost the device",
               "check its cable and power: it is restarted, and the session resumes when it is back"};
-    case HdTrouble::kStalled:
+    case HdFailure::kStalled:
       return {"the scheduler of the library has stalled",
               "it is restarted. Is the machine overloaded? If this persists, restart the session"};
-    case HdTrouble::kOther:
+    case HdFailure::kOther:
       return {"a different device is connected", "connect the device with which the session started"};
-    case HdTrouble::kBroken:
+    case HdFailure::kBroken:
       return {"the device reports an invalid position", "switch it off and on again"};
-    case HdTrouble::kReset:
+    case HdFailure::kReset:
       return {"the device is not calibrated",
               "hold the arm as its manual describes for a reset, and try again"};
-    case HdTrouble::kInkwell:
+    case HdFailure::kInkwell:
       return {"the device is not calibrated",
               "put the stylus into its inkwell for a moment, and take it out again"};
-    case HdTrouble::kWarm:
+    case HdFailure::kWarm:
       return {"the motors are warm", "let them cool for some minutes, then press less hard"};
-    case HdTrouble::kForce:
+    case HdFailure::kForce:
       return {"the device reports that the force was too high", "release it for a second: the force returns"};
-    case HdTrouble::kVelocityTrip:
+    case HdFailure::kVelocityTrip:
       return {"the device exceeded its speed limit", "hold it still for a second: the force returns"};
-    case HdTrouble::kNone:
+    case HdFailure::kNone:
       break;
   }
   return {"", ""};
 }
 
-Error error_for(HdTrouble trouble, const std::string& where) {
-  const HdWords words = words_for(trouble);
+Error error_for(HdFailure failure, const std::string& where) {
+  const HdWords words = words_for(failure);
   return {ErrorKind::kUnavailable, words.what, where, words.remedy};
 }
 
@@ -125,11 +125,11 @@ std::string text_of(const hd::Library& library, hd::Parameter parameter) {
   return text ? printable_name(text) : std::string();
 }
 
-std::optional<double> number_of(const hd::Library& library, hd::Parameter parameter, double most) {
+std::optional<double> number_of(const hd::Library& library, hd::Parameter parameter, double largest) {
   double value = 0;
   library.hdGetDoublev(parameter, &value);
   // an unsupported parameter leaves the value unchanged
-  return std::isfinite(value) && value > 0 && value <= most ? std::optional(value) : std::nullopt;
+  return std::isfinite(value) && value > 0 && value <= largest ? std::optional(value) : std::nullopt;
 }
 
 // specifications that the device does not report
@@ -294,9 +294,9 @@ class OpenHapticsDriver::Core {
   }
   void resume() { halted_.store(false); }
 
-  std::optional<Error> trouble() const {
-    const HdTrouble now = trouble_.load();
-    if (now == HdTrouble::kNone) return std::nullopt;
+  std::optional<Error> failure() const {
+    const HdFailure now = failure_.load();
+    if (now == HdFailure::kNone) return std::nullopt;
     return error_for(now,
                      infos_.empty() ? "touch" : infos_[std::min(troubled_.load(), infos_.size() - 1)].name);
   }
@@ -380,7 +380,7 @@ class OpenHapticsDriver::Core {
                        (message && *message ? " (" + printable_name(message) + ")" : std::string()),
                    unit.info.name, "switch the device off and on again; install the newest OpenHaptics"};
     }
-    unit.calibration = HdTrouble::kNone;
+    unit.calibration = HdFailure::kNone;
     unit.calibration_ns = unit.tripped_until_ns = 0;
     unit.update_calibration = false;
     if (unit.style == hd::kEncoderReset && library_->hdCheckCalibration() != hd::kCalibrated)
@@ -439,13 +439,13 @@ class OpenHapticsDriver::Core {
   // ticks return to the vendor's thread as soon as it completes a frame
   void await_frame() {
     if (failed_.exchange(false)) {
-      note(HdTrouble::kLost, 0);
+      note(HdFailure::kLost, 0);
       lost_.store(Lost::kYes);
     } else if (has_framed_.load()) {
       lost_.store(Lost::kNo);
       owner_.store(Owner::kVendor);
     } else if (monotonic_ns() - last_frame_ns_.load() >= hd_ns(kAbandoned_s)) {
-      note(HdTrouble::kStalled, 0);
+      note(HdFailure::kStalled, 0);
       lost_.store(Lost::kYes);
     }
   }
@@ -485,9 +485,9 @@ class OpenHapticsDriver::Core {
     // last, so that a frame that enables forces concurrently is followed by one that does so again
     force_on_.store(false);
   }
-  void note(HdTrouble trouble, std::size_t device) {
+  void note(HdFailure failure, std::size_t device) {
     troubled_.store(device);
-    trouble_.store(trouble);
+    failure_.store(failure);
   }
 
   // ---- the vendor's thread
@@ -500,7 +500,7 @@ class OpenHapticsDriver::Core {
     own = Owner::kReading;
     if (!owner_.compare_exchange_strong(own, Owner::kInFrame)) {
       if (std::ranges::any_of(std::span(units_).first(count_),
-                              [](const HdUnit& unit) { return unit.trouble == HdTrouble::kLost; }))
+                              [](const HdUnit& unit) { return unit.failure == HdFailure::kLost; }))
         failed_.store(true);
       return end_with_zeros();
     }
@@ -518,23 +518,23 @@ class OpenHapticsDriver::Core {
     const unsigned error = drain(*library_);
     std::size_t worst = 0;
     for (std::size_t d = 0; d < count_; ++d) {
-      if (error != hd::kNoError) take_error(units_[d], error, now_ns);
+      if (error != hd::kNoError) receive_error(units_[d], error, now_ns);
       if (units_[d].update_calibration) {
         units_[d].update_calibration = false;
         library_->hdMakeCurrentDevice(units_[d].handle);
         library_->hdUpdateCalibration(static_cast<unsigned>(units_[d].style));
         drain(*library_);
       }
-      if (units_[worst].trouble == HdTrouble::kNone ||
-          (units_[d].trouble != HdTrouble::kNone && units_[d].trouble < units_[worst].trouble))
+      if (units_[worst].failure == HdFailure::kNone ||
+          (units_[d].failure != HdFailure::kNone && units_[d].failure < units_[worst].failure))
         worst = d;
     }
-    note(units_[worst].trouble, worst);
+    note(units_[worst].failure, worst);
     if (was_off && !halted_.load() && !stopping) switch_on();
     if (stopping) zeros_.fetch_add(1);
     last_frame_ns_.store(monotonic_ns());
-    if (units_[worst].trouble == HdTrouble::kLost) failed_.store(true);
-    owner_.store(units_[worst].trouble == HdTrouble::kLost ? Owner::kOwn : Owner::kVendor);
+    if (units_[worst].failure == HdFailure::kLost) failed_.store(true);
+    owner_.store(units_[worst].failure == HdFailure::kLost ? Owner::kOwn : Owner::kVendor);
   }
 
   // a frame while another thread ticks, or none
@@ -574,15 +574,15 @@ class OpenHapticsDriver::Core {
       unit.calibration_ns = now_ns;
       check_calibration(unit);
     }
-    unit.trouble = unit.calibration;
-    if (now_ns < unit.tripped_until_ns && unit.trouble == HdTrouble::kNone) unit.trouble = unit.tripped;
-    if (const unsigned error = drain(library); error != hd::kNoError) take_error(unit, error, now_ns);
+    unit.failure = unit.calibration;
+    if (now_ns < unit.tripped_until_ns && unit.failure == HdFailure::kNone) unit.failure = unit.tripped;
+    if (const unsigned error = drain(library); error != hd::kNoError) receive_error(unit, error, now_ns);
     const Eigen::Matrix3d turn = transform.topLeftCorner<3, 3>();
     const bool is_pose = tip_mm.allFinite() && turn.allFinite() && std::abs(turn.determinant() - 1) < 0.1;
-    if (!is_pose && unit.trouble != HdTrouble::kLost) unit.trouble = HdTrouble::kBroken;
+    if (!is_pose && unit.failure != HdFailure::kLost) unit.failure = HdFailure::kBroken;
     DeviceSample& sample = unit.sample;
-    sample.fault = unit.trouble != HdTrouble::kNone;
-    if (!is_pose || unit.trouble == HdTrouble::kLost) return;
+    sample.fault = unit.failure != HdFailure::kNone;
+    if (!is_pose || unit.failure == HdFailure::kLost) return;
     sample.tip = Point<Device>(tip_mm);
     sample.R_DeviceTool = Eigen::Quaterniond(turn).normalized();
     const Vector<Device> none(kNotKnown, kNotKnown, kNotKnown);
@@ -594,25 +594,25 @@ class OpenHapticsDriver::Core {
 
   void check_calibration(HdUnit& unit) {
     const unsigned state = library_->hdCheckCalibration();
-    unit.calibration = HdTrouble::kNone;
+    unit.calibration = HdFailure::kNone;
     if (state == hd::kCalibrated) return;
-    unit.calibration = unit.style == hd::kInkwell ? HdTrouble::kInkwell : HdTrouble::kReset;
+    unit.calibration = unit.style == hd::kInkwell ? HdFailure::kInkwell : HdFailure::kReset;
     // resetting the encoders requires an arm that nobody holds
     unit.update_calibration =
         state == hd::kNeedsUpdate && (unit.style == hd::kAuto || unit.style == hd::kInkwell);
   }
 
-  void take_error(HdUnit& unit, unsigned code, std::int64_t now_ns) {
-    HdTrouble trouble = HdTrouble::kLost;
-    if (code == hd::kWarmMotors) trouble = HdTrouble::kWarm;
+  void receive_error(HdUnit& unit, unsigned code, std::int64_t now_ns) {
+    HdFailure failure = HdFailure::kLost;
+    if (code == hd::kWarmMotors) failure = HdFailure::kWarm;
     if (code == hd::kExceededForce || code == hd::kExceededImpulse || code == hd::kForceError)
-      trouble = HdTrouble::kForce;
-    if (code == hd::kExceededVelocity) trouble = HdTrouble::kVelocityTrip;
-    if (trouble != HdTrouble::kLost) {
-      unit.tripped = trouble;
+      failure = HdFailure::kForce;
+    if (code == hd::kExceededVelocity) failure = HdFailure::kVelocityTrip;
+    if (failure != HdFailure::kLost) {
+      unit.tripped = failure;
       unit.tripped_until_ns = now_ns + hd_ns(kCalm_s);
     }
-    if (unit.trouble == HdTrouble::kNone || trouble < unit.trouble) unit.trouble = trouble;
+    if (unit.failure == HdFailure::kNone || failure < unit.failure) unit.failure = failure;
     unit.sample.fault = true;
   }
 
@@ -661,12 +661,12 @@ class OpenHapticsDriver::Core {
         unit.handle = init(*library_, unit.config, error);
         all = unit.handle != hd::kNobody && identity_of(unit) == unit.identity;
         if (unit.handle == hd::kNobody)
-          note(HdTrouble::kLost, d);
+          note(HdFailure::kLost, d);
         else if (!all)
-          note(HdTrouble::kOther, d);
+          note(HdFailure::kOther, d);
         if (all && !prepare(unit)) {
           all = false;
-          note(HdTrouble::kLost, d);
+          note(HdFailure::kLost, d);
         }
       }
       if (all) lost_.store(Lost::kBack);
@@ -705,7 +705,7 @@ class OpenHapticsDriver::Core {
       is_finder_done_{false};
   std::atomic<int> zeros_{0};
   std::atomic<std::int64_t> last_frame_ns_{0};
-  std::atomic<HdTrouble> trouble_{HdTrouble::kNone};
+  std::atomic<HdFailure> failure_{HdFailure::kNone};
   std::atomic<std::size_t> troubled_{0};
   std::thread finder_;
 };
@@ -742,8 +742,8 @@ void OpenHapticsDriver::resume(std::uint64_t /*newest*/) noexcept {
   core_->resume();
 }
 
-std::optional<Error> OpenHapticsDriver::trouble() const {
-  return core_->trouble();
+std::optional<Error> OpenHapticsDriver::failure() const {
+  return core_->failure();
 }
 
 namespace {
@@ -778,7 +778,7 @@ std::vector<DeviceCheck> port_checks() {
   return checks;
 }
 
-DeviceReport look_for_hd(const OpenHapticsSettings& settings) {
+DeviceReport detect_hd(const OpenHapticsSettings& settings) {
   DeviceReport report;
   const auto file = find_vendor_library(settings.library, "OpenHaptics", kHdGet);
   const auto library = file ? hd::load(*file) : Result<hd::Library>(file.error());
@@ -820,7 +820,7 @@ DeviceReport look_for_hd(const OpenHapticsSettings& settings) {
 DeviceVendor openhaptics_vendor(const OpenHapticsSettings& settings) {
   return {"touch", "3D Systems Touch, Touch X and Phantom Premium, through OpenHaptics",
           [settings] { return std::make_unique<OpenHapticsDriver>(settings); },
-          [settings] { return look_for_hd(settings); }};
+          [settings] { return detect_hd(settings); }};
 }
 
 }  // namespace palpate

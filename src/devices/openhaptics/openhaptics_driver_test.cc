@@ -221,7 +221,7 @@ TEST_P(HdCalibrations, AreDoneInTheirOrder) {
   rig.begin();
   if ((GetParam() & 4) && !(GetParam() & 2)) {
     EXPECT_TRUE(rig.says("not calibrated"));
-    EXPECT_THAT(rig.driver->trouble()->remedy, HasSubstr("inkwell"));
+    EXPECT_THAT(rig.driver->failure()->remedy, HasSubstr("inkwell"));
     EXPECT_EQ(rig.device.force_N, 0);
     rig.device.in_inkwell = true;
   }
@@ -240,7 +240,7 @@ TEST(OpenHaptics, HaltGivesZerosUntilResume) {
     const int then = rig.wall.samples_taken;
     EXPECT_TRUE(soon([&] { return rig.wall.samples_taken > then + 20; })) << "the servo goes on";
     EXPECT_EQ(rig.device.force_N, 0);
-    EXPECT_FALSE(rig.driver->trouble()) << "it is no fault of the device's";
+    EXPECT_FALSE(rig.driver->failure()) << "it is no fault of the device's";
     rig.driver->resume(0);
   }
   EXPECT_TRUE(rig.presses());
@@ -367,7 +367,7 @@ TEST(OpenHaptics, IsLookedForWithoutMovingAnything) {
   FakeHd& fake = fake_hd();
   const DeviceVendor vendor = openhaptics_vendor(fake_hd_settings());
   EXPECT_EQ(vendor.name, "touch");
-  DeviceReport report = vendor.look();
+  DeviceReport report = vendor.detect();
   ASSERT_EQ(report.connected.size(), 1u);
   EXPECT_EQ(report.connected[0].id, "Touch no. 4711");
   EXPECT_EQ(report.connected[0].state, "ready");
@@ -377,7 +377,7 @@ TEST(OpenHaptics, IsLookedForWithoutMovingAnything) {
   EXPECT_EQ(fake.violations, 0) << fake.first_violation.load();
 
   fake.device[0].plugged = false;
-  report = vendor.look();
+  report = vendor.detect();
   EXPECT_TRUE(report.connected.empty());
   EXPECT_FALSE(report.checks[1].fine);
   for (const DeviceCheck& check : report.checks) EXPECT_EQ(check.remedy.empty(), check.fine) << check.what;

@@ -32,24 +32,24 @@ TEST_P(HdFaults, TakeTheForceThenSayWhyAndAreOver) {
   HdRig rig;
   ASSERT_TRUE(rig.presses());
   // some faults are reported and over within a moment
-  std::atomic<bool> stated{false}, done{false};
+  std::atomic<bool> declared{false}, done{false};
   std::thread listening([&] {
-    while (!done && !stated) {
-      const auto trouble = rig.driver->trouble();
-      stated =
-          trouble && trouble->what.find(GetParam().words) != std::string::npos && !trouble->remedy.empty();
+    while (!done && !declared) {
+      const auto failure = rig.driver->failure();
+      declared =
+          failure && failure->what.find(GetParam().words) != std::string::npos && !failure->remedy.empty();
     }
   });
   GetParam().begin(rig.fake);
   EXPECT_TRUE(soon([&] { return rig.device.force_N == 0; }));
-  EXPECT_TRUE(soon([&] { return stated.load(); }));
+  EXPECT_TRUE(soon([&] { return declared.load(); }));
   done = true;
   listening.join();
   const int then = rig.wall.updates;
   EXPECT_TRUE(soon([&] { return rig.wall.updates > then + 20; })) << "the session goes on";
   GetParam().end(rig.fake);
-  EXPECT_TRUE(rig.presses()) << rig.stated();
-  EXPECT_TRUE(soon([&] { return !rig.driver->trouble(); }));
+  EXPECT_TRUE(rig.presses()) << rig.declared();
+  EXPECT_TRUE(soon([&] { return !rig.driver->failure(); }));
   rig.end();
   rig.driver.reset();
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
@@ -68,7 +68,7 @@ TEST(HdFaultsAlone, WhatFailsIsBegunAnew) {
     std::this_thread::sleep_for(std::chrono::milliseconds(late_ms));
     rig.fake.hangs = false;
     EXPECT_TRUE(soon([&] { return rig.device.inits > before; }));
-    EXPECT_TRUE(rig.presses()) << rig.stated();
+    EXPECT_TRUE(rig.presses()) << rig.declared();
   }
 }
 

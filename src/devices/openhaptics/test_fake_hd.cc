@@ -66,7 +66,7 @@ FakeHdDevice& device_of(const Behind& known) {
   return fake().device[static_cast<std::size_t>(&known - behind.data())];
 }
 
-void go_on(Behind& known) {
+void resume(Behind& known) {
   FakeHdDevice& device = device_of(known);
   if (!device.plugged) known.gone = true;
   const std::int64_t now_ns = monotonic_ns();
@@ -86,7 +86,7 @@ void schedule_for_ever() {
     {
       const std::lock_guard lock(mutex);
       for (Behind& known : behind)
-        if (known.initialised) go_on(known);
+        if (known.initialised) resume(known);
     }
     if (fake().stalled || stop_scheduler || !callback) continue;
     callback(callback_data);
@@ -208,7 +208,7 @@ void hdBeginFrame(unsigned handle) {
     return push(0x400, handle);
   }
   known->in_frame = true;
-  go_on(*known);
+  resume(*known);
   if (!known->gone) known->sample = known->hand->read();
   if (!device.communication) known->gone = true;
   if (known->gone) push(0x302, handle);
@@ -224,7 +224,7 @@ void hdEndFrame(unsigned handle) {
   }
   known->in_frame = false;
   known->acting = known->set;
-  go_on(*known);
+  resume(*known);
   ++device_of(*known).frames;
 }
 void hdGetDoublev(unsigned what, double* values) {

@@ -183,7 +183,7 @@ class PluginDriver::Core {
   }
   void resume() noexcept { halts_ended_.store(halts_.load()); }
 
-  std::optional<Error> trouble() const {
+  std::optional<Error> failure() const {
     const auto error = [&](std::string what, const char* remedy) {
       return Error{ErrorKind::kUnavailable, std::move(what), where_, remedy};
     };
@@ -416,8 +416,8 @@ void PluginDriver::resume(std::uint64_t /*newest*/) noexcept {
   core_->resume();
 }
 
-std::optional<Error> PluginDriver::trouble() const {
-  return core_->trouble();
+std::optional<Error> PluginDriver::failure() const {
+  return core_->failure();
 }
 
 DeviceReport PluginDriver::probe(const PluginSettings& settings) {

@@ -97,7 +97,7 @@ TEST_F(Plugin, PushesAndEndsAtZero) {
   EXPECT_FALSE(driver.devices().front().continuous_force_N) << "the plug-in leaves it unknown";
   std::thread servo([&] { driver.run(wall, clock); });
   EXPECT_TRUE(soon([&] { return *force_N == 0.5 && wall.tip_x == -2.5 && wall.buttons == 1; }));
-  EXPECT_FALSE(driver.trouble());
+  EXPECT_FALSE(driver.failure());
   // the watchdog's halt reaches the device whatever the servo commands, until it is ended
   driver.halt();
   EXPECT_TRUE(soon([&] { return *force_N == 0; }));
@@ -141,13 +141,13 @@ TEST_F(Plugin, WhateverGoesWrongEndsInZeroForceAndAReason) {
     ASSERT_TRUE(driver.open(false).ok());
     std::thread servo([&] { driver.run(wall, clock); });
     EXPECT_TRUE(soon([&] { return *force_N == 0.5; }));
-    EXPECT_TRUE(soon([&] { return wall.fault && driver.trouble(); }));
+    EXPECT_TRUE(soon([&] { return wall.fault && driver.failure(); }));
     // a process that crashes leaves its device to the vendor's watchdog
     if (std::string(fault) != "crash" && std::string(fault) != "exit") {
       EXPECT_TRUE(soon([&] { return *force_N == 0; }));
     }
-    const auto trouble = driver.trouble();
-    EXPECT_THAT(trouble ? trouble->what : "nothing", HasSubstr(reason));
+    const auto failure = driver.failure();
+    EXPECT_THAT(failure ? failure->what : "nothing", HasSubstr(reason));
     // the servo ticks on
     const int ticks = wall.ticks;
     EXPECT_TRUE(soon([&] { return wall.ticks > ticks + 50; }));
@@ -163,8 +163,8 @@ TEST_F(Plugin, ADeviceThatIsNotReadForAWhileComesBack) {
   ASSERT_TRUE(driver.open(false).ok());
   std::thread servo([&] { driver.run(wall, clock); });
   EXPECT_TRUE(soon([&] { return wall.fault.load(); }));
-  EXPECT_TRUE(soon([&] { return driver.trouble().has_value(); }));
-  EXPECT_TRUE(soon([&] { return !wall.fault && *force_N == 0.5 && !driver.trouble(); }));
+  EXPECT_TRUE(soon([&] { return driver.failure().has_value(); }));
+  EXPECT_TRUE(soon([&] { return !wall.fault && *force_N == 0.5 && !driver.failure(); }));
   clock.stop = true;
   servo.join();
 }
@@ -182,11 +182,11 @@ TEST_F(Plugin, IsRefusedWithTheReason) {
 
 TEST_F(Plugin, IsExaminedWithoutBeingOpened) {
   use("absent");
-  const DeviceReport report = plugin_vendor(settings()).look();
+  const DeviceReport report = plugin_vendor(settings()).detect();
   ASSERT_EQ(report.checks.size(), 1u);
   EXPECT_TRUE(report.checks[0].fine) << report.checks[0].found;
   use("fails");
-  EXPECT_FALSE(plugin_vendor(settings()).look().checks[0].fine);
+  EXPECT_FALSE(plugin_vendor(settings()).detect().checks[0].fine);
 }
 
 }  // namespace

@@ -174,10 +174,10 @@ class PluginHost {
     auto commands = request.commands;
     if (halted)
       for (plp_driver_command& command : commands) command = {sizeof command, 0, {}, {}, 0};
-    const std::int64_t begun_ns = monotonic_ns();
+    const std::int64_t started_ns = monotonic_ns();
     is_written_ = timed([&] { return driver_.write(driver_.context, commands.data()); }) == 0;
     // a command that was on its way while the device was halted has switched it on again
-    const bool is_late = monotonic_ns() - begun_ns > kSilence_ns;
+    const bool is_late = monotonic_ns() - started_ns > kSilence_ns;
     if (!is_written_ || halted || is_late || halt_number_.load() > request.halts_ended)
       driver_.halt(driver_.context);
   }

@@ -155,12 +155,12 @@ class SpaceMouseDriver::Core {
       const std::int64_t now_ns = monotonic_ns();
       const double passed_s = std::min(1e-9 * static_cast<double>(now_ns - last_ns), kMaxStep_s);
       last_ns = now_ns;
-      go_on(passed_s, now_ns);
+      resume(passed_s, now_ns);
       servo.update({&sample_, 1}, {&none, 1});
     }
   }
 
-  std::optional<Error> trouble() const {
+  std::optional<Error> failure() const {
     if (!lost_.load()) return std::nullopt;
     return Error{ErrorKind::kUnavailable, "the SpaceMouse was disconnected", info_.name,
                  "reconnect or charge it: the session resumes by itself"};
@@ -168,7 +168,7 @@ class SpaceMouseDriver::Core {
 
  private:
   // ---- the servo's thread
-  void go_on(double passed_s, std::int64_t now_ns) {
+  void resume(double passed_s, std::int64_t now_ns) {
     sample_.fault = lost_.load();
     if (sample_.fault) return;
     sample_.taken_ns = now_ns;
@@ -276,12 +276,12 @@ void SpaceMouseDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   core_->run(servo, clock);
 }
 
-std::optional<Error> SpaceMouseDriver::trouble() const {
-  return core_->trouble();
+std::optional<Error> SpaceMouseDriver::failure() const {
+  return core_->failure();
 }
 
 DeviceVendor spacemouse_vendor(const SpaceMouseSettings& settings) {
-  const auto look = [settings] {
+  const auto detect = [settings] {
     DeviceReport report;
     const auto mouse = choose_mouse(settings);
     if (!mouse) {
@@ -294,7 +294,7 @@ DeviceVendor spacemouse_vendor(const SpaceMouseSettings& settings) {
     return report;
   };
   return {"spacemouse", "3Dconnexion SpaceMouse: moves and turns the tip, without force",
-          [settings] { return std::make_unique<SpaceMouseDriver>(settings); }, look};
+          [settings] { return std::make_unique<SpaceMouseDriver>(settings); }, detect};
 }
 
 }  // namespace palpate

@@ -49,16 +49,16 @@ class SpaceMouse : public ::testing::Test {
     end();
     if (events_ >= 0) ::close(events_);
   }
-  void put(const std::string& file, const std::string& text) {
+  void write_file(const std::string& file, const std::string& text) {
     std::filesystem::create_directories((folder_.path() / file).parent_path());
     std::ofstream(folder_.path() / file) << text << "\n";
   }
   void plug_in() {
     // an ordinary Logitech mouse precedes it
-    put("sys/class/input/event3/device/name", "Logitech Optical Mouse");
-    put("sys/class/input/event3/device/id/vendor", "046d");
-    put("sys/class/input/event7/device/name", "3Dconnexion SpaceMouse Compact");
-    put("sys/class/input/event7/device/id/vendor", "256f");
+    write_file("sys/class/input/event3/device/name", "Logitech Optical Mouse");
+    write_file("sys/class/input/event3/device/id/vendor", "046d");
+    write_file("sys/class/input/event7/device/name", "3Dconnexion SpaceMouse Compact");
+    write_file("sys/class/input/event7/device/id/vendor", "256f");
     std::filesystem::create_directories(folder_.path() / "dev/input");
     ASSERT_EQ(::mkfifo(file().c_str(), 0600), 0);
     events_ = ::open(file().c_str(), O_RDWR);
@@ -192,19 +192,19 @@ TEST_F(SpaceMouse, LostItIsAFaultUntilItIsBack) {
   // a partial event is invalid
   const char half[5] = {};
   ASSERT_EQ(::write(events_, half, sizeof half), 5);
-  EXPECT_TRUE(soon([&] { return observed_.last().fault && driver_->trouble(); }));
-  EXPECT_THAT(driver_->trouble()->what, HasSubstr("was disconnected"));
-  EXPECT_FALSE(driver_->trouble()->remedy.empty());
-  EXPECT_TRUE(soon([&] { return !driver_->trouble() && !observed_.last().fault; }));
+  EXPECT_TRUE(soon([&] { return observed_.last().fault && driver_->failure(); }));
+  EXPECT_THAT(driver_->failure()->what, HasSubstr("was disconnected"));
+  EXPECT_FALSE(driver_->failure()->remedy.empty());
+  EXPECT_TRUE(soon([&] { return !driver_->failure() && !observed_.last().fault; }));
   const double x = observed_.last().tip.x();
   std::this_thread::sleep_for(std::chrono::milliseconds(30));
   EXPECT_EQ(observed_.last().tip.x(), x) << "the cap is where it was let go";
 }
 
 TEST_F(SpaceMouse, WhatIsMissingIsSaid) {
-  EXPECT_EQ(spacemouse_vendor(settings_).look().connected[0].state, "ready");
+  EXPECT_EQ(spacemouse_vendor(settings_).detect().connected[0].state, "ready");
   std::filesystem::remove_all(folder_.path() / "sys");
-  const DeviceReport report = spacemouse_vendor(settings_).look();
+  const DeviceReport report = spacemouse_vendor(settings_).detect();
   EXPECT_FALSE(report.checks[0].fine);
   EXPECT_FALSE(report.checks[0].remedy.empty());
   SpaceMouseDriver none(settings_);

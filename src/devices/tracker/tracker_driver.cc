@@ -10,7 +10,7 @@ namespace {
 
 constexpr const char* kSayWhere = "give its address: --tracker HOST:PORT (port 18944 for PLUS)";
 // time limit of look()
-constexpr double kLook_s = 1;
+constexpr double kCheckInterval_s = 1;
 
 // smallest rotation that takes z to the direction from the tip to the markers' origin
 Rotation<TrackedTool, Device> shaft_of(const Point<TrackedTool>& tip) {
@@ -46,8 +46,8 @@ class TrackerDriver::Core {
         ErrorKind::kUsage, "no tracked tool is given", kTracker,
         "give --tracker HOST:PORT, --transform, --tip and --registration (docs/guide/navigation.md)"};
   }
-  std::optional<Error> trouble() const {
-    if (const auto of_the_stream = stream_.trouble()) return of_the_stream;
+  std::optional<Error> failure() const {
+    if (const auto of_the_stream = stream_.failure()) return of_the_stream;
     if (!is_far_) return std::nullopt;
     return Error{ErrorKind::kUnavailable,
                  "the tip of the tool is more than a metre from the registration points of the patient",
@@ -100,12 +100,12 @@ void TrackerDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   core_->run(servo, clock);
 }
 
-std::optional<Error> TrackerDriver::trouble() const {
-  return core_->trouble();
+std::optional<Error> TrackerDriver::failure() const {
+  return core_->failure();
 }
 
 DeviceVendor tracker_maker(const TrackedToolSettings& settings) {
-  const auto look = [address = settings.stream.address] {
+  const auto detect = [address = settings.stream.address] {
     DeviceReport report;
     if (address.host.empty()) {
       report.checks.push_back({"a tracking server", false, "no address is given", kSayWhere});
@@ -113,7 +113,7 @@ DeviceVendor tracker_maker(const TrackedToolSettings& settings) {
     }
     const std::string what = "server at " + address.text();
     TrackerStream stream({address, "", ""}, [](const MarkersPose&) {});
-    if (const auto opened = stream.open(kLook_s); !opened) {
+    if (const auto opened = stream.open(kCheckInterval_s); !opened) {
       report.checks.push_back({what, false, opened.error().what, opened.error().remedy});
       return report;
     }
@@ -122,7 +122,7 @@ DeviceVendor tracker_maker(const TrackedToolSettings& settings) {
     return report;
   };
   return {kTracker, "a tracked tool in a registered patient, from a tracker's stream (OpenIGTLink): no force",
-          [settings] { return std::make_unique<TrackerDriver>(settings); }, look};
+          [settings] { return std::make_unique<TrackerDriver>(settings); }, detect};
 }
 
 }  // namespace palpate

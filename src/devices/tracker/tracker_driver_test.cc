@@ -83,12 +83,12 @@ class TrackedTip : public ::testing::Test {
   }
   bool says(const char* words) {
     return soon([&] {
-      const auto trouble = driver_->trouble();
-      return trouble && trouble->message().find(words) != std::string::npos && !trouble->remedy.empty();
+      const auto failure = driver_->failure();
+      return failure && failure->message().find(words) != std::string::npos && !failure->remedy.empty();
     });
   }
   bool is_well() {
-    return soon([&] { return !driver_->trouble() && observed_.age_s() < 0.01; });
+    return soon([&] { return !driver_->failure() && observed_.age_s() < 0.01; });
   }
   std::string refused() {
     TrackerDriver driver(settings_);
@@ -163,7 +163,7 @@ TEST_F(TrackedTip, FarFromThePatientItCountsAsNotSeen) {
   EXPECT_TRUE(is_well());
   server_.move(kTool, {far});
   EXPECT_TRUE(says("more than a metre"));
-  EXPECT_TRUE(soon([&] { return observed_.age_s() > InterpolatedPose::kHeld_s; }));
+  EXPECT_TRUE(soon([&] { return observed_.age_s() > InterpolatedPose::kValidity_s; }));
   EXPECT_LT((observed_.last().tip.eigen() - tip_of(near)).norm(), 0.001) << "where it was seen last";
   server_.move(kTool, {kToolPose});
   EXPECT_TRUE(is_well());
@@ -193,12 +193,12 @@ TEST_F(TrackedTip, WhatIsMissingIsSaidAtTheBeginning) {
   settings_.stream.transform = kTool;
   settings_.stream.address.host.clear();
   EXPECT_THAT(refused(), HasSubstr("no tracked tool is given"));
-  const auto lost = tracker_maker().look();
+  const auto lost = tracker_maker().detect();
   EXPECT_FALSE(lost.checks[0].fine);
 
   TrackedToolSettings there;
   there.stream.address = {"127.0.0.1", server_.port()};
-  const DeviceReport report = tracker_maker(there).look();
+  const DeviceReport report = tracker_maker(there).detect();
   EXPECT_TRUE(report.checks[0].fine);
   ASSERT_EQ(report.connected.size(), 1u);
   EXPECT_EQ(report.connected[0].id, kTool);

@@ -29,7 +29,7 @@
 namespace palpate {
 namespace {
 
-constexpr int kLook_ms = 20;
+constexpr int kCheckInterval_ms = 20;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kRetry_ns = kSecond_ns / 5, kConnecting_ns = 3 * kSecond_ns,
                        kSilent_ns = 5 * kSecond_ns;
@@ -117,12 +117,12 @@ class TrackerStream::Core {
         if (auto missing = missing_pose("")) return *std::move(missing);
       // from then on the time limit applies to the tool
       if (is_connected() && !std::exchange(was_connected, true)) until_ns = monotonic_ns() + patience_ns;
-      std::this_thread::sleep_for(std::chrono::milliseconds(kLook_ms));
+      std::this_thread::sleep_for(std::chrono::milliseconds(kCheckInterval_ms));
     }
     return {};
   }
 
-  std::optional<Error> trouble() const {
+  std::optional<Error> failure() const {
     return missing_pose("; the connection is retried and resumes by itself");
   }
 
@@ -197,7 +197,7 @@ class TrackerStream::Core {
     while (!end_.load()) {
       if (Socket socket = connect(); socket.number() >= 0) read(socket.number());
       for (const std::int64_t until = monotonic_ns() + kRetry_ns; !end_.load() && monotonic_ns() < until;)
-        std::this_thread::sleep_for(std::chrono::milliseconds(kLook_ms));
+        std::this_thread::sleep_for(std::chrono::milliseconds(kCheckInterval_ms));
     }
   }
 
@@ -205,13 +205,13 @@ class TrackerStream::Core {
   bool await(int file, short what, std::int64_t until_ns) const {
     while (!end_.load() && monotonic_ns() < until_ns) {
       pollfd waiting{file, what, 0};
-      if (::poll(&waiting, 1, kLook_ms) > 0) return true;
+      if (::poll(&waiting, 1, kCheckInterval_ms) > 0) return true;
     }
     return false;
   }
 
   Socket connect() {
-    const char* look = "check the address, and whether the tracking server is running";
+    const char* detect = "check the address, and whether the tracking server is running";
     addrinfo hints{};
     hints.ai_socktype = SOCK_STREAM;
     FoundAddresses found;
@@ -219,7 +219,7 @@ class TrackerStream::Core {
     if (const int failed =
             ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found.first);
         failed != 0) {
-      not_connected(std::string("is not found: ") + ::gai_strerror(failed), look);
+      not_connected(std::string("is not found: ") + ::gai_strerror(failed), detect);
       return Socket();
     }
     int failure = EHOSTUNREACH;
@@ -238,7 +238,7 @@ class TrackerStream::Core {
         ::getsockopt(socket.number(), SOL_SOCKET, SO_ERROR, &failure, &size);
       if (failure == 0) return socket;
     }
-    not_connected(std::string("does not answer: ") + std::strerror(failure), look);
+    not_connected(std::string("does not answer: ") + std::strerror(failure), detect);
     return Socket();
   }
 
@@ -269,8 +269,8 @@ class TrackerStream::Core {
                              "check whether the tracking server is still running");
       const std::int64_t now_ns = monotonic_ns();
       const std::uint64_t damaged_before = messages.damaged();
-      const auto used = messages.take(std::span(bytes).first(static_cast<std::size_t>(received)),
-                                      [&](const igtl::PoseMessage& message) { take(message, now_ns); });
+      const auto used = messages.consume(std::span(bytes).first(static_cast<std::size_t>(received)),
+                                         [&](const igtl::PoseMessage& message) { consume(message, now_ns); });
       if (!used) return not_connected(used.error().what, used.error().remedy);
       if (messages.damaged() > damaged_before && messages.damaged() >= kMaxDamaged)
         return not_connected("sends damaged messages: their checksums are wrong",
@@ -278,7 +278,7 @@ class TrackerStream::Core {
     }
   }
 
-  void take(const igtl::PoseMessage& message, std::int64_t now_ns) {
+  void consume(const igtl::PoseMessage& message, std::int64_t now_ns) {
     MarkersPose pose;
     {
       const std::lock_guard lock(mutex_);
@@ -331,8 +331,8 @@ TrackerStream::~TrackerStream() = default;
 Result<void> TrackerStream::open(double patience_s, const Progress& progress) {
   return core_->open(patience_s, progress);
 }
-std::optional<Error> TrackerStream::trouble() const {
-  return core_->trouble();
+std::optional<Error> TrackerStream::failure() const {
+  return core_->failure();
 }
 std::vector<std::string> TrackerStream::heard() const {
   return core_->heard();

@@ -276,10 +276,10 @@ void store(const Digest& key, std::span<const std::byte> payload) {
   // free the space required
   const auto files = cached_files(settings.folder);
   std::uint64_t used = bytes_of_files(files);
-  const std::uint64_t most = max_bytes_of(settings, used), wanted = sizeof(EntryHead) + payload.size();
-  if (wanted > most) return;
+  const std::uint64_t largest = max_bytes_of(settings, used), wanted = sizeof(EntryHead) + payload.size();
+  if (wanted > largest) return;
   for (const CacheEntryFile& stored : files) {
-    if (used + wanted <= most) break;
+    if (used + wanted <= largest) break;
     std::error_code ignored;
     fs::remove(stored.file, ignored);
     used -= stored.bytes;

@@ -57,8 +57,8 @@ void forget_signals() {
   ::sigprocmask(SIG_SETMASK, &none, nullptr);
 }
 
-void close_all_but(std::span<const int> keep) {
-  std::vector<int> stored(keep.begin(), keep.end());
+void close_all_but(std::span<const int> retained_descriptors) {
+  std::vector<int> stored(retained_descriptors.begin(), retained_descriptors.end());
   std::sort(stored.begin(), stored.end());
   const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int descriptor : {0, 1, 2}) {
@@ -108,13 +108,13 @@ bool can_restrict_files() {
   return landlock_version() >= 1;
 }
 
-void confine(int parent, std::span<const int> keep, std::span<const int> files) {
+void confine(int parent, std::span<const int> retained_descriptors, std::span<const int> files) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   // the parent may have ended before PR_SET_PDEATHSIG took effect
   if (::getppid() != parent) ::_exit(1);
   ::prctl(PR_SET_DUMPABLE, 0);
   forget_signals();
-  close_all_but(keep);
+  close_all_but(retained_descriptors);
   limit(RLIMIT_CORE, 0);
   if (sanitized()) return;
   limit(RLIMIT_AS, memory_now() + kMoreMemory);

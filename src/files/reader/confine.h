@@ -14,16 +14,16 @@ bool can_restrict_system_calls();
 
 /// Irrevocably removes from a new process with a single thread
 /// - * survival of `parent`, stdin, stdout and (without a sanitizer) stderr, all descriptors except those in
-///   `keep`, signal handlers, core dumps, and inspection by other processes;
+///   `retained_descriptors`, signal handlers, core dumps, and inspection by other processes;
 /// - memory beyond 1 GiB more than it has, growing files, more than 64 descriptors, other processes, and new
 ///   privileges;
 /// - opening by name any file not in `files` (Landlock), and opening for writing;
 /// - all system calls except those for reading open files, non-executable memory, clocks and exit (seccomp,
 ///   on x86-64 and ARM64): others fail with EPERM.
 /// Without Landlock or seccomp in the kernel, the other restrictions apply.
-/// @param keep   descriptors that stay open, including those of `files`
+/// @param retained_descriptors   descriptors that stay open, including those of `files`
 /// @param files  descriptors of open files
-void confine(int parent, std::span<const int> keep, std::span<const int> files);
+void confine(int parent, std::span<const int> retained_descriptors, std::span<const int> files);
 
 /// Denies all system calls except those listed at confine(). False if the kernel does not support it.
 bool restrict_system_calls();

@@ -24,11 +24,11 @@ Error no_process() {
           "", "close other programs, or raise the limits of processes and files (ulimit -u, ulimit -n)"};
 }
 
-[[noreturn]] void run(int parent, ParentEnd& end, std::span<const int> keep, std::span<const int> files,
-                      const ReaderProcess::Work& work) {
+[[noreturn]] void run(int parent, ParentEnd& end, std::span<const int> retained_descriptors,
+                      std::span<const int> files, const ReaderProcess::Work& work) {
   bool done = false;
   try {
-    confine(parent, keep, files);
+    confine(parent, retained_descriptors, files);
     done = work(end);
   } catch (...) {
     // out of memory; the parent detects the early end of the pipe
@@ -77,13 +77,13 @@ Result<std::unique_ptr<ReaderProcess>> ReaderProcess::start(const Job& job, cons
   if (process->words_ < 0 || ::pipe2(ends, O_CLOEXEC) != 0) return no_process();
   process->pipe_ = ends[0];
 
-  std::vector<int> keep(job.files.begin(), job.files.end());
-  keep.insert(keep.end(), {ends[1], process->words_});
+  std::vector<int> retained_descriptors(job.files.begin(), job.files.end());
+  retained_descriptors.insert(retained_descriptors.end(), {ends[1], process->words_});
   const pid_t parent = ::getpid();
   const pid_t child = ::fork();
   if (child == 0) {
     ParentEnd end(ends[1], process->words_, process->shared_);
-    run(parent, end, keep, job.files, work);
+    run(parent, end, retained_descriptors, job.files, work);
   }
   const auto failure = no_process();
   ::close(ends[1]);
@@ -111,7 +111,7 @@ Result<void> ReaderProcess::read(std::span<std::byte> bytes) {
   return {};
 }
 
-void ReaderProcess::go_on() const {
+void ReaderProcess::resume() const {
   const std::uint64_t once = 1;
   // fails only if the process itself has filled the counter, which then allows it to continue anyway
   while (::write(words_, &once, sizeof once) < 0 && errno == EINTR) {

@@ -199,7 +199,7 @@ TEST_F(ReaderProcessTest, SharedBytesGoToAndFroByWords) {
     std::uint64_t number = 0;
     std::memcpy(&number, process->shared().data(), sizeof number);
     ASSERT_EQ(number, n);
-    process->go_on();
+    process->resume();
   }
 }
 
@@ -207,8 +207,8 @@ TEST_F(ReaderProcessTest, AWordIsNeverWaitedFor) {
   // a process that fills its own counter
   const auto process = start([](ParentEnd& parent) {
     for (int descriptor = 3; descriptor < 100; ++descriptor) {
-      const std::uint64_t most = ~std::uint64_t{0} - 1;
-      if (::write(descriptor, &most, sizeof most) != sizeof most) continue;
+      const std::uint64_t largest = ~std::uint64_t{0} - 1;
+      if (::write(descriptor, &largest, sizeof largest) != sizeof largest) continue;
       // the pipe received the same number
       if (!send(parent, 3)) return false;
     }
@@ -216,8 +216,8 @@ TEST_F(ReaderProcessTest, AWordIsNeverWaitedFor) {
   });
   std::uint64_t number = 0;
   while (number != 3) ASSERT_TRUE(process->read(std::as_writable_bytes(std::span(&number, 1))));
-  process->go_on();
-  process->go_on();
+  process->resume();
+  process->resume();
 }
 
 TEST_F(ReaderProcessTest, NoDescriptorButItsOwnIsInherited) {

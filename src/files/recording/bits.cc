@@ -131,7 +131,7 @@ std::string_view name_of(Asker asker) {
       return "key";
     case Asker::kControlViewer:
       return "viewer with control";
-    case Asker::kLookingViewer:
+    case Asker::kViewingViewer:
       return "viewer with view";
     case Asker::kAgreedViewer:
       return "viewer with control, accepted by a key";

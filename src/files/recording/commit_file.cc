@@ -85,19 +85,21 @@ void CommitFile::write_now(std::uint64_t offset, std::span<const std::byte> byte
 
 void CommitFile::hold(std::uint64_t offset, std::span<const std::byte> bytes) {
   // a block written again replaces its earlier version
-  std::erase_if(held_,
-                [&](const Held& held) { return held.offset == offset && held.bytes.size() == bytes.size(); });
-  held_.push_back({offset, {bytes.begin(), bytes.end()}});
+  std::erase_if(pending_, [&](const PendingWrite& pending) {
+    return pending.offset == offset && pending.bytes.size() == bytes.size();
+  });
+  pending_.push_back({offset, {bytes.begin(), bytes.end()}});
 }
 
 bool CommitFile::read(std::uint64_t offset, std::span<std::byte> bytes) const {
   if (sink_->read_at(offset, bytes) != 0) return false;
   // deferred writes overlay the file; later ones overlay earlier ones
-  for (const Held& held : held_) {
-    const std::uint64_t begin = std::max(offset, held.offset);
-    const std::uint64_t end = std::min(offset + bytes.size(), held.offset + held.bytes.size());
+  for (const PendingWrite& pending : pending_) {
+    const std::uint64_t begin = std::max(offset, pending.offset);
+    const std::uint64_t end = std::min(offset + bytes.size(), pending.offset + pending.bytes.size());
     if (begin < end)
-      std::memcpy(bytes.data() + (begin - offset), held.bytes.data() + (begin - held.offset), end - begin);
+      std::memcpy(bytes.data() + (begin - offset), pending.bytes.data() + (begin - pending.offset),
+                  end - begin);
   }
   return true;
 }
@@ -114,12 +116,13 @@ bool CommitFile::commit() {
   }
   // from the first of the following writes on the file may refer to the new bytes
   committed_end_ = end_;
-  std::ranges::stable_sort(held_, {}, [](const Held& held) { return step_of(held.offset, held.bytes); });
-  for (const Held& held : held_) {
-    write_now(held.offset, held.bytes);
+  std::ranges::stable_sort(
+      pending_, {}, [](const PendingWrite& pending) { return step_of(pending.offset, pending.bytes); });
+  for (const PendingWrite& pending : pending_) {
+    write_now(pending.offset, pending.bytes);
     if (sealed_) return false;
   }
-  held_.clear();
+  pending_.clear();
   return true;
 }
 

@@ -65,7 +65,7 @@ class CommitFile {
   void fail(int error);
 
  private:
-  struct Held {
+  struct PendingWrite {
     std::uint64_t offset;
     std::vector<std::byte> bytes;
   };
@@ -73,7 +73,7 @@ class CommitFile {
   void hold(std::uint64_t offset, std::span<const std::byte> bytes);
 
   std::unique_ptr<ByteSink> sink_;
-  std::vector<Held> held_;  ///< deferred writes, chronological
+  std::vector<PendingWrite> pending_;  ///< deferred writes, chronological
   std::uint64_t end_ = 0, committed_end_ = 0, written_end_ = 0;
   bool sealed_ = false;
   int error_ = 0;

@@ -159,9 +159,9 @@ class DataSet {
   }
 
   // fixed-length strings: one for rank 0, one per row for rank 1
-  std::vector<std::string> texts(std::size_t most) const {
+  std::vector<std::string> texts(std::size_t largest) const {
     const std::size_t size = text_size(type_);
-    require(size >= 1 && size <= most, name_ + " is not a text of fixed length");
+    require(size >= 1 && size <= largest, name_ + " is not a text of fixed length");
     std::string bytes;
     std::vector<std::string> texts;
     if (rank_ == 0) {
@@ -314,11 +314,11 @@ std::optional<RecordingSummary> read_summary(hid_t file, Unpacking& unpacking) {
   RecordingSummary summary;
   visit_summary(summary,
                 [&](const char* name, std::uint64_t& value) { number(name, H5T_STD_U64LE, &value); });
-  const DataSet trouble(group.get(), "summary", "trouble");
-  trouble.require_shape(1);
-  require(trouble.rows() <= kMaxTroubles, "it lists too many troubles");
-  trouble.require_stored(unpacking);
-  summary.trouble = trouble.texts(kMaxText);
+  const DataSet problems(group.get(), "summary", "trouble");
+  problems.require_shape(1);
+  require(problems.rows() <= kMaxProblems, "it lists too many troubles");
+  problems.require_stored(unpacking);
+  summary.problems = problems.texts(kMaxText);
   return summary;
 }
 
@@ -403,7 +403,7 @@ std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string
 }
 
 // computes the part of the head that depends on ticks, from the few columns needed
-void look_ahead(const std::vector<StoredColumn>& columns, const RowRange& rows, RecordingHead& head) {
+void predict(const std::vector<StoredColumn>& columns, const RowRange& rows, RecordingHead& head) {
   TickProperties properties;
   const std::uint64_t end = rows.first + rows.count;
   for (std::uint64_t first = rows.first; first < end; first += kBlockRows) {
@@ -477,7 +477,7 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target, std::
     }
     const RowRange requested = range.value_or(RowRange{0, rows});
     EventQueue events = range ? EventQueue({}, 0) : open_events(opened.get(), unpacking, complete);
-    look_ahead(columns, requested, head);
+    predict(columns, requested, head);
 
     head_sent = true;
     return send_head(target, head) && send_parts(columns, requested, events, target);

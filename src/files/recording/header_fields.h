@@ -30,9 +30,9 @@ inline constexpr std::size_t kMaxStructures = 65536;
 inline constexpr std::size_t kMaxNames =
     std::size_t{64}  /// Maximum total size of all structures' and tissues' names; bytes
     << 20;
-inline constexpr std::size_t kMaxTroubles = 1000;
+inline constexpr std::size_t kMaxProblems = 1000;
 inline constexpr std::size_t kMaxMethods = 256;    ///< The method number is a byte
-inline constexpr std::size_t kTroubleBytes = 512;  ///< Maximum size of one trouble as written here; bytes
+inline constexpr std::size_t kProblemBytes = 512;  ///< Maximum size of one trouble as written here; bytes
 
 /// All fields of the header except script and structures: attributes of the group /header.
 template <class Header, class Visit>

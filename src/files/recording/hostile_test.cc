@@ -402,7 +402,7 @@ TEST(Stream, EndsAreNoticedAtEveryByte) {
   ASSERT_TRUE(whole) << whole.error().message();
   EXPECT_EQ(test::first_difference((*whole).header, header), "");
   ASSERT_TRUE((*whole).summary);
-  EXPECT_EQ((*whole).summary->trouble, test::example_summary(0).trouble);
+  EXPECT_EQ((*whole).summary->problems, test::example_summary(0).problems);
 }
 
 // stream of a few ticks with their events
@@ -476,9 +476,9 @@ TEST(Stream, BelievesNoHeader) {
   EXPECT_THAT(error_of([](auto& head) { head.header.hand = std::string(5000, 'x'); }), HasSubstr("too long"));
   EXPECT_THAT(error_of([](auto& head) { head.header.structures.resize(70000); }),
               HasSubstr("too many structures"));
-  EXPECT_THAT(error_of([](auto& head) { head.summary->trouble.resize(1001); }),
+  EXPECT_THAT(error_of([](auto& head) { head.summary->problems.resize(1001); }),
               HasSubstr("too many troubles"));
-  EXPECT_THAT(error_of([](auto& head) { head.summary->trouble = {std::string(5000, 'x')}; }),
+  EXPECT_THAT(error_of([](auto& head) { head.summary->problems = {std::string(5000, 'x')}; }),
               HasSubstr("too long"));
   EXPECT_THAT(error_of([](auto& head) { head.methods.resize(257); }), HasSubstr("too many methods"));
   EXPECT_THAT(error_of([](auto& head) { head.summary->ticks = 1; }), HasSubstr("counts 1 ticks"));

@@ -53,9 +53,9 @@ Error about(const std::filesystem::path& file, Error error) {
 }
 
 /// @param range  as for send_recording
-/// @param take_head  returns whether the parts are wanted too
+/// @param read_head  returns whether the parts are wanted too
 Result<void> read_isolated(const std::filesystem::path& file, std::optional<RowRange> range,
-                           const TakeHead& take_head, const TakePart& take_part,
+                           const TakeHead& read_head, const TakePart& read_part,
                            const Progress& progress) try {
   const auto opened = InputFile::open(file);
   if (!opened) return opened.error();
@@ -66,14 +66,14 @@ Result<void> read_isolated(const std::filesystem::path& file, std::optional<RowR
   auto received = receive_head(source);
   if (!received) return about(file, received.error());
   const RecordingHead head = *std::move(received);
-  const auto requested = take_head(head);
+  const auto requested = read_head(head);
   if (!requested) return requested.error();
   if (!*requested) return {};
   bool own_error = false;
   auto done = receive_parts(
       source, head,
       [&](const RecordingPart& part) {
-        auto used = take_part(part);
+        auto used = read_part(part);
         own_error = !used;
         return used;
       },
@@ -99,12 +99,13 @@ bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
 /// @param look  reads everything that it needs, from the beginning each time
 Result<void> read_beside_writer(const std::filesystem::path& file,
                                 const std::function<Result<void>()>& look) {
-  constexpr int kMaxLooks = 20;
-  for (int looks = 1;; ++looks) {
+  constexpr int kMaxAppearances = 20;
+  for (int appearances = 1;; ++appearances) {
     const auto before = last_change(file);
     auto read = look();
     const bool was_written = last_change(file) != before;
-    if (read || read.error().kind != ErrorKind::kBadInput || !was_written || looks == kMaxLooks) return read;
+    if (read || read.error().kind != ErrorKind::kBadInput || !was_written || appearances == kMaxAppearances)
+      return read;
   }
 }
 
@@ -118,12 +119,12 @@ Error replaced(const std::filesystem::path& file) {
 
 Result<RecordingSource> RecordingSource::open(const std::filesystem::path& file, const Progress& progress) {
   RecordingHead head;
-  const auto take_head = [&](const RecordingHead& read) -> Result<bool> {
+  const auto read_head = [&](const RecordingHead& read) -> Result<bool> {
     head = read;
     return false;
   };
   const auto read = internal::read_beside_writer(
-      file, [&] { return internal::read_isolated(file, std::nullopt, take_head, {}, progress); });
+      file, [&] { return internal::read_isolated(file, std::nullopt, read_head, {}, progress); });
   if (!read) return read.error();
   return RecordingSource(file, std::move(head));
 }
@@ -136,25 +137,25 @@ RecordingSource::RecordingSource(const Recording& recording) : memory_(&recordin
   properties.write_to(head_);
 }
 
-Result<void> RecordingSource::read(const std::function<Result<void>(const RecordingPart&)>& take,
+Result<void> RecordingSource::read(const std::function<Result<void>(const RecordingPart&)>& visit,
                                    const Progress& progress) const {
   // exactly the number of ticks that the head announced, with their events
   std::uint64_t left = head_.ticks;
-  const auto take_known = [&](RecordingPart part) -> Result<void> {
+  const auto accept_known = [&](RecordingPart part) -> Result<void> {
     if (left == 0) return {};
     if (part.ticks.size() > left) {
       part.ticks = part.ticks.first(static_cast<std::size_t>(left));
       part.events = part.events.first(internal::events_up_to(part.events, part.ticks.back().tick));
     }
     left -= part.ticks.size();
-    return take(part);
+    return visit(part);
   };
   if (memory_ == nullptr) {
-    const auto take_head = [&](const RecordingHead& now) -> Result<bool> {
+    const auto read_head = [&](const RecordingHead& now) -> Result<bool> {
       if (internal::same_run(now.header, head_.header) && now.ticks >= head_.ticks) return true;
       return internal::replaced(file_);
     };
-    return internal::read_isolated(file_, std::nullopt, take_head, take_known, progress);
+    return internal::read_isolated(file_, std::nullopt, read_head, accept_known, progress);
   }
 
   std::span<const TickRecord> ticks(memory_->ticks);
@@ -163,7 +164,7 @@ Result<void> RecordingSource::read(const std::function<Result<void>(const Record
     if (progress.stopped()) return Progress::interrupted();
     const auto part = ticks.first(std::min<std::size_t>(ticks.size(), internal::kBlockRows));
     const std::size_t reported = internal::events_up_to(events, part.back().tick);
-    if (auto used = take_known({part, events.first(reported)}); !used) return used;
+    if (auto used = accept_known({part, events.first(reported)}); !used) return used;
     ticks = ticks.subspan(part.size());
     events = events.subspan(reported);
   }
@@ -178,18 +179,18 @@ Result<std::vector<TickRecord>> RecordingSource::read_at(std::uint64_t first, st
     const auto begin = memory_->ticks.begin() + static_cast<std::ptrdiff_t>(first);
     return std::vector(begin, begin + static_cast<std::ptrdiff_t>(count));
   }
-  const auto take_head = [&](const RecordingHead& now) -> Result<bool> {
+  const auto read_head = [&](const RecordingHead& now) -> Result<bool> {
     if (internal::same_run(now.header, head_.header) && now.ticks == count) return true;
     return internal::replaced(file_);
   };
   std::vector<TickRecord> ticks;
-  const auto take_part = [&](const RecordingPart& part) -> Result<void> {
+  const auto read_part = [&](const RecordingPart& part) -> Result<void> {
     ticks.insert(ticks.end(), part.ticks.begin(), part.ticks.end());
     return {};
   };
   const auto read = internal::read_beside_writer(file_, [&] {
     ticks.clear();
-    return internal::read_isolated(file_, internal::RowRange{first, count}, take_head, take_part, progress);
+    return internal::read_isolated(file_, internal::RowRange{first, count}, read_head, read_part, progress);
   });
   if (!read) return read.error();
   return ticks;
@@ -198,20 +199,20 @@ Result<std::vector<TickRecord>> RecordingSource::read_at(std::uint64_t first, st
 Result<Recording> read_recording(const std::filesystem::path& file, const Progress& progress) {
   Recording recording;
   double all = 0;
-  const auto take_head = [&](const RecordingHead& head) -> Result<bool> {
+  const auto read_head = [&](const RecordingHead& head) -> Result<bool> {
     recording.header = head.header;
     recording.summary = head.summary;
     all = static_cast<double>(head.ticks);
     return true;
   };
   // memory grows with the rows received, not with their announced number
-  const auto take_part = [&](const RecordingPart& part) -> Result<void> {
+  const auto read_part = [&](const RecordingPart& part) -> Result<void> {
     progress.report("reading the recording", static_cast<double>(recording.ticks.size()) / all);
     recording.ticks.insert(recording.ticks.end(), part.ticks.begin(), part.ticks.end());
     recording.events.insert(recording.events.end(), part.events.begin(), part.events.end());
     return {};
   };
-  if (auto read = internal::read_isolated(file, std::nullopt, take_head, take_part, progress); !read)
+  if (auto read = internal::read_isolated(file, std::nullopt, read_head, read_part, progress); !read)
     return read.error();
   return recording;
 }

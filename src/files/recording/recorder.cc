@@ -45,14 +45,14 @@ class RingRecorder : public Recorder {
     return failure_;
   }
   Result<RecordingSummary> finish(std::uint64_t dropped, std::uint64_t skipped,
-                                  const std::vector<std::string>& trouble) override;
+                                  const std::vector<std::string>& problems) override;
 
  private:
   void run() noexcept;
   void stop();
   void drain();
   void take(std::span<const TickRecord> ticks);
-  void take_acknowledged(const TickRecord& tick);
+  void receive_acknowledged(const TickRecord& tick);
   Result<void> collect_events(std::span<const TickRecord> ticks);
   Result<void> write(std::span<const TickRecord> ticks);
   void abandon(const Error& error);
@@ -130,7 +130,7 @@ bool had_applied(const TickRecord& tick, const RecordingEvent& event) {
 }
 
 // moves the events that this tick is the first to acknowledge
-void RingRecorder::take_acknowledged(const TickRecord& tick) {
+void RingRecorder::receive_acknowledged(const TickRecord& tick) {
   for (auto row = pending_.begin(); row != pending_.end();) {
     if (!had_applied(tick, *row)) {
       ++row;
@@ -147,7 +147,7 @@ Result<void> RingRecorder::collect_events(std::span<const TickRecord> ticks) {
   events_.clear();
   try {
     if (reported_ != nullptr) reported_->take(pending_);
-    for (const TickRecord& tick : ticks) take_acknowledged(tick);
+    for (const TickRecord& tick : ticks) receive_acknowledged(tick);
     return {};
   } catch (const std::bad_alloc&) {
     return output_error(file_, ENOMEM);
@@ -170,14 +170,14 @@ void RingRecorder::abandon(const Error& error) {
 }
 
 Result<RecordingSummary> RingRecorder::finish(std::uint64_t dropped, std::uint64_t skipped,
-                                              const std::vector<std::string>& trouble) {
+                                              const std::vector<std::string>& problems) {
   PALPATE_CHECK(thread_.joinable());
   stop();
   if (failure_) return *failure_;
   RecordingSummary summary = so_far();
   summary.dropped = dropped;
   summary.skipped = skipped;
-  summary.trouble = trouble;
+  summary.problems = problems;
   if (writer_) {
     if (auto finished = writer_->finish(summary); !finished) {
       abandon(finished.error());

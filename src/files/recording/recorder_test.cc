@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
 constexpr double kRecorderRate = 1000;
-const std::vector<std::string> kTrouble{"line 3: asked for 2.00 N, felt 1.40 N"};
+const std::vector<std::string> kFailure{"line 3: asked for 2.00 N, felt 1.40 N"};
 
 // a producer that waits for free slots, so that no tick is dropped
 void push_all(SpscRing<TickRecord>& ring, std::span<const TickRecord> ticks) {
@@ -69,13 +69,13 @@ TEST(Recorder, TakesEveryTickInOrderWhileOthersLook) {
   }
   servo.join();
   // the last ticks are still in the ring
-  const auto finished = (*recorder)->finish(3, 4, kTrouble);
+  const auto finished = (*recorder)->finish(3, 4, kFailure);
   ASSERT_TRUE(finished) << finished.error().message();
 
   RecordingSummary expected = summary_of(ticks);
   expected.dropped = 3;
   expected.skipped = 4;
-  expected.trouble = kTrouble;
+  expected.problems = kFailure;
   EXPECT_EQ(test::first_difference(*finished, expected), "");
   EXPECT_EQ(test::first_difference((*recorder)->so_far(), expected), "");
   ASSERT_EQ(observed.size(), ticks.size());
@@ -133,7 +133,7 @@ struct ReportingServo {
   EventLog reported;
   std::atomic<std::uint32_t> version{1}, settings{0}, arming{0};
 
-  void tell(RecordingEvent::Kind kind, std::atomic<std::uint32_t>& channel, RequestedBy by) {
+  void append(RecordingEvent::Kind kind, std::atomic<std::uint32_t>& channel, RequestedBy by) {
     reported.append([&] {
       RecordingEvent event;
       event.kind = kind;
@@ -171,10 +171,10 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
   for (std::uint32_t teller = 0; teller < 2; ++teller)
     tellers.emplace_back([&, teller] {
       for (int i = 0; !over && i < 2000; ++i) {
-        if (teller == 0 && i % 2 == 0) servo.tell(RecordingEvent::Kind::kModel, servo.version, {});
-        servo.tell(RecordingEvent::Kind::kSettings, servo.settings, {Asker::kControlViewer, teller});
-        servo.tell(i % 2 == 0 ? RecordingEvent::Kind::kStop : RecordingEvent::Kind::kRearm, servo.arming,
-                   {Asker::kKey, teller});
+        if (teller == 0 && i % 2 == 0) servo.append(RecordingEvent::Kind::kModel, servo.version, {});
+        servo.append(RecordingEvent::Kind::kSettings, servo.settings, {Asker::kControlViewer, teller});
+        servo.append(i % 2 == 0 ? RecordingEvent::Kind::kStop : RecordingEvent::Kind::kRearm, servo.arming,
+                     {Asker::kKey, teller});
         std::this_thread::sleep_for(std::chrono::microseconds(50));
       }
     });
@@ -222,17 +222,17 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
 class StuckWriter : public RecordingWriter {
  public:
   explicit StuckWriter(std::binary_semaphore& entered, std::binary_semaphore& let_go)
-      : entered_(entered), let_go_(let_go) {}
+      : entered_(entered), released_(let_go) {}
   Result<void> append(std::span<const TickRecord>, std::span<const RecordingEvent>) override {
     entered_.release();
-    let_go_.acquire();
+    released_.acquire();
     return {};
   }
   Result<void> finish(const RecordingSummary&) override { return {}; }
 
  private:
   std::binary_semaphore& entered_;
-  std::binary_semaphore& let_go_;
+  std::binary_semaphore& released_;
 };
 
 TEST(Recorder, AStuckDiskHoldsUpNeitherTheRingNorWhoAsks) {

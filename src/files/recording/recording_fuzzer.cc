@@ -30,19 +30,19 @@ using internal::Handle;
 // the fuzzer's input, followed by zeros
 class Input {
  public:
-  explicit Input(std::span<const std::uint8_t> bytes) : rest_(bytes) {}
-  bool empty() const { return rest_.empty(); }
+  explicit Input(std::span<const std::uint8_t> bytes) : remaining_(bytes) {}
+  bool empty() const { return remaining_.empty(); }
   std::uint64_t number(std::size_t bytes) {
     std::uint64_t value = 0;
-    const std::size_t count = std::min(bytes, rest_.size());
-    std::copy_n(rest_.begin(), count, reinterpret_cast<std::uint8_t*>(&value));
-    rest_ = rest_.subspan(count);
+    const std::size_t count = std::min(bytes, remaining_.size());
+    std::copy_n(remaining_.begin(), count, reinterpret_cast<std::uint8_t*>(&value));
+    remaining_ = remaining_.subspan(count);
     return value;
   }
-  std::span<const std::byte> rest() const { return std::as_bytes(rest_); }
+  std::span<const std::byte> remaining() const { return std::as_bytes(remaining_); }
 
  private:
-  std::span<const std::uint8_t> rest_;
+  std::span<const std::uint8_t> remaining_;
 };
 
 void must(bool condition) {
@@ -53,7 +53,7 @@ void must(bool condition) {
 void check(const Result<Recording>& read) {
   if (!read) return must(!read.error().what.empty());
   const RecordingHeader& header = read.value().header;
-  if (read.value().summary) must(read.value().summary->trouble.size() <= 1000);
+  if (read.value().summary) must(read.value().summary->problems.size() <= 1000);
   must(header.clock == "virtual" || header.clock == "real");
   must(header.devices >= 1 && header.devices <= 4 && header.rate_hz > 0 &&
        header.script_text.size() <= (16u << 20));
@@ -234,9 +234,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Input input({data, size});
   const std::uint64_t distance = input.number(1);
   if (distance < 32)
-    receive_after_head(input.rest());
+    receive_after_head(input.remaining());
   else if (distance < 128)
-    receive(input.rest());
+    receive(input.remaining());
   else if (distance < 248)
     rebuild(input);
   else

@@ -30,13 +30,13 @@ void write_recording(const std::filesystem::path& file, const RecordingHeader& h
                      std::span<const RecordingEvent> events = {}) {
   auto writer = RecordingWriter::create(file, header);
   ASSERT_TRUE(writer) << writer.error().message();
-  for (std::span<const TickRecord> rest(ticks); !rest.empty();) {
-    const auto now = rest.first(std::min(piece, rest.size()));
+  for (std::span<const TickRecord> remaining(ticks); !remaining.empty();) {
+    const auto now = remaining.first(std::min(piece, remaining.size()));
     const auto reported = events.first(internal::events_up_to(events, now.back().tick));
     events = events.subspan(reported.size());
     const auto appended = (*writer)->append(now, reported);
     ASSERT_TRUE(appended) << appended.error().message();
-    rest = rest.subspan(now.size());
+    remaining = remaining.subspan(now.size());
     piece = piece % 501 + 17;
   }
   const auto finished = (*writer)->finish(test::example_summary(ticks.size()));
@@ -234,36 +234,36 @@ TEST(RecordingSource, ReadsAsFarAsItWasOpenedAndNothingElse) {
   EXPECT_EQ(other.error().where, (folder / "run.h5").string());
 }
 
-std::vector<std::string> trouble_after_reading(const std::vector<std::string>& trouble) {
+std::vector<std::string> problems_after_reading(const std::vector<std::string>& problems) {
   const test::TemporaryFolder folder;
   auto writer = RecordingWriter::create(folder / "run.h5", test::example_header(1));
   EXPECT_TRUE(writer);
   RecordingSummary summary;
-  summary.trouble = trouble;
+  summary.problems = problems;
   EXPECT_TRUE((*writer)->finish(summary));
   const auto read = read_recording(folder / "run.h5");
   EXPECT_TRUE(read) << read.error().message();
-  return read && read->summary ? read->summary->trouble : std::vector<std::string>{"no summary"};
+  return read && read->summary ? read->summary->problems : std::vector<std::string>{"no summary"};
 }
 
 TEST(Recording, KeepsTroubleWithinBounds) {
-  EXPECT_EQ(trouble_after_reading({}), std::vector<std::string>{});
+  EXPECT_EQ(problems_after_reading({}), std::vector<std::string>{});
   // around the boundaries of a chunk (16) and up to the maximum
   for (const std::size_t count : {1u, 15u, 16u, 17u, 1000u}) {
-    std::vector<std::string> trouble;
-    for (std::size_t i = 0; i < count; ++i) trouble.push_back("step " + std::to_string(i));
-    EXPECT_EQ(trouble_after_reading(trouble), trouble);
+    std::vector<std::string> problems;
+    for (std::size_t i = 0; i < count; ++i) problems.push_back("step " + std::to_string(i));
+    EXPECT_EQ(problems_after_reading(problems), problems);
   }
-  const auto most = trouble_after_reading(std::vector<std::string>(1003, "again"));
+  const auto most = problems_after_reading(std::vector<std::string>(1003, "again"));
   ASSERT_EQ(most.size(), 1000u);
   EXPECT_EQ(most[998], "again");
   EXPECT_EQ(most[999], "and 4 more");
 
   // a long sentence is truncated between two characters, also if the limit is inside a ü
   const std::string whole(512, 'x');
-  EXPECT_EQ(trouble_after_reading({whole, whole + "x"}),
+  EXPECT_EQ(problems_after_reading({whole, whole + "x"}),
             (std::vector<std::string>{whole, std::string(509, 'x') + "..."}));
-  EXPECT_EQ(trouble_after_reading({std::string(508, 'x') + "üüü", std::string("a\0b", 3)}),
+  EXPECT_EQ(problems_after_reading({std::string(508, 'x') + "üüü", std::string("a\0b", 3)}),
             (std::vector<std::string>{std::string(508, 'x') + "...", "ab"}));
 }
 
@@ -567,15 +567,15 @@ TEST(Recording, PartsOfItAreReadWhileItIsWritten) {
   // written by another process, as for a session's recording
   const test::TemporaryFolder folder;
   const auto ticks = test::example_ticks(20'000, 1, 1000);
-  const testing::Shared<std::atomic<bool>> is_begun;
+  const testing::Shared<std::atomic<bool>> is_started;
   testing::Child recorder([&] {
     auto writer = RecordingWriter::create(folder / "run.h5", test::example_header(1, 1000));
     PALPATE_CHECK(writer && (*writer)->append(std::span(ticks).first(2000)));
-    *is_begun = true;
+    *is_started = true;
     for (std::size_t i = 2000; i < ticks.size(); i += 100)
       PALPATE_CHECK((*writer)->append(std::span(ticks).subspan(i, 100)));
   });
-  for (int ms = 0; !*is_begun && ms < 60'000; ++ms) ::usleep(1000);
+  for (int ms = 0; !*is_started && ms < 60'000; ++ms) ::usleep(1000);
   const auto source = RecordingSource::open(folder / "run.h5");
   ASSERT_TRUE(source) << source.error().message();
   const auto known = source->head().ticks;

@@ -155,24 +155,24 @@ std::string padded(const std::vector<std::string>& texts, std::size_t width) {
 
 // truncates a text at a UTF-8 character boundary if it is too long; zero bytes are removed because they would
 // terminate it
-std::string fitting(std::string text, std::size_t most) {
+std::string fitting(std::string text, std::size_t largest) {
   std::erase(text, '\0');
-  if (text.size() <= most) return text;
+  if (text.size() <= largest) return text;
   constexpr std::string_view kMore = "...";
-  std::size_t end = most - kMore.size();
+  std::size_t end = largest - kMore.size();
   while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;
   return text.substr(0, end).append(kMore);
 }
 
 // truncates the list and its sentences to the limits of a recording
-std::vector<std::string> stored_trouble(const std::vector<std::string>& trouble) {
+std::vector<std::string> stored_problems(const std::vector<std::string>& problems) {
   std::vector<std::string> stored;
-  for (const std::string& sentence : trouble) {
-    if (stored.size() + 1 == kMaxTroubles && trouble.size() > kMaxTroubles) {
-      stored.push_back("and " + std::to_string(trouble.size() - stored.size()) + " more");
+  for (const std::string& sentence : problems) {
+    if (stored.size() + 1 == kMaxProblems && problems.size() > kMaxProblems) {
+      stored.push_back("and " + std::to_string(problems.size() - stored.size()) + " more");
       break;
     }
-    stored.push_back(fitting(sentence, kTroubleBytes));
+    stored.push_back(fitting(sentence, kProblemBytes));
   }
   return stored;
 }
@@ -268,7 +268,7 @@ class Hdf5Writer : public RecordingWriter {
   int devices_;
   Handle file_;
   GrowingTable ticks_, events_{kEventChunkRows};
-  Handle trouble_;
+  Handle problems_;
   double unflushed_since_s_ = 0;  // time of the first tick not flushed yet
   bool finished_ = false;
 };
@@ -321,9 +321,9 @@ bool Hdf5Writer::write_fixed_part(const RecordingHeader& header) {
     scribe.data_set(summary.get(), name, H5T_STD_U64LE, {}, &zero);
   });
   scribe.data_set(summary.get(), "complete", H5T_STD_U8LE, {}, &zero);
-  constexpr hsize_t kTroubleChunk = 16;
-  trouble_ = scribe.growing(summary.get(), "trouble", fixed_text_type(kTroubleBytes, H5T_CSET_UTF8).get(), 1,
-                            kTroubleChunk);
+  constexpr hsize_t kProblemChunk = 16;
+  problems_ = scribe.growing(summary.get(), "trouble", fixed_text_type(kProblemBytes, H5T_CSET_UTF8).get(), 1,
+                             kProblemChunk);
 
   ticks_.add(scribe, "ticks", tick_columns());
   for (int d = 0; d < devices_; ++d)
@@ -408,10 +408,10 @@ bool Hdf5Writer::write_summary(const RecordingSummary& summary) {
   visit_summary(summary, [&](const char* name, std::uint64_t value) {
     written = written && put(name, H5T_STD_U64LE, &value);
   });
-  if (const auto sentences = stored_trouble(summary.trouble); !sentences.empty()) {
-    const Handle type = fixed_text_type(kTroubleBytes, H5T_CSET_UTF8);
+  if (const auto sentences = stored_problems(summary.problems); !sentences.empty()) {
+    const Handle type = fixed_text_type(kProblemBytes, H5T_CSET_UTF8);
     written = written &&
-              grow(trouble_, type.get(), 1, 0, sentences.size(), padded(sentences, kTroubleBytes).data());
+              grow(problems_, type.get(), 1, 0, sentences.size(), padded(sentences, kProblemBytes).data());
   }
   // the completion mark is committed after everything that it covers
   const std::uint8_t complete = 1;
@@ -439,7 +439,7 @@ void Hdf5Writer::close() {
   bytes_.seal();
   ticks_.close();
   events_.close();
-  trouble_.reset();
+  problems_.reset();
   file_.reset();
   bytes_.trim_and_sync();
 }
@@ -458,8 +458,9 @@ std::optional<Error> header_error(const RecordingHeader& header) {
 
   // texts must survive a round trip
   std::optional<Error> error;
-  const auto check = [&](const std::string& name, const std::string& text, std::size_t most) {
-    if (text.size() > most) error = bad("the " + name + " is longer than " + std::to_string(most) + " bytes");
+  const auto check = [&](const std::string& name, const std::string& text, std::size_t largest) {
+    if (text.size() > largest)
+      error = bad("the " + name + " is longer than " + std::to_string(largest) + " bytes");
     if (text.find('\0') != std::string::npos) error = bad("the " + name + " contains a zero byte");
   };
   visit_header(header, [&](const char* name, const auto& value) {

@@ -60,17 +60,17 @@ RecordingSummary receive_summary(Receiver& in) {
   visit_summary(summary, [&](const char*, std::uint64_t& value) { in.get(value); });
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMaxTroubles) in.fail("it lists too many troubles");
-  for (std::uint32_t i = 0; i < count && in.ok(); ++i) in.get(summary.trouble.emplace_back());
+  if (count > kMaxProblems) in.fail("it lists too many troubles");
+  for (std::uint32_t i = 0; i < count && in.ok(); ++i) in.get(summary.problems.emplace_back());
   return summary;
 }
 
-void receive_methods(Receiver& in, std::vector<RecordingHead::UsedMethod>& methods) {
+void receive_methods(Receiver& in, std::vector<RecordingHead::AppliedMethod>& methods) {
   std::uint32_t count = 0;
   in.get(count);
   if (count > kMaxMethods) in.fail("it lists too many methods");
   for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
-    RecordingHead::UsedMethod used;
+    RecordingHead::AppliedMethod used;
     in.get(used.method);
     in.get(used.tick);
     methods.push_back(used);
@@ -125,7 +125,7 @@ void receive_ticks(Receiver& in, int devices, std::span<TickRecord> ticks, std::
 
 bool is_sweep(const SweepRecord& sweep) {
   constexpr double kFarthest_mm = 1e6, kLargest_mm = 10;
-  const auto place = [](double mm) { return std::abs(mm) <= kFarthest_mm; };
+  const auto is_in_range = [](double mm) { return std::abs(mm) <= kFarthest_mm; };
   constexpr double kLongest_mm = 30;
   const auto along = [](double mm) { return std::abs(mm) <= kLongest_mm; };
   double distance_mm = 0;
@@ -135,9 +135,9 @@ bool is_sweep(const SweepRecord& sweep) {
   if (!std::ranges::all_of(sweep.axis_mm, along) || !(sweep.end_radius_mm <= kLargest_mm) ||
       !(is_row ? sweep.end_radius_mm > 0 : sweep.end_radius_mm == 0))
     return false;
-  return sweep.device < kMaxDevices && std::ranges::all_of(sweep.from_mm, place) &&
-         std::ranges::all_of(sweep.to_mm, place) && sweep.radius_mm > 0 && sweep.radius_mm <= kLargest_mm &&
-         distance_mm <= kLargest_mm;
+  return sweep.device < kMaxDevices && std::ranges::all_of(sweep.from_mm, is_in_range) &&
+         std::ranges::all_of(sweep.to_mm, is_in_range) && sweep.radius_mm > 0 &&
+         sweep.radius_mm <= kLargest_mm && distance_mm <= kLargest_mm;
 }
 
 // @param last_tick  in: tick of the preceding event; out: tick of the last one
@@ -157,8 +157,8 @@ void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_
 
 void send_summary(Sender& out, const RecordingSummary& summary) {
   visit_summary(summary, [&](const char*, std::uint64_t value) { out.put(value); });
-  out.put(static_cast<std::uint32_t>(summary.trouble.size()));
-  for (const std::string& sentence : summary.trouble) out.put(sentence);
+  out.put(static_cast<std::uint32_t>(summary.problems.size()));
+  for (const std::string& sentence : summary.problems) out.put(sentence);
 }
 
 }  // namespace
@@ -190,7 +190,7 @@ bool send_head(ByteTarget& target, const RecordingHead& head) {
   out.put(head.ticks);
   out.put(head.is_clock_monotonic);
   out.put(static_cast<std::uint32_t>(head.methods.size()));
-  for (const RecordingHead::UsedMethod& used : head.methods) {
+  for (const RecordingHead::AppliedMethod& used : head.methods) {
     out.put(used.method);
     out.put(used.tick);
   }
@@ -228,7 +228,7 @@ void TickProperties::write_to(RecordingHead& head) const {
 }
 
 bool TickProperties::agrees_with(const RecordingHead& head) const {
-  const auto same = [](const RecordingHead::UsedMethod& a, const RecordingHead::UsedMethod& b) {
+  const auto same = [](const RecordingHead::AppliedMethod& a, const RecordingHead::AppliedMethod& b) {
     return a.method == b.method && a.tick == b.tick;
   };
   return (clock_rises_ || !head.is_clock_monotonic) && methods_.size() <= head.methods.size() &&
@@ -251,7 +251,7 @@ Result<RecordingHead> receive_head(ByteSource& source) {
 }
 
 Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
-                           const std::function<Result<void>(const RecordingPart&)>& take,
+                           const std::function<Result<void>(const RecordingPart&)>& visit,
                            const Progress& progress) {
   Receiver in(source, kDamaged);
   std::vector<TickRecord> ticks;
@@ -275,7 +275,7 @@ Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
     for (const TickRecord& tick : ticks) properties.observe(tick.tick, tick.time_s, tick.method);
     if (!properties.agrees_with(head)) in.fail("its ticks contradict its header");
     if (!in.ok()) return in.error();
-    if (auto used = take({ticks, events}); !used) return used;
+    if (auto used = visit({ticks, events}); !used) return used;
     left -= tick_count;
   }
   return {};

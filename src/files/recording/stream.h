@@ -47,7 +47,7 @@ class TickProperties {
   bool clock_rises_ = true;
   double last_s_ = 0;
   std::array<bool, 256> touchable_{};
-  std::vector<RecordingHead::UsedMethod> methods_;
+  std::vector<RecordingHead::AppliedMethod> methods_;
 };
 
 bool send_refusal(ByteTarget& target, const Error& refusal);
@@ -57,9 +57,9 @@ bool send_events(ByteTarget& target, std::span<const RecordingEvent> events, std
 
 /// Receives the head. Errors: the sender's refusal, or a violation of the protocol; Error::where is empty.
 Result<RecordingHead> receive_head(ByteSource& source);
-/// Receives all parts after the head. `take` may stop by returning an error.
+/// Receives all parts after the head. `visit` may stop by returning an error.
 Result<void> receive_parts(ByteSource& source, const RecordingHead& head,
-                           const std::function<Result<void>(const RecordingPart&)>& take,
+                           const std::function<Result<void>(const RecordingPart&)>& visit,
                            const Progress& progress);
 /// Number of events not after this tick.
 std::size_t events_up_to(std::span<const RecordingEvent> events, std::uint64_t tick);

@@ -229,7 +229,7 @@ RecordingSummary example_summary(std::uint64_t ticks) {
         &summary.inside,           &summary.wedged,        &summary.ruptured,  &summary.passivated,
         &summary.dropped,          &summary.skipped,       &summary.turns_held})
     *count = next++;
-  summary.trouble = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
+  summary.problems = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
   return summary;
 }
 
@@ -419,11 +419,11 @@ std::string first_difference(const RecordingSummary& a, const RecordingSummary& 
   if (a.turns_held != b.turns_held) return "turns_held";
   if (a.dropped != b.dropped) return "dropped";
   if (a.skipped != b.skipped) return "skipped";
-  if (a.trouble != b.trouble) return "trouble";
+  if (a.problems != b.problems) return "trouble";
   return "";
 }
 
-void replay_step(const SinkStep& step, std::vector<std::byte>& file) {
+void replay_step(const SinkingStep& step, std::vector<std::byte>& file) {
   if (step.resize) return file.resize(step.offset);
   file.resize(std::max(file.size(), step.offset + step.bytes.size()));
   std::ranges::copy(step.bytes, file.begin() + static_cast<std::ptrdiff_t>(step.offset));
@@ -454,9 +454,9 @@ int MemorySink::resize(std::uint64_t size) {
 }
 
 Result<void> MemorySource::read(std::span<std::byte> bytes) {
-  if (rest_.size() < bytes.size()) return Error{ErrorKind::kBadInput, "ended", "", ""};
-  std::ranges::copy(rest_.first(bytes.size()), bytes.begin());
-  rest_ = rest_.subspan(bytes.size());
+  if (remaining_.size() < bytes.size()) return Error{ErrorKind::kBadInput, "ended", "", ""};
+  std::ranges::copy(remaining_.first(bytes.size()), bytes.begin());
+  remaining_ = remaining_.subspan(bytes.size());
   return {};
 }
 
@@ -469,12 +469,12 @@ Result<Recording> receive_all(internal::ByteSource& source) {
   auto head = internal::receive_head(source);
   if (!head) return head.error();
   Recording recording{head->header, {}, {}, head->summary};
-  const auto take = [&](const RecordingPart& part) -> Result<void> {
+  const auto visit = [&](const RecordingPart& part) -> Result<void> {
     recording.ticks.insert(recording.ticks.end(), part.ticks.begin(), part.ticks.end());
     recording.events.insert(recording.events.end(), part.events.begin(), part.events.end());
     return {};
   };
-  if (auto received = internal::receive_parts(source, *head, take, {}); !received) return received.error();
+  if (auto received = internal::receive_parts(source, *head, visit, {}); !received) return received.error();
   return recording;
 }
 

@@ -38,19 +38,19 @@ std::string first_difference(const RecordingHeader& a, const RecordingHeader& b)
 std::string first_difference(const RecordingSummary& a, const RecordingSummary& b);
 
 /// One write or, without bytes, one resize.
-struct SinkStep {
+struct SinkingStep {
   std::uint64_t offset = 0;
   std::vector<std::byte> bytes;
   bool resize = false;
 };
-void replay_step(const SinkStep& step, std::vector<std::byte>& file);
+void replay_step(const SinkingStep& step, std::vector<std::byte>& file);
 
 /// In-memory sink that stores every step and can run out of space.
 class MemorySink : public internal::ByteSink {
  public:
   struct Disk {
     std::vector<std::byte> file;
-    std::vector<SinkStep> steps;
+    std::vector<SinkingStep> steps;
     std::size_t fails_at = SIZE_MAX;  ///< This write and all later ones fail
   };
   explicit MemorySink(Disk& disk) : disk_(disk) {}
@@ -66,11 +66,11 @@ class MemorySink : public internal::ByteSink {
 /// Both ends of the stream between the reader's processes, in memory.
 class MemorySource : public internal::ByteSource {
  public:
-  explicit MemorySource(std::span<const std::byte> bytes) : rest_(bytes) {}
+  explicit MemorySource(std::span<const std::byte> bytes) : remaining_(bytes) {}
   Result<void> read(std::span<std::byte> bytes) override;
 
  private:
-  std::span<const std::byte> rest_;
+  std::span<const std::byte> remaining_;
 };
 class MemoryTarget : public internal::ByteTarget {
  public:

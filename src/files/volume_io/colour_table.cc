@@ -12,7 +12,7 @@ Result<std::vector<NamedLabel>> parse_colour_table(std::string_view text, const 
   std::vector<NamedLabel> labels;
   std::set<LabelId> used_labels;
   for (int number = 1; !text.empty(); ++number) {
-    const std::string_view line = trimmed(take_line(text));
+    const std::string_view line = trimmed(read_line(text));
     if (line.empty() || line.front() == '#') continue;
     const std::string where = source + ":" + std::to_string(number);
 

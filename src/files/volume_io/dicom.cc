@@ -38,8 +38,8 @@ constexpr int kDeepestFolder = 16;
 
 // Calls look(file) for each regular file in a folder or below it, until it returns true. Links that leave the
 // folder are skipped unless they are allowed; returns their number.
-template <class Look>
-std::size_t walk(const fs::path& folder, const Look& look) {
+template <class Appearance>
+std::size_t walk(const fs::path& folder, const Appearance& look) {
   std::size_t led_out = 0;
   std::error_code failed;
   fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied, failed);
@@ -167,9 +167,9 @@ bool same_values(DicomLibrary& library, const FoundFiles& found, const Image& on
 
 // Removes all but one of the copies of each image, as found in duplicated folders.
 // @param look  called before each comparison; false: the parent has gone
-template <class Look>
+template <class Appearance>
 std::size_t drop_copies(DicomLibrary& library, const FoundFiles& found, std::vector<Image>& images,
-                        const Look& look) {
+                        const Appearance& look) {
   std::map<std::string, std::vector<std::size_t>> of_uid;
   std::vector<char> is_copy(images.size());
   for (std::size_t n = 0; n < images.size(); ++n) {
@@ -217,8 +217,8 @@ std::vector<DicomFrame> frames_of(std::vector<Image> images, DicomIdentifiers& i
 
 // @param look  called with the index of the file to be read, and with the number of files when all are done;
 //              false: the parent has gone
-template <class Look>
-Result<DicomContent> look_at(DicomLibrary& library, const FoundFiles& found, const Look& look) {
+template <class Appearance>
+Result<DicomContent> inspect(DicomLibrary& library, const FoundFiles& found, const Appearance& look) {
   std::vector<Image> images;
   std::size_t others = 0, pictureless = 0;
   Counts kinds, damages;
@@ -333,7 +333,7 @@ template <class Value>
 void send_values(std::span<const std::int64_t> values, const DicomFrame& frame, VoxelSink& sink) {
   for (std::size_t first = 0; first < values.size();) {
     const std::size_t count = std::min(values.size() - first, kPieceValues);
-    const auto room = sink.room().first(count * sizeof(Value));
+    const auto buffer = sink.buffer().first(count * sizeof(Value));
     for (std::size_t n = 0; n < count; ++n) {
       const std::int64_t stored = values[first + n];
       Value value;
@@ -343,9 +343,9 @@ void send_values(std::span<const std::int64_t> values, const DicomFrame& frame, 
                     : static_cast<Value>(frame.slope * static_cast<double>(stored) + frame.intercept);
       else
         value = static_cast<Value>(stored);
-      std::memcpy(room.data() + n * sizeof(Value), &value, sizeof value);
+      std::memcpy(buffer.data() + n * sizeof(Value), &value, sizeof value);
     }
-    sink.put(room.size());
+    sink.commit(buffer.size());
     first += count;
   }
 }
@@ -380,9 +380,9 @@ Result<void> send_slices(DicomLibrary& library, const DicomVolume& volume, const
   return {};
 }
 
-Result<DicomContent> look_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found) {
+Result<DicomContent> find_content(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found) {
   library.begin_reading();
-  return look_at(library, found, [&](std::size_t begun) {
+  return inspect(library, found, [&](std::size_t begun) {
     const auto number = static_cast<std::uint32_t>(begun);
     return parent.write(std::as_bytes(std::span(&number, 1)));
   });
@@ -393,7 +393,7 @@ Result<DicomContent> look_for(DicomLibrary& library, reader::ParentEnd& parent, 
 // a parsed segmentation
 struct Segments {
   std::vector<fs::path> files;  // indexed by DicomFrame::file
-  DicomSegmentation stated;
+  DicomSegmentation declared;
   SegmentGrid grid;
   std::vector<std::vector<std::size_t>> frames_at;  // frame indices, by slice
   std::vector<int> layer_of_number;                 // indexed by segment number
@@ -464,9 +464,9 @@ class SegmentPixels {
 };
 
 // @param look  called before each slice; false: the parent has gone
-template <class Look>
-Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const Look& look) {
-  const DicomSegmentation& segmentation = segments.stated;
+template <class Appearance>
+Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const Appearance& look) {
+  const DicomSegmentation& segmentation = segments.declared;
   std::vector<int> index_of_number(kNumbers, -1);
   for (std::size_t n = 0; n < segmentation.segments.size(); ++n)
     index_of_number[static_cast<std::size_t>(segmentation.segments[n].number)] = static_cast<int>(n);
@@ -503,21 +503,21 @@ Result<DicomSegmentation> read_segmentation_file(DicomLibrary& library, const fs
   std::string front(kKindBytes, '\0');
   const auto received = opened->read_at(0, std::as_writable_bytes(std::span(front)));
   front.resize(received ? *received : 0);
-  auto stated = library.read_segmentation(opened->name_for_libraries(), dicom_transfer_syntax(front));
-  if (!stated) return stated.error();
-  std::erase_if(stated->segments, [](const DicomSegment& segment) { return is_background(segment); });
+  auto declared = library.read_segmentation(opened->name_for_libraries(), dicom_transfer_syntax(front));
+  if (!declared) return declared.error();
+  std::erase_if(declared->segments, [](const DicomSegment& segment) { return is_background(segment); });
   std::set<int> numbers;
-  for (const DicomSegment& segment : stated->segments)
+  for (const DicomSegment& segment : declared->segments)
     if (segment.number < 1 || segment.number >= static_cast<int>(kNumbers) ||
         !numbers.insert(segment.number).second)
       return bad_input("", "has a SegmentNumber (0062,0004) that is 0 or repeated", "export it again");
-  return stated;
+  return declared;
 }
 
 // @param look  called regularly; false: the parent has gone
-template <class Look>
-Result<Segments> look_at_segments(DicomLibrary& library, const std::vector<fs::path>& files,
-                                  const fs::path& named, const Look& look) {
+template <class Appearance>
+Result<Segments> inspect_segments(DicomLibrary& library, const std::vector<fs::path>& files,
+                                  const fs::path& named, const Appearance& look) {
   library.begin_reading();
   Segments segments;
   segments.files = files;
@@ -530,8 +530,8 @@ Result<Segments> look_at_segments(DicomLibrary& library, const std::vector<fs::p
     series.insert(part->series_uid);
     parts.push_back(*std::move(part));
   }
-  segments.stated = join_segmentations(std::move(parts));
-  const DicomSegmentation& segmentation = segments.stated;
+  segments.declared = join_segmentations(std::move(parts));
+  const DicomSegmentation& segmentation = segments.declared;
   if (std::ranges::any_of(segmentation.segments,
                           [](const auto& segment) { return segment.number >= static_cast<int>(kNumbers); }))
     return bad_input("", "has more segments than label numbers", "read fewer of its files at a time");
@@ -579,9 +579,9 @@ Result<void> send_segments(DicomLibrary& library, const Segments& segments, Voxe
         return segments.layer_of_number[static_cast<std::size_t>(segment)] == layer;
       };
       // 0: a label map, whose labels may be in different layers
-      const int only = segments.stated.segment_of_frame[n];
+      const int only = segments.declared.segment_of_frame[n];
       if (only != 0 && !in_layer(only)) continue;
-      const auto read = pixels->read(segments.stated, n, [&](std::size_t v, int segment) {
+      const auto read = pixels->read(segments.declared, n, [&](std::size_t v, int segment) {
         if (in_layer(segment)) take(v, segment);
       });
       if (!read) return read;
@@ -595,7 +595,7 @@ Result<void> send_segments(DicomLibrary& library, const Segments& segments, Voxe
 
 // contours rasterised on the grid of a scan
 struct Structures {
-  std::vector<DicomStructure> stated;  // the structures with closed contours, which have moved to `planes`
+  std::vector<DicomStructure> declared;  // the structures with closed contours, which have moved to `planes`
   std::vector<StructurePlanes> planes;
   std::vector<int> layers;
   VolumeFile file;
@@ -616,7 +616,7 @@ void note_structures(const Structures& structures, const std::vector<std::string
   std::size_t bridged = 0;
   std::vector<std::string> with_gaps;
   for (std::size_t n = 0; n < structures.planes.size(); ++n) {
-    const std::string name = name_of_segment(structures.stated[n].segment);
+    const std::string name = name_of_segment(structures.declared[n].segment);
     if (structures.planes[n].bridged() > 0) with_gaps.push_back(name);
     bridged += structures.planes[n].bridged();
     if (voxels[n] == 0)
@@ -640,20 +640,20 @@ void note_structures(const Structures& structures, const std::vector<std::string
 }
 
 // @param look  called regularly; false: the parent has gone
-template <class Look>
-Result<Structures> look_at_structures(DicomLibrary& library, const fs::path& named, const GridGeometry& grid,
-                                      const Look& look) {
+template <class Appearance>
+Result<Structures> inspect_structures(DicomLibrary& library, const fs::path& named, const GridGeometry& grid,
+                                      const Appearance& look) {
   library.begin_reading();
   Structures structures;
   std::vector<std::string> without_contours;
   std::size_t left_out = 0;
   const auto opened = InputFile::open(named);
   if (!opened) return opened.error();
-  auto stated = library.read_structures(opened->name_for_libraries());
-  if (!stated) return stated.error();
-  if (stated->size() >= kNumbers)
+  auto declared = library.read_structures(opened->name_for_libraries());
+  if (!declared) return declared.error();
+  if (declared->size() >= kNumbers)
     return bad_input("", "has more structures than label numbers", "export fewer of them");
-  for (DicomStructure& structure : *stated) {
+  for (DicomStructure& structure : *declared) {
     left_out += structure.left_out;
     if (structure.contours.empty()) {
       without_contours.push_back(name_of_segment(structure.segment));
@@ -664,7 +664,7 @@ Result<Structures> look_at_structures(DicomLibrary& library, const fs::path& nam
     if (!planes) return planes.error();
     structures.planes.push_back(*std::move(planes));
     structure.contours.clear();
-    structures.stated.push_back(std::move(structure));
+    structures.declared.push_back(std::move(structure));
   }
 
   std::vector<std::uint64_t> voxels(structures.planes.size());
@@ -681,10 +681,10 @@ Result<Structures> look_at_structures(DicomLibrary& library, const fs::path& nam
   structures.file = labels_in_slices(grid, named);
   structures.layers = assign_layers(structures.planes.size(), *meetings, structures.file);
   note_structures(structures, without_contours, left_out, voxels, structures.file);
-  for (std::size_t n = 0; n < structures.stated.size(); ++n)
-    put_segment(structures.file, n, name_of_segment(structures.stated[n].segment),
-                structures.stated[n].segment.number, structures.layers[n],
-                colour_of_structure(structures.stated[n]));
+  for (std::size_t n = 0; n < structures.declared.size(); ++n)
+    put_segment(structures.file, n, name_of_segment(structures.declared[n].segment),
+                structures.declared[n].segment.number, structures.layers[n],
+                colour_of_structure(structures.declared[n]));
   return structures;
 }
 
@@ -692,8 +692,8 @@ Result<void> send_structures(const Structures& structures, VoxelSink& sink) {
   const auto read_slice = [&](int layer, std::size_t k, const auto& take) -> Result<void> {
     for (std::size_t n = 0; n < structures.planes.size(); ++n)
       if (structures.layers[n] == layer)
-        structures.planes[n].read_slice(static_cast<int>(k),
-                                        [&](std::size_t v) { take(v, structures.stated[n].segment.number); });
+        structures.planes[n].read_slice(
+            static_cast<int>(k), [&](std::size_t v) { take(v, structures.declared[n].segment.number); });
     return {};
   };
   return send_layers(structures.file.header, read_slice, sink);
@@ -701,29 +701,29 @@ Result<void> send_structures(const Structures& structures, VoxelSink& sink) {
 
 bool read_structures_for(DicomLibrary& library, reader::ParentEnd& parent, const fs::path& named,
                          const GridGeometry& grid) {
-  const auto structures = look_at_structures(library, named, grid, sign_of_life(parent));
+  const auto structures = inspect_structures(library, named, grid, sign_of_life(parent));
   return read_labels_for(parent, named, structures,
                          [&](VoxelSink& sink) { return send_structures(*structures, sink); });
 }
 
 bool read_segments_for(DicomLibrary& library, reader::ParentEnd& parent, const std::vector<fs::path>& files,
                        const fs::path& named) {
-  const auto segments = look_at_segments(library, files, named, sign_of_life(parent));
+  const auto segments = inspect_segments(library, files, named, sign_of_life(parent));
   return read_labels_for(parent, named, segments,
                          [&](VoxelSink& sink) { return send_segments(library, *segments, sink); });
 }
 
 bool read_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
                     const fs::path& named, std::optional<int> number) {
-  const auto content = look_for(library, parent, found);
+  const auto content = find_content(library, parent, found);
   if (!content) return send_end(parent, content.error());
   const auto chosen = choose_volume(content->volumes, number);
   if (!chosen) return send_end(parent, chosen.error());
   if (!send_end(parent, {})) return false;
   const DicomVolume& volume = content->volumes[*chosen];
-  std::vector<std::string> stated = content->notes;
-  stated.insert(stated.end(), volume.notes.begin(), volume.notes.end());
-  const VolumeFile file = volume_of(volume, named, std::move(stated));
+  std::vector<std::string> declared = content->notes;
+  declared.insert(declared.end(), volume.notes.begin(), volume.notes.end());
+  const VolumeFile file = volume_of(volume, named, std::move(declared));
   if (!send_volume(parent, file, {&named, 1})) return false;
   while (parent.wait_for_grant()) {
     VoxelSlots slots(parent);
@@ -738,7 +738,7 @@ bool read_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const Foun
 constexpr std::size_t kMaxListed = 2000;
 
 bool list_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found) {
-  const auto content = look_for(library, parent, found);
+  const auto content = find_content(library, parent, found);
   if (!content) return send_end(parent, content.error());
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
@@ -766,7 +766,7 @@ bool list_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const Foun
 bool match_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
                      const fs::path& segmentation, const std::vector<fs::path>& files, bool one_series,
                      std::optional<int> number) {
-  const auto content = look_for(library, parent, found);
+  const auto content = find_content(library, parent, found);
   if (!content) return send_end(parent, content.error());
   const auto refused = [&](Error error, const fs::path& file) {
     error.where = file.string();
@@ -796,7 +796,7 @@ bool match_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const Fou
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
   out.put(static_cast<std::uint32_t>(chosen->index + 1));
-  out.put(static_cast<std::uint32_t>(chosen->is_stated));
+  out.put(static_cast<std::uint32_t>(chosen->is_declared));
   out.put(static_cast<std::uint32_t>(chosen->notes.size()));
   for (const std::string& note : chosen->notes) out.put(note);
   return out.ok();
@@ -832,14 +832,14 @@ Result<void> wait_for_files(reader::ReaderProcess& process, const FoundFiles& fo
   std::size_t begun = 0;
   while (true) {
     std::uint32_t number = 0;
-    if (auto stated = process.read(std::as_writable_bytes(std::span(&number, 1))); !stated) {
+    if (auto declared = process.read(std::as_writable_bytes(std::span(&number, 1))); !declared) {
       // the file being read can only be identified by its path
       if (begun < found.files.size() && found.files.size() > 1) {
-        Error error = about(stated.error(), {&found.files[begun], 1});
+        Error error = about(declared.error(), {&found.files[begun], 1});
         if (error.kind == ErrorKind::kBadInput) error.remedy += ", or take it out of the folder";
         return error;
       }
-      return about(stated.error(), named);
+      return about(declared.error(), named);
     }
     if (number == kEnd) return receive_end(process, named);
     begun = std::min<std::size_t>(number, found.files.size());
@@ -855,17 +855,18 @@ Error at(const fs::path& file, const Error& error) {
 constexpr std::size_t kMaxParts = 16, kMaxPart = 255;
 
 // Path of a file that a DICOMDIR references; nullopt if it would leave the folder.
-std::optional<fs::path> place_of(const fs::path& folder, const std::vector<std::string>& parts, bool lower) {
-  fs::path place = folder;
+std::optional<fs::path> path_of_part(const fs::path& folder, const std::vector<std::string>& parts,
+                                     bool lower) {
+  fs::path directory = folder;
   if (parts.empty() || parts.size() > kMaxParts) return std::nullopt;
   for (const std::string& part : parts) {
     if (part.empty() || part.size() > kMaxPart || part == "." || part == ".." ||
         part.find('/') != std::string::npos || part.find('\\') != std::string::npos ||
         part.find('\0') != std::string::npos)
       return std::nullopt;
-    place /= lower ? lower_case(part) : part;
+    directory /= lower ? lower_case(part) : part;
   }
-  return place;
+  return directory;
 }
 
 Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& progress) {
@@ -910,20 +911,20 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
     std::vector<std::string> parts(length);
     for (std::string& part : parts) in.get(part, kMaxPart + 1);
     if (!in.ok()) break;
-    auto place = place_of(folder, parts, false);
-    if (!place)
+    auto target_path = path_of_part(folder, parts, false);
+    if (!target_path)
       return bad_input(directory.string(),
                        "names a file that is not in its folder (ReferencedFileID (0004,1500))",
                        "give its folder: all DICOM files in it are found without the DICOMDIR");
     // some discs are mounted with lower-case names
     std::error_code ignored;
-    if (!fs::is_regular_file(*place, ignored)) place = place_of(folder, parts, true);
-    if (!fs::is_regular_file(*place, ignored)) {
+    if (!fs::is_regular_file(*target_path, ignored)) target_path = path_of_part(folder, parts, true);
+    if (!fs::is_regular_file(*target_path, ignored)) {
       ++missing;
       continue;
     }
-    if (auto stays = check_stays_in(folder, *place); !stays) return stays.error();
-    files.insert(*place);
+    if (auto stays = check_stays_in(folder, *target_path); !stays) return stays.error();
+    files.insert(*target_path);
   }
   if (!in.ok()) return about(in.error(), named);
   found.files.assign(files.begin(), files.end());
@@ -938,7 +939,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
 
 bool send_identity(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
                    std::optional<int> number) {
-  const auto content = look_for(library, parent, found);
+  const auto content = find_content(library, parent, found);
   if (!content) return send_end(parent, content.error());
   const auto chosen = choose_volume(content->volumes, number);
   if (!chosen) return send_end(parent, chosen.error());
@@ -1073,11 +1074,11 @@ std::vector<fs::path> dicom_segmentation_files(const fs::path& file) {
     return is_segmentation(file) ? std::vector<fs::path>{file} : std::vector<fs::path>{};
   std::vector<fs::path> files;
   bool images = false;
-  std::size_t looked_at = 0;
+  std::size_t inspected = 0;
   walk(file, [&](const fs::path& inside) {
     images = is_dicom_image(inside);
     if (is_segmentation(inside)) files.push_back(inside);
-    return images || ++looked_at == kMaxDicomFiles;
+    return images || ++inspected == kMaxDicomFiles;
   });
   if (images) return {};
   std::ranges::sort(files);
@@ -1125,11 +1126,11 @@ bool is_dicom(const std::filesystem::path& file) {
   std::error_code ignored;
   if (fs::is_regular_file(file, ignored)) return is_dicom_image(file) || is_dicom_directory(file);
   if (!fs::is_directory(file, ignored)) return false;
-  std::size_t looked_at = 0;
+  std::size_t inspected = 0;
   bool found = false;
   walk(file, [&](const fs::path& inside) {
     found = is_dicom_image(inside);
-    return found || ++looked_at == kMaxDicomFiles;
+    return found || ++inspected == kMaxDicomFiles;
   });
   return found;
 }
@@ -1185,9 +1186,9 @@ Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   named.insert(named.end(), files.begin(), files.end());
   if (auto result = wait_for_files(**process, *found, named, progress); !result) return result.error();
   reader::Receiver in(**process, "is damaged: ");
-  std::uint32_t number = 0, is_stated = 0, notes = 0;
+  std::uint32_t number = 0, is_declared = 0, notes = 0;
   in.get(number);
-  in.get(is_stated);
+  in.get(is_declared);
   in.get(notes);
   constexpr std::uint32_t kMaxNumber = 100'000, kMaxStudyNotes = 10;
   if (number < 1 || number > kMaxNumber || notes > kMaxStudyNotes) return nonsense(named);
@@ -1197,7 +1198,7 @@ Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   }
   if (!in.ok()) return about(in.error(), named);
   study.volume = static_cast<int>(number);
-  study.is_stated = is_stated == 1;
+  study.is_declared = is_declared == 1;
   return study;
 }
 
@@ -1237,7 +1238,7 @@ Result<Study> find_study(const std::filesystem::path& scan,
   }
   if (label_files(*study.labels).empty()) return study;
   if (images) return matched(std::move(study), !labels, progress);
-  study.is_stated = false;
+  study.is_declared = false;
   study.notes.push_back(study.labels->string() + " states the images it was made on, but " + scan.string() +
                         " does not identify itself: whether they belong together was not checked");
   return study;
@@ -1309,9 +1310,9 @@ bool says_nothing_is_burnt_in(const DicomIdentifier& identifier) {
   return identifier.what.starts_with("BurnedInAnnotation") && identifier.value == "NO";
 }
 
-void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_stated, IdentifierRows& all) {
+void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_declared, IdentifierRows& all) {
   ++all.files;
-  all.burnt_in_unsaid += !picture_stated;
+  all.burnt_in_unsaid += !picture_declared;
   std::set<IdentifierRows::Key> in_file;
   for (const DicomIdentifier& one : found) {
     if (says_nothing_is_burnt_in(one)) continue;
@@ -1347,10 +1348,10 @@ bool send_identifiers(DicomLibrary& library, reader::ParentEnd& parent, const Fo
       continue;
     }
     const bool image = kind->dicom_image;
-    bool stated = !image;
+    bool declared = !image;
     for (const DicomIdentifier& one : *identifiers)
-      stated = stated || one.what.starts_with("BurnedInAnnotation");
-    put_identifiers(*identifiers, stated, all);
+      declared = declared || one.what.starts_with("BurnedInAnnotation");
+    put_identifiers(*identifiers, declared, all);
   }
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);

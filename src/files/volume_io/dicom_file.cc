@@ -112,13 +112,13 @@ std::string in_words(const DcmTagKey& key) {
 // Attribute lookup of a frame: per-frame functional groups, shared functional groups, data set.
 class Attributes {
  public:
-  Attributes(DcmItem* own, DcmItem* shared, DcmItem& root) : places_{own, shared}, root_(root) {}
+  Attributes(DcmItem* own, DcmItem* shared, DcmItem& root) : items_{own, shared}, root_(root) {}
 
   // item that contains an attribute: the functional group or, as in single-frame files, the data set
   DcmItem& in(const DcmTagKey& group, const DcmTagKey& tag) const {
-    for (DcmItem* place : places_) {
+    for (DcmItem* dcm_item : items_) {
       DcmItem* item = nullptr;
-      if (place && place->findAndGetSequenceItem(group, item).good() && item && item->tagExists(tag))
+      if (dcm_item && dcm_item->findAndGetSequenceItem(group, item).good() && item && item->tagExists(tag))
         return *item;
     }
     return root_;
@@ -128,7 +128,7 @@ class Attributes {
   }
 
  private:
-  std::array<DcmItem*, 2> places_;
+  std::array<DcmItem*, 2> items_;
   DcmItem& root_;
 };
 
@@ -256,7 +256,7 @@ std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, cons
 }
 
 // reads position, orientation and spacing; returns a fault if they are missing or invalid
-std::optional<Fault> read_place(const Attributes& attributes, bool several, DicomFrame& frame) {
+std::optional<Fault> read_position(const Attributes& attributes, bool several, DicomFrame& frame) {
   const auto lacks = [&](const DcmTagKey& tag) {
     return Fault{"lacks " + in_words(tag) + (several ? " for each frame" : "") +
                      ", so its orientation in the patient is unknown",
@@ -333,10 +333,10 @@ std::optional<Fault> read_number(const Attributes& attributes, const DcmTagKey& 
   DcmItem& item = attributes.in(DCM_PixelValueTransformationSequence, tag);
   if (text_of(item, tag).empty()) return std::nullopt;
   constexpr double kMost = 1e30;  // leaves some margin to a float's range
-  const auto stated = number_of(item, tag);
-  if (!stated || std::abs(*stated) > kMost)
+  const auto declared = number_of(item, tag);
+  if (!declared || std::abs(*declared) > kMost)
     return Fault{"has a " + in_words(tag) + " that is not a number", kExport};
-  number = *stated;
+  number = *declared;
   return std::nullopt;
 }
 
@@ -446,8 +446,7 @@ std::string in_words(Loaded loaded, const std::string& kind) {
 }
 
 // checks that the pixel data are present and complete, as far as possible without decoding
-std::optional<Fault> look_for_pixels(DcmItem& root, const DicomFrame& frame, std::size_t frames,
-                                     Loaded loaded) {
+std::optional<Fault> find_pixels(DcmItem& root, const DicomFrame& frame, std::size_t frames, Loaded loaded) {
   constexpr const char* kCopy = "copy the series again";
   if (loaded == Loaded::kCutShort) return Fault{"has its PixelData (7FE0,0010) cut short", kCopy};
   if (loaded == Loaded::kDamaged) return Fault{"is damaged before its PixelData (7FE0,0010) ends", kCopy};
@@ -514,12 +513,12 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
 
   const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
              shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
-  const double stated = number_of(root, DCM_NumberOfFrames).value_or(1);
+  const double declared = number_of(root, DCM_NumberOfFrames).value_or(1);
   constexpr double kMaxFrames = 100'000;
-  const bool countable = stated >= 1 && stated <= kMaxFrames;
-  std::size_t count = countable ? static_cast<std::size_t>(stated) : 1;
+  const bool countable = declared >= 1 && declared <= kMaxFrames;
+  std::size_t count = countable ? static_cast<std::size_t>(declared) : 1;
   if (!countable && !fault) fault = Fault{"has an invalid NumberOfFrames (0028,0008)", kExport};
-  if (auto pixels = look_for_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
+  if (auto pixels = find_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
   // limits memory for a frame count without matching pixel data
   if (fault) count = std::min(count, std::max<std::size_t>(own.size(), 1));
   if (!fault) all.lossy = is_lossy(root, root.getOriginalXfer());
@@ -532,7 +531,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
     frame.frame = static_cast<std::uint32_t>(n);
     const Attributes attributes(n < own.size() ? own[n] : nullptr, shared.empty() ? nullptr : shared.front(),
                                 root);
-    auto wrong = read_place(attributes, several, frame);
+    auto wrong = read_position(attributes, several, frame);
     // several frames need individual positions
     if (several && n >= own.size()) {
       frame.placed = false;
@@ -655,13 +654,13 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
   const auto own = items_of(root, DCM_PerFrameFunctionalGroupsSequence),
              shared = items_of(root, DCM_SharedFunctionalGroupsSequence);
   // the frame count must match the items, so that it cannot demand memory by itself
-  const double stated = number_of(root, DCM_NumberOfFrames).value_or(0);
-  if (stated < 1 || stated != static_cast<double>(own.size()))
+  const double declared = number_of(root, DCM_NumberOfFrames).value_or(0);
+  if (declared < 1 || declared != static_cast<double>(own.size()))
     return refused({"has " + std::to_string(own.size()) +
                         " items of PerFrameFunctionalGroupsSequence (5200,9230) but a different "
                         "NumberOfFrames (0028,0008)",
                     kExport});
-  if (auto fault = look_for_pixels(root, all, own.size(), loaded)) return refused(*fault);
+  if (auto fault = find_pixels(root, all, own.size(), loaded)) return refused(*fault);
   for (DcmItem* item : items_of(root, DCM_SegmentSequence)) {
     segmentation.segments.push_back(segment_of(*item, text_of(root, DCM_SpecificCharacterSet)));
     DicomSegment& segment = segmentation.segments.back();
@@ -671,7 +670,7 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
     DicomFrame frame = all;
     frame.frame = static_cast<std::uint32_t>(n);
     const Attributes attributes(own[n], shared.empty() ? nullptr : shared.front(), root);
-    if (auto wrong = read_place(attributes, true, frame)) {
+    if (auto wrong = read_position(attributes, true, frame)) {
       frame.fault = wrong->what;
       frame.remedy = wrong->remedy;
     }
@@ -723,8 +722,9 @@ std::optional<std::vector<double>> long_numbers_of(DcmItem& item, const DcmTagKe
 // points of a contour, without a repetition of the first at the end; nullopt if they are invalid
 std::optional<std::vector<Eigen::Vector3d>> points_of(DcmItem& contour) {
   const auto numbers = long_numbers_of(contour, DCM_ContourData);
-  const auto stated = number_of(contour, DCM_NumberOfContourPoints);
-  if (!numbers || numbers->size() % 3 != 0 || (stated && *stated != static_cast<double>(numbers->size() / 3)))
+  const auto declared = number_of(contour, DCM_NumberOfContourPoints);
+  if (!numbers || numbers->size() % 3 != 0 ||
+      (declared && *declared != static_cast<double>(numbers->size() / 3)))
     return std::nullopt;
   std::vector<Eigen::Vector3d> points;
   for (std::size_t n = 0; n < numbers->size(); n += 3) points.emplace_back(numbers->data() + n);
@@ -801,8 +801,8 @@ Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::pa
 // ---- referenced images ----------------------------------------------------------------------------
 
 // calls look for each item of a sequence
-template <class Look>
-void for_each_item(DcmItem& item, const DcmTagKey& sequence, const Look& look) {
+template <class Appearance>
+void for_each_item(DcmItem& item, const DcmTagKey& sequence, const Appearance& look) {
   for (DcmItem* each : items_of(item, sequence)) look(*each);
 }
 
@@ -907,10 +907,10 @@ void FilePixels::find_fragments() {
   std::uint64_t begins = 0;
   std::size_t next = 0;  // byte offset in the table
   for (std::size_t n = 1; n < fragments_.size(); ++n) {
-    std::uint64_t stated = 0;
+    std::uint64_t declared = 0;
     for (std::size_t byte = 4; !one_each && next + 4 <= table.size() && byte-- > 0;)
-      stated = stated << 8 | table[next + byte];
-    if (one_each || (next + 4 <= table.size() && stated == begins)) {
+      declared = declared << 8 | table[next + byte];
+    if (one_each || (next + 4 <= table.size() && declared == begins)) {
       first_of_frame_.push_back(n);
       next += 4;
     }
@@ -940,7 +940,7 @@ constexpr const char* kOtherPixels = "has PixelData (7FE0,0010) that contradicts
 constexpr const char* kCopyAgain = "copy the series again";
 
 // true if the compressed image matches the attributes of the data set
-bool is_as_stated(const Jpeg2000Header& packed, const DicomFrame& frame) {
+bool is_as_declared(const Jpeg2000Header& packed, const DicomFrame& frame) {
   if (packed.components != 1 || packed.subsampled ||
       packed.columns != static_cast<std::uint32_t>(frame.columns) ||
       packed.rows != static_cast<std::uint32_t>(frame.rows))
@@ -959,7 +959,7 @@ Result<void> FilePixels::unpack_wavelets(const DicomFrame& frame) {
   if (header->high_throughput)
     return bad_input("", std::string("is compressed as ") + kHighThroughput + ", which is not read",
                      kDecompress);
-  if (!is_as_stated(*header, frame)) return bad_input("", kOtherPixels, kSlicer);
+  if (!is_as_declared(*header, frame)) return bad_input("", kOtherPixels, kSlicer);
   // each tile takes memory, however small it is
   constexpr std::uint64_t kMaxTiles = 4096;
   if (header->tiles > kMaxTiles)

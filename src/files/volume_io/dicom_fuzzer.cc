@@ -43,7 +43,7 @@ class NamedBytes {
 };
 
 // the same bytes as a structure set on some grid, and their references
-void look_at_structures(const std::string& name) {
+void inspect_structures(const std::string& name) {
   if (const auto reference = library().read_reference(name); !reference)
     must(!reference.error().what.empty());
   const auto structures = library().read_structures(name);
@@ -66,17 +66,17 @@ void look_at_structures(const std::string& name) {
 }
 
 // the same bytes as a segmentation
-void look_at_segmentation(const std::string& name, const std::string& syntax) {
-  const auto stated = library().read_segmentation(name, syntax);
-  if (!stated) return must(!stated.error().what.empty());
-  must(stated->frames.size() == stated->segment_of_frame.size());
-  for (const DicomSegment& segment : stated->segments) must(!name_of_segment(segment).empty());
-  const auto grid = lay_segments(*stated);
+void inspect_segmentation(const std::string& name, const std::string& syntax) {
+  const auto declared = library().read_segmentation(name, syntax);
+  if (!declared) return must(!declared.error().what.empty());
+  must(declared->frames.size() == declared->segment_of_frame.size());
+  for (const DicomSegment& segment : declared->segments) must(!name_of_segment(segment).empty());
+  const auto grid = lay_segments(*declared);
   if (!grid) return must(!grid.error().what.empty());
-  must(grid->geometry.min_spacing_mm() > 0 && grid->slice_of_frame.size() == stated->frames.size());
+  must(grid->geometry.min_spacing_mm() > 0 && grid->slice_of_frame.size() == declared->frames.size());
   for (const int slice : grid->slice_of_frame) must(slice >= 0 && slice < grid->geometry.dims[2]);
   auto pixels = library().open_pixels(name);
-  const DicomFrame& frame = stated->frames.back();
+  const DicomFrame& frame = declared->frames.back();
   const auto count = static_cast<std::size_t>(frame.rows) * static_cast<std::size_t>(frame.columns);
   if (!pixels || count > std::size_t{1} << 16) return;
   std::vector<std::int64_t> values(count);
@@ -100,8 +100,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       must(static_cast<std::size_t>(one.kind) < kIdentifierKinds && !one.what.empty());
   if (const auto files = library().read_directory(bytes.name())) must(!files->empty());
   const std::string front(reinterpret_cast<const char*>(data), std::min(size, kKindBytes));
-  look_at_segmentation(bytes.name(), dicom_transfer_syntax(front));
-  look_at_structures(bytes.name());
+  inspect_segmentation(bytes.name(), dicom_transfer_syntax(front));
+  inspect_structures(bytes.name());
   const auto file = library().read_file(bytes.name(), dicom_transfer_syntax(front));
   if (!file) {
     must(!file.error().what.empty());

@@ -206,8 +206,8 @@ class Collector {
   static bool is_pixels(DcmElement& element) { return element.getTag() == DCM_PixelData; }
   static std::string name_of(DcmElement& element) {
     DcmTag tag(element.getTag());
-    const std::string place = tag.getXTag().toString().c_str();
-    return (tag.getGroup() % 2 == 1 ? std::string("private") : std::string(tag.getTagName())) + " " + place;
+    const std::string context = tag.getXTag().toString().c_str();
+    return (tag.getGroup() % 2 == 1 ? std::string("private") : std::string(tag.getTagName())) + " " + context;
   }
 };
 

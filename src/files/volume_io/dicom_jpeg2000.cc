@@ -35,10 +35,10 @@ OPJ_OFF_T skip_packed(OPJ_OFF_T bytes, void* user) {
   return static_cast<OPJ_OFF_T>(count);
 }
 
-OPJ_BOOL seek_packed(OPJ_OFF_T place, void* user) {
+OPJ_BOOL seek_packed(OPJ_OFF_T offset, void* user) {
   auto& source = *static_cast<PackedSource*>(user);
-  if (place < 0 || static_cast<std::size_t>(place) > source.bytes.size()) return OPJ_FALSE;
-  source.at = static_cast<std::size_t>(place);
+  if (offset < 0 || static_cast<std::size_t>(offset) > source.bytes.size()) return OPJ_FALSE;
+  source.at = static_cast<std::size_t>(offset);
   return OPJ_TRUE;
 }
 

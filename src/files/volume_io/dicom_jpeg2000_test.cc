@@ -155,8 +155,8 @@ TEST(DicomJpeg2000, AnyBytesAreUnpackedOrRefused) {
     const Jpeg2000Coding coding{n % 2 ? 8 : 12, n % 3 == 0, n % 5 == 0, n % 7 == 0 ? 16 : 0};
     Codestream packed = test::pack_jpeg2000(kRows, kColumns, samples_of(coding, random), coding);
     for (unsigned flips = 1 + random() % 4; flips > 0; --flips) {
-      const std::size_t most = random() % 2 ? packed.size() : 120;
-      packed[random() % most] ^= static_cast<std::uint8_t>(1u << (random() % 8));
+      const std::size_t largest = random() % 2 ? packed.size() : 120;
+      packed[random() % largest] ^= static_cast<std::uint8_t>(1u << (random() % 8));
     }
     accepted += unpacked(packed, word_bytes_of(coding.bits)).has_value();
   }

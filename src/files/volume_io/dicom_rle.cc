@@ -22,7 +22,7 @@ std::array<std::uint32_t, kRleNumbers> numbers_of_header(RleBytes packed) {
 // A byte that pads an odd length is ignored.
 template <class Put>
 bool unpack_segment(RleBytes segment, std::size_t count, const Put& put) {
-  const std::size_t most = count + count % 2;
+  const std::size_t largest = count + count % 2;
   std::size_t in = 0, out = 0;
   while (out < count) {
     if (in == segment.size()) return false;
@@ -31,7 +31,7 @@ bool unpack_segment(RleBytes segment, std::size_t count, const Put& put) {
     if (control == kNothing) continue;
     const bool repeated = control > kNothing;
     const std::size_t run = repeated ? 257 - control : control + 1, taken = repeated ? 1 : run;
-    if (run > most - out || taken > segment.size() - in) return false;
+    if (run > largest - out || taken > segment.size() - in) return false;
     for (std::size_t n = 0; n < run && out < count; ++n) put(out++, segment[in + (repeated ? 0 : n)]);
     in += taken;
   }

@@ -40,7 +40,7 @@ PlainBytes pack_bits(const PlainBytes& plain, Random& random) {
   return packed;
 }
 
-void put_number(PlainBytes& bytes, std::size_t index, std::size_t number) {
+void append_number(PlainBytes& bytes, std::size_t index, std::size_t number) {
   for (std::size_t byte = 0; byte < 4; ++byte)
     bytes[4 * index + byte] = static_cast<std::uint8_t>(number >> (8 * byte));
 }
@@ -49,9 +49,9 @@ void put_number(PlainBytes& bytes, std::size_t index, std::size_t number) {
 template <class Random>
 PlainBytes pack_frame(const PlainBytes& words, std::size_t word_bytes, Random& random) {
   PlainBytes packed(64);
-  put_number(packed, 0, word_bytes);
+  append_number(packed, 0, word_bytes);
   for (std::size_t segment = 0; segment < word_bytes; ++segment) {
-    put_number(packed, 1 + segment, packed.size());
+    append_number(packed, 1 + segment, packed.size());
     PlainBytes plane;
     for (std::size_t n = word_bytes - 1 - segment; n < words.size(); n += word_bytes)
       plane.push_back(words[n]);
@@ -94,8 +94,8 @@ TEST(DicomRle, WhatWasPackedComesBack) {
 // the standard PackBits example (Apple, Technical Note TN1023)
 TEST(DicomRle, TheKnownExample) {
   PlainBytes packed(64);
-  put_number(packed, 0, 1);
-  put_number(packed, 1, 64);
+  append_number(packed, 0, 1);
+  append_number(packed, 1, 64);
   for (const int byte :
        {0xFE, 0xAA, 0x02, 0x80, 0x00, 0x2A, 0xFD, 0xAA, 0x03, 0x80, 0x00, 0x2A, 0x22, 0xF7, 0xAA})
     packed.push_back(static_cast<std::uint8_t>(byte));
@@ -142,12 +142,12 @@ TEST(DicomRle, HeadersThatPointElsewhereAreRefused) {
   for (const std::size_t wrong : {std::size_t{0}, std::size_t{63}, packed.size() + 1, ~std::size_t{0}})
     for (const std::size_t index : {1, 2}) {
       PlainBytes bytes = packed;
-      put_number(bytes, index, wrong);
+      append_number(bytes, index, wrong);
       EXPECT_FALSE(unpacked(bytes, 2, 200)) << index << " at " << wrong;
     }
   for (const std::size_t segments : {0u, 1u, 3u, 15u, 16u, ~0u}) {
     PlainBytes bytes = packed;
-    put_number(bytes, 0, segments);
+    append_number(bytes, 0, segments);
     EXPECT_FALSE(unpacked(bytes, 2, 200));
   }
   EXPECT_FALSE(unpacked(packed, 16, 160));
@@ -165,9 +165,9 @@ TEST(DicomRle, AnyBytesAreUnpackedOrRefused) {
                               : random_words(64 + random() % 200, random);
     if (n % 4 == 0) {
       std::fill_n(packed.begin(), 64, std::uint8_t{0});
-      put_number(packed, 0, word_bytes);
+      append_number(packed, 0, word_bytes);
       for (std::size_t segment = 0; segment < word_bytes; ++segment)
-        put_number(packed, 1 + segment, 64 + random() % packed.size() * segment / word_bytes);
+        append_number(packed, 1 + segment, 64 + random() % packed.size() * segment / word_bytes);
     }
     for (unsigned flips = random() % 4; flips > 0; --flips)
       packed[random() % packed.size()] ^= static_cast<std::uint8_t>(1u << (random() % 8));

@@ -43,9 +43,9 @@ double mean_along(const Points& points, const Vector3& normal) {
 // largest distance of a contour's points from its mean plane; mm
 double max_off(const Points& points, const Vector3& normal) {
   const double mean = mean_along(points, normal);
-  double most = 0;
-  for (const Vector3& point : points) most = std::max(most, std::abs(point.dot(normal) - mean));
-  return most;
+  double largest = 0;
+  for (const Vector3& point : points) largest = std::max(largest, std::abs(point.dot(normal) - mean));
+  return largest;
 }
 
 // Typical plane distance. A distance that occurs only once may separate two parts of the structure, and is
@@ -130,10 +130,10 @@ std::vector<std::vector<StructurePlanes::Contour>> StructurePlanes::in_planes(
     const DicomStructure& structure) const {
   std::vector<Contour> contours;
   for (const Points& points : structure.contours) contours.push_back({mean_along(points, normal_), &points});
-  std::ranges::stable_sort(contours, {}, &Contour::place_mm);
+  std::ranges::stable_sort(contours, {}, &Contour::position_mm);
   std::vector<std::vector<Contour>> planes;
   for (const Contour& contour : contours) {
-    if (planes.empty() || contour.place_mm - planes.back().front().place_mm > flat_mm(grid_))
+    if (planes.empty() || contour.position_mm - planes.back().front().position_mm > flat_mm(grid_))
       planes.emplace_back();
     // a duplicate would be its own hole
     const auto same = [&](const Contour& other) { return *other.points == *contour.points; };
@@ -143,12 +143,12 @@ std::vector<std::vector<StructurePlanes::Contour>> StructurePlanes::in_planes(
 }
 
 void StructurePlanes::lay(const std::vector<std::vector<Contour>>& planes) {
-  std::vector<double> places, gaps;
+  std::vector<double> coordinates, gaps;
   for (const auto& plane : planes) {
     double sum = 0;
-    for (const Contour& contour : plane) sum += contour.place_mm;
-    places.push_back(sum / static_cast<double>(plane.size()));
-    if (places.size() > 1) gaps.push_back(places.back() - places[places.size() - 2]);
+    for (const Contour& contour : plane) sum += contour.position_mm;
+    coordinates.push_back(sum / static_cast<double>(plane.size()));
+    if (coordinates.size() > 1) gaps.push_back(coordinates.back() - coordinates[coordinates.size() - 2]);
   }
   // Planes that are not parallel to the slices use the smallest spacing. In a sheared grid (tilted gantry)
   // slices are closer together than their centres.
@@ -163,10 +163,10 @@ void StructurePlanes::lay(const std::vector<std::vector<Contour>>& planes) {
   planes_.reserve(planes.size());
   for (std::size_t n = 0; n < planes.size(); ++n) {
     // adjacent joined planes share their boundary exactly
-    const double from_mm = n > 0 && joined(n - 1) ? planes_.back().to_mm : places[n] - usual_mm / 2;
+    const double from_mm = n > 0 && joined(n - 1) ? planes_.back().to_mm : coordinates[n] - usual_mm / 2;
     Plane& laid = planes_.emplace_back();
     laid.from_mm = from_mm;
-    laid.to_mm = places[n] + (joined(n) ? gaps[n] : usual_mm) / 2;
+    laid.to_mm = coordinates[n] + (joined(n) ? gaps[n] : usual_mm) / 2;
     if (joined(n) && gaps[n] > kNoneMissing * usual_mm)
       bridged_ += static_cast<std::size_t>(std::lround(gaps[n] / usual_mm)) - 1;
     for (const Contour& contour : planes[n]) {
@@ -211,7 +211,7 @@ void StructurePlanes::mark_line(const Plane& plane, double x, double y, int firs
   mark_at(y + 2 * on_mm);
 }
 
-void StructurePlanes::read_slice(int slice, const std::function<void(std::size_t)>& take) const {
+void StructurePlanes::read_slice(int slice, const std::function<void(std::size_t)>& visit) const {
   const int other = 1 - along_, count = grid_.dims[static_cast<std::size_t>(along_)],
             lines = grid_.dims[static_cast<std::size_t>(other)];
   const auto X = grid_.X_PatientVoxel();
@@ -219,9 +219,9 @@ void StructurePlanes::read_slice(int slice, const std::function<void(std::size_t
   for (int line = 0; line < lines; ++line) {
     const Vector3 begin =
         (X * (along_ == 0 ? Point<Voxel>(0, line, slice) : Point<Voxel>(line, 0, slice))).eigen();
-    const double x = begin.dot(x_), y = begin.dot(y_), place = begin.dot(normal_);
-    const double reach = place + (count - 1) * step_normal_mm_, low = std::min(place, reach),
-                 high = std::max(place, reach);
+    const double x = begin.dot(x_), y = begin.dot(y_), coordinate = begin.dot(normal_);
+    const double reach = coordinate + (count - 1) * step_normal_mm_, low = std::min(coordinate, reach),
+                 high = std::max(coordinate, reach);
     bool any = false;
     // first plane whose upper end exceeds `low`
     auto plane = std::ranges::upper_bound(planes_, low, {}, &Plane::to_mm);
@@ -230,7 +230,7 @@ void StructurePlanes::read_slice(int slice, const std::function<void(std::size_t
       if (step_normal_mm_ != 0) {
         // first voxel at or beyond a boundary
         const auto begins = [&](double boundary) {
-          const double at = std::ceil((boundary - place) / step_normal_mm_);
+          const double at = std::ceil((boundary - coordinate) / step_normal_mm_);
           return static_cast<int>(std::clamp<double>(at, 0, count));
         };
         first = begins(step_normal_mm_ > 0 ? plane->from_mm : plane->to_mm);
@@ -244,7 +244,7 @@ void StructurePlanes::read_slice(int slice, const std::function<void(std::size_t
     const std::size_t start =
         static_cast<std::size_t>(line) * (along_ == 0 ? static_cast<std::size_t>(grid_.dims[0]) : 1);
     for (std::size_t n = 0; n < marks.size(); ++n)
-      if (std::exchange(marks[n], 0)) take(start + n * stride);
+      if (std::exchange(marks[n], 0)) visit(start + n * stride);
   }
 }
 

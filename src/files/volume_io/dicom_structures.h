@@ -36,7 +36,7 @@ class StructurePlanes {
   static Result<StructurePlanes> make(const DicomStructure& structure, const GridGeometry& grid);
 
   /// Calls take(i + j * dims[0]) once for each voxel of a slice of the grid that is inside.
-  void read_slice(int slice, const std::function<void(std::size_t)>& take) const;
+  void read_slice(int slice, const std::function<void(std::size_t)>& visit) const;
   /// Number of missing planes that were filled from their neighbours.
   std::size_t bridged() const { return bridged_; }
   /// True if a contour extends beyond the grid.
@@ -52,7 +52,7 @@ class StructurePlanes {
     std::vector<Edge> edges;
   };
   struct Contour {
-    double place_mm = 0;  // position along the normal
+    double position_mm = 0;  // position along the normal
     const std::vector<Eigen::Vector3d>* points = nullptr;
   };
   Result<void> choose_normal(const DicomStructure& structure);

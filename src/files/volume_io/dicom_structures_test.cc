@@ -93,12 +93,12 @@ template <class Cut>
 std::vector<Contour3> contours_in_planes(const Eigen::Matrix3d& R, double gap_mm, double shift_mm,
                                          double reach_mm, const Cut& cut) {
   std::vector<Contour3> contours;
-  const int most = static_cast<int>(std::ceil(reach_mm / gap_mm)) + 1;
-  for (int n = -most; n <= most; ++n) {
-    const double place = n * gap_mm + shift_mm;
-    for (const FlatContour& flat : cut(place)) {
+  const int largest = static_cast<int>(std::ceil(reach_mm / gap_mm)) + 1;
+  for (int n = -largest; n <= largest; ++n) {
+    const double coordinate = n * gap_mm + shift_mm;
+    for (const FlatContour& flat : cut(coordinate)) {
       Contour3& contour = contours.emplace_back();
-      for (const auto& point : flat) contour.push_back(R * V3(point.x(), point.y(), place));
+      for (const auto& point : flat) contour.push_back(R * V3(point.x(), point.y(), coordinate));
     }
   }
   std::erase_if(contours, [](const Contour3& contour) { return contour.size() < 3; });
@@ -138,9 +138,9 @@ std::vector<Lay> lays() {
 TEST(DicomStructures, ASphereInObliquePlanes) {
   constexpr double kRadius = 24;
   for (const Lay& lay : lays()) {
-    const auto contours = contours_in_planes(lay.R, lay.gap_mm, lay.shift_mm, kRadius, [&](double place) {
-      return std::vector<FlatContour>{circle(half_chord(kRadius, place))};
-    });
+    const auto contours = contours_in_planes(
+        lay.R, lay.gap_mm, lay.shift_mm, kRadius,
+        [&](double coordinate) { return std::vector<FlatContour>{circle(half_chord(kRadius, coordinate))}; });
     const auto like = likeness(
         mask_of_planes(laid(contours, lay.grid), lay.grid), [&](const V3& p) { return p.norm() <= kRadius; },
         4.0 / 3 * std::numbers::pi * std::pow(kRadius, 3), lay.grid);
@@ -153,8 +153,8 @@ TEST(DicomStructures, ASphereInObliquePlanes) {
 TEST(DicomStructures, ATorusInObliquePlanes) {
   constexpr double kRing = 19, kTube = 9;
   for (const Lay& lay : lays()) {
-    const auto contours = contours_in_planes(lay.R, lay.gap_mm, lay.shift_mm, kTube, [&](double place) {
-      const double chord = half_chord(kTube, place);
+    const auto contours = contours_in_planes(lay.R, lay.gap_mm, lay.shift_mm, kTube, [&](double coordinate) {
+      const double chord = half_chord(kTube, coordinate);
       return chord > 0 ? std::vector<FlatContour>{circle(kRing + chord), circle(kRing - chord)}
                        : std::vector<FlatContour>();
     });
@@ -172,7 +172,7 @@ TEST(DicomStructures, ATorusInObliquePlanes) {
 }
 
 // intersection of a plane with a box of these half edges, rotated by R
-FlatContour cut_of_box(const V3& half, const Eigen::Matrix3d& R, double place) {
+FlatContour cut_of_box(const V3& half, const Eigen::Matrix3d& R, double coordinate) {
   FlatContour points;
   for (int axis = 0; axis < 3; ++axis)
     for (int corner = 0; corner < 4; ++corner) {
@@ -184,14 +184,14 @@ FlatContour cut_of_box(const V3& half, const Eigen::Matrix3d& R, double place) {
       b[axis] = half[axis];
       a = R * a;
       b = R * b;
-      if ((a.z() <= place) == (b.z() <= place)) continue;
-      const V3 p = a + (place - a.z()) / (b.z() - a.z()) * (b - a);
+      if ((a.z() <= coordinate) == (b.z() <= coordinate)) continue;
+      const V3 p = a + (coordinate - a.z()) / (b.z() - a.z()) * (b - a);
       points.emplace_back(p.x(), p.y());
     }
-  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
-  for (const auto& point : points) middle += point / static_cast<double>(points.size());
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  for (const auto& point : points) centre += point / static_cast<double>(points.size());
   std::ranges::sort(points, {},
-                    [&](const auto& p) { return std::atan2(p.y() - middle.y(), p.x() - middle.x()); });
+                    [&](const auto& p) { return std::atan2(p.y() - centre.y(), p.x() - centre.x()); });
   return points;
 }
 
@@ -200,8 +200,8 @@ TEST(DicomStructures, APlateInObliquePlanes) {
   // nearly perpendicular to the contour planes
   const Eigen::Matrix3d stands = turned(68, V3(1, 0.4, 0.1));
   for (const Lay& lay : lays()) {
-    const auto contours = contours_in_planes(lay.R, lay.gap_mm, lay.shift_mm, 30, [&](double place) {
-      return std::vector<FlatContour>{cut_of_box(half, stands, place)};
+    const auto contours = contours_in_planes(lay.R, lay.gap_mm, lay.shift_mm, 30, [&](double coordinate) {
+      return std::vector<FlatContour>{cut_of_box(half, stands, coordinate)};
     });
     const auto like = likeness(
         mask_of_planes(laid(contours, lay.grid), lay.grid),
@@ -299,8 +299,9 @@ TEST(DicomStructures, AreWhatTheOracleSays) {
 
 const GridGeometry kSmall = grid_of({11, 11, 9}, V3(1, 1, 2), Eigen::Matrix3d::Identity());
 
-Contour3 rectangle(double left, double right, double low, double high, double place) {
-  return {{left, low, place}, {right, low, place}, {right, high, place}, {left, high, place}};
+Contour3 rectangle(double left, double right, double low, double high, double coordinate) {
+  return {
+      {left, low, coordinate}, {right, low, coordinate}, {right, high, coordinate}, {left, high, coordinate}};
 }
 std::size_t count_in(const std::vector<Contour3>& contours) {
   const auto mask = mask_of_planes(laid(contours, kSmall), kSmall);

@@ -43,7 +43,7 @@ struct SegmentedVolume {
   std::size_t index = 0;
   std::vector<std::string> notes;  ///< Sentences about the segmentation: "was made on volume 2 (series 1: MR,
                                    ///< ...)".
-  bool is_stated = true;           ///< The relation is stated by images, series or frame of reference.
+  bool is_declared = true;         ///< The relation is stated by images, series or frame of reference.
 };
 /// Selects the volume of a segmentation: the one of the given number, from 1 on; without a number the only
 /// one with the closest relation. Errors, without `where`, about the segmentation: made on none of the

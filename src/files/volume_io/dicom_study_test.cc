@@ -53,13 +53,13 @@ TEST(DicomStudy, TheVolumeThatItWasMadeOnIsChosen) {
   ASSERT_TRUE(chosen);
   EXPECT_EQ(chosen->index, 1u);
   EXPECT_THAT(chosen->notes, ElementsAre("was made on volume 2 (series 1)"));
-  EXPECT_TRUE(chosen->is_stated);
+  EXPECT_TRUE(chosen->is_declared);
   const auto space =
       choose_segmented(study(), {VolumeRelation::kNone, VolumeRelation::kNone, VolumeRelation::kSpace}, {});
   ASSERT_TRUE(space);
   EXPECT_EQ(space->index, 2u);
   EXPECT_THAT(space->notes, ElementsAre(HasSubstr("it does not state the images")));
-  EXPECT_TRUE(space->is_stated);
+  EXPECT_TRUE(space->is_declared);
 }
 
 TEST(DicomStudy, WhatIsNotSaidIsToldAsThat) {
@@ -67,7 +67,7 @@ TEST(DicomStudy, WhatIsNotSaidIsToldAsThat) {
   volumes.resize(1);
   const auto unsaid = choose_segmented(volumes, {VolumeRelation::kUnspecified}, {});
   ASSERT_TRUE(unsaid);
-  EXPECT_FALSE(unsaid->is_stated);
+  EXPECT_FALSE(unsaid->is_declared);
   EXPECT_THAT(unsaid->notes, ElementsAre(HasSubstr("was not checked")));
 }
 
@@ -103,7 +103,7 @@ TEST(DicomStudy, ANumberDecidesAndWhatSpeaksAgainstItIsSaid) {
   EXPECT_THAT(chosen->notes,
               ElementsAre(AllOf(HasSubstr("made on volume 2"), HasSubstr("volume 3 was requested")),
                           HasSubstr("a different frame of reference from volume 3")));
-  EXPECT_FALSE(chosen->is_stated);
+  EXPECT_FALSE(chosen->is_declared);
   const auto closest =
       choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, 2);
   EXPECT_THAT(closest->notes, ElementsAre("was made on volume 2 (series 1)"));

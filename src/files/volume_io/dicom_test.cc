@@ -473,10 +473,10 @@ TEST_F(Dicom, Jpeg2000OfAnyBitsWithAndWithoutASign) {
         // fewer bits than are stored, but sufficient
         Case{16, 16, true, 13, {}}}) {
     SCOPED_TRACE(std::to_string(each.stored) + " bits, sign " + std::to_string(each.is_signed));
-    const int most = each.packed_bits ? 12 : each.stored;
+    const int largest = each.packed_bits ? 12 : each.stored;
     const auto value = [&](int i, int j, int k) {
-      const int stored = (stored_at(i, j, k) * 17) % (1 << most);
-      return each.is_signed && stored >> (most - 1) ? stored - (1 << most) : stored;
+      const int stored = (stored_at(i, j, k) * 17) % (1 << largest);
+      return each.is_signed && stored >> (largest - 1) ? stored - (1 << largest) : stored;
     };
     write_series(
         [&](DicomImage& image, int k) {
@@ -530,12 +530,12 @@ TEST_F(Dicom, Jpeg2000OfOtherBitsOrSizesIsRefused) {
 }
 
 TEST_F(Dicom, ALossIsSaid) {
-  const auto write = [&](DicomPacking packing, const std::string& stated) {
+  const auto write = [&](DicomPacking packing, const std::string& declared) {
     write_series(
         [&](DicomImage& image, int) {
           image.bits_stored = 12;
           image.high_bit = 11;
-          if (!stated.empty()) image.texts = {{0x0028, 0x2110, stated}};
+          if (!declared.empty()) image.texts = {{0x0028, 0x2110, declared}};
         },
         packing);
     warnings_.clear();
@@ -544,16 +544,16 @@ TEST_F(Dicom, ALossIsSaid) {
     const bool reported = list->volumes[0].what.ends_with("compressed with loss");
     EXPECT_EQ(reported, warnings_.find("was compressed with loss") != std::string::npos);
   };
-  for (const auto& [packing, stated, lossy] : {std::tuple{DicomPacking::kJpeg2000Lossy, "", true},
-                                               {DicomPacking::kJpeg2000, "", false},
-                                               {DicomPacking::kJpeg2000, "01", true},
-                                               {DicomPacking::kJpegExtended, "", true},
-                                               {DicomPacking::kJpegLsNear, "", true},
-                                               {DicomPacking::kExplicit, "01", true},
-                                               {DicomPacking::kExplicit, "00", false},
-                                               {DicomPacking::kJpegLs, "", false}}) {
+  for (const auto& [packing, declared, lossy] : {std::tuple{DicomPacking::kJpeg2000Lossy, "", true},
+                                                 {DicomPacking::kJpeg2000, "", false},
+                                                 {DicomPacking::kJpeg2000, "01", true},
+                                                 {DicomPacking::kJpegExtended, "", true},
+                                                 {DicomPacking::kJpegLsNear, "", true},
+                                                 {DicomPacking::kExplicit, "01", true},
+                                                 {DicomPacking::kExplicit, "00", false},
+                                                 {DicomPacking::kJpegLs, "", false}}) {
     SCOPED_TRACE(static_cast<int>(packing));
-    write(packing, stated);
+    write(packing, declared);
     EXPECT_EQ(warnings_.find("with loss") != std::string::npos, lossy);
   }
 }
@@ -1013,7 +1013,7 @@ TEST_F(Dicom, NothingSaysWhoItIs) {
     });
   };
   std::string reported;
-  const auto tell = [&] {
+  const auto report = [&] {
     const auto list = list_volumes(folder_.path());
     if (!list) {
       reported += list.error().message();
@@ -1025,22 +1025,22 @@ TEST_F(Dicom, NothingSaysWhoItIs) {
     reported += scan ? scan->header.format + scan->header.component_type : scan.error().message();
   };
   with_patient([](DicomImage&, int) {});
-  tell();
+  report();
   // terms of the standard are shown, others are not
   with_patient([&](DicomImage& image, int k) {
     image.modality = "DOE";
     image.image_type = k < 2 ? "ORIGINAL\\DOE^CANARY" : "ORIGINAL\\PRIMARY";
   });
-  tell();
+  report();
   with_patient([](DicomImage& image, int k) {
     image.frames[0].position[2] += k == 3 ? 1 : 0;
     image.photometric = k == 1 ? "DOE^CANARY" : "MONOCHROME2";
   });
-  tell();
+  report();
   with_patient([](DicomImage& image, int) { image.spacing_mm.reset(); });
-  tell();
+  report();
   std::filesystem::resize_file(folder_ / "IM1", 900);
-  tell();
+  report();
   reported += warnings_;
   EXPECT_THAT(reported, AllOf(Not(HasSubstr("DOE")), Not(HasSubstr("CANARY")), Not(HasSubstr("9753"))));
   EXPECT_GT(reported.size(), 300u);
@@ -1169,7 +1169,7 @@ TEST(SharedDicom, ImagesOfSegmentationsLieOnTheirGrids) {
 // positions of the voxels of a segment, in voxels of a grid
 std::set<std::array<int, 3>> places_of(const LabelMap& labels, const Segment& segment,
                                        const GridGeometry& grid) {
-  std::set<std::array<int, 3>> places;
+  std::set<std::array<int, 3>> positions;
   const auto X = grid.X_PatientVoxel().inverse() * labels.geometry().X_PatientVoxel();
   const auto& layer = labels.layers[static_cast<std::size_t>(segment.layer)];
   const auto& dims = labels.geometry().dims;
@@ -1179,9 +1179,10 @@ std::set<std::array<int, 3>> places_of(const LabelMap& labels, const Segment& se
         if (layer.at(i, j, k) != segment.value) continue;
         const Eigen::Vector3d at = (X * Point<Voxel>(i, j, k)).eigen(), near = at.array().round();
         EXPECT_LT((at - near).norm(), 1e-3);
-        places.insert({static_cast<int>(near.x()), static_cast<int>(near.y()), static_cast<int>(near.z())});
+        positions.insert(
+            {static_cast<int>(near.x()), static_cast<int>(near.y()), static_cast<int>(near.z())});
       }
-  return places;
+  return positions;
 }
 
 // every structure of the masks is a segment with the same voxels, and vice versa
@@ -1260,10 +1261,10 @@ TEST_F(Segmentation, FramesInAnyOrderWithEmptyOnesLeftOut) {
     SCOPED_TRACE(static_cast<int>(packing));
     test::DicomMasks masks;
     masks.frames = {frame(1, 5, 5), frame(1, 0, 0), frame(1, 2, 2)};
-    for (const std::optional<double> stated : {std::optional(1.25), std::optional<double>()}) {
-      masks.slice_spacing_mm = stated;
+    for (const std::optional<double> declared : {std::optional(1.25), std::optional<double>()}) {
+      masks.slice_spacing_mm = declared;
       // without a stated distance, the smallest distance is that between slices
-      if (!stated) masks.frames.push_back(frame(1, 3, 3));
+      if (!declared) masks.frames.push_back(frame(1, 3, 3));
       const auto labels = read(masks, packing);
       ASSERT_TRUE(labels) << labels.error().message();
       EXPECT_EQ(labels->labels.geometry().dims, (std::array{7, 5, 6}));
@@ -1419,8 +1420,8 @@ TEST_F(Segmentation, PositionsWinOverSpacingBetweenSlices) {
   test::DicomMasks masks;
   masks.frames = {frame(1, 0, 0), frame(1, 1, 1), frame(1, 2, 2)};
   // half the distance, and a non-integer multiple
-  for (const double stated : {0.625, 3.0}) {
-    masks.slice_spacing_mm = stated;
+  for (const double declared : {0.625, 3.0}) {
+    masks.slice_spacing_mm = declared;
     warnings_.clear();
     const auto labels = read(masks);
     ASSERT_TRUE(labels) << labels.error().message();
@@ -1805,7 +1806,7 @@ TEST_F(StructureSet, WhatIsLeftOutOrFilledInIsTold) {
 
 TEST_F(StructureSet, WhatCannotBeIsRefusedByASentence) {
   auto contours = two();
-  contours.structures[1].contours[0].stated_points = 5;
+  contours.structures[1].contours[0].declared_points = 5;
   EXPECT_THAT(refusal(contours), HasSubstr("damaged DICOM structure set"));
   for (const char* x : {"1.5x", "one", "1e7", ""}) {
     SCOPED_TRACE(x);

@@ -21,7 +21,7 @@ constexpr double kRounding_mm = 2e-3;
 // tolerance of a slice position, relative to the slice distance
 constexpr double kMaxUneven = 0.01;
 // slices closer than this share a position
-constexpr double kSamePlace_mm = 5e-3;
+constexpr double kSamePosition_mm = 5e-3;
 // tangent of a tilt explained by rounding of the orientation: 0.11 degrees
 constexpr double kRoundedTilt = 2e-3;
 // tangent of the largest tilt accepted: gantries tilt by 30 degrees
@@ -76,18 +76,18 @@ bool same_gradient(const DicomFrame& a, const DicomFrame& b) {
 
 // True if there are several frames of reference and each contains a single position. In LIDC-IDRI every slice
 // has its own: the anonymiser replaced the identifier in every file by a new one.
-bool has_reference_per_place(const std::vector<DicomFrame>& frames) {
+bool has_reference_per_position(const std::vector<DicomFrame>& frames) {
   std::map<std::string, const DicomFrame*> first_of_reference;
   for (const DicomFrame& frame : frames) {
     const auto [first, is_new] = first_of_reference.emplace(frame.frame_of_reference, &frame);
-    if (!is_new && (frame.position - first->second->position).norm() >= kSamePlace_mm) return false;
+    if (!is_new && (frame.position - first->second->position).norm() >= kSamePosition_mm) return false;
   }
   return first_of_reference.size() > 1;
 }
 
 std::vector<std::vector<DicomFrame>> split_by_frame_of_reference(std::vector<DicomFrame> frames) {
   std::map<std::string, std::vector<DicomFrame>> parts;
-  const bool one_volume = !frames.front().placed || has_reference_per_place(frames);
+  const bool one_volume = !frames.front().placed || has_reference_per_position(frames);
   for (DicomFrame& frame : frames)
     parts[one_volume ? std::string() : frame.frame_of_reference].push_back(std::move(frame));
   std::vector<std::vector<DicomFrame>> all;
@@ -120,7 +120,7 @@ std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
 
 using Frames = std::vector<DicomFrame>;
 
-void sort_by_place(Frames& frames) {
+void sort_by_position(Frames& frames) {
   const Vector normal = normal_of(frames.front());
   std::stable_sort(frames.begin(), frames.end(), [&](const DicomFrame& a, const DicomFrame& b) {
     return a.position.dot(normal) < b.position.dot(normal);
@@ -128,24 +128,24 @@ void sort_by_place(Frames& frames) {
 }
 
 // number of sorted frames at each position
-std::vector<std::size_t> counts_at_places(const Frames& frames) {
+std::vector<std::size_t> counts_at_positions(const Frames& frames) {
   const Vector normal = normal_of(frames.front());
   std::vector<std::size_t> counts{1};
   for (std::size_t n = 1; n < frames.size(); ++n) {
     const double gap_mm = (frames[n].position - frames[n - 1].position).dot(normal);
-    gap_mm < kSamePlace_mm ? void(++counts.back()) : counts.push_back(1);
+    gap_mm < kSamePosition_mm ? void(++counts.back()) : counts.push_back(1);
   }
   return counts;
 }
 
 bool has_doubles(const Frames& frames) {
-  return counts_at_places(frames).size() < frames.size();
+  return counts_at_positions(frames).size() < frames.size();
 }
 
 // Cardiac images are taken at several phases for each position. Trigger times vary with the heart rate from
 // position to position, so their order is used.
 std::vector<Frames> split_by_trigger_time(const Frames& sorted) {
-  const auto counts = counts_at_places(sorted);
+  const auto counts = counts_at_positions(sorted);
   const std::size_t each = counts.front();
   const auto reported = [](const DicomFrame& frame) { return frame.trigger_time_ms.has_value(); };
   if (std::ranges::any_of(counts, [&](std::size_t count) { return count != each; }) ||
@@ -189,7 +189,7 @@ std::vector<Frames> without_doubles(Frames frames) {
     }
   };
   if (frames.front().placed) {
-    sort_by_place(frames);
+    sort_by_position(frames);
     if (has_doubles(frames)) {
       const bool by_time = std::ranges::any_of(
           frames, [](const DicomFrame& frame) { return frame.trigger_time_ms.has_value(); });
@@ -291,7 +291,7 @@ std::string what_is_special(const std::vector<DicomFrame>& frames,
   } else if (type_words(own.image_type).contains("localizer")) {
     text += ", localizer";
   }
-  if (differs(&DicomFrame::frame_of_reference) && !has_reference_per_place(frames))
+  if (differs(&DicomFrame::frame_of_reference) && !has_reference_per_position(frames))
     text += ", in a separate frame of reference";
   return text;
 }
@@ -325,7 +325,7 @@ constexpr const char* kConvert = "load the series in 3D Slicer, which can resamp
 class Stack {
  public:
   explicit Stack(const Frames& frames) : frames_(frames), normal_(normal_of(frames.front())) {
-    for (const DicomFrame& frame : frames) places_mm_.push_back(frame.position.dot(normal_));
+    for (const DicomFrame& frame : frames) positions_mm_.push_back(frame.position.dot(normal_));
   }
 
   std::optional<Fault> find_fault() const {
@@ -341,7 +341,7 @@ class Stack {
   /// @pre find_fault() found none
   std::vector<std::string> find_notes() const {
     std::vector<std::string> notes;
-    if (has_reference_per_place(frames_))
+    if (has_reference_per_position(frames_))
       notes.push_back(
           "gives its slices different frames of reference (FrameOfReferenceUID (0020,0052)), as some "
           "anonymising software does: their positions are consistent, and they are read as one volume");
@@ -376,15 +376,15 @@ class Stack {
 
  private:
   std::string slice(std::size_t n) const { return slice_in_words(frames_, n); }
-  double gap_mm(std::size_t n) const { return places_mm_[n + 1] - places_mm_[n]; }
+  double gap_mm(std::size_t n) const { return positions_mm_[n + 1] - positions_mm_[n]; }
   double mean_gap_mm() const {
-    return (places_mm_.back() - places_mm_.front()) / static_cast<double>(frames_.size() - 1);
+    return (positions_mm_.back() - positions_mm_.front()) / static_cast<double>(frames_.size() - 1);
   }
   static std::string degrees(double tangent) { return shortly(std::atan(tangent) * 180 / std::numbers::pi); }
 
   std::optional<Fault> doubled() const {
     for (std::size_t n = 0; n + 1 < frames_.size(); ++n)
-      if (gap_mm(n) < kSamePlace_mm)
+      if (gap_mm(n) < kSamePosition_mm)
         return Fault{
             "two slices are at the same position: " + slice(n) + ", and the next",
             "keep the right one: they differ in their values or in their SOPInstanceUID (0008,0018); if the "
@@ -404,7 +404,7 @@ class Stack {
       const double off_mm = std::abs(gaps_mm[n] - usual_mm);
       if (off_mm <= 2 * allowed_mm) continue;
       const double times = std::round(gaps_mm[n] / usual_mm);
-      const std::string between = slice(n) + ", and the next at " + in_mm(places_mm_[n + 1]) + " mm";
+      const std::string between = slice(n) + ", and the next at " + in_mm(positions_mm_[n + 1]) + " mm";
       if (times >= 2 && std::abs(gaps_mm[n] - times * usual_mm) <= 2 * times * allowed_mm) {
         const auto missing = static_cast<long long>(times) - 1;
         return Fault{(missing == 1 ? "a slice is" : std::to_string(missing) + " slices are") +
@@ -415,9 +415,10 @@ class Stack {
                    kConvert};
     }
     // small differences that accumulate
-    const double even_mm = (places_mm_.back() - places_mm_.front()) / static_cast<double>(gaps_mm.size());
-    for (std::size_t n = 0; n < places_mm_.size(); ++n) {
-      const double off_mm = places_mm_[n] - places_mm_.front() - static_cast<double>(n) * even_mm;
+    const double even_mm =
+        (positions_mm_.back() - positions_mm_.front()) / static_cast<double>(gaps_mm.size());
+    for (std::size_t n = 0; n < positions_mm_.size(); ++n) {
+      const double off_mm = positions_mm_[n] - positions_mm_.front() - static_cast<double>(n) * even_mm;
       if (std::abs(off_mm) > allowed_mm)
         return Fault{"its slices are unevenly spaced: " + slice(n) + ", is " + in_mm(std::abs(off_mm)) +
                          " mm off its position between the first and the last",
@@ -427,19 +428,19 @@ class Stack {
   }
 
   // in-plane offset from the normal through the first slice
-  Vector aside(std::size_t n) const {
+  Vector lateral(std::size_t n) const {
     const Vector displacement = frames_[n].position - frames_.front().position;
     return displacement - displacement.dot(normal_) * normal_;
   }
 
   // in-plane shift per distance along the normal; its length is the tangent of the gantry tilt
-  Vector tilt() const { return aside(frames_.size() - 1) / (places_mm_.back() - places_mm_.front()); }
+  Vector tilt() const { return lateral(frames_.size() - 1) / (positions_mm_.back() - positions_mm_.front()); }
 
   std::optional<Fault> shifted() const {
     const double usual_mm = mean_gap_mm(), allowed_mm = std::max(kRounding_mm, kMaxUneven * usual_mm);
     const Vector shift = tilt();
     for (std::size_t n = 0; n < frames_.size(); ++n) {
-      const double off_mm = (aside(n) - (places_mm_[n] - places_mm_.front()) * shift).norm();
+      const double off_mm = (lateral(n) - (positions_mm_[n] - positions_mm_.front()) * shift).norm();
       if (off_mm > allowed_mm)
         return Fault{slice(n) + ", lies " + in_mm(off_mm) + " mm off the line from the first to the last",
                      kConvert};
@@ -454,7 +455,7 @@ class Stack {
 
   const Frames& frames_;
   Vector normal_;
-  std::vector<double> places_mm_;
+  std::vector<double> positions_mm_;
 };
 
 constexpr std::size_t kListed = 10;
@@ -496,10 +497,10 @@ std::string slice_in_words(const std::vector<DicomFrame>& frames, std::size_t n)
 
 std::string slice_in_words(const GridGeometry& grid, std::size_t n) {
   const Vector normal = Vector(grid.direction.col(0)).cross(Vector(grid.direction.col(1))).normalized();
-  const Vector place =
+  const Vector position =
       grid.origin.eigen() + static_cast<double>(n) * grid.spacing_mm[2] * Vector(grid.direction.col(2));
   return "slice " + std::to_string(n + 1) + " of " + std::to_string(grid.dims[2]) + ", at " +
-         in_mm(place.dot(normal)) + " mm along its normal";
+         in_mm(position.dot(normal)) + " mm along its normal";
 }
 
 std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {

@@ -36,13 +36,13 @@ std::string fresh_uid() {
   words[2] = (words[2] & 0x3FFFFFFFu) | 0x80000000u;
   std::string digits;
   while (std::ranges::any_of(words, [](std::uint32_t word) { return word != 0; })) {
-    std::uint64_t rest = 0;
+    std::uint64_t remaining = 0;
     for (std::uint32_t& word : words) {
-      const std::uint64_t value = rest << 32 | word;
+      const std::uint64_t value = remaining << 32 | word;
       word = static_cast<std::uint32_t>(value / 10);
-      rest = value % 10;
+      remaining = value % 10;
     }
-    digits.insert(digits.begin(), static_cast<char>('0' + rest));
+    digits.insert(digits.begin(), static_cast<char>('0' + remaining));
   }
   return "2.25." + digits;
 }
@@ -275,13 +275,13 @@ std::string stored_text(DcmItem& item, const DcmTagKey& tag) {
 using Attributes = std::vector<std::pair<std::pair<std::uint16_t, std::uint16_t>, std::string>>;
 Attributes retained_attributes(DcmItem& root) {
   Attributes stored;
-  const auto keep = [&](const DcmTagKey& tag) {
+  const auto is_kept = [&](const DcmTagKey& tag) {
     if (std::string value = stored_text(root, tag); !value.empty())
       stored.push_back({{tag.getGroup(), tag.getElement()}, std::move(value)});
   };
-  for (const DcmTagKey& tag : kRequired) keep(tag);
-  for (const DcmTagKey& tag : kKept) keep(tag);
-  keep(DCM_StudyInstanceUID);
+  for (const DcmTagKey& tag : kRequired) is_kept(tag);
+  for (const DcmTagKey& tag : kKept) is_kept(tag);
+  is_kept(DCM_StudyInstanceUID);
   return stored;
 }
 
@@ -358,15 +358,15 @@ Result<void> write_dicom_segments(const std::filesystem::path& file, const Segme
       .text(DCM_ImageOrientationPatient, decimals(seg.along_row) + "\\" + decimals(seg.along_column));
   if (identity) put_sources(shared, *identity);
   const Eigen::Vector3d normal = seg.along_row.cross(seg.along_column);
-  std::vector<double> places;
-  for (const SegFrameToWrite& frame : seg.frames) places.push_back(frame.position.dot(normal));
-  std::vector<double> sorted = places;
+  std::vector<double> coordinates;
+  for (const SegFrameToWrite& frame : seg.frames) coordinates.push_back(frame.position.dot(normal));
+  std::vector<double> sorted = coordinates;
   std::ranges::sort(sorted);
   sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
   for (std::size_t n = 0; n < seg.frames.size(); ++n) {
     const SegFrameToWrite& frame = seg.frames[n];
     const Writer own = root.in(DCM_PerFrameFunctionalGroupsSequence);
-    const auto slice = std::ranges::lower_bound(sorted, places[n]) - sorted.begin() + 1;
+    const auto slice = std::ranges::lower_bound(sorted, coordinates[n]) - sorted.begin() + 1;
     own.in(DCM_FrameContentSequence)
         .longs(DCM_DimensionIndexValues, {static_cast<Uint32>(frame.segment), static_cast<Uint32>(slice)});
     own.in(DCM_PlanePositionSequence).text(DCM_ImagePositionPatient, decimals(frame.position));

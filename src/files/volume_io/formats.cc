@@ -35,7 +35,7 @@ struct FolderContent {
   std::optional<FileKind> other;     // kind of the first file that is known to be something else
 };
 
-FolderContent look_into(const std::filesystem::path& folder) {
+FolderContent inspect_entry(const std::filesystem::path& folder) {
   constexpr std::size_t kMaxFiles = 10'000, kMaxOpened = 100;
   constexpr int kDeepest = 4;
   FolderContent content;
@@ -63,7 +63,7 @@ FolderContent look_into(const std::filesystem::path& folder) {
 }
 
 Error folder_error(const std::filesystem::path& folder) {
-  const FolderContent content = look_into(folder);
+  const FolderContent content = inspect_entry(folder);
   const auto is_folder = [&](const std::string& with, const std::string& remedy) {
     return bad_input(folder.string(), "is a folder" + with, remedy);
   };
@@ -163,8 +163,8 @@ Result<std::filesystem::path> OtherFiles::find(const OtherFile& requested) {
 }
 
 Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others,
-                              const Placing& placing) {
-  auto volume = format.inspect(file, others, placing);
+                              const PlacementOptions& placement_options) {
+  auto volume = format.inspect(file, others, placement_options);
   if (volume || others.requested()) return volume;
   // the content may be of another kind than the name says
   const auto unpack = [](const std::filesystem::path& packed, std::size_t bytes) {

@@ -39,7 +39,7 @@ struct Format {
   /// Parses and validates the header without reading voxels. The names of format and type in the header are
   /// filled in by the caller.
   Result<VolumeFile> (*inspect)(const std::filesystem::path& file, OtherFiles& others,
-                                const Placing& placing);
+                                const PlacementOptions& placement_options);
   ItkFormat writer;
   std::span<const std::string_view> written;  ///< Extensions under which it is written, as a single file.
 };
@@ -49,7 +49,7 @@ Result<const Format*> format_of(const std::filesystem::path& file);
 /// Inspects a file; if its name suggests the wrong format, the error names the actual one. Untrusted bytes
 /// may compromise the process: call it in a reader process (volume_reader.h).
 Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others,
-                              const Placing& placing);
+                              const PlacementOptions& placement_options);
 /// Locates the additional file that a reader requests.
 /// @param file  the file that the user named
 /// @param requested  request of the reader, which is as untrusted as a header
@@ -67,11 +67,11 @@ using Unpack = std::function<std::string(const std::filesystem::path& file, std:
 std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpack& unpack);
 
 Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others,
-                                const Placing& placing);
+                                const PlacementOptions& placement_options);
 Result<VolumeFile> inspect_nifti(const std::filesystem::path& file, OtherFiles& others,
-                                 const Placing& placing);
+                                 const PlacementOptions& placement_options);
 Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others,
-                                     const Placing& placing);
+                                     const PlacementOptions& placement_options);
 
 /// Geometry as read by ITK, validated. Errors: ITK reads dimensions other than `dims`, which are those of
 /// palpate's own parser.

@@ -24,11 +24,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       if (read.error().what.empty() || read.error().remedy.empty()) std::abort();
       continue;
     }
-    const std::uint32_t most = pages[n].colour                            ? 0xFFFFFF
-                               : pages[n].component == Component::kUint8  ? 0xFF
-                               : pages[n].component == Component::kUint16 ? 0xFFFF
-                                                                          : 0xFFFFFFFF;
-    if (std::ranges::any_of(pixels, [&](std::uint32_t pixel) { return pixel > most; })) std::abort();
+    const std::uint32_t largest = pages[n].colour                            ? 0xFFFFFF
+                                  : pages[n].component == Component::kUint8  ? 0xFF
+                                  : pages[n].component == Component::kUint16 ? 0xFFFF
+                                                                             : 0xFFFFFFFF;
+    if (std::ranges::any_of(pixels, [&](std::uint32_t pixel) { return pixel > largest; })) std::abort();
   }
   return 0;
 }

@@ -14,11 +14,11 @@ namespace {
 // error handler of libjpeg with the jump target of its longjmp()
 struct Escape {
   jpeg_error_mgr manager;
-  std::jmp_buf place;
+  std::jmp_buf error_jump;
 };
 
 [[noreturn]] void fail(j_common_ptr jpeg) {
-  std::longjmp(reinterpret_cast<Escape*>(jpeg->err)->place, 1);
+  std::longjmp(reinterpret_cast<Escape*>(jpeg->err)->error_jump, 1);
 }
 // libjpeg warns about damage and fills it with grey: treated as an error.
 void warn(j_common_ptr jpeg, int level) {
@@ -46,7 +46,7 @@ bool read_header(Decompressor& d, const unsigned char* bytes, std::size_t count)
   d.escape.manager.error_exit = fail;
   d.escape.manager.emit_message = warn;
   d.escape.manager.output_message = print_nothing;
-  if (setjmp(d.escape.place)) return false;
+  if (setjmp(d.escape.error_jump)) return false;
   jpeg_create_decompress(&d.jpeg);
   d.progress.progress_monitor = count_scans;
   d.jpeg.progress = &d.progress;
@@ -55,7 +55,7 @@ bool read_header(Decompressor& d, const unsigned char* bytes, std::size_t count)
 }
 
 bool read_rows(Decompressor& d, bool colour, unsigned char* values, std::size_t row_bytes) {
-  if (setjmp(d.escape.place)) return false;
+  if (setjmp(d.escape.error_jump)) return false;
   d.jpeg.out_color_space = colour ? JCS_RGB : JCS_GRAYSCALE;
   d.jpeg.dct_method = JDCT_ISLOW;
   jpeg_start_decompress(&d.jpeg);

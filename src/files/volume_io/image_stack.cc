@@ -185,7 +185,7 @@ Result<void> find_colours(PictureReader& reader, const std::function<bool()>& sh
                    "brightness, give them as the scan (--scan)");
 }
 
-Result<ImageStack> look_at_stack(const StructureFiles& found, const fs::path& named,
+Result<ImageStack> inspect_stack(const StructureFiles& found, const fs::path& named,
                                  const Eigen::Vector3d& spacing_mm, ImageColours colours,
                                  const std::function<bool()>& should_continue, double& share) {
   ImageStack stack;
@@ -246,7 +246,7 @@ Result<void> send_stack(const ImageStack& stack, VoxelSink& sink) {
     std::uint32_t last = 0, value = value_of(0);
     for (std::size_t first = 0; first < pixels.size(); first += kPieceValues) {
       const std::size_t count = std::min(kPieceValues, pixels.size() - first);
-      const auto room = sink.room().first(count * value_bytes);
+      const auto buffer = sink.buffer().first(count * value_bytes);
       for (std::size_t n = 0; n < count; ++n) {
         if (const std::uint32_t pixel = pixels[first + n]; pixel != last) {
           last = pixel;
@@ -254,15 +254,15 @@ Result<void> send_stack(const ImageStack& stack, VoxelSink& sink) {
         }
         // the low bytes of the value, regardless of the machine's byte order
         if (value_bytes == 1) {
-          room[n] = static_cast<std::byte>(value);
+          buffer[n] = static_cast<std::byte>(value);
         } else if (value_bytes == 2) {
           const auto word = static_cast<std::uint16_t>(value);
-          std::memcpy(room.data() + 2 * n, &word, 2);
+          std::memcpy(buffer.data() + 2 * n, &word, 2);
         } else {
-          std::memcpy(room.data() + 4 * n, &value, 4);
+          std::memcpy(buffer.data() + 4 * n, &value, 4);
         }
       }
-      sink.put(room.size());
+      sink.commit(buffer.size());
     }
   }
   return {};
@@ -315,7 +315,7 @@ Result<LabelReader> open_image_stack(const fs::path& file, const std::optional<E
       found, file, progress,
       [&, spacing = *spacing_mm](const std::function<bool()>& should_continue,
                                  double& share) -> Result<SlicedVolume> {
-        auto stack = look_at_stack(found, file, spacing, colours, should_continue, share);
+        auto stack = inspect_stack(found, file, spacing, colours, should_continue, share);
         if (!stack) return stack.error();
         const auto stored = std::make_shared<const ImageStack>(*std::move(stack));
         return SlicedVolume{stored->file, [stored](VoxelSink& sink) { return send_stack(*stored, sink); }};

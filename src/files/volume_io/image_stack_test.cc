@@ -27,10 +27,10 @@ constexpr int kPictures = 12;
 class ImageStack : public ::testing::Test {
  protected:
   ImageStack() {
-    set_placing({.image_spacing_mm = Eigen::Vector3d(0.05, 0.06, 0.2)});
+    set_placement_options({.image_spacing_mm = Eigen::Vector3d(0.05, 0.06, 0.2)});
     std::filesystem::create_directories(folder_ / "stack");
   }
-  ~ImageStack() override { set_placing({}); }
+  ~ImageStack() override { set_placement_options({}); }
 
   void write(const std::string& name, const std::string& bytes) {
     std::ofstream(folder_ / "stack" / name, std::ios::binary) << bytes;
@@ -175,16 +175,16 @@ TEST_F(ImageStack, SlicesThatDifferAreBothNamed) {
 
 TEST_F(ImageStack, TheSpacingIsAskedFor) {
   write_stack(256, PngKind::kGrey8);
-  set_placing({});
+  set_placement_options({});
   const auto unsaid = scan();
   ASSERT_FALSE(unsaid);
   EXPECT_THAT(unsaid.error().what, HasSubstr("a stack of 12 pictures without a voxel spacing"));
   EXPECT_THAT(unsaid.error().remedy, HasSubstr("--spacing X,Y,Z"));
   // settings of a scene take precedence over those of the program
-  const auto stated = read_scan(folder_ / "stack", {}, {}, VoxelCaching::kOff, {},
-                                {.image_spacing_mm = Eigen::Vector3d(1, 2, 3)});
-  ASSERT_TRUE(stated) << stated.error().message();
-  EXPECT_EQ(stated->scan.geometry().spacing_mm, Eigen::Vector3d(1, 2, 3));
+  const auto declared = read_scan(folder_ / "stack", {}, {}, VoxelCaching::kOff, {},
+                                  {.image_spacing_mm = Eigen::Vector3d(1, 2, 3)});
+  ASSERT_TRUE(declared) << declared.error().message();
+  EXPECT_EQ(declared->scan.geometry().spacing_mm, Eigen::Vector3d(1, 2, 3));
 }
 
 TEST_F(ImageStack, WhatIsNoSliceIsTold) {

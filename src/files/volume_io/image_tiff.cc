@@ -119,17 +119,17 @@ bool unpack_lzw(std::span<const std::uint8_t> packed, std::span<std::uint8_t> ou
   std::vector<Entry> table(kCodes);
   for (unsigned n = 0; n < 256; ++n)
     table[n] = {0, static_cast<std::uint8_t>(n), static_cast<std::uint8_t>(n), 1};
-  unsigned next = kFirst, width = 9, last = kClear, bits_held = 0;
-  std::uint32_t held = 0;
+  unsigned next = kFirst, width = 9, last = kClear, bits_buffered = 0;
+  std::uint32_t bit_buffer = 0;
   std::size_t at = 0, to = 0;
   while (to < out.size()) {
-    while (bits_held < width) {
+    while (bits_buffered < width) {
       if (at >= packed.size()) return false;
-      held = held << 8 | packed[at++];
-      bits_held += 8;
+      bit_buffer = bit_buffer << 8 | packed[at++];
+      bits_buffered += 8;
     }
-    const unsigned code = held >> (bits_held - width) & ((1u << width) - 1);
-    bits_held -= width;
+    const unsigned code = bit_buffer >> (bits_buffered - width) & ((1u << width) - 1);
+    bits_buffered -= width;
     if (code == kEnd) return false;
     if (code == kClear) {
       next = kFirst;
@@ -373,8 +373,8 @@ class TiffDecoder : public ImageDecoder {
   bool unpack(const Page& page, std::uint64_t offset, std::uint64_t count, std::span<std::uint8_t> out) {
     if (page.compression == 1) return out.size() <= count && read_at(offset, out);
     // no compression expands a piece much
-    const std::uint64_t most = 2 * std::uint64_t{out.size()} + (1 << 16);
-    packed_.resize(static_cast<std::size_t>(std::min(count, most)));
+    const std::uint64_t largest = 2 * std::uint64_t{out.size()} + (1 << 16);
+    packed_.resize(static_cast<std::size_t>(std::min(count, largest)));
     if (!read_at(offset, packed_)) return false;
     switch (page.compression) {
       case 5:

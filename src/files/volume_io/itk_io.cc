@@ -29,7 +29,7 @@ std::string reason(const std::exception& exception) {
   std::string_view text = exception.what();
   std::string last;
   while (!text.empty()) {
-    const std::string_view line = trimmed(take_line(text));
+    const std::string_view line = trimmed(read_line(text));
     if (!line.empty()) last = std::string(line);
   }
   return last.substr(0, 200);

@@ -47,7 +47,7 @@ class Names {
     const std::string where = source_ + ", value " + std::to_string(value);
     if (auto fault = name_fault(shown)) {
       fault_ = bad_input(where, *fault, "rename the structure");
-    } else if (!observed_.insert(value).second) {
+    } else if (!values_.insert(value).second) {
       fault_ = bad_input(where, "is named a second time", "keep one of the names");
     } else {
       labels_.push_back({value, std::string(shown), colour});
@@ -57,7 +57,7 @@ class Names {
     if (!fault_) fault_ = bad_input(source_, why, "give each label of this map a name");
   }
   void add_unless_known(LabelId value, const std::string& name) {
-    if (!observed_.contains(value)) add(value, name, std::nullopt);
+    if (!values_.contains(value)) add(value, name, std::nullopt);
   }
   Result<std::vector<NamedLabel>> take() && {
     if (fault_) return *std::move(fault_);
@@ -69,7 +69,7 @@ class Names {
  private:
   const std::string& source_;
   std::vector<NamedLabel> labels_;
-  std::set<LabelId> observed_;
+  std::set<LabelId> values_;
   std::optional<Error> fault_;
 };
 

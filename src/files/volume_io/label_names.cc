@@ -15,7 +15,7 @@ namespace {
 // ITK-SNAP's format has names in quotation marks
 bool is_snap(std::string_view text) {
   while (!text.empty()) {
-    const std::string_view line = trimmed(take_line(text));
+    const std::string_view line = trimmed(read_line(text));
     if (!line.empty() && line.front() != '#') return line.find('"') != std::string_view::npos;
   }
   return false;

@@ -48,7 +48,7 @@ TEST(LabelNames, TheOnlyTableInTheFolderNamesTheLabelsWhereItNamesAll) {
   const auto names =
       write_text(folder / "names.ctbl", "1 femur 10 20 30 255\n2 tibia 1 2 3 255\n9 absent 0 0 0 255\n");
   std::string warning;
-  const auto warn = [&](const std::string& stated) { warning = stated; };
+  const auto warn = [&](const std::string& declared) { warning = declared; };
   EXPECT_EQ(read_labels(file, {}, {}, warn)->unnamed.size(), 3u) << "of another patient, perhaps";
   EXPECT_NE(warning.find("names.ctbl was not used"), std::string::npos) << warning;
   EXPECT_NE(warning.find("it names 2 of its 3 labels"), std::string::npos) << warning;
@@ -87,7 +87,7 @@ TEST(LabelNames, TheOnlyTableIsNotUsedBesideAnotherLabelMap) {
   std::string text = *read_file(file, 1000);
   write_text(other, text.replace(text.rfind("0 1 2 3"), 7, "1 1 2 2"));
   std::string warning;
-  const auto warn = [&](const std::string& stated) { warning = stated; };
+  const auto warn = [&](const std::string& declared) { warning = declared; };
   EXPECT_EQ(read_labels(file, {}, {}, warn)->unnamed.size(), 3u);
   EXPECT_NE(warning.find("belong to other.nrrd"), std::string::npos) << warning;
   // the scan is not a label map
@@ -118,8 +118,9 @@ TEST(LabelNames, ATableThatNamesNothingIsAnErrorThatSaysWhy) {
   // a table with the map's own name causes a warning
   write_text(folder / "labels.ctbl", "95 femur 1 2 3 255\n");
   std::string warning;
-  EXPECT_EQ(read_labels(file, {}, {}, [&](const std::string& stated) { warning = stated; })->unnamed.size(),
-            3u);
+  EXPECT_EQ(
+      read_labels(file, {}, {}, [&](const std::string& declared) { warning = declared; })->unnamed.size(),
+      3u);
   EXPECT_NE(warning.find("labels.ctbl was not used"), std::string::npos) << warning;
 }
 

@@ -13,7 +13,7 @@ Result<std::vector<NamedLabel>> parse_snap_labels(std::string_view text, const s
   std::vector<NamedLabel> labels;
   std::set<LabelId> used_labels;
   for (int number = 1; !text.empty(); ++number) {
-    const std::string_view line = trimmed(take_line(text));
+    const std::string_view line = trimmed(read_line(text));
     if (line.empty() || line.front() == '#') continue;
     const std::string where = source + ":" + std::to_string(number);
 

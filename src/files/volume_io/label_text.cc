@@ -28,7 +28,7 @@ std::size_t character_bytes(std::string_view text) {
 
 }  // namespace
 
-std::string_view take_line(std::string_view& text) {
+std::string_view read_line(std::string_view& text) {
   const auto end = text.find('\n');
   std::string_view line = text.substr(0, end);
   text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);

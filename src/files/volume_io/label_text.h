@@ -10,7 +10,7 @@
 namespace palpate::volume_io {
 
 /// Removes the next line from `text` and returns it without its line end (\n or \r\n).
-std::string_view take_line(std::string_view& text);
+std::string_view read_line(std::string_view& text);
 
 std::string_view trimmed(std::string_view text);
 std::string lower_case(std::string_view text);

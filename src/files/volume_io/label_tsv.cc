@@ -111,7 +111,7 @@ Result<std::optional<Rgb>> parse_colour(const Columns& columns, const std::vecto
 
 Result<std::vector<NamedLabel>> parse_table(std::string_view text, char separator, Split split,
                                             const std::string& source) {
-  const auto heading = split(take_line(text), separator, source + ":1");
+  const auto heading = split(read_line(text), separator, source + ":1");
   if (!heading) return heading.error();
   const auto columns = parse_heading(*heading, source + ":1");
   if (!columns) return columns.error();
@@ -119,7 +119,7 @@ Result<std::vector<NamedLabel>> parse_table(std::string_view text, char separato
   std::vector<NamedLabel> labels;
   std::set<LabelId> used_labels;
   for (int number = 2; !text.empty(); ++number) {
-    const std::string_view line = take_line(text);
+    const std::string_view line = read_line(text);
     if (trimmed(line).empty()) continue;
     const std::string where = source + ":" + std::to_string(number);
     const auto fields = split(line, separator, where);

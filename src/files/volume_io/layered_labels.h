@@ -31,9 +31,9 @@ struct SegmentOverlapPairs {
 /// Finds all overlapping pairs of segments.
 /// @param read_slice  (k, take): calls take(voxel of the slice, index) for each voxel that is in a segment
 /// @param look        called regularly; false: the parent has gone, and the rest is skipped
-template <class ReadSlice, class Look>
+template <class ReadSlice, class Appearance>
 Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, const ReadSlice& read_slice,
-                                                   const Look& look) {
+                                                   const Appearance& look) {
   SegmentOverlapPairs meetings;
   // Many pairs share many voxels, so most pairs found are known already.
   constexpr int kKnown = 1024;
@@ -46,7 +46,7 @@ Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, con
     known[at] = true;
     meetings.pairs.emplace(low, high);
   };
-  constexpr std::size_t kLookEvery = 4096;
+  constexpr std::size_t kCheckEvery = 4096;
   std::size_t used = 0;
   bool heard = true;
   // segments of each voxel
@@ -57,7 +57,7 @@ Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, con
     if (!heard) break;
     for (auto& voxel : in) voxel.clear();
     const auto read = read_slice(static_cast<std::size_t>(k), [&](std::size_t v, int index) {
-      if (++used % kLookEvery == 0) heard = heard && look();
+      if (++used % kCheckEvery == 0) heard = heard && look();
       for (const int other : in[v]) meet(index, other);
       if (in[v].size() == 1) ++meetings.voxels;
       in[v].push_back(index);
@@ -99,9 +99,9 @@ Result<void> send_layers(const VolumeHeader& header, const ReadSlice& read_slice
       for (std::size_t first = 0; first < slice.size(); first += kPieceValues) {
         const auto bytes = std::as_bytes(
             std::span(slice).subspan(first).first(std::min(kPieceValues, slice.size() - first)));
-        const auto room = sink.room().first(bytes.size());
-        std::memcpy(room.data(), bytes.data(), bytes.size());
-        sink.put(bytes.size());
+        const auto buffer = sink.buffer().first(bytes.size());
+        std::memcpy(buffer.data(), bytes.data(), bytes.size());
+        sink.commit(bytes.size());
       }
     }
   return {};

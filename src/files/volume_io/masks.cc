@@ -45,8 +45,8 @@ class MaskSink final : public VoxelSink {
                static_cast<std::uint64_t>(file.header.geometry.dims[1])),
         piece_(kPieceValues * sizeof(double)) {}
 
-  std::span<std::byte> room() override { return piece_; }
-  void put(std::size_t bytes) override {
+  std::span<std::byte> buffer() override { return piece_; }
+  void commit(std::size_t bytes) override {
     still_reading();
     with_type(file_.voxels.component, [&](auto type) { take<decltype(type)>(bytes); });
   }
@@ -55,7 +55,7 @@ class MaskSink final : public VoxelSink {
   }
   /// Why the file is not a mask; empty if it is one.
   const std::string& fault() const { return fault_; }
-  VoxelRuns take_runs() {
+  VoxelRuns visit_runs() {
     while (slices_ < file_.header.geometry.dims[2]) end_slice();
     return std::move(runs_);
   }
@@ -69,12 +69,12 @@ class MaskSink final : public VoxelSink {
       // most voxels equal their predecessor
       if (const auto stored = static_cast<double>(typed); stored != stored_ || at_ == 0) {
         stored_ = stored;
-        look_at(file_.voxels.slope * stored + file_.voxels.intercept);
+        inspect(file_.voxels.slope * stored + file_.voxels.intercept);
       }
-      if (is_in_) put_in();
+      if (is_in_) insert_pending();
     }
   }
-  void look_at(double value) {
+  void inspect(double value) {
     is_in_ = value != 0;
     if (!is_in_ || !fault_.empty()) return;
     if (!(value > 0 && value <= 65535 && value == std::floor(value))) {
@@ -86,7 +86,7 @@ class MaskSink final : public VoxelSink {
     }
     number_ = value;
   }
-  void put_in() {
+  void insert_pending() {
     const auto slice = static_cast<int>(at_ / slice_);
     while (slices_ < slice) end_slice();
     runs_.add(static_cast<std::uint32_t>(at_ % slice_));
@@ -113,19 +113,19 @@ Error no_mask(const fs::path& file, const std::string& why) {
                    "give the intended file alone, or put the masks into a separate folder");
 }
 
-Result<VolumeFile> understand_mask(const fs::path& file, const Placing& placing) {
+Result<VolumeFile> understand_mask(const fs::path& file, const PlacementOptions& placement_options) {
   const auto format = format_of(file);
   if (!format) return format.error();
   OtherFiles others;
-  auto volume = understand(**format, file, others, placing);
+  auto volume = understand(**format, file, others, placement_options);
   if (others.requested()) return no_mask(file, "has its voxels in another file");
   if (volume && volume->header.layers > 1) return no_mask(file, "has several values for each voxel");
   return volume;
 }
 
-Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::path& named,
-                                      const Placing& placing, const std::function<bool()>& should_continue,
-                                      double& share) try {
+Result<StructureLabels> inspect_masks(const StructureFiles& found, const fs::path& named,
+                                      const PlacementOptions& placement_options,
+                                      const std::function<bool()>& should_continue, double& share) try {
   if (found.files.size() > kMaxMasks)
     return bad_input(named.string(),
                      "has " + std::to_string(found.files.size()) + " masks, but at most " +
@@ -139,7 +139,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
   std::vector<VolumeFile> files;
   for (const fs::path& one : found.files) {
     if (!should_continue()) throw ReaderStopped();
-    auto file = understand_mask(one, placing);
+    auto file = understand_mask(one, placement_options);
     if (!file) return file.error();
     if (auto plausible = check_plausible(*file, sizeof(LabelId)); !plausible) return plausible.error();
     if (files.empty()) {
@@ -161,7 +161,7 @@ Result<StructureLabels> look_at_masks(const StructureFiles& found, const fs::pat
     const auto [name, left_out] = name_of_structure(one, labels.names);
     if (left_out) named_in_part.push_back(name);
     labels.names.push_back(name);
-    labels.voxels.push_back(sink.take_runs());
+    labels.voxels.push_back(sink.visit_runs());
     if (labels.voxels.back().count() == 0) empty.push_back(name);
   }
 
@@ -190,12 +190,13 @@ bool is_masks(const fs::path& folder) {
   return volumes_in(folder).size() >= 2 && !is_dicom(folder);
 }
 
-Result<LabelReader> open_masks(const fs::path& folder, const Placing& placing, const Progress& progress) {
+Result<LabelReader> open_masks(const fs::path& folder, const PlacementOptions& placement_options,
+                               const Progress& progress) {
   const StructureFiles found = find_masks(folder);
   return open_structure_files(
       found, folder, progress,
       [&](const std::function<bool()>& should_continue, double& share) {
-        return look_at_masks(found, folder, placing, should_continue, share);
+        return inspect_masks(found, folder, placement_options, should_continue, share);
       },
       "give fewer masks, or crop them first");
 }

@@ -19,7 +19,7 @@ bool is_masks(const std::filesystem::path& folder);
 /// @pre is_masks(folder)
 /// Errors: a file that is no mask (a scan, several labels), has another grid than the first, or stores its
 /// voxels in another file; interrupted.
-Result<LabelReader> open_masks(const std::filesystem::path& folder, const Placing& placing,
+Result<LabelReader> open_masks(const std::filesystem::path& folder, const PlacementOptions& placement_options,
                                const Progress& progress);
 
 }  // namespace palpate::volume_io

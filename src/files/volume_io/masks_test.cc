@@ -52,9 +52,9 @@ Volume<float> as_floats(const Volume<std::uint8_t>& mask) {
   return values;
 }
 
-Result<LabelFile> read_masks(const fs::path& folder, std::vector<std::string>* stated = nullptr) {
+Result<LabelFile> read_masks(const fs::path& folder, std::vector<std::string>* declared = nullptr) {
   return read_labels(folder, {}, {}, [&](const std::string& warning) {
-    if (stated) stated->push_back(warning);
+    if (declared) declared->push_back(warning);
   });
 }
 
@@ -81,8 +81,8 @@ TEST(Masks, OfAFolderEachFileIsAStructureWhateverItsFormatAndOverlaps) {
     }
     write_text(folder / "statistics.json", "{}");
     EXPECT_TRUE(is_volume(folder.path()));
-    std::vector<std::string> stated;
-    const auto labels = read_masks(folder.path(), &stated);
+    std::vector<std::string> declared;
+    const auto labels = read_masks(folder.path(), &declared);
     ASSERT_TRUE(labels) << labels.error().message();
     EXPECT_EQ(labels->header.format, "masks");
     EXPECT_TRUE(labels->header.has_geometry);
@@ -101,7 +101,7 @@ TEST(Masks, OfAFolderEachFileIsAStructureWhateverItsFormatAndOverlaps) {
             ASSERT_EQ(layer.at(i, j, k) == segments[n].value, mask.at(i, j, k) != 0)
                 << kExpected[n] << " " << i << " " << j << " " << k;
     }
-    const std::string all = ::testing::PrintToString(stated);
+    const std::string all = ::testing::PrintToString(declared);
     if (grid.voxel_count() > 100) {
       EXPECT_THAT(all, HasSubstr("segments overlap in"));
     }
@@ -118,15 +118,15 @@ TEST(Masks, AreCalledAfterAnatomyAloneAndByATable) {
   const TemporaryFolder folder;
   for (const char* name : {"DOE_CANARY_liver.nii.gz", "DOE_CANARY_liver_2.nii.gz", "DOE_CANARY.nii.gz"})
     ASSERT_TRUE(write_volume(folder / name, random_mask(random, 0.1)));
-  std::vector<std::string> stated;
-  const auto labels = read_masks(folder.path(), &stated);
+  std::vector<std::string> declared;
+  const auto labels = read_masks(folder.path(), &declared);
   ASSERT_TRUE(labels) << labels.error().message();
   ASSERT_EQ(labels->labels.segments.size(), 3u);
   EXPECT_EQ(labels->labels.segments[0].name, "structure 1");
   EXPECT_EQ(labels->labels.segments[1].name, "liver");
   EXPECT_EQ(labels->labels.segments[2].name.find("CANARY"), std::string::npos);
   EXPECT_NE(labels->labels.segments[2].name, "liver");
-  EXPECT_THAT(::testing::PrintToString(stated), HasSubstr("--names TABLE"));
+  EXPECT_THAT(::testing::PrintToString(declared), HasSubstr("--names TABLE"));
 
   const TemporaryFolder beside;
   const auto table = beside / "names.tsv";

@@ -197,11 +197,11 @@ class FanBlocks {
                              static_cast<std::size_t>(i / kSize)];
     if (known == Matters::kUnknown) {
       constexpr double kHalf = 0.5 * (kSize - 1);
-      const Point<Patient> middle =
+      const Point<Patient> centre =
           X_ * Point<Voxel>(i / kSize * kSize + kHalf, j / kSize * kSize + kHalf, layer_ * kSize + kHalf);
       // below this the fans cannot move an integer winding number across 1/2
       constexpr double kLittle = 0.49;
-      known = fans_.bound_within(middle.eigen(), radius_, kLittle) >= kLittle ? Matters::kYes : Matters::kNo;
+      known = fans_.bound_within(centre.eigen(), radius_, kLittle) >= kLittle ? Matters::kYes : Matters::kNo;
     }
     return known == Matters::kYes;
   }
@@ -253,9 +253,9 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
   std::array<int, 3> first{}, last{};
   for (int a = 0; a < 3; ++a) {
     const auto at = static_cast<std::size_t>(a);
-    const double most = grid.dims[at] - 1;
-    first[at] = static_cast<int>(std::clamp(std::ceil(low[a]), 0.0, most + 1));
-    last[at] = static_cast<int>(std::clamp(std::floor(high[a]), -1.0, most));
+    const double largest = grid.dims[at] - 1;
+    first[at] = static_cast<int>(std::clamp(std::ceil(low[a]), 0.0, largest + 1));
+    last[at] = static_cast<int>(std::clamp(std::floor(high[a]), -1.0, largest));
   }
   VoxelRuns voxels(first[2]);
   if (first[0] > last[0] || first[1] > last[1] || first[2] > last[2]) return voxels;

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "base/test_seed.h"
-#include "volume_io/mesh_placing.h"
+#include "volume_io/mesh_placement.h"
 #include "volume_io/test_meshes.h"
 
 namespace palpate::volume_io {
@@ -25,8 +25,8 @@ GridGeometry oblique_grid(const std::array<int, 3>& dims, const Vector3& spacing
   grid.spacing_mm = spacing_mm;
   grid.direction = turn_of(31, {3, -1, 2});
   if (left_handed) grid.direction.col(1) *= -1;
-  const Vector3 middle = 0.5 * spacing_mm.cwiseProduct(Vector3(dims[0] - 1, dims[1] - 1, dims[2] - 1));
-  grid.origin = Point<Patient>(Vector3(Vector3(4, -7, 11) - grid.direction * middle));
+  const Vector3 centre = 0.5 * spacing_mm.cwiseProduct(Vector3(dims[0] - 1, dims[1] - 1, dims[2] - 1));
+  grid.origin = Point<Patient>(Vector3(Vector3(4, -7, 11) - grid.direction * centre));
   return grid;
 }
 
@@ -45,12 +45,13 @@ std::vector<char> mask_of_mesh(const TriangleMesh& mesh, const GridGeometry& gri
   return mask;
 }
 
-void for_each_centre(const GridGeometry& grid, const std::function<void(std::size_t, const Vector3&)>& take) {
+void for_each_centre(const GridGeometry& grid,
+                     const std::function<void(std::size_t, const Vector3&)>& visit) {
   const auto X = grid.X_PatientVoxel();
   std::size_t n = 0;
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0]; ++i) take(n++, (X * Point<Voxel>(i, j, k)).eigen());
+      for (int i = 0; i < grid.dims[0]; ++i) visit(n++, (X * Point<Voxel>(i, j, k)).eigen());
 }
 
 struct Agreement {
@@ -90,8 +91,8 @@ TEST(WindingNumber, TheFastOneIsTheSumOfSolidAngles) {
   };
   TriangleMesh soup;
   for (std::uint32_t n = 0; n < 3000; ++n) {
-    const Vector3 place = anywhere(20);
-    for (int corner = 0; corner < 3; ++corner) soup.points.push_back(place + anywhere(2));
+    const Vector3 position = anywhere(20);
+    for (int corner = 0; corner < 3; ++corner) soup.points.push_back(position + anywhere(2));
     soup.triangles.push_back({3 * n, 3 * n + 1, 3 * n + 2});
   }
   TriangleMesh bowl = test_meshes::sphere_mesh(25, 80);
@@ -205,14 +206,14 @@ TEST(MeshLabels, EachRowIsASignOfLife) {
   grid.dims = {12, 12, 12};
   const ClosedMesh box = closed_mesh(
       test_meshes::moved(test_meshes::box_mesh({4, 4, 4}), Eigen::Matrix3d::Identity(), {5.5, 5.5, 5.5}));
-  int looks = 0;
-  const auto whole = voxels_of_mesh(box, grid, [&] { return ++looks > 0; });
+  int appearances = 0;
+  const auto whole = voxels_of_mesh(box, grid, [&] { return ++appearances > 0; });
   EXPECT_EQ(whole.count(), 8u * 8 * 8);
-  EXPECT_GE(looks, 64);
-  const int half = looks / 2;
-  looks = 0;
-  EXPECT_LT(voxels_of_mesh(box, grid, [&] { return ++looks < half; }).count(), whole.count());
-  EXPECT_EQ(looks, half);
+  EXPECT_GE(appearances, 64);
+  const int half = appearances / 2;
+  appearances = 0;
+  EXPECT_LT(voxels_of_mesh(box, grid, [&] { return ++appearances < half; }).count(), whole.count());
+  EXPECT_EQ(appearances, half);
 }
 
 // adjacent meshes share no voxel and leave no gap
@@ -250,14 +251,15 @@ GridGeometry scan_beside_the_origin() {
   return grid;
 }
 
-Result<PlacedMeshes> placed(const TriangleMesh& mesh, const GridGeometry* scan,
-                            const MeshPlacing& placing = {}, std::optional<MeshSpace> stated = {}) {
-  MeshSurvey survey(scan, placing.unit_mm);
+Result<TransformedMeshes> placed(const TriangleMesh& mesh, const GridGeometry* scan,
+                                 const MeshPlacementOptions& placement_options = {},
+                                 std::optional<MeshSpace> declared = {}) {
+  MeshSurvey survey(scan, placement_options.unit_mm);
   survey.observe(mesh);
-  return place_meshes(survey, placing, stated);
+  return transform_meshes(survey, placement_options, declared);
 }
 
-TEST(MeshPlacing, TheScanProvesWhatTheFileDoesNotSay) {
+TEST(MeshPlacementOptions, TheScanProvesWhatTheFileDoesNotSay) {
   const GridGeometry scan = scan_beside_the_origin();
   const TriangleMesh in_mm =
       test_meshes::moved(test_meshes::sphere_mesh(12, 20), Eigen::Matrix3d::Identity(), {-90, 60, -10});
@@ -275,7 +277,7 @@ TEST(MeshPlacing, TheScanProvesWhatTheFileDoesNotSay) {
 }
 
 // a scan around the origin also contains a mesh read in too small a unit
-TEST(MeshPlacing, SeveralUnitsThatFitAreAskedFor) {
+TEST(MeshPlacementOptions, SeveralUnitsThatFitAreAskedFor) {
   GridGeometry scan;
   scan.dims = {300, 300, 300};
   scan.origin = Point<Patient>(-150, -150, -150);
@@ -297,7 +299,7 @@ TEST(MeshPlacing, SeveralUnitsThatFitAreAskedFor) {
   EXPECT_EQ(found->space, MeshSpace::kLps);
 }
 
-TEST(MeshPlacing, WhatTheScanDoesNotProveIsAskedFor) {
+TEST(MeshPlacementOptions, WhatTheScanDoesNotProveIsAskedFor) {
   GridGeometry scan = scan_beside_the_origin();
   scan.origin = Point<Patient>(-40, -40, -20);
   const TriangleMesh middle = test_meshes::sphere_mesh(12, 20);

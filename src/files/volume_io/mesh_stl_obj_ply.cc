@@ -61,7 +61,7 @@ Result<MeshFile> parse_ascii_stl(std::string_view bytes, MeshBuilder builder) {
   std::size_t line = 0, corners = 0;
   bool open = false;
   while (!bytes.empty()) {
-    const std::string_view text = trimmed(take_line(bytes));
+    const std::string_view text = trimmed(read_line(bytes));
     ++line;
     if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
     const auto words = split_spaces(text);
@@ -194,7 +194,7 @@ Result<PlyHeader> parse_ply_header(std::string_view& bytes, MeshBuilder& builder
   std::size_t line = 0;
   constexpr std::size_t kMaxLines = 1000;
   while (!bytes.empty() && line < kMaxLines) {
-    const std::string_view text = trimmed(take_line(bytes));
+    const std::string_view text = trimmed(read_line(bytes));
     ++line;
     if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
     const auto words = split_spaces(text);
@@ -269,13 +269,13 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
   };
   begin("");
   while (!bytes.empty()) {
-    std::string_view text = take_line(bytes);
+    std::string_view text = read_line(bytes);
     ++line;
     // a line continued on the next one
     joined.clear();
     while (text.ends_with('\\') && !bytes.empty()) {
       joined += std::string(text.substr(0, text.size() - 1)) + " ";
-      text = take_line(bytes);
+      text = read_line(bytes);
       ++line;
     }
     if (!joined.empty()) text = joined += text;
@@ -338,20 +338,20 @@ Result<MeshFile> parse_ply(std::string_view bytes, MeshBuilder builder) {
   std::vector<std::int64_t> corners;
   bool has_points = false;
   for (const PlyElement& element : header->elements) {
-    std::array<int, 3> place{-1, -1, -1};
+    std::array<int, 3> indices{-1, -1, -1};
     int face = -1;
     for (std::size_t n = 0; n < element.properties.size(); ++n) {
       const PlyProperty& property = element.properties[n];
       const int index = static_cast<int>(n);
       if (!property.count && element.name == "vertex")
         for (std::size_t a = 0; a < 3; ++a)
-          if (property.name == std::string(1, static_cast<char>('x' + a))) place[a] = index;
+          if (property.name == std::string(1, static_cast<char>('x' + a))) indices[a] = index;
       if (property.count && element.name == "face" &&
           (property.name == "vertex_indices" || property.name == "vertex_index"))
         face = index;
     }
     const bool is_points = element.name == "vertex", is_faces = element.name == "face";
-    if (is_points && std::ranges::find(place, -1) != place.end())
+    if (is_points && std::ranges::find(indices, -1) != indices.end())
       return builder.damaged("its points lack an x, y or z");
     if (is_faces && face < 0) return builder.damaged("its faces lack their vertex_indices");
     if (is_faces && !has_points) return builder.damaged("its faces come before its points");
@@ -368,7 +368,7 @@ Result<MeshFile> parse_ply(std::string_view bytes, MeshBuilder builder) {
         if (!first) return ends();
         if (!property.count) {
           for (std::size_t a = 0; a < 3; ++a)
-            if (place[a] == static_cast<int>(p)) point[static_cast<int>(a)] = *first;
+            if (indices[a] == static_cast<int>(p)) point[static_cast<int>(a)] = *first;
           continue;
         }
         if (!(*first >= 0 && *first <= static_cast<double>(values.left()))) return ends();

@@ -119,7 +119,7 @@ class LegacyReader {
  public:
   explicit LegacyReader(std::string_view bytes) : bytes_(bytes) {}
 
-  std::string_view line() { return take_line(bytes_); }
+  std::string_view line() { return read_line(bytes_); }
   bool binary = false;
   bool too_many = false;  // an array exceeded kMaxNumbers
   bool at_end() const { return bytes_.empty(); }
@@ -327,7 +327,7 @@ class XmlReader {
   }
   // text between the last tag and the next
   std::string_view text() const { return bytes_.substr(at_, bytes_.find('<', at_) - at_); }
-  std::string_view rest() const { return bytes_.substr(at_); }
+  std::string_view remaining() const { return bytes_.substr(at_); }
 
  private:
   std::string_view bytes_;
@@ -411,23 +411,23 @@ std::optional<std::uint64_t> header_number(ByteStream& in, const XmlSettings& se
 // @param left  limit for all arrays together, because several may refer to the same bytes; reduced by the
 //              size
 std::optional<std::string> array_bytes(ByteStream in, const XmlSettings& settings, std::uint64_t& left) {
-  const std::uint64_t most = left;
+  const std::uint64_t largest = left;
   std::string bytes;
   const auto first = header_number(in, settings);
   if (!first) return std::nullopt;
   if (!settings.packed) {
-    if (*first > most || !in.read(*first, bytes)) return std::nullopt;
+    if (*first > largest || !in.read(*first, bytes)) return std::nullopt;
     left -= bytes.size();
     return bytes;
   }
   const auto block = header_number(in, settings), last = header_number(in, settings);
-  if (!block || !last || (*block > 0 && *first > most / *block + 1) || *first > most || *block > most ||
-      *last > *block)
+  if (!block || !last || (*block > 0 && *first > largest / *block + 1) || *first > largest ||
+      *block > largest || *last > *block)
     return std::nullopt;
   std::vector<std::uint64_t> sizes;
   for (std::uint64_t n = 0; n < *first; ++n) {
     const auto size = header_number(in, settings);
-    if (!size || *size > most) return std::nullopt;
+    if (!size || *size > largest) return std::nullopt;
     sizes.push_back(*size);
   }
   in.end_part();
@@ -438,7 +438,8 @@ std::optional<std::string> array_bytes(ByteStream in, const XmlSettings& setting
     const std::size_t expected = partial ? *last : *block;
     // zlib expands data at most 1032 times
     constexpr std::size_t kMaxGain = 1100, kLeast = 64;
-    if (expected > kLeast + kMaxGain * packed.size() || bytes.size() + expected > most) return std::nullopt;
+    if (expected > kLeast + kMaxGain * packed.size() || bytes.size() + expected > largest)
+      return std::nullopt;
     const std::size_t before = bytes.size();
     bytes.resize(before + expected);
     uLongf received = static_cast<uLongf>(expected);
@@ -528,9 +529,9 @@ Result<XmlFile> read_xml(std::string_view bytes, MeshBuilder& builder) {
       file.pieces += !tag->closes;
     } else if (tag->name == "AppendedData") {
       file.appended_base64 = (*tag)["encoding"] != "raw";
-      const auto mark = in.rest().find('_');
+      const auto mark = in.remaining().find('_');
       if (mark == std::string_view::npos) return builder.damaged("its appended data do not begin");
-      file.appended = in.rest().substr(mark + 1);
+      file.appended = in.remaining().substr(mark + 1);
       // appended data end the file, and may look like tags
       const auto end = file.appended.rfind("</AppendedData>");
       if (end == std::string_view::npos) return builder.damaged("its appended data do not end");

@@ -13,7 +13,7 @@
 #include "volume_io/layered_labels.h"
 #include "volume_io/masks.h"
 #include "volume_io/mesh_labels.h"
-#include "volume_io/mesh_placing.h"
+#include "volume_io/mesh_placement.h"
 #include "volume_io/volume_reader.h"
 
 namespace palpate::volume_io {
@@ -94,12 +94,13 @@ GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high
 constexpr std::size_t kMaxMeshes = 1024;
 
 // @param should_continue  called regularly; false: the parent has gone
-Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::path& named,
-                                       const GridGeometry* scan, const MeshPlacing& placing,
+Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::path& named,
+                                       const GridGeometry* scan,
+                                       const MeshPlacementOptions& placement_options,
                                        const std::function<bool()>& should_continue, double& share) {
   // survey the points of all files, and the coordinate systems that the files state
-  MeshSurvey survey(scan, placing.unit_mm);
-  std::optional<MeshSpace> stated;
+  MeshSurvey survey(scan, placement_options.unit_mm);
+  std::optional<MeshSpace> declared;
   bool first = true, alike = true;
   std::size_t meshes = 0;
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
@@ -108,8 +109,8 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
     if (!should_continue()) return bad_input("", "nobody reads it");
     const auto file = parse_file(one, meshes_of.formats.at(one));
     if (!file) return file.error();
-    alike = alike && (first || stated == file->space);
-    stated = file->space;
+    alike = alike && (first || declared == file->space);
+    declared = file->space;
     for (const TriangleMesh& mesh : file->meshes) {
       survey.observe(mesh);
       for (const Eigen::Vector3d& point : mesh.points) {
@@ -125,11 +126,11 @@ Result<StructureLabels> look_at_meshes(const FoundMeshes& meshes_of, const fs::p
                      "has " + std::to_string(meshes) + " structures, but at most " +
                          std::to_string(kMaxMeshes) + " can be read",
                      "give fewer of them");
-  if (!alike && !placing.space)
+  if (!alike && !placement_options.space)
     return bad_input(named.string(),
                      "holds surfaces with different axes: some LPS, others RAS or unspecified",
                      "export all of them with the same axes, or choose the axes of all with --mesh-space");
-  const auto placed = place_meshes(survey, placing, stated);
+  const auto placed = transform_meshes(survey, placement_options, declared);
   if (!placed) return Error{ErrorKind::kBadInput, placed.error().what, named.string(), placed.error().remedy};
 
   StructureLabels labels;
@@ -215,13 +216,13 @@ bool is_meshes(const fs::path& file) {
   return !find_meshes(file).found.files.empty() && !is_dicom(file);
 }
 
-Result<LabelReader> open_meshes(const fs::path& file, const GridGeometry* scan, const MeshPlacing& placing,
-                                const Progress& progress) {
+Result<LabelReader> open_meshes(const fs::path& file, const GridGeometry* scan,
+                                const MeshPlacementOptions& placement_options, const Progress& progress) {
   const FoundMeshes meshes = find_meshes(file);
   auto reader = open_structure_files(
       meshes.found, file, progress,
       [&](const std::function<bool()>& should_continue, double& share) {
-        return look_at_meshes(meshes, file, scan, placing, should_continue, share);
+        return inspect_meshes(meshes, file, scan, placement_options, should_continue, share);
       },
       "simplify it first, for example with 3D Slicer's Surface Toolbox (Decimate), or give fewer surfaces");
   if (reader && scan && !reader->volume.header.geometry.same_grid(*scan)) return nonsense({&file, 1});

@@ -20,6 +20,6 @@ bool is_meshes(const std::filesystem::path& file);
 /// @pre is_meshes(file)
 /// @param scan  grid on which the surfaces are rasterised; null: a grid of their own
 Result<LabelReader> open_meshes(const std::filesystem::path& file, const GridGeometry* scan,
-                                const MeshPlacing& placing, const Progress& progress);
+                                const MeshPlacementOptions& placement_options, const Progress& progress);
 
 }  // namespace palpate::volume_io

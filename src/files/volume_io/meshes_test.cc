@@ -28,17 +28,18 @@ GridGeometry scan_for_meshes() {
 
 // a sphere centred in that scan
 volume_io::TriangleMesh ball_in_scan(double radius, const Eigen::Vector3d& beside = {0, 0, 0}) {
-  const Eigen::Vector3d middle = scan_for_meshes().centre().eigen();
-  return shapes::moved(shapes::sphere_mesh(radius, 64), Eigen::Matrix3d::Identity(), middle + beside);
+  const Eigen::Vector3d centre = scan_for_meshes().centre().eigen();
+  return shapes::moved(shapes::sphere_mesh(radius, 64), Eigen::Matrix3d::Identity(), centre + beside);
 }
 
 std::vector<std::string> warnings_of(const std::filesystem::path& file, const GridGeometry* scan,
-                                     Result<LabelFile>& labels, const MeshPlacing& placing = {}) {
-  std::vector<std::string> stated;
+                                     Result<LabelFile>& labels,
+                                     const MeshPlacementOptions& placement_options = {}) {
+  std::vector<std::string> declared;
   labels = read_labels(
-      file, {}, {}, [&](const std::string& warning) { stated.push_back(warning); }, Doubtful::kRefused,
-      VoxelCaching::kOff, scan, Placing{.mesh = placing});
-  return stated;
+      file, {}, {}, [&](const std::string& warning) { declared.push_back(warning); }, Doubtful::kRefused,
+      VoxelCaching::kOff, scan, PlacementOptions{.mesh = placement_options});
+  return declared;
 }
 
 TEST(Meshes, EveryFormatBecomesTheSameLabels) {
@@ -70,14 +71,14 @@ TEST(Meshes, OfAFolderEachFileIsAStructure) {
   write_text(folder / "femur.ply", shapes::ply(ball_in_scan(7), "binary_big_endian"));
   write_text(folder / "read me", "nothing");
   Result<LabelFile> labels = Error{};
-  const auto stated = warnings_of(folder.path(), &scan, labels);
+  const auto declared = warnings_of(folder.path(), &scan, labels);
   ASSERT_TRUE(labels) << labels.error().message();
   ASSERT_EQ(labels->labels.segments.size(), 2u);
   EXPECT_EQ(labels->labels.segments[0].name, "femur");
   EXPECT_EQ(labels->labels.segments[1].name, "tibia");
   // overlapping structures are preserved
   EXPECT_EQ(labels->labels.layers.size(), 2u);
-  const std::string all = ::testing::PrintToString(stated);
+  const std::string all = ::testing::PrintToString(declared);
   EXPECT_THAT(all, HasSubstr("segments overlap in"));
   EXPECT_THAT(all, HasSubstr("is read as LPS in mm"));
   EXPECT_THAT(all, HasSubstr("1 other file in it is no surface"));
@@ -145,12 +146,12 @@ TEST(Meshes, ObjectsWithinAFileAreNotCalledAfterAPatient) {
        {std::pair("of a stranger.stl", stl), std::pair("of a stranger.obj", obj)}) {
     write_text(folder / name, text);
     Result<LabelFile> labels = Error{};
-    const auto stated = warnings_of(folder / name, &scan, labels);
+    const auto declared = warnings_of(folder / name, &scan, labels);
     ASSERT_TRUE(labels) << labels.error().message();
     ASSERT_EQ(labels->labels.segments.size(), called.size()) << name;
     for (std::size_t n = 0; n < called.size(); ++n)
       EXPECT_EQ(labels->labels.segments[n].name, called[n].second) << name;
-    const std::string all = ::testing::PrintToString(stated);
+    const std::string all = ::testing::PrintToString(declared);
     EXPECT_THAT(all, HasSubstr("not known anatomical words"));
     EXPECT_EQ(all.find("CANARY"), std::string::npos);
     EXPECT_EQ(all.find("Canary"), std::string::npos);
@@ -172,7 +173,7 @@ TEST(Meshes, WithoutAScanTheyHaveAGridOfTheirOwn) {
   const TemporaryFolder folder;
   write_text(folder / "femur.stl", shapes::binary_stl(ball_in_scan(9)));
   Result<LabelFile> labels = Error{};
-  const auto stated = warnings_of(folder / "femur.stl", nullptr, labels);
+  const auto declared = warnings_of(folder / "femur.stl", nullptr, labels);
   ASSERT_TRUE(labels) << labels.error().message();
   EXPECT_FALSE(labels->header.has_geometry);
   ASSERT_EQ(labels->labels.segments.size(), 1u);
@@ -180,7 +181,7 @@ TEST(Meshes, WithoutAScanTheyHaveAGridOfTheirOwn) {
   const auto statistics = segment_statistics(labels->labels);
   EXPECT_NEAR(statistics[0].volume_mm3, 4.0 / 3 * std::numbers::pi * 729, 45);
   EXPECT_LT((statistics[0].centroid.eigen() - scan_for_meshes().centre().eigen()).norm(), 0.05);
-  EXPECT_THAT(::testing::PrintToString(stated), HasSubstr("its own grid of"));
+  EXPECT_THAT(::testing::PrintToString(declared), HasSubstr("its own grid of"));
   // specified as RAS it lies elsewhere, and its sides are known
   warnings_of(folder / "femur.stl", nullptr, labels, {MeshSpace::kRas, {}});
   ASSERT_TRUE(labels);

@@ -4,7 +4,8 @@
 
 namespace palpate::volume_io {
 
-Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others, const Placing&) {
+Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others,
+                                     const PlacementOptions&) {
   const std::string source = file.string();
   const auto front = read_front(file, Encoding::kRaw, kMaxHeaderBytes);
   if (!front) return front.error();

@@ -13,9 +13,9 @@ using MetaFields = std::map<std::string, std::string>;
 Result<std::pair<MetaFields, std::size_t>> split_fields(std::string_view bytes, const std::string& source) {
   constexpr std::size_t kLongestName = 100, kLongestLine = 4000;
   MetaFields fields;
-  std::string_view rest = bytes;
-  for (int number = 1; !rest.empty(); ++number) {
-    const std::string_view line = take_line(rest);
+  std::string_view remaining = bytes;
+  for (int number = 1; !remaining.empty(); ++number) {
+    const std::string_view line = read_line(remaining);
     if (trimmed(line).empty()) continue;
     const auto equals = line.find('=');
     const std::string where = source + ":" + std::to_string(number);
@@ -25,7 +25,7 @@ Result<std::pair<MetaFields, std::size_t>> split_fields(std::string_view bytes, 
     const std::string name(trimmed(line.substr(0, equals)));
     if (!fields.emplace(name, std::string(trimmed(line.substr(equals + 1)))).second)
       return bad_input(where, "gives the same field a second time");
-    if (name == "ElementDataFile") return std::pair(fields, bytes.size() - rest.size());
+    if (name == "ElementDataFile") return std::pair(fields, bytes.size() - remaining.size());
   }
   return bad_input(source, "its header does not state where the voxels are (ElementDataFile)",
                    "is the file complete?");

@@ -79,7 +79,7 @@ Result<void> read_label_names_of(const std::filesystem::path& file, Encoding enc
 }  // namespace
 
 Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles& others,
-                                 const Placing& placing) {
+                                 const PlacementOptions& placement_options) {
   std::filesystem::path file = named;
   if (has_ending(named, ".img") || has_ending(named, ".img.gz")) {
     const auto header_file = others.find({OtherFile::Which::kHeader, ""});
@@ -91,7 +91,7 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles&
   if (!encoding) return encoding.error();
   const auto front = read_front(file, *encoding, kMaxNiftiHeaderBytes);
   if (!front) return front.error();
-  const auto header = parse_nifti_header(*front, source, placing.nifti_form);
+  const auto header = parse_nifti_header(*front, source, placement_options.nifti_form);
   if (!header) return header.error();
   const auto dims = volume_dims(header->axes, source);
   if (!dims) return dims.error();

@@ -41,7 +41,8 @@ Result<void> check_counted_from_end(const VoxelSource& voxels, const std::array<
 
 }  // namespace
 
-Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others, const Placing&) {
+Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others,
+                                const PlacementOptions&) {
   const std::string source = file.string();
   const auto front = read_front(file, Encoding::kRaw, kMaxHeaderBytes);
   if (!front) return front.error();

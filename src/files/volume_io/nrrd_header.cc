@@ -28,11 +28,11 @@ std::string unescaped(std::string_view text) {
 
 Result<Lines> split_lines(std::string_view bytes, const std::string& source) {
   Lines lines;
-  std::string_view rest = bytes;
-  if (take_line(rest).substr(0, 5) != "NRRD0")
+  std::string_view remaining = bytes;
+  if (read_line(remaining).substr(0, 5) != "NRRD0")
     return bad_input(source, "does not start like an NRRD file", "is it really one, and complete?");
-  for (int number = 2; !rest.empty(); ++number) {
-    const std::string_view line = take_line(rest);
+  for (int number = 2; !remaining.empty(); ++number) {
+    const std::string_view line = read_line(remaining);
     if (line.empty()) break;
     if (line.front() == '#') continue;
     const auto colon = line.find(':');
@@ -53,7 +53,7 @@ Result<Lines> split_lines(std::string_view bytes, const std::string& source) {
     if (!lines.fields.emplace(name, std::string(trimmed(line.substr(colon + 1)))).second)
       return bad_input(where, "gives the same field a second time");
   }
-  lines.end = bytes.size() - rest.size();
+  lines.end = bytes.size() - remaining.size();
   return lines;
 }
 

@@ -24,20 +24,20 @@ using namespace volume_io;
 
 namespace {
 
-Placing& placing_of_process() {
-  static Placing placing;
-  return placing;
+PlacementOptions& process_placement_options() {
+  static PlacementOptions placement_options;
+  return placement_options;
 }
 
 // settings of this read, completed by those of the process
-Placing over_process(Placing placing) {
-  const Placing& all = placing_of_process();
-  if (!placing.mesh.space) placing.mesh.space = all.mesh.space;
-  if (!placing.mesh.unit_mm) placing.mesh.unit_mm = all.mesh.unit_mm;
-  if (!placing.image_spacing_mm) placing.image_spacing_mm = all.image_spacing_mm;
-  if (!placing.nifti_form) placing.nifti_form = all.nifti_form;
-  placing.scan_is_cropped = placing.scan_is_cropped || all.scan_is_cropped;
-  return placing;
+PlacementOptions over_process(PlacementOptions placement_options) {
+  const PlacementOptions& all = process_placement_options();
+  if (!placement_options.mesh.space) placement_options.mesh.space = all.mesh.space;
+  if (!placement_options.mesh.unit_mm) placement_options.mesh.unit_mm = all.mesh.unit_mm;
+  if (!placement_options.image_spacing_mm) placement_options.image_spacing_mm = all.image_spacing_mm;
+  if (!placement_options.nifti_form) placement_options.nifti_form = all.nifti_form;
+  placement_options.scan_is_cropped = placement_options.scan_is_cropped || all.scan_is_cropped;
+  return placement_options;
 }
 
 // calls value(index, stored value) for each value of a piece
@@ -169,7 +169,7 @@ class LabelSink {
     return true;
   }
   /// Stores the voxels in the cache, after the last voxel.
-  void keep(const VoxelCacheEntry& stored) const { stored.keep_labels(layers_); }
+  void keep(const VoxelCacheEntry& stored) const { stored.store_labels(layers_); }
   /// Moves the layers out, after the last voxel.
   std::vector<Volume<LabelId>> take_layers() {
     std::vector<Volume<LabelId>> layers;
@@ -469,7 +469,7 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
     auto fresh = unpack_scan(reader, path);
     if (!fresh) return fresh.error();
     values = *std::move(fresh);
-    stored.keep_scan(values.voxels, values.replaced);
+    stored.retain_scan(values.voxels, values.replaced);
   }
   if (values.replaced > 0 && warn)
     warn(path.string() + ": " + std::to_string(values.replaced) +
@@ -540,7 +540,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
   if (*belongs) result.names_table = found->table;
   for (const Segment& s : result.labels.segments)
     if (s.name.empty()) result.unnamed.push_back(s.id);
-  if (says_labels(result) || !looks_like_scan(result.labels)) return result;
+  if (says_labels(result) || !resembles_scan(result.labels)) return result;
   const Error used = taken_for_labels(path, result.labels.segments.size());
   if (doubtful == Doubtful::kRefused) return used;
   if (warn) warn(used.message());
@@ -627,12 +627,12 @@ Result<ScanAndLabels> identify_scan_and_labels(const std::filesystem::path& firs
   return out_of_memory(first);
 }
 
-void set_placing(const Placing& placing) {
-  placing_of_process() = placing;
+void set_placement_options(const PlacementOptions& placement_options) {
+  process_placement_options() = placement_options;
 }
 
-const Placing& placing() {
-  return placing_of_process();
+const PlacementOptions& placement_options() {
+  return process_placement_options();
 }
 
 void set_read_as(ReadAs kind) {
@@ -719,7 +719,8 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 }
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
-                           VoxelCaching unpacked, std::optional<int> volume, const Placing& placing) try {
+                           VoxelCaching unpacked, std::optional<int> volume,
+                           const PlacementOptions& placement_options) try {
   if (!volume && !is_dicom(file)) {
     if (is_meshes(file))
       return bad_input(file.string(), "holds surfaces, which are labels, not a scan",
@@ -732,8 +733,8 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
                            "; give a folder of masks as the labels, after the scan");
     }
   }
-  auto reader =
-      VolumeReader::open(file, progress, volume, nullptr, over_process(placing), ImageColours::kGrey);
+  auto reader = VolumeReader::open(file, progress, volume, nullptr, over_process(placement_options),
+                                   ImageColours::kGrey);
   if (!reader) return reader.error();
   return take_scan(*reader, file, progress, warn, unpacked);
 } catch (const std::bad_alloc&) {
@@ -743,12 +744,12 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
                               const Warn& warn, Doubtful doubtful, VoxelCaching unpacked,
-                              const GridGeometry* scan_grid, const Placing& placing,
+                              const GridGeometry* scan_grid, const PlacementOptions& placement_options,
                               const std::optional<std::filesystem::path>& scan) try {
   if (is_dicom(file))
     return bad_input(file.string(), "holds DICOM images, which are a scan, not labels",
                      "give it as the scan, and a label map in addition");
-  auto reader = VolumeReader::open(file, progress, {}, scan_grid, over_process(placing));
+  auto reader = VolumeReader::open(file, progress, {}, scan_grid, over_process(placement_options));
   if (!reader) return reader.error();
   return take_labels(*reader, file, names, scan, progress, warn, doubtful, unpacked);
 } catch (const std::bad_alloc&) {

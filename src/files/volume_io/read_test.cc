@@ -149,7 +149,7 @@ TEST(ReadVolume, AScanTakenForLabelsIsRefused) {
 
   // an explicit declaration as labels, by a table or a switch, takes precedence
   std::string warning;
-  const auto warn = [&](const std::string& stated) { warning = stated; };
+  const auto warn = [&](const std::string& declared) { warning = declared; };
   EXPECT_EQ(refusal_of(scan, std::nullopt, Progress(), Warn(warn), Doubtful::kWarnedOf), "");
   EXPECT_NE(warning.find("looks like a scan"), std::string::npos);
   std::string table = "value\tname\n";
@@ -209,17 +209,17 @@ TEST(ReadScan, FindsDetachedDataBySkips) {
   write_text(folder / "a.raw", data);
   write_text(folder / "a.raw.gz", gzipped(data.substr(5)));
   const std::vector<float> expected{'A', 'B', 'C', 'D'};
-  for (const std::string& place : {std::string("encoding: raw\nbyte skip: 9\ndata file: a.raw\n"),
-                                   std::string("encoding: raw\nbyte skip: -4\ndata file: a.raw\n"),
-                                   std::string("encoding: gzip\nbyte skip: -4\ndata file: a.raw.gz\n")}) {
-    const auto scan = read_scan(write_text(folder / "a.nhdr", nrrd("uint8", "2 2 1", place, "")));
+  for (const std::string& context : {std::string("encoding: raw\nbyte skip: 9\ndata file: a.raw\n"),
+                                     std::string("encoding: raw\nbyte skip: -4\ndata file: a.raw\n"),
+                                     std::string("encoding: gzip\nbyte skip: -4\ndata file: a.raw.gz\n")}) {
+    const auto scan = read_scan(write_text(folder / "a.nhdr", nrrd("uint8", "2 2 1", context, "")));
     // data after the voxels are allowed only if they are declared
-    if (place.find("skip: 9") != std::string::npos) {
+    if (context.find("skip: 9") != std::string::npos) {
       EXPECT_FALSE(scan) << "3 bytes too many";
       continue;
     }
-    ASSERT_TRUE(scan) << place << scan.error().message();
-    EXPECT_EQ(scan->scan.voxels(), expected) << place;
+    ASSERT_TRUE(scan) << context << scan.error().message();
+    EXPECT_EQ(scan->scan.voxels(), expected) << context;
   }
   write_text(folder / "b.raw", "line\nheadABCD");
   const auto lines = read_scan(write_text(
@@ -402,8 +402,8 @@ VolumeContent::Kind kind_of_values(const std::vector<int>& values) {
 }
 
 double radius(int i, int j, int k) {
-  const double middle = 0.5 * (kSide - 1);
-  return std::hypot(i - middle, j - middle, k - middle);
+  const double midpoint = 0.5 * (kSide - 1);
+  return std::hypot(i - midpoint, j - midpoint, k - midpoint);
 }
 
 TEST(ContentOf, GreyValuesOfEightBitsAreAScan) {
@@ -590,11 +590,12 @@ TEST(NiftiForms, TheOneThatIsAskedForIsRead) {
   const TemporaryFolder folder;
   const auto file = write_text(folder / "a.nii", nifti_of_two_forms(0, 20, -1));
   const auto as = [&](NiftiForm form) {
-    Placing placing;
-    placing.nifti_form = form;
+    PlacementOptions placement_options;
+    placement_options.nifti_form = form;
     std::string warnings;
     const auto scan = read_scan(
-        file, {}, [&](const std::string& text) { warnings += text; }, VoxelCaching::kOff, {}, placing);
+        file, {}, [&](const std::string& text) { warnings += text; }, VoxelCaching::kOff, {},
+        placement_options);
     EXPECT_TRUE(scan);
     EXPECT_EQ(warnings, "");
     return scan->scan.geometry();

@@ -169,7 +169,7 @@ Result<std::vector<Segment>> parse_segment_fields(
   }
 
   std::vector<Segment> segments;
-  std::set<std::pair<int, LabelId>> observed;
+  std::set<std::pair<int, LabelId>> visited;
   for (const auto& [number, f] : by_number) {
     const std::string name = "Segment" + std::to_string(number);
     Segment segment;
@@ -181,7 +181,7 @@ Result<std::vector<Segment>> parse_segment_fields(
     segment.layer = f.layer.value_or(layers > 1 ? number : 0);
     segment.value = f.value.value_or(1);
     if (segment.layer >= layers) return bad_input(source, name + " has no layer in the file");
-    if (!observed.insert({segment.layer, segment.value}).second)
+    if (!visited.insert({segment.layer, segment.value}).second)
       return bad_input(source,
                        name + " repeats value " + std::to_string(segment.value) + " of layer " +
                            std::to_string(segment.layer),

@@ -37,11 +37,11 @@ std::function<bool()> now_and_then(const std::function<bool()>& sign) {
 }
 
 Result<void> send_structures(const StructureLabels& labels, VoxelSink& sink) {
-  const auto read_slice = [&](int layer, std::size_t k, const auto& take) -> Result<void> {
+  const auto read_slice = [&](int layer, std::size_t k, const auto& visit) -> Result<void> {
     for (std::size_t n = 0; n < labels.voxels.size(); ++n)
       if (labels.layers[n] == layer)
         labels.voxels[n].read_slice(static_cast<int>(k),
-                                    [&](std::size_t v) { take(v, static_cast<int>(n + 1)); });
+                                    [&](std::size_t v) { visit(v, static_cast<int>(n + 1)); });
     return {};
   };
   return send_layers(labels.file.header, read_slice, sink);
@@ -60,14 +60,14 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
   }
   // each root is a file descriptor in the reader process
   constexpr std::size_t kMaxFiles = 4096, kMaxRoots = 256;
-  std::size_t looked_at = 0, others = 0, led_out = 0, scattered = 0;
+  std::size_t inspected = 0, others = 0, led_out = 0, scattered = 0;
   std::set<fs::path> outside;
   fs::directory_iterator entry(named, failed);
-  for (; !failed && entry != fs::directory_iterator() && looked_at < kMaxFiles; entry.increment(failed)) {
+  for (; !failed && entry != fs::directory_iterator() && inspected < kMaxFiles; entry.increment(failed)) {
     std::error_code ignored;
     // hidden files, such as macOS's "._liver.nii.gz"
     if (!entry->is_regular_file(ignored) || entry->path().filename().string().starts_with('.')) continue;
-    ++looked_at;
+    ++inspected;
     if (!is_one(entry->path())) {
       ++others;
       continue;
@@ -126,9 +126,9 @@ std::string note_of_left_out(const std::vector<std::string>& names) {
 
 Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const fs::path& named,
                      const std::function<bool()>& should_continue) {
-  const auto read_slice = [&](std::size_t k, const auto& take) -> Result<void> {
+  const auto read_slice = [&](std::size_t k, const auto& visit) -> Result<void> {
     for (std::size_t n = 0; n < labels.voxels.size(); ++n)
-      labels.voxels[n].read_slice(static_cast<int>(k), [&](std::size_t v) { take(v, static_cast<int>(n)); });
+      labels.voxels[n].read_slice(static_cast<int>(k), [&](std::size_t v) { visit(v, static_cast<int>(n)); });
     return {};
   };
   const auto meetings = find_overlapping_pairs(grid, read_slice, should_continue);
@@ -143,12 +143,12 @@ Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const fs
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const fs::path& named, const Progress& progress,
     const std::function<Result<StructureLabels>(const std::function<bool()>& should_continue, double& share)>&
-        look_at,
+        inspect,
     const char* too_large) {
   return open_sliced_files(
       found, named, progress,
       [&](const std::function<bool()>& should_continue, double& share) -> Result<SlicedVolume> {
-        auto labels = look_at(should_continue, share);
+        auto labels = inspect(should_continue, share);
         if (!labels) return labels.error();
         const auto stored = std::make_shared<const StructureLabels>(*std::move(labels));
         return SlicedVolume{stored->file,
@@ -160,7 +160,7 @@ Result<LabelReader> open_structure_files(
 Result<LabelReader> open_sliced_files(
     const StructureFiles& found, const fs::path& named, const Progress& progress,
     const std::function<Result<SlicedVolume>(const std::function<bool()>& should_continue, double& share)>&
-        look_at,
+        inspect,
     const char* too_large) {
   std::vector<int> descriptors;
   for (const fs::path& root : found.roots)
@@ -171,13 +171,13 @@ Result<LabelReader> open_sliced_files(
   names.insert(names.end(), found.files.begin(), found.files.end());
   auto process = start_reader(descriptors, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
     double share = 0;
-    const auto tell = [&] {
+    const auto report = [&] {
       const auto word = static_cast<std::uint32_t>(std::lround(1000 * share));
       return parent.write(std::as_bytes(std::span(&word, 1)));
     };
     const auto volume = [&]() -> Result<SlicedVolume> {
       try {
-        return look_at(now_and_then(tell), share);
+        return inspect(now_and_then(report), share);
       } catch (const std::bad_alloc&) {
         return bad_input(named.string(), "does not fit into the memory for reading", too_large);
       }
@@ -189,8 +189,8 @@ Result<LabelReader> open_sliced_files(
     return Error{process.error().kind, process.error().what, named.string(), process.error().remedy};
   while (true) {
     std::uint32_t word = 0;
-    if (auto stated = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !stated)
-      return about(stated.error(), names);
+    if (auto declared = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !declared)
+      return about(declared.error(), names);
     if (word != kEnd) {
       progress.report("examining each file", std::min(1.0, word / 1000.0));
       continue;

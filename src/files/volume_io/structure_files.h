@@ -70,18 +70,18 @@ struct SlicedVolume {
 Result<LabelReader> open_sliced_files(
     const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,
     const std::function<Result<SlicedVolume>(const std::function<bool()>& should_continue, double& share)>&
-        look_at,
+        inspect,
     const char* too_large);
 
 /// Starts a process that reads the files as one structure each.
-/// @param look_at    called in that process with the `should_continue` of lay_out(), which it must call, and
+/// @param inspect    called in that process with the `should_continue` of lay_out(), which it must call, and
 /// with a
 ///                   reference to the completed fraction of its work, 0 ... 1, which it must update
 /// @param too_large  remedy if the data do not fit into memory
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,
     const std::function<Result<StructureLabels>(const std::function<bool()>& should_continue, double& share)>&
-        look_at,
+        inspect,
     const char* too_large);
 
 }  // namespace palpate::volume_io

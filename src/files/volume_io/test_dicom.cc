@@ -59,7 +59,7 @@ void put_scale(DcmItem& item, const DicomImage::Frame& frame) {
   put(item, DCM_RescaleIntercept, frame.intercept);
 }
 
-void put_places(DcmDataset& root, const DicomImage& image) {
+void put_positions(DcmDataset& root, const DicomImage& image) {
   if (!image.multi_frame) {
     put(root, DCM_ImagePositionPatient, in_text(image.frames[0].position));
     put(root, DCM_ImageOrientationPatient, in_text(image.orientation));
@@ -277,7 +277,7 @@ void write_dicom(const std::filesystem::path& file, const DicomImage& image, Dic
                                    : root.putAndInsertUint16(tag, static_cast<Uint16>(*image.padding)))
                       .good());
   }
-  put_places(root, image);
+  put_positions(root, image);
   for (const DicomText& text : image.texts) put(root, DcmTagKey(text.group, text.element), text.text);
   is_jpeg2000(packing) ? put_jpeg2000(root, image, packing) : put_pixels(root, image);
 
@@ -403,13 +403,13 @@ void write_contours(const std::filesystem::path& file, const DicomContours& cont
   }
   for (std::size_t n = 0; n < contours.structures.size(); ++n) {
     const DicomContours::Structure& structure = contours.structures[n];
-    const auto place = static_cast<long>(n);
+    const auto index = static_cast<long>(n);
     // numbers in another order than the structures
     const std::string number = std::to_string(90 - n);
-    DcmItem& item = item_of(root, DCM_StructureSetROISequence, place);
+    DcmItem& item = item_of(root, DCM_StructureSetROISequence, index);
     put(item, DCM_ROINumber, number);
     put(item, DCM_ROIName, structure.name);
-    DcmItem& observed = item_of(root, DCM_RTROIObservationsSequence, place);
+    DcmItem& observed = item_of(root, DCM_RTROIObservationsSequence, index);
     put(observed, DCM_ReferencedROINumber, number);
     if (!structure.code.empty()) {
       DcmItem& code = item_of(observed, DCM_RTROIIdentificationCodeSequence);
@@ -417,7 +417,7 @@ void write_contours(const std::filesystem::path& file, const DicomContours& cont
       put(code, DCM_CodingSchemeDesignator, structure.scheme);
       put(code, DCM_CodeMeaning, structure.meaning);
     }
-    DcmItem& drawn = item_of(root, DCM_ROIContourSequence, place);
+    DcmItem& drawn = item_of(root, DCM_ROIContourSequence, index);
     put(drawn, DCM_ReferencedROINumber, number);
     put(drawn, DCM_ROIDisplayColor, std::string("255\\51\\0"));
     for (std::size_t c = 0; c < structure.contours.size(); ++c) {
@@ -425,7 +425,7 @@ void write_contours(const std::filesystem::path& file, const DicomContours& cont
       DcmItem& one = item_of(drawn, DCM_ContourSequence, static_cast<long>(c));
       put(one, DCM_ContourGeometricType, contour.type);
       put(one, DCM_NumberOfContourPoints,
-          std::to_string(contour.stated_points.value_or(static_cast<int>(contour.points.size()))));
+          std::to_string(contour.declared_points.value_or(static_cast<int>(contour.points.size()))));
       std::string data;
       for (const auto& point : contour.points) data += (data.empty() ? "" : "\\") + in_text(point);
       put(one, DCM_ContourData, contour.data.value_or(data));

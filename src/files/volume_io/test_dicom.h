@@ -100,8 +100,8 @@ struct DicomContours {
   struct Contour {
     std::vector<std::array<double, 3>> points;
     std::string type = "CLOSED_PLANAR";
-    std::optional<int> stated_points = {};  ///< NumberOfContourPoints if it differs from the actual number.
-    std::optional<std::string> data = {};   ///< ContourData if it differs from `points`.
+    std::optional<int> declared_points = {};  ///< NumberOfContourPoints if it differs from the actual number.
+    std::optional<std::string> data = {};     ///< ContourData if it differs from `points`.
   };
   struct Structure {
     std::string name = {}, code = {}, scheme = {}, meaning = {};

@@ -25,14 +25,14 @@ using Bytes = std::string;
 // TIFF 6.0 section 13
 Bytes pack_lzw(const Bytes& plain) {
   Bytes out;
-  std::uint32_t held = 0;
+  std::uint32_t bit_buffer = 0;
   int bits = 0;
   unsigned width = 9, next = 258;
   const auto put = [&](unsigned code) {
-    held = held << width | code;
+    bit_buffer = bit_buffer << width | code;
     bits += static_cast<int>(width);
     while (bits >= 8) {
-      out += static_cast<char>(held >> (bits - 8) & 0xFF);
+      out += static_cast<char>(bit_buffer >> (bits - 8) & 0xFF);
       bits -= 8;
     }
   };
@@ -69,7 +69,7 @@ Bytes pack_lzw(const Bytes& plain) {
     if (next == (1u << width)) ++width;
   }
   put(257);
-  if (bits > 0) out += static_cast<char>(held << (8 - bits) & 0xFF);
+  if (bits > 0) out += static_cast<char>(bit_buffer << (8 - bits) & 0xFF);
   return out;
 }
 
@@ -155,18 +155,18 @@ class TiffWriter {
         for (const std::uint32_t value : row) out += as_bytes(value, sample_bytes);
         continue;
       }
-      unsigned held = 0;
+      unsigned bit_buffer = 0;
       int bits = 0;
       for (const std::uint32_t value : row) {
-        held = held << layout_.bits | value;
+        bit_buffer = bit_buffer << layout_.bits | value;
         bits += layout_.bits;
         if (bits == 8) {
-          out += static_cast<char>(held);
-          held = 0;
+          out += static_cast<char>(bit_buffer);
+          bit_buffer = 0;
           bits = 0;
         }
       }
-      if (bits > 0) out += static_cast<char>(held << (8 - bits));
+      if (bits > 0) out += static_cast<char>(bit_buffer << (8 - bits));
     }
     return out;
   }

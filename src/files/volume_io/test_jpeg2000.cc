@@ -28,8 +28,8 @@ OPJ_OFF_T skip_target(OPJ_OFF_T count, void* user) {
   static_cast<PackedTarget*>(user)->at += static_cast<std::size_t>(count);
   return count;
 }
-OPJ_BOOL seek_target(OPJ_OFF_T place, void* user) {
-  static_cast<PackedTarget*>(user)->at = static_cast<std::size_t>(place);
+OPJ_BOOL seek_target(OPJ_OFF_T offset, void* user) {
+  static_cast<PackedTarget*>(user)->at = static_cast<std::size_t>(offset);
   return OPJ_TRUE;
 }
 

@@ -20,13 +20,13 @@ namespace palpate::volume_io::test_meshes {
 using Vector3 = Eigen::Vector3d;
 
 /// Mesh of u x v points on a closed surface, or on one that is open along its first and last row of v.
-template <class Place>
-TriangleMesh mesh_of_grid(std::uint32_t us, std::uint32_t vs, bool closed_in_v, const Place& place) {
+template <class PointOf>
+TriangleMesh mesh_of_grid(std::uint32_t us, std::uint32_t vs, bool closed_in_v, const PointOf& point_of) {
   TriangleMesh mesh;
   for (std::uint32_t v = 0; v < vs; ++v)
     for (std::uint32_t u = 0; u < us; ++u)
       mesh.points.push_back(
-          place(static_cast<double>(u) / us, static_cast<double>(v) / (closed_in_v ? vs : vs - 1)));
+          point_of(static_cast<double>(u) / us, static_cast<double>(v) / (closed_in_v ? vs : vs - 1)));
   const std::uint32_t rows = closed_in_v ? vs : vs - 1;
   for (std::uint32_t v = 0; v < rows; ++v)
     for (std::uint32_t u = 0; u < us; ++u) {
@@ -229,11 +229,11 @@ inline std::string vtp(const TriangleMesh& mesh, const std::string& format, cons
     }
     return tag + base64(header) + base64(body) + "</DataArray>\n";
   };
-  std::string places, corners, ends, place_words, corner_words, end_words;
+  std::string points, corners, ends, point_words, corner_words, end_words;
   for (const Vector3& p : mesh.points)
     for (int a = 0; a < 3; ++a) {
-      places += raw(static_cast<float>(p[a]));
-      place_words += number(p[a]) + " ";
+      points += raw(static_cast<float>(p[a]));
+      point_words += number(p[a]) + " ";
     }
   for (std::uint32_t n = 0; n < mesh.triangles.size(); ++n) {
     for (const std::uint32_t corner : mesh.triangles[n]) {
@@ -249,7 +249,7 @@ inline std::string vtp(const TriangleMesh& mesh, const std::string& format, cons
       std::string(packed ? " compressor=\"vtkZLibDataCompressor\"" : "") + ">\n<PolyData>\n" + field +
       "<Piece NumberOfPoints=\"" + std::to_string(mesh.points.size()) + "\" NumberOfPolys=\"" +
       std::to_string(mesh.triangles.size()) + "\">\n<Points>\n";
-  text += array("type=\"Float32\" Name=\"Points\" NumberOfComponents=\"3\"", place_words, places) +
+  text += array("type=\"Float32\" Name=\"Points\" NumberOfComponents=\"3\"", point_words, points) +
           "</Points>\n<Polys>\n";
   text += array("type=\"Int64\" Name=\"connectivity\"", corner_words, corners);
   text += array("type=\"Int64\" Name=\"offsets\"", end_words, ends) + "</Polys>\n</Piece>\n</PolyData>\n";

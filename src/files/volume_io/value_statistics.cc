@@ -127,13 +127,13 @@ bool has_large_ids(const std::vector<float>& voxels) {
 
 }  // namespace volume_io
 
-bool looks_like_labels(const ScanFile& file) {
+bool resembles_labels(const ScanFile& file) {
   if (file.header.has_segments || file.header.meaning == ValueMeaning::kLabels) return true;
   return file.header.meaning == ValueMeaning::kUnspecified &&
          content_by_values(statistics_of(file.scan.voxels())).kind == VolumeContent::Kind::kLabels;
 }
 
-bool looks_like_scan(const LabelMap& labels) {
+bool resembles_scan(const LabelMap& labels) {
   constexpr std::size_t kManyLabels = 64;
   if (labels.segments.size() <= kManyLabels) return false;
   ValueCounts counts;

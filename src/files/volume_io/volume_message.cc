@@ -102,7 +102,7 @@ Result<VolumeFile> get_volume(Receiver& in, Files files) {
   GridGeometry& geometry = volume.header.geometry;
   visit_geometry(geometry, [&](auto& value) { in.get(value); });
   double origin[3]{};
-  for (double& place : origin) in.get(place);
+  for (double& coordinate : origin) in.get(coordinate);
   geometry.origin = Point<Patient>(Eigen::Vector3d(origin));
   visit_plain(volume, [&](auto& value) { in.get(value); });
   std::uint32_t file = 0;

@@ -10,16 +10,16 @@ using namespace palpate::volume_io;
 
 class Input : public reader::ByteSource {
  public:
-  Input(const std::uint8_t* data, std::size_t size) : rest_(data, size) {}
+  Input(const std::uint8_t* data, std::size_t size) : remaining_(data, size) {}
   Result<void> read(std::span<std::byte> bytes) override {
-    if (bytes.size() > rest_.size()) return Error{ErrorKind::kBadInput, "ended", "", ""};
-    if (!bytes.empty()) std::memcpy(bytes.data(), rest_.data(), bytes.size());
-    rest_ = rest_.subspan(bytes.size());
+    if (bytes.size() > remaining_.size()) return Error{ErrorKind::kBadInput, "ended", "", ""};
+    if (!bytes.empty()) std::memcpy(bytes.data(), remaining_.data(), bytes.size());
+    remaining_ = remaining_.subspan(bytes.size());
     return {};
   }
 
  private:
-  std::span<const std::uint8_t> rest_;
+  std::span<const std::uint8_t> remaining_;
 };
 
 void must(bool condition) {

@@ -21,8 +21,8 @@ namespace {
 // ---- in the reader process ----------------------------------------------------------------------
 
 bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others,
-              const Placing& placing) {
-  const auto volume = understand(format, files.front(), others, placing);
+              const PlacementOptions& placement_options) {
+  const auto volume = understand(format, files.front(), others, placement_options);
   if (others.requested()) return send_file_request(parent, *others.requested());
   if (!volume) return send_refusal(parent, volume.error());
   if (!send_volume(parent, *volume, files)) return false;
@@ -65,12 +65,12 @@ Error at_slice(Error error, const VolumeFile& file, std::uint64_t values) {
 
 }  // namespace
 
-std::span<std::byte> VoxelSlots::room() {
+std::span<std::byte> VoxelSlots::buffer() {
   if (filled_ == kSlots) wait();
   return parent_.shared().subspan(next_ * kSlotBytes, kSlotBytes);
 }
 
-void VoxelSlots::put(std::size_t bytes) {
+void VoxelSlots::commit(std::size_t bytes) {
   write_number(static_cast<std::uint32_t>(bytes));
   next_ = (next_ + 1) % kSlots;
   ++filled_;
@@ -104,7 +104,7 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int>
 
 Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const Progress& progress,
                                         std::optional<int> number, const GridGeometry* grid,
-                                        const Placing& placing, ImageColours colours) {
+                                        const PlacementOptions& placement_options, ImageColours colours) {
   const bool segmentation = !dicom_segmentation_files(file).empty(),
              structures = grid && is_dicom_structures(file);
   if (is_dicom(file) || ((segmentation || structures) && !number)) {
@@ -124,8 +124,8 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
   }
   const bool meshes = !number && is_meshes(file);
   if (meshes || (!number && is_masks(file))) {
-    auto labels =
-        meshes ? open_meshes(file, grid, placing.mesh, progress) : open_masks(file, placing, progress);
+    auto labels = meshes ? open_meshes(file, grid, placement_options.mesh, progress)
+                         : open_masks(file, placement_options, progress);
     if (!labels) return labels.error();
     VolumeReader reader(progress);
     reader.names_.push_back(file);
@@ -136,7 +136,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     return reader;
   }
   if (!number && is_image_stack(file)) {
-    auto stack = open_image_stack(file, placing.image_spacing_mm, colours, progress);
+    auto stack = open_image_stack(file, placement_options.image_spacing_mm, colours, progress);
     if (!stack) return stack.error();
     VolumeReader reader(progress);
     reader.names_.push_back(file);
@@ -167,7 +167,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
   constexpr std::size_t kMaxFiles = 3;
   while (true) {
     auto process = start(reader.files_, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
-      return read_for(parent, **format, reader.names_, others, placing);
+      return read_for(parent, **format, reader.names_, others, placement_options);
     });
     if (!process) return Error{process.error().kind, process.error().what, file.string(), ""};
     auto answer = receive_answer(**process, reader.names_);
@@ -198,31 +198,31 @@ const InputFile& VolumeReader::voxel_file() const {
   return files_[static_cast<std::size_t>(named - names_.begin())];
 }
 
-Result<void> VolumeReader::stream(const TakeVoxels& take) {
+Result<void> VolumeReader::stream(const VoxelConsumer& take) {
   PALPATE_CHECK(process_ != nullptr);
-  auto used = take_voxels(*process_, volume_, names_, *progress_, take);
+  auto used = read_voxels(*process_, volume_, names_, *progress_, take);
   if (!used) process_ = nullptr;
   return used;
 }
 
-Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file, Files files,
-                         const Progress& progress, const TakeVoxels& take) {
+Result<void> read_voxels(reader::ReaderProcess& process, const VolumeFile& file, Files files,
+                         const Progress& progress, const VoxelConsumer& take) {
   const std::size_t size = bytes_of(file.voxels.component);
   const std::uint64_t count = file.value_count();
   std::vector<std::byte> piece(kPieceValues * size);
   std::uint64_t first = 0;
-  process.go_on();
+  process.resume();
   for (std::size_t slot = 0;;) {
     std::uint32_t bytes = 0;
-    if (auto stated = process.read(std::as_writable_bytes(std::span(&bytes, 1))); !stated)
-      return about(at_slice(stated.error(), file, first), files);
+    if (auto declared = process.read(std::as_writable_bytes(std::span(&bytes, 1))); !declared)
+      return about(at_slice(declared.error(), file, first), files);
     if (bytes == kEnd) break;
     if (bytes == kStillReading) continue;
     if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(files);
     // a private copy, which the reader process cannot change during validation
     const auto values = std::span(piece).first(bytes);
     std::memcpy(values.data(), process.shared().data() + slot * kSlotBytes, bytes);
-    process.go_on();
+    process.resume();
     slot = (slot + 1) % kSlots;
     if (auto used = take(first, values); !used) return used;
     first += bytes / size;

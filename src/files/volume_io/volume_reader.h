@@ -32,7 +32,7 @@ namespace palpate::volume_io {
 
 /// Receives consecutive stored values, in the machine's byte order: the index of the first in the file and
 /// their bytes. A returned Error aborts the read, which returns it.
-using TakeVoxels = std::function<Result<void>(std::uint64_t first, std::span<const std::byte> values)>;
+using VoxelConsumer = std::function<Result<void>(std::uint64_t first, std::span<const std::byte> values)>;
 
 /// A volume; its files stay open while this object lives.
 class VolumeReader {
@@ -42,18 +42,19 @@ class VolumeReader {
   /// @param number    number of the volume, if the file or folder is DICOM
   /// @param grid      grid for contours, which have none of their own; null: those are an error. Used for
   ///                  surfaces too
-  /// @param placing   for surfaces, image stacks and NIfTI
+  /// @param placement_options   for surfaces, image stacks and NIfTI
   /// @param colours   interpretation of colour images
   static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress,
                                    std::optional<int> number = {}, const GridGeometry* grid = nullptr,
-                                   const Placing& placing = {}, ImageColours colours = ImageColours::kLabels);
+                                   const PlacementOptions& placement_options = {},
+                                   ImageColours colours = ImageColours::kLabels);
 
   const VolumeFile& file() const { return volume_; }
   /// File that contains the voxels, as it was opened; not available for DICOM, which may consist of many.
   const InputFile& voxel_file() const;
   /// Streams every voxel; may be called repeatedly, but not after an error. Errors: truncated or damaged
   /// data; surplus data; interrupted; those of `take`.
-  Result<void> stream(const TakeVoxels& take);
+  Result<void> stream(const VoxelConsumer& take);
 
  private:
   explicit VolumeReader(const Progress& progress) : progress_(&progress) {}
@@ -81,8 +82,8 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int>
 class VoxelSlots : public VoxelSink {
  public:
   explicit VoxelSlots(reader::ParentEnd& parent) : parent_(parent) {}
-  std::span<std::byte> room() override;
-  void put(std::size_t bytes) override;
+  std::span<std::byte> buffer() override;
+  void commit(std::size_t bytes) override;
   void still_reading() override { write_number(kStillReading); }
   /// Returns once the parent has copied all slots.
   void drain();
@@ -96,8 +97,8 @@ class VoxelSlots : public VoxelSink {
 };
 
 /// Parent's half of VolumeReader::stream(). Validates everything that the reader process sends.
-Result<void> take_voxels(reader::ReaderProcess& process, const VolumeFile& file, Files files,
-                         const Progress& progress, const TakeVoxels& take);
+Result<void> read_voxels(reader::ReaderProcess& process, const VolumeFile& file, Files files,
+                         const Progress& progress, const VoxelConsumer& take);
 
 /// First decompressed bytes of a gzip file, read by a reader process; empty if there are none.
 std::string unpacked_front(const std::filesystem::path& file, std::size_t bytes);

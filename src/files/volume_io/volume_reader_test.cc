@@ -184,7 +184,7 @@ TEST_F(VolumeReaderTest, HundredsLeaveNothing) {
 }
 
 // Result of reading 64 two-byte values from a process that sends these numbers in order.
-std::string taken_from(const std::vector<std::uint32_t>& words, const Result<void>* end) {
+std::string applied_to(const std::vector<std::uint32_t>& words, const Result<void>* end) {
   const std::vector<std::filesystem::path> files{"v"};
   VolumeFile file;
   file.header.geometry.dims = {4, 4, 4};
@@ -203,7 +203,7 @@ std::string taken_from(const std::vector<std::uint32_t>& words, const Result<voi
   PALPATE_CHECK(process.ok());
   std::uint64_t values = 0;
   const auto used =
-      take_voxels(**process, file, files, silent, [&](std::uint64_t, std::span<const std::byte> bytes) {
+      read_voxels(**process, file, files, silent, [&](std::uint64_t, std::span<const std::byte> bytes) {
         values += bytes.size() / 2;
         return Result<void>();
       });
@@ -214,18 +214,18 @@ std::string taken_from(const std::vector<std::uint32_t>& words, const Result<voi
 TEST_F(VolumeReaderTest, BelievesNoPiece) {
   const std::string nonsense = "is damaged: its reader reports an impossible volume";
   const Result<void> whole, refused = bad_input("v", "ends early");
-  EXPECT_EQ(taken_from({128}, &whole), "64");
-  EXPECT_EQ(taken_from({0, 64, 0, 0, 62, 2, 0}, &whole), "64");
-  EXPECT_EQ(taken_from({126}, &refused), "ends early");
+  EXPECT_EQ(applied_to({128}, &whole), "64");
+  EXPECT_EQ(applied_to({0, 64, 0, 0, 62, 2, 0}, &whole), "64");
+  EXPECT_EQ(applied_to({126}, &refused), "ends early");
   // half a value, more values than there are, more than a slot holds
-  EXPECT_EQ(taken_from({127}, &whole), nonsense);
-  EXPECT_EQ(taken_from({130}, &whole), nonsense);
-  EXPECT_EQ(taken_from({128, 2}, &whole), nonsense);
-  EXPECT_EQ(taken_from({~std::uint32_t{0} - 1}, &whole), nonsense);
+  EXPECT_EQ(applied_to({127}, &whole), nonsense);
+  EXPECT_EQ(applied_to({130}, &whole), nonsense);
+  EXPECT_EQ(applied_to({128, 2}, &whole), nonsense);
+  EXPECT_EQ(applied_to({~std::uint32_t{0} - 1}, &whole), nonsense);
   // end before all values
-  EXPECT_EQ(taken_from({126}, &whole), nonsense);
-  EXPECT_EQ(taken_from({}, &whole), nonsense);
-  EXPECT_EQ(taken_from({128}, nullptr), "it died");
+  EXPECT_EQ(applied_to({126}, &whole), nonsense);
+  EXPECT_EQ(applied_to({}, &whole), nonsense);
+  EXPECT_EQ(applied_to({128}, nullptr), "it died");
 }
 
 TEST_F(VolumeReaderTest, WhatGzipPackedIsUnpackedElsewhere) {

@@ -76,7 +76,7 @@ std::vector<std::vector<LabelId>> VoxelCacheEntry::find_labels(std::size_t layer
   return {};
 }
 
-void VoxelCacheEntry::keep_labels(const std::vector<std::vector<LabelId>>& layers) const try {
+void VoxelCacheEntry::store_labels(const std::vector<std::vector<LabelId>>& layers) const try {
   if (!key_ || file_has_changed()) return;
   cache::FieldWriter out;
   for (const std::vector<LabelId>& layer : layers) out.put_values(std::span(layer));
@@ -113,7 +113,7 @@ bool VoxelCacheEntry::find_scan(std::vector<float>& voxels, std::uint64_t& repla
   return false;
 }
 
-void VoxelCacheEntry::keep_scan(const std::vector<float>& voxels, std::uint64_t replaced) const try {
+void VoxelCacheEntry::retain_scan(const std::vector<float>& voxels, std::uint64_t replaced) const try {
   if (!key_ || file_has_changed()) return;
   cache::FieldWriter out;
   const bool narrow = fit_into_16_bits(voxels);

@@ -22,10 +22,10 @@ class VoxelCacheEntry {
   /// Cached layers; empty if there are none.
   std::vector<std::vector<LabelId>> find_labels(std::size_t layers) const;
   /// Stores the layers, unless the file has changed since it was opened.
-  void keep_labels(const std::vector<std::vector<LabelId>>& layers) const;
+  void store_labels(const std::vector<std::vector<LabelId>>& layers) const;
   /// @param replaced  number of NaN values that were replaced
   bool find_scan(std::vector<float>& voxels, std::uint64_t& replaced) const;
-  void keep_scan(const std::vector<float>& voxels, std::uint64_t replaced) const;
+  void retain_scan(const std::vector<float>& voxels, std::uint64_t replaced) const;
 
  private:
   bool file_has_changed() const;

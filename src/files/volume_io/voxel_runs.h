@@ -26,12 +26,12 @@ class VoxelRuns {
 
   /// Calls take(i + j * dims[0]) once for each voxel of a slice.
   template <class Take>
-  void read_slice(int slice, const Take& take) const {
+  void read_slice(int slice, const Take& visit) const {
     const auto at = static_cast<std::size_t>(slice - first_slice_);
     if (slice < first_slice_ || at >= ends_.size()) return;
     const std::size_t begin = at == 0 ? 0 : ends_[at - 1];
     for (const Run& run : std::span(runs_).subspan(begin, ends_[at] - begin))
-      for (std::uint32_t n = 0; n < run.count; ++n) take(std::size_t{run.first} + n);
+      for (std::uint32_t n = 0; n < run.count; ++n) visit(std::size_t{run.first} + n);
   }
   std::uint64_t count() const { return count_; }
 

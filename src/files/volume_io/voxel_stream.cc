@@ -72,11 +72,11 @@ class DeflateStream : public ByteStream {
     std::size_t used = 0;
     while (good_ && used < out.size()) {
       if (z_.avail_in == 0 && !refill()) break;
-      const auto room = static_cast<uInt>(std::min<std::size_t>(out.size() - used, 1u << 30));
+      const auto buffer = static_cast<uInt>(std::min<std::size_t>(out.size() - used, 1u << 30));
       z_.next_out = reinterpret_cast<Bytef*>(out.data() + used);
-      z_.avail_out = room;
+      z_.avail_out = buffer;
       const int status = inflate(&z_, Z_NO_FLUSH);
-      used += room - z_.avail_out;
+      used += buffer - z_.avail_out;
       if (status == Z_STREAM_END)
         good_ = next_member();
       else if (status != Z_OK && status != Z_BUF_ERROR)
@@ -131,11 +131,11 @@ class Bzip2Stream : public ByteStream {
           break;
         }
       }
-      const auto room = static_cast<unsigned>(std::min<std::size_t>(out.size() - used, 1u << 30));
+      const auto buffer = static_cast<unsigned>(std::min<std::size_t>(out.size() - used, 1u << 30));
       z_.next_out = reinterpret_cast<char*>(out.data() + used);
-      z_.avail_out = room;
+      z_.avail_out = buffer;
       const int status = BZ2_bzDecompress(&z_);
-      used += room - z_.avail_out;
+      used += buffer - z_.avail_out;
       if (status == BZ_OK) continue;
       good_ = false;
       if (status != BZ_STREAM_END) fault_ = "the compressed data are damaged";
@@ -184,9 +184,9 @@ class NumberStream : public TextStream {
         fault_ = token.substr(0, 20) + " is not a " + name_of(component_) + " number";
         break;
       }
-      const std::size_t room = std::min(size_, out.size() - used);
-      std::memcpy(out.data() + used, value, room);
-      used += room;
+      const std::size_t buffer = std::min(size_, out.size() - used);
+      std::memcpy(out.data() + used, value, buffer);
+      used += buffer;
     }
     return used;
   }
@@ -409,11 +409,11 @@ Result<void> send_voxels(const VolumeFile& file, VoxelSink& sink) {
   const std::uint64_t count = file.value_count();
   for (std::uint64_t first = 0; first < count;) {
     const auto requested = static_cast<std::size_t>(std::min<std::uint64_t>(count - first, kPieceValues));
-    const auto values = sink.room().first(requested * size);
+    const auto values = sink.buffer().first(requested * size);
     const std::size_t received = stream.read(values);
     if (received < values.size()) return ended_early(file, first + received / size, stream.fault());
     if (swap) swap_bytes(values, size);
-    sink.put(values.size());
+    sink.commit(values.size());
     first += requested;
   }
 

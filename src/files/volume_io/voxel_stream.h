@@ -16,9 +16,9 @@ class VoxelSink {
  public:
   virtual ~VoxelSink() = default;
   /// Buffer for the next values, at least kPieceValues of any type, valid until put().
-  virtual std::span<std::byte> room() = 0;
+  virtual std::span<std::byte> buffer() = 0;
   /// Appends `bytes` bytes of whole values from the buffer.
-  virtual void put(std::size_t bytes) = 0;
+  virtual void commit(std::size_t bytes) = 0;
   /// Called regularly while much data is read without producing values.
   virtual void still_reading() = 0;
 };

@@ -23,9 +23,9 @@ double winding_of_triangle(const Vec3& a, const Vec3& b, const Vec3& c, const Ve
   const Vec3 p = a - from, q = b - from, r = c - from;
   const double lp = p.norm(), lq = q.norm(), lr = r.norm();
   const double volume = p.dot(q.cross(r));
-  const double rest = lp * lq * lr + p.dot(q) * lr + q.dot(r) * lp + r.dot(p) * lq;
+  const double remaining = lp * lq * lr + p.dot(q) * lr + q.dot(r) * lp + r.dot(p) * lq;
   if (volume == 0) return 0;
-  return 2 * std::atan2(volume, rest) / kFullAngle;
+  return 2 * std::atan2(volume, remaining) / kFullAngle;
 }
 
 double winding_number(MeshPoints points, MeshTriangles triangles, const Vec3& from) {
@@ -86,11 +86,11 @@ std::uint32_t FastWinding::build(std::vector<std::uint32_t>& order, std::uint32_
     const std::uint32_t middle = first + (last - first) / 2;
     std::nth_element(order.begin() + first, order.begin() + middle, order.begin() + last,
                      [&](std::uint32_t m, std::uint32_t n) {
-                       const auto place = [&](std::uint32_t t) {
+                       const auto point_of = [&](std::uint32_t t) {
                          const auto& [a, b, c] = triangles[t];
                          return points[a][axis] + points[b][axis] + points[c][axis];
                        };
-                       return place(m) < place(n);
+                       return point_of(m) < point_of(n);
                      });
     node.left = build(order, first, middle, points, triangles);
     node.right = build(order, middle, last, points, triangles);

@@ -37,7 +37,7 @@ class FastWinding {
   /// Winding number at a point. The error was about 0.002 on the meshes tested.
   double at(const Eigen::Vector3d& from) const;
   /// Upper bound of |at()| within a sphere; summation stops once it reaches `enough`.
-  double bound_within(const Eigen::Vector3d& middle, double radius, double enough) const;
+  double bound_within(const Eigen::Vector3d& centre, double radius, double enough) const;
 
  private:
   struct Node {

@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kChannels = 3;
 constexpr int kFilters = 5;
 
-void put_number(std::vector<std::uint8_t>& bytes, std::uint32_t value, int size = 4) {
+void append_number(std::vector<std::uint8_t>& bytes, std::uint32_t value, int size = 4) {
   for (int n = size - 1; n >= 0; --n) bytes.push_back(static_cast<std::uint8_t>(value >> (8 * n)));
 }
 
@@ -92,26 +92,26 @@ AnimatedPng::AnimatedPng(int width, int height, int frames, int delay_ms)
   PALPATE_CHECK(width > 0 && height > 0 && frames > 0 && delay_ms > 0 && delay_ms <= 0xffff);
   bytes_ = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
   std::vector<std::uint8_t> header;
-  put_number(header, static_cast<std::uint32_t>(width));
-  put_number(header, static_cast<std::uint32_t>(height));
+  append_number(header, static_cast<std::uint32_t>(width));
+  append_number(header, static_cast<std::uint32_t>(height));
   // 8-bit RGB; deflate, adaptive filters, not interlaced
   header.insert(header.end(), {8, 2, 0, 0, 0});
   chunk("IHDR", header);
   // the same colour space as in encode_png; 0: perceptual
   chunk("sRGB", {0});
   std::vector<std::uint8_t> control;
-  put_number(control, static_cast<std::uint32_t>(frames));
-  put_number(control, 0);  // loops forever
+  append_number(control, static_cast<std::uint32_t>(frames));
+  append_number(control, 0);  // loops forever
   chunk("acTL", control);
 }
 
 void AnimatedPng::chunk(const char* type, const std::vector<std::uint8_t>& data) {
-  put_number(bytes_, static_cast<std::uint32_t>(data.size()));
+  append_number(bytes_, static_cast<std::uint32_t>(data.size()));
   const std::size_t from = bytes_.size();
   bytes_.insert(bytes_.end(), type, type + 4);
   bytes_.insert(bytes_.end(), data.begin(), data.end());
-  put_number(bytes_, static_cast<std::uint32_t>(
-                         crc32(0, bytes_.data() + from, static_cast<uInt>(bytes_.size() - from))));
+  append_number(bytes_, static_cast<std::uint32_t>(
+                            crc32(0, bytes_.data() + from, static_cast<uInt>(bytes_.size() - from))));
 }
 
 void AnimatedPng::add(Image frame) {
@@ -121,13 +121,13 @@ void AnimatedPng::add(Image frame) {
   // the specification requires the first frame to be the whole picture
   const FrameBox box = added_ == 0 ? FrameBox{0, 0, width_, height_} : changed_box(last_, frame);
   std::vector<std::uint8_t> control;
-  put_number(control, sequence_++);
+  append_number(control, sequence_++);
   for (const int value : {box.width, box.height, box.left, box.top})
-    put_number(control, static_cast<std::uint32_t>(value));
-  put_number(control, static_cast<std::uint32_t>(delay_ms_), 2);
-  put_number(control, 1000, 2);
+    append_number(control, static_cast<std::uint32_t>(value));
+  append_number(control, static_cast<std::uint32_t>(delay_ms_), 2);
+  append_number(control, 1000, 2);
   // dispose_op 0 and blend_op 0: the box overwrites the previous frame
-  put_number(control, 0, 2);
+  append_number(control, 0, 2);
   chunk("fcTL", control);
 
   const std::vector<std::uint8_t> data = compressed(filtered(frame, box));
@@ -136,7 +136,7 @@ void AnimatedPng::add(Image frame) {
   } else {
     std::vector<std::uint8_t> numbered;
     numbered.reserve(4 + data.size());
-    put_number(numbered, sequence_++);
+    append_number(numbered, sequence_++);
     numbered.insert(numbered.end(), data.begin(), data.end());
     chunk("fdAT", numbered);
   }

@@ -143,10 +143,10 @@ TEST(AnimatedPng, SaysItsColoursAsAStillDoes) {
   AnimatedPng animated(20, 20, 1, 50);
   animated.add(image);
   const auto colours = [](const Bytes& png) {
-    Bytes stated;
+    Bytes declared;
     for (const Chunk& chunk : chunks_of(png))
-      if (chunk.type == "sRGB") stated = chunk.data;
-    return stated;
+      if (chunk.type == "sRGB") declared = chunk.data;
+    return declared;
   };
   EXPECT_EQ(colours(encode_png(image)), Bytes{0});
   EXPECT_EQ(colours(animated.finish()), Bytes{0});

@@ -7,7 +7,7 @@ namespace palpate {
 namespace {
 
 /// Side length of the blocks that are tested as a whole; voxels.
-constexpr int kLookedSide = 8;
+constexpr int kSampledSide = 8;
 /// Displacement below which a block counts as at rest; voxels. Displacements below one half do not change the
 /// nearest voxel; the margin allows for larger ones between the sampled points.
 constexpr double kMinMoved = 0.1;
@@ -19,15 +19,15 @@ PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueDisplac
   const GridGeometry& grid = labels.geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   const auto X_VoxelPatient = X_PatientVoxel.inverse();
-  const auto boxes = [&](std::size_t axis) { return (within.size[axis] + kLookedSide - 1) / kLookedSide; };
-  const auto first_of = [&](std::size_t axis, int n) { return within.first[axis] + kLookedSide * n; };
+  const auto boxes = [&](std::size_t axis) { return (within.size[axis] + kSampledSide - 1) / kSampledSide; };
+  const auto first_of = [&](std::size_t axis, int n) { return within.first[axis] + kSampledSide * n; };
   const auto end_of = [&](std::size_t axis, int n) {
     return std::min(within.first[axis] + within.size[axis], first_of(axis, n + 1));
   };
   // fields are smooth: 3 x 3 x 3 samples suffice to detect whether anything in a block moves
   const auto moves = [&](const std::array<int, 3>& box) {
     for (int n = 0; n < 27; ++n) {
-      const double half = 0.5 * kLookedSide;
+      const double half = 0.5 * kSampledSide;
       const Point<Voxel> at(first_of(0, box[0]) + half * (n % 3), first_of(1, box[1]) + half * (n / 3 % 3),
                             first_of(2, box[2]) + half * (n / 9));
       const Vector<Voxel> by = X_VoxelPatient * moved(X_PatientVoxel * at);
@@ -67,9 +67,9 @@ PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueDisplac
     for (int k = first_of(2, box[2]); k < end_of(2, box[2]); ++k)
       for (int j = first_of(1, box[1]); j < end_of(1, box[1]); ++j)
         for (int i = first_of(0, box[0]); i < end_of(0, box[0]); ++i) {
-          const Point<Voxel> observed(i, j, k);
+          const Point<Voxel> displayed(i, j, k);
           const Eigen::Vector3d from =
-              (X_VoxelPatient * rest_position(X_PatientVoxel * observed, moved)).eigen().array().round();
+              (X_VoxelPatient * rest_position(X_PatientVoxel * displayed, moved)).eigen().array().round();
           const bool is_in = (from.array() >= 0).all() && from[0] < grid.dims[0] && from[1] < grid.dims[1] &&
                              from[2] < grid.dims[2];
           row(j, k)[i - low[0]] = is_in ? labels.at(static_cast<int>(from[0]), static_cast<int>(from[1]),

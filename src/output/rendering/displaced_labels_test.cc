@@ -25,12 +25,12 @@ Volume<LabelId> balls(std::mt19937& random) {
   Volume<LabelId> labels(oblique_grid());
   const auto within = [&](int n) { return std::uniform_real_distribution<double>(0, n)(random); };
   for (LabelId label = 1; label <= 6; ++label) {
-    const Eigen::Vector3d middle(within(kDims[0]), within(kDims[1]), within(kDims[2]));
+    const Eigen::Vector3d centre(within(kDims[0]), within(kDims[1]), within(kDims[2]));
     const double radius = 4 + within(8);
     for (int k = 0; k < kDims[2]; ++k)
       for (int j = 0; j < kDims[1]; ++j)
         for (int i = 0; i < kDims[0]; ++i)
-          if ((Eigen::Vector3d(i, j, k) - middle).norm() < radius) labels.at(i, j, k) = label;
+          if ((Eigen::Vector3d(i, j, k) - centre).norm() < radius) labels.at(i, j, k) = label;
   }
   return labels;
 }
@@ -49,12 +49,12 @@ TEST(MovedLabels, AreLookedUpWhereTissueLay) {
     const auto any = [&](double low, double high) {
       return std::uniform_real_distribution<double>(low, high)(random);
     };
-    const Point<Patient> middle =
+    const Point<Patient> centre =
         X_PatientVoxel * Point<Voxel>(any(0, kDims[0]), any(0, kDims[1]), any(0, kDims[2]));
     const double width_mm = any(2, 5), depth_mm = any(0.2, 1.2) * width_mm;
     const Vector<Patient> displacement = Vector<Patient>(any(-1, 1), any(-1, 1), any(-1, 1)).normalized();
     const auto moved = [&](const Point<Patient>& at) {
-      return displacement * (depth_mm * std::exp(-0.5 * std::pow((at - middle).norm() / width_mm, 2)));
+      return displacement * (depth_mm * std::exp(-0.5 * std::pow((at - centre).norm() / width_mm, 2)));
     };
     const PatchOf<LabelId> patch = moved_labels(*labels, moved, {{0, 0, 0}, grid.dims});
     ASSERT_GT(patch.box.voxel_count(), 0u);

@@ -78,15 +78,15 @@ double length_of(double share) {
 // shaft and head; the arrow is centred on the sampled point
 std::string arrow_path(const Pixel& middle, const Pixel& along, double length, bool hollow, double share) {
   const double head = std::min(0.5 * length, kMaxHead_px), half = 0.42 * head;
-  const auto place = [&](double forward, double aside) {
-    return Pixel{middle[0] + along[0] * forward - along[1] * aside,
-                 middle[1] + along[1] * forward + along[0] * aside};
+  const auto pixel_at = [&](double forward, double lateral) {
+    return Pixel{middle[0] + along[0] * forward - along[1] * lateral,
+                 middle[1] + along[1] * forward + along[0] * lateral};
   };
-  const Pixel base = place(0.5 * length - head, 0);
+  const Pixel base = pixel_at(0.5 * length - head, 0);
   return path(hollow ? "arrow hollow" : "arrow",
-              "M" + pair(place(-0.5 * length, 0)) + "L" + pair(base) + "M" +
-                  pair(place(0.5 * length - head, half)) + "L" + pair(place(0.5 * length, 0)) + "L" +
-                  pair(place(0.5 * length - head, -half)) + "Z",
+              "M" + pair(pixel_at(-0.5 * length, 0)) + "L" + pair(base) + "M" +
+                  pair(pixel_at(0.5 * length - head, half)) + "L" + pair(pixel_at(0.5 * length, 0)) + "L" +
+                  pair(pixel_at(0.5 * length - head, -half)) + "Z",
               colour_attribute(share));
 }
 
@@ -168,14 +168,14 @@ std::string draw_heading(const Picture& p) {
   constexpr const char* kPlanes[] = {"axial", "sagittal", "coronal"};
   const ForceMethodInfo& method = kForceMethods[index_of(p.field.method())];
   const Point<Patient>& c = p.section.centre;
-  char place[160];
-  std::snprintf(place, sizeof place, "%s section, centre %.1f, %.1f, %.1f mm (LPS)",
+  char position_text[160];
+  std::snprintf(position_text, sizeof position_text, "%s section, centre %.1f, %.1f, %.1f mm (LPS)",
                 kPlanes[static_cast<int>(p.plane)], c.x(), c.y(), c.z());
   constexpr double kEnd_px = kWidth_px - 10;
   return text("name", {kSectionCorner[0], 24}, method.name) + text("end", {kEnd_px, 24}, method.about) +
          text("plain", {kSectionCorner[0], 46},
               width_text(p) + ", F_full " + format("%.2f N", p.field.full_force_N())) +
-         text("end", {kEnd_px, 46}, place);
+         text("end", {kEnd_px, 46}, position_text);
 }
 
 std::string draw_letters(const Picture& p) {

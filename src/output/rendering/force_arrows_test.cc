@@ -64,12 +64,12 @@ struct Page {
         std::regex_search(svg, found, std::regex("<image class=\"section\" x=\"(\\S+)\" y=\"(\\S+)\"")));
     corner = {std::stod(found[1]), std::stod(found[2])};
   }
-  Pixel place_of(const Point<Patient>& p) const {
+  Pixel pixel_of(const Point<Patient>& p) const {
     const Pixel pixel = plane.pixel_of(p);
     return {corner[0] + pixel[0] + 0.5, corner[1] + pixel[1] + 0.5};
   }
-  Point<Patient> point_at(const Pixel& place) const {
-    return plane.at(place[0] - corner[0] - 0.5, place[1] - corner[1] - 0.5);
+  Point<Patient> point_at(const Pixel& pixel) const {
+    return plane.at(pixel[0] - corner[0] - 0.5, pixel[1] - corner[1] - 0.5);
   }
 };
 
@@ -92,7 +92,7 @@ std::string draw(const Model& model, const ForceArrowsRequest& request,
 }
 
 Drawn middle_arrow(const std::string& svg, const Page& page) {
-  const Pixel middle = page.place_of(page.plane.centre);
+  const Pixel middle = page.pixel_of(page.plane.centre);
   for (const Drawn& arrow : arrows_of(svg))
     if (std::hypot(arrow.middle()[0] - middle[0], arrow.middle()[1] - middle[1]) < 0.1) return arrow;
   ADD_FAILURE() << "no arrow in the middle";
@@ -215,7 +215,7 @@ TEST(ForceArrows, AnObliqueGridIsSampledAlongThePatientsAxes) {
     const auto request = request_at(plane, {0, 0, 0}, 40);
     const std::string svg = draw(model, request);
     const Page page(svg, request);
-    const Pixel middle = page.place_of({});
+    const Pixel middle = page.pixel_of({});
     int observed = 0;
     for (const Drawn& arrow : arrows_of(svg)) {
       const double x = arrow.middle()[0] - middle[0], y = arrow.middle()[1] - middle[1];

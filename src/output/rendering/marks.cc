@@ -42,9 +42,9 @@ Error not_reached(const GridGeometry& grid, const Point<Patient>& p) {
 }
 
 double scale_bar_mm(double width_mm) {
-  const double most = 0.25 * width_mm, power = std::pow(10, std::floor(std::log10(most)));
+  const double largest = 0.25 * width_mm, power = std::pow(10, std::floor(std::log10(largest)));
   for (const double factor : {5.0, 2.0})
-    if (factor * power <= most) return factor * power;
+    if (factor * power <= largest) return factor * power;
   return power;
 }
 

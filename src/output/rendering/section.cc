@@ -42,11 +42,11 @@ Rotation<Patient, Patient> min_turn(const Vector<Patient>& from, const Vector<Pa
 
 }  // namespace
 
-Point<Patient> rest_position(const Point<Patient>& observed, const TissueDisplacement& moved) {
+Point<Patient> rest_position(const Point<Patient>& displayed, const TissueDisplacement& moved) {
   constexpr int kWholeSteps = 6;
-  Point<Patient> at = observed;
+  Point<Patient> at = displayed;
   for (int step = 0; step < kMaxAtRestSteps; ++step) {
-    const Vector<Patient> off = (observed - at) - moved(at);
+    const Vector<Patient> off = (displayed - at) - moved(at);
     at += off * (step < kWholeSteps ? 1.0 : 0.5);
     if (!(off.norm() > kAtRestNear_mm)) break;
   }

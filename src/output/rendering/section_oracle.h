@@ -75,8 +75,8 @@ inline std::vector<OraclePixel> oracle_section(const Model& model, const Section
   std::vector<OraclePixel> pixels;
   for (int row = 0; row < plane.height_px; ++row)
     for (int column = 0; column < plane.width_px; ++column) {
-      const Point<Patient> observed = plane.at(column, row);
-      Point<Patient> at = observed;
+      const Point<Patient> displayed = plane.at(column, row);
+      Point<Patient> at = displayed;
       for (int step = 0; step < 20; ++step) {
         Eigen::Matrix3d slope = Eigen::Matrix3d::Identity();
         for (int axis = 0; axis < 3; ++axis) {
@@ -84,7 +84,7 @@ inline std::vector<OraclePixel> oracle_section(const Model& model, const Section
           displacement[axis] = 1e-4;
           slope.col(axis) += (moved(at + displacement) - moved(at - displacement)).eigen() / 2e-4;
         }
-        at += Vector<Patient>(slope.inverse() * ((observed - at) - moved(at)).eigen());
+        at += Vector<Patient>(slope.inverse() * ((displayed - at) - moved(at)).eigen());
       }
       pixels.push_back(oracle_pixel(model, grid, (X_VoxelPatient * at).eigen()));
     }

@@ -89,7 +89,7 @@ void draw_side(Pen& pen, const Model& model) {
     pen.text(pen.margin(), top += pen.line(), mark, kWarning);
 }
 
-void draw_place(Pen& pen, const SectionPlane& plane, const Model& model, const Caption& caption) {
+void draw_position(Pen& pen, const SectionPlane& plane, const Model& model, const Caption& caption) {
   const int right = pen.width() - pen.margin();
   int top = pen.margin();
   if (model.oriented) {
@@ -213,7 +213,7 @@ void draw_marks(Image& image, const SectionPlane& plane, const Model& model, con
   if (caption.has_point) draw_point(pen, caption.along);
   if (model.oriented) draw_letters(pen, plane);
   draw_side(pen, model);
-  draw_place(pen, plane, model, caption);
+  draw_position(pen, plane, model, caption);
   if (caption.has_scale) draw_scale_bar(pen, plane);
   draw_foot(pen, plane, model, caption);
 }

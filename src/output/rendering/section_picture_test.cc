@@ -219,12 +219,12 @@ TEST(SectionPicture, APointOutsideIsRefused) {
 }
 
 TEST(BitmapFont, EveryLetterIsItsOwn) {
-  std::set<std::vector<std::uint8_t>> observed;
+  std::set<std::vector<std::uint8_t>> visited;
   for (char letter = ' '; letter <= '~'; ++letter) {
     for (const int scale : {1, 2, 3}) {
       Image image{10 * scale, 10 * scale, std::vector<std::uint8_t>(300 * scale * scale, 128)};
       bitmap_font::draw(image, 0, 0, std::string(1, letter), scale, {255, 255, 255});
-      EXPECT_TRUE(observed.insert(image.rgb).second) << letter << " at " << scale;
+      EXPECT_TRUE(visited.insert(image.rgb).second) << letter << " at " << scale;
     }
   }
 }

@@ -66,8 +66,8 @@ void find_displaced(const GridGeometry& grid, const SectionPlane& plane, const T
   const Transform<Voxel, Patient> X_VoxelPatient = grid.X_PatientVoxel().inverse();
   for (int y = 0; y < plane.height_px; ++y)
     for (int x = 0; x < plane.width_px; ++x) {
-      const Point<Patient> observed = plane.at(x, y), at_rest = rest_position(observed, moved);
-      if (at_rest == observed) continue;
+      const Point<Patient> displayed = plane.at(x, y), at_rest = rest_position(displayed, moved);
+      if (at_rest == displayed) continue;
       const Eigen::Vector3d voxel = (X_VoxelPatient * at_rest).eigen();
       internal::section::DisplacedPixel& pixel = pixels.emplace_back();
       pixel.row = y;

@@ -401,9 +401,9 @@ TEST(SectionRenderer, WithoutAWindowTheAutomaticOneIsTaken) {
   const SectionPlane plane =
       anatomical_section(AnatomicalPlane::kCoronal, model.scan->geometry().centre(), 12, 50, 40);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  SectionRenderer stated(model, {window[0], window[1]}), none(model), empty(model, {700, 700}),
+  SectionRenderer declared(model, {window[0], window[1]}), none(model), empty(model, {700, 700}),
       upside_down(model, {900, 100}), no_number(model, {nan, 100});
-  const Rendered expected = render(stated, plane);
+  const Rendered expected = render(declared, plane);
   for (SectionRenderer* renderer : {&none, &empty, &upside_down, &no_number})
     EXPECT_TRUE(render(*renderer, plane) == expected);
 }
@@ -468,14 +468,14 @@ TEST(SectionRenderer, AllocatesNothingForAPicture) {
   const GridGeometry grid = test::make_grid({30, 25, 20}, 2);
   const Model model = noise_model(grid, Values::kHoles, 6, random);
   std::vector<SectionPlane> planes;
-  std::size_t most = 0;
+  std::size_t largest = 0;
   for (int n = 0; n < 20; ++n) {
     planes.push_back(random_plane(grid, random));
     planes.back().width_px = 20 + n;
     planes.back().height_px = 60 - n;
-    most = std::max(most, static_cast<std::size_t>(planes.back().width_px) * planes.back().height_px);
+    largest = std::max(largest, static_cast<std::size_t>(planes.back().width_px) * planes.back().height_px);
   }
-  std::vector<std::uint8_t> rgb(3 * most);
+  std::vector<std::uint8_t> rgb(3 * largest);
   for (const SectionStorage storage : kStorages) {
     SectionRenderer renderer(model, {}, storage);
     const auto draw_all = [&] {

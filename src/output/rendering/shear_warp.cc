@@ -122,7 +122,7 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
 
   // visible extent in that slice, pixel size there, and distance between slices along the rays
   Bounds xs, ys;
-  double pixel_mm = std::numeric_limits<double>::infinity(), apart_mm = 0;
+  double pixel_mm = std::numeric_limits<double>::infinity(), separation_mm = 0;
   for (const PixelRun& run : region.runs)
     for (const int column : {run.begin, run.end - 1}) {
       const Eigen::Vector3d at = f.warp_start + f.warp_step * column + f.warp_line * run.row;
@@ -131,8 +131,8 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
       const Eigen::Vector3d direction = rays.along(column, run.row);
       const double nearer = rays.is_parallel ? 1 : (f.z_ref - eye[z]) / direction[z];
       pixel_mm = std::min(pixel_mm, camera.mm_per_px() * nearer);
-      apart_mm =
-          std::max(apart_mm, (grid.X_PatientVoxel().linear() * direction).norm() / std::abs(direction[z]));
+      separation_mm = std::max(separation_mm,
+                               (grid.X_PatientVoxel().linear() * direction).norm() / std::abs(direction[z]));
     }
   Bounds all_x, all_y;
   for (int corner = 0; corner < 8; ++corner) {
@@ -168,13 +168,13 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   for (Eigen::Vector3d* part : {&f.warp_start, &f.warp_step, &f.warp_line}) *part = to_pixels * *part;
 
   // sampling planes: the slices, subdivided if their distance along a ray is too large
-  const double apart = std::min(1.0, max_apart * h / apart_mm),
+  const double separation = std::min(1.0, max_apart * h / separation_mm),
                slice_count = grid.dims[static_cast<std::size_t>(z)];
-  f.z_step = sign * apart;
-  const int count = static_cast<int>(std::ceil((slice_count + 1) / apart - 1e-6)) - 1;
+  f.z_step = sign * separation;
+  const int count = static_cast<int>(std::ceil((slice_count + 1) / separation - 1e-6)) - 1;
   bool is_first = true;
   for (int n = 0; n < count; ++n) {
-    const double at = region.is_ascending ? (n + 1) * apart - 1 : slice_count - (n + 1) * apart;
+    const double at = region.is_ascending ? (n + 1) * separation - 1 : slice_count - (n + 1) * separation;
     const double farther = rays.is_parallel ? 1 : (at - eye[z]) / (f.z_ref - eye[z]);
     if (farther <= kNearest) continue;
     if (is_first) f.z_first = at;

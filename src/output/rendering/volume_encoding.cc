@@ -42,7 +42,7 @@ struct Part {
   Rgb colour;
 };
 
-struct VoxelLook {
+struct VoxelAppearance {
   float extinction = 0;  ///< In units of h / mm
   float colour[3] = {};
   float covered = 0;  ///< Coverage by structures that are drawn
@@ -53,8 +53,8 @@ namespace {
 constexpr int kTileSide = 64;
 /// Usual number of blocks per tile, to avoid reallocation while they are collected.
 constexpr std::size_t kUsualBlocks = 16384;
-/// Maximum leap, in cubes, which bounds the region affected by a change.
-constexpr std::uint8_t kFarthestLeap = 12;
+/// Maximum skip, in cubes, which bounds the region affected by a change.
+constexpr std::uint8_t kMaxSkip = 12;
 
 /// Gaussian convolved with [1 2 1] / 4, one side.
 std::vector<float> smoothing_kernel(double sigma_voxels) {
@@ -191,19 +191,19 @@ void BlockRows::put(int i, int j, int k, const VoxelBlock& block) {
   const bool is_there = (word & bit) != 0;
   const bool is_empty =
       std::all_of(std::begin(block.extinction), std::end(block.extinction), [](auto e) { return e == 0; });
-  const auto at_place = [&](int n) { return voxels_.begin() + first_[group] + n; };
+  const auto at_position = [&](int n) { return voxels_.begin() + first_[group] + n; };
   if (is_empty) {
     // capacity is retained, since the block may return
-    if (is_there) std::copy(at_place(before + 1), at_place(count), at_place(before));
+    if (is_there) std::copy(at_position(before + 1), at_position(count), at_position(before));
     word &= ~bit;
     return;
   }
   word |= bit;
   if (!is_there) {
     if (count == room_[group]) make_room(group, count);
-    std::copy_backward(at_place(before), at_place(count), at_place(count + 1));
+    std::copy_backward(at_position(before), at_position(count), at_position(count + 1));
   }
-  *at_place(before) = block;
+  *at_position(before) = block;
 }
 
 void BlockRows::make_room(std::size_t group, int count) {
@@ -250,13 +250,13 @@ std::size_t BlockRows::bytes() const {
          voxels_.size() * sizeof(VoxelBlock);
 }
 
-// ---- leaps ------------------------------------------------------------------------------------------------
+// ---- skips ------------------------------------------------------------------------------------------------
 
 EmptySpaceMap::EmptySpaceMap(const GridGeometry& grid) : voxels_(grid.dims) {
   // cells 0 ... voxels, and one more, to which positions at the border may be rounded
   for (std::size_t a = 0; a < 3; ++a) cubes_[a] = (voxels_[a] + 1) / kCubeSide + 1;
-  leap_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2], kFarthestLeap);
-  filled_.resize(leap_.size());
+  skip_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2], kMaxSkip);
+  filled_.resize(skip_.size());
 }
 
 void EmptySpaceMap::fill(const BlockRows& rows, const Cubes& cubes) {
@@ -306,15 +306,15 @@ void EmptySpaceMap::pass(const Cubes& region, int step) {
   for (int c = region[2][0]; c <= region[2][1]; ++c)
     for (int b = region[1][0]; b <= region[1][1]; ++b) {
       const int y = order(b, 1), z = order(c, 2);
-      std::fill(least.begin(), least.end(), kFarthestLeap);
+      std::fill(least.begin(), least.end(), kMaxSkip);
       for (int q = 0; q < 4; ++q) {
         const int yy = y + step * (q % 3 - 1), zz = z + step * (q / 3 - 1);
         if (yy < 0 || zz < 0 || yy >= cubes_[1] || zz >= cubes_[2]) continue;
-        const std::uint8_t* other = &leap_[index(from, yy, zz)];
+        const std::uint8_t* other = &skip_[index(from, yy, zz)];
         std::uint8_t* lowered = least.data() + (from - first + 1);
         for (int n = 0; n <= to - from; ++n) lowered[n] = std::min(lowered[n], other[n]);
       }
-      std::uint8_t* row = &leap_[index(first, y, z)];
+      std::uint8_t* row = &skip_[index(first, y, z)];
       const std::uint8_t* before = least.data();
       for (int n = 0; n < count; ++n) {
         const std::uint8_t beside = std::min(std::min(before[n], before[n + 1]), before[n + 2]);
@@ -322,28 +322,27 @@ void EmptySpaceMap::pass(const Cubes& region, int step) {
       }
       // then along the row
       const int begin = step > 0 ? 0 : count - 1, ahead = first + begin - step;
-      std::uint8_t leap = ahead >= 0 && ahead < cubes_[0] ? row[begin - step] : kFarthestLeap;
+      std::uint8_t skip = ahead >= 0 && ahead < cubes_[0] ? row[begin - step] : kMaxSkip;
       for (int n = begin; n >= 0 && n < count; n += step) {
-        leap = std::min<std::uint8_t>(row[n], static_cast<std::uint8_t>(leap + 1));
-        row[n] = leap;
+        skip = std::min<std::uint8_t>(row[n], static_cast<std::uint8_t>(skip + 1));
+        row[n] = skip;
       }
     }
 }
 
 void EmptySpaceMap::find(const BlockRows& rows, const VoxelBox& box) {
-  // cubes that the box may fill or empty, and those whose leaps depend on them
+  // cubes that the box may fill or empty, and those whose skips depend on them
   Cubes found{}, region{};
   for (std::size_t a = 0; a < 3; ++a) {
     found[a] = {std::max(0, box.first[a] / kCubeSide),
                 std::min(cubes_[a] - 1, (box.first[a] + box.size[a]) / kCubeSide)};
-    region[a] = {std::max(0, found[a][0] - kFarthestLeap),
-                 std::min(cubes_[a] - 1, found[a][1] + kFarthestLeap)};
+    region[a] = {std::max(0, found[a][0] - kMaxSkip), std::min(cubes_[a] - 1, found[a][1] + kMaxSkip)};
   }
   fill(rows, found);
   for (int c = region[2][0]; c <= region[2][1]; ++c)
     for (int b = region[1][0]; b <= region[1][1]; ++b)
       for (int a = region[0][0]; a <= region[0][1]; ++a)
-        leap_[index(a, b, c)] = filled_[index(a, b, c)] != 0 ? 0 : kFarthestLeap;
+        skip_[index(a, b, c)] = filled_[index(a, b, c)] != 0 ? 0 : kMaxSkip;
   // chessboard distance transform in two passes, including values around the region
   pass(region, 1);
   pass(region, -1);
@@ -352,7 +351,7 @@ void EmptySpaceMap::find(const BlockRows& rows, const VoxelBox& box) {
 CubesView EmptySpaceMap::view(int x, int y, int z) const {
   const std::int32_t steps[3] = {1, cubes_[0], cubes_[0] * cubes_[1]};
   constexpr int kShift = kCubeShift;
-  return {filled_.data(), leap_.data(), {steps[x], steps[y], steps[z]}, {kShift * x, kShift * y, kShift * z}};
+  return {filled_.data(), skip_.data(), {steps[x], steps[y], steps[z]}, {kShift * x, kShift * y, kShift * z}};
 }
 
 // ---- a tile -----------------------------------------------------------------------------------------------
@@ -371,7 +370,7 @@ class Encoding::Tile {
         margin_(margins(encoding)),
         labels_(widened(turned_, margin_)) {
     copy_labels(labels);
-    for (const StructureLook& look : encoding.looks_) parts_.push_back(part_of(look));
+    for (const StructureAppearance& appearance : encoding.appearances_) parts_.push_back(part_of(appearance));
     parts_.resize(std::max<std::size_t>(1, parts_.size()));
     parts_[0] = {};
     for (const Part& part : parts_) opacities_.push_back(part.opacity);
@@ -392,14 +391,14 @@ class Encoding::Tile {
     const bool uniform = std::all_of(labels_.values.begin(), labels_.values.end(),
                                      [&](LabelId label) { return label == first; });
     const std::array<int, 3>& size = box_.size;
-    looks_.assign(static_cast<std::size_t>(size[0]) * size[1] * size[2], {});
+    appearances_.assign(static_cast<std::size_t>(size[0]) * size[1] * size[2], {});
     // padding, since a block at the end is read completely
     for (auto& rows : normals_)
-      for (auto& component : rows) component.assign(looks_.size() + kBlock, 0);
+      for (auto& component : rows) component.assign(appearances_.size() + kBlock, 0);
     if (uniform)
-      fill_looks(look_of_one(part(first)));
+      fill_appearances(appearance_of_one(part(first)));
     else
-      find_looks();
+      find_appearances();
     if (!is_all_changed()) take_unchanged();
     if (!uniform) find_normals();
     if (encoding_.scan_.scan != nullptr) add_scan();
@@ -427,8 +426,8 @@ class Encoding::Tile {
             const std::size_t first_voxel = offset(at[0] - box_.first[0], at[1] - box_.first[1], k),
                               step = along == 0 ? 1 : static_cast<std::size_t>(size[0]);
             for (int n = from; n < to; ++n)
-              fill_look(block, n - b, first_voxel + static_cast<std::size_t>(n - b) * step);
-            normals.put_into(block);
+              fill_appearance(block, n - b, first_voxel + static_cast<std::size_t>(n - b) * step);
+            normals.write_into(block);
             put(along, at[0], at[1], at[2], block);
           }
         }
@@ -451,16 +450,16 @@ class Encoding::Tile {
     for (std::size_t a = 0; a < 3; ++a) size[a] = region[a][1] - region[a][0] + 2 * margin[a];
     return size;
   }
-  Part part_of(const StructureLook& look) const {
+  Part part_of(const StructureAppearance& appearance) const {
     const double h = encoding_.grid_.min_spacing_mm();
     Part part;
-    part.opacity = static_cast<float>(look.opacity);
-    part.colour = look.colour;
-    if (look.opacity >= 1) {
+    part.opacity = static_cast<float>(appearance.opacity);
+    part.colour = appearance.colour;
+    if (appearance.opacity >= 1) {
       part.solid = static_cast<float>(kSolidDepth);
-    } else if (look.opacity > 0) {
-      part.surface = static_cast<float>(surface_depth(look.opacity));
-      part.haze = static_cast<float>(haze_per_mm(look.opacity) * h);
+    } else if (appearance.opacity > 0) {
+      part.surface = static_cast<float>(surface_depth(appearance.opacity));
+      part.haze = static_cast<float>(haze_per_mm(appearance.opacity) * h);
     }
     return part;
   }
@@ -490,7 +489,7 @@ class Encoding::Tile {
   }
   int first_label() const { return turned_[0][0] - margin_[0]; }
 
-  static VoxelLook look_of_one(const Part& part) {
+  static VoxelAppearance appearance_of_one(const Part& part) {
     const Rgb& c = part.colour;
     return {part.solid + part.haze, {1.0f * c.r, 1.0f * c.g, 1.0f * c.b}, part.opacity > 0 ? 1.0f : 0.0f};
   }
@@ -502,10 +501,10 @@ class Encoding::Tile {
     return true;
   }
 
-  void fill_looks(const VoxelLook& look) {
+  void fill_appearances(const VoxelAppearance& appearance) {
     for (int k = changed_[2][0]; k < changed_[2][1]; ++k)
       for (int j = changed_[1][0]; j < changed_[1][1]; ++j)
-        for (int i = changed_[0][0]; i < changed_[0][1]; ++i) looks_[offset(i, j, k)] = look;
+        for (int i = changed_[0][0]; i < changed_[0][1]; ++i) appearances_[offset(i, j, k)] = appearance;
   }
 
   /// Marks the voxels with an unchanged look that are not empty, as find_normals() needs it.
@@ -518,12 +517,13 @@ class Encoding::Tile {
           const VoxelBlock* before = row[(box_.first[0] + b) / kBlock];
           if (before == nullptr) continue;
           for (int i = b; i < std::min(b + kBlock, box_.size[0]); ++i)
-            if (!is_in || !is_changed(0, i)) looks_[offset(i, j, k)].extinction = before->extinction[i - b];
+            if (!is_in || !is_changed(0, i))
+              appearances_[offset(i, j, k)].extinction = before->extinction[i - b];
         }
       }
   }
 
-  void find_looks() {
+  void find_appearances() {
     constexpr std::uint32_t kSeveral = 0x10000;
     const std::array<int, 2>& along = changed_[0];
     std::vector<std::uint32_t> column(static_cast<std::size_t>(box_.size[0]) + 2);
@@ -538,17 +538,18 @@ class Encoding::Tile {
           for (int r = 1; r < 9; ++r) label = rows[r][i - first] == label ? label : kSeveral;
           column[static_cast<std::size_t>(i + 1)] = label;
         }
-        VoxelLook* look = looks_.data() + offset(0, j, k);
+        VoxelAppearance* appearance = appearances_.data() + offset(0, j, k);
         for (int i = along[0]; i < along[1]; ++i) {
           const std::uint32_t* c = column.data() + i;
           const bool one = c[0] == c[1] && c[1] == c[2] && c[1] != kSeveral;
-          look[i] = one ? look_of_one(part(static_cast<LabelId>(c[1]))) : mixture(rows, i - first);
+          appearance[i] =
+              one ? appearance_of_one(part(static_cast<LabelId>(c[1]))) : mixture(rows, i - first);
         }
       }
   }
 
   /// Look of a voxel from its 27 neighbours.
-  VoxelLook mixture(const LabelId* const* rows, int i) const {
+  VoxelAppearance mixture(const LabelId* const* rows, int i) const {
     struct Share {
       LabelId label;
       float coverage;
@@ -568,14 +569,14 @@ class Encoding::Tile {
         shares[n].coverage += static_cast<float>(wa * wb * wc);
         slope += 0.5 * Eigen::Vector3d(a * wb * wc, b * wa * wc, c * wa * wb);
       }
-    VoxelLook look;
-    if (encountered == 0) return look;
+    VoxelAppearance appearance;
+    if (encountered == 0) return appearance;
     float all = 0, solid = 0;
     for (std::size_t n = 0; n < encountered; ++n) {
       all += shares[n].coverage;
       if (part(shares[n].label).solid > 0) solid += shares[n].coverage;
     }
-    look.covered = all;
+    appearance.covered = all;
     const auto solidity = static_cast<float>(volume_picture::solidity(solid, part(rows[4][i]).solid > 0));
     const auto steep =
         static_cast<float>((encoding_.to_patient_ * slope).norm() * encoding_.grid_.min_spacing_mm());
@@ -583,31 +584,31 @@ class Encoding::Tile {
       const Part& p = part(shares[n].label);
       const float e = p.solid > 0 ? shares[n].coverage * p.solid * solidity / solid
                                   : shares[n].coverage * (p.haze + p.surface * steep / all);
-      look.extinction += e;
-      look.colour[0] += e * p.colour.r;
-      look.colour[1] += e * p.colour.g;
-      look.colour[2] += e * p.colour.b;
+      appearance.extinction += e;
+      appearance.colour[0] += e * p.colour.r;
+      appearance.colour[1] += e * p.colour.g;
+      appearance.colour[2] += e * p.colour.b;
     }
-    if (look.extinction > 0)
-      for (float& c : look.colour) c /= look.extinction;
-    return look;
+    if (appearance.extinction > 0)
+      for (float& c : appearance.colour) c /= appearance.extinction;
+    return appearance;
   }
 
   void add_scan() {
-    const ScanLook& scan = encoding_.scan_;
+    const ScanAppearance& scan = encoding_.scan_;
     const double h = encoding_.grid_.min_spacing_mm();
     for (int k = 0; k < box_.size[2]; ++k)
       for (int j = 0; j < box_.size[1]; ++j) {
         const float* scanned = &scan.scan->at(box_.first[0], box_.first[1] + j, box_.first[2] + k);
-        VoxelLook* look = looks_.data() + offset(0, j, k);
+        VoxelAppearance* appearance = appearances_.data() + offset(0, j, k);
         for (int i = 0; i < box_.size[0]; ++i) {
           const double value = value_in_window(scanned[i], scan.window);
-          const auto e = static_cast<float>(scan_per_mm(value, look[i].covered, scan.opacity) * h);
+          const auto e = static_cast<float>(scan_per_mm(value, appearance[i].covered, scan.opacity) * h);
           if (e == 0) continue;
           const auto grey = static_cast<float>(scan_grey(value));
-          const float all = look[i].extinction + e;
-          for (float& c : look[i].colour) c = (c * look[i].extinction + grey * e) / all;
-          look[i].extinction = all;
+          const float all = appearance[i].extinction + e;
+          for (float& c : appearance[i].colour) c = (c * appearance[i].extinction + grey * e) / all;
+          appearance[i].extinction = all;
         }
       }
   }
@@ -616,7 +617,7 @@ class Encoding::Tile {
     // includes one voxel more on either side
     const Box<float> opacity = smoothed(labels_, opacities_, encoding_.kernels_);
     const Eigen::Matrix3d to_patient = encoding_.to_patient_ / 2;
-    const double least = kFaintGradient * surface_gradient_per_mm(encoding_.grid_);
+    const double smallest = kFaintGradient * surface_gradient_per_mm(encoding_.grid_);
     for (int k = turned_[2][0]; k < turned_[2][1]; ++k)
       for (int j = turned_[1][0]; j < turned_[1][1]; ++j) {
         const auto smoothed_row = [&](int jj, int kk) {
@@ -630,13 +631,13 @@ class Encoding::Tile {
           const std::size_t n = row + static_cast<std::size_t>(i);
           const int at = i - turned_[0][0] + 1;
           const double facing = sidedness(here[at]);
-          if (facing == 0 || looks_[n].extinction == 0) continue;
+          if (facing == 0 || appearances_[n].extinction == 0) continue;
           const Eigen::Vector3d gradient =
               to_patient *
               Eigen::Vector3d(here[at + 1] - here[at - 1], front[at] - back[at], above[at] - below[at]);
-          const std::size_t turned = normal_place(1, i, j, k);
+          const std::size_t turned = normal_offset(1, i, j, k);
           const Eigen::Vector3d normal =
-              gradient * (facing * kNormalSteps / std::max(gradient.norm(), least));
+              gradient * (facing * kNormalSteps / std::max(gradient.norm(), smallest));
           for (std::size_t a = 0; a < 3; ++a) {
             const std::int8_t component = rounded(normal[static_cast<Eigen::Index>(a)]);
             normals_[0][a][n] = component;
@@ -646,16 +647,17 @@ class Encoding::Tile {
       }
   }
 
-  void fill_look(VoxelBlock& block, int index, std::size_t voxel) const {
-    const VoxelLook& look = looks_[voxel];
+  void fill_appearance(VoxelBlock& block, int index, std::size_t voxel) const {
+    const VoxelAppearance& appearance = appearances_[voxel];
     // rounds non-negative values
     const auto whole = [](float value) { return static_cast<int>(value + 0.5f); };
     block.extinction[index] =
-        static_cast<std::uint16_t>(whole(std::min(look.extinction * kDepthSteps, 60000.0f)));
+        static_cast<std::uint16_t>(whole(std::min(appearance.extinction * kDepthSteps, 60000.0f)));
     // an invisible voxel has a canonical colour
     for (std::size_t a = 0; a < 3; ++a)
-      block.colour[a][index] =
-          look.extinction == 0 ? std::uint8_t{0} : static_cast<std::uint8_t>(whole(look.colour[a]));
+      block.colour[a][index] = appearance.extinction == 0
+                                   ? std::uint8_t{0}
+                                   : static_cast<std::uint8_t>(whole(appearance.colour[a]));
   }
   /// Normals of a block as eight-byte words per component, restricted to those that may differ.
   struct NormalWords {
@@ -673,7 +675,7 @@ class Encoding::Tile {
       for (std::size_t a = 0; a < 3; ++a) others |= word(block.normal[a]) ^ made[a];
       return (others & differing) == 0;
     }
-    void put_into(VoxelBlock& block) const {
+    void write_into(VoxelBlock& block) const {
       for (std::size_t a = 0; a < 3; ++a) {
         const std::uint64_t mixed = (word(block.normal[a]) & ~differing) | (made[a] & differing);
         std::memcpy(block.normal[a], &mixed, sizeof mixed);
@@ -689,12 +691,12 @@ class Encoding::Tile {
     NormalWords words{};
     std::memcpy(&words.differing, differing.data(), sizeof words.differing);
     const std::size_t index =
-        normal_place(along, at[0] - box_.first[0], at[1] - box_.first[1], at[2] - box_.first[2]);
+        normal_offset(along, at[0] - box_.first[0], at[1] - box_.first[1], at[2] - box_.first[2]);
     for (std::size_t a = 0; a < 3; ++a) words.made[a] = NormalWords::word(normals_[along][a].data() + index);
     return words;
   }
   /// @param along  0: i fastest, 1: j fastest
-  std::size_t normal_place(std::size_t along, int i, int j, int k) const {
+  std::size_t normal_offset(std::size_t along, int i, int j, int k) const {
     const int fast = along == 0 ? i : j, slow = along == 0 ? j : i;
     return static_cast<std::size_t>(fast) +
            static_cast<std::size_t>(box_.size[along]) *
@@ -709,20 +711,21 @@ class Encoding::Tile {
   Box<LabelId> labels_;
   std::vector<Part> parts_;       ///< By label
   std::vector<float> opacities_;  ///< By label, and one entry for all labels beyond
-  std::vector<VoxelLook> looks_;
+  std::vector<VoxelAppearance> appearances_;
   /// Normals in the order of either kind of rows, by component; 0 where nothing is visible.
   std::array<std::array<std::vector<std::int8_t>, 3>, 2> normals_;
 };
 
 // ---- the whole --------------------------------------------------------------------------------------------
 
-Encoding::Encoding(const GridGeometry& grid, std::span<const StructureLook> looks, ScanLook scan)
+Encoding::Encoding(const GridGeometry& grid, std::span<const StructureAppearance> appearances,
+                   ScanAppearance scan)
     : grid_(grid),
-      looks_(looks.begin(), looks.end()),
+      appearances_(appearances.begin(), appearances.end()),
       scan_(std::move(scan)),
       to_patient_(grid.X_PatientVoxel().linear().inverse().transpose()),
       rows_{BlockRows(grid, 0), BlockRows(grid, 1)},
-      leaps_(grid) {
+      skips_(grid) {
   const auto sigma = sigma_in_voxels(grid, normal_sigma_mm(grid));
   for (std::size_t a = 0; a < 3; ++a) kernels_[a] = smoothing_kernel(sigma ? (*sigma)[a] : 0);
 }
@@ -803,15 +806,15 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     return true;
   });
   if (!whole) return Progress::interrupted();
-  const auto put_later = [&](int rows) {
+  const auto append_later = [&](int rows) {
     for (const std::vector<Made>& made : later)
       for (const Made& m : made)
         if (m.rows == rows) rows_[static_cast<std::size_t>(rows)].put(m.i, m.j, m.k, m.block);
   };
   for_each_index(2, std::min(workers, 2), [&](int, int rows) {
-    put_later(rows);
-    // leaps use the rows along i
-    if (rows == 0) leaps_.find(rows_[0], changed);
+    append_later(rows);
+    // skips use the rows along i
+    if (rows == 0) skips_.find(rows_[0], changed);
     return true;
   });
   is_new_ = false;

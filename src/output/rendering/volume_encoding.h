@@ -38,7 +38,7 @@ class BlockRows {
     const VoxelBlock* voxels;
 
     const VoxelBlock* operator[](int block) const {
-      const std::uint32_t index = place_of(mask, first, block);
+      const std::uint32_t index = slot_of(mask, first, block);
       return index != 0 ? voxels + index : nullptr;
     }
   };
@@ -76,7 +76,7 @@ class EmptySpaceMap {
   void find(const BlockRows& rows, const VoxelBox& box);
   /// @param x, y, z  axes of the grid in the order of a view
   CubesView view(int x, int y, int z) const;
-  std::size_t bytes() const { return leap_.size() * (sizeof(leap_[0]) + sizeof(filled_[0])); }
+  std::size_t bytes() const { return skip_.size() * (sizeof(skip_[0]) + sizeof(filled_[0])); }
 
  private:
   using Cubes = std::array<std::array<int, 2>, 3>;  ///< First and last cube per axis
@@ -88,17 +88,18 @@ class EmptySpaceMap {
   }
   /// Determines the non-empty cells of these cubes.
   void fill(const BlockRows& rows, const Cubes& cubes);
-  /// One pass of the distance transform: lowers the leaps to the bounds given by the cubes already visited.
+  /// One pass of the distance transform: lowers the skips to the bounds given by the cubes already visited.
   void pass(const Cubes& region, int step);
 
   std::array<int, 3> voxels_{}, cubes_{};
   section::Bricks<std::uint64_t> filled_;
-  section::Bricks<std::uint8_t> leap_;
+  section::Bricks<std::uint8_t> skip_;
 };
 
 class Encoding {
  public:
-  explicit Encoding(const GridGeometry& grid, std::span<const StructureLook> looks, ScanLook scan = {});
+  explicit Encoding(const GridGeometry& grid, std::span<const StructureAppearance> appearances,
+                    ScanAppearance scan = {});
   /// Rebuilds the blocks of all voxels whose look depends on labels in a box. Errors: kInterrupted.
   Result<void> encode(const palpate::Bricks<LabelId>& labels, const VoxelBox& box, int threads,
                       const Progress& progress);
@@ -106,19 +107,19 @@ class Encoding {
   const GridGeometry& grid() const { return grid_; }
   /// @param axis  principal axis of the view
   const BlockRows& rows_for(int axis) const { return rows_[axis == 0 ? 1 : 0]; }
-  const EmptySpaceMap& leaps() const { return leaps_; }
-  std::size_t bytes() const { return rows_[0].bytes() + rows_[1].bytes() + leaps_.bytes(); }
+  const EmptySpaceMap& skips() const { return skips_; }
+  std::size_t bytes() const { return rows_[0].bytes() + rows_[1].bytes() + skips_.bytes(); }
 
  private:
   class Tile;
 
   GridGeometry grid_;
-  std::vector<StructureLook> looks_;
-  ScanLook scan_;
+  std::vector<StructureAppearance> appearances_;
+  ScanAppearance scan_;
   Eigen::Matrix3d to_patient_;                 ///< Transforms a gradient per voxel to one per mm
   std::array<std::vector<float>, 3> kernels_;  ///< Smoothing of the opacity along i, j, k
   std::array<BlockRows, 2> rows_;
-  EmptySpaceMap leaps_;
+  EmptySpaceMap skips_;
   bool is_new_ = true;
 };
 

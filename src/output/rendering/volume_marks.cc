@@ -56,10 +56,10 @@ MarkHit enter(const MarkRay& ray, const VolumeMark& mark) {
     }
   }
   const auto ball = [&](const Eigen::Vector3d& from_middle, double radius) {
-    const double middle = from_middle.dot(path),
-                 within = middle * middle - from_middle.squaredNorm() + radius * radius;
+    const double midpoint = from_middle.dot(path),
+                 within = midpoint * midpoint - from_middle.squaredNorm() + radius * radius;
     if (within <= 0 || radius <= 0) return;
-    const double mm = -middle - std::sqrt(within);
+    const double mm = -midpoint - std::sqrt(within);
     if (mm < hit.mm) hit = {mm, std::sqrt(within) / radius};
   };
   ball(a, mark.from_mm);
@@ -82,7 +82,7 @@ Reach reach_of(const VolumeCamera& camera, const VolumeMark& mark) {
     // a mark around the eye may cover any pixel
     if (!camera.is_parallel() && z <= 2 * radius) return anywhere;
     for (int a = 0; a < 2; ++a) {
-      const double middle = 0.5 * (size[a] - 1), x = off.dot(axes[a]);
+      const double midpoint = 0.5 * (size[a] - 1), x = off.dot(axes[a]);
       // parallel rays: a circle; perspective: projection of the sphere's tangents onto the plane of the focus
       double min_mm = x - radius, max_mm = x + radius;
       if (!camera.is_parallel()) {
@@ -91,12 +91,12 @@ Reach reach_of(const VolumeCamera& camera, const VolumeMark& mark) {
         max_mm = (x * z + root) / square * camera.eye_mm;
       }
       if (!std::isfinite(min_mm) || !std::isfinite(max_mm)) return anywhere;
-      low[a] = std::min(low[a], middle + min_mm / camera.mm_per_px());
-      high[a] = std::max(high[a], middle + max_mm / camera.mm_per_px());
+      low[a] = std::min(low[a], midpoint + min_mm / camera.mm_per_px());
+      high[a] = std::max(high[a], midpoint + max_mm / camera.mm_per_px());
     }
   }
-  const auto bounded = [](double value, int most) {
-    return static_cast<int>(std::clamp(value, -1.0, static_cast<double>(most)));
+  const auto bounded = [](double value, int largest) {
+    return static_cast<int>(std::clamp(value, -1.0, static_cast<double>(largest)));
   };
   return {std::max(0, bounded(std::floor(low[0] - 1), size[0])),
           std::min(size[0] - 1, bounded(high[0] + 2, size[0])),

@@ -29,28 +29,28 @@ VolumeCamera marks_camera(bool perspective) {
 
 /// Upper bound of the distance of a point from a mark, by sampling spheres along it.
 double outside_mm(const VolumeMark& mark, const Point<Patient>& at) {
-  double least = 1e9;
+  double smallest = 1e9;
   for (int n = 0; n <= 60; ++n) {
     const double s = n / 60.0;
-    const Point<Patient> middle = mark.from + (mark.to - mark.from) * s;
-    least = std::min(least, (at - middle).norm() - (mark.from_mm + (mark.to_mm - mark.from_mm) * s));
+    const Point<Patient> centre = mark.from + (mark.to - mark.from) * s;
+    smallest = std::min(smallest, (at - centre).norm() - (mark.from_mm + (mark.to_mm - mark.from_mm) * s));
   }
-  return least;
+  return smallest;
 }
 
 TEST(VolumeMarks, AreWhereStepsAlongARayMeetThem) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> aside(-22, 22), radius(0.5, 6);
+  std::uniform_real_distribution<double> lateral(-22, 22), radius(0.5, 6);
   int covered = 0;
   for (int number = 0; number < 6; ++number) {
     const VolumeCamera camera = marks_camera(number % 2 == 1);
-    const auto place = [&] {
-      const double x = aside(random), y = aside(random), z = aside(random);
+    const auto labels_at = [&] {
+      const double x = lateral(random), y = lateral(random), z = lateral(random);
       return camera.focus + Vector<Patient>(x, y, z);
     };
-    VolumeMark mark{place(), place(), radius(random), radius(random), {200, 200, 200}, 0};
+    VolumeMark mark{labels_at(), labels_at(), radius(random), radius(random), {200, 200, 200}, 0};
     if (number % 5 == 4) mark.to = mark.from;
     Image image{60, 60, std::vector<std::uint8_t>(3 * 60 * 60, 0)};
     const std::vector<float> far(60 * 60, std::numeric_limits<float>::infinity());
@@ -82,7 +82,7 @@ TEST(VolumeMarks, AreDrawnWholeWhereAnEyeSeesThemAtASlant) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
-  std::uniform_real_distribution<double> aside(-1, 1), part(0.2, 0.95);
+  std::uniform_real_distribution<double> lateral(-1, 1), part(0.2, 0.95);
   constexpr int kSide = 200;
   int covered = 0;
   for (int number = 0; number < 30; ++number) {
@@ -90,10 +90,10 @@ TEST(VolumeMarks, AreDrawnWholeWhereAnEyeSeesThemAtASlant) {
     camera.width_px = camera.height_px = kSide;
     camera.width_mm = 120;
     const Point<Patient> eye = camera.focus - camera.into() * camera.eye_mm;
-    const double z = 40 + 40 * part(random), x = z * aside(random), y = z * aside(random);
+    const double z = 40 + 40 * part(random), x = z * lateral(random), y = z * lateral(random);
     const double radius = 0.5 * z * part(random);
-    const Point<Patient> middle = eye + camera.into() * z + camera.right * x + camera.down * y;
-    const VolumeMark mark{middle, middle, radius, radius, {200, 200, 200}, 0};
+    const Point<Patient> centre = eye + camera.into() * z + camera.right * x + camera.down * y;
+    const VolumeMark mark{centre, centre, radius, radius, {200, 200, 200}, 0};
     Image image{kSide, kSide, std::vector<std::uint8_t>(3 * kSide * kSide, 0)};
     draw_volume_marks(image, std::vector<float>(kSide * kSide, std::numeric_limits<float>::infinity()),
                       camera, {&mark, 1});
@@ -101,7 +101,7 @@ TEST(VolumeMarks, AreDrawnWholeWhereAnEyeSeesThemAtASlant) {
     for (int row = 0; row < kSide; ++row)
       for (int column = 0; column < kSide; ++column) {
         const Vector<Patient> displacement = (camera.at(column, row) - eye).normalized();
-        const double beside = displacement.cross(middle - eye).norm();
+        const double beside = displacement.cross(centre - eye).norm();
         const bool drawn = image.rgb[3 * static_cast<std::size_t>(kSide * row + column)] > 0;
         covered += drawn ? 1 : 0;
         // ambiguous within a pixel of the rim

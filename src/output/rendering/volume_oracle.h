@@ -20,9 +20,9 @@ struct OracleVoxel {
 
 class VolumeOracle {
  public:
-  VolumeOracle(const Volume<LabelId>& labels, const std::vector<StructureLook>& looks,
-               const ScanLook& scan = {})
-      : grid_(labels.geometry()), labels_(labels), looks_(looks), voxels_(grid_.voxel_count()) {
+  VolumeOracle(const Volume<LabelId>& labels, const std::vector<StructureAppearance>& appearances,
+               const ScanAppearance& scan = {})
+      : grid_(labels.geometry()), labels_(labels), appearances_(appearances), voxels_(grid_.voxel_count()) {
     namespace terms = internal::volume_picture;
     const Eigen::Matrix3d to_patient = grid_.X_PatientVoxel().linear().inverse().transpose();
     const std::vector<double> smooth = smoothed_opacity();
@@ -54,7 +54,7 @@ class VolumeOracle {
         const double e = opaque == 1
                              ? terms::kSolidDepth / grid_.min_spacing_mm() * solidity * o / solid
                              : o * (terms::haze_per_mm(opaque) + terms::surface_depth(opaque) * steep / all);
-        const Rgb& colour = looks_[label].colour;
+        const Rgb& colour = appearances_[label].colour;
         voxel.extinction += e;
         voxel.colour += e * Eigen::Vector3d(colour.r, colour.g, colour.b);
       }
@@ -65,8 +65,8 @@ class VolumeOracle {
                                  smooth[wide(i, j + 1, k)] - smooth[wide(i, j - 1, k)],
                                  smooth[wide(i, j, k + 1)] - smooth[wide(i, j, k - 1)]);
       const Eigen::Vector3d gradient = to_patient * rise / 2;
-      const double least = terms::kFaintGradient * terms::surface_gradient_per_mm(grid_);
-      voxel.normal = gradient / std::max(gradient.norm(), least) * terms::sidedness(smooth[wide(i, j, k)]);
+      const double smallest = terms::kFaintGradient * terms::surface_gradient_per_mm(grid_);
+      voxel.normal = gradient / std::max(gradient.norm(), smallest) * terms::sidedness(smooth[wide(i, j, k)]);
       add_scan(voxel, scan, all, i, j, k);
     });
   }
@@ -102,7 +102,7 @@ class VolumeOracle {
   const OracleVoxel& voxel(int i, int j, int k) const { return voxels_[grid_.offset(i, j, k)]; }
 
  private:
-  static void add_scan(OracleVoxel& voxel, const ScanLook& scan, double covered, int i, int j, int k) {
+  static void add_scan(OracleVoxel& voxel, const ScanAppearance& scan, double covered, int i, int j, int k) {
     namespace terms = internal::volume_picture;
     if (scan.scan == nullptr) return;
     const double value = terms::value_in_window(scan.scan->at(i, j, k), scan.window);
@@ -120,7 +120,7 @@ class VolumeOracle {
         for (int i = 0; i < grid_.dims[0]; ++i) visit(i, j, k);
   }
   double opacity(LabelId label) const {
-    return label > 0 && label < looks_.size() ? looks_[label].opacity : 0;
+    return label > 0 && label < appearances_.size() ? appearances_[label].opacity : 0;
   }
   // index in the grid padded by one voxel on every side
   std::size_t wide(int i, int j, int k) const {
@@ -236,7 +236,7 @@ class VolumeOracle {
 
   GridGeometry grid_;
   const Volume<LabelId>& labels_;
-  std::vector<StructureLook> looks_;
+  std::vector<StructureAppearance> appearances_;
   std::vector<OracleVoxel> voxels_;
   std::vector<Eigen::Vector3d> lit_;
 };

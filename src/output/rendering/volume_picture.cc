@@ -47,11 +47,11 @@ std::string view_text(const VolumePictureRequest& request) {
 }
 
 /// Visible structures by descending volume.
-std::vector<LabelId> drawn_structures(const Model& model, std::span<const StructureLook> looks) {
+std::vector<LabelId> drawn_structures(const Model& model, std::span<const StructureAppearance> appearances) {
   const std::vector<std::size_t> counts = label_counts(*model.labels);
   std::vector<LabelId> drawn;
-  for (std::size_t label = 1; label < std::min(counts.size(), looks.size()); ++label)
-    if (counts[label] > 0 && looks[label].opacity > 0) drawn.push_back(static_cast<LabelId>(label));
+  for (std::size_t label = 1; label < std::min(counts.size(), appearances.size()); ++label)
+    if (counts[label] > 0 && appearances[label].opacity > 0) drawn.push_back(static_cast<LabelId>(label));
   std::stable_sort(drawn.begin(), drawn.end(), [&](LabelId a, LabelId b) { return counts[a] > counts[b]; });
   return drawn;
 }
@@ -96,7 +96,7 @@ VolumeCamera camera_of(const GridGeometry& grid, const VolumePictureRequest& req
 
 double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureRequest> requests) {
   constexpr double kRim = 1.04;
-  double most = 0;
+  double largest = 0;
   for (VolumePictureRequest request : requests) {
     request.size_mm = 1;
     const VolumeCamera camera = camera_of(grid, request);
@@ -105,17 +105,18 @@ double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureR
         return (corner >> axis & 1) != 0 ? grid.dims[static_cast<std::size_t>(axis)] - 0.5 : -0.5;
       };
       const Vector<Patient> off = grid.X_PatientVoxel() * Point<Voxel>(end(0), end(1), end(2)) - camera.focus;
-      const double aside = std::max(std::abs(off.dot(camera.right)), std::abs(off.dot(camera.down)));
+      const double lateral = std::max(std::abs(off.dot(camera.right)), std::abs(off.dot(camera.down)));
       // width needed in perspective with the eye at kEyeDistance times the width: nearer points appear larger
       const double nearer = request.perspective ? std::max(0.0, -off.dot(camera.into())) / kEyeDistance : 0;
-      most = std::max(most, kRim * (2 * aside + nearer));
+      largest = std::max(largest, kRim * (2 * lateral + nearer));
     }
   }
-  return most;
+  return largest;
 }
 
-Image volume_picture(VolumeRenderer& renderer, const Model& model, std::span<const StructureLook> looks,
-                     const VolumePictureRequest& request, std::span<const VolumeMark> marks) {
+Image volume_picture(VolumeRenderer& renderer, const Model& model,
+                     std::span<const StructureAppearance> appearances, const VolumePictureRequest& request,
+                     std::span<const VolumeMark> marks) {
   PALPATE_CHECK(model.labels != nullptr && request.pixels > 0);
   const VolumeCamera camera = camera_of(model.labels->geometry(), request);
   VolumeStyle style;
@@ -127,7 +128,7 @@ Image volume_picture(VolumeRenderer& renderer, const Model& model, std::span<con
   if (!marks.empty()) draw_volume_marks(image, depth_mm, camera, marks);
   section_marks::Caption caption;
   caption.plane = view_text(request);
-  caption.structures = drawn_structures(model, looks);
+  caption.structures = drawn_structures(model, appearances);
   caption.has_point = false;
   caption.has_scale = camera.is_parallel();
   section_marks::draw_marks(
@@ -137,12 +138,12 @@ Image volume_picture(VolumeRenderer& renderer, const Model& model, std::span<con
 }
 
 Result<std::vector<std::uint8_t>> volume_thumbnail(const Model& model, int pixels, const Progress& progress) {
-  const auto looks = structure_looks(model);
-  auto renderer = VolumeRenderer::make(*model.labels, looks, 0, progress);
+  const auto appearances = structure_appearances(model);
+  auto renderer = VolumeRenderer::make(*model.labels, appearances, 0, progress);
   if (!renderer) return renderer.error();
   VolumePictureRequest request;
   request.pixels = pixels;
-  return encode_png(volume_picture(*renderer, model, looks, request));
+  return encode_png(volume_picture(*renderer, model, appearances, request));
 }
 
 }  // namespace palpate

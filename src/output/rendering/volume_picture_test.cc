@@ -47,17 +47,17 @@ TEST(VolumePicture, ShowsAllOfTheVolume) {
       VolumePictureRequest request = request_from(ViewFrom::kLeft, 25, -30);
       request.perspective = perspective;
       const VolumeCamera camera = camera_of(grid, request);
-      double most = 0;
+      double largest = 0;
       for (int corner = 0; corner < 8; ++corner) {
         const Point<Voxel> voxel((corner & 1) != 0 ? 19.5 : -0.5, (corner & 2) != 0 ? 29.5 : -0.5,
                                  (corner & 4) != 0 ? 39.5 : -0.5);
         const Vector<Patient> off = grid.X_PatientVoxel() * voxel - camera.focus;
         const double larger = perspective ? camera.eye_mm / (camera.eye_mm + off.dot(camera.into())) : 1;
         for (const Vector<Patient>& displacement : {camera.right, camera.down})
-          most = std::max(most, std::abs(off.dot(displacement)) * larger / (camera.width_mm / 2));
+          largest = std::max(largest, std::abs(off.dot(displacement)) * larger / (camera.width_mm / 2));
       }
-      EXPECT_LE(most, 1);
-      EXPECT_GE(most, 0.8);
+      EXPECT_LE(largest, 1);
+      EXPECT_GE(largest, 0.8);
     }
   }
 }
@@ -73,11 +73,11 @@ TEST(VolumePicture, DrawsStructuresWhereTheyAre) {
   model.labels = label_bricks(labels);
   model.segments.push_back({1, "block", {200, 30, 20}, 0, 1});
   model.side = Side::kLeft;
-  const std::vector<StructureLook> looks = structure_looks(model);
-  auto renderer = VolumeRenderer::make(*model.labels, looks);
+  const std::vector<StructureAppearance> appearances = structure_appearances(model);
+  auto renderer = VolumeRenderer::make(*model.labels, appearances);
   ASSERT_TRUE(renderer);
   const auto reds = [&](const VolumePictureRequest& request) {
-    const Image image = volume_picture(*renderer, model, looks, request);
+    const Image image = volume_picture(*renderer, model, appearances, request);
     std::array<int, 2> halves{};
     for (int y = image.height / 4; y < image.height * 3 / 4; ++y)
       for (int x = 0; x < image.width; ++x) {

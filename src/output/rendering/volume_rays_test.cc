@@ -95,13 +95,13 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
     const RowsView rows = grid.view();
     GridGeometry geometry;
     geometry.dims = count;
-    const EmptySpaceMap leaps(geometry);
-    // no leaps: every plane is sampled
+    const EmptySpaceMap skips(geometry);
+    // no skips: every plane is sampled
     const std::size_t cubes = (static_cast<std::size_t>(count[0] + 1) / 4 + 1) *
                               (static_cast<std::size_t>(count[1] + 1) / 4 + 1) *
                               (static_cast<std::size_t>(count[2] + 1) / 4 + 1);
     const std::vector<std::uint64_t> all(cubes, ~std::uint64_t{0});
-    CubesView small_steps = leaps.view(0, 1, 2);
+    CubesView small_steps = skips.view(0, 1, 2);
     small_steps.filled = all.data();
     std::vector<SamplePlane> planes(600);
     for (SamplePlane& plane : planes) {
@@ -117,14 +117,14 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
       const float border =
           n % 5 == 4 ? -1.0f + short_of(random) : static_cast<float>(length) - short_of(random);
       const auto plane = static_cast<float>(8 + random() % 580),
-                 aside = static_cast<float>(random() % static_cast<unsigned>(count[axis == 0 ? 1 : 0]));
+                 lateral = static_cast<float>(random() % static_cast<unsigned>(count[axis == 0 ? 1 : 0]));
       const float per_plane = (n % 2 == 0 ? 1.0f : -1.0f) * pace(random), start = border - per_plane * plane;
-      rays[n] = axis == 0 ? ray_from(start, per_plane, aside, 0) : ray_from(aside, 0, start, per_plane);
+      rays[n] = axis == 0 ? ray_from(start, per_plane, lateral, 0) : ray_from(lateral, 0, start, per_plane);
       rays[n].begun = std::max(0.0f, plane - 6);
       rays[n].last = plane + 6;
       if (axis == 0 && border < 0) rays[n].begun = kNoPlane;  // the first block is filled
     }
-    for (const CubesView& view : {leaps.view(0, 1, 2), small_steps}) {
+    for (const CubesView& view : {skips.view(0, 1, 2), small_steps}) {
       std::vector<TracedRay> traced = rays;
       trace_rays(rows, view, planes.data(), static_cast<int>(planes.size()), 1, true,
                  static_cast<int>(traced.size()), traced.data(), *grid.lit);
@@ -174,8 +174,8 @@ TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
   GridGeometry grid;
   grid.dims = {83, 57, 71};
   Volume<LabelId> labels(grid);
-  const std::vector<StructureLook> looks{{{}, 0}, {{200, 100, 50}, 1}};
-  Encoding encoding(grid, looks);
+  const std::vector<StructureAppearance> appearances{{{}, 0}, {{200, 100, 50}, 1}};
+  Encoding encoding(grid, appearances);
   const std::array<int, 3> cubes{(83 + 1) / kCubeSide + 1, (57 + 1) / kCubeSide + 1,
                                  (71 + 1) / kCubeSide + 1};
   for (int change = 0; change < 6; ++change) {
@@ -191,7 +191,7 @@ TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
       for (int n = 0; n < 3; ++n) labels.at(below(83), below(57), below(71)) = 1;
     }
     ASSERT_TRUE(encoding.encode(*label_bricks(labels), box, 2, {}));
-    const CubesView view = encoding.leaps().view(0, 1, 2);
+    const CubesView view = encoding.skips().view(0, 1, 2);
     const auto is_filled = [&](int i, int j, int k) {
       if (i < 0 || j < 0 || k < 0 || i >= grid.dims[0] || j >= grid.dims[1] || k >= grid.dims[2])
         return false;
@@ -217,10 +217,11 @@ TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
     for (int c = 0; c < cubes[2]; ++c)
       for (int b = 0; b < cubes[1]; ++b)
         for (int a = 0; a < cubes[0]; ++a) {
-          int least = 12;
+          int smallest = 12;
           for (const auto& f : filled)
-            least = std::min(least, std::max({std::abs(f[0] - a), std::abs(f[1] - b), std::abs(f[2] - c)}));
-          ASSERT_EQ(view.leap[a * view.step[0] + b * view.step[1] + c * view.step[2]], least)
+            smallest =
+                std::min(smallest, std::max({std::abs(f[0] - a), std::abs(f[1] - b), std::abs(f[2] - c)}));
+          ASSERT_EQ(view.skip[a * view.step[0] + b * view.step[1] + c * view.step[2]], smallest)
               << change << ": " << a << " " << b << " " << c;
         }
   }

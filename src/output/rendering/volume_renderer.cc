@@ -230,14 +230,14 @@ void fill(const PixelRun& run, int width, const Rgb& colour, std::span<std::uint
 
 }  // namespace
 
-std::vector<StructureLook> structure_looks(const Model& model) {
-  std::vector<StructureLook> looks;
+std::vector<StructureAppearance> structure_appearances(const Model& model) {
+  std::vector<StructureAppearance> appearances;
   for (const Rgb& colour : colours_of_labels(model)) {
-    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(looks.size()));
-    looks.push_back({colour, tissue != nullptr ? tissue->opacity : 1});
+    const Tissue* tissue = model.tissue_of(static_cast<LabelId>(appearances.size()));
+    appearances.push_back({colour, tissue != nullptr ? tissue->opacity : 1});
   }
-  if (!looks.empty()) looks[0].opacity = 0;
-  return looks;
+  if (!appearances.empty()) appearances[0].opacity = 0;
+  return appearances;
 }
 
 Point<Patient> VolumeCamera::at(double column, double row) const {
@@ -251,13 +251,13 @@ VolumeRenderer& VolumeRenderer::operator=(VolumeRenderer&&) noexcept = default;
 VolumeRenderer::~VolumeRenderer() = default;
 
 Result<VolumeRenderer> VolumeRenderer::make(const Bricks<LabelId>& labels,
-                                            std::span<const StructureLook> looks, int threads,
-                                            const Progress& progress, ScanLook scan) {
+                                            std::span<const StructureAppearance> appearances, int threads,
+                                            const Progress& progress, ScanAppearance scan) {
   PALPATE_CHECK(scan.scan == nullptr ||
                 (scan.scan->geometry().dims == labels.geometry().dims && scan.window[0] < scan.window[1]));
   VolumeRenderer renderer;
   renderer.threads_ = threads;
-  renderer.encoding_ = std::make_unique<Encoding>(labels.geometry(), looks, std::move(scan));
+  renderer.encoding_ = std::make_unique<Encoding>(labels.geometry(), appearances, std::move(scan));
   renderer.scratch_ = std::make_unique<internal::volume_picture::Scratch>();
   if (const auto made =
           renderer.encoding_->encode(labels, {{0, 0, 0}, labels.geometry().dims}, threads, progress);
@@ -345,7 +345,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       return true;
     });
 
-    const CubesView cubes = encoding_->leaps().view(view->x, view->y, view->z);
+    const CubesView cubes = encoding_->skips().view(view->x, view->y, view->z);
     scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
     scratch_->edges.resize(scratch_->rays.size());
     scratch_->row_met.resize(scratch_->rays.size());

@@ -22,7 +22,7 @@ GridGeometry some_grid(int kind) {
   return test::make_grid(kind == 0 ? std::array{56, 48, 40} : std::array{88, 48, 30}, kind);
 }
 
-std::vector<StructureLook> some_looks() {
+std::vector<StructureAppearance> some_appearances() {
   return {
       {{0, 0, 0}, 0}, {{230, 220, 190}, 1}, {{200, 90, 80}, 0.35}, {{90, 160, 220}, 1}, {{80, 220, 120}, 0}};
 }
@@ -34,7 +34,7 @@ Volume<LabelId> some_shapes(const GridGeometry& grid, std::mt19937& random) {
   Volume<LabelId> labels(grid);
   const Eigen::Vector3d size(grid.dims[0] * grid.spacing_mm[0], grid.dims[1] * grid.spacing_mm[1],
                              grid.dims[2] * grid.spacing_mm[2]);
-  const double least = size.minCoeff();
+  const double smallest = size.minCoeff();
   const auto for_each = [&](const auto& visit) {
     for (int k = 0; k < grid.dims[2]; ++k)
       for (int j = 0; j < grid.dims[1]; ++j)
@@ -44,17 +44,17 @@ Volume<LabelId> some_shapes(const GridGeometry& grid, std::mt19937& random) {
   };
   for (const LabelId label : std::initializer_list<LabelId>{2, 1, 3, 1, 3, 4}) {
     const double x = part(random), y = part(random), z = part(random);
-    const Eigen::Vector3d middle(x * size[0], y * size[1], z * size[2]);
-    const double radius = (label == 2 ? 0.45 : 0.12 + 0.2 * part(random)) * least;
+    const Eigen::Vector3d centre(x * size[0], y * size[1], z * size[2]);
+    const double radius = (label == 2 ? 0.45 : 0.12 + 0.2 * part(random)) * smallest;
     for_each([&](const Eigen::Vector3d& p, LabelId& voxel) {
-      if ((p - middle).norm() < radius) voxel = label;
+      if ((p - centre).norm() < radius) voxel = label;
     });
   }
   const double a = normal(random), b = normal(random), c = normal(random);
   const Eigen::Vector3d across = Eigen::Vector3d(a, b, c).normalized();
   for_each([&](const Eigen::Vector3d& p, LabelId& voxel) {
     if (std::abs((p - size / 2).dot(across)) < 1.2 * grid.spacing_mm.maxCoeff() &&
-        (p - size / 2).norm() < 0.4 * least)
+        (p - size / 2).norm() < 0.4 * smallest)
       voxel = 3;
   });
   return labels;
@@ -135,9 +135,9 @@ Drawn draw(VolumeRenderer& renderer, const VolumeCamera& camera, const VolumeSty
   return drawn;
 }
 
-VolumeRenderer made(const Volume<LabelId>& labels, const std::vector<StructureLook>& looks, int threads = 0,
-                    const ScanLook& scan = {}) {
-  auto renderer = VolumeRenderer::make(*label_bricks(labels), looks, threads, {}, scan);
+VolumeRenderer made(const Volume<LabelId>& labels, const std::vector<StructureAppearance>& appearances,
+                    int threads = 0, const ScanAppearance& scan = {}) {
+  auto renderer = VolumeRenderer::make(*label_bricks(labels), appearances, threads, {}, scan);
   EXPECT_TRUE(renderer);
   return std::move(*renderer);
 }
@@ -159,11 +159,11 @@ TEST(VolumeRenderer, DrawsWhatARayCasterDraws) {
     VolumeCamera camera = some_camera(grid, number, random);
     if (number >= 12) camera.width_px = camera.height_px = 48;
     const VolumeStyle style = some_style(grid, number);
-    std::vector<StructureLook> looks = some_looks();
-    if (number % 12 >= 6) looks[2].opacity = 1;
-    VolumeRenderer renderer = made(labels, looks);
+    std::vector<StructureAppearance> appearances = some_appearances();
+    if (number % 12 >= 6) appearances[2].opacity = 1;
+    VolumeRenderer renderer = made(labels, appearances);
     const Drawn drawn = draw(renderer, camera, style);
-    VolumeOracle oracle(labels, looks);
+    VolumeOracle oracle(labels, appearances);
     const Difference difference = compare(oracle.render(camera, style, 5), drawn.rgb, drawn.depth_mm,
                                           style.background, grid.spacing_mm.maxCoeff());
     EXPECT_LE(difference.rms, 2) << number;
@@ -174,7 +174,7 @@ TEST(VolumeRenderer, DrawsWhatARayCasterDraws) {
 }
 
 /// Waves with a length of a few voxels over the whole window and beyond it, and values that are not finite.
-ScanLook some_scan(const GridGeometry& grid, std::mt19937& random) {
+ScanAppearance some_scan(const GridGeometry& grid, std::mt19937& random) {
   std::uniform_real_distribution<double> part(0, 1);
   const double x = part(random), y = part(random), z = part(random);
   auto scan = std::make_shared<Volume<float>>(grid);
@@ -197,18 +197,18 @@ TEST(VolumeRenderer, BlendsTheScanAsARayCasterDoes) {
     Volume<LabelId> labels = some_shapes(grid, random);
     const VolumeCamera camera = some_camera(grid, number, random);
     const VolumeStyle style = some_style(grid, number);
-    const ScanLook scan = some_scan(grid, random);
-    const std::vector<StructureLook> looks = some_looks();
-    VolumeRenderer renderer = made(labels, looks, 0, scan);
+    const ScanAppearance scan = some_scan(grid, random);
+    const std::vector<StructureAppearance> appearances = some_appearances();
+    VolumeRenderer renderer = made(labels, appearances, 0, scan);
     Drawn drawn = draw(renderer, camera, style);
     const Difference difference =
-        compare(VolumeOracle(labels, looks, scan).render(camera, style, 5), drawn.rgb, drawn.depth_mm,
+        compare(VolumeOracle(labels, appearances, scan).render(camera, style, 5), drawn.rgb, drawn.depth_mm,
                 style.background, grid.spacing_mm.maxCoeff());
     EXPECT_LE(difference.rms, 2) << number;
     EXPECT_LE(difference.p999, 12) << number;
     EXPECT_GE(difference.coverage, 0.5) << number;
     // visible, but not through opaque structures
-    VolumeRenderer without = made(labels, looks);
+    VolumeRenderer without = made(labels, appearances);
     EXPECT_NE(draw(without, camera, style), drawn) << number;
     // a box that the labels uncover shows the scan
     const VoxelBox box{{10, 12, 8}, {18, 15, 14}};
@@ -216,7 +216,7 @@ TEST(VolumeRenderer, BlendsTheScanAsARayCasterDoes) {
       for (int j = 12; j < 27; ++j)
         for (int i = 10; i < 28; ++i) labels.at(i, j, k) = 0;
     renderer.change(*label_bricks(labels), box);
-    VolumeRenderer anew = made(labels, looks, 2, scan);
+    VolumeRenderer anew = made(labels, appearances, 2, scan);
     EXPECT_EQ(draw(renderer, camera, style), draw(anew, camera, style)) << number;
   }
 }
@@ -225,8 +225,8 @@ TEST(VolumeRenderer, BlendsTheScanAsARayCasterDoes) {
 TEST(VolumeRenderer, SaysDepthsOfWhatTheBorderCuts) {
   const GridGeometry grid = test::make_grid({20, 24, 28}, 0);
   const Volume<LabelId> labels(grid, 1);
-  VolumeRenderer renderer = made(labels, some_looks());
-  VolumeOracle oracle(labels, some_looks());
+  VolumeRenderer renderer = made(labels, some_appearances());
+  VolumeOracle oracle(labels, some_appearances());
   std::mt19937 random(4);
   for (const int number : {0, 3, 6, 9, 2}) {
     const VolumeCamera camera = some_camera(grid, number, random);
@@ -299,12 +299,12 @@ TEST(VolumeRenderer, DrawsTheSameOnEveryTargetAndWithAnyNumberOfThreads) {
     const Volume<LabelId> labels = some_shapes(grid, random);
     const VolumeCamera camera = some_camera(grid, 3 * number + number % 2, random);
     const VolumeStyle style = some_style(grid, number + 1);
-    VolumeRenderer one = made(labels, some_looks(), 1), three = made(labels, some_looks(), 3);
+    VolumeRenderer one = made(labels, some_appearances(), 1), three = made(labels, some_appearances(), 3);
     const Drawn drawn = draw(one, camera, style);
     EXPECT_EQ(draw(three, camera, style), drawn);
     for (const std::int64_t target : test::all_targets()) {
       const test::OnlyTargets only(target);
-      VolumeRenderer renderer = made(labels, some_looks(), 1);
+      VolumeRenderer renderer = made(labels, some_appearances(), 1);
       EXPECT_EQ(draw(renderer, camera, style), drawn) << test::target_name(target);
     }
   }
@@ -316,7 +316,7 @@ TEST(VolumeRenderer, AChangedBoxIsDrawnAsIfAllWereMadeAnew) {
   std::mt19937 random(seed);
   const GridGeometry grid = test::make_grid({90, 75, 70}, 1);
   Volume<LabelId> labels = some_shapes(grid, random);
-  VolumeRenderer renderer = made(labels, some_looks());
+  VolumeRenderer renderer = made(labels, some_appearances());
   for (int number = 0; number < 4; ++number) {
     VoxelBox box;
     for (std::size_t a = 0; a < 3; ++a) {
@@ -328,7 +328,7 @@ TEST(VolumeRenderer, AChangedBoxIsDrawnAsIfAllWereMadeAnew) {
       for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j)
         for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i) labels.at(i, j, k) = label;
     renderer.change(*label_bricks(labels), box);
-    VolumeRenderer anew = made(labels, some_looks());
+    VolumeRenderer anew = made(labels, some_appearances());
     const VolumeCamera camera = some_camera(grid, 3 * number, random);
     EXPECT_EQ(draw(renderer, camera), draw(anew, camera)) << number;
   }
@@ -338,7 +338,7 @@ TEST(VolumeRenderer, BoxesThatChangeToAndFroTakeNoEverGrowingRoom) {
   const GridGeometry grid = test::make_grid({100, 60, 50}, 1);
   std::mt19937 random(3);
   Volume<LabelId> labels = some_shapes(grid, random);
-  VolumeRenderer renderer = made(labels, some_looks());
+  VolumeRenderer renderer = made(labels, some_appearances());
   const std::vector<LabelId> before(labels.voxels().begin(), labels.voxels().end());
   const VoxelBox all{{0, 0, 0}, grid.dims};
   std::array<std::size_t, 8> bytes{};
@@ -350,7 +350,7 @@ TEST(VolumeRenderer, BoxesThatChangeToAndFroTakeNoEverGrowingRoom) {
     bytes[number] = renderer.prepared_bytes();
   }
   EXPECT_EQ(bytes[7], bytes[3]);
-  VolumeRenderer anew = made(labels, some_looks());
+  VolumeRenderer anew = made(labels, some_appearances());
   const VolumeCamera camera = some_camera(grid, 1, random);
   EXPECT_EQ(draw(renderer, camera), draw(anew, camera));
 }
@@ -365,7 +365,7 @@ TEST(VolumeRenderer, BlocksThatTakeEachOthersSlotAreBothSeen) {
   };
   // 512 blocks each, separated by empty slices: blocks filled later have indices 4096 higher
   for (const int k : {0, 5, 8, 11, 14, 17, 20, 23}) fill(k, 1);
-  const std::vector<StructureLook> solid{{{}, 0}, {{220, 30, 30}, 1}, {{30, 30, 220}, 1}};
+  const std::vector<StructureAppearance> solid{{{}, 0}, {{220, 30, 30}, 1}, {{30, 30, 220}, 1}};
   VolumeRenderer renderer = made(labels, solid, 1);
   fill(1, 2);
   renderer.change(*label_bricks(labels), {{0, 0, 1}, {64, 64, 1}});
@@ -388,7 +388,7 @@ TEST(VolumeRenderer, NothingJumpsWhereTheViewGoesOverToAnotherAxis) {
   const GridGeometry grid = some_grid(1);
   std::mt19937 random(3);
   const Volume<LabelId> labels = some_shapes(grid, random);
-  VolumeRenderer renderer = made(labels, some_looks());
+  VolumeRenderer renderer = made(labels, some_appearances());
   const auto turned = [&](double angle) {
     VolumeCamera camera = some_camera(grid, 0, random);
     const Vector<Patient> into(std::sin(angle), std::cos(angle), 0.1);
@@ -423,11 +423,11 @@ TEST(VolumeRenderer, DrawsBackgroundWhereThereIsNothing) {
         return false;
     return true;
   };
-  VolumeRenderer nothing = made(Volume<LabelId>(grid), some_looks());
+  VolumeRenderer nothing = made(Volume<LabelId>(grid), some_appearances());
   EXPECT_TRUE(is_background(draw(nothing, camera, style)));
-  VolumeRenderer hidden = made(Volume<LabelId>(grid, 4), some_looks());
+  VolumeRenderer hidden = made(Volume<LabelId>(grid, 4), some_appearances());
   EXPECT_TRUE(is_background(draw(hidden, camera, style)));
-  VolumeRenderer full = made(Volume<LabelId>(grid, 1), some_looks());
+  VolumeRenderer full = made(Volume<LabelId>(grid, 1), some_appearances());
   EXPECT_FALSE(is_background(draw(full, camera, style)));
   // everything clipped, outside the picture, behind the eye
   style.clip = ClipPlane{grid.centre() - Vector<Patient>(500, 0, 0), {1, 0, 0}};
@@ -447,14 +447,14 @@ TEST(VolumeRenderer, SeesFromWithinAndWideAngles) {
   for (int k = 6; k < 34; ++k)
     for (int j = 6; j < 34; ++j)
       for (int i = 6; i < 34; ++i) labels.at(i, j, k) = 0;
-  VolumeRenderer renderer = made(labels, some_looks());
+  VolumeRenderer renderer = made(labels, some_appearances());
   std::mt19937 random(5);
   for (int number = 0; number < 3; ++number) {
     VolumeCamera camera = some_camera(grid, 2, random);
     camera.eye_mm = 0.5 * camera.width_mm;
     camera.focus = grid.centre() + camera.into() * camera.eye_mm;
     const Drawn drawn = draw(renderer, camera);
-    VolumeOracle oracle(labels, some_looks());
+    VolumeOracle oracle(labels, some_appearances());
     const Difference difference =
         compare(oracle.render(camera, {}, 5), drawn.rgb, drawn.depth_mm, VolumeStyle{}.background, 1);
     EXPECT_EQ(difference.coverage, 1);
@@ -466,8 +466,8 @@ TEST(VolumeRenderer, SeesFromWithinAndWideAngles) {
 TEST(VolumeRenderer, IsInterrupted) {
   const std::atomic<bool> stop{true};
   const GridGeometry grid = some_grid(0);
-  const auto renderer =
-      VolumeRenderer::make(*label_bricks(Volume<LabelId>(grid, 1)), some_looks(), 0, Progress({}, &stop));
+  const auto renderer = VolumeRenderer::make(*label_bricks(Volume<LabelId>(grid, 1)), some_appearances(), 0,
+                                             Progress({}, &stop));
   ASSERT_FALSE(renderer);
   EXPECT_EQ(renderer.error().kind, ErrorKind::kInterrupted);
 }

@@ -181,7 +181,7 @@ HWY_INLINE bool prefetch_pair(const RowsView& rows, const RowPair& pair, int beg
   bool any = false;
   for (int n = 0; n < pair.count; ++n)
     for (int b = begin < 0 ? 0 : begin; b < end && b < rows.blocks; ++b) {
-      const std::uint32_t index = place_of(pair.mask[n], pair.first[n], b);
+      const std::uint32_t index = slot_of(pair.mask[n], pair.first[n], b);
       if (index == 0) continue;
       any = true;
       if (!is_lit(index, lit)) __builtin_prefetch(&rows.voxels[index]);
@@ -197,21 +197,21 @@ HWY_NOINLINE void mix_pair(const RowsView& rows, const RowPair& pair, int begin,
   for (int b = begin; b < end; ++b) {
     const int at = (b - first) * kBlock;
     const LitBlock* blocks[2];
-    LitBlock aside;
-    std::uint32_t places[2];
+    LitBlock lateral;
+    std::uint32_t offsets[2];
     float weights[2];
     int count = 0;
     if (b >= 0 && b < rows.blocks) {
       for (int n = 0; n < pair.count; ++n) {
-        const std::uint32_t index = place_of(pair.mask[n], pair.first[n], b);
+        const std::uint32_t index = slot_of(pair.mask[n], pair.first[n], b);
         if (index == 0) continue;
         // the second block may evict the first from its slot
-        if (count == 1 && (places[0] - index) % LitBlockCache::kCount == 0) {
-          aside = *blocks[0];
-          blocks[0] = &aside;
+        if (count == 1 && (offsets[0] - index) % LitBlockCache::kCount == 0) {
+          lateral = *blocks[0];
+          blocks[0] = &lateral;
         }
         blocks[count] = &lit_block(rows, index, lit);
-        places[count] = index;
+        offsets[count] = index;
         weights[count++] = pair.weight[n];
       }
     }
@@ -245,18 +245,19 @@ struct MixedLine {
 constexpr float kClose = 0.999f;
 
 /// Samples a chunk's pixels that are not opaque.
-/// @param place  position of the first one in the mixed row
+/// @param ray_position  position of the first one in the mixed row
 /// @returns whether all pixels are opaque now
 template <bool kIsClose>
-HWY_NOINLINE bool take_samples(const AccumulatedLine& line, const MixedLine& mixed, int at, float place,
-                               float step, float plane) {
+HWY_NOINLINE bool receive_samples(const AccumulatedLine& line, const MixedLine& mixed, int at,
+                                  float ray_position, float step, float plane) {
   const DF d;
   const DI di;
   const auto scale = hn::Set(d, 1 / kDepthSteps), near_weight = hn::Set(d, mixed.near_weight),
              far_weight = hn::Set(d, mixed.far_weight);
   auto any = hn::FirstN(d, 0);
   for (int n = 0; n < kChunk; n += lanes()) {
-    const VF x = hn::Add(hn::Set(d, place), hn::Mul(hn::Iota(d, static_cast<float>(n)), hn::Set(d, step)));
+    const VF x =
+        hn::Add(hn::Set(d, ray_position), hn::Mul(hn::Iota(d, static_cast<float>(n)), hn::Set(d, step)));
     const VI low = hn::ConvertTo(di, x);
     const VF part = hn::Sub(x, hn::ConvertTo(d, low));
     const int first = static_cast<int>(hn::GetLane(low));
@@ -426,9 +427,9 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
     for (int chunk = next_bit(begin / kChunk, end / kChunk, open); chunk < end / kChunk;
          chunk = next_bit(chunk + 1, end / kChunk, open)) {
       const int u = chunk * kChunk;
-      const auto place = static_cast<float>(plane.x_per_u * u + plane.x_0 - origin * kBlock);
-      const bool is_done = close ? take_samples<true>(line, between, u, place, step, number)
-                                 : take_samples<false>(line, between, u, place, step, number);
+      const auto ray_position = static_cast<float>(plane.x_per_u * u + plane.x_0 - origin * kBlock);
+      const bool is_done = close ? receive_samples<true>(line, between, u, ray_position, step, number)
+                                 : receive_samples<false>(line, between, u, ray_position, step, number);
       if (is_done) line.open[chunk / 64] &= ~(std::uint64_t{1} << (chunk % 64));
     }
   }
@@ -570,68 +571,68 @@ HWY_INLINE float exp_of_minus(float t) {
 }
 
 /// Position on a ray: the voxels before it.
-struct Place {
+struct RayPosition {
   int x, y;
   float x_part, y_part;  ///< Fractions beyond them
 };
 
-HWY_INLINE Place place_at(const RowsView& rows, float x, float y) {
-  Place place;
+HWY_INLINE RayPosition place_at(const RowsView& rows, float x, float y) {
+  RayPosition ray_position;
   // inside the grid, coordinates are above -1
-  place.x = static_cast<int>(x + 1) - 1;
+  ray_position.x = static_cast<int>(x + 1) - 1;
   // x + 1 may be rounded up to the border
-  if (place.x >= rows.count[0]) place.x = rows.count[0] - 1;
-  place.x_part = x - static_cast<float>(place.x);
-  place.y = static_cast<int>(y + 1) - 1;
-  place.y_part = y - static_cast<float>(place.y);
-  return place;
+  if (ray_position.x >= rows.count[0]) ray_position.x = rows.count[0] - 1;
+  ray_position.x_part = x - static_cast<float>(ray_position.x);
+  ray_position.y = static_cast<int>(y + 1) - 1;
+  ray_position.y_part = y - static_cast<float>(ray_position.y);
+  return ray_position;
 }
 
 /// The eight voxels around a position on a ray: two in each of four rows, in one block or two adjacent ones.
-struct AroundPlace {
+struct InterpolationCell {
   float plane;
   int in_block;  ///< Voxel before the position; if it is a block's last one, the other is in the next block
   float part;    ///< Fraction beyond it
-  std::uint32_t places[4][2];
+  std::uint32_t offsets[4][2];
   float weight[4];
 };
 
 /// Also prefetches the blocks, since those around a single ray are rarely cached.
 /// @returns whether any is stored
-HWY_INLINE bool find_around(const RowsView& rows, const Place& place, const SamplePlane& plane,
-                            const LitBlockCache& lit, AroundPlace& around) {
-  const int block = block_of_voxel(place.x);
-  around.in_block = place.x - block * kBlock;
-  around.part = place.x_part;
+HWY_INLINE bool find_around(const RowsView& rows, const RayPosition& ray_position, const SamplePlane& plane,
+                            const LitBlockCache& lit, InterpolationCell& around) {
+  const int block = block_of_voxel(ray_position.x);
+  around.in_block = ray_position.x - block * kBlock;
+  around.part = ray_position.x_part;
   std::uint32_t any = 0;
   for (int n = 0; n < 4; ++n) {
-    const int far = n & 1, deep = n >> 1, yy = place.y + far, zz = plane.slice + deep;
+    const int far = n & 1, deep = n >> 1, yy = ray_position.y + far, zz = plane.slice + deep;
     const bool is_in = yy >= 0 && yy < rows.count[1] && zz >= 0 && zz < rows.count[2];
     const std::ptrdiff_t row = is_in ? yy * rows.row[1] + zz * rows.row[2] : 0;
     for (int m = 0; m < 2; ++m) {
       const int b = block + m;
       const bool is_there = is_in && b >= 0 && b < rows.blocks && (m == 0 || around.in_block == kBlock - 1);
       const std::uint32_t found =
-          is_there ? place_of(rows.mask + row * rows.words, rows.first + row * rows.groups, b) : 0;
+          is_there ? slot_of(rows.mask + row * rows.words, rows.first + row * rows.groups, b) : 0;
       prefetch_block(rows, found, lit);
-      around.places[n][m] = found;
+      around.offsets[n][m] = found;
       any |= found;
     }
-    around.weight[n] =
-        (far != 0 ? place.y_part : 1 - place.y_part) * (deep != 0 ? plane.beyond : 1 - plane.beyond);
+    around.weight[n] = (far != 0 ? ray_position.y_part : 1 - ray_position.y_part) *
+                       (deep != 0 ? plane.beyond : 1 - plane.beyond);
   }
   return any != 0;
 }
 
 /// Mixes their red, green, blue and extinction.
-HWY_INLINE V4 mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlockCache& lit) {
+HWY_INLINE V4 mix_voxels(const RowsView& rows, const InterpolationCell& around, LitBlockCache& lit) {
   // two voxels each: red and green; blue and extinction
   V4 first{}, second{};
   for (int n = 0; n < 4; ++n) {
-    const auto& places = around.places[n];
-    if ((places[0] | places[1]) == 0) continue;
+    const auto& offsets = around.offsets[n];
+    if ((offsets[0] | offsets[1]) == 0) continue;
     const V4 weight = all_four(around.weight[n]);
-    const LitBlock& low = lit_block(rows, places[0], lit);
+    const LitBlock& low = lit_block(rows, offsets[0], lit);
     if (around.in_block < kBlock - 1) {
       first += load_four(low.pair[0] + around.in_block) * weight;
       second += load_four(low.pair[1] + around.in_block) * weight;
@@ -639,7 +640,7 @@ HWY_INLINE V4 mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlo
     }
     std::uint32_t pairs[2][2];
     for (int m = 0; m < 2; ++m) pairs[m][0] = low.pair[m][kBlock - 1];
-    const LitBlock& high = lit_block(rows, places[1], lit);
+    const LitBlock& high = lit_block(rows, offsets[1], lit);
     for (int m = 0; m < 2; ++m) pairs[m][1] = high.pair[m][0];
     first += load_four(pairs[0]) * weight;
     second += load_four(pairs[1]) * weight;
@@ -655,7 +656,7 @@ HWY_INLINE V4 mix_voxels(const RowsView& rows, const AroundPlace& around, LitBlo
 /// Exit of a ray from cubes along x, y and z; the fourth component repeats the third.
 struct Leaving {
   V4 planes_per;       ///< Planes per voxel
-  V4 towards, beyond;  ///< The exit border is `towards` times `leap` plus `beyond` cubes away
+  V4 towards, beyond;  ///< The exit border is `towards` times `skip` plus `beyond` cubes away
 };
 
 HWY_INLINE Leaving leaving_of(const float* pace) {
@@ -671,14 +672,14 @@ HWY_INLINE Leaving leaving_of(const float* pace) {
 }
 
 /// Next plane on which the ray has left the empty cubes around a cell.
-/// @param place  voxels
+/// @param ray_position  voxels
 HWY_INLINE int skip_empty_cubes(const CubesView& cubes, std::ptrdiff_t index, const int* cell,
-                                const V4& place, const Leaving& leaving, int plane) {
+                                const V4& ray_position, const Leaving& leaving, int plane) {
   const V4 cube{static_cast<float>(cell[0] >> kCubeShift), static_cast<float>(cell[1] >> kCubeShift),
                 static_cast<float>(cell[2] >> kCubeShift), static_cast<float>(cell[2] >> kCubeShift)};
   const V4 border =
-      (cube + leaving.towards * all_four(cubes.leap[index]) + leaving.beyond) * all_four(kCubeSide);
-  const V4 planes = (border - (place + all_four(1))) * leaving.planes_per;
+      (cube + leaving.towards * all_four(cubes.skip[index]) + leaving.beyond) * all_four(kCubeSide);
+  const V4 planes = (border - (ray_position + all_four(1))) * leaving.planes_per;
   const float along = planes[0] < planes[1] ? planes[0] : planes[1],
               away = along < planes[2] ? along : planes[2];
   const int by = static_cast<int>(std::ceil(away - 1e-3f));
@@ -716,11 +717,11 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
   const Leaving leaving = leaving_of(pace);
   const int stop = end > begin ? static_cast<int>(end) : 0;
   int p = end > begin ? static_cast<int>(begin) : 0;
-  const auto find_next = [&](AroundPlace& around) HWY_ATTR {
+  const auto find_next = [&](InterpolationCell& around) HWY_ATTR {
     while (p < stop) {
       const auto plane = static_cast<float>(p);
       const float x = ray.x + ray.x_per_plane * plane, y = ray.y + ray.y_per_plane * plane;
-      const Place at = place_at(rows, x, y);
+      const RayPosition at = place_at(rows, x, y);
       const int cell[3] = {at.x + 1, at.y + 1, planes[p].slice + 1};
       std::ptrdiff_t index = 0;
       int bit = 0;
@@ -741,7 +742,7 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
   };
   // software pipelining: find the next position and prefetch its voxels while the current ones are being
   // loaded
-  AroundPlace found[2];
+  InterpolationCell found[2];
   bool is_found = find_next(found[0]);
   for (int n = 0; is_found && clear >= kDone; n = 1 - n) {
     is_found = find_next(found[1 - n]);

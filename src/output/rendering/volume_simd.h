@@ -56,7 +56,7 @@ struct alignas(64) LitBlockCache {
 inline constexpr int kGroup = 8;
 
 /// Index of a block of a row; 0: not stored.
-inline std::uint32_t place_of(const std::uint64_t* mask, const std::uint32_t* first, int block) {
+inline std::uint32_t slot_of(const std::uint64_t* mask, const std::uint32_t* first, int block) {
   const auto group = static_cast<std::uint32_t>(mask[block / 64] >> (block % 64 / kGroup * kGroup) & 0xff),
              bit = 1u << block % kGroup;
   if ((group & bit) == 0) return 0;
@@ -127,7 +127,7 @@ void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std:
 /// empty in every direction.
 struct CubesView {
   const std::uint64_t* filled = nullptr;  ///< Bit (i & 3) + 4 (j & 3) + 16 (k & 3), by the grid's axes
-  const std::uint8_t* leap = nullptr;     ///< 0 if any bit is set
+  const std::uint8_t* skip = nullptr;     ///< 0 if any bit is set
   std::int32_t step[3]{};                 ///< Distance between cubes along x, y, z of the rows
   int shift[3]{};                         ///< Shift of a cell's index within a bit's number
 };

@@ -79,8 +79,8 @@ inline double value_in_window(float scanned, const std::array<double, 2>& window
 /// slope. 2.5 times the longest spacing, unless that exceeds 2.5 mm and slices are thick, whose steps are
 /// then visible.
 inline double normal_sigma_mm(const GridGeometry& grid) {
-  const double most = std::max(2.5, 2.5 * grid.min_spacing_mm());
-  return std::min({internal::kMaxSigma_mm, most, 2.5 * grid.spacing_mm.maxCoeff()});
+  const double largest = std::max(2.5, 2.5 * grid.min_spacing_mm());
+  return std::min({internal::kMaxSigma_mm, largest, 2.5 * grid.spacing_mm.maxCoeff()});
 }
 /// Weights along an axis, truncated at 3 standard deviations: a longer reach means more recomputation around
 /// a change.

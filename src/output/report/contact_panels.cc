@@ -44,9 +44,9 @@ double field_of_view_mm(const Model& model) {
 
 double arrow_mm_per_N(double limit_N) {
   if (!(limit_N > 0)) return 1;
-  const double most = kLongestArrow_mm / limit_N, decade = std::pow(10, std::floor(std::log10(most)));
+  const double largest = kLongestArrow_mm / limit_N, decade = std::pow(10, std::floor(std::log10(largest)));
   for (const double step : {5.0, 2.0}) {
-    if (step * decade <= most) return step * decade;
+    if (step * decade <= largest) return step * decade;
   }
   return decade;
 }

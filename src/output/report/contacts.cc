@@ -91,7 +91,7 @@ void StructureMeter::observe(const TimedTick& now) {
   for (int d = 0; d < devices_; ++d) {
     const DeviceTick& device = now.tick.device[d];
     if (!touches(device)) continue;
-    const auto [found, added] = place_.emplace(device.label, figures_.size());
+    const auto [found, added] = index_of_label_.emplace(device.label, figures_.size());
     if (added) figures_.push_back({.label = device.label});
     StructureFigures& figure = figures_[found->second];
     figure.contact_s += dt_s;
@@ -107,7 +107,7 @@ void StructureMeter::observe(const TimedTick& now) {
 }
 
 std::vector<StructureFigures> StructureMeter::finish(const std::vector<Contact>& contacts) {
-  for (const Contact& contact : contacts) figures_[place_.at(contact.label)].contacts += 1;
+  for (const Contact& contact : contacts) figures_[index_of_label_.at(contact.label)].contacts += 1;
   for (StructureFigures& figure : figures_) {
     figure.mean_force_N /= figure.contact_s;
     figure.mean_speed_mm_s /= figure.contact_s;
@@ -124,7 +124,7 @@ void BeneathMeter::observe(const TimedTick& now) {
       // values are unchecked: the file may be damaged
       const double contributed_N = device.path_share[n] * force_N(device);
       if (label == 0 || label == device.label || !std::isfinite(contributed_N)) continue;
-      const auto [found, added] = place_.emplace(label, figures_.size());
+      const auto [found, added] = index_of_label_.emplace(label, figures_.size());
       if (added) figures_.push_back({.label = label});
       DeepFigures& figures = figures_[found->second];
       figures.time_s += now.end_s - now.begin_s;
@@ -135,7 +135,7 @@ void BeneathMeter::observe(const TimedTick& now) {
 }
 
 std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
-                                   const std::vector<StructureFigures>& structures, std::size_t most) {
+                                   const std::vector<StructureFigures>& structures, std::size_t largest) {
   // longest contact of each structure
   std::map<LabelId, Contact> longest;
   for (const Contact& contact : contacts) {
@@ -151,7 +151,7 @@ std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
   std::vector<Contact> chosen;
   for (const StructureFigures& figure : ranked) {
     const auto found = longest.find(figure.label);
-    if (found != longest.end() && chosen.size() < most) chosen.push_back(found->second);
+    if (found != longest.end() && chosen.size() < largest) chosen.push_back(found->second);
   }
   std::stable_sort(chosen.begin(), chosen.end(),
                    [](const Contact& a, const Contact& b) { return a.first < b.first; });

@@ -90,7 +90,7 @@ class StructureMeter {
   int devices_;
   const Model& model_;
   std::vector<StructureFigures> figures_;  // sums, before the division that gives means
-  std::map<LabelId, std::size_t> place_;
+  std::map<LabelId, std::size_t> index_of_label_;
 };
 
 /// Force contribution of a structure beneath the touched one, over the whole run.
@@ -112,13 +112,13 @@ class BeneathMeter {
  private:
   int devices_;
   std::vector<DeepFigures> figures_;
-  std::map<LabelId, std::size_t> place_;
+  std::map<LabelId, std::size_t> index_of_label_;
 };
 
-/// Longest contact of each structure, in the order of their first tick; if there are more than `most`
+/// Longest contact of each structure, in the order of their first tick; if there are more than `largest`
 /// structures, those with the longest total contact.
 std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
-                                   const std::vector<StructureFigures>& structures, std::size_t most);
+                                   const std::vector<StructureFigures>& structures, std::size_t largest);
 
 /// Summary of the recording. For a truncated recording it is counted from the ticks: `skipped` is unknown
 /// then, and `dropped` is the number of missing ticks.

@@ -84,8 +84,8 @@ const std::vector<Visit>& visits() {
 Point<Patient> find_surface(const Visit& visit, const Point<Patient>& start) {
   double inside = 0, outside = 40;
   for (int i = 0; i < 30; ++i) {
-    const double middle = 0.5 * (inside + outside);
-    (nearest(start + visit.outward * middle).distance_mm < 0 ? inside : outside) = middle;
+    const double midpoint = 0.5 * (inside + outside);
+    (nearest(start + visit.outward * midpoint).distance_mm < 0 ? inside : outside) = midpoint;
   }
   return start + visit.outward * outside;
 }
@@ -247,7 +247,7 @@ Recording recording(const Model& model, double limit_N) {
     recording.ticks.push_back(tick);
   }
   summary.run_hash = 0x0123456789abcdefull;
-  summary.trouble = {"script line 9: asked for 2.00 N, felt 1.50 N on patella"};
+  summary.problems = {"script line 9: asked for 2.00 N, felt 1.50 N on patella"};
   recording.summary = summary;
   return recording;
 }

@@ -37,7 +37,7 @@ std::string side_badge(const Run& run) {
 /// Force methods used in the run, in the order of their first tick.
 std::string methods_text(const RecordingHead& recording) {
   std::string text;
-  for (const RecordingHead::UsedMethod& used : recording.methods)
+  for (const RecordingHead::AppliedMethod& used : recording.methods)
     text += (text.empty() ? "" : ", ") + (used.method < kForceMethods.size()
                                               ? std::string(kForceMethods[used.method].name)
                                               : "number " + std::to_string(used.method));
@@ -152,8 +152,8 @@ std::string tiles_html(const Run& run) {
   return html + "</dl>\n";
 }
 
-std::string trouble_html(const Run& run) {
-  if (!run.recording.summary || run.recording.summary->trouble.empty()) return "";
+std::string problems_html(const Run& run) {
+  if (!run.recording.summary || run.recording.summary->problems.empty()) return "";
   std::string html =
       "<section class=\"card notice\" aria-labelledby=\"trouble-title\"><h2 id=\"trouble-title\">Script "
       "steps that failed</h2>\n"
@@ -161,7 +161,7 @@ std::string trouble_html(const Run& run) {
       "when it stays within 20 % for the requested time, on the structure approached and without "
       "interruption. After a failed step the hand withdrew.</p>\n"
       "<ul class=\"trouble\">\n";
-  for (const std::string& sentence : run.recording.summary->trouble) {
+  for (const std::string& sentence : run.recording.summary->problems) {
     html += "<li>" + escape(sentence) + "</li>\n";
   }
   return html + "</ul></section>\n";

@@ -77,10 +77,10 @@ struct Axes {
 
 Axes axes_of(const LearnersPage::Metric& metric, const std::vector<std::vector<double>>& curves) {
   Axes axes;
-  double least = std::numeric_limits<double>::infinity(), most = -least;
+  double smallest = std::numeric_limits<double>::infinity(), most = -smallest;
   const auto include = [&](double value) {
     if (!std::isfinite(value)) return;
-    least = std::min(least, value);
+    smallest = std::min(smallest, value);
     most = std::max(most, value);
   };
   for (const std::vector<double>& curve : curves) {
@@ -89,10 +89,10 @@ Axes axes_of(const LearnersPage::Metric& metric, const std::vector<std::vector<d
   }
   if (metric.at_least) include(*metric.at_least);
   if (metric.at_most) include(*metric.at_most);
-  if (!(least <= most)) return axes;
-  const double room = most > least ? 0.06 * (most - least) : std::max(0.5 * std::abs(most), 0.5);
+  if (!(smallest <= most)) return axes;
+  const double room = most > smallest ? 0.06 * (most - smallest) : std::max(0.5 * std::abs(most), 0.5);
   // the axis of non-negative values does not extend below 0
-  axes.least = least >= 0 ? std::max(0.0, least - room) : least - room;
+  axes.least = smallest >= 0 ? std::max(0.0, smallest - room) : smallest - room;
   axes.most = most + room;
   return axes;
 }
@@ -170,14 +170,14 @@ std::string curve_html(const LearnersPage::Task& task, std::size_t m) {
 std::string dots_html(const LearnersPage::Learner& learner) {
   constexpr std::size_t kMost = 14;
   const std::size_t from = learner.runs.size() - std::min(kMost, learner.runs.size());
-  std::string stated, svg;
+  std::string declared, svg;
   for (std::size_t n = from; n < learner.runs.size(); ++n) {
     const bool in = learner.runs[n].in_band;
     svg += "<circle class=\"" + std::string(in ? "in" : "out") + "\" r=\"5\" cy=\"7\" cx=\"" +
            std::to_string(7 + 14 * (n - from)) + "\"/>";
-    stated += (stated.empty() ? "" : ", ") + std::string(in ? "in band" : "out of band");
+    declared += (declared.empty() ? "" : ", ") + std::string(in ? "in band" : "out of band");
   }
-  return "<svg class=\"dots\" viewBox=\"0 0 200 14\" role=\"img\" aria-label=\"latest runs: " + stated +
+  return "<svg class=\"dots\" viewBox=\"0 0 200 14\" role=\"img\" aria-label=\"latest runs: " + declared +
          "\">" + svg + "</svg>";
 }
 

@@ -39,7 +39,7 @@ std::string lint_finding_html(const LintPage::Finding& finding) {
   if (finding.severity != "cannot tell")
     html += "<p class=\"hint\">In touch: " + report::escape(finding.effect) +
             ".</p><p class=\"hint\">Remedy: " + report::escape(finding.remedy) + ".</p>";
-  if (!finding.place.empty()) html += "<p class=\"hint\">At " + report::escape(finding.place) + "</p>";
+  if (!finding.position.empty()) html += "<p class=\"hint\">At " + report::escape(finding.position) + "</p>";
   html += "</div>";
   if (!finding.picture_png.empty())
     html += "<img loading=\"lazy\" alt=\"Axial, coronal and sagittal section through " +

@@ -30,10 +30,10 @@ Spread SpreadMeter::spread() const {
   const auto at = [&](double part) {
     // nearest rank: the smallest value that is not exceeded by at least this fraction
     const double rank = std::max(std::ceil(part * static_cast<double>(count_)), 1.0);
-    std::uint64_t observed = 0;
+    std::uint64_t count = 0;
     for (const Bin& bin : sorted) {
-      observed += bin.count;
-      if (static_cast<double>(observed) >= rank) return bin.largest_s;
+      count += bin.count;
+      if (static_cast<double>(count) >= rank) return bin.largest_s;
     }
     return std::numeric_limits<double>::quiet_NaN();
   };

@@ -153,7 +153,7 @@ std::vector<VolumeMark> moment_marks(const RecordedMoment& moment, const Model& 
   const double mm_per_N = report::arrow_mm_per_N(moment.highest_limit_N);
   for (int device = 0; device < moment.devices; ++device) {
     const Vector<Patient>& dent = moment.dent_mm[static_cast<std::size_t>(device)];
-    const Point<Patient> proxy = report::proxy_place(moment.tick, device) + dent;
+    const Point<Patient> proxy = report::proxy_position(moment.tick, device) + dent;
     const auto& at = moment.tick.device[static_cast<std::size_t>(device)].tip_patient_mm;
     const Point<Patient> tip(at[0], at[1], at[2]);
     if (!proxy.eigen().allFinite() || !tip.eigen().allFinite()) continue;
@@ -163,9 +163,9 @@ std::vector<VolumeMark> moment_marks(const RecordedMoment& moment, const Model& 
       marks[n].from += dent;
       marks[n].to += dent;
     }
-    const double proxy_mm = report::kPlaceShare * camera.width_mm, tip_mm = kTipShare * camera.width_mm;
-    marks.push_back({proxy, proxy, proxy_mm, proxy_mm, report::kPlaceColour, report::kPlaceBehind});
-    marks.push_back({tip, tip, tip_mm, tip_mm, kTipColour, report::kPlaceBehind});
+    const double proxy_mm = report::kPositionShare * camera.width_mm, tip_mm = kTipShare * camera.width_mm;
+    marks.push_back({proxy, proxy, proxy_mm, proxy_mm, report::kPositionColour, report::kPositionBehind});
+    marks.push_back({tip, tip, tip_mm, tip_mm, kTipColour, report::kPositionBehind});
     const Vector<Patient> force_N = report::patient_force_N(model, moment.tick, device);
     if (force_N.eigen().allFinite())
       add_arrow(marks, proxy, force_N * mm_per_N, report::kArrowShare * camera.width_mm,

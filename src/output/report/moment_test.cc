@@ -50,13 +50,13 @@ TEST(RecordedMoment, IsShownByToolProxyTipForceAndWay) {
   request.pixels = 256;
   const VolumeCamera camera = camera_of(model.labels->geometry(), request);
   const auto marks = moment_marks(*moment, model, camera);
-  EXPECT_EQ(count_of(marks, kPlaceColour), 1);
+  EXPECT_EQ(count_of(marks, kPositionColour), 1);
   EXPECT_EQ(count_of(marks, kForceColour), 2);  // shaft and head
   EXPECT_GT(count_of(marks, kToolColour), 0);
   EXPECT_GT(count_of(marks, kTouchingPathColour), 0);
-  const auto place =
-      std::find_if(marks.begin(), marks.end(), [](const VolumeMark& m) { return m.colour == kPlaceColour; });
-  EXPECT_EQ(place->from, proxy_place(*hardest, 0));
+  const auto moment = std::find_if(marks.begin(), marks.end(),
+                                   [](const VolumeMark& m) { return m.colour == kPositionColour; });
+  EXPECT_EQ(moment->from, proxy_position(*hardest, 0));
 }
 
 TEST(RecordedMoment, ShowsTissueWhereItWent) {
@@ -76,7 +76,7 @@ TEST(RecordedMoment, ShowsTissueWhereItWent) {
   // the tissue is displaced away from the hand
   EXPECT_LT(moment->dent_mm[0].dot(patient_force_N(model, *hardest, 0)), 0);
   const GridGeometry& grid = model.labels->geometry();
-  const Point<Patient> position = proxy_place(*hardest, 0);
+  const Point<Patient> position = proxy_position(*hardest, 0);
   int others = 0;
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)

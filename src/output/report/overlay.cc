@@ -121,10 +121,10 @@ std::string draw_tool(const SectionPlane& plane, const ToolPart& part) {
   const int steps = part.along_mm.norm() > 0 ? kSteps : 0;
   for (int n = 0; n <= steps; ++n) {
     const double at = steps == 0 ? 0 : static_cast<double>(n) / steps;
-    const Point<Patient> middle = part.from + part.along_mm * at;
-    const double off = (middle - plane.centre).dot(normal), radius = part.radius_mm + part.widens_mm * at;
+    const Point<Patient> centre = part.from + part.along_mm * at;
+    const double off = (centre - plane.centre).dot(normal), radius = part.radius_mm + part.widens_mm * at;
     if (radius * radius > off * off)
-      cuts.push_back({to_drawing(plane, middle), std::sqrt(radius * radius - off * off) / plane.mm_per_px()});
+      cuts.push_back({to_drawing(plane, centre), std::sqrt(radius * radius - off * off) / plane.mm_per_px()});
   }
   if (cuts.empty()) return "";
   std::string shape;

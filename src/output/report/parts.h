@@ -18,7 +18,7 @@ Result<void> check_model(const RecordingHeader& header, const Model& model);
 std::string header_html(const Run& run);
 std::string tiles_html(const Run& run);
 /// Warnings about goals that the simulated hand did not reach; empty if there are none.
-std::string trouble_html(const Run& run);
+std::string problems_html(const Run& run);
 
 /// Volume renderings. Empty if nothing was touched or the model has no labels.
 struct VolumePictures {

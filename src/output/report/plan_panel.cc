@@ -25,8 +25,9 @@ std::string stored_text(bool is_requested, bool is_stored) {
 }
 /// Tolerance and verdict: "at most 2.00, kept"
 std::string requested_text(const ToleratedValue& figure) {
-  return !figure.allowed ? ""
-                         : "at most " + number(*figure.allowed, 2) + ", " + stored_text(true, figure.kept());
+  return !figure.allowed
+             ? ""
+             : "at most " + number(*figure.allowed, 2) + ", " + stored_text(true, figure.is_within_limit());
 }
 
 std::string figure_row(const std::string& name, const std::string& unit, const ToleratedValue& figure,
@@ -35,8 +36,8 @@ std::string figure_row(const std::string& name, const std::string& unit, const T
          cell(number(figure.value, 2)) + cell(requested_text(figure)) + "<td>" + more + "</td></tr>\n";
 }
 
-std::string at_time(const RunPoint& place) {
-  return "at " + number(place.time_s, 3) + " s, tick " + std::to_string(place.tick);
+std::string at_time(const RunPoint& point) {
+  return "at " + number(point.time_s, 3) + " s, tick " + std::to_string(point.tick);
 }
 
 std::string entry_text(const TrajectoryResult& done) {
@@ -81,9 +82,9 @@ std::string trajectory_table(const PlanTrajectory& planned, const TrajectoryResu
 std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, const TrajectoryResult& done,
                                 const std::vector<Point<Patient>>& path, const SectionStyle& style) {
   constexpr double kMinWidth_mm = 40, kMargin = 1.5;
-  const Point<Patient> middle = planned.entry + (planned.target - planned.entry) * 0.5;
+  const Point<Patient> centre = planned.entry + (planned.target - planned.entry) * 0.5;
   SectionPlane plane =
-      oblique_section(middle, planned.axis(), ObliqueView::kAlong,
+      oblique_section(centre, planned.axis(), ObliqueView::kAlong,
                       std::max(kMinWidth_mm, kMargin * planned.length_mm()), kSection_px, kSection_px);
   SectionMarks marks;
   marks.contact = std::isnan(done.target_error_mm.value) ? planned.target : done.nearest.at;
@@ -138,7 +139,7 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
             "</th>" + cell(number(approach.nearest_mm, 2)) +
             cell(approach.requested_mm ? number(*approach.requested_mm, 2) : "") +
             cell(approach.requested_mm ? number(approach.below_s, 3) : "") +
-            cell(stored_text(approach.requested_mm.has_value(), approach.kept())) + "<td>" +
+            cell(stored_text(approach.requested_mm.has_value(), approach.is_within_limit())) + "<td>" +
             (std::isnan(approach.nearest_mm) ? "" : at_time(approach.nearest)) + "</td></tr>\n";
   html += kTableEnd;
   if (made.breaches.empty()) return html;
@@ -189,7 +190,8 @@ Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, co
       "<section class=\"card\" aria-labelledby=\"plan-title\"><h2 id=\"plan-title\">Plan and result</h2>\n"
       "<p class=\"hint\">" +
       escape(plan.title) + ": " +
-      (made.kept() ? "all requirements of the plan were kept." : "a requirement of the plan was not kept.") +
+      (made.is_within_limit() ? "all requirements of the plan were kept."
+                              : "a requirement of the plan was not kept.") +
       (made.cut_short ? " The recording was cut short." : "") +
       (made.missing_s > 0 ? " " + number(made.missing_s, 3) + " s are missing." : "") + "</p>\n";
   const SectionStyle style = section_style(run.model);

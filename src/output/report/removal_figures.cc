@@ -28,9 +28,9 @@ std::vector<Vector<Patient>> ray_directions() {
 ///                others are not
 const Surface* surface_of(const Model& model, LabelId label, const Point<Patient>& inside) {
   const auto& labels = model.label_of_surface;
-  const auto place = static_cast<std::size_t>(std::ranges::find(labels, label) - labels.begin());
-  if (place >= labels.size() || place >= model.surfaces.size()) return nullptr;
-  const ContactSurface& own = model.surfaces[place];
+  const auto index = static_cast<std::size_t>(std::ranges::find(labels, label) - labels.begin());
+  if (index >= labels.size() || index >= model.surfaces.size()) return nullptr;
+  const ContactSurface& own = model.surfaces[index];
   if (own.surface != nullptr) return own.surface.get();
   const Surface* outermost = nullptr;
   double min_mm = std::numeric_limits<double>::infinity();
@@ -122,7 +122,7 @@ void RemovalMeter::on_event(const RecordingEvent& event, double time_s) {
     const bool undone = event.change.tissue == ModelChange::kUndo;
     figures_.changes.push_back({time_s, {}, undone ? StrokeAction::kUndo : StrokeAction::kRedo});
   } else {
-    take_away(time_s);
+    remove_voxels(time_s);
   }
   if (volumes_mm3_ != before_mm3) add_step(time_s);
 }
@@ -135,8 +135,8 @@ void RemovalMeter::observe(const TimedTick& now) {
   if (motor_was_on(model_, now.tick)) figures_.motor_s += now.end_s - now.begin_s;
 }
 
-void RemovalMeter::take_away(double time_s) {
-  for (const Cut& cut : waiting_) take_away(cut, time_s);
+void RemovalMeter::remove_voxels(double time_s) {
+  for (const Cut& cut : waiting_) remove_voxels(cut, time_s);
   figures_.changes.push_back({time_s, std::exchange(waiting_, {}), std::nullopt});
 }
 
@@ -178,7 +178,7 @@ double RemovalMeter::all_mm3(LabelId label) const {
   return static_cast<double>(structure_[label].voxels) * model_.labels->geometry().spacing_mm.prod();
 }
 
-void RemovalMeter::take_away(const Cut& cut, double time_s) {
+void RemovalMeter::remove_voxels(const Cut& cut, double time_s) {
   if (!strokes_.continues(cut.sweep.stroke))
     strokes_.begin(cut.sweep.stroke, ++figures_.strokes, std::numeric_limits<std::size_t>::max());
   removed_.add({&cut, 1});
@@ -216,10 +216,10 @@ void RemovalMeter::count_voxels() {
 std::shared_ptr<const Model> model_after_removal(const Model& model, std::span<const RemovalChange> changes,
                                                  double time_s) {
   // surfaces take longer to update and are not displayed
-  auto observed = std::make_shared<Model>(model);
-  observed->surfaces.clear();
-  observed->label_of_surface.clear();
-  const auto nothing = std::make_shared<const Carving>(*observed);
+  auto carved = std::make_shared<Model>(model);
+  carved->surfaces.clear();
+  carved->label_of_surface.clear();
+  const auto nothing = std::make_shared<const Carving>(*carved);
   std::shared_ptr<const Carving> carving = nothing;
   for (const RemovalChange& change : changes) {
     if (change.time_s > time_s) break;
@@ -230,7 +230,7 @@ std::shared_ptr<const Model> model_after_removal(const Model& model, std::span<c
       carving = other;
     }
   }
-  return carving != nothing ? carving->taken_from(*observed) : nullptr;
+  return carving != nothing ? carving->applied_to(*carved) : nullptr;
 }
 
 }  // namespace palpate::report

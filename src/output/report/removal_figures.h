@@ -45,8 +45,8 @@ struct RemovalStep {
 /// A structure that burrs should spare.
 struct StructureSpared {
   LabelId label = 0;
-  bool kept = false;         ///< Whether burrs were blocked from it; otherwise it can be cut
-  double nearest_mm = kGap;  ///< Closest approach (NearestMeter); NaN: not within its range
+  bool is_protected = false;  ///< Whether burrs were blocked from it; otherwise it can be cut
+  double nearest_mm = kGap;   ///< Closest approach (NearestMeter); NaN: not within its range
 };
 
 /// A change of the removed tissue.
@@ -93,8 +93,8 @@ class RemovalMeter {
   };
   void on_event(const RecordingEvent& event, double time_s);
   void change_stroke(const ModelChange& change);
-  void take_away(double time_s);
-  void take_away(const Cut& cut, double time_s);
+  void remove_voxels(double time_s);
+  void remove_voxels(const Cut& cut, double time_s);
   void count_voxels();
   double all_mm3(LabelId label) const;
   void add_step(double time_s);

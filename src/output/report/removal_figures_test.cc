@@ -112,9 +112,9 @@ TEST(Removal, TellsHowNearTheBurrCameToWhatItWasToSpare) {
   const RemovalFigures figures = figures_of(recording, model);
   ASSERT_EQ(figures.spared.size(), 2u);
   EXPECT_EQ(figures.spared[0].label, kBone);
-  EXPECT_TRUE(figures.spared[0].kept);
+  EXPECT_TRUE(figures.spared[0].is_protected);
   EXPECT_NEAR(figures.spared[0].nearest_mm, 0.4, 1e-3);
-  EXPECT_FALSE(figures.spared[1].kept);
+  EXPECT_FALSE(figures.spared[1].is_protected);
   recording.ticks[20].switches = recording.ticks[21].switches = 0;
   EXPECT_TRUE(std::isnan(figures_of(recording, model).spared[0].nearest_mm));
 }

@@ -55,7 +55,7 @@ std::string spared_table(const Run& run) {
     all_near = all_near && !std::isnan(spared.nearest_mm);
     html += "<tr><th scope=\"row\">" + swatch(run.colour(spared.label)) + escape(run.name(spared.label)) +
             "</th>" + cell(number(spared.nearest_mm, 2)) + cell(three_digits(gone_mm3)) +
-            cell(spared.kept ? "kept from the " + cutter : "cut like others") + "</tr>\n";
+            cell(spared.is_protected ? "kept from the " + cutter : "cut like others") + "</tr>\n";
   }
   html += "</tbody></table></div>\n<p class=\"hint\">Nearest: from the " + cutter +
           " to the initial surface of the structure while it was running, whether it cut or not; undone "

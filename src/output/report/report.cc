@@ -80,7 +80,7 @@ Result<std::string> page_html(const RecordingSource& recording, const Model& mod
   if (!contacts.ok()) return contacts.error();
 
   std::string html = head_html(header) + "<body>\n" + banner_html(run) + "<main>\n";
-  html += header_html(run) + tiles_html(run) + trouble_html(run) +
+  html += header_html(run) + tiles_html(run) + problems_html(run) +
           (parts.scored != nullptr ? task_html(*parts.scored) : "") + volume->html + *planned + *contacts +
           plots_html(run, parts.rehearsed) + structure_table_html(run) + removal_html(run) +
           safety_table_html(run) + loop_html(run) + provenance_html(run, parts.names_from) + "</main>\n";

@@ -85,7 +85,7 @@ TEST_F(Report, NamesCannotBringMarkup) {
         &recording.header.simd_target, &recording.header.script_text, &recording.header.scheduler}) {
     *field = evil;
   }
-  recording.summary->trouble = {evil};
+  recording.summary->problems = {evil};
   recording.header.clock = "real";
   const std::string html = page();
   EXPECT_THAT(html, HasSubstr("&lt;img src=x onerror=alert(1)&gt;"));
@@ -142,13 +142,13 @@ TEST_F(Report, WithoutOrientationNothingAnatomicalIsClaimed) {
 }
 
 TEST_F(Report, SaysWhatTheHandDidNotReach) {
-  recording.summary->trouble = {"line 9: asked for 2.00 N, felt 1.50 N on patella", "line 12: <no way>"};
+  recording.summary->problems = {"line 9: asked for 2.00 N, felt 1.50 N on patella", "line 12: <no way>"};
   const std::string html = page();
   EXPECT_THAT(html, HasSubstr("Script steps that failed"));
   EXPECT_THAT(html,
               HasSubstr("<li>line 9: asked for 2.00 N, felt 1.50 N on patella</li>\n<li>line 12: &lt;no"));
   EXPECT_LT(html.find("Script steps that failed"), html.find("id=\"contacts-title\""));
-  recording.summary->trouble.clear();
+  recording.summary->problems.clear();
   EXPECT_THAT(page(), Not(HasSubstr("steps that failed")));
 }
 
@@ -503,12 +503,12 @@ TEST_F(Report, TellsWhatEachStructureGaveWhereTissueYields) {
   const auto max_of = [&](const std::string& plot, std::size_t series) {
     std::size_t at = html.find("\"" + plot + "\":[[");
     for (std::size_t n = 0; n < series; ++n) at = html.find("],[", at + 1);
-    double most = 0;
+    double largest = 0;
     const std::string values = between(html, "[", "]", series == 0 ? html.find("[[", at) + 1 : at + 1);
     for (std::size_t n = 0; n < values.size();
          n = values.find(',', n) == std::string::npos ? values.size() : values.find(',', n) + 1)
-      if (values[n] != 'n') most = std::max(most, std::stod(values.substr(n)));
-    return most;
+      if (values[n] != 'n') largest = std::max(largest, std::stod(values.substr(n)));
+    return largest;
   };
   const std::size_t femur = 4;  // after the four touched structures
   EXPECT_NEAR(max_of("layerForce", femur), 0.25 * max_N, 0.002);

@@ -42,8 +42,8 @@ StrainMap strain_map(const Model& model, const DisplacedTissue& yielded, const T
     const Tissue* tissue = labels[n] != 0 ? model.tissue_of(labels[n]) : nullptr;
     if (tissue == nullptr || !model.moves_visibly(*tissue)) continue;
     const auto width = static_cast<std::size_t>(plane.width_px);
-    const Point<Patient> observed = plane.at(static_cast<double>(n % width), static_cast<double>(n / width));
-    const double strain = yielded.strain(rest_position(observed, moved));
+    const Point<Patient> displayed = plane.at(static_cast<double>(n % width), static_cast<double>(n / width));
+    const double strain = yielded.strain(rest_position(displayed, moved));
     if (std::isnan(strain)) continue;
     map.most = std::max(map.most, strain);
     std::ranges::copy(paint_of(strain), map.picture.rgba.begin() + static_cast<std::ptrdiff_t>(4 * n));

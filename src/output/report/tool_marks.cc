@@ -2,7 +2,7 @@
 
 namespace palpate::report {
 
-Point<Patient> proxy_place(const TickRecord& tick, int device) {
+Point<Patient> proxy_position(const TickRecord& tick, int device) {
   const auto& at = tick.device[static_cast<std::size_t>(device)].proxy_patient_mm;
   return {at[0], at[1], at[2]};
 }

@@ -20,7 +20,7 @@ constexpr int kContact_px = 260;
 constexpr double kContact_mm = 70;
 
 Point<Patient> proxy_of(const ShownContact& shown) {
-  return proxy_place(shown.peak, shown.contact.device);
+  return proxy_position(shown.peak, shown.contact.device);
 }
 
 /// Number of contact points that are not occluded.
@@ -49,7 +49,7 @@ int visible_points(VolumeRenderer& renderer, const Run& run, const VolumeCamera&
 Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridGeometry& grid,
                            const Progress& progress) {
   ViewFrom best = ViewFrom::kAnterior;
-  int most = -1;
+  int largest = -1;
   for (const ViewFrom from : {ViewFrom::kAnterior, ViewFrom::kLeft, ViewFrom::kRight, ViewFrom::kPosterior,
                               ViewFrom::kSuperior, ViewFrom::kInferior}) {
     if (progress.stopped()) return Progress::interrupted();
@@ -57,7 +57,7 @@ Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridG
     request.from = from;
     request.pixels = kSearch_px;
     const int observed = visible_points(renderer, run, camera_of(grid, request));
-    if (observed > most) best = from, most = observed;
+    if (observed > largest) best = from, largest = observed;
   }
   return best;
 }
@@ -65,14 +65,14 @@ Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridG
 std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
   std::vector<VolumeMark> marks;
   const double mm_per_N = arrow_mm_per_N(run.forces.highest_limit_N),
-               place_mm = kPlaceShare * camera.width_mm;
+               position_mm = kPositionShare * camera.width_mm;
   const ShownContact* hardest = nullptr;
   for (const ShownContact& shown : run.shown) {
     for (const PathSection& section : shown.paths)
       add_path(marks, section.points, section.touching ? 2.2 : 1.5,
                section.touching ? kTouchingPathColour : kFreePathColour, kPathBehind, camera);
     const Point<Patient> position = proxy_of(shown);
-    marks.push_back({position, position, place_mm, place_mm, kPlaceColour, kPlaceBehind});
+    marks.push_back({position, position, position_mm, position_mm, kPositionColour, kPositionBehind});
     add_arrow(marks, position, patient_force_N(run.model, shown.peak, shown.contact.device) * mm_per_N,
               kArrowShare * camera.width_mm, kForceColour);
     if (hardest == nullptr || shown.contact.peak_force_N > hardest->contact.peak_force_N) hardest = &shown;
@@ -85,18 +85,18 @@ std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
 ViewFrom view_of_contact(const Run& run, const ShownContact& shown, ViewFrom otherwise) {
   const Vector<Patient> force = patient_force_N(run.model, shown.peak, shown.contact.device);
   ViewFrom best = otherwise;
-  double most = 0;
+  double largest = 0;
   for (const ViewFrom from : {ViewFrom::kAnterior, ViewFrom::kLeft, ViewFrom::kRight, ViewFrom::kPosterior,
                               ViewFrom::kSuperior, ViewFrom::kInferior}) {
     const double along = force.dot(direction_to(from));
-    if (along > most) best = from, most = along;
+    if (along > largest) best = from, largest = along;
   }
   return best;
 }
 
 /// Close-up of a contact: its point, path, force and tool only.
 std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model& model,
-                          std::span<const StructureLook> looks, const ShownContact& shown,
+                          std::span<const StructureAppearance> appearances, const ShownContact& shown,
                           ViewFrom otherwise) {
   VolumePictureRequest request;
   request.from = view_of_contact(run, shown, otherwise);
@@ -107,12 +107,12 @@ std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model&
   request.pixels = kContact_px;
   const VolumeCamera camera = camera_of(model.labels->geometry(), request);
   std::vector<VolumeMark> marks;
-  const double place_mm = kPlaceShare * camera.width_mm;
+  const double position_mm = kPositionShare * camera.width_mm;
   for (const PathSection& section : shown.paths)
     add_path(marks, section.points, section.touching ? 2.2 : 1.5,
              section.touching ? kTouchingPathColour : kFreePathColour, kPathBehind, camera);
   const Point<Patient> position = proxy_of(shown);
-  marks.push_back({position, position, place_mm, place_mm, kPlaceColour, kPlaceBehind});
+  marks.push_back({position, position, position_mm, position_mm, kPositionColour, kPositionBehind});
   add_tool(marks, run.model, shown.peak, shown.contact.device);
   add_arrow(marks, position,
             patient_force_N(run.model, shown.peak, shown.contact.device) *
@@ -122,7 +122,7 @@ std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model&
   return "<img class=\"near\" alt=\"" + escape(run.name(shown.contact.label)) +
          " in three dimensions around the place where it was pressed hardest\" width=\"" + size +
          "\" height=\"" + size + "\" src=\"data:image/png;base64," +
-         base64(encode_png(volume_picture(renderer, model, looks, request, marks))) + "\">";
+         base64(encode_png(volume_picture(renderer, model, appearances, request, marks))) + "\">";
 }
 
 std::string too_large_html() {
@@ -160,8 +160,8 @@ Result<VolumePictures> volume_pictures(const Run& run, const Progress& progress)
   const auto left =
       model_after_removal(run.model, run.removal.changes, std::numeric_limits<double>::infinity());
   const Model& model = left != nullptr ? *left : run.model;
-  const std::vector<StructureLook> looks = structure_looks(model);
-  auto renderer = VolumeRenderer::make(*model.labels, looks, 0, progress);
+  const std::vector<StructureAppearance> appearances = structure_appearances(model);
+  auto renderer = VolumeRenderer::make(*model.labels, appearances, 0, progress);
   if (!renderer) return renderer.error();
   const GridGeometry& grid = model.labels->geometry();
   const auto from = best_view(*renderer, run, grid, progress);
@@ -170,10 +170,10 @@ Result<VolumePictures> volume_pictures(const Run& run, const Progress& progress)
   request.from = *from;
   request.pixels = kVolume_px;
   pictures.html = figure_html(
-      run, volume_picture(*renderer, model, looks, request, marks_of(run, camera_of(grid, request))));
+      run, volume_picture(*renderer, model, appearances, request, marks_of(run, camera_of(grid, request))));
   for (std::size_t n = 0; n < run.shown.size(); ++n) {
     if (progress.stopped()) return Progress::interrupted();
-    pictures.of_contact[n] = contact_image(*renderer, run, model, looks, run.shown[n], *from);
+    pictures.of_contact[n] = contact_image(*renderer, run, model, appearances, run.shown[n], *from);
   }
   return pictures;
 }

@@ -51,13 +51,13 @@ Result<TimerFigures> measure_timer(double seconds, const Progress& progress) {
                       late.p99_us, late.max_us,   points > 0 ? in_time / points : 0};
 }
 
-void look_at_devices(const DeviceRegistry& known, const DoctorSettings& settings, DoctorReport& report) {
+void detect_devices(const DeviceRegistry& known, const DoctorSettings& settings, DoctorReport& report) {
   const std::size_t before = report.lines.size();
   bool any_ready = false;
   for (const DeviceVendor& vendor : known.all()) {
     const bool requested = std::ranges::find(settings.devices, vendor.name) != settings.devices.end();
     if (!settings.devices.empty() && !requested) continue;
-    const DeviceReport device = vendor.look();
+    const DeviceReport device = vendor.detect();
     bool fine = !device.connected.empty();
     for (const DeviceCheck& check : device.checks) {
       fine = fine && check.fine;
@@ -114,7 +114,7 @@ Result<DoctorReport> examine(const DeviceRegistry& known, const DoctorSettings& 
   report.timer = *timer;
   report.lines.push_back(timer_line(*timer, grant->fifo));
   progress.report("looking for devices", 0);
-  look_at_devices(known, settings, report);
+  detect_devices(known, settings, report);
   progress.report("looking for devices", 1);
   return report;
 }

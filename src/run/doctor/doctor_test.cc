@@ -14,7 +14,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-void put(const std::filesystem::path& file, const std::string& text) {
+void write_file(const std::filesystem::path& file, const std::string& text) {
   std::filesystem::create_directories(file.parent_path());
   std::ofstream(file) << text << "\n";
 }
@@ -47,18 +47,18 @@ TEST(Doctor, ReadsGovernorsAndTheKernel) {
   const test::TemporaryFolder root;
   EXPECT_EQ(governor_line(root.path()).finding, Finding::kFine) << "a virtual machine has none";
   const auto cpus = root.path() / "sys/devices/system/cpu";
-  put(cpus / "cpu0/cpufreq/scaling_governor", "performance");
+  write_file(cpus / "cpu0/cpufreq/scaling_governor", "performance");
   EXPECT_EQ(governor_line(root.path()).finding, Finding::kFine);
-  put(cpus / "cpu1/cpufreq/scaling_governor", "powersave");
-  put(cpus / "cpu2/cpufreq/scaling_governor", "powersave");
+  write_file(cpus / "cpu1/cpufreq/scaling_governor", "powersave");
+  write_file(cpus / "cpu2/cpufreq/scaling_governor", "powersave");
   const DoctorLine slow = governor_line(root.path());
   EXPECT_EQ(slow.finding, Finding::kAdvice);
   EXPECT_THAT(slow.found, HasSubstr("'powersave' on 2 cores"));
   EXPECT_THAT(slow.remedy, HasSubstr("cpupower"));
 
   EXPECT_EQ(kernel_line(root.path()).finding, Finding::kAdvice);
-  put(root.path() / "proc/sys/kernel/osrelease", "6.1.0-18-rt-amd64");
-  put(root.path() / "sys/kernel/realtime", "1");
+  write_file(root.path() / "proc/sys/kernel/osrelease", "6.1.0-18-rt-amd64");
+  write_file(root.path() / "sys/kernel/realtime", "1");
   EXPECT_EQ(kernel_line(root.path()).finding, Finding::kFine);
   EXPECT_THAT(kernel_line(root.path()).found, HasSubstr("6.1.0-18-rt-amd64"));
 }

@@ -3,7 +3,7 @@
 #include <cstdio>
 
 #include "palpate/palpation/palpation.h"
-#include "palpate/palpation/touch_place.h"
+#include "palpate/palpation/touch_site.h"
 #include "palpation/default_script.h"
 #include "palpation/force_sweep.h"
 #include "palpation/script_text.h"
@@ -61,13 +61,13 @@ struct ReachedForce {
 };
 
 ReachedForce force_reached(const Model& model, const Parameters& parameters, double rate_hz,
-                           LabelId structure, const TouchPlace& place) {
-  const Vector<Patient> inward = -place.from;
+                           LabelId structure, const TouchSite& site) {
+  const Vector<Patient> inward = -site.from;
   const double max_mm =
-      std::clamp(kPressOfThickness * thickness_mm(model, structure, place.surface.point, inward),
+      std::clamp(kPressOfThickness * thickness_mm(model, structure, site.surface.point, inward),
                  kShallowest_mm, kDeepest_mm);
   ReachedForce reached;
-  for (const SweptForce& swept : sweep_force(model, parameters, place.in_front, inward, max_mm, rate_hz)) {
+  for (const SweptForce& swept : sweep_force(model, parameters, site.in_front, inward, max_mm, rate_hz)) {
     if (swept.label != structure) break;
     reached.force_N = std::max(reached.force_N, swept.force_N);
     reached.depth_mm = swept.depth_mm;
@@ -106,15 +106,15 @@ Result<void> plan_default_script(const Model& model, const Parameters& parameter
     approach.structure = "#" + std::to_string(label);
     TouchRequest wish;
     wish.clearance_mm = approach.clearance_mm;
-    const TouchPlaces places = find_touch_places(model, free_space, label, wish);
-    if (places.places.empty()) {
-      script.limitations.push_back(model.name_of(label) + " is not palpated: " + places.why_none);
+    const TouchSites sites = find_touch_sites(model, free_space, label, wish);
+    if (sites.sites.empty()) {
+      script.limitations.push_back(model.name_of(label) + " is not palpated: " + sites.why_none);
       continue;
     }
     // the simulated hand uses the first place at which it meets the surface
     ReachedForce reached;
-    for (const TouchPlace& place : places.places) {
-      reached = force_reached(model, parameters, script.rate_hz, label, place);
+    for (const TouchSite& site : sites.sites) {
+      reached = force_reached(model, parameters, script.rate_hz, label, site);
       if (reached.force_N > 0) break;
     }
     if (reached.force_N == 0) {

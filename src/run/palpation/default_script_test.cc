@@ -65,10 +65,10 @@ TEST(DefaultScript, ACoveredStructureIsNamedWithItsCover) {
   const auto result = palpated(balls({{kMiddle, 16, 2}, {kMiddle, 10, 1}}, {"brain", "skull"}));
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_EQ(result->failed_steps, 0u);
-  EXPECT_THAT(result->trouble, ElementsAre("brain is not palpated: it is covered by skull"));
+  EXPECT_THAT(result->problems, ElementsAre("brain is not palpated: it is covered by skull"));
   ASSERT_EQ(result->holds.size(), 1u);
   EXPECT_EQ(result->holds[0].structure, "skull");
-  EXPECT_EQ(result->summary.trouble, result->trouble);
+  EXPECT_EQ(result->summary.problems, result->problems);
 }
 
 TEST(DefaultScript, AStructureWithoutAFreeWayIsNamedWithWhatIsInFront) {
@@ -77,7 +77,7 @@ TEST(DefaultScript, AStructureWithoutAFreeWayIsNamedWithWhatIsInFront) {
       palpated(balls({{kMiddle, 21, 2}, {kMiddle, 18, 0}, {kMiddle, 10, 1}}, {"brain", "skull"}));
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_EQ(result->failed_steps, 0u);
-  EXPECT_THAT(result->trouble,
+  EXPECT_THAT(result->problems,
               ElementsAre("brain is not palpated: there is no free path to it: skull is in front of it"));
 }
 
@@ -88,7 +88,7 @@ TEST(DefaultScript, ANoGoRegionThatKeepsTheToolAwayIsNamed) {
                                "keep_away = 1\nstiffness = 1\n");
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_EQ(result->failed_steps, 0u);
-  EXPECT_THAT(result->trouble,
+  EXPECT_THAT(result->problems,
               Contains("femur is not palpated: the no-go region around the femur keeps the tool "
                        "away from it"));
 }
@@ -101,14 +101,14 @@ TEST(DefaultScript, ASoftStructureIsPressedWithWhatADescentByTheMethodGives) {
     const auto result = palpated(balls({{kMiddle, 16, 1}}, {"liver"}), "", options);
     ASSERT_TRUE(result.ok()) << result.error().message();
     EXPECT_EQ(result->failed_steps, 0u);
-    ASSERT_EQ(result->trouble.size(), 1u);
+    ASSERT_EQ(result->problems.size(), 1u);
     double press_N = 0, depth_mm = 0, reached_N = 0;
     char by[20] = "";
-    ASSERT_EQ(std::sscanf(result->trouble[0].c_str(),
+    ASSERT_EQ(std::sscanf(result->problems[0].c_str(),
                           "liver is pressed with %lf N: a descent of %lf mm gives %lf N (%18[a-z])", &press_N,
                           &depth_mm, &reached_N, by),
               4)
-        << result->trouble[0];
+        << result->problems[0];
     EXPECT_EQ(by, name_of(method));
     EXPECT_LE(press_N, std::max(0.05, 0.61 * reached_N));
     ASSERT_EQ(result->holds.size(), 1u);

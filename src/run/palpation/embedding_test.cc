@@ -33,12 +33,12 @@ Abdomen abdomen(bool with_skin) {
   grid.spacing_mm = Eigen::Vector3d::Constant(kVoxel_mm);
   Abdomen made{{}, Volume<float>(grid)};
   made.labels.layers.emplace_back(grid);
-  const Eigen::Vector3d middle(44, 44, 29), liver(34, 38, 29), kidney(62, 54, 29);
+  const Eigen::Vector3d centre(44, 44, 29), liver(34, 38, 29), kidney(62, 54, 29);
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
         const Eigen::Vector3d at = kVoxel_mm * Eigen::Vector3d(i, j, k);
-        const double from_axis_mm = (at - middle).head<2>().norm();
+        const double from_axis_mm = (at - centre).head<2>().norm();
         made.scan.at(i, j, k) =
             from_axis_mm < 40 ? 20.0f + static_cast<float>((i * 7 + j * 5 + k) % 9) : -1000;
         LabelId& label = made.labels.layers[0].at(i, j, k);

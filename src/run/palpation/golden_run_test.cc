@@ -109,7 +109,7 @@ GoldenRun run_golden(std::shared_ptr<const Model> model, ForceMethod method, std
       device.tip = model->X_WorldPatient * Point<Patient>(tip);
       if (state.tick % kCutEvery == 0)
         if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
-          model = carved_by(*model, cuts)->taken_from(*model);
+          model = carved_by(*model, cuts)->applied_to(*model);
       tick(*model, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
       run.summary.observe(record);
       const DeviceTick& device_tick = record.device[0];

@@ -59,7 +59,7 @@ std::vector<Block> blocks_of(const Script& script) {
 // maximum excess of the tip's depth over force divided by stiffness plus a millimetre, by the tick's depth
 // and by the surfaces; negative: none
 double max_beyond_mm(const Recording& recording, const Model& model, double force_N) {
-  double most = -1e9;
+  double largest = -1e9;
   for (const TickRecord& t : recording.ticks) {
     const DeviceTick& d = t.device[0];
     const Point<Patient> tip(d.tip_patient_mm[0], d.tip_patient_mm[1], d.tip_patient_mm[2]);
@@ -67,17 +67,17 @@ double max_beyond_mm(const Recording& recording, const Model& model, double forc
       return force_N / std::min(stiffness, d.max_stiffness_N_per_mm) + kMaxBeyond_mm;
     };
     if (d.label != 0)
-      most = std::max(most, d.depth_mm - explained_mm(model.tissue_of(d.label)->stiffness_N_per_mm));
+      largest = std::max(largest, d.depth_mm - explained_mm(model.tissue_of(d.label)->stiffness_N_per_mm));
     for (const ContactSurface& s : model.surfaces) {
       if (s.surface == nullptr) continue;
       // an outer surface renders the stiffness of the structure in contact
       const double stiffness = s.owners != nullptr && d.label != 0
                                    ? model.tissue_of(d.label)->stiffness_N_per_mm
                                    : s.stiffness_N_per_mm;
-      most = std::max(most, -s.surface->distance_mm(tip) - explained_mm(stiffness));
+      largest = std::max(largest, -s.surface->distance_mm(tip) - explained_mm(stiffness));
     }
   }
-  return most;
+  return largest;
 }
 
 class HandCampaign : public ::testing::TestWithParam<std::string> {};
@@ -110,12 +110,13 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
     max_requested_N = std::max(max_requested_N, block.force_N);
     const auto touched = std::find_if(result->touches.begin(), result->touches.end(),
                                       [&](const TouchFigure& t) { return t.line == block.line; });
-    const bool named = std::any_of(result->trouble.begin(), result->trouble.end(), [&](const auto& sentence) {
-      return std::any_of(block.lines.begin(), block.lines.end(), [&](int line) {
-        return sentence.starts_with("script line " + std::to_string(line) + ": ") &&
-               sentence.find(" failed: ") != std::string::npos;
-      });
-    });
+    const bool named =
+        std::any_of(result->problems.begin(), result->problems.end(), [&](const auto& sentence) {
+          return std::any_of(block.lines.begin(), block.lines.end(), [&](int line) {
+            return sentence.starts_with("script line " + std::to_string(line) + ": ") &&
+                   sentence.find(" failed: ") != std::string::npos;
+          });
+        });
     if (named) {
       failed += (failed.empty() ? "" : ", ") + block.structure;
       continue;
@@ -134,7 +135,7 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
   EXPECT_LE(beyond_mm, 0);
   std::printf("| `%s` | %zu | %zu | %s | %.2f |\n", GetParam().c_str(), blocks.size(), held,
               failed.empty() ? "—" : failed.c_str(), kMaxBeyond_mm + beyond_mm);
-  for (const std::string& sentence : result->trouble) std::printf("    %s\n", sentence.c_str());
+  for (const std::string& sentence : result->problems) std::printf("    %s\n", sentence.c_str());
 }
 
 INSTANTIATE_TEST_SUITE_P(Patients, HandCampaign, ::testing::ValuesIn(patients()), [](const auto& patient) {

@@ -91,8 +91,8 @@ class HandTruth : public ::testing::Test {
     return result.ok() ? "no error" : result.error().message();
   }
 
-  void expect_all_held(std::size_t structures = 1, std::size_t touches = 1) const {
-    EXPECT_EQ(result_.failed_steps, 0u) << (result_.trouble.empty() ? "" : result_.trouble.back());
+  void expect_all_retained(std::size_t structures = 1, std::size_t touches = 1) const {
+    EXPECT_EQ(result_.failed_steps, 0u) << (result_.problems.empty() ? "" : result_.problems.back());
     ASSERT_EQ(result_.holds.size(), structures);
     for (const HoldFigure& hold : result_.holds) EXPECT_GE(hold.held_s, 0.5) << hold.structure;
     EXPECT_EQ(result_.touches.size(), touches);
@@ -119,10 +119,10 @@ TEST_F(HandTruth, WhatIsEnclosedFailsByNameAndTheRunGoesOn) {
   }});
   run(scene, touch_named("b") + touch_named("a"));
   EXPECT_EQ(result_.failed_steps, 1u);
-  ASSERT_EQ(result_.trouble.size(), 1u);
-  EXPECT_THAT(result_.trouble[0], AllOf(HasSubstr("script line 1: approach to b failed: it is covered by a"),
-                                        HasSubstr("lines 3, 5, 7 are skipped")));
-  EXPECT_EQ(recording_.summary->trouble, result_.trouble);
+  ASSERT_EQ(result_.problems.size(), 1u);
+  EXPECT_THAT(result_.problems[0], AllOf(HasSubstr("script line 1: approach to b failed: it is covered by a"),
+                                         HasSubstr("lines 3, 5, 7 are skipped")));
+  EXPECT_EQ(recording_.summary->problems, result_.problems);
   ASSERT_EQ(result_.touches.size(), 1u);
   EXPECT_EQ(result_.touches[0].structure, "a");
   EXPECT_EQ(result_.holds[0].held_s, 0) << "b";
@@ -138,7 +138,7 @@ TEST_F(HandTruth, ThroughAShellThereIsNoWayAndNoneIsMade) {
   }});
   run(scene, touch_named("b"));
   EXPECT_EQ(result_.failed_steps, 1u);
-  EXPECT_THAT(result_.trouble, Each(HasSubstr("approach to b failed: there is no free path to it")));
+  EXPECT_THAT(result_.problems, Each(HasSubstr("approach to b failed: there is no free path to it")));
   for (const TickRecord& t : recording_.ticks) ASSERT_EQ(t.device[0].label, 0) << "nothing is touched";
   EXPECT_TRUE(result_.touches.empty());
 }
@@ -149,7 +149,7 @@ TEST_F(HandTruth, AThinWallIsHeldFromOutside) {
     return r > 14 && r < 16 ? LabelId{1} : LabelId{0};
   }});
   run(scene, touch_named("a"));
-  expect_all_held();
+  expect_all_retained();
   EXPECT_NEAR(result_.touches[0].point.eigen().norm(), 16, 0.8);
   expect_never_deeper(1, 1.2);
 }
@@ -161,7 +161,7 @@ TEST_F(HandTruth, ThroughAHoleThereIsAWay) {
     return r < 5 ? LabelId{2} : r > 14 && r < 17 && !hole ? LabelId{1} : LabelId{0};
   }});
   run(scene, touch_named("b") + touch("approach = \"b\"\nfrom = \"superior\""));
-  expect_all_held(1, 2);
+  expect_all_retained(1, 2);
   expect_never_deeper(1, 1.2);
 }
 
@@ -173,7 +173,7 @@ TEST_F(HandTruth, ADirectionThatIsBlockedFailsByName) {
   run(scene, touch("approach = \"a\"\nfrom = \"posterior\"\nclearance = 30") +
                  touch("approach = \"a\"\nfrom = \"anterior\""));
   // there is room between ball and wall
-  EXPECT_EQ(result_.failed_steps, 0u) << result_.trouble.back();
+  EXPECT_EQ(result_.failed_steps, 0u) << result_.problems.back();
   EXPECT_GT(result_.touches[0].point.y(), 3);
   EXPECT_LT(result_.touches[1].point.y(), -3);
 
@@ -183,7 +183,7 @@ TEST_F(HandTruth, ADirectionThatIsBlockedFailsByName) {
   }});
   run(closed, touch("approach = \"a\"\nfrom = \"posterior\"") + touch_named("a"));
   EXPECT_EQ(result_.failed_steps, 1u);
-  EXPECT_THAT(result_.trouble, Each(HasSubstr("no free path to it from that direction")));
+  EXPECT_THAT(result_.problems, Each(HasSubstr("no free path to it from that direction")));
   expect_never_deeper(1, 1.2);
 }
 
@@ -199,7 +199,7 @@ TEST_F(HandTruth, PointsLandmarksAndWhatIsNearestAreTouchedWhereTheyAre) {
       touch("approach = \"a\"\nlandmark = \"posterior\"") + touch("approach = \"a\"\nnearest = \"b\"") +
       touch("approach = \"a\"\nnearest = [0, -30, 0]");
   run(scene, script);
-  EXPECT_EQ(result_.failed_steps, 0u) << result_.trouble.back();
+  EXPECT_EQ(result_.failed_steps, 0u) << result_.problems.back();
   ASSERT_EQ(result_.touches.size(), 5u);
   const Eigen::Vector3d expected[] = {askew, {0, 0, 10}, {0, 10, 0}, {10, 0, 0}, {0, -10, 0}};
   for (std::size_t i = 0; i < 5; ++i) {
@@ -223,9 +223,10 @@ TEST_F(HandTruth, WhatIsNotThereNotFeltOrAmbiguousIsAnErrorWithItsLine) {
               AllOf(HasSubstr("test script:2"), HasSubstr("2 structures"), HasSubstr("\"#1\", \"#2\"")));
   EXPECT_THAT(error_of(scene, touch_named("shown")), HasSubstr("not felt"));
   EXPECT_THAT(error_of(scene, touch("approach = \"#1\"\nnearest = \"e\"")), HasSubstr("no structure 'e'"));
-  EXPECT_THAT(error_of(scene, touch("approach = [40, 0, 0]")), HasSubstr("no touchable structure within 5 mm"));
+  EXPECT_THAT(error_of(scene, touch("approach = [40, 0, 0]")),
+              HasSubstr("no touchable structure within 5 mm"));
   run(scene, touch_named("#1") + touch_named("#2"));
-  expect_all_held(2, 2);
+  expect_all_retained(2, 2);
 }
 
 TEST_F(HandTruth, MoreThanTheLimitFailsByNameAndDoesNotGoIn) {
@@ -234,8 +235,8 @@ TEST_F(HandTruth, MoreThanTheLimitFailsByNameAndDoesNotGoIn) {
   options.max_force_N = 3;
   run(scene, touch_named("a", 40) + touch_named("a", 1), options);
   EXPECT_EQ(result_.failed_steps, 1u);
-  ASSERT_EQ(result_.trouble.size(), 2u) << "known before, and met";
-  EXPECT_THAT(result_.trouble[1],
+  ASSERT_EQ(result_.problems.size(), 2u) << "known before, and met";
+  EXPECT_THAT(result_.problems[1],
               AllOf(HasSubstr("script line 3: press of 40.00 N on a failed: the limit is "),
                     HasSubstr("lines 5, 7 are skipped")));
   EXPECT_GE(result_.holds[0].held_s, 0.5) << "the second press";
@@ -250,13 +251,13 @@ TEST_F(HandTruth, ASlideOntoAnotherStructureFailsAndSaysWhich) {
   const std::string slide = "[[step]]\nslide = 30\ndirection = \"left\"\n[[step]]\nhold = 0.5\n";
   run(scene, touch("approach = [-8, 0, 0]", 1, slide) + touch_named("b"));
   EXPECT_EQ(result_.failed_steps, 1u);
-  EXPECT_THAT(result_.trouble, Each(AllOf(HasSubstr("slide of 30.0 mm on a failed: it touched b instead"),
-                                          HasSubstr("lines 10, 12 are skipped"))));
+  EXPECT_THAT(result_.problems, Each(AllOf(HasSubstr("slide of 30.0 mm on a failed: it touched b instead"),
+                                           HasSubstr("lines 10, 12 are skipped"))));
   expect_never_deeper(1, 1.2);
   // succeeds on the extent of the structure
   run(scene, touch("approach = [-12, 0, 0]", 1,
                    "[[step]]\nslide = 6\ndirection = \"left\"\nspeed = 200\n[[step]]\nhold = 0.5\n"));
-  EXPECT_EQ(result_.failed_steps, 0u) << result_.trouble.back();
+  EXPECT_EQ(result_.failed_steps, 0u) << result_.problems.back();
   expect_never_deeper(1, 1.2);
 }
 
@@ -268,14 +269,14 @@ TEST_F(HandTruth, AHoldThatSlipsOffFails) {
   run(scene,
       touch("approach = [14, -4, 0]", 1, "[[step]]\nrotate = 80\nseconds = 0.3\n[[step]]\nhold = 0.5\n"));
   EXPECT_EQ(result_.failed_steps, 1u);
-  EXPECT_THAT(result_.trouble, Each(AllOf(HasSubstr("turn by 80 degrees failed"), HasSubstr("skipped"))));
+  EXPECT_THAT(result_.problems, Each(AllOf(HasSubstr("turn by 80 degrees failed"), HasSubstr("skipped"))));
   expect_never_deeper(1, 1.2);
 }
 
 TEST_F(HandTruth, AHoldThatTrembleBreaksIsNoHold) {
   run(scene_of({ball(12)}), "tremor = 1.0\n" + touch_named("a"));
   EXPECT_EQ(result_.failed_steps, 1u);
-  EXPECT_THAT(result_.trouble, Each(AllOf(HasSubstr("script line"), HasSubstr("on a failed"))));
+  EXPECT_THAT(result_.problems, Each(AllOf(HasSubstr("script line"), HasSubstr("on a failed"))));
 }
 
 TEST_F(HandTruth, AnObjectThatTurnsDoesNotHitTheHand) {
@@ -285,7 +286,7 @@ TEST_F(HandTruth, AnObjectThatTurnsDoesNotHitTheHand) {
   }});
   const std::string turn = "[[step]]\nrotate = 90\naxis = \"right\"\nseconds = 0.3\n";
   run(scene, turn + touch_named("a") + turn + touch_named("a"));
-  expect_all_held(1, 2);
+  expect_all_retained(1, 2);
 }
 
 TEST_F(HandTruth, TouchingAndTinyStructuresAreHeldOrFailByName) {
@@ -299,7 +300,7 @@ TEST_F(HandTruth, TouchingAndTinyStructuresAreHeldOrFailByName) {
   ASSERT_EQ(result_.holds.size(), 4u);
   for (std::size_t s = 0; s < 4; ++s) {
     const std::string name(1, static_cast<char>('a' + static_cast<int>(s)));
-    const bool failed = std::any_of(result_.trouble.begin(), result_.trouble.end(), [&](const auto& t) {
+    const bool failed = std::any_of(result_.problems.begin(), result_.problems.end(), [&](const auto& t) {
       return t.find(" " + name + " failed") != std::string::npos;
     });
     EXPECT_NE(result_.holds[s].held_s >= 0.5, failed) << name;
@@ -321,7 +322,7 @@ TEST_P(HandTruthWith, ABallIsHeldNoDeeperThanTheForceExplains) {
   world.tool_radius_mm = section.tool_radius_mm;
   run(scene_of(world), std::string("hand = \"") + section.hand + "\"\n" + touch_named("a", section.press_N));
   // at the largest stiffness that a hand holds stably, force may vary by more than a fifth
-  if (section.stiffness_N_per_mm < 5) expect_all_held();
+  if (section.stiffness_N_per_mm < 5) expect_all_retained();
   EXPECT_EQ(result_.failed_steps == 0, result_.holds[0].held_s >= 0.5 - 1e-9);
   expect_never_deeper(section.press_N, section.stiffness_N_per_mm);
   // before the press there is only contact

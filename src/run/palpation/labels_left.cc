@@ -81,7 +81,7 @@ Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& mo
       },
       progress);
   if (!read) return read.error();
-  LabelMap left = map_of(*carving->taken_from(model));
+  LabelMap left = map_of(*carving->applied_to(model));
   if (layers != nullptr && layers->layers.size() > 1) left = with_layers(*layers, model, std::move(left));
   return LabelsLeft{std::move(left), removed_figures(model, removed)};
 }

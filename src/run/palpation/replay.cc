@@ -95,7 +95,7 @@ Parameters parameters_of(const TickRecord& recorded) {
 // methods used in the recording
 Result<std::vector<ForceMethod>> methods_of(const RecordingHead& head) {
   std::vector<ForceMethod> methods;
-  for (const RecordingHead::UsedMethod& used : head.methods) {
+  for (const RecordingHead::AppliedMethod& used : head.methods) {
     if (used.method >= kForceMethods.size())
       return Error{
           ErrorKind::kBadInput,

@@ -55,7 +55,7 @@ TEST_F(ReplayTest, WhatWasFeltBySeveralMethodsAgreesToo) {
   ASSERT_TRUE(simulated.ok()) << simulated.error().message();
   EXPECT_EQ(simulated->summary.method_missing, 0u);
   EXPECT_GT(simulated->summary.blended, 100u);
-  EXPECT_TRUE(simulated->trouble.empty());
+  EXPECT_TRUE(simulated->problems.empty());
 
   const auto recording = read_recording(folder_ / "methods.h5");
   ASSERT_TRUE(recording.ok());

@@ -6,7 +6,7 @@
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/servo/feel.h"
-#include "palpate/stability/held_stiffness.h"
+#include "palpate/stability/limited_stiffness.h"
 #include "palpate/volume/simd_targets.h"
 #include "palpate_version.h"
 #include "palpation/default_script.h"
@@ -33,7 +33,7 @@ std::vector<ForceMethod> methods_of(const RunSetup& setup) {
 /// Press steps that the limit or the tissue does not permit.
 /// @param softer  ratio of the rendered to the nominal stiffness of the stiffest tissue
 std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
-  std::vector<std::string> trouble;
+  std::vector<std::string> problems;
   ForceMethod method = setup.parameters.method;
   for (std::size_t s = 0; s < setup.script.steps.size(); ++s) {
     if (const auto* change = std::get_if<MethodStep>(&setup.script.steps[s])) method = change->method;
@@ -47,9 +47,9 @@ std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
     std::snprintf(text, sizeof text,
                   "script line %d: asks for %.2f N, but at most %.2f N are allowed and %.2f N are possible",
                   setup.script.lines[s], press->force_N, setup.limit_N, max_N);
-    trouble.push_back(text);
+    problems.push_back(text);
   }
-  return trouble;
+  return problems;
 }
 
 // fields of direct methods are not updated when material is removed
@@ -93,12 +93,12 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Scrip
   if (!model) return model.error();
   setup.model = *std::move(model);
   setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);
-  const auto held = held_stiffness(*setup.model, setup.workspace, setup.parameters.method, *device,
-                                   setup.script.rate_hz, setup.script.delay_s, progress);
-  if (!held) return held.error();
-  setup.parameters.device[0].max_stiffness_N_per_mm = held->max_N_per_mm;
-  const HeldDamping borne =
-      held_damping(*setup.model, setup.workspace, *device, setup.script.rate_hz, setup.script.delay_s);
+  const auto limited = limited_stiffness(*setup.model, setup.workspace, setup.parameters.method, *device,
+                                         setup.script.rate_hz, setup.script.delay_s, progress);
+  if (!limited) return limited.error();
+  setup.parameters.device[0].max_stiffness_N_per_mm = limited->max_N_per_mm;
+  const LimitedDamping borne =
+      limited_damping(*setup.model, setup.workspace, *device, setup.script.rate_hz, setup.script.delay_s);
   setup.parameters.device[0].max_damping_N_s_per_mm = borne.max_N_s_per_mm;
   setup.parameters.device[0].delay_s = setup.script.delay_s;
   if (!supplied && !for_knee) {
@@ -106,16 +106,17 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Scrip
     if (auto planned = plan_default_script(*setup.model, setup.parameters, setup.script); !planned)
       return planned.error();
   }
-  setup.trouble =
-      out_of_reach(setup, held->max_N_per_mm / std::max(held->requested_N_per_mm, held->max_N_per_mm));
-  setup.trouble.insert(setup.trouble.end(), setup.script.limitations.begin(), setup.script.limitations.end());
-  if (!borne.clamped.empty()) setup.trouble.insert(setup.trouble.begin(), borne.clamped);
-  if (!held->clamped.empty()) setup.trouble.insert(setup.trouble.begin(), held->clamped);
+  setup.problems = out_of_reach(
+      setup, limited->max_N_per_mm / std::max(limited->requested_N_per_mm, limited->max_N_per_mm));
+  setup.problems.insert(setup.problems.end(), setup.script.limitations.begin(),
+                        setup.script.limitations.end());
+  if (!borne.clamped.empty()) setup.problems.insert(setup.problems.begin(), borne.clamped);
+  if (!limited->clamped.empty()) setup.problems.insert(setup.problems.begin(), limited->clamped);
   return setup;
 }
 
-Result<RunSetup> set_up_led_run(const LoadedScene& loaded, const SimulationOptions& options,
-                                const Progress& progress) {
+Result<RunSetup> set_up_guided_run(const LoadedScene& loaded, const SimulationOptions& options,
+                                   const Progress& progress) {
   RunSetup setup{nullptr, {}, {}, {}, loaded.scene.workspace, {}, 0, {}, options.task};
   setup.script.device.clear();
   setup.script.hand.clear();
@@ -178,7 +179,7 @@ void HoldMeter::observe(const TickRecord& record) {
   }
   for (std::size_t f = 0; f < unbroken_s_.size(); ++f) {
     const bool held =
-        own && (forces_N_.empty() || std::abs(force_N - forces_N_[f]) <= kHeldWithin * forces_N_[f]);
+        own && (forces_N_.empty() || std::abs(force_N - forces_N_[f]) <= kHoldTolerance * forces_N_[f]);
     unbroken_s_[f] = held ? unbroken_s_[f] + record.dt_s : 0;
     figure_.held_s = std::max(figure_.held_s, unbroken_s_[f]);
   }

@@ -31,14 +31,15 @@ void ScopeHand::advance(const TickRecord& tick, double dt_s) {
   eye_ = displacement.norm() <= step_mm ? requested : eye_ + displacement.normalized() * step_mm;
 
   // at the target itself the viewing direction is undefined
-  const Vector<World> look = at - eye_;
+  const Vector<World> view_direction = at - eye_;
   const Vector<World> superior = X * Vector<Patient>(0, 0, 1);
-  const Rotation<World, World> held(state_.R_WorldTool);
-  const Rotation<World, World> looking(look.norm() > 0 ? held_to_look(step_->optics, look, superior)
-                                                       : state_.R_WorldTool);
-  const double angle = held.quaternion().angularDistance(looking.quaternion());
+  const Rotation<World, World> current_attitude(state_.R_WorldTool);
+  const Rotation<World, World> looking(view_direction.norm() > 0
+                                           ? attitude_looking_along(step_->optics, view_direction, superior)
+                                           : state_.R_WorldTool);
+  const double angle = current_attitude.quaternion().angularDistance(looking.quaternion());
   const double part = angle > 0 ? std::min(1.0, kTurning_rad_s * dt_s / angle) : 1;
-  state_.R_WorldTool = held.slerp(part, looking).quaternion();
+  state_.R_WorldTool = current_attitude.slerp(part, looking).quaternion();
   state_.tip = eye_ - Vector<World>(state_.R_WorldTool * camera_of(step_->optics));
   is_there_ = (requested - eye_).norm() < kThere_mm && (1 - part) * angle < kThere_rad;
 }

@@ -63,7 +63,7 @@ std::string text_of(const char* format, ...) {
   return text;
 }
 
-std::string place_text(const Point<Patient>& p) {
+std::string position_text(const Point<Patient>& p) {
   return text_of("%.1f, %.1f, %.1f mm", p.x(), p.y(), p.z());
 }
 
@@ -202,8 +202,8 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
     step.structure = contact_structure_near(*model_, *approach->point);
     if (step.structure == 0)
       return Error{ErrorKind::kBadInput,
-                   "no touchable structure within 5 mm of the point " + place_text(*approach->point), where,
-                   "give a point on a surface, in patient coordinates (mm, LPS), or name a structure"};
+                   "no touchable structure within 5 mm of the point " + position_text(*approach->point),
+                   where, "give a point on a surface, in patient coordinates (mm, LPS), or name a structure"};
     wish.near = {*approach->point};
   } else {
     const auto label = find_structure(*model_, approach->structure, where);
@@ -218,9 +218,9 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
     if (!label) return label.error();
     wish.near = some_of_border(*model_, *label);
   }
-  if (const auto* place = std::get_if<Point<Patient>>(&approach->nearest)) wish.near = {*place};
-  step.places = find_touch_places(*model_, free_space_, step.structure, wish);
-  if (step.places.places.size() > kMaxTries) step.places.places.resize(kMaxTries);
+  if (const auto* site = std::get_if<Point<Patient>>(&approach->nearest)) wish.near = {*site};
+  step.sites = find_touch_sites(*model_, free_space_, step.structure, wish);
+  if (step.sites.sites.size() > kMaxTries) step.sites.sites.resize(kMaxTries);
   return step;
 }
 
@@ -306,7 +306,7 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& tick, double dt
     off_s_ = over_s_ = stuck_s_ = contact_s_ = 0;
     turning_ = elsewhere_ = false;
     phase_ = Approach::kPlan;
-    place_ = 0;
+    site_index_ = 0;
     refusal_.clear();
   }
   lay_ = X_WorldPatient(tick);
@@ -381,24 +381,24 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& tick) {
   }
   // planned in the patient frame at its current pose, followed at its pose at that time
   const Transform<World, Patient> X = X_WorldPatient(tick);
-  const auto& places = step.places.places;
-  if (places.empty()) refusal_ = step.places.why_none;
-  for (; place_ < places.size(); ++place_) {
-    const TouchPlace& place = places[place_];
-    approach_path_ = free_space_.path(X.inverse() * intention_, place.before);
+  const auto& sites = step.sites.sites;
+  if (sites.empty()) refusal_ = step.sites.why_none;
+  for (; site_index_ < sites.size(); ++site_index_) {
+    const TouchSite& site = sites[site_index_];
+    approach_path_ = free_space_.path(X.inverse() * intention_, site.before);
     if (approach_path_.empty()) {
       refusal_ = "there is no free path from the position of the hand";
       continue;
     }
-    approach_path_.push_back(place.in_front);
+    approach_path_.push_back(site.in_front);
     path_.assign(approach_path_.rbegin(), approach_path_.rend());
-    inward_ = X * -place.from;
+    inward_ = X * -site.from;
     target_N_ = contact_s_ = over_s_ = stuck_s_ = phase_time_s_ = 0;
     phase_ = Approach::kWalk;
     return false;
   }
   touching_ = false;
-  trouble_.push_back(named(step) + " failed: " + refusal_ + skipped());
+  problems_.push_back(named(step) + " failed: " + refusal_ + skipped());
   return true;
 }
 
@@ -418,10 +418,10 @@ void ScriptedHand::advance_step(const PlannedStep& step, const TickRecord& tick,
   const bool inside = (tick.device[0].flags & kFlagInside) != 0;
   contact_s_ = encountered != 0 || inside ? contact_s_ + dt_s : 0;
   if (const auto over = excess_depth(tick, dt_s); over || contact_s_ > kEncounter_s)
-    return try_next_place(tick, "on the path the hand touched " +
-                                    (encountered != 0 ? model_->name_of(encountered) : "something") + " at " +
-                                    place_text(point<Patient>(tick.device[0].proxy_patient_mm)));
-  if (stuck_s_ > kStuck_s) return try_next_place(tick, "the hand got stuck on the path");
+    return try_next_site(tick, "on the path the hand touched " +
+                                   (encountered != 0 ? model_->name_of(encountered) : "something") + " at " +
+                                   position_text(point<Patient>(tick.device[0].proxy_patient_mm)));
+  if (stuck_s_ > kStuck_s) return try_next_site(tick, "the hand got stuck on the path");
   follow_path(std::get<ApproachStep>(step.action).speed_mm_s, tick, dt_s);
 }
 
@@ -449,20 +449,20 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double
     return true;
   }
   if (device.label != 0 && contact_s_ >= kOther_s) {
-    try_next_place(tick, wrong_contact(tick));
+    try_next_site(tick, wrong_contact(tick));
     return false;
   }
   if (excess_depth(tick, dt_s)) {
-    try_next_place(tick,
-                   "the tip entered without contact at " + place_text(point<Patient>(device.tip_patient_mm)));
+    try_next_site(
+        tick, "the tip entered without contact at " + position_text(point<Patient>(device.tip_patient_mm)));
     return false;
   }
   const double max_mm = model_->sigma_mm + 2 * tool_reach_mm_ + kBehind_mm;
   const Point<World> front = X * approach_path_.back();
   const double behind_mm = (tip_of(tick) - front).dot(inward_), lead_mm = (intention_ - front).dot(inward_);
   if (behind_mm > max_mm || lead_mm > max_mm + tracking_tolerance_mm(tick)) {
-    try_next_place(tick, "nothing was felt where its surface was expected, at " +
-                             place_text(step.places.places[place_].surface.point));
+    try_next_site(tick, "nothing was felt where its surface was expected, at " +
+                            position_text(step.sites.sites[site_index_].surface.point));
     return false;
   }
   intention_ += inward_ * (std::min(kTouching_mm_s, careful_speed_mm_s(step.structure, tick)) * dt_s);
@@ -470,9 +470,9 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double
 }
 
 // retreats, then tries the next place
-void ScriptedHand::try_next_place(const TickRecord& tick, const std::string& why) {
+void ScriptedHand::try_next_site(const TickRecord& tick, const std::string& why) {
   refusal_ = why;
-  ++place_;
+  ++site_index_;
   approach_path_.resize(approach_path_.size() - path_.size());
   phase_ = Approach::kPlan;
   elsewhere_ = withdrawing_ = true;
@@ -505,9 +505,9 @@ bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& tick, double 
   if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
   regulate_contact(tick, dt_s);
   const double force_N = norm(tick.device[0].force_N);
-  const bool held = tick.device[0].label == step.structure &&
-                    (requested_N_ == 0 || cutting_ || is_within(force_N, requested_N_, kHeldWithin));
-  settled_s_ = held ? settled_s_ + dt_s : 0;
+  const bool is_settled = tick.device[0].label == step.structure &&
+                          (requested_N_ == 0 || cutting_ || is_within(force_N, requested_N_, kHoldTolerance));
+  settled_s_ = is_settled ? settled_s_ + dt_s : 0;
   longest_s_ = std::max(longest_s_, settled_s_);
   if (settled_s_ >= action.seconds - 0.5 * dt_s) return true;
   if (step_time_s_ < action.seconds + kHoldPatience_s) return false;
@@ -641,7 +641,8 @@ bool ScriptedHand::withdraw_from_contact(const PlannedStep& step, const TickReco
   if (step_time_s_ == 0) begin_withdrawal(tick);
   if (!withdraw(std::get<LeaveStep>(step.action).speed_mm_s, tick, dt_s)) return false;
   touching_ = false;
-  if (filtered_N_ >= kFree_N) trouble_.push_back(named(step) + text_of(" failed: still %.2f N", filtered_N_));
+  if (filtered_N_ >= kFree_N)
+    problems_.push_back(named(step) + text_of(" failed: still %.2f N", filtered_N_));
   return true;
 }
 
@@ -654,11 +655,11 @@ double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& tic
   const double own =
       is_elastic(law_) && tissue.elastic ? yielding_N_per_mm(*tissue.elastic) : tissue.stiffness_N_per_mm;
   const RenderedStiffness gains(device);
-  const double most = gains.max_in_patient();
-  if (!(most > 0)) return own;
-  if (is_rendered_by_proxy(tick)) return std::min(own, most);
+  const double largest = gains.max_in_patient();
+  if (!(largest > 0)) return own;
+  if (is_rendered_by_proxy(tick)) return std::min(own, largest);
   const double all =
-      model_->greatest_stiffness_N_per_mm() * static_cast<double>(model_->tool_of(0).points_mm.size());
+      model_->max_stiffness_N_per_mm() * static_cast<double>(model_->tool_of(0).points_mm.size());
   return own * gains.direct_method_factor(all);
 }
 
@@ -714,14 +715,14 @@ std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const Tic
 // description if the mean force of a step deviates from the pressed force
 std::optional<std::string> ScriptedHand::force_deviation(double time_s) const {
   const double mean_N = sum_Ns_ / time_s;
-  if (requested_N_ == 0 || cutting_ || is_within(mean_N, requested_N_, kHeldWithin)) return std::nullopt;
+  if (requested_N_ == 0 || cutting_ || is_within(mean_N, requested_N_, kHoldTolerance)) return std::nullopt;
   return text_of("mean force %.2f N, asked for %.2f N", mean_N, requested_N_);
 }
 
 // reports the reason, and retreats along the path; the following steps are skipped
 bool ScriptedHand::fail(const PlannedStep& step, const TickRecord& tick, const std::string& why) {
   const bool contact = touching_;
-  trouble_.push_back(named(step) + " failed: " + why + (contact ? skipped() : ""));
+  problems_.push_back(named(step) + " failed: " + why + (contact ? skipped() : ""));
   touching_ = false;
   if (!contact) return true;
   withdrawing_ = true;
@@ -772,7 +773,7 @@ std::string ScriptedHand::skipped() const {
 
 std::string ScriptedHand::wrong_contact(const TickRecord& tick) const {
   return "it touched " + model_->name_of(tick.device[0].label) + " instead, at " +
-         place_text(point<Patient>(tick.device[0].proxy_patient_mm));
+         position_text(point<Patient>(tick.device[0].proxy_patient_mm));
 }
 
 // ---- motion

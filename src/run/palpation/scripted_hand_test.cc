@@ -20,7 +20,7 @@ TEST(Simulate, HoldsTheBallAtTheAskedForce) {
   ASSERT_EQ(result->holds.size(), 1u);
   EXPECT_GE(result->holds[0].held_s, 1.0) << "settling and holding";
   EXPECT_NEAR(result->holds[0].mean_force_N, 0.9, 0.25);
-  EXPECT_TRUE(result->trouble.empty()) << result->trouble.front();
+  EXPECT_TRUE(result->problems.empty()) << result->problems.front();
   EXPECT_EQ(result->summary.not_finite, 0u);
 }
 
@@ -32,7 +32,7 @@ TEST(Simulate, NeverExceedsTheUserLimitEvenWhenPressedHarder) {
   EXPECT_EQ(result->limit_N, 0.7);
   EXPECT_LE(result->max_force_N, 0.7);
   EXPECT_GT(result->summary.clamped, 0u);
-  ASSERT_FALSE(result->trouble.empty()) << "1.3 N cannot be reached and this is said";
+  ASSERT_FALSE(result->problems.empty()) << "1.3 N cannot be reached and this is said";
 }
 
 TEST(Simulate, DefaultLimitIsTheLesserOfContinuousRatingAndThreeNewtons) {
@@ -64,7 +64,7 @@ TEST(Simulate, LeavesIntoFreeSpaceWithAnyGrip) {
       std::get<ApproachStep>(script.steps[0]).clearance_mm = clearance_mm;
       const auto result = simulate(loaded_ball(), script, {}, folder / "run.h5");
       ASSERT_TRUE(result.ok()) << result.error().message();
-      EXPECT_TRUE(result->trouble.empty()) << hand << ": " << result->trouble.front();
+      EXPECT_TRUE(result->problems.empty()) << hand << ": " << result->problems.front();
       const auto recording = read_recording(folder / "run.h5");
       ASSERT_TRUE(recording.ok());
       EXPECT_LT(recording->ticks.back().device[0].unclamped_force_N, 0.02) << hand << " " << clearance_mm;
@@ -80,12 +80,12 @@ TEST(Simulate, APressThatTheTissueCannotGiveIsGivenUpAtTheSurface) {
   test::TemporaryFolder folder;
   const auto result = simulate(loaded, press_script("ball", 7.0), options, folder / "run.h5");
   ASSERT_TRUE(result.ok());
-  ASSERT_EQ(result->trouble.size(), 2u) << "known before, and met";
-  EXPECT_NE(result->trouble[0].find("at most"), std::string::npos);
-  EXPECT_NE(result->trouble[1].find("ball"), std::string::npos);
+  ASSERT_EQ(result->problems.size(), 2u) << "known before, and met";
+  EXPECT_NE(result->problems[0].find("at most"), std::string::npos);
+  EXPECT_NE(result->problems[1].find("ball"), std::string::npos);
   const auto recording = read_recording(folder / "run.h5");
   ASSERT_TRUE(recording.ok());
-  EXPECT_EQ(recording->summary->trouble, result->trouble);
+  EXPECT_EQ(recording->summary->problems, result->problems);
   for (const TickRecord& t : recording->ticks)
     ASSERT_GT(Vector<Patient>(t.device[0].tip_patient_mm[0], t.device[0].tip_patient_mm[1],
                               t.device[0].tip_patient_mm[2])
@@ -151,8 +151,8 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
   commands.stroke_version = 0;
   tick.model_version = 9;
   (void)hand->next(tick, 1e-3, commands);
-  ASSERT_EQ(hand->trouble().size(), 1u);
-  EXPECT_NE(hand->trouble()[0].find("there is no stroke"), std::string::npos) << hand->trouble()[0];
+  ASSERT_EQ(hand->problems().size(), 1u);
+  EXPECT_NE(hand->problems()[0].find("there is no stroke"), std::string::npos) << hand->problems()[0];
 }
 
 // Regression: the hand leads the tip by a millimetre or two, so its return path has to start behind the tip,

@@ -38,7 +38,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
 
   SimulationResult result;
   result.limit_N = setup->limit_N;
-  result.trouble = setup->trouble;
+  result.problems = setup->problems;
   std::vector<HoldMeter> meters;
   for (const HoldRequest& hold : hand->requested()) meters.emplace_back(model, hold);
 
@@ -49,7 +49,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
   RemovedVolume removed(model);
   NearestMeter nearest(model);
   const auto write_block = [&]() -> Result<void> {
-    const auto reported = run.take_events();
+    const auto reported = run.receive_events();
     for (const RecordingEvent& event : reported) {
       if (event.kind == RecordingEvent::Kind::kSweep) {
         const Cut cut = cut_of(event.sweep);
@@ -85,10 +85,10 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
   if (auto written = write_block(); !written) return written.error();
   // an interrupted recording has no summary and counts as incomplete
   if (stopped) return Progress::interrupted();
-  result.trouble.insert(result.trouble.end(), run.hand().trouble().begin(), run.hand().trouble().end());
-  result.failed_steps = run.hand().trouble().size();
+  result.problems.insert(result.problems.end(), run.hand().problems().begin(), run.hand().problems().end());
+  result.failed_steps = run.hand().problems().size();
   result.touches = run.hand().touches();
-  result.summary.trouble = result.trouble;
+  result.summary.problems = result.problems;
   if (writer)
     if (auto finished = writer->finish(result.summary); !finished) return finished.error();
   progress.report("palpating", 1);

@@ -17,11 +17,11 @@ LabelMap ball(const std::string& name, int radius_mm) {
   grid.dims = {edge, edge, edge};
   LabelMap map;
   map.layers.emplace_back(grid);
-  const Eigen::Vector3d middle = Eigen::Vector3d::Constant(radius_mm + 8);
+  const Eigen::Vector3d centre = Eigen::Vector3d::Constant(radius_mm + 8);
   for (int k = 0; k < edge; ++k)
     for (int j = 0; j < edge; ++j)
       for (int i = 0; i < edge; ++i)
-        map.layers[0].at(i, j, k) = (Eigen::Vector3d(i, j, k) - middle).norm() < radius_mm;
+        map.layers[0].at(i, j, k) = (Eigen::Vector3d(i, j, k) - centre).norm() < radius_mm;
   map.segments = {{1, name, {}, 0, 1}};
   return map;
 }
@@ -40,7 +40,7 @@ TEST_P(SoftBalls, AreHeldByTheDefaultHand) {
     EXPECT_TRUE(loaded->scene.tissues[0].touchable);
     const auto result = simulate(*loaded, {}, {}, {});
     ASSERT_TRUE(result.ok()) << result.error().message();
-    EXPECT_EQ(result->failed_steps, 0u) << (result->trouble.empty() ? "" : result->trouble.back());
+    EXPECT_EQ(result->failed_steps, 0u) << (result->problems.empty() ? "" : result->problems.back());
     ASSERT_EQ(result->holds.size(), 1u);
     EXPECT_GE(result->holds[0].held_s, 0.7);
   }

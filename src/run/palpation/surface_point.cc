@@ -111,10 +111,10 @@ std::array<Vector<Patient>, kRim> rim_directions(const Vector<Patient>& n) {
 double convexity(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n) {
   // ramps have no gradient outside
   const bool ramps = model.ramp_width_mm > 0;
-  const Point<Patient> middle = ramps ? surface - n * kInside_mm : surface;
+  const Point<Patient> centre = ramps ? surface - n * kInside_mm : surface;
   double largest = 0;
   for (const Vector<Patient>& t : rim_directions(n)) {
-    const Vector<Patient> normal = outward_normal(model, middle + t * kPatch_mm);
+    const Vector<Patient> normal = outward_normal(model, centre + t * kPatch_mm);
     // a rim point in free space indicates strong curvature
     const double tilt = ramps && normal == Vector<Patient>() ? 1 : normal.dot(t);
     largest = std::max(largest, tilt / kPatch_mm);

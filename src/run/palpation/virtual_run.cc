@@ -62,7 +62,7 @@ void VirtualRun::cut_what_was_swept() {
   if (scope_)
     for (const Cut& cut : finished_cuts(state_.hands[1].burr, 1)) cuts.push_back(cut);
   if (cuts.empty()) return;
-  model_ = carved_by(*model_, cuts)->taken_from(*model_);
+  model_ = carved_by(*model_, cuts)->applied_to(*model_);
   for (const Cut& cut : cuts) reported_.push_back(sweep_event(cut, model_->version));
   RecordingEvent& event = reported_.emplace_back();
   event.number = model_->version;
@@ -76,7 +76,7 @@ void VirtualRun::change_stroke(StrokeAction action) {
   const auto carving = carving_after(model_->carving.get(), change);
   stroke_led_to_ = carving != nullptr ? change.version : 0;
   if (carving == nullptr) return;
-  model_ = carving->taken_from(*model_);
+  model_ = carving->applied_to(*model_);
   RecordingEvent& event = reported_.emplace_back();
   event.tick = state_.tick;
   event.by = {Asker::kScript};
@@ -105,7 +105,7 @@ bool VirtualRun::act() {
   commands.scope_is_there = scope_ && scope_->is_there();
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
-  if (commands.scope) scope_->look(*commands.scope);
+  if (commands.scope) scope_->aim(*commands.scope);
   if (scope_) scope_->advance(record_, dt_s_);
   if (commands.stroke) {
     stroke_ = commands.stroke;

@@ -56,12 +56,12 @@ TEST_F(ArmingCodes, GuessesAreFewWhateverCodeTheyAreAt) {
 }
 
 TEST_F(ArmingCodes, AreSpreadOverAllThereAre) {
-  std::set<std::string> observed;
-  for (std::uint32_t stop = 0; stop < 1000; ++stop) observed.insert(code_.shown(stop, now_));
+  std::set<std::string> visited;
+  for (std::uint32_t stop = 0; stop < 1000; ++stop) visited.insert(code_.shown(stop, now_));
   // a thousand out of a million: occasional collisions are expected
-  EXPECT_GT(observed.size(), 980u);
+  EXPECT_GT(visited.size(), 980u);
   for (char digit = '0'; digit <= '9'; ++digit)
-    EXPECT_TRUE(std::ranges::any_of(observed, [&](const std::string& code) { return code[0] == digit; }))
+    EXPECT_TRUE(std::ranges::any_of(visited, [&](const std::string& code) { return code[0] == digit; }))
         << digit;
 }
 

@@ -182,7 +182,7 @@ TEST_F(BurrRun, WhatIsLeftIsWhatWasFeltLast) {
   std::vector<Cut> cuts;
   for (const RecordingEvent& event : recording_.events)
     if (event.kind == EventKind::kSweep) cuts.push_back(cut_of(event.sweep));
-  const auto expected = Carving(*loaded_.model).with(cuts)->taken_from(*loaded_.model);
+  const auto expected = Carving(*loaded_.model).with(cuts)->applied_to(*loaded_.model);
   EXPECT_EQ(left->labels.layers.front().voxels(), expected->labels->dense().voxels());
   EXPECT_NE(left->labels.layers.front().voxels(), loaded_.model->labels->dense().voxels());
   ASSERT_EQ(left->removed.size(), 1u);
@@ -262,7 +262,7 @@ TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
     RemovedVolume removed(*loaded_.model);
     removed.add(cuts);
     EXPECT_EQ(playback.state().removed_mm3, removed.by_label_mm3()) << part;
-    const auto left = Carving(*loaded_.model).with(cuts)->taken_from(*loaded_.model);
+    const auto left = Carving(*loaded_.model).with(cuts)->applied_to(*loaded_.model);
     EXPECT_EQ(playback.labels()->dense().voxels(), left->labels->dense().voxels()) << part;
     EXPECT_EQ(removed.by_label_mm3().empty(), lost == 0) << part;
   }
@@ -395,7 +395,7 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   EXPECT_TRUE(again->identical) << again->difference;
   EXPECT_EQ(again->run_hash, simulated->summary.run_hash);
 
-  const auto expected = Carving(*loaded.model).with(first)->taken_from(*loaded.model);
+  const auto expected = Carving(*loaded.model).with(first)->applied_to(*loaded.model);
   const auto left = labels_left(*recording, *loaded.model);
   ASSERT_TRUE(left.ok()) << left.error().message();
   EXPECT_EQ(left->labels.layers.front().voxels(), expected->labels->dense().voxels());
@@ -450,7 +450,7 @@ TEST(BurrScene, AsManyEditsAsAnybodyWantsReplayToTheSameHash) {
   const auto simulated =
       simulate(loaded, parse_script(text, "script of many strokes").value(), {}, folder / "run.h5");
   ASSERT_TRUE(simulated.ok()) << simulated.error().message();
-  EXPECT_EQ(simulated->failed_steps, 0u) << simulated->trouble.front();
+  EXPECT_EQ(simulated->failed_steps, 0u) << simulated->problems.front();
   const auto recording = RecordingSource::open(folder / "run.h5");
   ASSERT_TRUE(recording.ok()) << recording.error().message();
   const auto again = replay(*recording, loaded.model);
@@ -474,8 +474,8 @@ TEST(BurrScene, AStrokeThatIsNotThereIsAFailedStep) {
     const auto simulated = simulate(testing::loaded_burr(), parse_script(text, "script").value(), {}, {});
     ASSERT_TRUE(simulated.ok()) << simulated.error().message();
     EXPECT_EQ(simulated->failed_steps, 1u);
-    ASSERT_FALSE(simulated->trouble.empty());
-    EXPECT_NE(simulated->trouble.back().find(why), std::string::npos) << simulated->trouble.back();
+    ASSERT_FALSE(simulated->problems.empty());
+    EXPECT_NE(simulated->problems.back().find(why), std::string::npos) << simulated->problems.back();
   }
 }
 

@@ -70,7 +70,7 @@ void Consent::forget(const ViewerIdentity& who) {
   std::erase_if(waiting_, [&](const Waiting& waiting) { return waiting.who.number == who.number; });
 }
 
-std::vector<LateAnswer> Consent::take_answers(Clock::time_point now) {
+std::vector<LateAnswer> Consent::read_answers(Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   drop_old(now);
   return std::exchange(answers_, {});

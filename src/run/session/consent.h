@@ -17,7 +17,7 @@ namespace palpate {
 /// Requests of viewers that wait for the consent of an operator where palpate runs.
 ///
 ///    viewer ── ask() ──► the oldest question is displayed ── answer() by a key ──► granted or refused
-///                └─ replaces an earlier question of the viewer       └─► take_answers(): to the viewer
+///                └─ replaces an earlier question of the viewer       └─► read_answers(): to the viewer
 ///
 /// An answer names the number of the question that was displayed; a question that replaced it has another
 /// number. Thread-safe; `grant` is called on the thread of answer(), without holding a lock of this class.
@@ -39,7 +39,7 @@ class Consent {
   /// Discards the questions and answers of a viewer that disconnected.
   void forget(const ViewerIdentity& who);
   /// Answers for viewers since the last call.
-  std::vector<LateAnswer> take_answers(Clock::time_point now = Clock::now());
+  std::vector<LateAnswer> read_answers(Clock::time_point now = Clock::now());
 
  private:
   struct Waiting {

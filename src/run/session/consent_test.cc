@@ -37,16 +37,16 @@ TEST(Consent, NothingIsDoneBeforeSomebodyAgrees) {
   requested.ask(3, 7, "turn the object by 20 degrees");
   EXPECT_EQ(requested.shown(), "viewer 3 wants to turn the object by 20 degrees");
   EXPECT_EQ(requested.granted, 0);
-  EXPECT_TRUE(requested.consent.take_answers(requested.now).empty());
+  EXPECT_TRUE(requested.consent.read_answers(requested.now).empty());
   requested.consent.answer(requested.number(), true, requested.now);
   EXPECT_EQ(requested.granted, 1);
-  const auto answers = requested.consent.take_answers(requested.now);
+  const auto answers = requested.consent.read_answers(requested.now);
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].by.number, 3u);
   EXPECT_EQ(answers[0].id, 7);
   EXPECT_TRUE(answers[0].outcome.ok());
   EXPECT_EQ(requested.shown(), "");
-  EXPECT_TRUE(requested.consent.take_answers(requested.now).empty()) << "each once";
+  EXPECT_TRUE(requested.consent.read_answers(requested.now).empty()) << "each once";
 }
 
 TEST(Consent, DecliningAndSilenceAreToldInWords) {
@@ -60,7 +60,7 @@ TEST(Consent, DecliningAndSilenceAreToldInWords) {
   requested.now += 1s;
   EXPECT_EQ(requested.shown(), "");
   requested.consent.answer(last, true, requested.now);
-  const auto answers = requested.consent.take_answers(requested.now);
+  const auto answers = requested.consent.read_answers(requested.now);
   ASSERT_EQ(answers.size(), 2u);
   EXPECT_THAT(answers[0].outcome.error().what, HasSubstr("declined at the terminal of palpate"));
   EXPECT_THAT(answers[1].outcome.error().what, HasSubstr("was not accepted at the terminal"));
@@ -76,7 +76,7 @@ TEST(Consent, AnAnswerIsToWhatWasShown) {
   requested.consent.answer(shown, true, requested.now);
   EXPECT_EQ(requested.granted, 0);
   EXPECT_EQ(requested.shown(), "viewer 1 wants to turn the object by 80 degrees");
-  const auto answers = requested.consent.take_answers(requested.now);
+  const auto answers = requested.consent.read_answers(requested.now);
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].id, 5);
   EXPECT_THAT(answers[0].outcome.error().what, HasSubstr("was replaced by another one"));
@@ -108,7 +108,7 @@ TEST(Consent, WhatCannotBeGrantedAnyMoreIsRefused) {
     return Error{ErrorKind::kUsage, "it has changed meanwhile", "method", ""};
   });
   consent.answer(consent.question()->number, true);
-  const auto answers = consent.take_answers();
+  const auto answers = consent.read_answers();
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].outcome.error().where, "method");
 }

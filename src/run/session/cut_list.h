@@ -35,8 +35,8 @@ class CutList {
 
   /// Number of sweeps in force at a version.
   std::size_t count(std::uint32_t version) const;
-  /// Sweeps in force at a version, from index `first` on, at most `most`.
-  std::vector<SweepRecord> by(std::uint32_t version, std::size_t first, std::size_t most) const;
+  /// Sweeps in force at a version, from index `first` on, at most `largest`.
+  std::vector<SweepRecord> by(std::uint32_t version, std::size_t first, std::size_t largest) const;
   /// Length of the list after each undo up to that version.
   const std::vector<std::uint64_t>& undone_to(std::uint32_t version) const {
     return in_force(version).undone_to;

@@ -64,7 +64,7 @@ void Cutter::cut(std::span<const Cut> cuts) {
   cuts_.reserve(cuts.size());
   for (const Cut& cut : cuts) nearest_.observe(cut.sweep);
   removed_.add(cuts);
-  auto next = carving->taken_from(model);
+  auto next = carving->applied_to(model);
   const std::uint32_t version = next->version;
   model_.apply_cuts(lock, cuts, std::move(next));
   for (const Cut& cut : cuts) cuts_.add(version, plain(cut));
@@ -134,9 +134,10 @@ std::optional<std::uint32_t> Cutter::script_version() const {
   return script_led_to_;
 }
 
-std::vector<SweepRecord> Cutter::sweeps(std::uint32_t version, std::uint64_t first, std::size_t most) const {
+std::vector<SweepRecord> Cutter::sweeps(std::uint32_t version, std::uint64_t first,
+                                        std::size_t largest) const {
   const LiveModel::Lock lock = model_.lock();
-  return cuts_.by(version, static_cast<std::size_t>(first), most);
+  return cuts_.by(version, static_cast<std::size_t>(first), largest);
 }
 
 void Cutter::describe(const LiveModel::Lock& lock, const std::map<LabelId, double>& nearest_mm,

@@ -72,7 +72,7 @@ std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host
   Yields yields;
   for (std::size_t device = 0; device < yields.size(); ++device) yields[device] = host.yielded(device);
   const std::lock_guard lock(mutex_);
-  if (labels == labels_ && yields == yields_) return observed_;
+  if (labels == labels_ && yields == yields_) return displayed_;
   std::vector<DisplacementField> nodes;
   VoxelBox within;
   for (const auto& yield : yields) {
@@ -80,7 +80,7 @@ std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host
     nodes.push_back(moved_nodes(*yield, *labels));
     widen(within, nodes.back().box(), labels->geometry());
   }
-  std::shared_ptr<const Bricks<LabelId>> observed = labels;
+  std::shared_ptr<const Bricks<LabelId>> displayed = labels;
   if (!nodes.empty()) {
     const auto moved = [&](const Point<Patient>& at_rest) {
       Vector<Patient> moved_mm;
@@ -88,12 +88,12 @@ std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host
       return moved_mm;
     };
     const PatchOf<LabelId> patch = moved_labels(*labels, moved, within);
-    if (patch.box.voxel_count() > 0) observed = std::make_shared<Bricks<LabelId>>(labels->with(patch));
+    if (patch.box.voxel_count() > 0) displayed = std::make_shared<Bricks<LabelId>>(labels->with(patch));
   }
   labels_ = labels;
   yields_ = std::move(yields);
-  observed_ = observed;
-  return observed;
+  displayed_ = displayed;
+  return displayed;
 }
 
 }  // namespace palpate

@@ -20,7 +20,7 @@ class DeformedLabels {
  private:
   using Yields = std::array<std::shared_ptr<const ViewedYield>, kMaxDevices>;
   std::mutex mutex_;
-  std::shared_ptr<const Bricks<LabelId>> labels_, observed_;
+  std::shared_ptr<const Bricks<LabelId>> labels_, displayed_;
   Yields yields_;
 };
 

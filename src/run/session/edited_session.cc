@@ -42,7 +42,7 @@ int main(int count, char** arguments) {
   const Clock::time_point begun = Clock::now();
   options.request = [&] {
     if (mills) {
-      if (edits == 0) PALPATE_CHECK(host->take_pointer(true, {1, true}).ok());
+      if (edits == 0) PALPATE_CHECK(host->claim_pointer(true, {1, true}).ok());
       // around the ball, in and out by a millimetre; during the first second it waits outside until the force
       // is on
       const double time_s = std::chrono::duration<double>(Clock::now() - begun).count();

@@ -57,7 +57,7 @@ struct Shown {
 class SupervisorKeeper {
  public:
   explicit SupervisorKeeper(const Session& session) : session_(session) {}
-  void look() {
+  void read_status() {
     if (session_.supervisor == nullptr || session_.supervisor->watching()) return;
     if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.live.stop_unsupervised();
     if (Clock::now() < next_try_) return;
@@ -111,7 +111,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.coarser_tissue = session.live.coarser_tissue();
   status.careful_bounds = session.careful_bounds;
   status.followers = session.tip.followers();
-  status.device_trouble = session.tip.driver().trouble();
+  status.device_failure = session.tip.driver().failure();
   status.stop = session.live.current_stop();
   status.rearmed_in_page = session.live.rearmed_in_page();
   // the code is shown only to a user who sees the device
@@ -172,7 +172,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
     result.stopped_by_user = progress.stopped() || session.live.is_over();
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
-    supervisor.look();
+    supervisor.read_status();
     if (options.request) grant(options.request(), session, shown);
     session.live.follow_script();
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;
@@ -203,14 +203,15 @@ void finish(const Session& session, ExploreResult& result) {
   session.loop.stop();
   result.health = session.loop.health();
   result.scheduling = session.loop.scheduling();
-  const auto trouble = session.tip.trouble();
-  result.failed_steps = trouble.size();
+  const auto problems = session.tip.failure();
+  result.failed_steps = problems.size();
   result.touches = session.tip.touches();
-  result.trouble.insert(result.trouble.end(), trouble.begin(), trouble.end());
+  result.problems.insert(result.problems.end(), problems.begin(), problems.end());
   const auto warnings = session.live.later_tissue_warnings();
-  result.trouble.insert(result.trouble.end(), warnings.begin(), warnings.end());
+  result.problems.insert(result.problems.end(), warnings.begin(), warnings.end());
 
-  const auto finished = session.recorder.finish(result.health.dropped, result.health.skipped, result.trouble);
+  const auto finished =
+      session.recorder.finish(result.health.dropped, result.health.skipped, result.problems);
   if (finished) {
     result.summary = *finished;
   } else {
@@ -218,7 +219,7 @@ void finish(const Session& session, ExploreResult& result) {
     result.summary = session.recorder.so_far();
     result.summary.dropped = result.health.dropped;
     result.summary.skipped = result.health.skipped;
-    result.summary.trouble = result.trouble;
+    result.summary.problems = result.problems;
   }
   // the recorder has processed the last tick
   if (session.training != nullptr) {
@@ -326,7 +327,8 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
     if (auto touchable = require_touchable_tissue(loaded); !touchable) return touchable.error();
   SimulationOptions run = options.run;
   if (!is_touchable) run.method = ForceMethod::kTrilinear;
-  auto setup = scripted ? set_up_run(loaded, script, run, progress) : set_up_led_run(loaded, run, progress);
+  auto setup =
+      scripted ? set_up_run(loaded, script, run, progress) : set_up_guided_run(loaded, run, progress);
   if (!setup) return setup.error();
   if (auto ready = with_surfaces(setup->model, progress); !ready) return ready.error();
   std::string careful;
@@ -334,7 +336,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   if (!tip) return tip.error();
   MeasuredCells carried = with_measured_cells(setup->model, (*tip)->driver().devices().size());
   setup->model = std::move(carried.model);
-  if (!carried.reported.empty()) setup->trouble.push_back(carried.reported);
+  if (!carried.reported.empty()) setup->problems.push_back(carried.reported);
   if (progress.stopped()) return Progress::interrupted();
 
   std::unique_ptr<Training> training;
@@ -346,7 +348,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
     if (options.training.have_to_fit)
       for (const OfferedTask& task : options.training.tasks)
         if (std::string out = out_of_reach(task.file, setup->limit_N); !out.empty())
-          setup->trouble.push_back(std::move(out));
+          setup->problems.push_back(std::move(out));
   }
   // the viewer server may fail to start, so it comes before any force is rendered
   LiveSession live(session_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(),
@@ -406,7 +408,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   const Session session{model, **loop,         **recorder,        **tip,   watch,
                         live,  training.get(), supervisor->get(), careful, options.asks_here};
   ExploreResult result;
-  result.trouble = setup->trouble;
+  result.problems = setup->problems;
   watch_until_over(session, options, progress, status, result);
   viewers.reset();
   live.end();

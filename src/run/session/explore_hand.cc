@@ -101,28 +101,28 @@ void HandThread::intend(const Point<World>& target) {
 // moves along the last contact force; the path is not checked, so that it gets out of any contact
 void HandThread::withdraw(const DeviceTick& device, double dt_s) {
   if (!wanted_) return;
-  if (!led_) {
-    led_ = wanted_;
+  if (!guided_) {
+    guided_ = wanted_;
     clear_mm_ = kAwayFromAll_mm;
   }
   if ((device.flags & (kFlagContact | kFlagInside)) != 0) clear_mm_ = 0;
   if (clear_mm_ >= kAwayFromAll_mm) return;
-  *led_ += outward_ * (kLeaving_mm_s * dt_s);
+  *guided_ += outward_ * (kLeaving_mm_s * dt_s);
   clear_mm_ += kLeaving_mm_s * dt_s;
-  intend(*led_);
+  intend(*guided_);
 }
 
 // moves back to where the script was interrupted; returns whether it has arrived
 bool HandThread::come_back(double dt_s) {
-  if (!led_) return true;
-  const Vector<World> displacement = *wanted_ - *led_;
+  if (!guided_) return true;
+  const Vector<World> displacement = *wanted_ - *guided_;
   const double step_mm = kComingBack_mm_s * dt_s;
   if (displacement.norm() <= step_mm) {
-    led_.reset();
+    guided_.reset();
     return true;
   }
-  *led_ += displacement.normalized() * step_mm;
-  intend(*led_);
+  *guided_ += displacement.normalized() * step_mm;
+  intend(*guided_);
   return false;
 }
 

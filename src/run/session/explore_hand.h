@@ -48,7 +48,7 @@ class HandThread {
   bool done() const { return done_.load(); }
   double progress() const { return progress_.load(); }
   /// After end().
-  const std::vector<std::string>& trouble() const { return hand_.trouble(); }
+  const std::vector<std::string>& failure() const { return hand_.failure(); }
   const std::vector<TouchFigure>& touches() const { return hand_.touches(); }
 
  private:
@@ -66,7 +66,7 @@ class HandThread {
   const ScriptEdits edits_;
   const bool repeat_;
   // position by the script; position while withdrawn; unit direction out of the contact
-  std::optional<Point<World>> wanted_, led_;
+  std::optional<Point<World>> wanted_, guided_;
   Vector<World> outward_{0, 0, 1};
   double clear_mm_ = 0;  // distance covered without contact
   std::atomic<bool> end_{false}, done_{false};

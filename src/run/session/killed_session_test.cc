@@ -31,15 +31,15 @@ struct Edited {
       ::_exit(127);
     }
     ::close(ends[1]);
-    stated = ends[0];
+    declared = ends[0];
   }
-  ~Edited() { ::close(stated); }
+  ~Edited() { ::close(declared); }
   bool next_edit() const {
     char byte = 0;
-    return ::read(stated, &byte, 1) == 1;
+    return ::read(declared, &byte, 1) == 1;
   }
   pid_t id = -1;
-  int stated = -1;
+  int declared = -1;
 };
 
 // checks the recorded edits of the viewers, in order

@@ -69,9 +69,9 @@ double LiveModel::rendered_stiffness_N_per_mm(const Lock& /*held*/, const TickRe
   if (by_proxy && model.is_deformable(*tissue)) return yielding_stiffness_N_per_mm(device);
   if (by_proxy) return gains.by_proxy(tissue->stiffness_N_per_mm);
   // the fields encode the stiffnesses that they were generated for
-  const double stiffest = model.greatest_stiffness_N_per_mm();
+  const double stiffest = model.max_stiffness_N_per_mm();
   const double own = made.tissue_of(device.label)->stiffness_N_per_mm;
-  const double left = std::min(1.0, stiffest / made.greatest_stiffness_N_per_mm());
+  const double left = std::min(1.0, stiffest / made.max_stiffness_N_per_mm());
   const double all_points = stiffest * static_cast<double>(model.tool_of(device_number).points_mm.size());
   return gains.at_device(own * left * gains.direct_method_factor(all_points));
 }

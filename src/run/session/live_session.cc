@@ -71,8 +71,8 @@ ViewedScene LiveSession::make_scene() const {
   scene.input = parts_.input;
   scene.peak_force_N = device.peak_force_N.value_or(kNotKnown);
   scene.continuous_force_N = device.continuous_force_N.value_or(kNotKnown);
-  const double most = parts_.parameters.device[0].max_stiffness_N_per_mm;
-  scene.max_stiffness_N_per_mm = std::isfinite(most) ? most : kNotKnown;
+  const double largest = parts_.parameters.device[0].max_stiffness_N_per_mm;
+  scene.max_stiffness_N_per_mm = std::isfinite(largest) ? largest : kNotKnown;
   scene.max_force_range = {kMaxForceRange.min, most_force_N()};
   scene.rate_hz = parts_.rate_hz;
   if (parts_.training != nullptr) scene.tasks = parts_.training->tasks();
@@ -321,13 +321,13 @@ Result<void> LiveSession::stroke_here(StrokeAction action) {
 
 // ---- the pointer
 
-Result<void> LiveSession::take_pointer(bool take, const ViewerIdentity& by) {
+Result<void> LiveSession::claim_pointer(bool take, const ViewerIdentity& by) {
   if (!parts_.pointer)
     return refusal("the tip is moved by the " + parts_.input + " here", "take",
                    "start palpate explore with --device pointer");
   ServoLoop* loop = loop_.get();
   if (take && !loop) return not_running();
-  const bool was_taken = pointer_taken_.exchange(take);
+  const bool was_taken = pointer_claimed_.exchange(take);
   if (!take) parts_.pointer->release();
   set_tip_holder(take ? std::optional(by) : std::nullopt);
   if (loop && take != was_taken) log_pointer_change(*loop, loop_.log(), requested_by(by));
@@ -343,7 +343,7 @@ void LiveSession::set_tip_holder(const std::optional<ViewerIdentity>& holder) {
 
 void LiveSession::move_pointer(const std::optional<PointerTarget>& target) {
   const ServoLoop* loop = loop_.get();
-  if (!pointer_taken_.load() || !loop) return;
+  if (!pointer_claimed_.load() || !loop) return;
   if (!target) return parts_.pointer->release();
   // pose of the object as currently rendered
   const Transform<World, Patient> X_WorldPatient =

@@ -100,8 +100,8 @@ class LiveSession final : public LiveHost {
   ViewedHealth health() const override;
   ViewedState state() const override;
   std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
-                                  std::size_t most) const override {
-    return cutter_.sweeps(version, first, most);
+                                  std::size_t largest) const override {
+    return cutter_.sweeps(version, first, largest);
   }
   std::shared_ptr<const Bricks<LabelId>> labels() const override;
   std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
@@ -113,11 +113,11 @@ class LiveSession final : public LiveHost {
   Result<Grant> set(const TissueRequest& request) override;
   /// A stroke whose last sweeps have not been removed yet is undone or redone shortly afterwards.
   Result<Grant> set(const StrokeRequest& request) override;
-  std::vector<LateAnswer> take_answers() override { return consent_.take_answers(); }
+  std::vector<LateAnswer> read_answers() override { return consent_.read_answers(); }
   void forget(const ViewerIdentity& viewer) override { consent_.forget(viewer); }
   void emergency_stop(const ViewerIdentity& by) override { stop_.stop(requested_by(by)); }
   Result<void> rearm(const RearmRequest& request) override { return stop_.rearm(request); }
-  Result<void> take_pointer(bool take, const ViewerIdentity& by) override;
+  Result<void> claim_pointer(bool take, const ViewerIdentity& by) override;
   void move_pointer(const std::optional<PointerTarget>& target) override;
   ViewedTraining training() const override;
   std::shared_ptr<const ViewedDebriefing> debriefing() const override;
@@ -220,7 +220,7 @@ class LiveSession final : public LiveHost {
   PreparationThread preparation_;
   double highest_max_force_N_;  // guarded by the model's lock
   Consent consent_;
-  std::atomic<bool> pointer_taken_{false}, is_over_{false};
+  std::atomic<bool> pointer_claimed_{false}, is_over_{false};
 
   mutable std::mutex health_mutex_;  // guards the members below
   mutable RateMeter rate_;

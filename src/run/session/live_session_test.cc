@@ -199,7 +199,7 @@ class Viewed : public ::testing::Test {
   // answers the pending question by a key; returns what its viewer receives
   LateAnswer answer(bool agreed) {
     live_->answer_here(live_->question().value_or(ConsentQuestion{}).number, agreed);
-    const auto answers = live_->take_answers();
+    const auto answers = live_->read_answers();
     EXPECT_EQ(answers.size(), 1u);
     return answers.empty() ? LateAnswer{{}, 0, not_answered()} : answers.front();
   }
@@ -407,13 +407,13 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
 }
 
 TEST_F(Viewed, TheStiffnessThatIsToldIsWhatTheHandFeels) {
-  for (const double most : {std::numeric_limits<double>::infinity(), 0.2}) {
+  for (const double largest : {std::numeric_limits<double>::infinity(), 0.2}) {
     WorkspaceSettings workspace;
     workspace.scale = 2;
     workspace.force_gain = 0.25;
-    start(true, workspace, most);
+    start(true, workspace, largest);
     ASSERT_NO_FATAL_FAILURE(press(2));
-    EXPECT_NEAR(stiffness(), std::min(0.5 * 0.75, most), 1e-12);
+    EXPECT_NEAR(stiffness(), std::min(0.5 * 0.75, largest), 1e-12);
     // a millimetre of the device is two of the patient
     ASSERT_TRUE(soon([&] { return std::abs(sent_N(latest()) - stiffness() * 1) < 0.02; }))
         << sent_N(latest()) << " " << stiffness();
@@ -617,18 +617,18 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   EXPECT_THAT(live_->scene().laws,
               ::testing::ElementsAre("elastic", "neo-hookean", "exponential", "chainmail", "layers"));
   ASSERT_NO_FATAL_FAILURE(press(1));
-  const auto go_by = [&](const char* law) {
+  const auto apply_law = [&](const char* law) {
     SettingsRequest request;
     request.law = law;
     return live_->set(request);
   };
-  ASSERT_EQ(go_by("elastic").value(), Grant::kDone);
+  ASSERT_EQ(apply_law("elastic").value(), Grant::kDone);
   EXPECT_EQ(live_->state().law, "layers");
   EXPECT_EQ(live_->state().law_awaited, "elastic");
   // returning to the previous law cancels the request
-  ASSERT_TRUE(go_by("layers").ok());
+  ASSERT_TRUE(apply_law("layers").ok());
   EXPECT_EQ(live_->state().law_awaited, "");
-  ASSERT_TRUE(go_by("elastic").ok());
+  ASSERT_TRUE(apply_law("elastic").ok());
   // a tissue edited in the meantime is rendered as edited, and the surfaces include the edit
   TissueRequest slippery;
   slippery.tissue = kViewedCartilage;
@@ -649,21 +649,21 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
 
   // the other elastic law has the same surfaces, but its cell size has not been measured yet
   const int before = made;
-  ASSERT_TRUE(go_by("neo-hookean").ok());
+  ASSERT_TRUE(apply_law("neo-hookean").ok());
   ASSERT_TRUE(soon([&] { return live_->state().law == "neo-hookean"; }));
   EXPECT_EQ(made, before + 1);
   EXPECT_EQ(changes().back().contact.stiffness_N_per_mm, 1.6);
   EXPECT_EQ(live_->coarser_tissue(), "coarser cells");
   EXPECT_THAT(live_->later_tissue_warnings(), ::testing::ElementsAre("coarser cells"));
   // from then on it takes effect at once
-  ASSERT_TRUE(go_by("elastic").ok());
+  ASSERT_TRUE(apply_law("elastic").ok());
   EXPECT_EQ(live_->state().law, "elastic");
   EXPECT_EQ(changes().back().contact.stiffness_N_per_mm, 1);
   EXPECT_EQ(live_->coarser_tissue(), "");
-  ASSERT_TRUE(go_by("neo-hookean").ok());
+  ASSERT_TRUE(apply_law("neo-hookean").ok());
   EXPECT_EQ(live_->state().law, "neo-hookean");
   EXPECT_EQ(made, before + 1);
-  ASSERT_TRUE(go_by("layers").ok());
+  ASSERT_TRUE(apply_law("layers").ok());
   ASSERT_TRUE(soon([&] { return live_->state().law == "layers"; }));
   EXPECT_TRUE(soon([&] { return live_->yielded(0) == nullptr; }));
 }
@@ -1067,7 +1067,7 @@ TEST_F(Viewed, AViewerThatGoesTakesItsWishAlong) {
   ASSERT_EQ(*live_->set(request), Grant::kRequested);
   live_->forget(request.by);
   EXPECT_FALSE(live_->question());
-  EXPECT_TRUE(live_->take_answers().empty());
+  EXPECT_TRUE(live_->read_answers().empty());
 }
 
 TEST_F(Viewed, APhysicalDeviceIsArmedWhereItIs) {
@@ -1082,7 +1082,7 @@ TEST_F(Viewed, APhysicalDeviceIsArmedWhereItIs) {
   EXPECT_EQ(error_in(live_->rearm_here(stop)).what, "no error");
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
   EXPECT_TRUE(live_->state().armed);
-  EXPECT_EQ(error_in(live_->take_pointer(true, {1, true})).kind, ErrorKind::kUsage);
+  EXPECT_EQ(error_in(live_->claim_pointer(true, {1, true})).kind, ErrorKind::kUsage);
 }
 
 TEST_F(Viewed, ACodeThatIsShownThereArmsAPhysicalDeviceOnce) {
@@ -1198,7 +1198,7 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
   EXPECT_EQ(events[1].changed, 0) << "it held already";
   expect(2, Kind::kModel, {Asker::kControlViewer, 8}, 2);
   EXPECT_EQ(events[2].change.contact.static_friction, 0.35);
-  expect(3, Kind::kStop, {Asker::kLookingViewer, 9}, 1);
+  expect(3, Kind::kStop, {Asker::kViewingViewer, 9}, 1);
   expect(4, Kind::kRearm, {Asker::kControlViewer, 7}, 2);
   expect(5, Kind::kStop, {Asker::kKey, 0}, 3);
   expect(6, Kind::kRearm, {Asker::kKey, 0}, 4);
@@ -1597,7 +1597,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
       EXPECT_EQ(host->scene().input, "pointer");
       // without control of the pointer nothing moves
       host->move_pointer(PointerTarget{inside});
-      EXPECT_TRUE(host->take_pointer(true, {5, true}).ok());
+      EXPECT_TRUE(host->claim_pointer(true, {5, true}).ok());
     }
     ++since;
     std::array<double, kMaxDevices> stiffness_N_per_mm{};
@@ -1620,7 +1620,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
       host->move_pointer(PointerTarget{{0, -15.5, 0}, {0, 1, 0}, 0.4});
       if (std::abs(sent_N(tick) - 0.4) < 0.02) part = kDone;
     } else {
-      EXPECT_TRUE(host->take_pointer(false, {5, true}).ok());
+      EXPECT_TRUE(host->claim_pointer(false, {5, true}).ok());
       if ((flags & kFlagStale) != 0 && sent_N(tick) == 0) stop_.store(true);
     }
     return ExploreRequest::kNone;

@@ -64,9 +64,9 @@ std::optional<double> frame_s(const Model& model, const Point<Patient>& at, std:
   if (!solver.solve(model, tick).spot[0].is_known()) return std::nullopt;
   std::array<double, kFrames> times_s;
   for (double& time_s : times_s) {
-    const double begun_s = processor_time_s();
+    const double started_s = processor_time_s();
     solver.solve(model, tick);
-    time_s = processor_time_s() - begun_s;
+    time_s = processor_time_s() - started_s;
   }
   std::nth_element(times_s.begin(), times_s.begin() + kFrames / 2, times_s.end());
   return times_s[kFrames / 2];

@@ -7,7 +7,7 @@ namespace palpate {
 
 /// Originator of a viewer's request.
 inline RequestedBy requested_by(const ViewerIdentity& viewer) {
-  return {viewer.control ? Asker::kControlViewer : Asker::kLookingViewer, viewer.number};
+  return {viewer.control ? Asker::kControlViewer : Asker::kViewingViewer, viewer.number};
 }
 /// Originator of a viewer's request to which an operator at this machine has consented.
 inline RequestedBy agreed_to(const ViewerIdentity& viewer) {

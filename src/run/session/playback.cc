@@ -34,9 +34,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Playback position in a recording. Not thread-safe.
-class Place {
+class PlaybackPosition {
  public:
-  Place(double begin_s, double end_s) : begin_s_(begin_s), end_s_(end_s), from_s_(begin_s) {}
+  PlaybackPosition(double begin_s, double end_s) : begin_s_(begin_s), end_s_(end_s), from_s_(begin_s) {}
 
   double now_s() {
     if (!playing_) return from_s_;
@@ -155,7 +155,7 @@ class CutLabels {
     std::transform(sweeps.begin() + static_cast<std::ptrdiff_t>(sweeps_.size()), sweeps.end(),
                    std::back_inserter(more), cut_of);
     carving_ = carving_->with(more);
-    labels_ = carving_->taken_from(model)->labels;
+    labels_ = carving_->applied_to(model)->labels;
     sweeps_ = std::move(sweeps);
     return labels_;
   }
@@ -178,7 +178,7 @@ class Playback final : public PlaybackHost {
         nearest_(std::move(nearest)),
         task_(std::move(task)),
         plan_(std::move(plan)),
-        place_(scene_.recording->begin_s, scene_.recording->end_s),
+        position_(scene_.recording->begin_s, scene_.recording->end_s),
         shown_(first),
         blocks_(
             [recording](std::size_t block, const Progress& progress) {
@@ -200,13 +200,13 @@ class Playback final : public PlaybackHost {
 
   TickRecord snapshot(std::array<double, kMaxDevices>& stiffness_N_per_mm) const override {
     const std::lock_guard lock(mutex_);
-    const double at_s = place_.now_s();
-    const int direction = !place_.playing() ? 0 : place_.speed() > 0 ? 1 : -1;
-    if (auto tick = blocks_.tick_at(at_s, direction, place_.from_s())) shown_ = *tick;
+    const double at_s = position_.now_s();
+    const int direction = !position_.playing() ? 0 : position_.speed() > 0 ? 1 : -1;
+    if (auto tick = blocks_.tick_at(at_s, direction, position_.from_s())) shown_ = *tick;
     const bool is_deformable = is_elastic(edits_.laws.at(shown_.model_version));
     if (yields_ != nullptr) {
       constexpr double kNear_s = 0.25;
-      const double speed = place_.playing() ? std::max(1.0, std::abs(place_.speed())) : 1.0;
+      const double speed = position_.playing() ? std::max(1.0, std::abs(position_.speed())) : 1.0;
       const auto near = static_cast<std::uint32_t>(kNear_s * speed / kYieldFrame_s);
       is_deformable ? yields_->want(shown_.yield_frame, near) : yields_->want(0, 0);
     }
@@ -250,25 +250,25 @@ class Playback final : public PlaybackHost {
     const auto later = std::ranges::upper_bound(edits_.gone, shown_.model_version, {}, &Edits::Gone::version);
     if (later != edits_.gone.begin()) state.removed_mm3 = std::prev(later)->removed_mm3;
     state.nearest_mm = nearest_.at(shown_.time_s);
-    state.playback = {place_.playing(), place_.speed(), blocks_.failure()};
+    state.playback = {position_.playing(), position_.speed(), blocks_.failure()};
     return state;
   }
 
   Result<void> play(const PlayRequest& request) override {
     const std::lock_guard lock(mutex_);
-    place_.follow(request);
+    position_.follow(request);
     blocks_.try_again();
     return {};
   }
   void emergency_stop(const ViewerIdentity& /*by*/) override {
     const std::lock_guard lock(mutex_);
-    place_.stop();
+    position_.stop();
   }
 
   std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
-                                  std::size_t most) const override {
+                                  std::size_t largest) const override {
     const std::lock_guard lock(mutex_);
-    return edits_.cuts.by(version, static_cast<std::size_t>(first), most);
+    return edits_.cuts.by(version, static_cast<std::size_t>(first), largest);
   }
   std::shared_ptr<const Bricks<LabelId>> labels() const override {
     std::vector<SweepRecord> sweeps;
@@ -320,7 +320,7 @@ class Playback final : public PlaybackHost {
   const std::shared_ptr<SharedPlan> plan_;        ///< Plan shown along with the recording; may be null
 
   mutable std::mutex mutex_;  // guards the members below
-  mutable Place place_;
+  mutable PlaybackPosition position_;
   mutable TickRecord shown_;
   mutable TickBlocks blocks_;
   std::unique_ptr<PlayedYields> yields_;  // null: no tissue deforms
@@ -355,7 +355,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
 
   std::unique_ptr<PlayedTask> played;
   if (task) {
-    auto in_scene = look_up(task->task.file, *model, progress);
+    auto in_scene = resolve_task(task->task.file, *model, progress);
     if (!in_scene) return in_scene.error();
     played = std::make_unique<PlayedTask>(*task, *std::move(in_scene), *model);
   }
@@ -411,7 +411,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   scene.input = "recording";
   if (played) scene.tasks = {played->task()};
   scene.rate_hz = head.header.rate_hz;
-  for (const RecordingHead::UsedMethod& used : head.methods)
+  for (const RecordingHead::AppliedMethod& used : head.methods)
     if (used.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[used.method].name);
   for (const auto& law : kTissueLaws)
     if (check_law(*model, law.value) || edits.laws.any([&](TissueLaw any) { return any == law.value; }))

@@ -26,11 +26,11 @@ Result<void> PlayedTask::observe(const RecordingPart& part) {
     ticks_.last = tick.tick;
     end_s_ = tick.time_s;
     trace_.observe(reader_.run());
-    if (stored_.empty() || tick.time_s >= stored_.back().at_s + period_s_) keep(tick.time_s);
+    if (stored_.empty() || tick.time_s >= stored_.back().at_s + period_s_) store_moment(tick.time_s);
   });
 }
 
-void PlayedTask::keep(double time_s) {
+void PlayedTask::store_moment(double time_s) {
   stored_.push_back({time_s, viewed_run(reader_.run(), name_, kOnlyRun)});
   stored_.back().run.events.clear();
   if (stored_.size() < kMost) return;
@@ -46,7 +46,7 @@ Result<void> PlayedTask::finish(bool is_whole) {
   if (run.ticks() == 0)
     return Error{ErrorKind::kBadInput, "the recording has none of the selected ticks", "",
                  "leave out --from-tick and --to-tick, or give those of a run as printed by palpate explore"};
-  keep(end_s_);
+  store_moment(end_s_);
   trace_.finish(run);
   score_ = reader_.score(is_whole);
   FinishedRun finished{

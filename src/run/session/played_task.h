@@ -36,7 +36,7 @@ class PlayedTask {
 
  private:
   static constexpr std::size_t kMost = 20'000;
-  void keep(double time_s);
+  void store_moment(double time_s);
 
   std::string name_;
   ViewedTask viewed_;

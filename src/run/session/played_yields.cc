@@ -91,7 +91,7 @@ PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
     const auto model = touchable && !ending_ ? model_of(touchable->model_version) : nullptr;
     if (model == nullptr) return shown;
     if (solver_.frame().number + 1 != solution.number)
-      solver_.go_on(*model, solution.number - 1, index_.boxes(solution));
+      solver_.resume(*model, solution.number - 1, index_.boxes(solution));
     solver_.solve(*model, *touchable);
     if (solution.number != number) continue;
     for (std::size_t d = 0; d < kMaxDevices; ++d) shown[d] = viewed_yield(solver_, *touchable, d);

@@ -10,13 +10,12 @@ namespace palpate {
 class RateMeter {
  public:
   double observe(std::uint64_t ticks) {
-    observed_.push_back({Clock::now(), ticks});
-    while (observed_.size() > 2 && observed_.back().time - observed_[1].time >= std::chrono::seconds(1))
-      observed_.pop_front();
+    samples_.push_back({Clock::now(), ticks});
+    while (samples_.size() > 2 && samples_.back().time - samples_[1].time >= std::chrono::seconds(1))
+      samples_.pop_front();
     const double passed_s =
-        std::chrono::duration<double>(observed_.back().time - observed_.front().time).count();
-    return passed_s > 0 ? static_cast<double>(observed_.back().ticks - observed_.front().ticks) / passed_s
-                        : 0;
+        std::chrono::duration<double>(samples_.back().time - samples_.front().time).count();
+    return passed_s > 0 ? static_cast<double>(samples_.back().ticks - samples_.front().ticks) / passed_s : 0;
   }
 
  private:
@@ -25,7 +24,7 @@ class RateMeter {
     Clock::time_point time;
     std::uint64_t ticks;
   };
-  std::deque<Sight> observed_;
+  std::deque<Sight> samples_;
 };
 
 }  // namespace palpate

@@ -29,7 +29,7 @@ const char* name_of(Asker asker) {
     case Asker::kKey:
       return "key";
     case Asker::kControlViewer:
-    case Asker::kLookingViewer:
+    case Asker::kViewingViewer:
     case Asker::kAgreedViewer:
       return "viewer";
   }
@@ -106,17 +106,17 @@ void RecordingLine::observe(const RecordingEvent& event) {
 }
 
 void RecordingLine::observe(const TickRecord& tick) {
-  if (observed_ == 0) line_.begin_s = tick.time_s;
+  if (tick_count_ == 0) line_.begin_s = tick.time_s;
   line_.end_s = tick.time_s;
   for (; timed_ < events_.size() && events_[timed_].first <= tick.tick; ++timed_)
     events_[timed_].second.time_s = tick.time_s;
 
-  double& most = line_.force_N[static_cast<std::size_t>(observed_ * line_.force_N.size() / line_.ticks)];
+  double& largest = line_.force_N[static_cast<std::size_t>(tick_count_ * line_.force_N.size() / line_.ticks)];
   for (int d = 0; d < devices_; ++d) {
-    most = std::max(most, force_N(tick.device[d]));
+    largest = std::max(largest, force_N(tick.device[d]));
     observe(d, tick.device[d], tick.time_s);
   }
-  ++observed_;
+  ++tick_count_;
 }
 
 void RecordingLine::observe(int device, const DeviceTick& tick, double time_s) {
@@ -141,12 +141,12 @@ void RecordingLine::drop_short_contacts() {
   std::vector<double> lengths;
   for (const Contact& contact : contacts) lengths.push_back(length_s(contact));
   std::ranges::nth_element(lengths, lengths.begin() + kMaxContacts, std::greater());
-  const double least = lengths[kMaxContacts];
+  const double smallest = lengths[kMaxContacts];
   std::size_t equal = kMaxContacts - static_cast<std::size_t>(std::ranges::count_if(
-                                         contacts, [&](const Contact& c) { return length_s(c) > least; }));
+                                         contacts, [&](const Contact& c) { return length_s(c) > smallest; }));
   line_.contacts_left_out += contacts.size() - kMaxContacts;
   std::erase_if(contacts, [&](const Contact& contact) {
-    if (length_s(contact) != least) return length_s(contact) < least;
+    if (length_s(contact) != smallest) return length_s(contact) < smallest;
     return equal == 0 || equal-- == 0;
   });
 }

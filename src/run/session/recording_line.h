@@ -34,7 +34,7 @@ class RecordingLine {
   const int devices_;
   ViewedRecording line_;
   ViewedRecording::Contact open_[kMaxDevices];  // current contact per device; label 0: none yet
-  std::uint64_t observed_ = 0;
+  std::uint64_t tick_count_ = 0;
   std::vector<std::pair<std::uint64_t, ViewedRecording::Event>>
       events_;             // events with the tick in which they took effect
   std::size_t timed_ = 0;  // number of events whose time is set

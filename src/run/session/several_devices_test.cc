@@ -62,7 +62,7 @@ class HeldArm final : public DeviceDriver {
   }
   void halt() noexcept override {}
   void resume(std::uint64_t /*newest*/) noexcept override {}
-  std::optional<Error> trouble() const override {
+  std::optional<Error> failure() const override {
     if (!reported_.lost) return std::nullopt;
     return Error{ErrorKind::kUnavailable, "its cable is out", info_.name, "plug it in"};
   }
@@ -171,7 +171,7 @@ TEST_F(SeveralDevices, APhysicalOneOwnsTheClockAndIsNeverStifferThanIsCareful) {
   const Recording recording =
       run(options, touch(), [&](const ExploreStatus& status) { reported = status.careful_bounds; });
   EXPECT_THAT(reported, HasSubstr("the stable stiffness of held arm is unknown"));
-  EXPECT_THAT(result_->trouble.front() + result_->trouble.back(), HasSubstr("held arm"));
+  EXPECT_THAT(result_->problems.front() + result_->problems.back(), HasSubstr("held arm"));
   DeviceInfo info;
   info.rate_hz = 500;
   const CarefulBounds careful = careful_bounds(info);
@@ -207,12 +207,12 @@ TEST_F(SeveralDevices, TroubleIsToldAndTheSessionKept) {
     if (part == kWell && status.force_N > 0) {
       reported_.lost = true;
       part = kLost;
-    } else if (part == kLost && status.device_trouble && status.force_N == 0) {
-      EXPECT_EQ(status.device_trouble->message(), "held arm: its cable is out\n  plug it in");
+    } else if (part == kLost && status.device_failure && status.force_N == 0) {
+      EXPECT_EQ(status.device_failure->message(), "held arm: its cable is out\n  plug it in");
       EXPECT_TRUE(status.flags & kFlagDeviceFault);
       reported_.lost = false;
       part = kBack;
-    } else if (part == kBack && !status.device_trouble && status.force_N > 0) {
+    } else if (part == kBack && !status.device_failure && status.force_N > 0) {
       reported_gone = true;
       stop_.store(true);
     }

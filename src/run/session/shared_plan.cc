@@ -18,11 +18,11 @@ bool plans_nothing(const PlanFile& plan) {
   return plan.trajectories.empty() && plan.regions.empty() && plan.distances.empty();
 }
 
-std::array<double, 3> place_of(const Point<Patient>& point) {
+std::array<double, 3> position_of(const Point<Patient>& point) {
   return {point.x(), point.y(), point.z()};
 }
-Point<Patient> point_of(const std::array<double, 3>& place) {
-  return {place[0], place[1], place[2]};
+Point<Patient> point_of(const std::array<double, 3>& point) {
+  return {point[0], point[1], point[2]};
 }
 
 // regions refer to trajectories by index
@@ -109,9 +109,10 @@ std::shared_ptr<const ViewedPlan> SharedPlan::viewed() const {
 void SharedPlan::show() {
   auto next = std::make_shared<ViewedPlan>();
   for (const PlanTrajectory& trajectory : plan_.trajectories)
-    next->trajectories.push_back({trajectory.name, place_of(trajectory.entry), place_of(trajectory.target),
-                                  trajectory.entry_within_mm, trajectory.target_within_mm,
-                                  trajectory.angle_within_deg, trajectory.depth_within_mm});
+    next->trajectories.push_back({trajectory.name, position_of(trajectory.entry),
+                                  position_of(trajectory.target), trajectory.entry_within_mm,
+                                  trajectory.target_within_mm, trajectory.angle_within_deg,
+                                  trajectory.depth_within_mm});
   next->keep_away = keep_away_;
   next->version = viewed_ ? viewed_->version + 1 : 1;
   next->saved = plans_nothing(plan_) ? !in_file_ : plan_text(plan_) == saved_;

@@ -98,7 +98,7 @@ class CampaignSession {
   void stop();
   void rearm();
   void change();
-  void come_or_go();
+  void connect_or_disconnect();
 
   std::shared_ptr<const Model> model_;
   const bool physical_;
@@ -112,7 +112,7 @@ class CampaignSession {
   std::uint32_t greeted_ = 1, shown_ = 0;
   std::uint64_t question_ = 0;
   double height_mm_ = kFree_mm, wanted_mm_ = testing::kBoneRadius_mm - 0.7;
-  int trouble_ = 0, troubled_ticks_ = 0;
+  int failure_ = 0, troubled_ticks_ = 0;
   bool stopped_ = false;  // expected state, from the requests that were granted
 };
 
@@ -123,11 +123,11 @@ void CampaignSession::tick() {
   sample.tip = Point<Device>(height_mm_, 0, 0);
   sample.taken_ns = campaign_ns;
   if (troubled_ticks_ > 0 && troubled_ticks_-- > 0) {
-    if (trouble_ == 0) sample.fault = true;
-    if (trouble_ == 1) sample.taken_ns -= 30'000'000;
-    if (trouble_ == 2) sample.tip = Point<Device>(std::nan(""), 0, 0);
-    if (trouble_ == 3) campaign_ns += kStall_ns + 1;
-    if (trouble_ == 4) sample.tip = Point<Device>(height_mm_, 90, 0);
+    if (failure_ == 0) sample.fault = true;
+    if (failure_ == 1) sample.taken_ns -= 30'000'000;
+    if (failure_ == 2) sample.tip = Point<Device>(std::nan(""), 0, 0);
+    if (failure_ == 3) campaign_ns += kStall_ns + 1;
+    if (failure_ == 4) sample.tip = Point<Device>(height_mm_, 90, 0);
   }
   DeviceCommand command;
   loop_.update({&sample, 1}, {&command, 1});
@@ -189,7 +189,7 @@ void CampaignSession::change() {
   EXPECT_EQ(after.max_force_N, before.max_force_N);
 }
 
-void CampaignSession::come_or_go() {
+void CampaignSession::connect_or_disconnect() {
   if (viewers_.size() > 1 && below(2) == 0) {
     live_.forget(viewers_.back().identity);
     viewers_.pop_back();
@@ -211,11 +211,11 @@ void CampaignSession::act() {
     case 5:
       return live_.pause_here();
     case 6:
-      trouble_ = below(5);
+      failure_ = below(5);
       troubled_ticks_ = 1 + below(3);
       return;
     case 7:
-      return come_or_go();
+      return connect_or_disconnect();
     case 8:
       return change();
     case 9:
@@ -224,9 +224,9 @@ void CampaignSession::act() {
       question_ = live_.question().value_or(ConsentQuestion{}).number;
       return;
     case 10: {
-      const auto before = live_.take_answers().size();
+      const auto before = live_.read_answers().size();
       live_.answer_here(question_, below(2) == 0);
-      for (const LateAnswer& late : live_.take_answers()) agreed += late.outcome.ok() && before == 0;
+      for (const LateAnswer& late : live_.read_answers()) agreed += late.outcome.ok() && before == 0;
       return;
     }
     default:

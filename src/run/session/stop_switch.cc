@@ -15,7 +15,7 @@ StoppedBy stopped_by(Asker asker) {
     case Asker::kKey:
       return StoppedBy::kKey;
     case Asker::kControlViewer:
-    case Asker::kLookingViewer:
+    case Asker::kViewingViewer:
     case Asker::kAgreedViewer:
       return StoppedBy::kViewer;
   }

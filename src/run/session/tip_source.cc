@@ -34,7 +34,7 @@ class ScriptSource final : public TipSource {
   void end() override {
     if (hand_) hand_->end();
   }
-  std::vector<std::string> trouble() const override { return hand_->trouble(); }
+  std::vector<std::string> failure() const override { return hand_->failure(); }
   std::vector<TouchFigure> touches() const override { return hand_->touches(); }
 
  private:
@@ -64,24 +64,24 @@ std::vector<HoldRequest> all_touched(const Model& model) {
 }
 
 /// Tip led by a person, locally or remotely: it needs no start and is never done.
-class LedSource : public TipSource {
+class GuidedSource : public TipSource {
  public:
-  explicit LedSource(const RunSetup& setup) : requested_(all_touched(*setup.model)) {}
+  explicit GuidedSource(const RunSetup& setup) : requested_(all_touched(*setup.model)) {}
   std::vector<HoldRequest> requested() const override { return requested_; }
   Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/, ScriptEdits /*edits*/) override { return {}; }
   bool done() const override { return false; }
   double progress() const override { return 0; }
   void end() override {}
-  std::vector<std::string> trouble() const override { return {}; }
+  std::vector<std::string> failure() const override { return {}; }
   std::vector<TouchFigure> touches() const override { return {}; }
 
  private:
   const std::vector<HoldRequest> requested_;
 };
 
-class PointerSource final : public LedSource {
+class PointerSource final : public GuidedSource {
  public:
-  explicit PointerSource(const RunSetup& setup) : LedSource(setup), driver_(resting_above(setup)) {}
+  explicit PointerSource(const RunSetup& setup) : GuidedSource(setup), driver_(resting_above(setup)) {}
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "pointer"; }
   std::string devices() const override { return kPointer; }
@@ -106,10 +106,10 @@ class PointerSource final : public LedSource {
 };
 
 /// Physical device held by an operator.
-class DeviceSource final : public LedSource {
+class DeviceSource final : public GuidedSource {
  public:
   DeviceSource(const RunSetup& setup, std::string name, std::unique_ptr<DeviceDriver> driver)
-      : LedSource(setup), name_(std::move(name)), driver_(std::move(driver)) {}
+      : GuidedSource(setup), name_(std::move(name)), driver_(std::move(driver)) {}
   DeviceDriver& driver() override { return *driver_; }
   const char* name() const override { return "device"; }
   std::string devices() const override { return name_; }
@@ -145,7 +145,7 @@ class CombinedSources final : public TipSource {
   bool done() const override { return sources_[0]->done(); }
   double progress() const override { return sources_[0]->progress(); }
   void end() override { sources_[0]->end(); }
-  std::vector<std::string> trouble() const override { return sources_[0]->trouble(); }
+  std::vector<std::string> failure() const override { return sources_[0]->failure(); }
   std::vector<TouchFigure> touches() const override { return sources_[0]->touches(); }
 
  private:
@@ -155,9 +155,9 @@ class CombinedSources final : public TipSource {
     return drivers;
   }
   const TipSource& leader() const {
-    const auto led =
+    const auto guided =
         std::ranges::find_if(sources_, [](const auto& each) { return each->pointer() != nullptr; });
-    return led == sources_.end() ? *sources_[0] : **led;
+    return guided == sources_.end() ? *sources_[0] : **guided;
   }
 
   const std::vector<std::unique_ptr<TipSource>> sources_;
@@ -198,7 +198,7 @@ void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& opt
     if (!options.run.max_force_N && info.continuous_force_N)
       setup.parameters.max_force_N = std::min(setup.parameters.max_force_N, *info.continuous_force_N);
     if (const std::string careful = careful_bound_message(info); !careful.empty()) {
-      setup.trouble.push_back(careful);
+      setup.problems.push_back(careful);
       reported += (reported.empty() ? "" : "\n") + careful;
     }
   }

@@ -49,7 +49,7 @@ Training::Training(TrainingOptions options, std::vector<TaskInScene> in_scene, s
   lesson_.learner = options_.learner;
   for (const TaskInScene& task : in_scene_)
     if (task.plan) removed_ = task.plan->untouched;
-  keeper_ = std::thread([this] { keep(); });
+  recorder_thread_ = std::thread([this] { run_recorder(); });
 }
 
 Result<std::unique_ptr<Training>> Training::start(const TrainingOptions& options, const Model& model,
@@ -60,7 +60,7 @@ Result<std::unique_ptr<Training>> Training::start(const TrainingOptions& options
   std::vector<ViewedTask> viewed;
   for (const OfferedTask& offered : options.tasks) {
     auto found = offered.file.scope && devices < 2 ? Result<TaskInScene>(lacks_scope(offered.file))
-                                                   : look_up(offered.file, model, progress);
+                                                   : resolve_task(offered.file, model, progress);
     if (!found && (options.have_to_fit || found.error().kind == ErrorKind::kInterrupted))
       return found.error();
     if (!found) continue;
@@ -90,12 +90,12 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
   if (found == options_.tasks.end())
     return Error{ErrorKind::kBadInput, "this session has no task with that name", "begin",
                  "choose a task of the scene's list"};
-  const auto place = static_cast<std::size_t>(found - options_.tasks.begin());
+  const auto index = static_cast<std::size_t>(found - options_.tasks.begin());
   // allocate and copy the patches before locking, so that the recorder's thread does not wait for it
-  auto live = std::make_unique<Live>(Live{place,
+  auto live = std::make_unique<Live>(Live{index,
                                           0,
-                                          TaskEvaluator(in_scene_[place]),
-                                          RunTrace(in_scene_[place].forces.size()),
+                                          TaskEvaluator(in_scene_[index]),
+                                          RunTrace(in_scene_[index].forces.size()),
                                           {0, 0},
                                           RecordingSummary{}.run_hash,
                                           learner});
@@ -110,7 +110,7 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
     return cannot_train("the teacher has chosen another task", "begin",
                         "start that one, or ask a teacher for this one");
   if (learner.empty()) live->learner = lesson_.learner;
-  if (in_scene_[place].plan) {
+  if (in_scene_[index].plan) {
     if (!removed_->removed().by_label_mm3().empty())
       return cannot_train("tissue has already been removed", "begin",
                           "undo the strokes, or start a new session");
@@ -118,7 +118,7 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
   }
   if (tip_holder_) note_holder(*tip_holder_, *live);
   live->number = ++runs_;
-  last_task_ = place;
+  last_task_ = index;
   debriefing_ = nullptr;
   live_ = std::move(live);
   return {};
@@ -134,15 +134,15 @@ void Training::set_tip_holder(const std::optional<ViewerIdentity>& holder) {
 // a viewer without a pseudonym that does not teach acts for the learner of the session
 void Training::note_holder(const ViewerIdentity& holder, Live& live) {
   const bool is_other = holder.teaches || (!holder.learner.empty() && holder.learner != live.learner);
-  (is_other ? live.was_held_by_others : live.was_held) = true;
+  (is_other ? live.was_driven_by_others : live.was_driven) = true;
 }
 
 // Reason why a run is not its learner's own; empty: it is. With the mutex locked.
 std::optional<Error> Training::not_own(const Live& live) const {
-  if (!viewers_move_tip_ || (live.was_held && !live.was_held_by_others)) return {};
-  return cannot_train(live.was_held             ? "somebody else held the tip during a part of the run"
-                      : live.was_held_by_others ? "somebody else held the tip during the run"
-                                                : "nobody held the tip during the run",
+  if (!viewers_move_tip_ || (live.was_driven && !live.was_driven_by_others)) return {};
+  return cannot_train(live.was_driven             ? "somebody else held the tip during a part of the run"
+                      : live.was_driven_by_others ? "somebody else held the tip during the run"
+                                                  : "nobody held the tip during the run",
                       "", "only a run whose learner alone held the tip is saved");
 }
 
@@ -197,15 +197,15 @@ void Training::observe(const TickRecord& tick, std::span<const RecordingEvent> e
     if (!live_) return;
     Live& live = *live_;
     if (live.evaluator.ticks() == 0) live.ticks.first = tick.tick;
-    if (!live.evaluator.observe(tick)) return over(RunEnd::kTrouble);
+    if (!live.evaluator.observe(tick)) return over(RunEnd::kFailure);
     live.ticks.last = tick.tick;
     live.run_hash = mix_run_hash(live.run_hash, tick.state_hash);
     live.trace.observe(live.evaluator);
     if (live.evaluator.ended()) over(RunEnd::kTask);
   } catch (const std::exception&) {
-    // Out of memory: the run ends with kTrouble, or is dropped if even that fails.
+    // Out of memory: the run ends with kFailure, or is dropped if even that fails.
     try {
-      if (live_) over(RunEnd::kTrouble);
+      if (live_) over(RunEnd::kFailure);
     } catch (const std::exception&) {
       live_ = nullptr;
     }
@@ -222,7 +222,7 @@ void Training::over(RunEnd end) {
   run.end = end;
   run.learner = live_->learner;
   run.score = live_->evaluator.score(false);
-  if (end == RunEnd::kTrouble) run.score.in_band = false;
+  if (end == RunEnd::kFailure) run.score.in_band = false;
   run.ticks = live_->ticks;
   run.run_hash = live_->run_hash;
   run.header = header_;
@@ -240,7 +240,7 @@ void Training::over(RunEnd end) {
   changed_.notify_all();
 }
 
-void Training::keep() {
+void Training::run_recorder() {
   std::unique_lock lock(mutex_);
   while (true) {
     changed_.wait(lock, [this] { return ending_ || !over_.empty(); });
@@ -267,7 +267,7 @@ void Training::keep() {
       } else {
         const RunHistory history = options_.over(task, over.run);
         if (history.runs > 0) finished.history = history;
-        finished.history.kept = history.kept;
+        finished.history.run_id = history.run_id;
         finished.history.not_stored = history.not_stored;
       }
     } catch (const std::exception& why) {
@@ -302,7 +302,7 @@ void Training::end() {
     ending_ = true;
   }
   changed_.notify_all();
-  if (keeper_.joinable()) keeper_.join();
+  if (recorder_thread_.joinable()) recorder_thread_.join();
 }
 
 // ---- state published to viewers

@@ -25,7 +25,7 @@ class Training {
   /// Looks the tasks up in the scene.
   /// @param model  with its surfaces
   /// @param devices  number of devices of the session: a task with a scope needs two
-  /// Errors: those of look_up(), if the tasks have to fit; kInterrupted.
+  /// Errors: those of resolve_task(), if the tasks have to fit; kInterrupted.
   static Result<std::unique_ptr<Training>> start(const TrainingOptions& options, const Model& model,
                                                  std::size_t devices, const Progress& progress);
   ~Training() { end(); }
@@ -76,14 +76,14 @@ class Training {
     TickRange ticks{0, 0};
     std::uint64_t run_hash;
     std::string learner;
-    bool was_held = false, was_held_by_others = false;  ///< Whether viewers held the tip during the run
+    bool was_driven = false, was_driven_by_others = false;  ///< Whether viewers held the tip during the run
   };
 
   Training(TrainingOptions options, std::vector<TaskInScene> in_scene, std::vector<ViewedTask> viewed);
   void over(RunEnd end);
   ViewedTraining seen(const Live& live) const;
   bool keeps(const std::string& learner) const { return options_.over && !learner.empty(); }
-  void keep();
+  void run_recorder();
   static void note_holder(const ViewerIdentity& holder, Live& live);
   std::optional<Error> not_own(const Live& live) const;
 
@@ -91,7 +91,7 @@ class Training {
   std::vector<TaskInScene> in_scene_;
   std::vector<ViewedTask> viewed_;
 
-  mutable std::mutex mutex_;  // guards the members below, except keeper_
+  mutable std::mutex mutex_;  // guards the members below, except recorder_thread_
   std::condition_variable changed_;
   std::shared_ptr<const RecordingHeader> header_;
   std::optional<RemovalFollower> removed_;  // removed volume; set if a task has a plan
@@ -110,7 +110,7 @@ class Training {
   ViewedTraining state_;  // state while no run is under way
   std::shared_ptr<const ViewedDebriefing> debriefing_;
   std::vector<FinishedRun> finished_;
-  std::thread keeper_;
+  std::thread recorder_thread_;
 };
 
 }  // namespace palpate

@@ -126,7 +126,7 @@ class LiveTask : public ::testing::Test {
     constexpr std::array kProxyAlone = {ForceMethod::kProxy};
     const auto model = ready_for(loaded_.model, kProxyAlone);
     PALPATE_CHECK(model.ok());
-    const auto in_scene = look_up(task, **model);
+    const auto in_scene = resolve_task(task, **model);
     const auto recording = RecordingSource::open(file_);
     PALPATE_CHECK(in_scene.ok() && recording.ok());
     const auto score = score_recording(*in_scene, *recording, {}, range);
@@ -353,7 +353,7 @@ TEST_F(HandMade, AClockThatGoesBackEndsIt) {
   ASSERT_TRUE(training->begin("ball").ok());
   for (const std::uint64_t n : {5u, 6u, 3u, 7u}) training->observe(tick(n, 0.4));
   wait_until_stored(*training);
-  EXPECT_EQ(training->finished()[0].run.end, RunEnd::kTrouble);
+  EXPECT_EQ(training->finished()[0].run.end, RunEnd::kFailure);
   EXPECT_FALSE(training->finished()[0].run.score.in_band);
   EXPECT_EQ(training->finished()[0].run.ticks.last, 6u);
 }
@@ -386,10 +386,10 @@ TEST_F(HandMade, WhatIsLongIsTracedByFewSamplesWithEveryPeak) {
 TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   TrainingOptions options;
   std::vector<std::uint32_t> stored;
-  std::atomic<bool> may_go{true};
+  std::atomic<bool> may_proceed{true};
   options.learner = "L042";
   options.over = [&](const TaskFile& task, const TaskRun& run) {
-    while (!may_go.load()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    while (!may_proceed.load()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     stored.push_back(run.number);
     RunHistory history;
     // the second run could not be stored
@@ -398,7 +398,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
       return history;
     }
     history.runs = 7;
-    history.kept = 41;
+    history.run_id = 41;
     history.best.assign(task.metrics.size(), 0.5);
     return history;
   };
@@ -409,14 +409,14 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
     for (const std::uint64_t end = n + 400; n < end; ++n) training->observe(tick(n, force_N));
     ASSERT_TRUE(training->end_run().ok());
   };
-  may_go = false;
+  may_proceed = false;
   do_run(0.4);
   EXPECT_EQ(training->state().phase, Phase::kKeeping);
   EXPECT_THAT(training->begin("ball").error().message(), HasSubstr("still being stored"));
-  may_go = true;
+  may_proceed = true;
   wait_until_stored(*training);
   EXPECT_EQ(training->debriefing()->runs, 7);
-  EXPECT_EQ(training->debriefing()->kept, 41);
+  EXPECT_EQ(training->debriefing()->run_id, 41);
   EXPECT_EQ(training->debriefing()->metrics[0].best, 0.5);
   do_run(0.3);
   wait_until_stored(*training);
@@ -453,7 +453,7 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   };
   // a run without a learner is not stored, and every learner has a separate history
   do_run("");
-  EXPECT_FALSE(training->debriefing()->kept);
+  EXPECT_FALSE(training->debriefing()->run_id);
   EXPECT_FALSE(training->state().keeps);
   do_run("L007");
   EXPECT_EQ(training->debriefing()->learner, "L007");
@@ -484,7 +484,7 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
     stored.push_back(run.number);
     RunHistory history;
     history.runs = 1;
-    history.kept = 7;
+    history.run_id = 7;
     history.best.assign(task.metrics.size(), kNotKnown);
     return history;
   };
@@ -506,7 +506,7 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
     EXPECT_TRUE(training->end_run().ok());
     wait_until_stored(*training);
     const RunHistory history = training->finished().back().history;
-    EXPECT_EQ(history.kept.has_value(), !history.not_stored);
+    EXPECT_EQ(history.run_id.has_value(), !history.not_stored);
     return history.not_stored ? history.not_stored->what : std::string();
   };
   const ViewerIdentity own{1, true, "L042"}, other{2, true, "L007"}, teacher{3, true, "", true},
@@ -521,11 +521,11 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
   EXPECT_EQ(refusal_of({at_the_desk}), "") << "who has no token of a learner acts for the session's";
   EXPECT_EQ(stored.size(), 3u);
   // a session whose tip no viewer moves stores every run
-  const auto led_by_device = this->training(options);
-  EXPECT_TRUE(led_by_device->begin("ball").ok());
-  led_by_device->observe(tick(0, 0.4));
-  EXPECT_TRUE(led_by_device->end_run().ok());
-  wait_until_stored(*led_by_device);
+  const auto guided_by_device = this->training(options);
+  EXPECT_TRUE(guided_by_device->begin("ball").ok());
+  guided_by_device->observe(tick(0, 0.4));
+  EXPECT_TRUE(guided_by_device->end_run().ok());
+  wait_until_stored(*guided_by_device);
   EXPECT_EQ(stored.size(), 4u);
 }
 

@@ -65,7 +65,7 @@ class TwoToolsRun : public ::testing::Test {
     EXPECT_TRUE(finished_cuts(state.hands[0].burr, 0).empty());
     const std::vector<Cut> cuts = finished_cuts(state.hands[1].burr, 1);
     if (cuts.empty()) return model;
-    const auto next = carved_by(*model, cuts)->taken_from(*model);
+    const auto next = carved_by(*model, cuts)->applied_to(*model);
     for (const Cut& each : cuts) events_.push_back(sweep_event(each, next->version));
     RecordingEvent& version = events_.emplace_back();
     version.number = next->version;

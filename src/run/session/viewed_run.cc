@@ -40,7 +40,7 @@ const char* end_text(RunEnd end) {
       return "asked";
     case RunEnd::kSession:
       return "session";
-    case RunEnd::kTrouble:
+    case RunEnd::kFailure:
       return "trouble";
   }
   return "";
@@ -219,11 +219,11 @@ ViewedDebriefing debriefed(const TaskEvaluator& evaluator, const RunTrace& trace
     debriefing.patches.push_back({numbers_of(patches[n].middle_mm), patches[n].covered});
   debriefing.patches_left_out = patches.size() - debriefing.patches.size();
 
-  if (const auto answer = evaluator.answer()) debriefing.answer_mm = numbers_of(answer->place_mm);
+  if (const auto answer = evaluator.answer()) debriefing.answer_mm = numbers_of(answer->position_mm);
   if (const auto& middle = evaluator.task().answer_mm) debriefing.to_find_mm = numbers_of(*middle);
   debriefing.runs = finished.history.runs;
   debriefing.in_a_row = finished.history.in_a_row;
-  debriefing.kept = finished.history.kept;
+  debriefing.run_id = finished.history.run_id;
   debriefing.not_stored = finished.history.not_stored;
   return debriefing;
 }

@@ -15,8 +15,8 @@ constexpr std::array kCaveatKinds{Word<CaveatKind>{CaveatKind::kPlacement, "plac
                                   Word<CaveatKind>{CaveatKind::kForce, "force"}};
 
 // declared modality; if unknown, inferred from the scan's values
-Modality modality_of(Modality stated, const Volume<float>* scan) {
-  if (stated != Modality::kUnknown || !scan) return stated;
+Modality modality_of(Modality declared, const Volume<float>* scan) {
+  if (declared != Modality::kUnknown || !scan) return declared;
   const auto& voxels = scan->voxels();
   const bool air = std::any_of(voxels.begin(), voxels.end(), [](float v) { return v <= kOnlyHounsfield; });
   return air ? Modality::kCt : Modality::kUnknown;
@@ -52,8 +52,8 @@ const char* name_of(Protection protection) {
   return protection == Protection::kKeep ? "keep" : protection == Protection::kAlarm ? "alarm" : "none";
 }
 
-std::array<double, 3> coordinates_of(const auto& place) {
-  return {place.x(), place.y(), place.z()};
+std::array<double, 3> coordinates_of(const auto& point) {
+  return {point.x(), point.y(), point.z()};
 }
 
 ViewedTool viewed_tool(const Tool& tool) {
@@ -72,23 +72,23 @@ ViewedTool viewed_tool(const Tool& tool) {
 
 ViewedNoGo viewed_no_go(const NoGoRegion& region) {
   ViewedNoGo viewed{region.name, region.keep_away_mm, {}};
-  if (const auto* structure = std::get_if<NoGoStructure>(&region.place)) viewed.place = structure->label;
-  if (const auto* plane = std::get_if<NoGoPlane>(&region.place))
-    viewed.place = ViewedNoGo::Plane{coordinates_of(plane->point), coordinates_of(plane->outward)};
-  if (const auto* ball = std::get_if<NoGoSphere>(&region.place))
-    viewed.place = ViewedNoGo::Ball{coordinates_of(ball->centre), ball->radius_mm};
+  if (const auto* structure = std::get_if<NoGoStructure>(&region.shape)) viewed.shape = structure->label;
+  if (const auto* plane = std::get_if<NoGoPlane>(&region.shape))
+    viewed.shape = ViewedNoGo::Plane{coordinates_of(plane->point), coordinates_of(plane->outward)};
+  if (const auto* ball = std::get_if<NoGoSphere>(&region.shape))
+    viewed.shape = ViewedNoGo::Ball{coordinates_of(ball->centre), ball->radius_mm};
   return viewed;
 }
 
 }  // namespace
 
-ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality stated) {
+ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality declared) {
   ViewedScene scene;
   scene.side = name_of(model.side, kSides);
   scene.oriented = model.oriented;
   for (const Caveat& caveat : model.caveats)
     scene.caveats.push_back({std::string(name_of(caveat.kind, kCaveatKinds)), caveat.text});
-  scene.modality = name_of(modality_of(stated, model.scan.get()), kModalities);
+  scene.modality = name_of(modality_of(declared, model.scan.get()), kModalities);
   scene.content_hash = hash_of_voxels(model);
   scene.scan = model.scan;
   scene.labels = model.labels;

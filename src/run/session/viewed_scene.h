@@ -9,8 +9,8 @@ namespace palpate {
 /// Model data as published to viewers: volumes, structures, tissues, tools. Fields about devices and
 /// permitted changes keep their defaults.
 /// @param devices  number of devices of the session, at least one: each has its tool
-/// @param stated  modality that the scene declares; if unknown, it is inferred from the scan's values
-ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality stated);
+/// @param declared  modality that the scene declares; if unknown, it is inferred from the scan's values
+ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality declared);
 
 /// Tissue settings of a model.
 std::vector<ContactProperties> viewed_tissues(const Model& model);

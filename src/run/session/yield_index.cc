@@ -62,11 +62,11 @@ const Model& YieldIndex::model_of(std::uint32_t version) {
   return *other_;
 }
 
-std::span<const YieldIndex::Solution> YieldIndex::up_to(std::uint32_t number, std::size_t most) const {
+std::span<const YieldIndex::Solution> YieldIndex::up_to(std::uint32_t number, std::size_t largest) const {
   const auto found = std::ranges::lower_bound(solutions_, number, {}, &Solution::number);
   if (found == solutions_.end() || found->number != number) return {};
   const std::size_t last = static_cast<std::size_t>(found - solutions_.begin()) + 1;
-  const std::size_t first = last - std::min(last, most + 1);
+  const std::size_t first = last - std::min(last, largest + 1);
   return std::span(solutions_).subspan(first, last - first);
 }
 

@@ -37,9 +37,9 @@ class YieldIndex {
   void observe(const RecordingPart& part, std::uint64_t row);
 
   bool empty() const { return solutions_.empty(); }
-  /// Solution `number` and up to `most` solutions before it; empty if that solution is not indexed or its
+  /// Solution `number` and up to `largest` solutions before it; empty if that solution is not indexed or its
   /// input tick is missing.
-  std::span<const Solution> up_to(std::uint32_t number, std::size_t most) const;
+  std::span<const Solution> up_to(std::uint32_t number, std::size_t largest) const;
   /// Solver boxes of a solution, per device.
   const Boxes& boxes(const Solution& solution) const { return boxes_[solution.boxes]; }
 

@@ -49,7 +49,7 @@ class YieldRun : public ::testing::Test {
   void simulate_it() {
     const auto simulated = simulate(loaded_, palpating(), {}, folder_ / "run.h5");
     ASSERT_TRUE(simulated.ok()) << simulated.error().message();
-    EXPECT_THAT(simulated->trouble, ::testing::IsEmpty());
+    EXPECT_THAT(simulated->problems, ::testing::IsEmpty());
     auto read = read_recording(folder_ / "run.h5");
     ASSERT_TRUE(read.ok()) << read.error().message();
     recording_ = *std::move(read);
@@ -160,12 +160,12 @@ class YieldRun : public ::testing::Test {
 
 TEST_F(YieldRun, AHandHoldsWhatItWasAskedForAndTheTissueGivesWay) {
   simulate_it();
-  double deepest_mm = 0, held_N = 0;
+  double deepest_mm = 0, sustained_N = 0;
   for (const TickRecord& tick : recording_.ticks) {
     deepest_mm = std::max(deepest_mm, tick.device[0].label != 0 ? tick.device[0].depth_mm : 0);
-    held_N = std::max(held_N, tick.device[0].unclamped_force_N);
+    sustained_N = std::max(sustained_N, tick.device[0].unclamped_force_N);
   }
-  EXPECT_GT(held_N, 0.5);
+  EXPECT_GT(sustained_N, 0.5);
   // 8 mm on bone are stiffer than a layer of the scene's 0.75 N/mm would be
   EXPECT_GT(deepest_mm, 1.5);
   EXPECT_LT(deepest_mm, 8);
@@ -214,7 +214,7 @@ TEST_P(RelaxingRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays)
   ASSERT_TRUE(script.ok()) << script.error().message();
   const auto simulated = simulate(loaded, *script, {}, folder_ / "held.h5");
   ASSERT_TRUE(simulated.ok()) << simulated.error().message();
-  EXPECT_THAT(simulated->trouble, ::testing::IsEmpty());
+  EXPECT_THAT(simulated->problems, ::testing::IsEmpty());
   auto read = read_recording(folder_ / "held.h5");
   ASSERT_TRUE(read.ok()) << read.error().message();
   recording_ = *std::move(read);
@@ -325,7 +325,7 @@ TEST_F(YieldRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
           .value();
   const auto simulated = simulate(loaded_, changing, {}, folder_ / "run.h5");
   ASSERT_TRUE(simulated.ok()) << simulated.error().message();
-  EXPECT_THAT(simulated->trouble, ::testing::IsEmpty());
+  EXPECT_THAT(simulated->problems, ::testing::IsEmpty());
   recording_ = read_recording(folder_ / "run.h5").value();
   std::vector<TissueLaw> laws;
   for (const RecordingEvent& event : recording_.events)
@@ -339,16 +339,16 @@ TEST_F(YieldRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
   };
   constexpr std::size_t kBlending = 200;
   double changing_N = 0;
-  std::array<double, 3> give_mm_per_N{};  // compliance after each law was held for a while; mm/N
+  std::array<double, 3> compliance_mm_per_N{};  // compliance after each law was held for a while; mm/N
   for (std::size_t n = 1; n < ticks.size(); ++n) {
     const double step_N = std::abs(force_N(ticks[n]) - force_N(ticks[n - 1]));
     const bool is_changing = n > kBlending && ticks[n].model_version != ticks[n - kBlending].model_version;
     if (is_changing) changing_N = std::max(changing_N, step_N);
     if (ticks[n].device[0].label != 0 && ticks[n].model_version <= 3 && force_N(ticks[n]) > 0.6)
-      give_mm_per_N[ticks[n].model_version - 1] = ticks[n].device[0].depth_mm / force_N(ticks[n]);
+      compliance_mm_per_N[ticks[n].model_version - 1] = ticks[n].device[0].depth_mm / force_N(ticks[n]);
   }
   EXPECT_LT(changing_N, 0.04);
-  EXPECT_LT(give_mm_per_N[1], 0.995 * give_mm_per_N[0]) << "squeezed onto the bone it is stiffer";
+  EXPECT_LT(compliance_mm_per_N[1], 0.995 * compliance_mm_per_N[0]) << "squeezed onto the bone it is stiffer";
 
   const auto result = replay(recording_, loaded_.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
@@ -368,7 +368,7 @@ TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
           .value();
   const auto simulated = simulate(layers, changing, {}, folder_ / "run.h5");
   ASSERT_TRUE(simulated.ok()) << simulated.error().message();
-  EXPECT_THAT(simulated->trouble, ::testing::IsEmpty());
+  EXPECT_THAT(simulated->problems, ::testing::IsEmpty());
   recording_ = read_recording(folder_ / "run.h5").value();
   LawHistory laws(TissueLaw::kLayers);
   for (const RecordingEvent& event : recording_.events)
@@ -562,13 +562,13 @@ TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   simulate_it();
   // synthetic cut: beside the tool in the middle of the run, undone near its end
   const std::size_t half = recording_.ticks.size() / 2, late = 9 * recording_.ticks.size() / 10;
-  const auto& place = recording_.ticks[half].device[0].contact_patient_mm;
+  const auto& point = recording_.ticks[half].device[0].contact_patient_mm;
   RecordingEvent sweep, cut, undo;
   sweep.kind = EventKind::kSweep;
   sweep.tick = cut.tick = recording_.ticks[half].tick;
   sweep.number = cut.number = cut.change.version = 2;
-  sweep.sweep.from_mm = {place[0], place[1] + 8, place[2] - 2};
-  sweep.sweep.to_mm = {place[0] + 1, place[1] + 8, place[2] - 2};
+  sweep.sweep.from_mm = {point[0], point[1] + 8, point[2] - 2};
+  sweep.sweep.to_mm = {point[0] + 1, point[1] + 8, point[2] - 2};
   sweep.sweep.radius_mm = 3;
   cut.change.tissue = ModelChange::kCut;
   undo.tick = recording_.ticks[late].tick;

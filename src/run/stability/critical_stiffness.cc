@@ -20,36 +20,39 @@ constexpr int kCoarse = 4;  // steps at a time until the first failure
 constexpr double kStartOfTheory = 0.25;
 constexpr double kSoftest_N_per_mm = 1e-3;
 
-using Fails = bool (*)(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s);
+using Fails = bool (*)(const StabilityCase& stability_case, double stiffness_N_per_mm, double impact_m_s);
 
-std::optional<Error> fault_of(const StabilityCase& held) {
+std::optional<Error> fault_of(const StabilityCase& stability_case) {
   const auto bad = [](const std::string& what, const std::string& remedy) {
     return Error{ErrorKind::kBadInput, what, "", remedy};
   };
   // written such that NaN is out of range
-  if (!(held.rate_hz >= kSlowest_hz && held.rate_hz <= kFastest_hz))
+  if (!(stability_case.rate_hz >= kSlowest_hz && stability_case.rate_hz <= kFastest_hz))
     return bad("the stiffness cannot be determined at this rate", "choose from 100 to 20000 Hz");
-  if (!(held.delay_s >= 0 && held.delay_s <= SimulatedDevice::kMaxDelay_s))
+  if (!(stability_case.delay_s >= 0 && stability_case.delay_s <= SimulatedDevice::kMaxDelay_s))
     return bad("the stiffness cannot be determined with this delay", "choose from 0 to 20 ms");
-  if (!(held.device.mass_kg + held.hand.mass_kg > 0))
+  if (!(stability_case.device.mass_kg + stability_case.hand.mass_kg > 0))
     return bad("device and hand have no mass", "give at least one of them a mass");
-  if (!(held.hand.stiffness_N_per_m > 0))
-    return bad("the hand '" + held.hand.name + "' has no stiffness", "give it a stiffness");
-  if (!(held.device.encoder_step_m > 0))
-    return bad("the device '" + held.device.name + "' has no encoder step to measure a limit cycle by",
-               "give it one");
+  if (!(stability_case.hand.stiffness_N_per_m > 0))
+    return bad("the hand '" + stability_case.hand.name + "' has no stiffness", "give it a stiffness");
+  if (!(stability_case.device.encoder_step_m > 0))
+    return bad(
+        "the device '" + stability_case.device.name + "' has no encoder step to measure a limit cycle by",
+        "give it one");
   return std::nullopt;
 }
 
 // coarse steps upwards until an impact fails, then fine steps from the last stable value
-Result<double> stiffest_before(Fails fails, const StabilityCase& held, const Progress& progress) {
-  if (const auto fault = fault_of(held)) return *fault;
+Result<double> stiffest_before(Fails fails, const StabilityCase& stability_case, const Progress& progress) {
+  if (const auto fault = fault_of(stability_case)) return *fault;
   const auto any_fails = [&](double stiffness_N_per_mm) {
-    return std::any_of(std::begin(kImpacts_m_s), std::end(kImpacts_m_s),
-                       [&](double impact_m_s) { return fails(held, stiffness_N_per_mm, impact_m_s); });
+    return std::any_of(std::begin(kImpacts_m_s), std::end(kImpacts_m_s), [&](double impact_m_s) {
+      return fails(stability_case, stiffness_N_per_mm, impact_m_s);
+    });
   };
   const double theory = theoretical_stiffness_N_per_mm(
-      held.device.damping_N_s_per_m + held.hand.damping_N_s_per_m, held.rate_hz, held.delay_s);
+      stability_case.device.damping_N_s_per_m + stability_case.hand.damping_N_s_per_m, stability_case.rate_hz,
+      stability_case.delay_s);
   double stiffness = std::clamp(kStartOfTheory * theory, kSoftest_N_per_mm, kStiffestWall_N_per_mm);
   while (any_fails(stiffness)) {
     if (progress.stopped()) return Progress::interrupted();
@@ -67,12 +70,12 @@ Result<double> stiffest_before(Fails fails, const StabilityCase& held, const Pro
 
 }  // namespace
 
-Result<double> critical_stiffness_N_per_mm(const StabilityCase& held, const Progress& progress) {
-  return stiffest_before(has_limit_cycle, held, progress);
+Result<double> critical_stiffness_N_per_mm(const StabilityCase& stability_case, const Progress& progress) {
+  return stiffest_before(has_limit_cycle, stability_case, progress);
 }
 
-Result<double> settling_stiffness_N_per_mm(const StabilityCase& held, const Progress& progress) {
-  return stiffest_before(oscillates_after_a_second, held, progress);
+Result<double> settling_stiffness_N_per_mm(const StabilityCase& stability_case, const Progress& progress) {
+  return stiffest_before(oscillates_after_a_second, stability_case, progress);
 }
 
 double passivity_bound_N_per_mm(const PlantDevice& device, double rate_hz) {
@@ -99,13 +102,13 @@ const std::vector<PlantHand>& recommending_grips() {
 
 Result<double> recommended_stiffness_N_per_mm(const PlantDevice& device, double rate_hz, double delay_s,
                                               const Progress& progress) {
-  double least = kStiffestWall_N_per_mm;
+  double smallest = kStiffestWall_N_per_mm;
   for (const PlantHand& grip : recommending_grips()) {
     const auto critical = critical_stiffness_N_per_mm({device, grip, rate_hz, delay_s}, progress);
     if (!critical) return critical;
-    least = std::min(least, *critical);
+    smallest = std::min(smallest, *critical);
   }
-  return kStiffnessMargin * least;
+  return kStiffnessMargin * smallest;
 }
 
 }  // namespace palpate

@@ -23,11 +23,11 @@ double accelerated_path_s(double t_s) {
 
 }  // namespace
 
-WallHold::WallHold(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s)
-    : dt_s_(1 / held.rate_hz),
+WallHold::WallHold(const StabilityCase& stability_case, double stiffness_N_per_mm, double impact_m_s)
+    : dt_s_(1 / stability_case.rate_hz),
       stiffness_N_per_mm_(stiffness_N_per_mm),
-      device_(held.device, held.hand, held.delay_s) {
-  const double hand_N_per_mm = held.hand.stiffness_N_per_m * 1e-3;
+      device_(stability_case.device, stability_case.hand, stability_case.delay_s) {
+  const double hand_N_per_mm = stability_case.hand.stiffness_N_per_m * 1e-3;
   const double depth_mm = kHold_N / stiffness_N_per_mm + kHold_N / hand_N_per_mm;
   const double speed_mm_s = impact_m_s > 0 ? impact_m_s * 1e3 : depth_mm / kPress_s;
   const double start_mm = impact_m_s > 0 ? speed_mm_s * accelerated_path_s(kSpeedUp_s + kEven_s) : 0;
@@ -61,9 +61,9 @@ double WallHold::next_amplitude_mm() {
   return high_mm - low_mm;
 }
 
-bool has_limit_cycle(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s) {
-  const double quiet_mm = 2 * held.device.encoder_step_m * 1e3;
-  WallHold hold(held, stiffness_N_per_mm, impact_m_s);
+bool has_limit_cycle(const StabilityCase& stability_case, double stiffness_N_per_mm, double impact_m_s) {
+  const double quiet_mm = 2 * stability_case.device.encoder_step_m * 1e3;
+  WallHold hold(stability_case, stiffness_N_per_mm, impact_m_s);
   double swing_mm = hold.next_amplitude_mm();
   for (int second = 2; second <= kLongestHold_s; ++second) {
     const double before_mm = swing_mm;
@@ -74,10 +74,11 @@ bool has_limit_cycle(const StabilityCase& held, double stiffness_N_per_mm, doubl
   return true;
 }
 
-bool oscillates_after_a_second(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s) {
-  WallHold hold(held, stiffness_N_per_mm, impact_m_s);
+bool oscillates_after_a_second(const StabilityCase& stability_case, double stiffness_N_per_mm,
+                               double impact_m_s) {
+  WallHold hold(stability_case, stiffness_N_per_mm, impact_m_s);
   hold.next_amplitude_mm();
-  return hold.next_amplitude_mm() > 2 * held.device.encoder_step_m * 1e3;
+  return hold.next_amplitude_mm() > 2 * stability_case.device.encoder_step_m * 1e3;
 }
 
 }  // namespace palpate

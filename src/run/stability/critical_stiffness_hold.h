@@ -11,7 +11,7 @@ namespace palpate {
 class WallHold {
  public:
   /// @param impact_m_s  0: the tip rests on the surface and the hand begins to press
-  WallHold(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s);
+  WallHold(const StabilityCase& stability_case, double stiffness_N_per_mm, double impact_m_s);
 
   /// Simulates another second; returns the true tip's peak-to-peak amplitude in it.
   double next_amplitude_mm();
@@ -31,8 +31,9 @@ inline constexpr int kLongestHold_s = 10;
 
 /// Whether the amplitude stays above two encoder steps: it does not decrease from one second to the next, or
 /// persists after kLongestHold_s.
-bool has_limit_cycle(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s);
+bool has_limit_cycle(const StabilityCase& stability_case, double stiffness_N_per_mm, double impact_m_s);
 /// Whether the amplitude exceeds two encoder steps in the second second of the hold, decaying or not.
-bool oscillates_after_a_second(const StabilityCase& held, double stiffness_N_per_mm, double impact_m_s);
+bool oscillates_after_a_second(const StabilityCase& stability_case, double stiffness_N_per_mm,
+                               double impact_m_s);
 
 }  // namespace palpate

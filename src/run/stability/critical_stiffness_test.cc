@@ -15,14 +15,15 @@ StabilityCase premium(double delay_s) {
   return {*find_plant_device("premium-1.5"), *find_plant_hand("light-grip"), 500, delay_s};
 }
 
-double critical(const StabilityCase& held) {
-  const auto found = critical_stiffness_N_per_mm(held);
+double critical(const StabilityCase& stability_case) {
+  const auto found = critical_stiffness_N_per_mm(stability_case);
   EXPECT_TRUE(found.ok());
   return found ? *found : 0;
 }
 
-bool swings(const StabilityCase& held, double stiffness_N_per_mm) {
-  return has_limit_cycle(held, stiffness_N_per_mm, 0.1) || has_limit_cycle(held, stiffness_N_per_mm, 0.5);
+bool swings(const StabilityCase& stability_case, double stiffness_N_per_mm) {
+  return has_limit_cycle(stability_case, stiffness_N_per_mm, 0.1) ||
+         has_limit_cycle(stability_case, stiffness_N_per_mm, 0.5);
 }
 
 TEST(CriticalStiffness, FallsWithDelayAndGrowsWithTheRate) {
@@ -46,21 +47,22 @@ TEST(CriticalStiffness, IsThatOfAnotherSimulationOfTheSamePlant) {
                {"premium-1.5", "firm-grip", 3e-3, 2111}, {"touch", "light-grip", 1e-3, 8820},
                {"touch", "light-grip", 3e-3, 2323}};
   for (const auto& one : cases) {
-    const StabilityCase held{*find_plant_device(one.device), *find_plant_hand(one.hand), 1000, one.delay_s};
-    EXPECT_FALSE(swings(held, 0.85e-3 * one.stiffness_N_per_m)) << one.stiffness_N_per_m;
-    EXPECT_TRUE(swings(held, 1.15e-3 * one.stiffness_N_per_m)) << one.stiffness_N_per_m;
+    const StabilityCase stability_case{*find_plant_device(one.device), *find_plant_hand(one.hand), 1000,
+                                       one.delay_s};
+    EXPECT_FALSE(swings(stability_case, 0.85e-3 * one.stiffness_N_per_m)) << one.stiffness_N_per_m;
+    EXPECT_TRUE(swings(stability_case, 1.15e-3 * one.stiffness_N_per_m)) << one.stiffness_N_per_m;
   }
 }
 
 TEST(CriticalStiffness, TwiceTheLengthsGiveTwiceTheSwing) {
   // scaling: lengths, speeds and encoder steps doubled; masses, dampings and springs halved; equal forces
-  const StabilityCase held = premium(2e-3);
-  StabilityCase doubled = held;
+  const StabilityCase stability_case = premium(2e-3);
+  StabilityCase doubled = stability_case;
   doubled.device.encoder_step_m *= 2;
   for (double* number : {&doubled.device.mass_kg, &doubled.device.damping_N_s_per_m, &doubled.hand.mass_kg,
                          &doubled.hand.damping_N_s_per_m, &doubled.hand.stiffness_N_per_m})
     *number /= 2;
-  WallHold one(held, 1.5, 0.1), other(doubled, 0.75, 0.2);
+  WallHold one(stability_case, 1.5, 0.1), other(doubled, 0.75, 0.2);
   for (int second = 0; second < 3; ++second) {
     const double swing_mm = one.next_amplitude_mm();
     EXPECT_GT(swing_mm, 0.1);
@@ -70,34 +72,34 @@ TEST(CriticalStiffness, TwiceTheLengthsGiveTwiceTheSwing) {
 
 TEST(CriticalStiffness, WithoutFrictionALimitCycleAppearsAtTheTheoreticalStiffness) {
   // steps so fine that quantisation is negligible
-  StabilityCase held = premium(2e-3);
-  held.device.coulomb_N = 0;
-  held.device.encoder_step_m = 5e-6;
-  const double theory =
-      (held.device.damping_N_s_per_m + held.hand.damping_N_s_per_m) / (0.5 / held.rate_hz + held.delay_s);
-  EXPECT_FALSE(has_limit_cycle(held, 0.85e-3 * theory, 0.1));
-  EXPECT_TRUE(has_limit_cycle(held, 1.15e-3 * theory, 0.1));
+  StabilityCase stability_case = premium(2e-3);
+  stability_case.device.coulomb_N = 0;
+  stability_case.device.encoder_step_m = 5e-6;
+  const double theory = (stability_case.device.damping_N_s_per_m + stability_case.hand.damping_N_s_per_m) /
+                        (0.5 / stability_case.rate_hz + stability_case.delay_s);
+  EXPECT_FALSE(has_limit_cycle(stability_case, 0.85e-3 * theory, 0.1));
+  EXPECT_TRUE(has_limit_cycle(stability_case, 1.15e-3 * theory, 0.1));
 }
 
 TEST(CriticalStiffness, SeparatesQuietHoldsFromLimitCycles) {
-  const StabilityCase held = premium(2e-3);
-  const double stiffness = critical(held);
+  const StabilityCase stability_case = premium(2e-3);
+  const double stiffness = critical(stability_case);
   for (const double impact_m_s : {0.0, 0.1, 0.5}) {
-    EXPECT_FALSE(has_limit_cycle(held, stiffness, impact_m_s)) << impact_m_s;
-    EXPECT_FALSE(has_limit_cycle(held, 0.6 * stiffness, impact_m_s)) << impact_m_s;
+    EXPECT_FALSE(has_limit_cycle(stability_case, stiffness, impact_m_s)) << impact_m_s;
+    EXPECT_FALSE(has_limit_cycle(stability_case, 0.6 * stiffness, impact_m_s)) << impact_m_s;
   }
-  EXPECT_TRUE(has_limit_cycle(held, 1.3 * stiffness, 0.5));
+  EXPECT_TRUE(has_limit_cycle(stability_case, 1.3 * stiffness, 0.5));
 
   // a decaying oscillation may last longer than a second
-  const auto settling = settling_stiffness_N_per_mm(held);
+  const auto settling = settling_stiffness_N_per_mm(stability_case);
   ASSERT_TRUE(settling.ok());
   EXPECT_LT(*settling, stiffness);
 }
 
 TEST(CriticalStiffness, AHoldStaysOnTheWallAtOneNewton) {
   // a hand of spring and damper comes to rest where both springs balance
-  const StabilityCase held = premium(0);
-  WallHold hold(held, 0.5, 0.1);
+  const StabilityCase stability_case = premium(0);
+  WallHold hold(stability_case, 0.5, 0.1);
   for (int second = 0; second < 4; ++second) hold.next_amplitude_mm();
   EXPECT_LT(hold.next_amplitude_mm(), 1e-3);
   // friction may hold back 0.04 N of 1 N
@@ -175,8 +177,8 @@ TEST(CriticalStiffness, RefusesWhatCannotBeHeld) {
   limp.hand.stiffness_N_per_m = 0;
   smooth.device.encoder_step_m = 0;
   light.hand.mass_kg = light.device.mass_kg = 0;
-  for (const StabilityCase& held : {slow, late, limp, smooth, light}) {
-    const auto refused = critical_stiffness_N_per_mm(held);
+  for (const StabilityCase& stability_case : {slow, late, limp, smooth, light}) {
+    const auto refused = critical_stiffness_N_per_mm(stability_case);
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
   }

@@ -11,7 +11,7 @@ namespace palpate {
 namespace {
 
 constexpr double kUserLimit_N = 3;
-constexpr int kTicksBetweenLooks = 1000;
+constexpr int kTicksBetweenChecks = 1000;
 
 std::optional<Error> fault_of(const Hold& hold) {
   // written such that NaN is out of range
@@ -89,11 +89,11 @@ std::vector<Eigen::Vector3d> acted(const std::vector<Eigen::Vector3d>& sent_N, s
 
 }  // namespace
 
-Result<HeldTip> hold_tip(const Model& model, const Hold& hold, const Progress& progress) {
+Result<HoldResult> hold_tip(const Model& model, const Hold& hold, const Progress& progress) {
   if (const auto fault = fault_of(hold)) return *fault;
   PALPATE_CHECK(model.has(hold.method));
   Loop loop(model, hold);
-  HeldTip held{hold.method, {}, 1e6 * hold.device.encoder_step_m, false, false, hold.rate_hz, {}};
+  HoldResult result{hold.method, {}, 1e6 * hold.device.encoder_step_m, false, false, hold.rate_hz, {}};
   const long lead = std::lround(kLead_s * hold.rate_hz), rest = std::lround(kHeld_s * hold.rate_hz);
   const auto X_PatientWorld = model.X_WorldPatient.inverse();
   const Point<Device> zero = loop.on_device(hold.at);
@@ -101,21 +101,22 @@ Result<HeldTip> hold_tip(const Model& model, const Hold& hold, const Progress& p
   // relative to the rest position of the hand, in the device's axes
   std::vector<Eigen::Vector3d> tip_mm, sent_N;
   for (long n = 0; n < lead + rest; ++n) {
-    if (n % kTicksBetweenLooks == 0 && progress.stopped()) return Progress::interrupted();
+    if (n % kTicksBetweenChecks == 0 && progress.stopped()) return Progress::interrupted();
     if (n >= lead) tip_mm.push_back((loop.plant().true_tip() - zero).eigen());
     const double distance = std::min(1.0, static_cast<double>(n + 1) / static_cast<double>(lead));
     sent_N.push_back(loop.tick_once(hold.from + distance * (hold.at - hold.from)).eigen());
   }
   tip_mm.push_back((loop.plant().true_tip() - zero).eigen());
-  held.inside = (loop.flags() & kFlagInside) != 0;
-  held.wedged = (loop.flags() & kFlagWedged) != 0;
+  result.inside = (loop.flags() & kFlagInside) != 0;
+  result.wedged = (loop.flags() & kFlagWedged) != 0;
 
   const auto second = static_cast<std::size_t>(std::lround(hold.rate_hz));
-  held.buzz = buzz_of(std::span(tip_mm).last(second + 1), acted(sent_N, second, hold.delay_s * hold.rate_hz),
-                      hold.rate_hz);
+  result.buzz = buzz_of(std::span(tip_mm).last(second + 1),
+                        acted(sent_N, second, hold.delay_s * hold.rate_hz), hold.rate_hz);
   // a simulated device's axes are World's
-  for (const Eigen::Vector3d& tip : tip_mm) held.tip.push_back(hold.at + X_PatientWorld * Vector<World>(tip));
-  return held;
+  for (const Eigen::Vector3d& tip : tip_mm)
+    result.tip.push_back(hold.at + X_PatientWorld * Vector<World>(tip));
+  return result;
 }
 
 }  // namespace palpate

@@ -36,15 +36,16 @@ std::string format(const char* pattern, Values... values) {
 
 /// Displacement of a tip along a line, mm relative to the middle of its range in the last second.
 struct Trace {
-  const HeldTip* held;
+  const HoldResult* result;
   std::vector<double> distance_mm;
 };
 
 // first principal axis of the positions of the tip with the largest motion
-Vector<Patient> direction_of_most(std::span<const HeldTip> tips) {
-  const HeldTip& most = *std::max_element(tips.begin(), tips.end(), [](const HeldTip& a, const HeldTip& b) {
-    return a.buzz.peak_to_peak_um < b.buzz.peak_to_peak_um;
-  });
+Vector<Patient> direction_of_most(std::span<const HoldResult> tips) {
+  const HoldResult& most =
+      *std::max_element(tips.begin(), tips.end(), [](const HoldResult& a, const HoldResult& b) {
+        return a.buzz.peak_to_peak_um < b.buzz.peak_to_peak_um;
+      });
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Point<Patient>& tip : most.tip) mean += tip.eigen() / static_cast<double>(most.tip.size());
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
@@ -58,10 +59,10 @@ Vector<Patient> direction_of_most(std::span<const HeldTip> tips) {
   return Vector<Patient>(axis[largest] < 0 ? Eigen::Vector3d(-axis) : axis);
 }
 
-Trace trace_of(const HeldTip& held, const Vector<Patient>& along) {
-  Trace trace{&held, {}};
-  for (const Point<Patient>& tip : held.tip) trace.distance_mm.push_back(along.eigen().dot(tip.eigen()));
-  const auto second = trace.distance_mm.end() - static_cast<std::ptrdiff_t>(std::lround(held.rate_hz)) - 1;
+Trace trace_of(const HoldResult& result, const Vector<Patient>& along) {
+  Trace trace{&result, {}};
+  for (const Point<Patient>& tip : result.tip) trace.distance_mm.push_back(along.eigen().dot(tip.eigen()));
+  const auto second = trace.distance_mm.end() - static_cast<std::ptrdiff_t>(std::lround(result.rate_hz)) - 1;
   const auto [low, high] = std::minmax_element(second, trace.distance_mm.end());
   const double middle_mm = 0.5 * (*low + *high);
   for (double& distance_mm : trace.distance_mm) distance_mm -= middle_mm;
@@ -77,7 +78,7 @@ double round_up(double value) {
 }
 
 double scale_of(std::span<const Trace> traces) {
-  double max_mm = kMinSteps * 1e-3 * traces.front().held->encoder_step_um;
+  double max_mm = kMinSteps * 1e-3 * traces.front().result->encoder_step_um;
   for (const Trace& trace : traces)
     for (const double distance_mm : trace.distance_mm) max_mm = std::max(max_mm, std::abs(distance_mm));
   return round_up(max_mm);
@@ -109,10 +110,10 @@ std::string line_of(const Trace& trace, double top_px, double scale_mm) {
 }
 
 std::string panel(const Trace& trace, double top_px, double scale_mm) {
-  const HeldTip& held = *trace.held;
-  const Buzz& buzz = held.buzz;
+  const HoldResult& result = *trace.result;
+  const Buzz& buzz = result.buzz;
   const double middle_px = top_px + 0.5 * kPanel_px;
-  const double band_px = std::max(1.0, kPanel_px * 1e-3 * held.encoder_step_um / scale_mm);
+  const double band_px = std::max(1.0, kPanel_px * 1e-3 * result.encoder_step_um / scale_mm);
   std::string svg = rectangle("judged", {kLeft_px + 0.5 * kPlot_px, top_px}, 0.5 * kPlot_px, kPanel_px) +
                     rectangle("band", {kLeft_px, middle_px - 0.5 * band_px}, kPlot_px, band_px) +
                     line_of(trace, top_px, scale_mm) +
@@ -123,9 +124,9 @@ std::string panel(const Trace& trace, double top_px, double scale_mm) {
     svg += path("tick", "M" + pair({kLeft_px - 4, y}) + "h4") +
            text("end", {kLeft_px - 7, label_y}, (part > 0 ? "+" : "") + length_text(part * scale_mm));
   }
-  const char* state = held.quiet() ? "quiet" : "not quiet";
-  const std::string rest = held.inside ? "begun inside: uncoupled" : held.wedged ? "wedged" : "";
-  svg += text("method", {kFigures_px, top_px + 13}, name_of(held.method)) +
+  const char* state = result.quiet() ? "quiet" : "not quiet";
+  const std::string rest = result.inside ? "begun inside: uncoupled" : result.wedged ? "wedged" : "";
+  svg += text("method", {kFigures_px, top_px + 13}, name_of(result.method)) +
          text("small", {kFigures_px, top_px + 30}, format("%s: %.0f \u00b5m", state, buzz.peak_to_peak_um)) +
          text("small", {kFigures_px, top_px + 46}, format("20\u2013500 Hz: %.1f \u00b5m RMS", buzz.rms_um)) +
          text("small", {kFigures_px, top_px + 62},
@@ -148,12 +149,12 @@ std::string time_axis(double top_px) {
 
 }  // namespace
 
-Result<void> write_hold_picture(const std::filesystem::path& file, std::span<const HeldTip> tips,
+Result<void> write_hold_picture(const std::filesystem::path& file, std::span<const HoldResult> tips,
                                 const std::string& heading) {
   PALPATE_CHECK(!tips.empty());
   const Vector<Patient> along = direction_of_most(tips);
   std::vector<Trace> traces;
-  for (const HeldTip& held : tips) traces.push_back(trace_of(held, along));
+  for (const HoldResult& result : tips) traces.push_back(trace_of(result, along));
   const double scale_mm = scale_of(traces);
   const double below_px = kTop_px + static_cast<double>(tips.size()) * (kPanel_px + kApart_px) - kApart_px;
   const double height_px = below_px + 66;

@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 using testing::kBoneRadius_mm;
 
 // a ball of 15 mm radius and 1.5 N/mm
-const Model& held_ball() {
+const Model& ball_to_palpate() {
   static const Model model = testing::with_exact_surfaces(testing::ball_model());
   return model;
 }
@@ -41,41 +41,41 @@ Hold pressed_ball(double force_gain = 1) {
 
 TEST(Hold, AHandInFreeSpaceStandsStill) {
   const Point<Patient> free(0, 25, 0);
-  const auto held = hold_tip(held_ball(), hold_at(ForceMethod::kTrilinear, free, free));
-  ASSERT_TRUE(held.ok());
-  EXPECT_EQ(held->buzz.peak_to_peak_um, 0);
-  EXPECT_EQ(held->buzz.energy_mJ, 0);
-  EXPECT_EQ(held->buzz.force_N, 0);
-  EXPECT_TRUE(held->quiet());
-  ASSERT_EQ(held->tip.size(), 2001u) << "2 s at 1 kHz";
-  for (const Point<Patient>& tip : held->tip) EXPECT_LT((tip - free).norm(), 1e-9);
+  const auto result = hold_tip(ball_to_palpate(), hold_at(ForceMethod::kTrilinear, free, free));
+  ASSERT_TRUE(result.ok());
+  EXPECT_EQ(result->buzz.peak_to_peak_um, 0);
+  EXPECT_EQ(result->buzz.energy_mJ, 0);
+  EXPECT_EQ(result->buzz.force_N, 0);
+  EXPECT_TRUE(result->quiet());
+  ASSERT_EQ(result->tip.size(), 2001u) << "2 s at 1 kHz";
+  for (const Point<Patient>& tip : result->tip) EXPECT_LT((tip - free).norm(), 1e-9);
 }
 
 TEST(Hold, AWallIsHeldQuietlyAtTheForceOfItsSpring) {
   for (const double force_gain : {1.0, 0.5}) {
-    const auto held = hold_tip(held_ball(), pressed_ball(force_gain));
-    ASSERT_TRUE(held.ok());
-    EXPECT_TRUE(held->quiet());
+    const auto result = hold_tip(ball_to_palpate(), pressed_ball(force_gain));
+    ASSERT_TRUE(result.ok());
+    EXPECT_TRUE(result->quiet());
     // tolerance for Coulomb friction and an encoder step
-    EXPECT_NEAR(held->buzz.force_N, 1, 0.1);
-    EXPECT_NEAR(held->tip.back().y(), kBoneRadius_mm - 1 / (1.5 * force_gain), 0.1);
-    EXPECT_FALSE(held->inside);
+    EXPECT_NEAR(result->buzz.force_N, 1, 0.1);
+    EXPECT_NEAR(result->tip.back().y(), kBoneRadius_mm - 1 / (1.5 * force_gain), 0.1);
+    EXPECT_FALSE(result->inside);
   }
 }
 
 TEST(Hold, AWallThatIsTooStiffForRateAndDelayIsNotHeld) {
-  const auto quiet = hold_tip(held_ball(), pressed_ball(1));
+  const auto quiet = hold_tip(ball_to_palpate(), pressed_ball(1));
   Hold hard = pressed_ball(1);
   hard.force_gain = 6;
   hard.delay_s = 3e-3;
-  const auto swings = hold_tip(held_ball(), hard);
+  const auto swings = hold_tip(ball_to_palpate(), hard);
   ASSERT_TRUE(quiet.ok() && swings.ok());
   EXPECT_FALSE(swings->quiet());
   EXPECT_GT(swings->buzz.peak_to_peak_um, 10 * quiet->buzz.peak_to_peak_um);
   // four times the rate, a delay of one sample
   hard.rate_hz = 4000;
   hard.delay_s = 0.25e-3;
-  const auto fast = hold_tip(held_ball(), hard);
+  const auto fast = hold_tip(ball_to_palpate(), hard);
   ASSERT_TRUE(fast.ok());
   EXPECT_TRUE(fast->quiet());
   EXPECT_EQ(fast->tip.size(), 8001u);
@@ -83,10 +83,10 @@ TEST(Hold, AWallThatIsTooStiffForRateAndDelayIsNotHeld) {
 
 TEST(Hold, ABeginInsideIsSaid) {
   const Point<Patient> deep(0, 5, 0);
-  const auto held = hold_tip(held_ball(), hold_at(ForceMethod::kProxy, deep, deep));
-  ASSERT_TRUE(held.ok());
-  EXPECT_TRUE(held->inside);
-  EXPECT_EQ(held->buzz.force_N, 0);
+  const auto result = hold_tip(ball_to_palpate(), hold_at(ForceMethod::kProxy, deep, deep));
+  ASSERT_TRUE(result.ok());
+  EXPECT_TRUE(result->inside);
+  EXPECT_EQ(result->buzz.force_N, 0);
 }
 
 TEST(Hold, RefusesWhatCannotBe) {
@@ -94,20 +94,20 @@ TEST(Hold, RefusesWhatCannotBe) {
   slow.rate_hz = std::nan("");
   late.delay_s = 1;
   for (const Hold& hold : {slow, late}) {
-    const auto refused = hold_tip(held_ball(), hold);
+    const auto refused = hold_tip(ball_to_palpate(), hold);
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.error().kind, ErrorKind::kBadInput);
   }
   const std::atomic<bool> stop = true;
-  const auto stopped = hold_tip(held_ball(), pressed_ball(), Progress({}, &stop));
+  const auto stopped = hold_tip(ball_to_palpate(), pressed_ball(), Progress({}, &stop));
   ASSERT_FALSE(stopped.ok());
   EXPECT_EQ(stopped.error().kind, ErrorKind::kInterrupted);
 }
 
 TEST(HoldPicture, HasAPanelForEachTipAndSaysWhatItSees) {
   const Point<Patient> free(0, 25, 0);
-  const std::array tips{*hold_tip(held_ball(), hold_at(ForceMethod::kTrilinear, free, free)),
-                        *hold_tip(held_ball(), pressed_ball())};
+  const std::array tips{*hold_tip(ball_to_palpate(), hold_at(ForceMethod::kTrilinear, free, free)),
+                        *hold_tip(ball_to_palpate(), pressed_ball())};
   const test::TemporaryFolder folder;
   ASSERT_TRUE(write_hold_picture(folder / "hold.svg", tips, "by <hand> & eye").ok());
   std::ifstream file(folder / "hold.svg");

@@ -28,7 +28,7 @@ namespace {
 constexpr timespec kLook{0, 1'000'000};
 // upper bound of what one poll adds to the time without observations: if the whole machine stalled, the
 // session is not to blame
-constexpr std::int64_t kMaxPerLook_ns = 5'000'000;
+constexpr std::int64_t kMaxPerCheck_ns = 5'000'000;
 constexpr std::int64_t kFrozen_ns = 500'000'000;
 // above the loop's watchdog, whose priority is above the servo's
 constexpr int kPriority = 95;
@@ -149,7 +149,7 @@ class Supervision {
       : block_(block), halt_files_(halt_files), kill_frozen_(kill_frozen) {}
 
   // false: the session is over
-  bool look() {
+  bool check_heartbeat() {
     pollfd session{kSessionFile, POLLIN, 0};
     const bool removed = ::ppoll(&session, 1, &kLook, nullptr) > 0;
     const std::int64_t now_ns = monotonic_ns();
@@ -194,13 +194,13 @@ class Supervision {
   }
 
   void check_frozen(std::int64_t now_ns) {
-    const std::int64_t passed_ns = last_look_ns_ == 0 ? 0 : now_ns - last_look_ns_;
-    last_look_ns_ = now_ns;
+    const std::int64_t passed_ns = last_check_ns_ == 0 ? 0 : now_ns - last_check_ns_;
+    last_check_ns_ = now_ns;
     const std::int64_t observed_ns =
-        std::max(block_.heartbeat.beat_ns.load(), block_.heartbeat.looked_ns.load());
+        std::max(block_.heartbeat.beat_ns.load(), block_.heartbeat.checked_ns.load());
     const bool lives = observed_ns == Heartbeat::kResting || observed_ns != last_observed_ns_;
     last_observed_ns_ = observed_ns;
-    still_ns_ = lives ? 0 : still_ns_ + std::min(passed_ns, kMaxPerLook_ns);
+    still_ns_ = lives ? 0 : still_ns_ + std::min(passed_ns, kMaxPerCheck_ns);
     if (still_ns_ < kFrozen_ns) return;
     ::syscall(SYS_pidfd_send_signal, kSessionFile, SIGKILL, nullptr, 0);
     note(SupervisorEvent::Kind::kKilled, now_ns, monotonic_ns());
@@ -211,7 +211,7 @@ class Supervision {
   const int halt_files_;
   const bool kill_frozen_;
   std::array<std::uint64_t, kMaxHaltFiles> reported_{};  // last halt written to each file
-  std::int64_t last_look_ns_ = 0, last_observed_ns_ = 0, still_ns_ = 0;
+  std::int64_t last_check_ns_ = 0, last_observed_ns_ = 0, still_ns_ = 0;
 };
 
 SharedBlock* shared_block() {
@@ -266,7 +266,7 @@ int supervise(const std::vector<std::string>& arguments) {
   block->watching.store(true, std::memory_order_release);
 
   Supervision supervision(*block, halt_files, kill_frozen != 0);
-  while (supervision.look()) {
+  while (supervision.check_heartbeat()) {
   }
   // closing the halt files signals devices that could not be written to, before waiting for a slow disk
   if (!block->ended.load())

@@ -60,10 +60,10 @@ class Pressing {
         ::mmap(nullptr, sizeof(TestDeviceMemory), PROT_READ | PROT_WRITE, MAP_SHARED, memory_file_, 0);
     PALPATE_CHECK(room != MAP_FAILED);
     device_ = new (room) TestDeviceMemory;
-    int halt[2], orders[2], stated[2], record[2];
-    for (int* pipe : {halt, orders, stated, record}) PALPATE_CHECK(::pipe2(pipe, O_CLOEXEC) == 0);
+    int halt[2], orders[2], declared[2], record[2];
+    for (int* pipe : {halt, orders, declared, record}) PALPATE_CHECK(::pipe2(pipe, O_CLOEXEC) == 0);
     orders_ = orders[1];
-    stated_ = stated[0];
+    declared_ = declared[0];
     record_ = record[0];
     record_in_ = record[1];
 
@@ -71,14 +71,14 @@ class Pressing {
     if (device_process_ == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       // close the other ends, so that a reader is not kept waiting by writers that do not exist
-      for (const int file : {halt[1], orders[0], orders[1], stated[0], stated[1], record[0], record[1]})
+      for (const int file : {halt[1], orders[0], orders[1], declared[0], declared[1], record[0], record[1]})
         ::close(file);
       testing::be_test_device(*device_, halt[0]);
     }
     session_ = ::fork();
     if (session_ == 0) {
       ::dup2(orders[0], STDIN_FILENO);
-      ::dup2(stated[1], STDOUT_FILENO);
+      ::dup2(declared[1], STDOUT_FILENO);
       // a test running in the background ignores some signals
       for (int signal = 1; signal < SIGRTMIN; ++signal) ::signal(signal, SIG_DFL);
       const rlimit none{0, 0};
@@ -96,14 +96,14 @@ class Pressing {
       ::_exit(127);
     }
     halts_ = halt[0];
-    for (const int file : {halt[1], orders[0], stated[1]}) ::close(file);
+    for (const int file : {halt[1], orders[0], declared[1]}) ::close(file);
   }
   ~Pressing() {
     for (const pid_t process : {session_, device_process_}) {
       ::kill(process, SIGKILL);
       ::waitpid(process, nullptr, 0);
     }
-    for (const int file : {orders_, stated_, record_, record_in_, memory_file_, halts_})
+    for (const int file : {orders_, declared_, record_, record_in_, memory_file_, halts_})
       if (file >= 0) ::close(file);
     ::munmap(device_, sizeof *device_);
   }
@@ -113,7 +113,7 @@ class Pressing {
   /// Waits until the force is fully on; false: the process died.
   bool presses() const {
     char byte = 0;
-    return ::read(stated_, &byte, 1) == 1;
+    return ::read(declared_, &byte, 1) == 1;
   }
   void order(char letter) const { PALPATE_CHECK(::write(orders_, &letter, 1) == 1); }
   void signal(int signal) const { ::kill(session_, signal); }
@@ -187,7 +187,7 @@ class Pressing {
   const TestDeviceMemory& device() const { return *device_; }
 
  private:
-  int memory_file_ = -1, orders_ = -1, stated_ = -1, record_ = -1, halts_ = -1;
+  int memory_file_ = -1, orders_ = -1, declared_ = -1, record_ = -1, halts_ = -1;
   mutable int record_in_ = -1;  // kept open until record() waits for the end of all writers
   TestDeviceMemory* device_ = nullptr;
   pid_t device_process_ = -1, session_ = -1;
@@ -339,13 +339,13 @@ void expect_reopens(const std::filesystem::path& recording, std::uint64_t flushe
   const auto source = RecordingSource::open(recording);
   ASSERT_TRUE(source.ok()) << source.error().message();
   EXPECT_EQ(source->head().summary.has_value(), whole);
-  std::uint64_t ticks = 0, out_of_place = 0;
+  std::uint64_t ticks = 0, misplaced = 0;
   const auto read = source->read([&](const RecordingPart& part) -> Result<void> {
-    for (const TickRecord& tick : part.ticks) out_of_place += tick.tick != ticks++;
+    for (const TickRecord& tick : part.ticks) misplaced += tick.tick != ticks++;
     return {};
   });
   EXPECT_TRUE(read.ok()) << read.error().message();
-  EXPECT_EQ(out_of_place, 0u);
+  EXPECT_EQ(misplaced, 0u);
   EXPECT_EQ(ticks, source->head().ticks);
   EXPECT_GE(ticks, flushed);
 }
@@ -778,10 +778,10 @@ TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
   ASSERT_EQ(::waitpid(session, &status, 0), session);
   ASSERT_TRUE(WIFSIGNALED(status)) << "no supervisor";
   // the supervisor holds the last descriptor of the pipe
-  std::string stated;
-  for (char byte = 0; ::read(over[0], &byte, 1) == 1;) stated += byte;
+  std::string declared;
+  for (char byte = 0; ::read(over[0], &byte, 1) == 1;) declared += byte;
   ::close(over[0]);
-  EXPECT_NE(stated.find("lacks events"), std::string::npos) << stated;
+  EXPECT_NE(declared.find("lacks events"), std::string::npos) << declared;
   EXPECT_EQ(std::filesystem::file_size(file), 0u);
   ::close(record);
 }
@@ -875,7 +875,7 @@ TEST(TestDevice, StarvedThroughAResumeItObeysTheNewerHalt) {
   device.halt(1);
   device.driver().resume(1);
   device.halt(2);
-  device.process().go_on();
+  device.process().resume();
   EXPECT_TRUE(device.comes_to(false)) << "it pushes through a halt";
   // nor does a repeated end of the first halt end it
   device.driver().resume(1);
@@ -905,7 +905,7 @@ TEST(TestDevice, ReadsAllHaltsBeforeItActs) {
   constexpr std::uint64_t kMany = 500;
   for (std::uint64_t halt = 1; halt <= kMany; ++halt) device.halt(halt);
   device.driver().resume(kMany - 1);
-  device.process().go_on();
+  device.process().resume();
   EXPECT_TRUE(device.comes_to(false));
   EXPECT_EQ(device.memory().change_count, changes + 1) << "it has pushed in between";
   device.driver().resume(kMany);

@@ -48,11 +48,11 @@ std::optional<std::string> data_named_in(const fs::path& header) {
   const auto received = file->read_at(0, std::as_writable_bytes(std::span(front)));
   if (!received) return std::nullopt;
   front.resize(*received);
-  std::string_view rest = front;
-  while (!rest.empty()) {
-    const auto end = rest.find('\n');
-    std::string_view line = rest.substr(0, end);
-    rest = end == rest.npos ? std::string_view() : rest.substr(end + 1);
+  std::string_view remaining = front;
+  while (!remaining.empty()) {
+    const auto end = remaining.find('\n');
+    std::string_view line = remaining.substr(0, end);
+    remaining = end == remaining.npos ? std::string_view() : remaining.substr(end + 1);
     while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.remove_suffix(1);
     // in NRRD an empty line ends the header
     if (line.empty() && ending.starts_with(".n")) return std::nullopt;

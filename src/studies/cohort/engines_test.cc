@@ -22,7 +22,7 @@ TEST(Processes, SayHowTheyEnded) {
   ASSERT_TRUE(failed);
   EXPECT_EQ(failed->exit_code, 3);
   EXPECT_EQ(failed->signal, 0);
-  EXPECT_EQ(failed->stated, "why\n");
+  EXPECT_EQ(failed->error_output, "why\n");
   const auto killed = run_process({"sh", "-c", "kill -9 $$"});
   ASSERT_TRUE(killed);
   EXPECT_EQ(killed->exit_code, -1);
@@ -43,7 +43,7 @@ TEST(RunLocally, EachNumberOnceAndSomeAtATime) {
         ended.push_back(number);
         EXPECT_EQ(how.signal, number == 3 ? 9 : 0) << number;
         EXPECT_EQ(how.exit_code, number == 3 ? -1 : number == 4 ? 4 : 0) << number;
-        EXPECT_EQ(how.stated, number == 4 ? "why\n" : "") << number;
+        EXPECT_EQ(how.error_output, number == 4 ? "why\n" : "") << number;
       }));
   std::ranges::sort(ended);
   // a killed and a failed process do not affect the others
@@ -144,11 +144,11 @@ TEST(RunBySlurm, LooksAgainForWhatOtherMachinesWrote) {
   slurm.play("sbatch", "cat > /dev/null; echo 12");
   SlurmOptions options;
   options.folder = folder.path();
-  int looks = 0;
+  int appearances = 0;
   const auto ran = run_by_slurm(
-      {"true"}, [] { return std::vector<int>{1}; }, options, [&] { return std::size_t{++looks < 3}; });
+      {"true"}, [] { return std::vector<int>{1}; }, options, [&] { return std::size_t{++appearances < 3}; });
   EXPECT_TRUE(ran);
-  EXPECT_EQ(looks, 3);
+  EXPECT_EQ(appearances, 3);
   EXPECT_FALSE(fs::exists(folder / "slurm-job"));
 }
 

@@ -31,10 +31,10 @@ void MemoryFile::write(const std::string& text) {
   ::lseek(file_, 0, SEEK_SET);
 }
 
-std::string MemoryFile::tail(std::size_t most) const {
+std::string MemoryFile::tail(std::size_t largest) const {
   const off_t size = ::lseek(file_, 0, SEEK_END);
   if (size <= 0) return "";
-  const auto count = std::min(most, static_cast<std::size_t>(size));
+  const auto count = std::min(largest, static_cast<std::size_t>(size));
   std::string text(count, '\0');
   const ssize_t received = ::pread(file_, text.data(), count, size - static_cast<off_t>(count));
   text.resize(received > 0 ? static_cast<std::size_t>(received) : 0);
@@ -111,8 +111,8 @@ namespace palpate {
 
 Result<EndedProcess> run_process(const std::vector<std::string>& command, const Progress& progress) {
   using namespace cohort;
-  MemoryFile stated;
-  const auto id = start(command, -1, -1, stated.descriptor());
+  MemoryFile error_output;
+  const auto id = start(command, -1, -1, error_output.descriptor());
   if (!id) return id.error();
   Ended how;
   while (!has_ended(*id, how)) {
@@ -122,7 +122,7 @@ Result<EndedProcess> run_process(const std::vector<std::string>& command, const 
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  return EndedProcess{how.exit_code, how.signal, stated.tail(kRetainedOutput)};
+  return EndedProcess{how.exit_code, how.signal, error_output.tail(kRetainedOutput)};
 }
 
 }  // namespace palpate

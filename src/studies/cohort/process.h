@@ -38,8 +38,8 @@ class MemoryFile {
   }
   int descriptor() const { return file_; }
   void write(const std::string& text);
-  /// The last `most` bytes.
-  std::string tail(std::size_t most) const;
+  /// The last `largest` bytes.
+  std::string tail(std::size_t largest) const;
 
  private:
   int file_;

@@ -185,7 +185,7 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
     times.palpate_s = clock.lap();
     if (!run) return failed(run.error());
     put_palpation(*run, result);
-    for (const std::string& trouble : run->trouble) warn(trouble);
+    for (const std::string& problems : run->problems) warn(problems);
     return {};
   };
   if (auto done = work(); !done) return done.error();

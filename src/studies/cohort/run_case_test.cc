@@ -63,12 +63,12 @@ TEST(RunCase, AKneeIsPreparedCheckedPalpatedAndDrawn) {
   EXPECT_EQ(std::ranges::count(tsv, '\n'), 5);
   // every row has the same number of fields
   std::size_t fields = 0;
-  for (std::string_view rest = tsv; !rest.empty();) {
-    const auto end = rest.find('\n');
-    const auto here = static_cast<std::size_t>(std::ranges::count(rest.substr(0, end), '\t'));
+  for (std::string_view remaining = tsv; !remaining.empty();) {
+    const auto end = remaining.find('\n');
+    const auto here = static_cast<std::size_t>(std::ranges::count(remaining.substr(0, end), '\t'));
     if (fields == 0) fields = here;
     EXPECT_EQ(here, fields);
-    rest.remove_prefix(end + 1);
+    remaining.remove_prefix(end + 1);
   }
   const std::string page = cohort_page(cohort, folder / "out", "1.0");
   EXPECT_NE(page.find("data:image/png;base64,"), std::string::npos);

@@ -25,7 +25,7 @@ Result<PresetComparison> compare_with_preset(const IndentationCurve& curve) {
     return indentation_force_N(constants, TissueLaw::kExponential, curve.setup, depth_mm);
   };
   std::size_t inside = 0, all = 0;
-  double greatest_N = 0, at_mm = 0;
+  double max_N = 0, at_mm = 0;
   for (std::size_t n = 0; n < curve.depth_mm.size(); ++n) {
     const double depth_mm = curve.depth_mm[n], measured_N = curve.force_N[n];
     if (!(depth_mm > 0) || depth_mm > limit_mm) continue;
@@ -33,13 +33,13 @@ Result<PresetComparison> compare_with_preset(const IndentationCurve& curve) {
     inside += measured_N >= force_N(low_kPa, depth_mm) && measured_N <= force_N(high_kPa, depth_mm);
     if (depth_mm < at_mm) continue;
     at_mm = depth_mm;
-    greatest_N = measured_N;
+    max_N = measured_N;
   }
   if (all == 0)
     return error("no sample is in contact and within the depth for which the model is valid",
                  "depths begin at first contact, in millimetres");
   const double preset_N = force_N(preset->values.elastic->youngs_modulus_kPa, at_mm);
-  return PresetComparison{static_cast<double>(inside) / static_cast<double>(all), greatest_N / preset_N};
+  return PresetComparison{static_cast<double>(inside) / static_cast<double>(all), max_N / preset_N};
 }
 
 }  // namespace palpate

@@ -17,7 +17,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMaxFitted = 4000;
 /// Weights: the standard deviation of a sample is this fraction of its force plus this fraction of the
 /// greatest force of its curve, times an unknown factor.
-constexpr double kOfForce = 1, kOfGreatest = 0.05;
+constexpr double kOfForce = 1, kOfMax = 0.05;
 /// A law must reduce the sum of squares by this multiple of its mean square to replace a simpler one.
 constexpr double kSignificant = 15;
 
@@ -25,7 +25,7 @@ constexpr double kSignificant = 15;
 struct Samples {
   IndentationSetup setup;
   std::vector<double> depth_mm, force_N, time_s, weight;
-  double greatest_N = 0;
+  double max_N = 0;
 };
 
 // quasi-linear viscoelasticity: the force without relaxation, less the fractions of its low-pass filtered
@@ -172,7 +172,7 @@ class Fit {
         used.depth_mm.push_back(curve.depth_mm[n]);
         used.force_N.push_back(curve.force_N[n]);
         if (!curve.time_s.empty()) used.time_s.push_back(curve.time_s[n]);
-        used.greatest_N = std::max(used.greatest_N, curve.force_N[n]);
+        used.max_N = std::max(used.max_N, curve.force_N[n]);
         deepest_mm = std::max(deepest_mm, curve.depth_mm[n]);
       }
       constexpr std::size_t kMinSamples = 8;
@@ -182,7 +182,7 @@ class Fit {
         return undetermined(name + " has " + std::to_string(in_contact) + " samples in contact and within " +
                                 printed("%.3g mm, up to which the model is valid", limit_mm),
                             "give at least 8, no deeper than 0.7 radii and 20 % of a layer's thickness");
-      if (!(used.greatest_N > 0))
+      if (!(used.max_N > 0))
         return undetermined(name + " has no force above 0", "a force that resists the indenter is positive");
       std::size_t distinct = 0;
       std::vector<double> sorted = used.depth_mm;
@@ -198,7 +198,7 @@ class Fit {
         return undetermined(name + " has only " + std::to_string(distinct) + " distinct depths",
                             "one depth fits any law: record the force while the indenter goes in");
       for (const double force_N : used.force_N)
-        used.weight.push_back(1 / (kOfForce * std::abs(force_N) + kOfGreatest * used.greatest_N));
+        used.weight.push_back(1 / (kOfForce * std::abs(force_N) + kOfMax * used.max_N));
       samples_ += static_cast<int>(used.depth_mm.size());
       used_.push_back(std::move(used));
     }
@@ -275,7 +275,7 @@ class Fit {
     double first_mm = *std::ranges::max_element(curve.depth_mm);
     const double deepest_mm = first_mm;
     for (std::size_t n = 0; n < curve.depth_mm.size(); ++n)
-      if (curve.force_N[n] > 0.05 * curve.greatest_N) first_mm = std::min(first_mm, curve.depth_mm[n]);
+      if (curve.force_N[n] > 0.05 * curve.max_N) first_mm = std::min(first_mm, curve.depth_mm[n]);
     return first_mm - 0.1 * (deepest_mm - first_mm);
   }
 
@@ -341,7 +341,7 @@ class Fit {
       fit.contact_mm.push_back(parameters.contact_mm(found.x, c));
       const std::vector<double> force_N = parameters.forces(found.x, used_[c], c);
       for (std::size_t n = 0; n < force_N.size(); ++n)
-        squares += std::pow((force_N[n] - used_[c].force_N[n]) / used_[c].greatest_N, 2);
+        squares += std::pow((force_N[n] - used_[c].force_N[n]) / used_[c].max_N, 2);
     }
     fit.rms_percent = 100 * std::sqrt(squares / samples_);
     fit.undetermined = why_undetermined(fit);

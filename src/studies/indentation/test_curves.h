@@ -49,9 +49,9 @@ inline IndentationCurve curve_of(const SolvedCurve& solved, double radius_mm, do
   constexpr int kSamples = 40;
   for (int n = 1; n <= kSamples; ++n) {
     const double depth = 0.1 * static_cast<double>(solved.force.size()) * n / kSamples;
-    const double place = std::max(0.0, depth / 0.1 - 1);
-    const auto low = std::min(static_cast<std::size_t>(place), solved.force.size() - 2);
-    const double part = place - static_cast<double>(low);
+    const double depth_index = std::max(0.0, depth / 0.1 - 1);
+    const auto low = std::min(static_cast<std::size_t>(depth_index), solved.force.size() - 2);
+    const double part = depth_index - static_cast<double>(low);
     // below the first depth the ratio tends to that of Hertz
     const double first = 4.0 / 3 / (1 - solved.poissons_ratio * solved.poissons_ratio);
     const double over = depth < 0.1 ? first + (relative(0) - first) * depth / 0.1

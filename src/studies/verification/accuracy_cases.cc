@@ -22,10 +22,10 @@ const Eigen::Matrix3d& tilted() {
 }
 
 std::vector<Point<Patient>> scatter(int count, std::uint64_t seed,
-                                    const std::function<Vector3d(AccuracyRandom&)>& place) {
+                                    const std::function<Vector3d(AccuracyRandom&)>& sample_point) {
   AccuracyRandom random(seed);
   std::vector<Point<Patient>> points;
-  for (int n = 0; n < count; ++n) points.emplace_back(place(random));
+  for (int n = 0; n < count; ++n) points.emplace_back(sample_point(random));
   return points;
 }
 
@@ -67,12 +67,12 @@ AccuracyCase cylinder_case(int points) {
 }
 
 AccuracyCase plane_case(int points) {
-  const double aside = 12;
+  const double lateral = 12;
   const Vector<Patient> normal(tilted().col(2));
-  return {"tilted-plane", Shape::half_space({}, normal), aside * std::numbers::sqrt2 + kMargin_mm,
+  return {"tilted-plane", Shape::half_space({}, normal), lateral * std::numbers::sqrt2 + kMargin_mm,
           scatter(points, 3,
-                  [aside](AccuracyRandom& random) {
-                    const double u = random.between(-aside, aside), v = random.between(-aside, aside);
+                  [lateral](AccuracyRandom& random) {
+                    const double u = random.between(-lateral, lateral), v = random.between(-lateral, lateral);
                     return Vector3d(tilted() * Vector3d(u, v, band(random)));
                   }),
           [normal](const Point<Patient>& p, double sigma) {

@@ -10,15 +10,15 @@ namespace {
 TEST(AccuracyCases, PointsLieInTheBandAndFillIt) {
   for (const AccuracyCase& shape : accuracy_cases(2000)) {
     ASSERT_EQ(shape.points.size(), 2000u);
-    double least = 1, most = -1;
+    double smallest = 1, most = -1;
     for (const Point<Patient>& p : shape.points) {
       const double d = shape.shape.distance_mm(p);
-      least = std::min(least, d);
+      smallest = std::min(smallest, d);
       most = std::max(most, d);
     }
-    EXPECT_GE(least, -kSurfaceBand_mm - 1e-9) << shape.name;
+    EXPECT_GE(smallest, -kSurfaceBand_mm - 1e-9) << shape.name;
     EXPECT_LE(most, kSurfaceBand_mm + 1e-9) << shape.name;
-    EXPECT_LT(least, -0.97 * kSurfaceBand_mm) << shape.name;
+    EXPECT_LT(smallest, -0.97 * kSurfaceBand_mm) << shape.name;
     EXPECT_GT(most, 0.97 * kSurfaceBand_mm) << shape.name;
   }
 }
@@ -48,8 +48,8 @@ TEST(AccuracyCases, SmoothedSolidFallsAlongTheNormalAndIsHalfNearTheSurface) {
           (shape.smoothed(on_surface + 1e-3 * n, 1.0) - shape.smoothed(on_surface - 1e-3 * n, 1.0)) / 2e-3;
       EXPECT_NEAR(slope, -1 / std::sqrt(2 * std::acos(-1.0)), 0.02) << shape.name;
       // the tangential slope is zero
-      const Vector<Patient> aside(n.eigen().unitOrthogonal());
-      const double drift = shape.smoothed(p + 1e-3 * aside, 1.0) - shape.smoothed(p - 1e-3 * aside, 1.0);
+      const Vector<Patient> lateral(n.eigen().unitOrthogonal());
+      const double drift = shape.smoothed(p + 1e-3 * lateral, 1.0) - shape.smoothed(p - 1e-3 * lateral, 1.0);
       EXPECT_NEAR(drift / 2e-3, 0, 2e-3) << shape.name;
     }
   }

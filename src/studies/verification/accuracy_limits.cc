@@ -229,13 +229,13 @@ constexpr std::array kChoppinessLimits = std::to_array<ChoppinessLimits>({
 });
 
 // parts of the name method/shape/spacing[/more]/quantity, without spacing and quantity
-struct Place {
+struct Location {
   std::string shape;
   std::size_t spacing;
   std::string_view quantity;
 };
 
-std::optional<Place> place_of(std::string_view path) {
+std::optional<Location> location_of(std::string_view path) {
   const auto first = path.find('/'), second = path.find('/', first + 1), last = path.rfind('/');
   if (second == std::string_view::npos || last == second) return {};
   const auto third = path.find('/', second + 1);
@@ -244,8 +244,8 @@ std::optional<Place> place_of(std::string_view path) {
   const auto found =
       std::find_if(all.begin(), all.end(), [&](const AccuracySpacing& one) { return one.name == spacing; });
   if (found == all.end()) return {};
-  return Place{std::string(path.substr(0, second)) + std::string(path.substr(third, last - third)),
-               static_cast<std::size_t>(found - all.begin()), path.substr(last + 1)};
+  return Location{std::string(path.substr(0, second)) + std::string(path.substr(third, last - third)),
+                  static_cast<std::size_t>(found - all.begin()), path.substr(last + 1)};
 }
 
 template <class Limits>
@@ -256,17 +256,17 @@ const Limits* find_limits(std::span<const Limits> all, std::string_view shape) {
 }
 
 std::optional<double> limit_by_shape(std::string_view path, std::string_view leaf) {
-  const auto place = place_of(path);
-  if (!place) return {};
-  if (place->quantity == "direction") {
-    const auto* limits = find_limits<DirectionLimits>(kDirectionLimits, place->shape);
+  const auto location = location_of(path);
+  if (!location) return {};
+  if (location->quantity == "direction") {
+    const auto* limits = find_limits<DirectionLimits>(kDirectionLimits, location->shape);
     if (limits == nullptr) return {};
-    if (leaf == "mean") return limits->on[place->spacing].mean;
-    if (leaf == "p99") return limits->on[place->spacing].p99;
+    if (leaf == "mean") return limits->on[location->spacing].mean;
+    if (leaf == "p99") return limits->on[location->spacing].p99;
   }
-  if (place->quantity == "choppiness" && leaf == "p99") {
-    const auto* limits = find_limits<ChoppinessLimits>(kChoppinessLimits, place->shape);
-    if (limits != nullptr) return limits->on[place->spacing];
+  if (location->quantity == "choppiness" && leaf == "p99") {
+    const auto* limits = find_limits<ChoppinessLimits>(kChoppinessLimits, location->shape);
+    if (limits != nullptr) return limits->on[location->spacing];
   }
   return {};
 }

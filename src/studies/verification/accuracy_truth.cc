@@ -83,22 +83,22 @@ double smoothed_solid(const Shape& shape, const Point<Patient>& p, const std::ar
   static const GaussLegendre<kNodes> quadrature;
   Eigen::Index along = 0;
   shape.normal(p).eigen().cwiseAbs().maxCoeff(&along);
-  const Eigen::Index aside = (along + 1) % 3, across = (along + 2) % 3;
+  const Eigen::Index lateral = (along + 1) % 3, across = (along + 2) % 3;
   const auto weight_of = [&](Eigen::Index axis) { return weights[static_cast<std::size_t>(axis)]; };
-  const AxisWeight w_along = weight_of(along), w_aside = weight_of(aside), w_across = weight_of(across);
+  const AxisWeight w_along = weight_of(along), w_lateral = weight_of(lateral), w_across = weight_of(across);
 
   // quadrature over the lines
   double sum = 0;
   for (std::size_t i = 0; i < kNodes; ++i) {
     for (std::size_t j = 0; j < kNodes; ++j) {
       Eigen::Vector3d offset = Eigen::Vector3d::Zero();
-      offset[aside] = w_aside.reach_mm() * quadrature.node[i];
+      offset[lateral] = w_lateral.reach_mm() * quadrature.node[i];
       offset[across] = w_across.reach_mm() * quadrature.node[j];
       const auto distance = [&](double x) {
         offset[along] = x;
         return shape.distance_mm(p + Vector<Patient>(offset));
       };
-      sum += quadrature.weight[i] * w_aside.reach_mm() * w_aside.density(offset[aside]) *
+      sum += quadrature.weight[i] * w_lateral.reach_mm() * w_lateral.density(offset[lateral]) *
              quadrature.weight[j] * w_across.reach_mm() * w_across.density(offset[across]) *
              weight_inside(distance, w_along);
     }

@@ -15,7 +15,7 @@ TEST(BareForce, IsTheForceOfTheTrilinearMethod) {
   constexpr unsigned kSeed = 11;
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
-  std::uniform_real_distribution<double> place(-34, 34);
+  std::uniform_real_distribution<double> coordinate(-34, 34);
   const Model model = testing::ball_model();
   const Field in_eight_bits = [&] {
     Volume<std::uint8_t> volume(model.field->geometry());
@@ -28,7 +28,7 @@ TEST(BareForce, IsTheForceOfTheTrilinearMethod) {
   for (const Field* field : {&*model.field, &in_eight_bits}) {
     for (int n = 0; n < 3000; ++n) {
       // some points are outside the volume, which ends at 30 mm
-      const Point<Patient> tip(place(random), place(random), place(random));
+      const Point<Patient> tip(coordinate(random), coordinate(random), coordinate(random));
       FieldSample sample = sample_central_differences(*field, tip);
       // a gradient that is only rounding error has an arbitrary direction
       if (sample.gradient.norm() < 1e-6) sample.gradient = {};

@@ -110,11 +110,11 @@ std::string number_of(double value) {
 // ---- terraces
 
 struct Terrace {
-  double ripple_percent = 0, direction_deg = 0, sink_mm = 0, drag_percent = 0;
+  double ripple_percent = 0, direction_deg = 0, sinking_mm = 0, drag_percent = 0;
   void add(const Terrace& other) {
     ripple_percent = std::max(ripple_percent, other.ripple_percent);
     direction_deg = std::max(direction_deg, other.direction_deg);
-    sink_mm = std::max(sink_mm, other.sink_mm);
+    sinking_mm = std::max(sinking_mm, other.sinking_mm);
     drag_percent = std::max(drag_percent, other.drag_percent);
   }
 };
@@ -200,14 +200,14 @@ Result<void> add_terraces(const LabelContactEffort& effort, const Progress& prog
         if (!plane) return plane.error();
         for (const double radius_mm : kRadii_mm) worst.add(terrace(*plane, radius_mm));
       }
-      const std::string place = "/" + std::string(grid.name) + "/" + number_of(tilt_deg) + "deg";
+      const std::string suffix = "/" + std::string(grid.name) + "/" + number_of(tilt_deg) + "deg";
       const TerraceLimits limits = limits_of(tilt_deg, grid);
       const std::string path = "contact/terraces/";
       found[0].push_back(
-          {path + "ripple" + place, worst.ripple_percent, "percent", n, limits.ripple_percent});
-      found[1].push_back({path + "direction" + place, worst.direction_deg, "deg", n, limits.direction_deg});
-      found[2].push_back({path + "sink" + place, worst.sink_mm, "mm", n, 0.1});
-      found[3].push_back({path + "drag" + place, worst.drag_percent, "percent", n, limits.drag_percent});
+          {path + "ripple" + suffix, worst.ripple_percent, "percent", n, limits.ripple_percent});
+      found[1].push_back({path + "direction" + suffix, worst.direction_deg, "deg", n, limits.direction_deg});
+      found[2].push_back({path + "sink" + suffix, worst.sinking_mm, "mm", n, 0.1});
+      found[3].push_back({path + "drag" + suffix, worst.drag_percent, "percent", n, limits.drag_percent});
     }
   for (const std::vector<Figure>& quantity : found)
     figures.insert(figures.end(), quantity.begin(), quantity.end());
@@ -255,10 +255,10 @@ Result<void> add_seams(const Progress& progress, std::vector<Figure>& figures) {
           rise_mm = std::max(rise_mm, peak_to_peak(height_mm));
         }
     }
-    const std::string path = "contact/seams/", place = "/" + std::string(grid.name);
-    found[0].push_back({path + "drag" + place, drag_N, "N", n, 0.05});
-    found[1].push_back({path + "jump" + place, jump_N, "N", n, 0.02});
-    found[2].push_back({path + "rise" + place, rise_mm, "mm", n, 0.1});
+    const std::string path = "contact/seams/", suffix = "/" + std::string(grid.name);
+    found[0].push_back({path + "drag" + suffix, drag_N, "N", n, 0.05});
+    found[1].push_back({path + "jump" + suffix, jump_N, "N", n, 0.02});
+    found[2].push_back({path + "rise" + suffix, rise_mm, "mm", n, 0.1});
   }
   for (const std::vector<Figure>& quantity : found)
     figures.insert(figures.end(), quantity.begin(), quantity.end());

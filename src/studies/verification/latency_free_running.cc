@@ -41,7 +41,7 @@ class PathDriver final : public DeviceDriver {
     round_ns_.reserve(static_cast<std::size_t>(rounds));
   }
 
-  void go(SpscRing<TickRecord>& ring) { ring_.store(&ring); }
+  void start(SpscRing<TickRecord>& ring) { ring_.store(&ring); }
   bool done() const { return done_.load(); }
   /// Time per update in each round, ns; valid once done().
   const std::vector<double>& round_ns() const { return round_ns_; }
@@ -70,9 +70,9 @@ class PathDriver final : public DeviceDriver {
     std::int64_t timed_ns = 0;
     for (std::size_t begin = 0; begin < samples_.size(); begin += kBatch) {
       const std::size_t end = std::min(begin + kBatch, samples_.size());
-      const std::int64_t begun_ns = busy_ns();
+      const std::int64_t started_ns = busy_ns();
       for (std::size_t index = begin; index < end; ++index) update(servo, index);
-      timed_ns += busy_ns() - begun_ns;
+      timed_ns += busy_ns() - started_ns;
       while (ring_.load()->pop(taken_) > 0) {
       }
     }
@@ -101,10 +101,10 @@ std::vector<double> time_ticks(const Model& model, const PalpationPath& path, Fo
     SessionState state;
     Wrench wrench;
     TickRecord record;
-    const std::int64_t begun_ns = busy_ns();
+    const std::int64_t started_ns = busy_ns();
     for (const DeviceState& sensed : path.states)
       tick(model, parameters, {&sensed, 1}, dt_s, state, {&wrench, 1}, record);
-    round_ns.push_back(static_cast<double>(busy_ns() - begun_ns) / static_cast<double>(path.states.size()));
+    round_ns.push_back(static_cast<double>(busy_ns() - started_ns) / static_cast<double>(path.states.size()));
   }
   return round_ns;
 }
@@ -126,7 +126,7 @@ TickCost time_ticks_beside_bare(const Model& model, const PalpationPath& path, F
     TickRecord record;
     for (std::size_t begin = 0; begin < path.states.size(); begin += kSlice) {
       const auto slice = std::span(path.states).subspan(begin, std::min(kSlice, path.states.size() - begin));
-      const std::int64_t begun_ns = busy_ns();
+      const std::int64_t started_ns = busy_ns();
       for (const DeviceState& sensed : slice)
         tick(model, parameters, {&sensed, 1}, dt_s, state, {&wrench, 1}, record);
       const std::int64_t between_ns = busy_ns();
@@ -135,7 +135,7 @@ TickCost time_ticks_beside_bare(const Model& model, const PalpationPath& path, F
           sum_N += bare_force_N(*model.field, full_force_N, X_PatientWorld * sensed.tip);
       const std::int64_t ended_ns = busy_ns();
       const auto count = static_cast<double>(slice.size());
-      ticks_ns.push_back(static_cast<double>(between_ns - begun_ns) / count);
+      ticks_ns.push_back(static_cast<double>(between_ns - started_ns) / count);
       bares_ns.push_back(static_cast<double>(ended_ns - between_ns) / (kRepeats * count));
       ratios.push_back(ticks_ns.back() / bares_ns.back());
     }
@@ -155,10 +155,10 @@ Percentiles time_ticks_in_contact(const Model& model, const PalpationPath& path,
   std::vector<double> contact_us;
   contact_us.reserve(path.states.size());
   for (const DeviceState& sensed : path.states) {
-    const std::int64_t begun_ns = monotonic_ns();
+    const std::int64_t started_ns = monotonic_ns();
     tick(model, parameters, {&sensed, 1}, dt_s, state, {&wrench, 1}, record);
     const std::int64_t ended_ns = monotonic_ns();
-    if (record.device[0].label != 0) contact_us.push_back(static_cast<double>(ended_ns - begun_ns) * 1e-3);
+    if (record.device[0].label != 0) contact_us.push_back(static_cast<double>(ended_ns - started_ns) * 1e-3);
   }
   if (contact_us.empty()) return {};
   std::sort(contact_us.begin(), contact_us.end());
@@ -179,7 +179,7 @@ Result<std::vector<double>> time_updates(std::shared_ptr<const Model> model, con
   settings.realtime = false;
   auto loop = ServoLoop::start(std::move(model), driver, parameters, {path.workspace}, settings);
   if (!loop) return loop.error();
-  driver.go((*loop)->ring());
+  driver.start((*loop)->ring());
   while (!driver.done()) {
     if (progress.stopped()) return Progress::interrupted();
     std::this_thread::sleep_for(kPoll);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kRate_hz = 1000, kBlock_s = 0.2;
 // number of pairs per evaluation and of evaluations; disturbances of single pairs are outweighed
-constexpr int kPairs = 8, kLooks = 3;
+constexpr int kPairs = 8, kAppearances = 3;
 
 // only p50 and p99: higher percentiles are dominated by the hypervisor. Without real-time priority the p99
 // depends on other load.
@@ -35,7 +35,7 @@ TEST(LatencyGate, TheServoIsNoLaterThanALoopWithNothingInIt) {
   const auto path = palpate_once(loaded);
   ASSERT_TRUE(path.ok()) << path.error().message();
   const auto meter = PaceMeter::create(loaded.model, *path, {.rate_hz = kRate_hz});
-  for (int look = 0; look < kLooks; ++look) {
+  for (int look = 0; look < kAppearances; ++look) {
     for (int pair = 0; pair < kPairs; ++pair) {
       for (const bool servo : {pair % 2 == 0, pair % 2 != 0})
         ASSERT_TRUE((servo ? meter->servo_block(kBlock_s) : meter->bare_block(kBlock_s)).ok());
@@ -45,7 +45,7 @@ TEST(LatencyGate, TheServoIsNoLaterThanALoopWithNothingInIt) {
     ASSERT_EQ(pace.dropped, 0u);
     if (keeps_up(pace)) return;
   }
-  FAIL() << "later than the bare loop in three quarters of " << kPairs * kLooks << " pairs of blocks";
+  FAIL() << "later than the bare loop in three quarters of " << kPairs * kAppearances << " pairs of blocks";
 }
 
 }  // namespace

@@ -30,11 +30,11 @@ LatenessPair pair_of(double servo_us, double bare_us) {
 // pair at a quantile of the ratios, rounded up; zeros if there are none
 LatenessPair pair_at(std::vector<LatenessPair> pairs, double part) {
   if (pairs.empty()) return {};
-  const auto place = pairs.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(pairs.size()));
-  std::nth_element(pairs.begin(), place, pairs.end(), [](const LatenessPair& a, const LatenessPair& b) {
+  const auto index = pairs.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(pairs.size()));
+  std::nth_element(pairs.begin(), index, pairs.end(), [](const LatenessPair& a, const LatenessPair& b) {
     return a.servo_us * b.bare_us < b.servo_us * a.bare_us;
   });
-  return *place;
+  return *index;
 }
 
 std::int64_t ns_of(double seconds) {

@@ -33,7 +33,7 @@ struct Taken {
   double swept_mm3 = 0;                  ///< Volume of material in the union of all sweeps
   /// maximum change of the force at a new surface version, and in other ticks
   double edit_N = 0, tick_N = 0;
-  bool held = true;  ///< Whether the proxy stayed coupled
+  bool is_coupled = true;  ///< Whether the proxy stayed coupled
 };
 
 /// A hand of 100 g with a damping of 10 N s/m that presses with 2 N and has no other support.
@@ -52,7 +52,7 @@ class BurrHand {
     tip_ = Point<Patient>(stroke.along_mm_s > 0 ? -5 : 0, 0, kBurrRadius_mm + 0.5);
   }
 
-  Taken go() {
+  Taken run() {
     constexpr double kLeans_s = 0.2, kCuts_s = 0.6, kLean_N = 0.5, kPress_N = 2;
     run(kLeans_s, kLean_N, 0);
     run(kCuts_s, kPress_N, stroke_.along_mm_s);
@@ -99,7 +99,7 @@ class BurrHand {
     const ToolSphere head = burr_.head(burr_state_.inset_mm);
     const SurfaceCorrespondence before{0, false};
     transfer_proxy({&touchable_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
-    taken_.held = taken_.held && proxy_.coupled;
+    taken_.is_coupled = taken_.is_coupled && proxy_.coupled;
     return true;
   }
 
@@ -158,9 +158,9 @@ Result<std::vector<Figure>> removal_figures(const Progress& progress) {
   double beyond_N = 0, off_percent = 0, beyond_work_percent = 0;
   std::uint64_t strokes = 0, let_go = 0;
   const auto take = [&](std::size_t block, const BurrStroke& stroke) {
-    const Taken used = BurrHand(blocks[block], stroke).go();
+    const Taken used = BurrHand(blocks[block], stroke).run();
     ++strokes;
-    let_go += used.held ? 0 : 1;
+    let_go += used.is_coupled ? 0 : 1;
     beyond_N = std::max(beyond_N, used.edit_N - used.tick_N);
     off_percent = std::max(off_percent, 100 * std::abs(used.reckoned_mm3 / used.swept_mm3 - 1));
     const double used_mJ = used.reckoned_mm3 * stroke.energy_mJ_per_mm3;
@@ -186,9 +186,9 @@ Result<std::vector<Figure>> removal_figures(const Progress& progress) {
   figures.push_back({"removal/new-version/step-beyond-ticks", std::max(0.0, beyond_N), "N", strokes, 0.01});
   figures.push_back({"removal/new-version/let-go", static_cast<double>(let_go), "strokes", strokes, 0});
 
-  const double still_mm3 = BurrHand(blocks[0], {.turns_per_s = 0}).go().swept_mm3;
+  const double still_mm3 = BurrHand(blocks[0], {.turns_per_s = 0}).run().swept_mm3;
   const double hard_mm3 =
-      BurrHand(blocks[0], {.energy_mJ_per_mm3 = std::numeric_limits<double>::infinity()}).go().swept_mm3;
+      BurrHand(blocks[0], {.energy_mJ_per_mm3 = std::numeric_limits<double>::infinity()}).run().swept_mm3;
   figures.push_back({"removal/nothing/motor-off", still_mm3, "mm3", 1, 0});
   figures.push_back({"removal/nothing/cannot-be-cut", hard_mm3, "mm3", 1, 0});
   return figures;

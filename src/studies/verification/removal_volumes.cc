@@ -56,13 +56,13 @@ double integral(double from, double to, const F& f) {
 }
 
 // parallel passes of a ball with its centre at a height above the surface
-double passes_mm3(double radius_mm, double above_mm, double path_mm, int passes, double apart_mm) {
+double passes_mm3(double radius_mm, double above_mm, double path_mm, int passes, double separation_mm) {
   // cross-section of adjacent passes: their lower envelope
   const double cap_mm3 = kPi * std::pow(radius_mm - above_mm, 2) * (2 * radius_mm + above_mm) / 3;
-  const double gap_mm2 = integral(-apart_mm / 2, apart_mm / 2, [&](double y) {
+  const double gap_mm2 = integral(-separation_mm / 2, separation_mm / 2, [&](double y) {
     return std::sqrt(radius_mm * radius_mm - y * y) - above_mm;
   });
-  const double gap_mm3 = integral(-apart_mm / 2, apart_mm / 2, [&](double y) {
+  const double gap_mm3 = integral(-separation_mm / 2, separation_mm / 2, [&](double y) {
     return segment_mm2(std::sqrt(radius_mm * radius_mm - y * y), above_mm);
   });
   return path_mm * (segment_mm2(radius_mm, above_mm) + (passes - 1) * gap_mm2) + cap_mm3 +
@@ -91,7 +91,7 @@ std::vector<CutterPath> cutter_paths() {
   const CutterHead ball{2, 0, 0, along};
   const CutterHead lying{1.5, 1.5, 5, along}, athwart{1.5, 1.5, 5, across}, standing{1.5, 1.5, 5, up};
   const CutterHead cone{0.9, 1.75, 5, up};
-  constexpr double kDistance_mm = 5, kDrilled_mm = 3, kMilled_mm = 2, kAbove_mm = 0.5, kApart_mm = 0.5;
+  constexpr double kDistance_mm = 5, kDrilled_mm = 3, kMilled_mm = 2, kAbove_mm = 0.5, kSeparation_mm = 0.5;
   constexpr int kPasses = 5;
   const auto groove = [&](double y_mm, double z_mm) {
     return std::vector<Point<Patient>>{
@@ -100,7 +100,7 @@ std::vector<CutterPath> cutter_paths() {
   const std::vector<Point<Patient>> hole{{0, 0, 2.2}, {0, 0, -kDrilled_mm}};
   std::vector<Point<Patient>> plane;
   for (int n = 0; n < kPasses; ++n) {
-    const auto pass = groove((n - (kPasses - 1) / 2.0) * kApart_mm, kAbove_mm);
+    const auto pass = groove((n - (kPasses - 1) / 2.0) * kSeparation_mm, kAbove_mm);
     plane.insert(plane.end(), pass.begin(), pass.end());
     plane.push_back(pass.back() + up * 2);
   }
@@ -110,18 +110,18 @@ std::vector<CutterPath> cutter_paths() {
     return corners;
   };
   const double r = lying.tip_mm, row = lying.row_mm;
-  return {
-      {"ball/groove", ball, groove(0, 0), half_slot_mm3(ball.tip_mm, kDistance_mm), 2},
-      {"ball/plane", ball, plane, passes_mm3(ball.tip_mm, kAbove_mm, kDistance_mm, kPasses, kApart_mm), 1},
-      {"cylinder/across", athwart, beside(groove(0, 0), across * (-row / 2)),
-       row * (kPi * r * r / 2 + kDistance_mm * r) + half_slot_mm3(r, kDistance_mm), 2},
-      {"cylinder/along", lying, beside(groove(0, 0), along * (-row / 2)),
-       half_slot_mm3(r, kDistance_mm + row), 3},
-      {"cylinder/drilling", standing, hole, upright_mm3(standing, kDrilled_mm, 0), 4.5},
-      {"cylinder/by-its-side", standing, groove(0, -kMilled_mm),
-       upright_mm3(standing, kMilled_mm, kDistance_mm), 2.5},
-      {"cone/drilling", cone, hole, upright_mm3(cone, kDrilled_mm, 0), 5.5, 2},
-      {"cone/by-its-side", cone, groove(0, -kMilled_mm), upright_mm3(cone, kMilled_mm, kDistance_mm), 2}};
+  return {{"ball/groove", ball, groove(0, 0), half_slot_mm3(ball.tip_mm, kDistance_mm), 2},
+          {"ball/plane", ball, plane,
+           passes_mm3(ball.tip_mm, kAbove_mm, kDistance_mm, kPasses, kSeparation_mm), 1},
+          {"cylinder/across", athwart, beside(groove(0, 0), across * (-row / 2)),
+           row * (kPi * r * r / 2 + kDistance_mm * r) + half_slot_mm3(r, kDistance_mm), 2},
+          {"cylinder/along", lying, beside(groove(0, 0), along * (-row / 2)),
+           half_slot_mm3(r, kDistance_mm + row), 3},
+          {"cylinder/drilling", standing, hole, upright_mm3(standing, kDrilled_mm, 0), 4.5},
+          {"cylinder/by-its-side", standing, groove(0, -kMilled_mm),
+           upright_mm3(standing, kMilled_mm, kDistance_mm), 2.5},
+          {"cone/drilling", cone, hole, upright_mm3(cone, kDrilled_mm, 0), 5.5, 2},
+          {"cone/by-its-side", cone, groove(0, -kMilled_mm), upright_mm3(cone, kMilled_mm, kDistance_mm), 2}};
 }
 
 struct ExactBlock {
@@ -170,25 +170,25 @@ struct RemovedOfBlock {
 };
 
 /// A burr whose tip follows a prescribed path, in bone with negligible cutting resistance.
-class LedTip {
+class GuidedTip {
  public:
-  LedTip(const ExactBlock& block, const CutterPath& led, double rate_hz)
-      : carved_(block.surface), removed_(block.model), tip_(led.corners.front()) {
+  GuidedTip(const ExactBlock& block, const CutterPath& guided, double rate_hz)
+      : carved_(block.surface), removed_(block.model), tip_(guided.corners.front()) {
     constexpr double kEnergy_mJ_per_mm3 = 2, kStiffness_N_per_mm = 2;
     options_.dt_s = 1 / rate_hz;
     options_.friction = false;
     touchable_.surface = carved_.surface();
     touchable_.stiffness_N_per_mm = kStiffness_N_per_mm;
     touchable_.cutting_energy_mJ_per_mm3 = kEnergy_mJ_per_mm3;
-    burr_.radius_mm = led.head.tip_mm;
-    burr_.end_radius_mm = led.head.end_mm;
-    burr_.length_mm = led.head.row_mm;
-    burr_.axis = led.head.spindle;
+    burr_.radius_mm = guided.head.tip_mm;
+    burr_.end_radius_mm = guided.head.end_mm;
+    burr_.length_mm = guided.head.row_mm;
+    burr_.axis = guided.head.spindle;
     burr_.revolutions_per_s = 1000;
   }
 
-  RemovedOfBlock go(const std::vector<Point<Patient>>& corners) {
-    constexpr double kSpeed_mm_s = 10, kRests_s = 0.1;
+  RemovedOfBlock run(const std::vector<Point<Patient>>& corners) {
+    constexpr double kSpeed_mm_s = 10, kSettles_s = 0.1;
     for (const Point<Patient>& corner : corners) {
       const Vector<Patient> displacement = corner - tip_;
       const long ticks = std::lround(displacement.norm() / kSpeed_mm_s / options_.dt_s);
@@ -196,7 +196,7 @@ class LedTip {
       for (long n = 1; n <= ticks; ++n)
         tick_at(from + displacement * (static_cast<double>(n) / static_cast<double>(ticks)));
       // wait until the proxy has caught up at the corner
-      for (long n = 0; n < std::lround(kRests_s / options_.dt_s); ++n) tick_at(corner);
+      for (long n = 0; n < std::lround(kSettles_s / options_.dt_s); ++n) tick_at(corner);
     }
     carve();
     const auto counted = removed_.by_label_mm3();
@@ -231,9 +231,9 @@ class LedTip {
   }
 
   double removed_of_surface_mm3() const {
-    constexpr double kPlace_mm = 0.1;
+    constexpr double kPosition_mm = 0.1;
     const Eigen::Array3d to = high_.min(Eigen::Array3d(high_[0], high_[1], 0.3));
-    const Eigen::Array3i cells = ((to - low_) / kPlace_mm).ceil().max(0).cast<int>();
+    const Eigen::Array3i cells = ((to - low_) / kPosition_mm).ceil().max(0).cast<int>();
     const Eigen::Array3d size_mm = (to - low_) / cells.cast<double>();
     AccuracyRandom random(23);
     long removed = 0;
@@ -271,14 +271,14 @@ Result<std::vector<Figure>> path_volume_figures(const PathVolumes& which, const 
     if (!which.all) break;
   }
   std::vector<Figure> figures;
-  for (const CutterPath& led : cutter_paths()) {
-    const std::string name = led.name;
+  for (const CutterPath& guided : cutter_paths()) {
+    const std::string name = guided.name;
     if (!which.all && name != "cylinder/across" && name != "cone/drilling") continue;
     Spread rates, grids;
     double off_percent = 0, counted_off_percent = 0;
-    const auto off = [&](double mm3) { return 100 * std::abs(mm3 / led.expected_mm3 - 1); };
+    const auto off = [&](double mm3) { return 100 * std::abs(mm3 / guided.expected_mm3 - 1); };
     const auto take = [&](std::size_t block, double rate_hz, Spread& of) {
-      const RemovedOfBlock removed = LedTip(blocks[block], led, rate_hz).go(led.corners);
+      const RemovedOfBlock removed = GuidedTip(blocks[block], guided, rate_hz).run(guided.corners);
       off_percent = std::max(off_percent, off(removed.surface_mm3));
       counted_off_percent = std::max(counted_off_percent, off(removed.counted_mm3));
       of.add(removed.surface_mm3);
@@ -292,10 +292,10 @@ Result<std::vector<Figure>> path_volume_figures(const PathVolumes& which, const 
       if (which.all) take(block, 1000, grids);
     }
     const std::string of = "removal/" + name;
-    figures.push_back(
-        {of + "/off-geometry", off_percent, "percent", rates.count() + grids.count(), led.max_off_percent});
+    figures.push_back({of + "/off-geometry", off_percent, "percent", rates.count() + grids.count(),
+                       guided.max_off_percent});
     figures.push_back({of + "/counted-off-geometry", counted_off_percent, "percent",
-                       rates.count() + grids.count(), led.max_counted_off_percent});
+                       rates.count() + grids.count(), guided.max_counted_off_percent});
     figures.push_back({of + "/between-rates", rates.percent(), "percent", rates.count(), 2});
     if (which.all) figures.push_back({of + "/between-grids", grids.percent(), "percent", grids.count(), 4});
   }

@@ -15,10 +15,10 @@ constexpr int kIndicatorNodes = 48;
 template <class Integrand>
 double integrate(double from, double to, const Integrand& f) {
   static const GaussLegendre<kIndicatorNodes> quadrature;
-  const double middle = 0.5 * (from + to), half = 0.5 * (to - from);
+  const double midpoint = 0.5 * (from + to), half = 0.5 * (to - from);
   double sum = 0;
   for (std::size_t i = 0; i < kIndicatorNodes; ++i)
-    sum += quadrature.weight[i] * f(middle + half * quadrature.node[i]);
+    sum += quadrature.weight[i] * f(midpoint + half * quadrature.node[i]);
   return half * sum;
 }
 

@@ -38,7 +38,7 @@ std::vector<StabilityCase> all_cases() {
 // Independent simulation of the same plant: stiffness in N/m at which a limit cycle first appeared, in steps
 // of 5 to 10 %.
 struct Reference {
-  StabilityCase held;
+  StabilityCase stability_case;
   double critical_N_per_m;
 };
 
@@ -60,7 +60,7 @@ std::vector<Reference> references() {
 std::vector<Figure> reference_figures(const std::vector<Figure>& found) {
   std::vector<Figure> figures;
   for (const Reference& reference : references()) {
-    const std::string path = "stability/" + name_of(reference.held);
+    const std::string path = "stability/" + name_of(reference.stability_case);
     for (const Figure& figure : found)
       if (figure.name == path + "/critical")
         figures.push_back({path + "/from-reference",
@@ -74,22 +74,24 @@ std::vector<Figure> reference_figures(const std::vector<Figure>& found) {
 
 }  // namespace
 
-std::string name_of(const StabilityCase& held) {
-  return held.device.name + "/" + held.hand.name + "/" + loop_name(held.rate_hz, held.delay_s);
+std::string name_of(const StabilityCase& stability_case) {
+  return stability_case.device.name + "/" + stability_case.hand.name + "/" +
+         loop_name(stability_case.rate_hz, stability_case.delay_s);
 }
 
-Result<std::vector<Figure>> stiffness_figures(const StabilityCase& held, const Progress& progress) {
-  const auto critical = critical_stiffness_N_per_mm(held, progress);
+Result<std::vector<Figure>> stiffness_figures(const StabilityCase& stability_case, const Progress& progress) {
+  const auto critical = critical_stiffness_N_per_mm(stability_case, progress);
   if (!critical) return critical.error();
-  const auto settling = settling_stiffness_N_per_mm(held, progress);
+  const auto settling = settling_stiffness_N_per_mm(stability_case, progress);
   if (!settling) return settling.error();
-  const std::string path = "stability/" + name_of(held);
+  const std::string path = "stability/" + name_of(stability_case);
   const auto figure = [&](const char* what, double value) {
     return Figure{path + "/" + what, value, "N/mm", kTouches, {}};
   };
-  return std::vector{figure("critical", *critical), figure("margin", kStiffnessMargin * *critical),
-                     figure("settling", *settling),
-                     figure("passive", passivity_bound_N_per_mm(held.device, held.rate_hz))};
+  return std::vector{
+      figure("critical", *critical), figure("margin", kStiffnessMargin * *critical),
+      figure("settling", *settling),
+      figure("passive", passivity_bound_N_per_mm(stability_case.device, stability_case.rate_hz))};
 }
 
 Result<SuiteReport> run_stability(const Progress& progress) {

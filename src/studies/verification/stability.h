@@ -10,9 +10,9 @@ namespace palpate {
 Result<SuiteReport> run_stability(const Progress& progress);
 
 /// Figures of one case: critical and settling stiffness, the recommended and the passive fraction of it.
-Result<std::vector<Figure>> stiffness_figures(const StabilityCase& held, const Progress& progress);
+Result<std::vector<Figure>> stiffness_figures(const StabilityCase& stability_case, const Progress& progress);
 
 /// Name of a case, e.g. "premium-1.5/light-grip/1kHz/delay-1ms"
-std::string name_of(const StabilityCase& held);
+std::string name_of(const StabilityCase& stability_case);
 
 }  // namespace palpate

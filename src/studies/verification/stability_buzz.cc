@@ -17,9 +17,9 @@ constexpr double kHold_N = 1, kInside_mm = 5;
 constexpr double kOffMiddle_mm = 0.2, kBeforeWall_mm = 3;
 
 // x position relative to the plate's outer face at which the method generates kHold_N
-double held_depth_x_mm(const Model& model, ForceMethod method) {
+double hold_depth_x_mm(const Model& model, ForceMethod method) {
   const double face_mm = kGap_mm / 2 + kPlate_mm;
-  if (method == ForceMethod::kProxy) return face_mm - kHold_N / model.greatest_stiffness_N_per_mm();
+  if (method == ForceMethod::kProxy) return face_mm - kHold_N / model.max_stiffness_N_per_mm();
   constexpr double kStep_mm = 0.01;
   double x_mm = face_mm + kInside_mm;
   while (x_mm > face_mm - kInside_mm) {
@@ -107,7 +107,7 @@ std::vector<HoldPosition> hold_positions(const Model& model, ForceMethod method,
   const double face_mm = kGap_mm / 2 + kPlate_mm;
   const double spring_mm = kHold_N / (hand.stiffness_N_per_m * 1e-3);
   const Point<Patient> gap(kOffMiddle_mm, 0, 0), before(face_mm + kBeforeWall_mm, 0, 0),
-      pressed(held_depth_x_mm(model, method) - spring_mm, 0, 0), inside(face_mm - kInside_mm, 0, 0);
+      pressed(hold_depth_x_mm(model, method) - spring_mm, 0, 0), inside(face_mm - kInside_mm, 0, 0);
   return {{"gap", gap, gap}, {"wall", before, pressed}, {"inside", inside, inside}};
 }
 
@@ -127,12 +127,14 @@ Result<void> add_holds(const PlantDevice& device, PreparationMethod preparation,
                     static_cast<double>(index_of(info.method)) / kForceMethods.size());
     for (const char* grip : {"light-grip", "firm-grip"}) {
       const PlantHand hand = *find_plant_hand(grip);
-      for (const HoldPosition& place : hold_positions(**model, info.method, hand)) {
-        const auto held = hold_tip(
-            **model, {device, hand, info.method, kBuzzRate_hz, kDelay_s, 1, place.from, place.at}, progress);
-        if (!held) return held.error();
-        figures.add("stability/buzz/" + device.name + "/" + method + "/" + place.name + "/" + grip,
-                    held->buzz);
+      for (const HoldPosition& hold_position : hold_positions(**model, info.method, hand)) {
+        const auto result = hold_tip(
+            **model,
+            {device, hand, info.method, kBuzzRate_hz, kDelay_s, 1, hold_position.from, hold_position.at},
+            progress);
+        if (!result) return result.error();
+        figures.add("stability/buzz/" + device.name + "/" + method + "/" + hold_position.name + "/" + grip,
+                    result->buzz);
       }
     }
   }

@@ -44,12 +44,12 @@ struct Plane {
     static constexpr double kHalf_mm = 9, kReach_mm = 6;
     GridGeometry grid;
     grid.spacing_mm = {0.277, 0.277, 1.0};
-    Eigen::Vector3d middle;
+    Eigen::Vector3d centre;
     for (int axis = 0; axis < 3; ++axis) {
-      middle[axis] = std::ceil(kHalf_mm / grid.spacing_mm[axis]);
-      grid.dims[static_cast<std::size_t>(axis)] = 2 * static_cast<int>(middle[axis]) + 1;
+      centre[axis] = std::ceil(kHalf_mm / grid.spacing_mm[axis]);
+      grid.dims[static_cast<std::size_t>(axis)] = 2 * static_cast<int>(centre[axis]) + 1;
     }
-    grid.origin = Point<Patient>(-middle.cwiseProduct(grid.spacing_mm));
+    grid.origin = Point<Patient>(-centre.cwiseProduct(grid.spacing_mm));
 
     Volume<std::int16_t> volume(grid);
     const auto in_steps = [](double distance_mm) {
@@ -266,14 +266,14 @@ struct Pressed {
 /// oblique to the surface and then sideways, limited to a random force and to kFastest_mm per tick.
 Pressed press(const ContactSurface& surface, const DistanceOracle& oracle, const Point<Patient>& target,
               AccuracyRandom& random) {
-  constexpr double kBefore_mm = 0.5, kMaxAskew = 0.6, kFurther_mm = 6;
+  constexpr double kBefore_mm = 0.5, kMaxMisaligned = 0.6, kFurther_mm = 6;
   const ToolSphere tool{{}, std::max(0.0, random.between(-1, kWidest_mm))};
   const auto clearance_mm = [&](const Point<Patient>& at) { return oracle.distance_mm(at) - tool.radius_mm; };
   const Vector<Patient> inward = random_direction(random);
-  const Vector<Patient> aside = inward.cross(random_direction(random)).normalized();
+  const Vector<Patient> lateral = inward.cross(random_direction(random)).normalized();
   const double max_mm = random.between(0.5, kMax_N) / surface.stiffness_N_per_mm;
   const double speed_mm = random.between(0.1, kFastest_mm);
-  const Vector<Patient> askew = (inward + aside * random.between(0, kMaxAskew)).normalized();
+  const Vector<Patient> askew = (inward + lateral * random.between(0, kMaxMisaligned)).normalized();
   Point<Patient> tip = target;
   while (clearance_mm(tip) < kBefore_mm) tip = tip - inward * kBefore_mm;
 
@@ -302,7 +302,7 @@ Pressed press(const ContactSurface& surface, const DistanceOracle& oracle, const
   };
   follow();
   lead(askew, max_mm + kFurther_mm);
-  lead(aside, kFurther_mm);
+  lead(lateral, kFurther_mm);
   return pressed;
 }
 

@@ -77,7 +77,7 @@ DropoutResult drop_out(const Model& wall, const Dropout& dropout) {
     plant.intend(on_device(1 - down * (1 + depth_mm)));
     plant.advance(mapping.to_device(sent), kDropTick_s);
     if (n < pressed) continue;
-    result.sink_mm = std::max(result.sink_mm, before_mm - height_mm());
+    result.sinking_mm = std::max(result.sinking_mm, before_mm - height_mm());
     if (sent.force_N.norm() < kBack * result.before_N) last_away = n + 1;
     const bool returning = !lost && n < pressed + dropped + std::lround(kReturning_s / kDropTick_s);
     if (returning) result.kick_N = std::max(result.kick_N, sent.force_N.norm() - last_N);
@@ -87,7 +87,7 @@ DropoutResult drop_out(const Model& wall, const Dropout& dropout) {
 }
 
 Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
-  constexpr double kDelay_s = 1e-3, kMaxSink_mm = 0.6, kMaxBack_ms = 100;
+  constexpr double kDelay_s = 1e-3, kMaxSinking_mm = 0.6, kMaxBack_ms = 100;
   const auto wall = flat_wall(progress);
   if (!wall) return wall.error();
   // grouped by unit, as required by the table
@@ -106,13 +106,13 @@ Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
       dropout.by = Return::kWithoutKick;
       const DropoutResult without_kick = drop_out(**wall, dropout);
       // a hand that cannot meet it even in the ideal case is exempt
-      const bool can = without_kick.sink_mm <= kMaxSink_mm;
+      const bool can = without_kick.sinking_mm <= kMaxSinking_mm;
       const std::string path =
           "stability/dropout/" + device.name + "/" + hand.name + "/" + loop_name(1 / kDropTick_s, kDelay_s);
       lengths.push_back(
-          {path + "/sink", lost.sink_mm, "mm", 1, can ? std::optional(kMaxSink_mm) : std::nullopt});
-      lengths.push_back({path + "/floor", without_kick.sink_mm, "mm", 1, {}});
-      lengths.push_back({path + "/floor-at-once", at_once.sink_mm, "mm", 1, {}});
+          {path + "/sink", lost.sinking_mm, "mm", 1, can ? std::optional(kMaxSinking_mm) : std::nullopt});
+      lengths.push_back({path + "/floor", without_kick.sinking_mm, "mm", 1, {}});
+      lengths.push_back({path + "/floor-at-once", at_once.sinking_mm, "mm", 1, {}});
       times.push_back({path + "/back", lost.back_s * 1e3, "ms", 1, kMaxBack_ms});
       forces.push_back({path + "/kick", lost.kick_N, "N", 1, kMaxKick_N});
     }

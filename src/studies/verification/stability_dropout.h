@@ -27,14 +27,14 @@ struct Dropout {
   double delay_s = 0;
   double time_s = 0.02;  ///< Duration without fresh poses
   double press_N = 1;    ///< Force of the hand in addition to the device's Coulomb friction
-  /// Other than kTick: lower bound of the tip's sinking; only sink_mm is evaluated then
+  /// Other than kTick: lower bound of the tip's sinking; only sinking_mm is evaluated then
   Return by = Return::kTick;
 };
 
 /// Effect of the interruption.
 struct DropoutResult {
-  double before_N = 0;  ///< Force of the wall before it
-  double sink_mm = 0;   ///< Drop of the true tip
+  double before_N = 0;    ///< Force of the wall before it
+  double sinking_mm = 0;  ///< Drop of the true tip
   /// Time from the first fresh pose until the force stays above four fifths of before_N
   double back_s = 0;
   double kick_N = 0;    ///< Largest increase of the force in a tick of the first 100 ms

@@ -24,7 +24,7 @@ constexpr double kEnergyRate_hz = 1000;
 constexpr double kWallSpacing_mm = 0.6, kUserLimit_N = 3;
 // next target of the hand: range of heights above the surface, and maximum lateral angle from the previous
 // one
-constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMaxAside_rad = 0.6;
+constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMaxLateral_rad = 0.6;
 constexpr double kShortest_s = 0.12, kLongest_s = 0.6;
 // the hand waits until the force is ramped in
 constexpr double kBegin_s = 0.6;
@@ -37,7 +37,7 @@ constexpr double kMaxOnPlane_mm = 6;
 constexpr double kTurning_s = 0.1;
 constexpr double kMaxObjectTurn_rad = 0.03;
 // fraction of the energy generated without the controller
-constexpr double kMaxGivenOut_percent = 5;
+constexpr double kMaxGenerated_percent = 5;
 // random tick lengths, duration of that run, and the stiffest tissue of the presets
 constexpr double kJitter = 0.5, kUnpunctual_s = 20, kTissue_N_per_mm = 1.5;
 
@@ -103,8 +103,8 @@ class RandomHand {
       to_ = Point<Patient>(x, y, between(random_, -kMaxOnPlane_mm, kMaxOnPlane_mm));
       return;
     }
-    const Eigen::AngleAxisd aside(between(random_, 0, kMaxAside_rad), any_direction(random_));
-    direction_ = aside * direction_;
+    const Eigen::AngleAxisd lateral(between(random_, 0, kMaxLateral_rad), any_direction(random_));
+    direction_ = lateral * direction_;
     to_ = Point<Patient>(direction_ * (kBallRadius_mm + between(random_, kDeepest_mm, kHighest_mm)));
   }
 
@@ -122,12 +122,12 @@ double second_half(const std::vector<double>& values) {
 }
 
 // peak-to-peak deviation from the running mean, from the middle of the run on
-double swing_of(const std::vector<double>& places_mm, double rate_hz) {
+double swing_of(const std::vector<double>& positions_mm, double rate_hz) {
   const auto half = static_cast<std::ptrdiff_t>(std::lround(0.5 * kSwingMean_s * rate_hz));
-  const auto count = static_cast<std::ptrdiff_t>(places_mm.size());
+  const auto count = static_cast<std::ptrdiff_t>(positions_mm.size());
   double low_mm = 0, high_mm = 0;
   for (std::ptrdiff_t n = std::max(count / 2, half); n + half < count; ++n) {
-    const auto middle = places_mm.begin() + n;
+    const auto middle = positions_mm.begin() + n;
     const double mean_mm =
         std::accumulate(middle - half, middle + half + 1, 0.0) / static_cast<double>(2 * half + 1);
     low_mm = std::min(low_mm, *middle - mean_mm);
@@ -236,7 +236,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   std::shared_ptr<const Model> model = std::make_shared<const Model>(ball);
   VirtualClockYieldSolver yields(exploration.rate_hz);
   const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
-  std::vector<double> places_mm, forces_N;  // normal to the plane
+  std::vector<double> positions_mm, forces_N;  // normal to the plane
   double energy_mJ = 0;
   long touching = 0, damped = 0;
   bool touched = false;
@@ -257,7 +257,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
     }
     if (exploration.cuts && n % ticks_a_cut == 0)
       if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
-        model = carved_by(*model, cuts)->taken_from(*model);
+        model = carved_by(*model, cuts)->applied_to(*model);
     if (yields_by_itself && yields.advance(*model, n > 0 ? &record : nullptr))
       parameters.yields = yields.frame();
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
@@ -269,7 +269,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
     const Point<Patient> now = X_PatientWorld_turned * tip_in_world;
     energy_mJ -= (X_PatientWorld * acted).dot(now - X_PatientWorld * tip_in_world);
     X_PatientWorld = X_PatientWorld_turned;
-    if (exploration.presses) places_mm.push_back(now.x());
+    if (exploration.presses) positions_mm.push_back(now.x());
     result.min_mJ = std::min(result.min_mJ, energy_mJ);
     const double depth_mm = exploration.flat ? -now.x() : kBallRadius_mm - now.eigen().norm();
     result.deepest_mm = std::max(result.deepest_mm, depth_mm);
@@ -295,7 +295,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   }
   result.last_mJ = energy_mJ;
   if (exploration.presses) {
-    result.swing_mm = swing_of(places_mm, exploration.rate_hz);
+    result.swing_mm = swing_of(positions_mm, exploration.rate_hz);
     result.pressed_N = second_half(forces_N);
   }
   result.damped = touching > 0 ? static_cast<double>(damped) / static_cast<double>(touching) : 0;
@@ -317,12 +317,14 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
     const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s * exploration.rate_hz));
     // energy within one encoder step, which cannot be observed
     const double hidden_mJ = with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
-    const auto limit = [](bool holds, double most) { return holds ? std::optional(most) : std::nullopt; };
+    const auto limit = [](bool holds, double largest) {
+      return holds ? std::optional(largest) : std::nullopt;
+    };
     energies.push_back({path + "/given-out/without", 0 - without.min_mJ, "mJ", n, {}});
     energies.push_back({path + "/given-out/with", 0 - with.min_mJ, "mJ", n, limit(bound, hidden_mJ)});
     energies.push_back({path + "/given-out/hidden", hidden_mJ, "mJ", n, {}});
     const double part = with.min_mJ < 0 ? 100 * with.min_mJ / without.min_mJ : 0;
-    parts.push_back({path + "/part-given-out", part, "percent", n, limit(limited, kMaxGivenOut_percent)});
+    parts.push_back({path + "/part-given-out", part, "percent", n, limit(limited, kMaxGenerated_percent)});
     parts.push_back({path + "/damped-of-contact", 100 * with.damped, "percent", n, {}});
     depths.push_back({path + "/deepest/without", without.deepest_mm, "mm", n, {}});
     depths.push_back({path + "/deepest/with", with.deepest_mm, "mm", n, {}});

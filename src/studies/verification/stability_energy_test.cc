@@ -11,8 +11,8 @@ namespace palpate {
 namespace {
 
 // A minute without delay at the recommended stiffness.
-void expect_little_given_out(const std::string& device_name, const std::string& grip, double max_damped,
-                             double max_deeper_mm) {
+void expect_little_energy_generated(const std::string& device_name, const std::string& grip,
+                                    double max_damped, double max_deeper_mm) {
   const auto ball = exploration_ball();
   ASSERT_TRUE(ball) << ball.error().message();
   const PlantDevice device = *find_plant_device(device_name);
@@ -42,13 +42,14 @@ void expect_little_given_out(const std::string& device_name, const std::string& 
 }
 
 TEST(StabilityEnergy, WithTheControllerAPremiumGivesOutNoMoreThanAnEncoderHides) {
-  for (const char* grip : {"light-grip", "firm-grip"}) expect_little_given_out("premium-1.5", grip, 0.6, 0.1);
+  for (const char* grip : {"light-grip", "firm-grip"})
+    expect_little_energy_generated("premium-1.5", grip, 0.6, 0.1);
 }
 
 // an encoder step exceeds its maximum force; the energy deficit softens the wall
 TEST(StabilityEnergy, WithTheControllerATouchGivesOutNoMoreThanAnEncoderHides) {
-  expect_little_given_out("touch", "firm-grip", 0.6, 0.1);
-  expect_little_given_out("touch", "light-grip", 1, 0.6);
+  expect_little_energy_generated("touch", "firm-grip", 0.6, 0.1);
+  expect_little_energy_generated("touch", "light-grip", 1, 0.6);
 }
 
 TEST(StabilityEnergy, SoItIsOnATurningObjectAndTwiceAsStiff) {
@@ -98,10 +99,10 @@ TEST(StabilityEnergy, TheControllerMakesNoQuietContactBuzz) {
           const double spring_mm = kHold_N / *stiffness + kHold_N / (hold.hand.stiffness_N_per_m * 1e-3);
           hold.from = Point<Patient>(kBallRadius_mm + kBefore_mm, 0, 0);
           hold.at = Point<Patient>(kBallRadius_mm - spring_mm, 0, 0);
-          const auto held = hold_tip(**ball, hold);
-          ASSERT_TRUE(held) << held.error().message();
-          EXPECT_GT(held->buzz.force_N, 0.4);
-          EXPECT_TRUE(held->quiet()) << held->buzz.peak_to_peak_um << " um";
+          const auto result = hold_tip(**ball, hold);
+          ASSERT_TRUE(result) << result.error().message();
+          EXPECT_GT(result->buzz.force_N, 0.4);
+          EXPECT_TRUE(result->quiet()) << result->buzz.peak_to_peak_um << " um";
         }
     }
 }
@@ -132,7 +133,7 @@ TEST(StabilityEnergy, WithATickThatKnowsTheDelayAPremiumGivesOutWhatAnEncoderHid
 
 // At tissue stiffness, where the device holds it: at 250 Hz a Premium holds 0.83 N/mm.
 TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
-  double given_out_mJ = 0;
+  double generated_mJ = 0;
   const auto ball = exploration_ball(), wall = flat_wall();
   ASSERT_TRUE(ball && wall);
   for (const char* name : {"premium-1.5", "touch"})
@@ -154,9 +155,9 @@ TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
           exploration.controller = false;
           const EnergyBalance without = explore_energy(flat ? **wall : **ball, exploration);
           EXPECT_LT(with.deepest_mm, without.deepest_mm + 0.6) << "a wall still";
-          given_out_mJ = std::max(given_out_mJ, -without.min_mJ);
+          generated_mJ = std::max(generated_mJ, -without.min_mJ);
         }
-  EXPECT_GT(given_out_mJ, 1) << "there is something to keep";
+  EXPECT_GT(generated_mJ, 1) << "there is something to keep";
 }
 
 // a ball of quarters with seams that meet at its poles, or a soft shell around a hard core

@@ -15,8 +15,8 @@
 namespace palpate {
 namespace {
 
-constexpr double kPressing_s = 4, kLooked_s = 1;
-constexpr double kApart_mm = 10, kBegin_mm = 1, kDown_mm_s = 100, kRampIn_s = 0.6;
+constexpr double kPressing_s = 4, kChecked_s = 1;
+constexpr double kSeparation_mm = 10, kBegin_mm = 1, kDown_mm_s = 100, kRampIn_s = 0.6;
 // the follower's period is longer by this factor, so that its updates occur at every phase between two ticks
 constexpr double kRunsAway = 1.0007;
 
@@ -64,9 +64,9 @@ class Presser {
     low_mm_ = std::min(low_mm_, height_mm);
     high_mm_ = std::max(high_mm_, height_mm);
     sum_N_ += force_N;
-    ++looks_;
+    ++appearances_;
   }
-  PressResult result() const { return {high_mm_ - low_mm_, sum_N_ / looks_}; }
+  PressResult result() const { return {high_mm_ - low_mm_, sum_N_ / appearances_}; }
 
  private:
   static WorkspaceSettings workspace_of(const PressingDevice& pressing) {
@@ -88,7 +88,7 @@ class Presser {
   DeviceCommand acting_;
   double now_s_ = 0, reported_s_ = 0;
   double low_mm_ = std::numeric_limits<double>::infinity(), high_mm_ = -low_mm_, sum_N_ = 0;
-  int looks_ = 0;
+  int appearances_ = 0;
 };
 
 Parameters parameters_of(bool controller) {
@@ -106,7 +106,8 @@ double following_delay_s(const PressingDevice& owner, const PressingDevice& foll
 
 std::array<PressResult, 2> run_following(const Model& wall, const Following& following) {
   const auto& [owner, follower, press_N, controller, is_delay_counted] = following;
-  Presser owns(wall, owner, press_N, -kApart_mm / 2), follows(wall, follower, press_N, kApart_mm / 2);
+  Presser owns(wall, owner, press_N, -kSeparation_mm / 2),
+      follows(wall, follower, press_N, kSeparation_mm / 2);
   Parameters parameters = parameters_of(controller);
   parameters.device[0] = owns.parameters(owner.delay_s);
   parameters.device[1] =
@@ -135,7 +136,7 @@ std::array<PressResult, 2> run_following(const Model& wall, const Following& fol
     tick(wall, parameters, sensed, tick_s, state, sent, record);
     owns.act(sent[0]);
     ++ticks;
-    if (at_tick_s <= kPressing_s - kLooked_s) continue;
+    if (at_tick_s <= kPressing_s - kChecked_s) continue;
     follows.advance(at_tick_s);
     owns.look(sent[0].force_N.norm());
     follows.look(sent[1].force_N.norm());
@@ -144,7 +145,7 @@ std::array<PressResult, 2> run_following(const Model& wall, const Following& fol
 }
 
 PressResult press_alone(const Model& wall, const PressingDevice& pressing, bool controller) {
-  Presser alone(wall, pressing, Following{}.press_N, -kApart_mm / 2);
+  Presser alone(wall, pressing, Following{}.press_N, -kSeparation_mm / 2);
   Parameters parameters = parameters_of(controller);
   parameters.device[0] = alone.parameters(pressing.delay_s);
   const double tick_s = 1 / pressing.rate_hz;
@@ -158,7 +159,7 @@ PressResult press_alone(const Model& wall, const PressingDevice& pressing, bool 
     const DeviceState sensed = alone.state(now_s);
     tick(wall, parameters, {&sensed, 1}, tick_s, state, {&sent, 1}, record);
     alone.act(sent);
-    if (now_s > kPressing_s - kLooked_s) alone.look(sent.force_N.norm());
+    if (now_s > kPressing_s - kChecked_s) alone.look(sent.force_N.norm());
   }
   return alone.result();
 }

@@ -86,32 +86,32 @@ double swing_of(std::span<const double> distance_mm) {
 
 }  // namespace
 
-GripResult hold_wall(const Model& wall, const GripCase& held) {
+GripResult hold_wall(const Model& wall, const GripCase& grip_case) {
   Model model = wall;
   for (Tissue& tissue : model.tissues)
-    tissue.viscosity_N_s_per_mm = held.viscosity_N_s_per_mm / held.stiffness_N_per_mm;
+    tissue.viscosity_N_s_per_mm = grip_case.viscosity_N_s_per_mm / grip_case.stiffness_N_per_mm;
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
-  parameters.passivity = held.controller;
-  parameters.device[0].limits.peak_force_N = held.device.peak_force_N;
-  parameters.device[0].max_damping_N_s_per_mm = held.max_damping_N_s_per_mm;
-  parameters.device[0].delay_s = held.reported_s.value_or(held.delay_s);
-  parameters.device[0].position_step_mm = held.device.encoder_step_m * 1e3;
-  if (held.states_nothing) parameters.device[0] = device_parameters(rate_alone(held.rate_hz), {});
-  parameters.device[0].force_gain = held.stiffness_N_per_mm;
+  parameters.passivity = grip_case.controller;
+  parameters.device[0].limits.peak_force_N = grip_case.device.peak_force_N;
+  parameters.device[0].max_damping_N_s_per_mm = grip_case.max_damping_N_s_per_mm;
+  parameters.device[0].delay_s = grip_case.reported_s.value_or(grip_case.delay_s);
+  parameters.device[0].position_step_mm = grip_case.device.encoder_step_m * 1e3;
+  if (grip_case.states_nothing) parameters.device[0] = device_parameters(rate_alone(grip_case.rate_hz), {});
+  parameters.device[0].force_gain = grip_case.stiffness_N_per_mm;
 
   // approaches at the impact speed, to the equilibrium of the hand's and the wall's springs at this force
-  const double depth_mm =
-      held.press_N / held.stiffness_N_per_mm + held.press_N / held.grip.stiffness_N_per_m * 1e3;
-  GripPlant plant(held.device, held.grip, kAbove_mm * 1e-3);
-  const double dt_s = 1 / held.rate_hz;
+  const double depth_mm = grip_case.press_N / grip_case.stiffness_N_per_mm +
+                          grip_case.press_N / grip_case.grip.stiffness_N_per_m * 1e3;
+  GripPlant plant(grip_case.device, grip_case.grip, kAbove_mm * 1e-3);
+  const double dt_s = 1 / grip_case.rate_hz;
   const int steps = static_cast<int>(std::lround(dt_s / kGripStep_s));
-  std::deque<double> line(static_cast<std::size_t>(std::lround(held.delay_s / kGripStep_s)), 0.0);
+  std::deque<double> line(static_cast<std::size_t>(std::lround(grip_case.delay_s / kGripStep_s)), 0.0);
   SessionState state;
   TickRecord record;
   Wrench sent;
-  const double touch_s = kFadeIn_s + kAbove_mm * 1e-3 / held.impact_m_s;
-  const long ticks = std::lround((touch_s + held.time_s) * held.rate_hz);
+  const double touch_s = kFadeIn_s + kAbove_mm * 1e-3 / grip_case.impact_m_s;
+  const long ticks = std::lround((touch_s + grip_case.time_s) * grip_case.rate_hz);
   std::vector<double> distance_mm, force_N;
   double target_mm = kAbove_mm;
   double in_m_s = 0;
@@ -124,10 +124,10 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
     const double command_N = (model.X_WorldPatient.inverse() * sent.force_N).x();
     const double time_s = static_cast<double>(n + 1) * dt_s;
     const double down_mm =
-        std::clamp(held.impact_m_s * 1e3 * (time_s - kFadeIn_s), 0.0, kAbove_mm + depth_mm);
+        std::clamp(grip_case.impact_m_s * 1e3 * (time_s - kFadeIn_s), 0.0, kAbove_mm + depth_mm);
     const double target_m_s = (kAbove_mm - down_mm - target_mm) * 1e-3 / dt_s;
-    if (held.free && !thrown && time_s > kFadeIn_s) {
-      plant.throw_it(-held.impact_m_s);
+    if (grip_case.free && !thrown && time_s > kFadeIn_s) {
+      plant.throw_it(-grip_case.impact_m_s);
       thrown = true;
     }
     for (int i = 0; i < steps; ++i) {
@@ -150,7 +150,7 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
     force_N.push_back(command_N);
   }
 
-  const auto second = static_cast<std::size_t>(std::lround(held.rate_hz));
+  const auto second = static_cast<std::size_t>(std::lround(grip_case.rate_hz));
   const auto last = std::span(distance_mm).last(std::min(second, distance_mm.size()));
   result.swing_mm = swing_of(last);
   const auto [low, high] = std::minmax_element(last.begin(), last.end());
@@ -159,7 +159,7 @@ GripResult hold_wall(const Model& wall, const GripCase& held) {
     result.crossings_hz += last[n - 1] < middle_mm && last[n] >= middle_mm;
   for (std::size_t n = force_N.size() - last.size(); n < force_N.size(); ++n)
     result.force_N += force_N[n] / static_cast<double>(last.size());
-  const auto piece = static_cast<std::size_t>(std::lround(kSettledFor_s * held.rate_hz));
+  const auto piece = static_cast<std::size_t>(std::lround(kSettledFor_s * grip_case.rate_hz));
   for (std::size_t n = 0; n + piece <= distance_mm.size(); ++n)
     if (swing_of(std::span(distance_mm).subspan(n, piece)) > kSettledSwing_mm)
       result.settled_s = static_cast<double>(n + piece) * dt_s;
@@ -194,13 +194,13 @@ Result<void> add_hands_with_skin(const Model& wall, const Model& ball, const Pla
         if (progress.stopped()) return Progress::interrupted();
         const PlantHand& hand = plant_hands_with_skin()[n];
         for (const double impact_m_s : {0.05, 0.1, 0.5}) {
-          const GripCase held{.device = device,
-                              .grip = grip_of(hand),
-                              .stiffness_N_per_mm = *stiffness,
-                              .rate_hz = rate_hz,
-                              .delay_s = delay_s,
-                              .impact_m_s = impact_m_s};
-          swing_mm[n] = std::max(swing_mm[n], hold_wall(wall, held).swing_mm);
+          const GripCase grip_case{.device = device,
+                                   .grip = grip_of(hand),
+                                   .stiffness_N_per_mm = *stiffness,
+                                   .rate_hz = rate_hz,
+                                   .delay_s = delay_s,
+                                   .impact_m_s = impact_m_s};
+          swing_mm[n] = std::max(swing_mm[n], hold_wall(wall, grip_case).swing_mm);
         }
         Exploration exploration{device, hand};
         exploration.stiffness_N_per_mm = *stiffness;
@@ -246,11 +246,11 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
       for (const double damping_N_s_per_m : {0.3, 0.5})
         for (const double skin_N_per_m : {0.0, kSkin_N_per_m}) {
           if (progress.stopped()) return Progress::interrupted();
-          GripCase held{.device = device,
-                        .grip = {.damping_N_s_per_m = damping_N_s_per_m, .skin_N_per_m = skin_N_per_m},
-                        .stiffness_N_per_mm = *stiffness};
-          if (!reported) held.reported_s = 0;
-          const GripResult result = hold_wall(**wall, held);
+          GripCase grip_case{.device = device,
+                             .grip = {.damping_N_s_per_m = damping_N_s_per_m, .skin_N_per_m = skin_N_per_m},
+                             .stiffness_N_per_mm = *stiffness};
+          if (!reported) grip_case.reported_s = 0;
+          const GripResult result = hold_wall(**wall, grip_case);
           const std::string of = path + "/b-" + short_number(damping_N_s_per_m) +
                                  (skin_N_per_m > 0 ? "/two-masses" : "/one-mass");
           lengths.push_back({of + "/swing", result.swing_mm, "mm", 1, 2e3 * device.encoder_step_m});

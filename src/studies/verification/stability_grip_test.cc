@@ -25,18 +25,18 @@ TEST(StabilityGrip, AViscousTissueIsQuietUnderAFingertip) {
         for (const double damping_N_s_per_m : {0.1, 2.0}) {
           SCOPED_TRACE(std::string(name) + ", " + std::to_string(delay_s) + " s, " +
                        std::to_string(stiffness_N_per_mm) + " N/mm, " + std::to_string(damping_N_s_per_m));
-          GripCase held{.device = *find_plant_device(name),
-                        .grip = {.mass_kg = 0.01, .damping_N_s_per_m = damping_N_s_per_m},
-                        .stiffness_N_per_mm = stiffness_N_per_mm,
-                        .viscosity_N_s_per_mm = 0.05,
-                        .delay_s = delay_s,
-                        .press_N = 0.5,
-                        .time_s = 2};
+          GripCase grip_case{.device = *find_plant_device(name),
+                             .grip = {.mass_kg = 0.01, .damping_N_s_per_m = damping_N_s_per_m},
+                             .stiffness_N_per_mm = stiffness_N_per_mm,
+                             .viscosity_N_s_per_mm = 0.05,
+                             .delay_s = delay_s,
+                             .press_N = 0.5,
+                             .time_s = 2};
           if (stiffness_N_per_mm == 0.1) {
-            EXPECT_GT(hold_wall(grip_wall(), held).swing_mm, 0.4) << "as it is asked for";
+            EXPECT_GT(hold_wall(grip_wall(), grip_case).swing_mm, 0.4) << "as it is asked for";
           }
-          held.max_damping_N_s_per_mm = recommended_damping_N_s_per_mm(held.device, 1000, delay_s);
-          EXPECT_LT(hold_wall(grip_wall(), held).swing_mm, 2e3 * held.device.encoder_step_m);
+          grip_case.max_damping_N_s_per_mm = recommended_damping_N_s_per_mm(grip_case.device, 1000, delay_s);
+          EXPECT_LT(hold_wall(grip_wall(), grip_case).swing_mm, 2e3 * grip_case.device.encoder_step_m);
         }
 }
 
@@ -61,15 +61,15 @@ TEST(StabilityGrip, ALooseGripIsQuietWhetherOrNotTheDelayIsTold) {
   int swinging = 0;
   for (const Grip& grip : loose_grips()) {
     SCOPED_TRACE(name_of(grip));
-    GripCase held{.device = *find_plant_device("premium-1.5"), .grip = grip, .stiffness_N_per_mm = 1.16};
-    held.controller = false;
-    swinging += hold_wall(grip_wall(), held).swing_mm > 0.2;
-    held.controller = true;
+    GripCase grip_case{.device = *find_plant_device("premium-1.5"), .grip = grip, .stiffness_N_per_mm = 1.16};
+    grip_case.controller = false;
+    swinging += hold_wall(grip_wall(), grip_case).swing_mm > 0.2;
+    grip_case.controller = true;
     for (const bool reported : {false, true}) {
       SCOPED_TRACE(reported ? "told" : "not told");
-      held.reported_s = reported ? held.delay_s : 0;
-      const GripResult result = hold_wall(grip_wall(), held);
-      EXPECT_LT(result.swing_mm, 2e3 * held.device.encoder_step_m);
+      grip_case.reported_s = reported ? grip_case.delay_s : 0;
+      const GripResult result = hold_wall(grip_wall(), grip_case);
+      EXPECT_LT(result.swing_mm, 2e3 * grip_case.device.encoder_step_m);
       EXPECT_LT(result.settled_s, reported ? 1.2 : 0.9) << "after an impact at 0.1 m/s";
       EXPECT_NEAR(result.force_N, 1, 0.2) << "the wall is there";
     }
@@ -87,13 +87,13 @@ TEST(StabilityGrip, AHandWithSkinIsQuietAtWhatIsRecommended) {
           for (const double impact_m_s : {0.05, 0.5}) {
             SCOPED_TRACE(device.name + ", " + hand.name + ", " + std::to_string(rate_hz) + " Hz, " +
                          std::to_string(delay_s) + " s, " + std::to_string(impact_m_s) + " m/s");
-            const GripCase held{.device = device,
-                                .grip = grip_of(hand),
-                                .stiffness_N_per_mm = stiffness_N_per_mm,
-                                .rate_hz = rate_hz,
-                                .delay_s = delay_s,
-                                .impact_m_s = impact_m_s};
-            const GripResult result = hold_wall(grip_wall(), held);
+            const GripCase grip_case{.device = device,
+                                     .grip = grip_of(hand),
+                                     .stiffness_N_per_mm = stiffness_N_per_mm,
+                                     .rate_hz = rate_hz,
+                                     .delay_s = delay_s,
+                                     .impact_m_s = impact_m_s};
+            const GripResult result = hold_wall(grip_wall(), grip_case);
             EXPECT_LE(result.swing_mm, 2e3 * device.encoder_step_m);
             EXPECT_NEAR(result.force_N, 1, 0.35) << "the wall is there, and friction bears the rest";
           }
@@ -163,9 +163,9 @@ TEST(StabilityGrip, AFreeTapOfADeviceOfWhichNothingIsKnownReboundsNoFasterThanIt
 TEST(StabilityGrip, ADocumentedHandFeelsTheWholeWall) {
   for (const PlantHand& hand : known_plant_hands()) {
     SCOPED_TRACE(hand.name);
-    const GripCase held{
+    const GripCase grip_case{
         .device = *find_plant_device("premium-1.5"), .grip = grip_of(hand), .stiffness_N_per_mm = 1.16};
-    const GripResult result = hold_wall(grip_wall(), held);
+    const GripResult result = hold_wall(grip_wall(), grip_case);
     EXPECT_EQ(result.swing_mm, 0);
     EXPECT_NEAR(result.force_N, 1, 0.06);
   }

@@ -15,21 +15,21 @@
 namespace palpate {
 namespace {
 
-constexpr NoGoPlace kNoGoPlaces[] = {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kTouchable};
+constexpr NoGoKind kNoGoKinds[] = {NoGoKind::kPlane, NoGoKind::kStructure, NoGoKind::kTouchable};
 // the force is ramped in while the hand rests before the boundary; final rest of the tip
 constexpr double kStandOff_mm = 10, kInFirst_s = 0.6, kLeant_s = 1, kAlongFor_s = 0.8, kAtRest_s = 2,
                  kAlongBorder_mm = 8;
 constexpr double kMaxPast_mm = 0.5;
 // fraction of the highest stiffness that a hand holds (push_out_of)
-constexpr double kOfHeld = 0.9;
+constexpr double kFractionOfLimit = 0.9;
 
 }  // namespace
 
-const char* name_of(NoGoPlace place) {
-  return place == NoGoPlace::kPlane ? "plane" : place == NoGoPlace::kStructure ? "structure" : "felt-wall";
+const char* name_of(NoGoKind kind) {
+  return kind == NoGoKind::kPlane ? "plane" : kind == NoGoKind::kStructure ? "structure" : "felt-wall";
 }
 
-Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffness_N_per_mm,
+Result<std::shared_ptr<const Model>> no_go_wall(NoGoKind kind, double stiffness_N_per_mm,
                                                 const LabelMap& labels, const Progress& progress) {
   Scene scene;
   scene.title = "what is kept away from";
@@ -38,14 +38,14 @@ Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffnes
   bone.labels = {LabelReference{1}};
   bone.label_lines = {0};
   bone.stiffness_N_per_mm = 1;
-  bone.touchable = place == NoGoPlace::kTouchable;
+  bone.touchable = kind == NoGoKind::kTouchable;
   scene.tissues = {bone};
   NoGoSettings region;
-  region.name = name_of(place);
+  region.name = name_of(kind);
   region.keep_away_mm = 0;
   region.stiffness_N_per_mm = stiffness_N_per_mm;
-  if (place == NoGoPlace::kPlane) {
-    region.place = NoGoPlane{{}, {1, 0, 0}};
+  if (kind == NoGoKind::kPlane) {
+    region.shape = NoGoPlane{{}, {1, 0, 0}};
   } else {
     region.structures = {LabelReference{1}};
     region.structure_lines = {0};
@@ -57,24 +57,24 @@ Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffnes
   return ready_for(*model, {&method, 1}, progress);
 }
 
-NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& led, double stiffness_N_per_mm) {
-  SimulatedDevice plant(led.device, led.hand, led.delay_s);
+NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& guided, double stiffness_N_per_mm) {
+  SimulatedDevice plant(guided.device, guided.hand, guided.delay_s);
   const WorkspaceSettings workspace;
   WorkspaceMapping mapping(plant.info(), workspace);
   Parameters parameters;
   parameters.method = model.has(ForceMethod::kProxy) ? ForceMethod::kProxy : ForceMethod::kTrilinear;
   parameters.device[0] = device_parameters(plant.info(), workspace);
-  parameters.device[0].max_stiffness_N_per_mm = led.stiffness_N_per_mm;
-  parameters.device[0].delay_s = led.delay_s;
-  parameters.max_force_N = led.device.peak_force_N;
+  parameters.device[0].max_stiffness_N_per_mm = guided.stiffness_N_per_mm;
+  parameters.device[0].delay_s = guided.delay_s;
+  parameters.max_force_N = guided.device.peak_force_N;
   // the surface of the labels is between two voxels
   const auto& tracked = model.distances.structures();
   const double border_mm = tracked.empty() ? 0 : -tracked[0].tree->nearest({})->distance_mm;
 
   // to the equilibrium of the region's and the hand's springs at this force
-  const double hand_N_per_mm = led.hand.stiffness_N_per_m * 1e-3;
+  const double hand_N_per_mm = guided.hand.stiffness_N_per_m * 1e-3;
   const double depth_mm =
-      led.press_N / stiffness_N_per_mm + (led.press_N + led.device.coulomb_N) / hand_N_per_mm;
+      guided.press_N / stiffness_N_per_mm + (guided.press_N + guided.device.coulomb_N) / hand_N_per_mm;
   const auto on_device = [&](double x_mm, double y_mm) {
     return mapping.to_device(model.X_WorldPatient * Point<Patient>(x_mm, y_mm, 0));
   };
@@ -82,12 +82,12 @@ NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& led, doubl
   const auto height_mm = [&] { return out.dot(plant.true_tip() - on_device(0, 0)); };
   plant.reset(on_device(kStandOff_mm, 0));
 
-  const double dt_s = 1 / led.rate_hz;
-  const double path_s = (kStandOff_mm + depth_mm) / led.speed_mm_s;
+  const double dt_s = 1 / guided.rate_hz;
+  const double path_s = (kStandOff_mm + depth_mm) / guided.speed_mm_s;
   const double slides_at_s = kInFirst_s + path_s + kLeant_s,
-               rests_at_s = slides_at_s + (led.slides ? kAlongFor_s : 0);
-  const auto ticks = std::lround((rests_at_s + kAtRest_s) * led.rate_hz);
-  const auto last = ticks - std::lround(led.rate_hz);
+               settles_at_s = slides_at_s + (guided.slides ? kAlongFor_s : 0);
+  const auto ticks = std::lround((settles_at_s + kAtRest_s) * guided.rate_hz);
+  const auto last = ticks - std::lround(guided.rate_hz);
   SessionState state;
   TickRecord record;
   Wrench sent;
@@ -99,8 +99,8 @@ NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& led, doubl
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(model, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
     const double advanced_mm =
-        std::clamp((time_s - kInFirst_s) * led.speed_mm_s, 0.0, kStandOff_mm + depth_mm);
-    const double slid = led.slides ? std::clamp((time_s - slides_at_s) / kAlongFor_s, 0.0, 1.0) : 0;
+        std::clamp((time_s - kInFirst_s) * guided.speed_mm_s, 0.0, kStandOff_mm + depth_mm);
+    const double slid = guided.slides ? std::clamp((time_s - slides_at_s) / kAlongFor_s, 0.0, 1.0) : 0;
     plant.intend(on_device(kStandOff_mm - advanced_mm, slid * kAlongBorder_mm));
     plant.advance(mapping.to_device(sent), dt_s);
     deepest_mm = std::max(deepest_mm, border_mm - height_mm());
@@ -118,11 +118,11 @@ NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& led, doubl
 
 Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
   // stiffer than any hand holds, so that the device's limit applies
-  std::vector<std::pair<NoGoPlace, std::shared_ptr<const Model>>> walls;
-  for (const NoGoPlace place : kNoGoPlaces) {
-    const auto model = no_go_wall(place, kNoGoStiffness_N_per_mm.max, thick_wall_labels(), progress);
+  std::vector<std::pair<NoGoKind, std::shared_ptr<const Model>>> walls;
+  for (const NoGoKind kind : kNoGoKinds) {
+    const auto model = no_go_wall(kind, kNoGoStiffness_N_per_mm.max, thick_wall_labels(), progress);
     if (!model) return model.error();
-    walls.emplace_back(place, *model);
+    walls.emplace_back(kind, *model);
   }
   // grouped by unit, as required by the table
   std::vector<Figure> past, swings;
@@ -131,21 +131,21 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
       const double delay_s = 1 / rate_hz;
       progress.report(
           "against no-go regions: " + device.name + " at " + short_number(rate_hz / 1000) + " kHz", 0);
-      const auto held = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
-      if (!held) return held.error();
-      for (const auto& [place, model] : walls) {
+      const auto limit = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
+      if (!limit) return limit.error();
+      for (const auto& [kind, model] : walls) {
         for (const PlantHand& hand : known_plant_hands()) {
           if (progress.stopped()) return Progress::interrupted();
-          const double stiffness_N_per_mm = std::min(kNoGoStiffness_N_per_mm.max, kOfHeld * *held);
-          const NoGoResult led = run_no_go_approach(
-              *model, {device, hand, rate_hz, delay_s, *held, 100, 1, place == NoGoPlace::kTouchable},
+          const double stiffness_N_per_mm = std::min(kNoGoStiffness_N_per_mm.max, kFractionOfLimit * *limit);
+          const NoGoResult guided = run_no_go_approach(
+              *model, {device, hand, rate_hz, delay_s, *limit, 100, 1, kind == NoGoKind::kTouchable},
               stiffness_N_per_mm);
-          const std::string path = std::string("stability/no-go/") + name_of(place) + "/" + device.name +
-                                   "/" + hand.name + "/" + loop_name(rate_hz, delay_s);
+          const std::string path = std::string("stability/no-go/") + name_of(kind) + "/" + device.name + "/" +
+                                   hand.name + "/" + loop_name(rate_hz, delay_s);
           // no limit if the device's maximum force is insufficient
-          const auto limit_mm = led.clamped ? std::optional<double>() : kMaxPast_mm;
-          past.push_back({path + "/past", led.past_mm, "mm", 1, limit_mm});
-          swings.push_back({path + "/swing", 1e3 * led.swing_mm, "um", 1, 2e6 * device.encoder_step_m});
+          const auto limit_mm = guided.clamped ? std::optional<double>() : kMaxPast_mm;
+          past.push_back({path + "/past", guided.past_mm, "mm", 1, limit_mm});
+          swings.push_back({path + "/swing", 1e3 * guided.swing_mm, "um", 1, 2e6 * device.encoder_step_m});
         }
       }
     }

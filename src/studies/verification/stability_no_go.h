@@ -12,16 +12,16 @@
 namespace palpate {
 
 /// Kind of no-go region; it occupies x < 0, with a clearance of 0 mm.
-enum class NoGoPlace : std::uint8_t {
+enum class NoGoKind : std::uint8_t {
   kPlane,      ///< Half-space bounded by a plane, without touchable tissue
   kStructure,  ///< Labels of a wall that is not touchable
   kTouchable,  ///< Labels of a wall that is touchable, with friction
 };
 /// Name in figures, e.g. "plane", "structure", "felt-wall"
-const char* name_of(NoGoPlace place);
+const char* name_of(NoGoKind kind);
 /// Model with a region of that kind and stiffness, N/mm. Errors: kInterrupted.
 /// @param labels  a wall that ends at x = 0: flat_wall_labels(), thick_wall_labels()
-Result<std::shared_ptr<const Model>> no_go_wall(NoGoPlace place, double stiffness_N_per_mm,
+Result<std::shared_ptr<const Model>> no_go_wall(NoGoKind kind, double stiffness_N_per_mm,
                                                 const LabelMap& labels, const Progress& progress = {});
 
 /// A hand that moves the tip against such a region.
@@ -43,7 +43,7 @@ struct NoGoResult {
 };
 /// Runs the motion through the real tick.
 /// @param stiffness_N_per_mm  of the spring at the boundary, as felt
-NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& led, double stiffness_N_per_mm);
+NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& guided, double stiffness_N_per_mm);
 
 /// Figures at 0.1 m/s against all three kinds, for both devices and every documented hand, at 250 Hz, 1 kHz
 /// and 4 kHz, at the stiffness recommended for a delay of one tick. Errors: kInterrupted.

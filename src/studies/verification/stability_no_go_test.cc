@@ -14,34 +14,34 @@ namespace {
 
 constexpr double kHeld_N_per_mm = 1.2, kContact_N_per_mm = 0.9 * kHeld_N_per_mm;
 
-const Model& stiff_no_go(NoGoPlace place) {
+const Model& stiff_no_go(NoGoKind kind) {
   static const LabelMap labels = thick_wall_labels();
-  static const std::array models{no_go_wall(NoGoPlace::kPlane, 20, labels),
-                                 no_go_wall(NoGoPlace::kStructure, 20, labels),
-                                 no_go_wall(NoGoPlace::kTouchable, 20, labels)};
-  const auto& model = models[static_cast<std::size_t>(place)];
+  static const std::array models{no_go_wall(NoGoKind::kPlane, 20, labels),
+                                 no_go_wall(NoGoKind::kStructure, 20, labels),
+                                 no_go_wall(NoGoKind::kTouchable, 20, labels)};
+  const auto& model = models[static_cast<std::size_t>(kind)];
   PALPATE_CHECK(model.ok());
   return **model;
 }
 
-TEST(StabilityNoGo, AHandLedAgainstARegionIsHeldAtItsBorderAndRests) {
-  for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kTouchable})
+TEST(StabilityNoGo, AHandGuidedAgainstARegionIsHeldAtItsBorderAndRests) {
+  for (const NoGoKind kind : {NoGoKind::kPlane, NoGoKind::kStructure, NoGoKind::kTouchable})
     for (const PlantDevice& device : known_plant_devices())
       for (const PlantHand& hand : known_plant_hands())
         for (const double rate_hz : {1000.0, 4000.0}) {
-          SCOPED_TRACE(std::string(name_of(place)) + ", " + device.name + ", " + hand.name + ", " +
+          SCOPED_TRACE(std::string(name_of(kind)) + ", " + device.name + ", " + hand.name + ", " +
                        std::to_string(rate_hz));
-          if (rate_hz > 1000 && place != NoGoPlace::kStructure) continue;
-          const NoGoResult led = run_no_go_approach(
-              stiff_no_go(place),
-              {device, hand, rate_hz, 1 / rate_hz, kHeld_N_per_mm, 100, 1, place == NoGoPlace::kTouchable},
+          if (rate_hz > 1000 && kind != NoGoKind::kStructure) continue;
+          const NoGoResult guided = run_no_go_approach(
+              stiff_no_go(kind),
+              {device, hand, rate_hz, 1 / rate_hz, kHeld_N_per_mm, 100, 1, kind == NoGoKind::kTouchable},
               kContact_N_per_mm);
           // a Touch cannot stop a whole arm at 0.1 m/s
-          EXPECT_TRUE(led.past_mm < 0.5 ||
-                      (led.clamped && device.name == "touch" && hand.name == "whole-arm"))
-              << led.past_mm << " mm, " << led.force_N << " N, " << led.clamped;
-          EXPECT_GT(led.force_N, 0.9) << "it is met";
-          EXPECT_LE(led.swing_mm, 2e3 * device.encoder_step_m);
+          EXPECT_TRUE(guided.past_mm < 0.5 ||
+                      (guided.clamped && device.name == "touch" && hand.name == "whole-arm"))
+              << guided.past_mm << " mm, " << guided.force_N << " N, " << guided.clamped;
+          EXPECT_GT(guided.force_N, 0.9) << "it is met";
+          EXPECT_LE(guided.swing_mm, 2e3 * device.encoder_step_m);
         }
 }
 
@@ -50,26 +50,26 @@ TEST(StabilityNoGo, AHandLedAgainstARegionIsHeldAtItsBorderAndRests) {
 TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
   constexpr double kSlowest_hz = 250;
   for (const PlantDevice& device : known_plant_devices()) {
-    const auto held = recommended_stiffness_N_per_mm(device, kSlowest_hz, 1 / kSlowest_hz);
-    ASSERT_TRUE(held);
-    for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure, NoGoPlace::kTouchable})
+    const auto limit = recommended_stiffness_N_per_mm(device, kSlowest_hz, 1 / kSlowest_hz);
+    ASSERT_TRUE(limit);
+    for (const NoGoKind kind : {NoGoKind::kPlane, NoGoKind::kStructure, NoGoKind::kTouchable})
       for (const PlantHand& hand : known_plant_hands()) {
-        SCOPED_TRACE(std::string(name_of(place)) + ", " + device.name + ", " + hand.name);
-        const NoGoResult led = run_no_go_approach(
-            stiff_no_go(place),
-            {device, hand, kSlowest_hz, 1 / kSlowest_hz, *held, 100, 1, place == NoGoPlace::kTouchable},
-            0.9 * *held);
-        EXPECT_LT(led.past_mm, 0.5);
-        EXPECT_GT(led.force_N, 0.9) << "it is met";
-        EXPECT_FALSE(led.clamped);
-        EXPECT_LE(led.swing_mm, 2e3 * device.encoder_step_m);
+        SCOPED_TRACE(std::string(name_of(kind)) + ", " + device.name + ", " + hand.name);
+        const NoGoResult guided = run_no_go_approach(
+            stiff_no_go(kind),
+            {device, hand, kSlowest_hz, 1 / kSlowest_hz, *limit, 100, 1, kind == NoGoKind::kTouchable},
+            0.9 * *limit);
+        EXPECT_LT(guided.past_mm, 0.5);
+        EXPECT_GT(guided.force_N, 0.9) << "it is met";
+        EXPECT_FALSE(guided.clamped);
+        EXPECT_LE(guided.swing_mm, 2e3 * device.encoder_step_m);
       }
   }
 }
 
 TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
   // pressed by a prescribed tip: the total normal force is that of the stiffer of the two
-  const Model& model = stiff_no_go(NoGoPlace::kTouchable);
+  const Model& model = stiff_no_go(NoGoKind::kTouchable);
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
   parameters.friction = parameters.viscosity = parameters.passivity = false;
@@ -98,7 +98,7 @@ TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
 }
 
 TEST(StabilityNoGo, ComesInByTheRampAfterAStop) {
-  const Model& model = stiff_no_go(NoGoPlace::kStructure);
+  const Model& model = stiff_no_go(NoGoKind::kStructure);
   Parameters parameters;
   parameters.device[0].max_stiffness_N_per_mm = kHeld_N_per_mm;
   parameters.emergency_stop = true;
@@ -123,16 +123,16 @@ TEST(StabilityNoGo, ComesInByTheRampAfterAStop) {
 }
 
 TEST(StabilityNoGo, HoldsAgainAfterADropout) {
-  for (const NoGoPlace place : {NoGoPlace::kPlane, NoGoPlace::kStructure}) {
-    const auto model = no_go_wall(place, 1, flat_wall_labels());
+  for (const NoGoKind kind : {NoGoKind::kPlane, NoGoKind::kStructure}) {
+    const auto model = no_go_wall(kind, 1, flat_wall_labels());
     ASSERT_TRUE(model.ok());
     for (const char* hand : {"light-grip", "firm-grip"}) {
-      SCOPED_TRACE(std::string(name_of(place)) + ", " + hand);
+      SCOPED_TRACE(std::string(name_of(kind)) + ", " + hand);
       const DropoutResult lost =
           drop_out(**model, {*find_plant_device("premium-1.5"), *find_plant_hand(hand), 1.16, 1e-3, 20e-3});
       EXPECT_NEAR(lost.before_N, 1, 0.2);
       EXPECT_TRUE(lost.silent);
-      EXPECT_LT(lost.sink_mm, 1.3) << "as of a felt wall";
+      EXPECT_LT(lost.sinking_mm, 1.3) << "as of a felt wall";
       EXPECT_LT(lost.back_s, 0.1);
       EXPECT_LE(lost.kick_N, 0.2);
     }

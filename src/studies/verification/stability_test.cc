@@ -18,8 +18,9 @@ TEST(Stability, ThePlantTurnsUnstableWhereTheorySays) {
 }
 
 TEST(Stability, ACaseHasItsStiffnessesByName) {
-  const StabilityCase held{*find_plant_device("premium-1.5"), *find_plant_hand("light-grip"), 500, 2e-3};
-  const auto figures = stiffness_figures(held, {});
+  const StabilityCase stability_case{*find_plant_device("premium-1.5"), *find_plant_hand("light-grip"), 500,
+                                     2e-3};
+  const auto figures = stiffness_figures(stability_case, {});
   ASSERT_TRUE(figures.ok());
   std::map<std::string, double> values;
   for (const Figure& figure : *figures) {
@@ -32,7 +33,7 @@ TEST(Stability, ACaseHasItsStiffnessesByName) {
   EXPECT_DOUBLE_EQ(values.at(path + "margin"), 0.6 * critical);
   EXPECT_GT(values.at(path + "settling"), 0);
   EXPECT_LE(values.at(path + "settling"), critical);
-  EXPECT_DOUBLE_EQ(values.at(path + "passive"), passivity_bound_N_per_mm(held.device, 500));
+  EXPECT_DOUBLE_EQ(values.at(path + "passive"), passivity_bound_N_per_mm(stability_case.device, 500));
 }
 
 TEST(Stability, CanBeInterrupted) {

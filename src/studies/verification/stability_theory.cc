@@ -40,8 +40,8 @@ double neutral_stiffness_N_per_mm(double damping_N_s_per_m, double rate_hz, doub
   const double theory = theoretical_stiffness_N_per_mm(damping_N_s_per_m, rate_hz, delay_s);
   double dies = theory / 2, grows = theory * 2;
   while (grows / dies > 1.001) {
-    const double middle = std::sqrt(dies * grows);
-    (growth(middle, damping_N_s_per_m, rate_hz, delay_s) < 1 ? dies : grows) = middle;
+    const double midpoint = std::sqrt(dies * grows);
+    (growth(midpoint, damping_N_s_per_m, rate_hz, delay_s) < 1 ? dies : grows) = midpoint;
   }
   return std::sqrt(dies * grows);
 }

@@ -13,9 +13,9 @@ namespace {
 
 constexpr double kHalfPlate_mm = 1, kPlateRadius_mm = 14, kHalfGrid_mm = 19;
 constexpr double kFastestTurn_rad_s = 20, kLongestLever_mm = 100;
-constexpr double kDetectedTurn_N = 0.5, kLooked_mm = 0.02;
+constexpr double kDetectedTurn_N = 0.5, kSampled_mm = 0.02;
 // a thinner shaft penetrates more between two spheres of its row
-constexpr double kMinShaft_mm = 0.3, kLookedAtShaft_mm = 0.1, kAlong_mm = 0.25, kShaftDip_mm = 0.01;
+constexpr double kMinShaft_mm = 0.3, kSampledShaft_mm = 0.1, kAlong_mm = 0.25, kShaftDip_mm = 0.01;
 constexpr int kTurnsOfAPlate = 50, kTicksAtRest = 60;
 const Eigen::Vector3d kPlateVoxels_mm[] = {{0.36, 0.36, 0.7}, {0.28, 0.28, 1.0}, {0.625, 0.625, 0.9}};
 
@@ -41,8 +41,8 @@ Result<RoundPlate> round_plate(const Eigen::Vector3d& spacing_mm, AccuracyRandom
       for (int i = 0; i < grid.dims[0]; ++i) {
         const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen() - plate.middle;
         const double across_mm = plate.normal.dot(p);
-        const double aside_mm = (p - plate.normal * across_mm).norm();
-        if (std::abs(across_mm) <= kHalfPlate_mm && aside_mm <= kPlateRadius_mm) labels.at(i, j, k) = 1;
+        const double lateral_mm = (p - plate.normal * across_mm).norm();
+        if (std::abs(across_mm) <= kHalfPlate_mm && lateral_mm <= kPlateRadius_mm) labels.at(i, j, k) = 1;
       }
   const auto prepared = prepare_surfaces(*label_bricks(labels), {1}, {});
   if (!prepared) return prepared.error();
@@ -91,7 +91,7 @@ class TurningHand {
     jitter_ = random.between(0, 1) < 0.5 ? 0 : 0.5;
   }
 
-  TurnedLever go() {
+  TurnedLever run() {
     double angle = begin_rad_;
     follow(angle);
     while (angle < end_rad_) {
@@ -118,9 +118,9 @@ class TurningHand {
     const TurnedTool tool = tool_at(attitude);
     for (const ToolSphere& sphere : tool.spheres()) {
       // evaluates the outline of a shaft, not the row of spheres that represents it
-      const int places = static_cast<int>(sphere.along_mm.norm() / kAlong_mm);
-      for (int index = 0; index <= places; ++index) {
-        const Vector<Patient> along_mm = sphere.along_mm * (static_cast<double>(index) / std::max(1, places));
+      const int count = static_cast<int>(sphere.along_mm.norm() / kAlong_mm);
+      for (int index = 0; index <= count; ++index) {
+        const Vector<Patient> along_mm = sphere.along_mm * (static_cast<double>(index) / std::max(1, count));
         const double distance_mm = plate_.contact.surface->distance_mm(at + sphere.offset_mm + along_mm);
         min_mm = std::min(min_mm, distance_mm - sphere.radius_mm);
       }
@@ -141,15 +141,15 @@ class TurningHand {
     if (!state_.coupled) return;
     turned_.detected = turned_.detected || result.force_N.norm() > kDetectedTurn_N;
     const auto corner = [&](std::size_t n) { return ToolPose(path.corner[n], path.attitude[n]); };
-    if (known) look_along(before, corner(0));
-    for (std::size_t n = 1; n < path.count; ++n) look_along(corner(n - 1), corner(n));
-    look_along(corner(path.count - 1), {state_.position, state_.attitude});
+    if (known) scan_along(before, corner(0));
+    for (std::size_t n = 1; n < path.count; ++n) scan_along(corner(n - 1), corner(n));
+    scan_along(corner(path.count - 1), {state_.position, state_.attitude});
   }
 
-  void look_along(const ToolPose& a, const ToolPose& b) {
+  void scan_along(const ToolPose& a, const ToolPose& b) {
     const double path_mm =
         (b.tip - a.tip).norm() + (lever_.norm() + 2) * a.attitude.angularDistance(b.attitude);
-    const int pieces = static_cast<int>(path_mm / (has_shaft() ? kLookedAtShaft_mm : kLooked_mm)) + 1;
+    const int pieces = static_cast<int>(path_mm / (has_shaft() ? kSampledShaft_mm : kSampled_mm)) + 1;
     for (int n = 1; n <= pieces; ++n) {
       const double part = static_cast<double>(n) / pieces;
       turned_.deepest_mm = std::max(turned_.deepest_mm, -clearance_mm(a.tip + (b.tip - a.tip) * part,
@@ -181,7 +181,7 @@ Result<std::vector<Figure>> turning_figures(int turns, const Progress& progress)
     if (!plate) return plate.error();
     for (int turn = 0; turn < kTurnsOfAPlate && done < turns; ++turn, ++done) {
       if (progress.stopped()) return Progress::interrupted();
-      const TurnedLever turned = TurningHand(*plate, random).go();
+      const TurnedLever turned = TurningHand(*plate, random).run();
       double& deepest = turned.shaft ? shaft_deepest_mm : deepest_mm;
       deepest = std::max(deepest, turned.deepest_mm);
       through += turned.through;

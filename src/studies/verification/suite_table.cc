@@ -197,18 +197,18 @@ std::optional<std::string> wide_tables(const Table& table) {
 
 std::string limits_met(const std::vector<Figure>& figures) {
   std::string broken;
-  int limits = 0, kept = 0;
+  int limits = 0, within_limit = 0;
   for (const Figure& figure : figures) {
     if (!figure.limit) continue;
     ++limits;
     if (figure.ok()) {
-      ++kept;
+      ++within_limit;
     } else {
       broken += "beyond its limit: " + figure.name + " " + formatted("%.4g", figure.value) + " > " +
                 formatted("%.4g", *figure.limit) + " " + figure.unit + "\n";
     }
   }
-  return std::to_string(kept) + " of " + std::to_string(limits) + " limits kept\n" + broken;
+  return std::to_string(within_limit) + " of " + std::to_string(limits) + " limits kept\n" + broken;
 }
 
 }  // namespace

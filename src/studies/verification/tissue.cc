@@ -77,7 +77,7 @@ Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const 
   }
   figures.push_back({prefix + "at-rest/change", change_at_rest_N(*model), "N", 400, 0.02});
   figures.push_back(
-      {prefix + "work-given-out", std::max(0.0, work_given_out_percent(*model, 20)), "percent", 1, 2});
+      {prefix + "work-given-out", std::max(0.0, generated_work_percent(*model, 20)), "percent", 1, 2});
   const auto plain = yielding_block(false, law);
   if (!plain) return plain.error();
   const OverNodule over = over_nodule(*model, *plain, 3);
@@ -125,7 +125,7 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   const auto samples = static_cast<std::uint64_t>(pressed.samples);
   const std::string in = "tissue/relaxation/";
   figures.push_back({in + "pressed/off", pressed.pressed_percent, "percent", samples, 1});
-  figures.push_back({in + "held/off", pressed.held_percent, "percent", samples, 1});
+  figures.push_back({in + "held/off", pressed.hold_percent, "percent", samples, 1});
   figures.push_back({in + "held/left", 100 * pressed.left, "percent", 1, {}});
   if (progress.stopped()) return Progress::interrupted();
   for (const OscillationError& swung : swing_relaxing(*relaxing, *elastic, kSeries)) {
@@ -136,7 +136,7 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   }
   if (progress.stopped()) return Progress::interrupted();
   figures.push_back({in + "slid-over-nodule/work-given-out",
-                     std::max(0.0, work_given_out_percent(*nodule, 20)), "percent", 1, 2});
+                     std::max(0.0, generated_work_percent(*nodule, 20)), "percent", 1, 2});
   return {};
 }
 

@@ -42,7 +42,7 @@ class CampaignTip {
     constexpr std::uint64_t kCutEvery = 20;
     if (state_.tick % kCutEvery == 0)
       if (const auto cuts = finished_cuts(state_.hands[0].burr, 0); !cuts.empty()) {
-        model_ = carved_by(*model_, cuts)->taken_from(*model_);
+        model_ = carved_by(*model_, cuts)->applied_to(*model_);
         ++cut_;
       }
     const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
@@ -55,7 +55,7 @@ class CampaignTip {
     return record_;
   }
   /// Changes the law. Returns false if that is not possible at present, e.g. once something was cut.
-  bool go_by(TissueLaw law) {
+  bool apply_law(TissueLaw law) {
     auto next = next_version({model_, model_}, change_of_law(*model_, law));
     if (next) model_ = next->current;
     return next.ok();
@@ -178,7 +178,7 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
       Eigen::Vector3d to;
       for (int axis = 0; axis < 3; ++axis) to[axis] = between(random, -14, 14);
       // change of the law at any position of the tool
-      if (random() % 4 == 0) changed += tip.go_by(static_cast<TissueLaw>(random() % ModelChange::kLaws));
+      if (random() % 4 == 0) changed += tip.apply_law(static_cast<TissueLaw>(random() % ModelChange::kLaws));
       lead(to, std::pow(10, between(random, 1.3, 2.7)));
     }
     if (HasFatalFailure()) return;
@@ -238,7 +238,7 @@ struct Found {
 // twentieth, a third of what a human can discriminate. Input is the force and the tip's position, each with
 // noise.
 Found search(const std::shared_ptr<const Model>& model, std::mt19937& random) {
-  constexpr double kHalf_mm = 16, kApart_mm = 4, kSpeed_mm_s = 40, kCell_mm = 4, kHarder = 1.05;
+  constexpr double kHalf_mm = 16, kSeparation_mm = 4, kSpeed_mm_s = 40, kCell_mm = 4, kHarder = 1.05;
   constexpr int kCells = static_cast<int>(2 * kHalf_mm / kCell_mm) + 1;
   std::normal_distribution<double> noise_N(0, 0.005), noise_mm(0, 0.1);
   CampaignTip tip(model, 10);
@@ -265,8 +265,8 @@ Found search(const std::shared_ptr<const Model>& model, std::mt19937& random) {
   };
   lead({at.x(), at.y(), 0});
   touched_yet = true;
-  for (int line = 0; line <= static_cast<int>(2 * kHalf_mm / kApart_mm); ++line) {
-    const double y = shift.y() - kHalf_mm + kApart_mm * line, end = line % 2 == 0 ? kHalf_mm : -kHalf_mm;
+  for (int line = 0; line <= static_cast<int>(2 * kHalf_mm / kSeparation_mm); ++line) {
+    const double y = shift.y() - kHalf_mm + kSeparation_mm * line, end = line % 2 == 0 ? kHalf_mm : -kHalf_mm;
     lead({at.x(), y, 0});
     lead({shift.x() + end, y, 0});
   }

@@ -59,7 +59,7 @@ Inside solve_inside(const ElasticMaterial& material, int cells, const Given& sup
   ElasticField u(layout), load(layout);
   for_each_node_of(layout, [&](int i, int j, int k) {
     if (std::min({i, j, k}) > 0 && std::max({i, j, k}) < cells) return;
-    grid.hold(i, j, k, ElasticGrid::kHeld);
+    grid.constrain(i, j, k, ElasticGrid::kFixed);
     set_node(layout, i, j, k, supplied(Eigen::Vector3d(i, j, k)), u);
   });
   ElasticSolver solver(grid);
@@ -91,18 +91,18 @@ TissueCase turned_case(int cells) {
       box_of({cells, cells, cells}), [](const Point<Patient>&) { return yielding(10, 0.45); }, 1);
   const ElasticLayout& layout = grid.layout();
   ElasticSolver solver(grid);
-  const Eigen::Vector3d middle = Eigen::Vector3d::Constant(cells / 2.0);
+  const Eigen::Vector3d centre = Eigen::Vector3d::Constant(cells / 2.0);
   // a contribution with the same slopes except for their sign
   const auto forces = [&](double sign) {
     ElasticField u(layout), force(layout);
     for_each_node_of(layout, [&](int i, int j, int k) {
-      const Eigen::Vector3d x = Eigen::Vector3d(i, j, k) - middle;
+      const Eigen::Vector3d x = Eigen::Vector3d(i, j, k) - centre;
       set_node(layout, i, j, k, 0.01 * Eigen::Vector3d(x.y() + x.z(), -sign * x.x(), -sign * x.x()), u);
     });
     solver.forces(u, force);
-    double most = 0;
-    for (const float f : force.values) most = std::max<double>(most, std::abs(f));
-    return most;
+    double largest = 0;
+    for (const float f : force.values) largest = std::max<double>(largest, std::abs(f));
+    return largest;
   };
   return {100 * forces(1) / forces(-1), 0};
 }
@@ -116,7 +116,7 @@ TissueCase cantilever_case(int cells_high) {
   ElasticField load(layout), u(layout);
   for (int k = 0; k <= high; ++k)
     for (int j = 0; j <= high; ++j) {
-      grid.hold(0, j, k, ElasticGrid::kHeld);
+      grid.constrain(0, j, k, ElasticGrid::kFixed);
       // the node's share of the area of the end face
       const double part = (j % high == 0 ? 0.5 : 1) * (k % high == 0 ? 0.5 : 1) / (high * high);
       load.values[layout.node(length, j, k, 2)] = static_cast<float>(kLoad_N * part);
@@ -124,13 +124,13 @@ TissueCase cantilever_case(int cells_high) {
   ElasticSolver solver(grid);
   TissueCase result;
   result.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
-  const double sunk = node_of(layout, length, high / 2, high / 2, u).z();
+  const double indentation_mm = node_of(layout, length, high / 2, high / 2, u).z();
   const double e = kPa * kN_per_mm2_of_kPa, g = e / (2 * (1 + kNu)), area = high * high,
                inertia = area * area / 12;
   const double shear = 10 * (1 + kNu) / (12 + 11 * kNu);
   const double right =
       kLoad_N * std::pow(length, 3) / (3 * e * inertia) + kLoad_N * length / (shear * g * area);
-  result.off_percent = 100 * (sunk / right - 1);
+  result.off_percent = 100 * (indentation_mm / right - 1);
   return result;
 }
 
@@ -147,8 +147,8 @@ TissueCase cook_case(int cells_long) {
   const ElasticLayout& layout = grid.layout();
   ElasticField load(layout), u(layout);
   for (int j = 0; j <= layout.cells[1]; ++j)
-    for (int k = 0; k <= 1; ++k) grid.hold(0, j, k, ElasticGrid::kHeldX | ElasticGrid::kHeldY);
-  for (int j = 0; j <= layout.cells[1]; ++j) grid.hold(0, j, 0, ElasticGrid::kHeldZ);
+    for (int k = 0; k <= 1; ++k) grid.constrain(0, j, k, ElasticGrid::kFixedX | ElasticGrid::kFixedY);
+  for (int j = 0; j <= layout.cells[1]; ++j) grid.constrain(0, j, 0, ElasticGrid::kFixedZ);
   // edge of the tip: each node gets the part of the edge nearest to it
   const int steps = 16;
   for (int j = 0; j < layout.cells[1]; ++j)
@@ -179,9 +179,9 @@ TissueCase series_case(double seam_in_cell) {
   ElasticField load(layout), u(layout), force(layout);
   constexpr double kPressed_mm = 0.1;
   for_each_node_of(layout, [&](int i, int j, int k) {
-    if (i % 3 == 0) grid.hold(i, j, k, ElasticGrid::kHeldX);
-    if (j % 3 == 0) grid.hold(i, j, k, ElasticGrid::kHeldY);
-    if (k % kCells == 0) grid.hold(i, j, k, ElasticGrid::kHeldZ);
+    if (i % 3 == 0) grid.constrain(i, j, k, ElasticGrid::kFixedX);
+    if (j % 3 == 0) grid.constrain(i, j, k, ElasticGrid::kFixedY);
+    if (k % kCells == 0) grid.constrain(i, j, k, ElasticGrid::kFixedZ);
     if (k == kCells) u.values[layout.node(i, j, k, 2)] = static_cast<float>(-kPressed_mm);
   });
   ElasticSolver solver(grid);
@@ -234,10 +234,10 @@ struct PressedHalfSpace {
   double force_N, hertz_N;
   int iterations;
 };
-PressedHalfSpace press_half_space(const HalfSpacePress& press, const Vector<Patient>& aside_cells) {
+PressedHalfSpace press_half_space(const HalfSpacePress& press, const Vector<Patient>& lateral_cells) {
   constexpr double kPa = 10, kRadius_mm = 16;
   const double half = press.cells / 2.0;
-  const Point<Patient> at = Point<Patient>(half, half, half) + press.offset_cells + aside_cells;
+  const Point<Patient> at = Point<Patient>(half, half, half) + press.offset_cells + lateral_cells;
   const Vector<Patient> outward = press.outward.normalized();
   ElasticGrid grid(
       box_of({press.cells, press.cells, press.cells}),
@@ -266,14 +266,14 @@ TissueCase hertz_case(const HalfSpacePress& press) {
 TissueCase ripple_case(const HalfSpacePress& press, int steps) {
   const Vector<Patient> outward = press.outward.normalized();
   const Vector<Patient> along(outward.eigen().cross(Eigen::Vector3d(0.3, 1, 0.2)).normalized());
-  double least = 0, most = 0, sum = 0;
+  double smallest = 0, most = 0, sum = 0;
   for (int n = 0; n < steps; ++n) {
     const double force = press_half_space(press, along * (1.4 * n / steps)).force_N;
-    least = n == 0 ? force : std::min(least, force);
+    smallest = n == 0 ? force : std::min(smallest, force);
     most = std::max(most, force);
     sum += force;
   }
-  return {100 * (most - least) * steps / sum, 0};
+  return {100 * (most - smallest) * steps / sum, 0};
 }
 
 namespace {
@@ -332,7 +332,7 @@ TissueCase layer_case(int cells_thick, double nu, double part) {
   ElasticGrid grid(
       box_of({wide, wide, thick}), [&](const Point<Patient>&) { return yielding(kPa, nu); }, 1);
   for (int j = 0; j <= wide; ++j)
-    for (int i = 0; i <= wide; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+    for (int i = 0; i <= wide; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
   // far away, where the deformation is negligible, the layer simply ends
   const double radius = 3 * thick, root = part * thick, depth = root * root / radius;
   const auto rings = node_rings(middle, middle, thick, 1.5 * root);
@@ -362,9 +362,9 @@ TissueCase stretched_case(double part) {
   const ElasticLayout& layout = grid.layout();
   ElasticField load(layout), u(layout), force(layout);
   for_each_node_of(layout, [&](int i, int j, int k) {
-    if (i == 0) grid.hold(i, j, k, ElasticGrid::kHeldX);
-    if (j == 0) grid.hold(i, j, k, ElasticGrid::kHeldY);
-    if (k % kCells == 0) grid.hold(i, j, k, ElasticGrid::kHeldZ);
+    if (i == 0) grid.constrain(i, j, k, ElasticGrid::kFixedX);
+    if (j == 0) grid.constrain(i, j, k, ElasticGrid::kFixedY);
+    if (k % kCells == 0) grid.constrain(i, j, k, ElasticGrid::kFixedZ);
     u.values[layout.node(i, j, k, 2)] = static_cast<float>((part - 1) * k);
   });
   ElasticSolver solver(grid);
@@ -394,7 +394,7 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
       box_of(cells), [&](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
   const ElasticLayout& layout = grid.layout();
   for (int j = 0; j <= cells[1]; ++j)
-    for (int i = 0; i <= cells[0]; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+    for (int i = 0; i <= cells[0]; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
 
   // the nodes in contact with the sphere, constrained to it from then on
   const auto rings = node_rings(middle_x, middle_y, thick, std::sqrt(2 * radius * depth));
@@ -408,7 +408,7 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
     if (pressed[static_cast<Eigen::Index>(n)] == 0) continue;
     for (const Point<Patient>& node : rings[n].nodes) {
       const int i = static_cast<int>(node.x()), j = static_cast<int>(node.y());
-      grid.hold(i, j, thick, ElasticGrid::kHeldZ);
+      grid.constrain(i, j, thick, ElasticGrid::kFixedZ);
       touched.push_back(layout.node(i, j, thick, 2));
       whole.values[touched.back()] = static_cast<float>(-deep[static_cast<Eigen::Index>(n)]);
     }
@@ -477,7 +477,7 @@ NoduleLoop nodule_loop(int cells, int steps) {
       box_of({cells, cells, top}),
       [&](const Point<Patient>& p) { return yielding((p - nodule).norm() < 4 ? 10 * kPa : kPa, kNu); }, 2);
   for (int j = 0; j <= cells; ++j)
-    for (int i = 0; i <= cells; ++i) grid.hold(i, j, 0, ElasticGrid::kHeld);
+    for (int i = 0; i <= cells; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
   ElasticSolver solver(grid);
   ElasticField unit(solver.layout()), load(solver.layout());
   const Vector<Patient> up(0, 0, 1);

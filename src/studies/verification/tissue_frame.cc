@@ -56,8 +56,8 @@ TissueFrame measure_tissue_frame(int frames) {
       },
       1);
   const Vector<Patient> up(0, 0, 1);
-  const auto place = [&](int frame) { return Point<Patient>(32 + kStep_mm * frame, 22.3, 12); };
-  grid.set_boundary_springs({true, true, true, true, false, false}, place(0));
+  const auto displaced_point = [&](int frame) { return Point<Patient>(32 + kStep_mm * frame, 22.3, 12); };
+  grid.set_boundary_springs({true, true, true, true, false, false}, displaced_point(0));
   ElasticSolver solver(grid);
   ElasticField unit(solver.layout()), load(solver.layout()), converged(solver.layout()),
       force(solver.layout());
@@ -66,7 +66,7 @@ TissueFrame measure_tissue_frame(int frames) {
   result.cells = grid.soft_cells();
   std::vector<double> seconds;
   for (int frame = 0; frame < frames; ++frame) {
-    const PressurePatch patch(grid, place(frame), up, 2);
+    const PressurePatch patch(grid, displaced_point(frame), up, 2);
     std::fill(load.values.begin(), load.values.end(), 0.0f);
     patch.add(1, load);
     if (frame == 0) solver.solve(load, unit, 100, 1e-4);

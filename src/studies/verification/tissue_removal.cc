@@ -49,8 +49,8 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
   ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
   box.cells = {kSolverSettings.cells_along, kSolverSettings.cells_across, kSolverSettings.cells_across};
   const Point<Patient> pressed(0, 0, 0);
-  const Point<Patient> middle = pressed - Vector<Patient>(0, 0, kSolverSettings.depth_cells * box.cell_mm);
-  Eigen::Vector3d first = box.local_mm(middle) / box.cell_mm;
+  const Point<Patient> centre = pressed - Vector<Patient>(0, 0, kSolverSettings.depth_cells * box.cell_mm);
+  Eigen::Vector3d first = box.local_mm(centre) / box.cell_mm;
   for (int axis = 0; axis < 3; ++axis) first[axis] = std::floor(first[axis] - 0.5 * box.cells[axis]);
   box.corner = box.patient(first * box.cell_mm);
 
@@ -70,7 +70,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
     if (!now.cuts.empty()) carving = carving->with(now.cuts);
     const CarvedLabels labels{model.labels, carving->taken()};
     const double begin = tissue_thread_seconds();
-    if (!cells.follow(labels, solver).empty()) solver.zero_held(unit);
+    if (!cells.follow(labels, solver).empty()) solver.zero_constrained(unit);
     const double followed = tissue_thread_seconds();
     const PressurePatch patch(cells.grid(), Point<Patient>(0, 0, now.surface_mm), {0, 0, 1}, rho_mm);
     std::fill(load.values.begin(), load.values.end(), 0.0f);
@@ -94,7 +94,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
       const PressurePatch there(whole.grid(), Point<Patient>(0, 0, now.surface_mm), {0, 0, 1}, rho_mm);
       std::fill(load.values.begin(), load.values.end(), 0.0f);
       there.add(1, load);
-      fresh.zero_held(converged);
+      fresh.zero_constrained(converged);
       fresh.solve(load, converged, kTruthIterations, kTruthTolerance);
       result.behind_percent = std::max(result.behind_percent, off_percent(w, there.displacement(converged)));
     }

@@ -224,7 +224,7 @@ double change_at_rest_N(const std::shared_ptr<const Model>& model) {
   return max_N;
 }
 
-double work_given_out_percent(const std::shared_ptr<const Model>& model, double speed_mm_s) {
+double generated_work_percent(const std::shared_ptr<const Model>& model, double speed_mm_s) {
   constexpr double kFar_mm = 10, kUnder_mm = kTissueTool_mm - 3, kOver_mm = kTissueTool_mm + 1;
   TissueTip tip(model);
   double work_mJ = 0, max_mJ = 0;
@@ -289,8 +289,8 @@ RelaxationError press_relaxing(const std::shared_ptr<const Model>& relaxing,
                  left_of(relaxation, (static_cast<double>(n - m) + 0.5) / kTickRate_hz);
     if (!(truth_N > 0)) continue;
     const double percent = 100 * std::abs(rendered_N[n] / truth_N - 1);
-    double& most = n < kOfPress ? off.pressed_percent : off.held_percent;
-    most = std::max(most, percent);
+    double& largest = n < kOfPress ? off.pressed_percent : off.hold_percent;
+    largest = std::max(largest, percent);
     off.left = rendered_N[n] / at_once_N[n];
     ++off.samples;
   }

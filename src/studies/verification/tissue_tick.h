@@ -29,7 +29,7 @@ TickError slide_on_tissue(const std::shared_ptr<const Model>& model, double spee
 double change_at_rest_N(const std::shared_ptr<const Model>& model);
 /// Presses 3 mm deep, slides over the nodule, lifts and returns through free space: energy generated, percent
 /// of the maximum energy put in; negative: dissipated.
-double work_given_out_percent(const std::shared_ptr<const Model>& model, double speed_mm_s);
+double generated_work_percent(const std::shared_ptr<const Model>& model, double speed_mm_s);
 /// Increase over the nodule relative to the same position of a block without one, percent: of the force at
 /// that depth, and of the secant stiffness over its last millimetre.
 struct OverNodule {
@@ -44,7 +44,7 @@ OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::sh
 struct RelaxationError {
   /// Maximum while it is pressed 3 mm deep at 100 mm/s and in the following second
   double pressed_percent = 0;
-  double held_percent = 0;  ///< Maximum while it is held afterwards
+  double hold_percent = 0;  ///< Maximum while it is held afterwards
   double left = 0;          ///< Final fraction of the instantaneous force
   int samples = 0;
 };

@@ -50,7 +50,7 @@ TEST_F(TissueTick, ANeoHookeanBodyIsHarderThereAndKeepsWhatWasPutIn) {
   const TickError off = press_tissue(nodule, 20, 0);
   EXPECT_GT(off.samples, 10);
   EXPECT_LT(off.largest_percent, 10);
-  EXPECT_LT(work_given_out_percent(nodule, 20), 2);
+  EXPECT_LT(generated_work_percent(nodule, 20), 2);
 }
 
 TEST_F(TissueTick, OverSomethingHardItIsHarder) {
@@ -66,7 +66,7 @@ TEST_F(TissueTick, WhatRelaxesIsWhatItsSeriesLeavesOfTheSameTissue) {
   const RelaxationError off = press_relaxing(*relaxing, *elastic, kSeries, 1.2);
   EXPECT_GT(off.samples, 100);
   EXPECT_LT(off.pressed_percent, 1);
-  EXPECT_LT(off.held_percent, 1);
+  EXPECT_LT(off.hold_percent, 1);
   EXPECT_NEAR(off.left, 0.5, 0.005);
 }
 

@@ -23,8 +23,8 @@ double chi_squared_quantile(double degrees, double share) {
   double low = 0, high = degrees + 1;
   while (gamma_share(degrees / 2, high / 2) < share) high *= 2;
   for (int n = 0; n < 200 && high - low > 1e-14 * high; ++n) {
-    const double middle = (low + high) / 2;
-    (gamma_share(degrees / 2, middle / 2) < share ? low : high) = middle;
+    const double midpoint = (low + high) / 2;
+    (gamma_share(degrees / 2, midpoint / 2) < share ? low : high) = midpoint;
   }
   return (low + high) / 2;
 }

@@ -25,22 +25,22 @@ struct Solution {
 std::optional<Solution> solve(std::span<const Pose> poses, std::span<const std::size_t> which) {
   Matrix6d normal = Matrix6d::Zero();
   Unknowns right = Unknowns::Zero();
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const std::size_t n : which) middle += poses[n].translation() / static_cast<double>(which.size());
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const std::size_t n : which) centre += poses[n].translation() / static_cast<double>(which.size());
   for (const std::size_t n : which) {
     Eigen::Matrix<double, 3, 6> row;
     row << poses[n].linear(), -Eigen::Matrix3d::Identity();
     normal += row.transpose() * row;
-    right -= row.transpose() * (poses[n].translation() - middle);
+    right -= row.transpose() * (poses[n].translation() - centre);
   }
   const SymmetricEigen<6> eigen = symmetric_eigen(normal);
-  const double least = eigen.values[0] / static_cast<double>(which.size());
-  if (!(least > 1e-10)) return {};
+  const double smallest = eigen.values[0] / static_cast<double>(which.size());
+  if (!(smallest > 1e-10)) return {};
   Solution out;
   out.inverse = eigen.vectors * eigen.values.cwiseInverse().asDiagonal() * eigen.vectors.transpose();
   out.at = out.inverse * right;
-  out.at.tail<3>() += middle;
-  out.least = std::sqrt(least);
+  out.at.tail<3>() += centre;
+  out.least = std::sqrt(smallest);
   return out;
 }
 

@@ -50,15 +50,15 @@ TEST(Pivot, FindsTipAndPivot) {
 TEST(Pivot, ItsErrorIsAsForetold) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
-  double squares = 0, foretold = 0;
+  double squares = 0, predicted = 0;
   constexpr int kRuns = 300;
   for (int run = 0; run < kRuns; ++run) {
     const auto found = calibrate_pivot(swing(random, 60, {20, 20, 20}, 0.3));
     ASSERT_TRUE(found) << found.error().message();
     squares += (found->tip - kTip).squared_norm();
-    foretold += found->tip_error_mm * found->tip_error_mm;
+    predicted += found->tip_error_mm * found->tip_error_mm;
   }
-  EXPECT_NEAR(std::sqrt(squares / foretold), 1, 0.1);
+  EXPECT_NEAR(std::sqrt(squares / predicted), 1, 0.1);
 }
 
 // a tenth of the poses are wrong, as with partly occluded markers or a tip that slipped

@@ -80,12 +80,12 @@ TEST(RegisterPoints, NothingNearbyLeavesLess) {
         sum += (X * pair.tracked - pair.in_scan).squared_norm() / (pair.fle_mm * pair.fle_mm);
       return sum;
     };
-    const double least = left(found->patient_from_tracker);
+    const double smallest = left(found->patient_from_tracker);
     for (int n = 0; n < 50; ++n) {
       const Eigen::Matrix3d turned =
           Eigen::AngleAxisd(1e-3, test::normal(random).normalized()).toRotationMatrix();
       const Transform<Patient, Patient> moved(turned, 0.05 * test::normal(random));
-      EXPECT_GT(left(moved * found->patient_from_tracker), least);
+      EXPECT_GT(left(moved * found->patient_from_tracker), smallest);
     }
   }
 }
@@ -108,15 +108,15 @@ TEST(TargetError, IsFitzpatricksEquation) {
     const auto found = register_points(pairs_of(scan, {}));
     if (!found) continue;
     const Point<Patient> target(100 * test::normal(random));
-    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-    for (const auto& p : scan) middle += p / static_cast<double>(scan.size());
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+    for (const auto& p : scan) centre += p / static_cast<double>(scan.size());
     Eigen::Matrix3d shape = Eigen::Matrix3d::Zero();
     for (const auto& p : scan)
-      shape += (p - middle) * (p - middle).transpose() / static_cast<double>(scan.size());
+      shape += (p - centre) * (p - centre).transpose() / static_cast<double>(scan.size());
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(shape);
     double sum = 0;
     for (int k = 0; k < 3; ++k) {
-      const Eigen::Vector3d axis = axes.eigenvectors().col(k), away = target.eigen() - middle;
+      const Eigen::Vector3d axis = axes.eigenvectors().col(k), away = target.eigen() - centre;
       sum += (away - axis.dot(away) * axis).squaredNorm() / (shape.trace() - axes.eigenvalues()[k]);
     }
     EXPECT_NEAR(error_at(rigid_error(*found, 1), target).rms_mm,
@@ -139,7 +139,7 @@ TEST(TargetError, IsWhatComesOut) {
       for (std::size_t n = 0; n < pairs.size(); ++n) pairs[n].fle_mm = 0.5 + 0.5 * static_cast<double>(n);
     const auto exact = register_points(pairs);
     ASSERT_TRUE(exact);
-    const ErrorSpread foretold = error_at(rigid_error(*exact, 0.5), target);
+    const ErrorSpread predicted = error_at(rigid_error(*exact, 0.5), target);
     constexpr int kRuns = 20000;
     double squares = 0, below = 0, scales = 0, within = 0, fre = 0, both = 0, tre = 0, fre_fre = 0,
            tre_tre = 0;
@@ -151,13 +151,13 @@ TEST(TargetError, IsWhatComesOut) {
       ASSERT_TRUE(found);
       const double away = (found->patient_from_tracker * Point<Tracker>(target.eigen()) - target).norm();
       squares += away * away;
-      below += away < foretold.max_mm;
+      below += away < predicted.max_mm;
       scales += found->fle_scale * found->fle_scale;
       within += found->min_fle_scale < 0.5 && 0.5 < found->max_fle_scale;
       fre += found->fre_mm, tre += away, both += found->fre_mm * away,
           fre_fre += found->fre_mm * found->fre_mm, tre_tre += away * away;
     }
-    EXPECT_NEAR(std::sqrt(squares / kRuns) / foretold.rms_mm, 1, 0.02);
+    EXPECT_NEAR(std::sqrt(squares / kRuns) / predicted.rms_mm, 1, 0.02);
     EXPECT_NEAR(below / kRuns, 0.95, 0.01);
     EXPECT_NEAR(scales / kRuns, 0.25, 0.01);
     EXPECT_NEAR(within / kRuns, 0.95, 0.01);

@@ -113,7 +113,7 @@ std::string registration_text(const RegistrationOutcome& outcome) {
   Json residuals = Json::array(), targets = Json::array();
   for (std::size_t n = 0; n < outcome.names.size(); ++n) {
     residuals.push_back({{"name", outcome.names[n]}, {"mm", points.residuals_mm[n]}});
-    if (!outcome.held_mm.empty()) residuals.back()["held_mm"] = outcome.held_mm[n];
+    if (!outcome.spread_mm.empty()) residuals.back()["held_mm"] = outcome.spread_mm[n];
   }
   of_points["points"] = residuals;
   if (outcome.fle_scale) {

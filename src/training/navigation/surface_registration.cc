@@ -20,11 +20,11 @@ constexpr double kDamping = 1e-5;
 
 // points on the surface with outward normals, one per voxel that the surface intersects
 struct Cloud {
-  std::vector<Eigen::Vector3d> places, outward;
+  std::vector<Eigen::Vector3d> points, outward;
 
-  std::size_t kdtree_get_point_count() const { return places.size(); }
+  std::size_t kdtree_get_point_count() const { return points.size(); }
   double kdtree_get_pt(std::size_t n, std::size_t axis) const {
-    return places[n][static_cast<Eigen::Index>(axis)];
+    return points[n][static_cast<Eigen::Index>(axis)];
   }
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
@@ -61,7 +61,7 @@ Cloud sample_surface(const Surface& surface) {
         const Eigen::Vector3d x = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
         const auto foot = project_by_field(surface, x);
         if (!foot) continue;
-        cloud.places.push_back(x - foot->distance_mm * foot->outward);
+        cloud.points.push_back(x - foot->distance_mm * foot->outward);
         cloud.outward.push_back(foot->outward);
       }
   return cloud;
@@ -83,9 +83,9 @@ class Fitter {
   Fitter(const Surface& surface, std::span<const Point<Tracker>> touched,
          const SurfaceRegistrationOptions& options)
       : surface_(surface), touched_(touched), options_(options), cloud_(sample_surface(surface)) {
-    if (!cloud_.places.empty()) tree_.emplace(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+    if (!cloud_.points.empty()) tree_.emplace(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16));
   }
-  bool is_empty() const { return cloud_.places.empty(); }
+  bool is_empty() const { return cloud_.points.empty(); }
 
   // iterates to convergence
   Fit settle(const Transform<Patient, Tracker>& start, bool by_field) const {
@@ -117,7 +117,7 @@ class Fitter {
     found.init(&nearest, &square);
     tree_->findNeighbors(found, x.data(), nanoflann::SearchParams());
     const Eigen::Vector3d& outward = cloud_.outward[nearest];
-    const double height_mm = (x - cloud_.places[nearest]).dot(outward);
+    const double height_mm = (x - cloud_.points[nearest]).dot(outward);
     return {std::copysign(std::sqrt(square), height_mm), height_mm, outward};
   }
 
@@ -177,7 +177,7 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   const auto refuse = [](std::string what, std::string remedy) {
     return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
   };
-  const auto stated = [](const char* format, auto... numbers) {
+  const auto declared = [](const char* format, auto... numbers) {
     char text[200];
     std::snprintf(text, sizeof text, format, numbers...);
     return std::string(text);
@@ -186,11 +186,11 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
     return refuse("a registration by a surface needs " + std::to_string(kFewestPoints) +
                       " points at least, but there are " + std::to_string(touched.size()),
                   "touch more places, on all reachable sides of the structure");
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (std::size_t n = 0; n < touched.size(); ++n) {
     if (!touched[n].all_finite())
-      return refuse(stated("the coordinates of point %zu are not finite", n + 1), "touch it again");
-    middle += (start * touched[n]).eigen() / static_cast<double>(touched.size());
+      return refuse(declared("the coordinates of point %zu are not finite", n + 1), "touch it again");
+    centre += (start * touched[n]).eigen() / static_cast<double>(touched.size());
   }
   const Fitter fitter(surface, touched, options);
   if (fitter.is_empty()) return refuse("the structure has no surface", "choose another");
@@ -205,7 +205,7 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
     const Eigen::Vector3d axis = (n % 2 ? 1.0 : -1.0) * Eigen::Vector3d::Unit((n + 5) / 2 % 3);
     if (n > 6) {
       const Eigen::Matrix3d rotation = Eigen::AngleAxisd(kTurn, axis).toRotationMatrix();
-      away = {rotation, middle - rotation * middle};
+      away = {rotation, centre - rotation * centre};
     } else if (n > 0) {
       away = {Eigen::Matrix3d::Identity(), kShift_mm * axis};
     }
@@ -218,29 +218,30 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   SurfaceRegistration out;
   out.patient_from_tracker = best->X;
   out.rms_mm = best->rms_mm;
-  const SymmetricEigen<6> held = symmetric_eigen(best->information);
-  out.hold = held.values[0];
+  const SymmetricEigen<6> spectrum = symmetric_eigen(best->information);
+  out.hold = spectrum.values[0];
   if (out.rms_mm > options.max_rms_mm)
-    return refuse(stated("the points do not fit the surface: the residual is %.2g mm (root mean square), at "
-                         "most %.2g is allowed",
-                         out.rms_mm, options.max_rms_mm),
-                  "check the structure and the side of the patient, and start closer: with points that are "
-                  "visible in the scan");
+    return refuse(
+        declared("the points do not fit the surface: the residual is %.2g mm (root mean square), at "
+                 "most %.2g is allowed",
+                 out.rms_mm, options.max_rms_mm),
+        "check the structure and the side of the patient, and start closer: with points that are "
+        "visible in the scan");
   const auto far = std::count_if(best->feet.begin(), best->feet.end(), [&](const SurfaceProjection& foot) {
     return std::abs(foot.distance_mm) > options.far_mm;
   });
   if (static_cast<double>(far) > options.max_far * static_cast<double>(touched.size()))
-    return refuse(stated("%d of %zu points are farther than %.2g mm from the surface", static_cast<int>(far),
-                         touched.size(), options.far_mm),
+    return refuse(declared("%d of %zu points are farther than %.2g mm from the surface",
+                           static_cast<int>(far), touched.size(), options.far_mm),
                   "check the structure and the side of the patient, or touch again where the hand slipped");
   if (out.hold < options.min_hold) {
-    const Vector6d open = held.vectors.col(0);
+    const Vector6d open = spectrum.vectors.col(0);
     const bool shifts = open.head<3>().norm() > open.tail<3>().norm();
     const Eigen::Vector3d along = (shifts ? open.head<3>() : open.tail<3>()).normalized();
     return refuse(
-        stated("the points do not constrain %s (%.2f, %.2f, %.2f) in the patient: constraint %.2g of 1",
-               shifts ? "the translation along" : "the rotation about", along.x(), along.y(), along.z(),
-               out.hold),
+        declared("the points do not constrain %s (%.2f, %.2f, %.2f) in the patient: constraint %.2g of 1",
+                 shifts ? "the translation along" : "the rotation about", along.x(), along.y(), along.z(),
+                 out.hold),
         "also touch other sides of the structure");
   }
   for (std::size_t n = 0; n < touched.size(); ++n) {
@@ -248,7 +249,7 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
     out.is_trimmed.push_back(!best->counts[n]);
   }
   const Transform<Patient, Patient> moved = best->X * start.inverse();
-  out.moved_mm = (moved * Point<Patient>(middle) - Point<Patient>(middle)).norm();
+  out.moved_mm = (moved * Point<Patient>(centre) - Point<Patient>(centre)).norm();
   out.turned_deg = Eigen::AngleAxisd(moved.linear()).angle() * 180 / std::numbers::pi;
   return out;
 }

@@ -86,10 +86,10 @@ Case away_from(const std::vector<Point<Patient>>& positions, double noise_mm, st
   return out;
 }
 double max_off_mm(const SurfaceRegistration& found, const Case& of) {
-  double most = 0;
+  double largest = 0;
   for (const Point<Tracker>& point : of.touched)
-    most = std::max(most, (found.patient_from_tracker * point - of.truth * point).norm());
-  return most;
+    largest = std::max(largest, (found.patient_from_tracker * point - of.truth * point).norm());
+  return largest;
 }
 
 TEST(RegisterToSurface, ComesBackFromTenDegreesAndTenMillimetres) {
@@ -111,8 +111,8 @@ TEST(RegisterToSurface, HandsThatShakeAndSlipAndABallThatTouches) {
   for (int turn = 0; turn < 6; ++turn) {
     SCOPED_TRACE("seed " + std::to_string(test::test_seed()) + ", turn " + std::to_string(turn));
     // centre of a ball of 1.5 mm
-    auto places = sample_surface([](const Eigen::Vector3d& x) { return rods(x) - 1.5; }, 120, random);
-    Case of = away_from(places, 0.15, random);
+    auto points = sample_surface([](const Eigen::Vector3d& x) { return rods(x) - 1.5; }, 120, random);
+    Case of = away_from(points, 0.15, random);
     std::vector<std::size_t> slipped;
     for (std::size_t n = 0; n < of.touched.size(); n += 12) {
       of.touched[n] += Vector<Tracker>(2.5, 2.5, 2.5);
@@ -140,7 +140,7 @@ TEST(RegisterToSurface, RefusesWhatDoesNotHoldOrFit) {
   EXPECT_THAT(refused(rod, sample_surface(rod, 60, random)),
               HasSubstr("do not constrain the translation along"));
   auto mirrored = sample_surface(rods, 60, random);
-  for (auto& place : mirrored) place = {-place.x(), place.y(), place.z()};
+  for (auto& point : mirrored) point = {-point.x(), point.y(), point.z()};
   EXPECT_THAT(refused(rods, mirrored),
               AnyOf(HasSubstr("do not fit the surface"), HasSubstr("farther than 5 mm")));
   mirrored.resize(11);

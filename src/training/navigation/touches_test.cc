@@ -47,10 +47,10 @@ TEST_F(Touches, AreTakenWhereTheTipIsHeldForASecond) {
 TEST_F(Touches, AreTheMeanOfTheirPosesAndSayHowFarThoseLieApart) {
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   ASSERT_EQ(hold({10, 20, 30}, 1.3, 0.1), State::kTaken);
-  const TouchedPoint& place = taker_.taken().back();
-  EXPECT_LT((place.at - Point<Tracker>(10, 20, 30)).norm(), 0.1);
-  EXPECT_NEAR(place.held_mm, 0.1 * std::sqrt(3), 0.05);
-  EXPECT_NEAR(static_cast<double>(place.poses), 51, 1);
+  const TouchedPoint& point = taker_.taken().back();
+  EXPECT_LT((point.at - Point<Tracker>(10, 20, 30)).norm(), 0.1);
+  EXPECT_NEAR(point.spread_mm, 0.1 * std::sqrt(3), 0.05);
+  EXPECT_NEAR(static_cast<double>(point.poses), 51, 1);
   // excessive tremor never counts as held
   EXPECT_EQ(hold({50, 0, 0}, 5, 1), State::kMoving);
 }

@@ -90,7 +90,7 @@ class SqliteRecords final : public Records {
   Result<void> prepare(bool write);
   Result<std::int64_t> add(const RunRecord& run) override;
   Result<void> list(const RunFilter& filter,
-                    const std::function<Result<void>(const RunRecord&)>& take) override;
+                    const std::function<Result<void>(const RunRecord&)>& visit) override;
   Result<RunRecord> run(std::int64_t id) override;
   Result<Erased> erase(const std::string& learner) override;
 
@@ -261,7 +261,7 @@ Result<std::int64_t> SqliteRecords::add(const RunRecord& run) {
 }
 
 Result<void> SqliteRecords::list(const RunFilter& filter,
-                                 const std::function<Result<void>(const RunRecord&)>& take) {
+                                 const std::function<Result<void>(const RunRecord&)>& visit) {
   std::string where;
   if (!filter.learner.empty()) where += " WHERE learners.name = ?1";
   if (!filter.task.empty()) where += std::string(where.empty() ? " WHERE" : " AND") + " task = ?2";
@@ -277,7 +277,7 @@ Result<void> SqliteRecords::list(const RunFilter& filter,
     const auto row = requested->step();
     if (!row) return row.error();
     if (!*row) return {};
-    if (auto used = take(run_of(*requested)); !used) return used;
+    if (auto used = visit(run_of(*requested)); !used) return used;
   }
 }
 
@@ -387,7 +387,7 @@ Result<std::unique_ptr<Records>> Records::open_to_read(const std::filesystem::pa
   return open_records(file, false);
 }
 
-bool looks_like_a_person(const std::string& learner) {
+bool resembles_personal_name(const std::string& learner) {
   return learner.find_first_of("^@, ") != std::string::npos;
 }
 

@@ -200,10 +200,10 @@ TEST(Records, ALearnerIsALineOfText) {
                                              "1m"),
                                  std::string("a\0b", 3)})
     EXPECT_FALSE(check_learner(bad).ok());
-  EXPECT_TRUE(looks_like_a_person("DOE^CANARY"));
-  EXPECT_TRUE(looks_like_a_person("Jane Doe"));
-  EXPECT_TRUE(looks_like_a_person("jane@example.org"));
-  EXPECT_FALSE(looks_like_a_person("L042"));
+  EXPECT_TRUE(resembles_personal_name("DOE^CANARY"));
+  EXPECT_TRUE(resembles_personal_name("Jane Doe"));
+  EXPECT_TRUE(resembles_personal_name("jane@example.org"));
+  EXPECT_FALSE(resembles_personal_name("L042"));
 }
 
 TEST(Records, TwoWritersWaitForEachOther) {

@@ -47,7 +47,7 @@ void ClearanceMeter::observe(const MeterInput& now, Structure& structure) {
   in_part = std::fmin(in_part, static_cast<float>(gap));
   if (!(gap >= approach.nearest_mm)) {
     approach.nearest_mm = gap;
-    approach.nearest = now.place;
+    approach.nearest = now.point;
   }
   follow_breach(now, gap, structure);
 }
@@ -57,16 +57,16 @@ void ClearanceMeter::follow_breach(const MeterInput& now, double gap, Structure&
   if (!approach.requested_mm || gap >= *approach.requested_mm) return end_breach(structure);
   if (!structure.breach) {
     structure.breach =
-        ClearanceViolation{approach.label, *approach.requested_mm, gap, now.place, now.place, 0, 0};
+        ClearanceViolation{approach.label, *approach.requested_mm, gap, now.point, now.point, 0, 0};
   } else {
     approach.below_s += now.dt_s;
   }
   ClearanceViolation& breach = *structure.breach;
-  breach.last_tick = now.place.tick;
-  breach.end_s = now.place.time_s;
+  breach.last_tick = now.point.tick;
+  breach.end_s = now.point.time_s;
   if (gap < breach.nearest_mm) {
     breach.nearest_mm = gap;
-    breach.nearest = now.place;
+    breach.nearest = now.point;
   }
 }
 

@@ -14,23 +14,23 @@ class DecimatedPath {
  public:
   void observe(const Point<Patient>& at) {
     last_ = at;
-    if (observed_++ % step_ != 0) return;
-    places_.push_back(at);
-    if (places_.size() < kMaxPathPoints) return;
+    if (tick_count_++ % step_ != 0) return;
+    points_.push_back(at);
+    if (points_.size() < kMaxPathPoints) return;
     step_ *= 2;
     std::size_t retained = 0;
-    for (std::size_t n = 0; n < places_.size(); n += 2) places_[retained++] = places_[n];
-    places_.resize(retained);
+    for (std::size_t n = 0; n < points_.size(); n += 2) points_[retained++] = points_[n];
+    points_.resize(retained);
   }
   std::vector<Point<Patient>> finish() {
-    if (last_ && places_.back() != *last_) places_.push_back(*last_);
-    return std::move(places_);
+    if (last_ && points_.back() != *last_) points_.push_back(*last_);
+    return std::move(points_);
   }
 
  private:
-  std::vector<Point<Patient>> places_;
+  std::vector<Point<Patient>> points_;
   std::optional<Point<Patient>> last_;
-  std::uint64_t observed_ = 0, step_ = 1;
+  std::uint64_t tick_count_ = 0, step_ = 1;
 };
 
 /// Measures everything but the volumes in one pass.
@@ -52,36 +52,36 @@ class RunMeter {
     if (!std::isfinite(tick.time_s) || (reported_.ticks > 0 && tick.time_s < time_s_))
       return Error{ErrorKind::kBadInput, "the clock does not advance at tick " + std::to_string(tick.tick),
                    "", "record the run again"};
-    if (reported_.ticks == 0) begun_s_ = tick.time_s;
+    if (reported_.ticks == 0) started_s_ = tick.time_s;
     const double dt_s = reported_.ticks > 0 ? tick.time_s - time_s_ : 0;
     if (reported_.ticks > 0 && tick.tick > last_tick_ + 1) reported_.missing_s += dt_s;
     last_tick_ = tick.tick;
     time_s_ = tick.time_s;
     const std::size_t part = static_cast<std::size_t>(std::min(reported_.ticks++, all_ticks_ - 1) *
                                                       parts_of(all_ticks_) / all_ticks_);
-    if (part == reported_.times_s.size()) reported_.times_s.push_back(time_s_ - begun_s_);
+    if (part == reported_.times_s.size()) reported_.times_s.push_back(time_s_ - started_s_);
 
     const DeviceTick& device = tick.device[device_];
     see_turn(device);
     const MeterInput now{
-        {tick.tick, time_s_ - begun_s_, tip_of(tool_, device)},
+        {tick.tick, time_s_ - started_s_, tip_of(tool_, device)},
         head_of(model_, tool_, tick, device),
         dt_s,
         part,
         &device,
         shaft_ ? std::optional(tool_in_patient(model_.X_WorldPatient, tick, device, *shaft_)) : std::nullopt};
-    if (!now.place.at.all_finite() || (device.flags & kFlagNotFinite) != 0) {
+    if (!now.point.at.all_finite() || (device.flags & kFlagNotFinite) != 0) {
       ++reported_.invalid_ticks;
       return {};
     }
     clearance_.observe(now);
     for (TrajectoryMeter& trajectory : trajectories_) trajectory.observe(now);
-    path_.observe(now.place.at);
+    path_.observe(now.point.at);
     return {};
   }
 
   PlanComparison finish() {
-    reported_.time_s = reported_.ticks > 0 ? time_s_ - begun_s_ : 0;
+    reported_.time_s = reported_.ticks > 0 ? time_s_ - started_s_ : 0;
     for (TrajectoryMeter& trajectory : trajectories_)
       reported_.trajectories.push_back(trajectory.finish(reports_turn_));
     clearance_.finish(reported_);
@@ -104,7 +104,7 @@ class RunMeter {
   std::optional<Eigen::Vector3d> shaft_;
   std::size_t device_;
   std::uint64_t all_ticks_, last_tick_ = 0;
-  double begun_s_ = 0, time_s_ = 0;
+  double started_s_ = 0, time_s_ = 0;
   std::optional<std::array<double, 4>> first_turn_;
   bool reports_turn_ = false;
   ClearanceMeter clearance_;
@@ -153,10 +153,12 @@ const char* word_of(EntryKind made) {
   return "none";
 }
 
-bool PlanComparison::kept() const {
+bool PlanComparison::is_within_limit() const {
   return ticks > 0 && !cut_short && missing_s == 0 &&
-         std::ranges::all_of(trajectories, [](const TrajectoryResult& done) { return done.kept(); }) &&
-         std::ranges::all_of(approaches, [](const StructureClearance& approach) { return approach.kept(); });
+         std::ranges::all_of(trajectories,
+                             [](const TrajectoryResult& done) { return done.is_within_limit(); }) &&
+         std::ranges::all_of(approaches,
+                             [](const StructureClearance& approach) { return approach.is_within_limit(); });
 }
 
 Result<PlanComparison> compare_recording(const PlanInScene& plan, const Model& model,

@@ -113,10 +113,11 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
     const double angle_deg = 12 + 10 * part(random), depth_mm = 9 + 2 * part(random);
     const Vector<Patient> turned =
         axis * std::cos(angle_deg * kDegree) + axis.cross(side) * std::sin(angle_deg * kDegree);
-    const Point<Patient> aside = Point<Patient>() + (out * 15 + side * (3 * part(random))).normalized() * 15;
+    const Point<Patient> lateral =
+        Point<Patient>() + (out * 15 + side * (3 * part(random))).normalized() * 15;
     // a point of the ball that is touched earlier in the run and left again
     const Point<Patient> elsewhere = Point<Patient>() + side * 14, free = Point<Patient>() + side * 30;
-    const Point<Patient> above = aside - turned * 20, deepest = aside + turned * depth_mm;
+    const Point<Patient> above = lateral - turned * 20, deepest = lateral + turned * depth_mm;
     const StraightPath path{{free, elsewhere, free, above, deepest, above}};
     PlanFile file;
     file.title = "p";
@@ -126,20 +127,20 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
     for (const double rate_hz : {1000.0, 4000.0}) {
       const TrajectoryResult done = compared(*plan, run_along(path, rate_hz)).trajectories[0];
       EXPECT_EQ(done.entry_made, EntryKind::kPassed);
-      EXPECT_NEAR(done.entry_error_mm.value, (aside - entry).norm(), 0.02);
-      EXPECT_EQ(done.entry_error_mm.kept(), done.entry_error_mm.value <= 2);
+      EXPECT_NEAR(done.entry_error_mm.value, (lateral - entry).norm(), 0.02);
+      EXPECT_EQ(done.entry_error_mm.is_within_limit(), done.entry_error_mm.value <= 2);
       // projection of the target onto the path
-      const double foot_mm = std::clamp((target - aside).dot(turned), 0.0, depth_mm);
-      const Vector<Patient> off = aside + turned * foot_mm - target;
+      const double foot_mm = std::clamp((target - lateral).dot(turned), 0.0, depth_mm);
+      const Vector<Patient> off = lateral + turned * foot_mm - target;
       EXPECT_NEAR(done.target_error_mm.value, off.norm(), 0.01);
       EXPECT_NEAR(done.along_mm, off.dot(axis), 0.02);
       EXPECT_NEAR(done.lateral_mm, (off - axis * off.dot(axis)).norm(), 0.02);
       EXPECT_NEAR(done.angle_deg.value, angle_deg, 0.05);
-      EXPECT_TRUE(done.angle_deg.kept());
+      EXPECT_TRUE(done.angle_deg.is_within_limit());
       EXPECT_LT(done.line_rms_mm, 0.01);
       EXPECT_NEAR(done.depth_mm, depth_mm * std::cos(angle_deg * kDegree), 0.03);
       EXPECT_NEAR(done.depth_error_mm.value, done.depth_mm - (target - entry).norm(), 1e-9);
-      EXPECT_TRUE(done.depth_error_mm.kept());  // the plan has no depth tolerance
+      EXPECT_TRUE(done.depth_error_mm.is_within_limit());  // the plan has no depth tolerance
       EXPECT_LT((done.deepest.at - deepest).norm(), 0.03);
       EXPECT_TRUE(std::isnan(done.shaft_deg));
     }
@@ -179,7 +180,7 @@ entry_within = 1
   const TrajectoryResult done = compared(plan, run_along(path)).trajectories[0];
   EXPECT_EQ(done.entry_made, EntryKind::kNearest);
   EXPECT_NEAR(done.entry_error_mm.value, 2 * std::cos(std::atan(0.1)), 0.001);
-  EXPECT_FALSE(done.kept());
+  EXPECT_FALSE(done.is_within_limit());
   EXPECT_NEAR(done.angle_deg.value, std::atan(0.1) / kDegree, 0.05);
 }
 
@@ -280,7 +281,7 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
     EXPECT_EQ(made.breaches.size(), entered);
     EXPECT_GE(entered, 1u);
   }
-  EXPECT_FALSE(made.kept());
+  EXPECT_FALSE(made.is_within_limit());
 }
 
 TEST(ComparePlan, ADistanceThatIsNotKeptIsToldByItsTicks) {
@@ -304,12 +305,12 @@ TEST(ComparePlan, ADistanceThatIsNotKeptIsToldByItsTicks) {
   }
   EXPECT_NEAR(made.approaches[0].nearest_mm, 1, 0.01);
   EXPECT_NEAR(made.approaches[0].below_s, 1, 0.01);
-  EXPECT_FALSE(made.approaches[0].kept());
+  EXPECT_FALSE(made.approaches[0].is_within_limit());
 
   const PlanComparison comparison =
       compared(scene_plan("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 0.9\n"), run);
   EXPECT_TRUE(comparison.breaches.empty());
-  EXPECT_TRUE(comparison.kept());
+  EXPECT_TRUE(comparison.is_within_limit());
 }
 
 TEST(ComparePlan, ABurrsHeadIsAllOfItsRowWhereItIsHeld) {
@@ -436,15 +437,15 @@ TEST(ComparePlan, VolumesOfEachStructure) {
 TEST(ComparePlan, WhatNobodySawIsNotKept) {
   const PlanInScene plan = scene_plan(kStraightDown);
   Recording run = run_along(StraightPath{{{0, 0, 40}, {0, 0, 5}}});
-  EXPECT_TRUE(compared(plan, run).kept());
+  EXPECT_TRUE(compared(plan, run).is_within_limit());
   Recording cut = run;
   cut.summary.reset();
   EXPECT_TRUE(compared(plan, cut).cut_short);
-  EXPECT_FALSE(compared(plan, cut).kept());
+  EXPECT_FALSE(compared(plan, cut).is_within_limit());
   Recording gap = run;
   gap.ticks.erase(gap.ticks.begin() + 500, gap.ticks.begin() + 600);
   EXPECT_NEAR(compared(plan, gap).missing_s, 0.101, 1e-9);
-  EXPECT_FALSE(compared(plan, gap).kept());
+  EXPECT_FALSE(compared(plan, gap).is_within_limit());
   Recording blind = run;
   for (std::size_t n = 100; n < 200; ++n) blind.ticks[n].device[0].tip_patient_mm[1] = kNotKnown;
   EXPECT_EQ(compared(plan, blind).invalid_ticks, 100u);

@@ -7,7 +7,7 @@ namespace palpate {
 
 /// Input of the meters of a comparison for one tick.
 struct MeterInput {
-  RunPoint place;  ///< Position of the tip
+  RunPoint point;  ///< Position of the tip
   ToolHead head;
   double dt_s = 0;       ///< Time since the previous tick; 0 for the first
   std::size_t part = 0;  ///< Interval of PlanComparison::times_s

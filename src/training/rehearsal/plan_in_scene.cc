@@ -11,31 +11,31 @@
 namespace palpate {
 namespace {
 
-constexpr std::uint64_t kAllPlaces = ~std::uint64_t{0};
+constexpr std::uint64_t kAllSamples = ~std::uint64_t{0};
 
 /// Number of sample points of voxels, by label.
-struct PlaceCounts {
+struct SampleCounts {
   std::map<LabelId, std::uint64_t> by_label;
 
-  void add(LabelId label, std::uint64_t places) {
-    if (places != 0) by_label[label] += static_cast<std::uint64_t>(std::popcount(places));
+  void add(LabelId label, std::uint64_t samples) {
+    if (samples != 0) by_label[label] += static_cast<std::uint64_t>(std::popcount(samples));
   }
   VolumesByLabel mm3(const GridGeometry& grid) const {
     VolumesByLabel volumes;
     for (const auto& [label, count] : by_label)
-      volumes[label] = static_cast<double>(count) * RemovedVolume::place_mm3(grid);
+      volumes[label] = static_cast<double>(count) * RemovedVolume::sample_mm3(grid);
     return volumes;
   }
 };
 struct PlanCounts {
   explicit PlanCounts(const PlanInScene& plan) : of_regions(plan.regions.size()) {}
 
-  std::vector<PlaceCounts> of_regions;
-  PlaceCounts of_plan;
+  std::vector<SampleCounts> of_regions;
+  SampleCounts of_plan;
 
   PlannedVolumes mm3(const GridGeometry& grid) const {
     PlannedVolumes volumes;
-    for (const PlaceCounts& region : of_regions) volumes.of_regions.push_back(region.mm3(grid));
+    for (const SampleCounts& region : of_regions) volumes.of_regions.push_back(region.mm3(grid));
     volumes.of_plan = of_plan.mm3(grid);
     return volumes;
   }
@@ -43,10 +43,10 @@ struct PlanCounts {
 
 /// Adds the sample points of a voxel that are in regions. Returns their bit set.
 std::uint64_t count_voxel(const PlanInScene& plan, const GridGeometry& grid, int i, int j, int k,
-                          LabelId label, std::uint64_t places, PlanCounts& counts) {
+                          LabelId label, std::uint64_t samples, PlanCounts& counts) {
   std::uint64_t planned = 0;
   for (std::size_t n = 0; n < plan.regions.size(); ++n) {
-    const std::uint64_t in = places & plan.regions[n].places_in(grid, i, j, k, label);
+    const std::uint64_t in = samples & plan.regions[n].samples_in(grid, i, j, k, label);
     counts.of_regions[n].add(label, in);
     planned |= in;
   }
@@ -92,17 +92,17 @@ double RegionInPlan::depth_mm(const Point<Patient>& at) const {
   return -(beyond.cwiseMax(0).norm() + std::min(0.0, beyond.maxCoeff()));
 }
 
-std::uint64_t RegionInPlan::places_in(const GridGeometry& grid, int i, int j, int k, LabelId label) const {
+std::uint64_t RegionInPlan::samples_in(const GridGeometry& grid, int i, int j, int k, LabelId label) const {
   if (!has(label)) return 0;
-  if (shape_ == PlanShape::kStructures) return kAllPlaces;
+  if (shape_ == PlanShape::kStructures) return kAllSamples;
   const auto X = grid.X_PatientVoxel();
   const double half_diagonal_mm = 0.5 * grid.spacing_mm.norm();
   const double depth = depth_mm(X * Point<Voxel>(i, j, k));
-  if (depth >= half_diagonal_mm) return kAllPlaces;
+  if (depth >= half_diagonal_mm) return kAllSamples;
   if (depth <= -half_diagonal_mm) return 0;
   std::uint64_t in = 0;
-  for (int index = 0; index < RemovedVolume::kPlaces; ++index)
-    if (depth_mm(X * RemovedVolume::place(i, j, k, index)) > 0) in |= std::uint64_t{1} << index;
+  for (int index = 0; index < RemovedVolume::kSamples; ++index)
+    if (depth_mm(X * RemovedVolume::sample_point(i, j, k, index)) > 0) in |= std::uint64_t{1} << index;
   return in;
 }
 
@@ -156,7 +156,7 @@ Result<PlannedVolumes> planned_volumes(const PlanInScene& plan, const Model& mod
     if (piece.i == 0) stopped = progress.stopped();
     for (int n = 0; n < piece.count; ++n)
       if (const LabelId label = piece.voxels[n]; nothing.counts(label))
-        count_voxel(plan, grid, piece.i + n, piece.j, piece.k, label, kAllPlaces, counts);
+        count_voxel(plan, grid, piece.i + n, piece.j, piece.k, label, kAllSamples, counts);
   });
   if (stopped) return Progress::interrupted();
   return counts.mm3(grid);
@@ -165,10 +165,10 @@ Result<PlannedVolumes> planned_volumes(const PlanInScene& plan, const Model& mod
 RemovedVolumes removed_volumes(const PlanInScene& plan, const RemovedVolume& removed) {
   const GridGeometry& grid = removed.geometry();
   PlanCounts counts(plan);
-  PlaceCounts outside;
-  removed.for_each_swept([&](int i, int j, int k, LabelId label, std::uint64_t places) {
-    const std::uint64_t planned = count_voxel(plan, grid, i, j, k, label, places, counts);
-    outside.add(label, places & ~planned);
+  SampleCounts outside;
+  removed.for_each_swept([&](int i, int j, int k, LabelId label, std::uint64_t samples) {
+    const std::uint64_t planned = count_voxel(plan, grid, i, j, k, label, samples, counts);
+    outside.add(label, samples & ~planned);
   });
   return {counts.mm3(grid), outside.mm3(grid)};
 }
@@ -181,15 +181,15 @@ double depth_past_plan_mm(const PlanInScene& plan, const RemovedVolume& removed)
     for (const RegionInPlan& region : plan.regions) min_mm = std::min(min_mm, -region.depth_mm(at));
     return min_mm;
   };
-  double greatest_mm = 0;
-  removed.for_each_swept([&](int i, int j, int k, LabelId, std::uint64_t places) {
+  double max_mm = 0;
+  removed.for_each_swept([&](int i, int j, int k, LabelId, std::uint64_t samples) {
     // skip voxels that cannot exceed the current maximum
-    if (past_mm(X * Point<Voxel>(i, j, k)) + half_diagonal_mm <= greatest_mm) return;
-    for (int index = 0; index < RemovedVolume::kPlaces; ++index)
-      if ((places >> index & 1) != 0)
-        greatest_mm = std::max(greatest_mm, past_mm(X * RemovedVolume::place(i, j, k, index)));
+    if (past_mm(X * Point<Voxel>(i, j, k)) + half_diagonal_mm <= max_mm) return;
+    for (int index = 0; index < RemovedVolume::kSamples; ++index)
+      if ((samples >> index & 1) != 0)
+        max_mm = std::max(max_mm, past_mm(X * RemovedVolume::sample_point(i, j, k, index)));
   });
-  return greatest_mm;
+  return max_mm;
 }
 
 }  // namespace palpate

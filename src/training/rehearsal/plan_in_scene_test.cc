@@ -78,8 +78,9 @@ TEST(PlanInScene, ShapesHaveTheirVolumesAndTheirPlaces) {
               j = static_cast<int>(random() % static_cast<unsigned>(grid.dims[1])),
               k = static_cast<int>(random() % static_cast<unsigned>(grid.dims[2]));
     std::array<std::uint64_t, 3> expected{};
-    for (int index = 0; index < RemovedVolume::kPlaces; ++index) {
-      const Eigen::Vector3d at = (grid.X_PatientVoxel() * RemovedVolume::place(i, j, k, index)).eigen();
+    for (int index = 0; index < RemovedVolume::kSamples; ++index) {
+      const Eigen::Vector3d at =
+          (grid.X_PatientVoxel() * RemovedVolume::sample_point(i, j, k, index)).eigen();
       const Eigen::Vector3d from_entry = at - t.entry.eigen();
       const double along = from_entry.dot(axis);
       const std::uint64_t bit = std::uint64_t{1} << index;
@@ -90,7 +91,7 @@ TEST(PlanInScene, ShapesHaveTheirVolumesAndTheirPlaces) {
         expected[2] |= bit;
     }
     for (std::size_t region = 0; region < 3; ++region)
-      EXPECT_EQ(plan->regions[region].places_in(grid, i, j, k, testing::kBone), expected[region])
+      EXPECT_EQ(plan->regions[region].samples_in(grid, i, j, k, testing::kBone), expected[region])
           << region << " at " << i << " " << j << " " << k;
   }
 }

@@ -54,34 +54,35 @@ StructureDistance::StructureDistance(LabelId label, std::shared_ptr<const Surfac
   near_mm_ =
       std::max(kMinNear_mm, surface_->outside_mm() - surface_->position().geometry().spacing_mm.norm());
   std::map<std::array<int, 3>, std::vector<Eigen::Vector3f>> cubes;
-  for (const Eigen::Vector3f& place : edge_cuts(surface_->position(), surface_->steepest())) {
-    const Eigen::Array3f cube = (place.array() / static_cast<float>(kBlock_mm)).floor();
-    cubes[{static_cast<int>(cube[0]), static_cast<int>(cube[1]), static_cast<int>(cube[2])}].push_back(place);
+  for (const Eigen::Vector3f& position : edge_cuts(surface_->position(), surface_->steepest())) {
+    const Eigen::Array3f cube = (position.array() / static_cast<float>(kBlock_mm)).floor();
+    cubes[{static_cast<int>(cube[0]), static_cast<int>(cube[1]), static_cast<int>(cube[2])}].push_back(
+        position);
   }
-  for (const auto& [cube, places] : cubes) {
+  for (const auto& [cube, samples] : cubes) {
     Block block{Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()),
                 Eigen::Array3d::Constant(-std::numeric_limits<double>::infinity()),
-                static_cast<std::uint32_t>(places_.size()), static_cast<std::uint32_t>(places.size())};
-    for (const Eigen::Vector3f& place : places) {
-      block.low = block.low.min(place.cast<double>().array());
-      block.high = block.high.max(place.cast<double>().array());
+                static_cast<std::uint32_t>(edge_points_.size()), static_cast<std::uint32_t>(samples.size())};
+    for (const Eigen::Vector3f& at_position : samples) {
+      block.low = block.low.min(at_position.cast<double>().array());
+      block.high = block.high.max(at_position.cast<double>().array());
     }
     blocks_.push_back(block);
-    places_.insert(places_.end(), places.begin(), places.end());
+    edge_points_.insert(edge_points_.end(), samples.begin(), samples.end());
   }
 }
 
 double StructureDistance::distance_mm(const Point<Patient>& at) const {
   const double own_mm = surface_->distance_mm(at);
   if (std::abs(own_mm) < near_mm_ || blocks_.empty()) return own_mm;
-  return std::copysign(to_places_mm(at.eigen()), own_mm);
+  return std::copysign(to_edge_cuts_mm(at.eigen()), own_mm);
 }
 
-double StructureDistance::to_places_mm(const Eigen::Vector3d& at) const {
+double StructureDistance::to_edge_cuts_mm(const Eigen::Vector3d& at) const {
   double min_mm2 = std::numeric_limits<double>::infinity();
   const auto look_in = [&](const Block& block) {
     for (std::uint32_t n = block.first; n < block.first + block.count; ++n)
-      min_mm2 = std::min(min_mm2, (places_[n].cast<double>() - at).squaredNorm());
+      min_mm2 = std::min(min_mm2, (edge_points_[n].cast<double>() - at).squaredNorm());
   };
   // the nearest block first, because its result prunes most of the others
   const Block* nearest = &blocks_.front();

@@ -55,14 +55,14 @@ inline std::optional<Eigen::Vector3d> shaft_of(const Tool& tool) {
 /// Clearance from the head's surface to a structure's surface, mm; negative inside.
 inline double gap_mm(const StructureDistance& structure, const ToolHead& head) {
   // along the row the clearance decreases by at most twice the distance, which allows longer steps
-  constexpr double kApart_mm = 0.25;
+  constexpr double kSeparation_mm = 0.25;
   const Vector<Patient> row = head.to - head.from;
   const double length_mm = row.norm();
   double min_mm = structure.distance_mm(head.from) - head.radius_mm;
   if (length_mm == 0) return min_mm;
   double gap = min_mm, along_mm = 0;
   while (along_mm < length_mm) {
-    along_mm = std::min(length_mm, along_mm + std::max(kApart_mm, 0.5 * (gap - min_mm)));
+    along_mm = std::min(length_mm, along_mm + std::max(kSeparation_mm, 0.5 * (gap - min_mm)));
     const double part = along_mm / length_mm;
     gap = structure.distance_mm(head.from + row * part) - head.radius_mm -
           (head.end_radius_mm - head.radius_mm) * part;

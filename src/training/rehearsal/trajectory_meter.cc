@@ -64,13 +64,13 @@ TrajectoryMeter::TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool
 // Distance outside the structures' surface, or outside the plane through the planned entry perpendicular to
 // the trajectory. Far outside it may be any lower bound above the threshold.
 double TrajectoryMeter::outside_mm(const MeterInput& now) {
-  if (surfaces_.empty()) return -along_mm(now.place.at);
-  if (known_at_ && known_mm_ - (now.place.at - *known_at_).norm() > 2 * kClear_mm)
-    return known_mm_ - (now.place.at - *known_at_).norm();
+  if (surfaces_.empty()) return -along_mm(now.point.at);
+  if (known_at_ && known_mm_ - (now.point.at - *known_at_).norm() > 2 * kClear_mm)
+    return known_mm_ - (now.point.at - *known_at_).norm();
   known_mm_ = std::numeric_limits<double>::infinity();
   for (const StructureDistance* surface : surfaces_)
-    known_mm_ = std::min(known_mm_, surface->distance_mm(now.place.at));
-  known_at_ = now.place.at;
+    known_mm_ = std::min(known_mm_, surface->distance_mm(now.point.at));
+  known_at_ = now.point.at;
   return known_mm_;
 }
 
@@ -85,20 +85,20 @@ void TrajectoryMeter::observe(const MeterInput& now) {
   if (outside > kClear_mm)
     end_insertion();
   else
-    look_for_entry(now, outside);
-  if (path_.made != EntryKind::kNone) go_on(now);
-  const RunPoint near = nearest_between(last_.value_or(now.place), now.place, planned_.target);
+    find_entry(now, outside);
+  if (path_.made != EntryKind::kNone) resume(now);
+  const RunPoint near = nearest_between(last_.value_or(now.point), now.point, planned_.target);
   if (const double mm = (near.at - planned_.target).norm(); mm < nearest_mm_) {
     nearest_mm_ = mm;
     nearest_ = near;
   }
-  last_ = now.place;
+  last_ = now.point;
   last_outside_mm_ = outside;
 }
 
-void TrajectoryMeter::look_for_entry(const MeterInput& now, double outside) {
+void TrajectoryMeter::find_entry(const MeterInput& now, double outside) {
   if (surfaces_.empty()) {
-    const RunPoint near = nearest_between(last_.value_or(now.place), now.place, planned_.entry);
+    const RunPoint near = nearest_between(last_.value_or(now.point), now.point, planned_.entry);
     const double mm = (near.at - planned_.entry).norm();
     if (mm >= nearest_entry_mm_) return;
     begin(EntryKind::kNearest, near);
@@ -107,10 +107,10 @@ void TrajectoryMeter::look_for_entry(const MeterInput& now, double outside) {
     // near the surface the distance is interpolated linearly between ticks
     const bool came_from_outside = last_ && last_outside_mm_ > 0;
     begin(EntryKind::kPassed,
-          came_from_outside ? between(*last_, now.place, last_outside_mm_ / (last_outside_mm_ - outside))
-                            : now.place);
+          came_from_outside ? between(*last_, now.point, last_outside_mm_ / (last_outside_mm_ - outside))
+                            : now.point);
   } else if (path_.made == EntryKind::kNone && touches(*now.device)) {
-    begin(EntryKind::kTouched, now.place);
+    begin(EntryKind::kTouched, now.point);
   }
 }
 
@@ -121,11 +121,11 @@ void TrajectoryMeter::begin(EntryKind made, const RunPoint& entry) {
   path_.fitted_to = entry.at;
 }
 
-void TrajectoryMeter::go_on(const MeterInput& now) {
-  const Point<Patient>& at = now.place.at;
+void TrajectoryMeter::resume(const MeterInput& now) {
+  const Point<Patient>& at = now.point.at;
   // in the first segment only the part after the entry
   const RunPoint& from = last_ && last_->time_s >= path_.entry.time_s ? *last_ : path_.entry;
-  const RunPoint near = nearest_between(from, now.place, planned_.target);
+  const RunPoint near = nearest_between(from, now.point, planned_.target);
   if (const double mm = (near.at - planned_.target).norm(); mm < path_.nearest_mm) {
     path_.nearest_mm = mm;
     path_.nearest = near;
@@ -138,7 +138,7 @@ void TrajectoryMeter::go_on(const MeterInput& now) {
   const double beside = (at - planned_.entry - axis_ * along).norm();
   if (along <= path_.deepest_mm || beside > kBeside_mm) return;
   path_.deepest_mm = along;
-  path_.deepest = now.place;
+  path_.deepest = now.point;
   path_.to_deepest = path_.fit;
   path_.shaft_deg = now.shaft ? angle_between_deg(-*now.shaft, axis_) : kNotKnown;
 }

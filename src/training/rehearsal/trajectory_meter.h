@@ -55,9 +55,9 @@ class TrajectoryMeter {
   };
   double outside_mm(const MeterInput& now);
   bool touches(const DeviceTick& device) const;
-  void look_for_entry(const MeterInput& now, double outside_mm);
+  void find_entry(const MeterInput& now, double outside_mm);
   void begin(EntryKind made, const RunPoint& entry);
-  void go_on(const MeterInput& now);
+  void resume(const MeterInput& now);
   void end_insertion();
   double along_mm(const Point<Patient>& at) const { return (at - planned_.entry).dot(axis_); }
 

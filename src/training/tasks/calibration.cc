@@ -40,8 +40,8 @@ double crossing(const Normal& a, const Normal& b) {
   // with very different spreads the densities may not intersect between the means
   if ((at_low > 0) == (difference(high) > 0)) return 0.5 * (a.mean + b.mean);
   for (int turn = 0; turn < 200; ++turn) {
-    const double middle = 0.5 * (low + high);
-    ((difference(middle) > 0) == (at_low > 0) ? low : high) = middle;
+    const double midpoint = 0.5 * (low + high);
+    ((difference(midpoint) > 0) == (at_low > 0) ? low : high) = midpoint;
   }
   return 0.5 * (low + high);
 }

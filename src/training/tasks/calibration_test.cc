@@ -60,7 +60,7 @@ TEST(CutOff, OfContrastingGroupsIsWhereTheirDensitiesCross) {
 }
 
 TEST(CutOff, ItsIntervalHoldsTheTruthAboutNineteenTimesInTwenty) {
-  int held = 0;
+  int covered = 0;
   constexpr int kTimes = 200;
   for (int n = 0; n < kTimes; ++n) {
     CalibrationOptions options;
@@ -69,10 +69,10 @@ TEST(CutOff, ItsIntervalHoldsTheTruthAboutNineteenTimesInTwenty) {
     options.seed = static_cast<std::uint64_t>(n);
     const auto found =
         cut_off(normal_sample(100 + static_cast<std::uint64_t>(n), 5, 2, 40), {}, false, options);
-    held += found->interval[0] <= 5 && 5 <= found->interval[1];
+    covered += found->interval[0] <= 5 && 5 <= found->interval[1];
   }
-  EXPECT_GE(held, kTimes * 0.88);
-  EXPECT_LE(held, kTimes * 0.99);
+  EXPECT_GE(covered, kTimes * 0.88);
+  EXPECT_LE(covered, kTimes * 0.99);
 }
 
 TEST(CutOff, SaysWhereThereIsNone) {

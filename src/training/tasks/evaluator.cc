@@ -14,7 +14,7 @@ constexpr double kTouch_N = 0.2;     // minimum force for coverage and answers
 constexpr double kRest_mm = 1.5;     // radius within which a contact point counts as at rest
 constexpr double kSweep_mm = 2;      // distance over which a contact has to move before it covers a surface
 constexpr double kMaxForce_N = 1e6;  // larger values are invalid
-constexpr double kLook_s = 0.1;      // minimum interval between evaluations of the removed volume
+constexpr double kCheckInterval_s = 0.1;  // minimum interval between evaluations of the removed volume
 
 /// Fraction of an interval, interpolated linearly from a to b, that is above a threshold.
 double part_above(double a, double b, double threshold) {
@@ -95,15 +95,15 @@ void TaskEvaluator::read_contacts(const TickRecord& tick) {
                     {device.contact_patient_mm[3 * n], device.contact_patient_mm[3 * n + 1],
                      device.contact_patient_mm[3 * n + 2]},
                     device.contact_N[n]};
-    if (!contact.place_mm.allFinite() || !(contact.force_N > 0) || contact.force_N > kMaxForce_N) continue;
+    if (!contact.position_mm.allFinite() || !(contact.force_N > 0) || contact.force_N > kMaxForce_N) continue;
     // within 45 degrees of the inward normal at the outermost contact
     if (contact_count_ > 0 && device.contact_part[n] == device.contact_part[0]) {
-      const Eigen::Vector3d displacement = contact.place_mm - contacts_[0].place_mm;
+      const Eigen::Vector3d displacement = contact.position_mm - contacts_[0].position_mm;
       const double below_mm = -displacement.dot(vector_of(device.normal_patient));
       constexpr double kMin_mm = 0.1;
       contact.is_beneath = below_mm > kMin_mm && below_mm > std::numbers::sqrt2 / 2 * displacement.norm();
     }
-    contact.is_visible = task_.sight && task_.sight->is_visible(tick, contact.place_mm);
+    contact.is_visible = task_.sight && task_.sight->is_visible(tick, contact.position_mm);
     contacts_[contact_count_++] = contact;
   }
   // scales the forces to those sent
@@ -143,7 +143,7 @@ void TaskEvaluator::add_event(TaskEvent::Kind kind, std::size_t part, const Tick
     ++more_events_;
     return;
   }
-  events_.push_back({kind, part, tick.tick, tick.time_s - begun_s_, force_N});
+  events_.push_back({kind, part, tick.tick, tick.time_s - started_s_, force_N});
 }
 
 Result<void> TaskEvaluator::observe(const TickRecord& tick) {
@@ -155,7 +155,7 @@ Result<void> TaskEvaluator::observe(const TickRecord& tick) {
     return Error{ErrorKind::kBadInput, "the task needs two devices, of which the second holds a scope", "",
                  "record it with --device twice, or with a script that has a scope step"};
   const double dt_s = begun_ ? tick.time_s - time_s_ : 0;
-  if (!begun_) begun_s_ = tick.time_s;
+  if (!begun_) started_s_ = tick.time_s;
   const DeviceTick& device = tick.device[0];
   if (begun_ && tick.tick != last_tick_ + 1) missing_s_ += dt_s;
 
@@ -170,7 +170,7 @@ Result<void> TaskEvaluator::observe(const TickRecord& tick) {
   }
   if (tip_known_) motion_.observe(tick.time_s, tip_mm_, contact_count_ > 0);
   if (task_.sight) update_visibility(tick, dt_s);
-  if (removed_ && removal_changed_ && tick.time_s - begun_s_ >= next_look_s_) update_removal(tick);
+  if (removed_ && removal_changed_ && tick.time_s - started_s_ >= next_check_s_) update_removal(tick);
   update_forces(tick, dt_s);
   update_steps(tick, dt_s);
   if (task_.answer_mm) update_answer(device, dt_s);
@@ -183,7 +183,7 @@ Result<void> TaskEvaluator::observe(const TickRecord& tick) {
   const bool all_done =
       !done_.empty() && std::all_of(done_.begin(), done_.end(), [](bool done) { return done; });
   const bool over = (task_.file.end == TaskEnd::kSteps && all_done) ||
-                    (task_.file.time_limit_s && time_s_ - begun_s_ >= *task_.file.time_limit_s);
+                    (task_.file.time_limit_s && time_s_ - started_s_ >= *task_.file.time_limit_s);
   if (over) {
     ended_ = true;
     add_event(TaskEvent::Kind::kEnded, 0, tick, 0);
@@ -204,7 +204,7 @@ void TaskEvaluator::update_removal(const TickRecord& tick) {
   for (std::size_t n = 0; n < removed_mm3_.size(); ++n)
     removed_mm3_[n] = sum_of(removed.in_plan.of_regions[n]);
   removal_changed_ = false;
-  next_look_s_ = tick.time_s - begun_s_ + kLook_s;
+  next_check_s_ = tick.time_s - started_s_ + kCheckInterval_s;
 }
 
 TaskEvaluator::Removal TaskEvaluator::removal() const {
@@ -242,7 +242,8 @@ void TaskEvaluator::update_forces(const TickRecord& tick, double dt_s) {
 
 bool TaskEvaluator::is_on_step(const Contact& contact, const TaskStep& step) const {
   const RegionInScene& region = task_.regions[step.region];
-  return region.has(contact.label) && region.bounds(contact.place_mm) && (contact.is_visible || !step.seen);
+  return region.has(contact.label) && region.bounds(contact.position_mm) &&
+         (contact.is_visible || !step.seen);
 }
 
 // force on the step's region, including contacts beneath it
@@ -270,17 +271,17 @@ void TaskEvaluator::sweep(std::size_t step) {
     sweep = {};
     return;
   }
-  if (!sweep.touching) sweep = {true, false, strongest->place_mm};
+  if (!sweep.touching) sweep = {true, false, strongest->position_mm};
   SurfacePatches& patches = task_.regions[requested.region].patches;
   if (!sweep.moving) {
-    const Eigen::Vector3d displacement = strongest->place_mm - sweep.begun_mm;
+    const Eigen::Vector3d displacement = strongest->position_mm - sweep.started_mm;
     if (displacement.norm() < kSweep_mm) return;
     sweep.moving = true;
     constexpr int kParts = 4;  // no farther apart than SurfacePatches::kWithin_mm
-    for (int part = 0; part < kParts; ++part) patches.cover(sweep.begun_mm + displacement * part / kParts);
+    for (int part = 0; part < kParts; ++part) patches.cover(sweep.started_mm + displacement * part / kParts);
   }
   for (std::size_t c = 0; c < contact_count_; ++c)
-    if (counts(contacts_[c])) patches.cover(contacts_[c].place_mm);
+    if (counts(contacts_[c])) patches.cover(contacts_[c].position_mm);
 }
 
 bool TaskEvaluator::is_spent_for(const TaskStep& step) const {
@@ -298,7 +299,7 @@ std::optional<TaskEvaluator::Share> TaskEvaluator::required_share(const TaskStep
 
 void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
   const Contact* const strongest = strongest_contact();
-  if (spent_ && (strongest == nullptr || (strongest->place_mm - spent_->place_mm).norm() > kRest_mm))
+  if (spent_ && (strongest == nullptr || (strongest->position_mm - spent_->position_mm).norm() > kRest_mm))
     spent_.reset();
   for (std::size_t n = 0; n < done_.size(); ++n) {
     const TaskStep& step = task_.file.steps[n];
@@ -323,7 +324,7 @@ void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
     if (!done) continue;
     done_[n] = true;
     if (step.kind == StepKind::kTouch && strongest != nullptr)
-      spent_ = SpentTouch{strongest->place_mm, step.region};
+      spent_ = SpentTouch{strongest->position_mm, step.region};
     corners_mm_.push_back(tip_mm_);
     add_event(TaskEvent::Kind::kStepDone, n, tick, force_N);
   }
@@ -336,9 +337,9 @@ void TaskEvaluator::update_answer(const DeviceTick& device, double dt_s) {
     resting_ = false;
     return;
   }
-  if (!resting_ || (strongest->place_mm - anchor_mm_).norm() > kRest_mm) {
+  if (!resting_ || (strongest->position_mm - anchor_mm_).norm() > kRest_mm) {
     resting_ = true;
-    anchor_mm_ = strongest->place_mm;
+    anchor_mm_ = strongest->position_mm;
     rest_s_ = 0;
     return;
   }
@@ -346,7 +347,7 @@ void TaskEvaluator::update_answer(const DeviceTick& device, double dt_s) {
   const Eigen::Vector3d normal = vector_of(device.normal_patient);
   if (rest_s_ < task_.file.answer->seconds || !normal.allFinite() || !(normal.norm() > 0.5)) return;
   answered_ = true;
-  answer_mm_ = strongest->place_mm;
+  answer_mm_ = strongest->position_mm;
   answer_normal_ = normal.normalized();
 }
 
@@ -365,7 +366,7 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
   };
   switch (task_.file.metrics[n].metric) {
     case Metric::kTime:
-      return begun_ ? time_s_ - begun_s_ : kNotKnown;
+      return begun_ ? time_s_ - started_s_ : kNotKnown;
     case Metric::kIdleTime:
       return motion_.idle_s();
     case Metric::kPathLength:
@@ -435,8 +436,8 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
   score.events = events_;
   score.more_events = more_events_;
   score.ticks = ticks_;
-  score.begun_s = begun_s_;
-  score.time_s = time_s_ - begun_s_;
+  score.started_s = started_s_;
+  score.time_s = time_s_ - started_s_;
   score.ended = ended_;
   // truncation after the end of the run is irrelevant
   score.cut_short = cut_short && !ended_;

@@ -88,7 +88,7 @@ Model model_of_labels() {
 TaskInScene in_scene(const std::string& text) {
   const auto task = parse_task(text, "task.toml");
   PALPATE_CHECK(task.ok());
-  auto found = look_up(*task, model_of_labels());
+  auto found = resolve_task(*task, model_of_labels());
   PALPATE_CHECK(found.ok());
   return *std::move(found);
 }
@@ -337,13 +337,13 @@ TEST(Evaluator, EachRegionNeedsATouchOfItsOwn) {
   model.labels = label_bricks(labels);
   const auto file = parse_task(kHalves, "task.toml");
   ASSERT_TRUE(file.ok()) << file.error().message();
-  const auto found = look_up(*file, model);
+  const auto found = resolve_task(*file, model);
   ASSERT_TRUE(found.ok()) << found.error().message();
-  const auto touched = [&](auto place_of_ms) {
+  const auto touched = [&](auto position_of_ms) {
     TaskEvaluator evaluator(*found);
     for (std::uint64_t n = 0; n < 1000; ++n) {
       TickRecord tick = tick_at(n, 1000);
-      if (const std::optional<double> x_mm = place_of_ms(n)) {
+      if (const std::optional<double> x_mm = position_of_ms(n)) {
         touch(tick.device[0], 0, kMeniscus, 1);
         tick.device[0].contact_patient_mm = {*x_mm, 0, 0};
       }
@@ -352,12 +352,12 @@ TEST(Evaluator, EachRegionNeedsATouchOfItsOwn) {
     const std::vector<bool> done = evaluator.score(false).done;
     return std::pair<bool, bool>{done[0], done[1]};
   };
-  using Place = std::optional<double>;
-  EXPECT_EQ(touched([](auto) { return Place(0.0); }), std::pair(true, false)) << "one touch in both halves";
-  EXPECT_EQ(touched([](auto n) { return n == 500 ? Place() : Place(0.0); }), std::pair(true, true));
-  EXPECT_EQ(touched([](auto n) { return Place(n < 500 ? 0.0 : 1.4); }), std::pair(true, false))
+  using Value = std::optional<double>;
+  EXPECT_EQ(touched([](auto) { return Value(0.0); }), std::pair(true, false)) << "one touch in both halves";
+  EXPECT_EQ(touched([](auto n) { return n == 500 ? Value() : Value(0.0); }), std::pair(true, true));
+  EXPECT_EQ(touched([](auto n) { return Value(n < 500 ? 0.0 : 1.4); }), std::pair(true, false))
       << "hardly moved";
-  EXPECT_EQ(touched([](auto n) { return Place(n < 500 ? -1.0 : 1.0); }), std::pair(true, true))
+  EXPECT_EQ(touched([](auto n) { return Value(n < 500 ? -1.0 : 1.0); }), std::pair(true, true))
       << "a place of its own";
 }
 
@@ -383,7 +383,7 @@ name = "coverage"
   model.labels = label_bricks(labels);
   const auto file = parse_task(text, "task.toml");
   ASSERT_TRUE(file.ok()) << file.error().message();
-  const auto found = look_up(*file, model);
+  const auto found = resolve_task(*file, model);
   ASSERT_TRUE(found.ok()) << found.error().message();
   // from `from_mm` to `to_mm` in a second, along the upper face
   const auto covered = [&](double rate_hz, double from_mm, double to_mm, double force_N, bool lifts) {
@@ -410,7 +410,7 @@ name = "coverage"
 TEST(Evaluator, ARunBeginsWithItsFirstTick) {
   TaskEvaluator evaluator(in_scene(kTask));
   for (std::uint64_t n = 2500; n < 2600; ++n) ASSERT_TRUE(evaluator.observe(tick_at(n, 1000)).ok());
-  EXPECT_NEAR(evaluator.score(false).begun_s, 2.5, 1e-12);
+  EXPECT_NEAR(evaluator.score(false).started_s, 2.5, 1e-12);
   EXPECT_NEAR(evaluator.score(false).time_s, 0.099, 1e-9);
 }
 
@@ -575,7 +575,7 @@ name = "depth_past_plan"
   TaskInScene task(const Model& model) {
     const auto file = load_task((folder_ / "task.toml").string());
     PALPATE_CHECK(file.ok());
-    auto found = look_up(*file, model);
+    auto found = resolve_task(*file, model);
     PALPATE_CHECK(found.ok());
     return *std::move(found);
   }
@@ -662,12 +662,12 @@ TEST_F(TakeOff, HeardLiveItIsTheSameBitForBit) {
 TEST_F(TakeOff, NeedsAToolThatTakesAndSomethingToTake) {
   const auto file = load_task((folder_ / "task.toml").string());
   ASSERT_TRUE(file.ok());
-  EXPECT_THAT(look_up(*file, *testing::loaded_ball().model).error().message(),
+  EXPECT_THAT(resolve_task(*file, *testing::loaded_ball().model).error().message(),
               HasSubstr("no tool of the scene"));
   std::ofstream(folder_ / "plan.toml", std::ios::app) << "depth = -20\n";
   const auto beside = load_task((folder_ / "task.toml").string());
   ASSERT_TRUE(beside.ok()) << beside.error().message();
-  EXPECT_THAT(look_up(*beside, *loaded_.model).error().message(), HasSubstr("nothing removable"));
+  EXPECT_THAT(resolve_task(*beside, *loaded_.model).error().message(), HasSubstr("nothing removable"));
 }
 
 TEST(Evaluator, WhatIsNotKnownIsInNoBand) {

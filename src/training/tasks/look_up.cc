@@ -45,17 +45,17 @@ std::optional<Eigen::Vector3d> centroid(const Bricks<LabelId>& labels, const std
 Eigen::Vector3d farthest(const Bricks<LabelId>& labels, const std::vector<bool>& has,
                          const Eigen::Vector3d& direction) {
   // the mean of all extreme voxels, so that the result does not depend on their order
-  double most = -std::numeric_limits<double>::infinity();
+  double largest = -std::numeric_limits<double>::infinity();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0;
   for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& position) {
     const double far = position.dot(direction);
-    if (far > most + 1e-6) {
-      most = far;
+    if (far > largest + 1e-6) {
+      largest = far;
       sum.setZero();
       count = 0;
     }
-    if (far > most - 1e-6) {
+    if (far > largest - 1e-6) {
       sum += position;
       ++count;
     }
@@ -161,8 +161,8 @@ void add_patches(const Model& model, RegionInScene& region) {
 
 }  // namespace
 
-void SurfacePatches::add(const Eigen::Vector3d& place_mm) {
-  const Eigen::Vector3d cube = (place_mm / kEdge_mm).array().floor();
+void SurfacePatches::add(const Eigen::Vector3d& position_mm) {
+  const Eigen::Vector3d cube = (position_mm / kEdge_mm).array().floor();
   if (at_.emplace(key_of(cube), static_cast<std::uint32_t>(covered_.size())).second)
     covered_.push_back(false);
 }
@@ -199,10 +199,11 @@ std::vector<SurfacePatches::Patch> SurfacePatches::all() const {
   return patches;
 }
 
-bool RegionInScene::bounds(const Eigen::Vector3d& place_mm) const {
-  if (centre_mm && !((place_mm - *centre_mm).norm() <= radius_mm)) return false;
-  return std::all_of(planes.begin(), planes.end(),
-                     [&](const Plane& plane) { return (place_mm - plane.point_mm).dot(plane.normal) >= 0; });
+bool RegionInScene::bounds(const Eigen::Vector3d& position_mm) const {
+  if (centre_mm && !((position_mm - *centre_mm).norm() <= radius_mm)) return false;
+  return std::all_of(planes.begin(), planes.end(), [&](const Plane& plane) {
+    return (position_mm - plane.point_mm).dot(plane.normal) >= 0;
+  });
 }
 
 RegionView view_of(const RegionInScene& region, const Model& model) {
@@ -221,7 +222,7 @@ RegionView view_of(const RegionInPlan& region, const Model& model) {
   });
 }
 
-Result<TaskInScene> look_up(const TaskFile& task, const Model& model, const Progress& progress) {
+Result<TaskInScene> resolve_task(const TaskFile& task, const Model& model, const Progress& progress) {
   const auto labels_of = [&](const std::vector<LabelReference>& structures, int line) {
     return labels_in_model(model, structures, task.where(line));
   };

@@ -43,7 +43,7 @@ Result<TaskInScene> with_region(const std::string& region) {
           "\n[[step]]\nname = \"s\"\nregion = \"r\"\nkind = \"cover\"\n[[metric]]\nname = \"coverage\"\n",
       "task.toml");
   EXPECT_TRUE(task.ok()) << task.error().message();
-  return look_up(*task, slab());
+  return resolve_task(*task, slab());
 }
 
 TEST(LookUp, APatchIsASquareMillimetreOfSurface) {
@@ -117,18 +117,18 @@ TEST(SurfacePatches, AreToldInTheOrderInWhichTheyWereAdded) {
 // reference: every patch whose cube is within half a millimetre of any contact
 TEST(SurfacePatches, CoversWhatIsNear) {
   std::mt19937_64 random(test::test_seed());
-  std::uniform_real_distribution<double> place(-5, 5);
+  std::uniform_real_distribution<double> coordinate(-5, 5);
   std::vector<Eigen::Vector3d> cubes;
   SurfacePatches patches;
   for (int n = 0; n < 300; ++n) {
-    const Eigen::Vector3d at(place(random), place(random), place(random));
+    const Eigen::Vector3d at(coordinate(random), coordinate(random), coordinate(random));
     const std::size_t before = patches.count();
     patches.add(at);
     if (patches.count() > before) cubes.emplace_back(at.array().floor());
   }
   std::vector<bool> covered(cubes.size());
   for (int n = 0; n < 200; ++n) {
-    Eigen::Vector3d at(place(random), place(random), place(random));
+    Eigen::Vector3d at(coordinate(random), coordinate(random), coordinate(random));
     if (n % 10 == 0) at = at.array().round();  // on cube boundaries
     patches.cover(at);
     for (std::size_t c = 0; c < cubes.size(); ++c) {

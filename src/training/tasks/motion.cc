@@ -45,7 +45,7 @@ Eigen::Vector3d LowPass::position_during(const Eigen::Vector3d& u, double dt_s, 
 void MotionMeter::observe(double time_s, const Eigen::Vector3d& tip_mm, bool touching) {
   if (!begun_) {
     begun_ = true;
-    begun_s_ = time_s_ = time_s;
+    started_s_ = time_s_ = time_s;
     was_touching_ = touching;
     filter_.begin(tip_mm);
     take_grid_point(tip_mm);
@@ -56,12 +56,12 @@ void MotionMeter::observe(double time_s, const Eigen::Vector3d& tip_mm, bool tou
   constexpr double kLongest_s = 60;
   if (dt_s < kLongest_s) {
     while (true) {
-      const double grid_s = begun_s_ + static_cast<double>(grid_points_) * kGrid_s;
+      const double grid_s = started_s_ + static_cast<double>(grid_points_) * kGrid_s;
       if (grid_s > time_s) break;
       take_grid_point(filter_.position_during(tip_mm, dt_s, grid_s - time_s_));
     }
   } else {
-    begun_s_ = time_s - static_cast<double>(grid_points_ - 1) * kGrid_s;
+    started_s_ = time_s - static_cast<double>(grid_points_ - 1) * kGrid_s;
     in_a_row_ = 0;
   }
   const Eigen::Vector3d before = filter_.position();

@@ -14,9 +14,9 @@ constexpr double kFarthest_mm = 500;
 // larger coordinates are invalid
 constexpr double kNowhere_mm = 1e6;
 
-Point<Patient> held_at(const DeviceTick& device) {
-  const bool is_held_out = (device.flags & kFlagContact) != 0 && (device.flags & kFlagInside) == 0;
-  const auto& at = is_held_out ? device.proxy_patient_mm : device.tip_patient_mm;
+Point<Patient> tip_outside_at(const DeviceTick& device) {
+  const bool is_pushed_out = (device.flags & kFlagContact) != 0 && (device.flags & kFlagInside) == 0;
+  const auto& at = is_pushed_out ? device.proxy_patient_mm : device.tip_patient_mm;
   return {at[0], at[1], at[2]};
 }
 
@@ -33,19 +33,20 @@ ScopeVisibility::ScopeVisibility(const ScopeOptics& optics, const Model& model)
     is_touchable_.push_back(model.is_touchable(static_cast<LabelId>(label)));
 }
 
-bool ScopeVisibility::is_visible(const TickRecord& tick, const Eigen::Vector3d& place_mm) const {
+bool ScopeVisibility::is_visible(const TickRecord& tick, const Eigen::Vector3d& position_mm) const {
   if (tick.devices < 2) return false;
   const DeviceTick& device = tick.device[1];
   const auto in_patient = [&](const Eigen::Vector3d& of_tool) {
     return tool_in_patient(X_WorldPatient_, tick, device, of_tool);
   };
-  const Vector<Patient> look = in_patient(look_of(optics_));
-  const Point<Patient> eye = held_at(device) + in_patient(camera_of(optics_));
-  const Vector<Patient> displacement = Point<Patient>(place_mm) - eye;
+  const Vector<Patient> view_direction = in_patient(appearance_of(optics_));
+  const Point<Patient> eye = tip_outside_at(device) + in_patient(camera_of(optics_));
+  const Vector<Patient> displacement = Point<Patient>(position_mm) - eye;
   const double far_mm = displacement.norm();
-  if (!(eye.eigen().cwiseAbs().maxCoeff() < kNowhere_mm) || !(look.norm() > 0.5)) return false;
+  if (!(eye.eigen().cwiseAbs().maxCoeff() < kNowhere_mm) || !(view_direction.norm() > 0.5)) return false;
   if (!(far_mm > 0 && far_mm < kFarthest_mm)) return false;
-  if (displacement.dot(look) < std::cos(ScopeOptics::kHalfField_deg * std::numbers::pi / 180) * far_mm)
+  if (displacement.dot(view_direction) <
+      std::cos(ScopeOptics::kHalfField_deg * std::numbers::pi / 180) * far_mm)
     return false;
   // the eye itself has to be outside tissue, however near the point is
   const Vector<Patient> ahead = displacement * (1 / far_mm);

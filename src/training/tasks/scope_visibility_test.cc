@@ -26,13 +26,13 @@ std::array<double, 3> numbers(const Eigen::Vector3d& v) {
 /// A tick in which the second device's scope looks from an eye point along a direction, both in the patient
 /// frame.
 TickRecord looking(const Model& model, const ScopeOptics& optics, const Eigen::Vector3d& eye,
-                   const Eigen::Vector3d& look, const Eigen::Quaterniond& turned) {
+                   const Eigen::Vector3d& view_direction, const Eigen::Quaterniond& turned) {
   TickRecord tick;
   tick.devices = 2;
   tick.rotation_applied_wxyz = {turned.w(), turned.x(), turned.y(), turned.z()};
   const auto X = turned_object(model.X_WorldPatient, turned);
   const Eigen::Quaterniond rotation =
-      held_to_look(optics, X * Vector<Patient>(look), X * Vector<Patient>(0, 0.3, 1));
+      attitude_looking_along(optics, X * Vector<Patient>(view_direction), X * Vector<Patient>(0, 0.3, 1));
   tick.device[1].orientation_wxyz = {rotation.w(), rotation.x(), rotation.y(), rotation.z()};
   const Point<World> tip = X * Point<Patient>(eye) - Vector<World>(rotation * camera_of(optics));
   tick.device[1].tip_patient_mm = numbers((X.inverse() * tip).eigen());
@@ -49,19 +49,21 @@ TEST(HeldToLook, LooksThereWithItsShaftToTheSideThatIsAskedFor) {
   std::mt19937_64 random(test::test_seed() + 41);
   for (int n = 0; n < 1000; ++n) {
     const ScopeOptics optics{90.0 * (n % 10) / 9, 8};
-    const Vector<World> look(some_direction(random)), upper(some_direction(random));
-    const Eigen::Quaterniond rotation = held_to_look(optics, look, upper);
+    const Vector<World> view_direction(some_direction(random)), upper(some_direction(random));
+    const Eigen::Quaterniond rotation = attitude_looking_along(optics, view_direction, upper);
     EXPECT_NEAR(rotation.norm(), 1, 1e-12);
-    EXPECT_LT((rotation * look_of(optics) - look.eigen()).norm(), 1e-12);
+    EXPECT_LT((rotation * appearance_of(optics) - view_direction.eigen()).norm(), 1e-12);
     // the shaft is as close to that side as its angle to the viewing direction allows
     const Eigen::Vector3d shaft = rotation * Eigen::Vector3d::UnitZ();
-    const Eigen::Vector3d across = (upper.eigen() - upper.dot(look) * look.eigen()).normalized();
+    const Eigen::Vector3d across =
+        (upper.eigen() - upper.dot(view_direction) * view_direction.eigen()).normalized();
     const double lean = optics.lean_deg * kDegree;
-    EXPECT_LT((shaft - (across * std::sin(lean) - look.eigen() * std::cos(lean))).norm(), 1e-7);
+    EXPECT_LT((shaft - (across * std::sin(lean) - view_direction.eigen() * std::cos(lean))).norm(), 1e-7);
   }
   // looking straight away from that side, any rotation is valid
-  const Eigen::Quaterniond down = held_to_look({30, 8}, Vector<World>(0, 0, -1), Vector<World>(0, 0, 1));
-  EXPECT_LT((down * look_of({30, 8}) + Eigen::Vector3d::UnitZ()).norm(), 1e-12);
+  const Eigen::Quaterniond down =
+      attitude_looking_along({30, 8}, Vector<World>(0, 0, -1), Vector<World>(0, 0, 1));
+  EXPECT_LT((down * appearance_of({30, 8}) + Eigen::Vector3d::UnitZ()).norm(), 1e-12);
 }
 
 TEST(ScopeVisibility, SeesARoundFieldWhateverWayPatientAndScopeAreTurned) {
@@ -73,10 +75,10 @@ TEST(ScopeVisibility, SeesARoundFieldWhateverWayPatientAndScopeAreTurned) {
     const Eigen::Vector3d eye = 20 * some_direction(random), look = some_direction(random);
     const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.01 * n, some_direction(random)));
     const TickRecord tick = looking(model, optics, eye, look, turned);
-    const Eigen::Vector3d aside = look.cross(some_direction(random)).normalized();
+    const Eigen::Vector3d lateral = look.cross(some_direction(random)).normalized();
     for (const double angle : {0.0, 39.99, 40.01, 90.0, 180.0}) {
       const Eigen::Vector3d displacement =
-          std::cos(angle * kDegree) * look + std::sin(angle * kDegree) * aside;
+          std::cos(angle * kDegree) * look + std::sin(angle * kDegree) * lateral;
       EXPECT_EQ(sight.is_visible(tick, eye + (1 + n % 50) * displacement), angle < 40) << angle;
     }
   }
@@ -88,7 +90,7 @@ TEST(ScopeVisibility, DoesNotSeeWhatLiesBehindWhatIsFelt) {
   std::mt19937_64 random(test::test_seed() + 47);
   for (int n = 0; n < 300; ++n) {
     const Eigen::Vector3d out = some_direction(random),
-                          aside = out.cross(some_direction(random)).normalized();
+                          lateral = out.cross(some_direction(random)).normalized();
     const double far_mm = 18 + n % 30;
     const Eigen::Vector3d eye = far_mm * out;
     // on a visible ball: the part on this side of the tangent planes through the eye
@@ -96,9 +98,9 @@ TEST(ScopeVisibility, DoesNotSeeWhatLiesBehindWhatIsFelt) {
     for (const double beyond : {-0.2, 0.2}) {
       const double angle = border + beyond;
       const Eigen::Vector3d position =
-          testing::kBoneRadius_mm * (std::cos(angle) * out + std::sin(angle) * aside);
-      const Eigen::Vector3d look = (position - eye).normalized();
-      const TickRecord tick = looking(model, {30, 8}, eye, look, Eigen::Quaterniond::Identity());
+          testing::kBoneRadius_mm * (std::cos(angle) * out + std::sin(angle) * lateral);
+      const Eigen::Vector3d view_direction = (position - eye).normalized();
+      const TickRecord tick = looking(model, {30, 8}, eye, view_direction, Eigen::Quaterniond::Identity());
       EXPECT_EQ(sight.is_visible(tick, position), beyond < 0) << far_mm;
     }
     // fat, which is not touchable, does not occlude

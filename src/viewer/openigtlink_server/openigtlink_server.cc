@@ -194,7 +194,7 @@ class Server final : public OpenIgtLinkServer {
       client.fault = kLeft;
       return;
     }
-    const auto used = client.input.take(
+    const auto used = client.input.consume(
         std::span(buffer).first(static_cast<std::size_t>(received)),
         [&](igtl::Request request, const std::string& name) { answer(client, request, name); });
     if (!used) client.fault = "does not send OpenIGTLink messages";
@@ -296,14 +296,14 @@ class Server final : public OpenIgtLinkServer {
   static void send(Client& client) {
     while (!client.queue.empty()) {
       const igtl::MessageBytes& bytes = *client.queue.front();
-      const ssize_t used = ::send(client.socket.get(), bytes.data() + client.sent, bytes.size() - client.sent,
-                                  MSG_NOSIGNAL | MSG_DONTWAIT);
-      if (used < 0) {
+      const ssize_t consumed = ::send(client.socket.get(), bytes.data() + client.sent,
+                                      bytes.size() - client.sent, MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (consumed < 0) {
         if (errno != EAGAIN && errno != EINTR) client.fault = kLeft;
         return;
       }
       client.progress = Clock::now();
-      client.sent += static_cast<std::size_t>(used);
+      client.sent += static_cast<std::size_t>(consumed);
       if (client.sent < bytes.size()) return;
       client.queue.pop_front();
       client.sent = 0;

@@ -265,7 +265,7 @@ TEST(OpenIgtLinkServer, SendsLabelsWhereTheyAreInRas) {
 }
 
 // moves the scene's grid under the fake host's tip, (1, 2, 3) LPS, which is then next to slice 1
-void put_under_the_tip(FakeHost& host) {
+void move_under_tip(FakeHost& host) {
   GridGeometry grid = host.scene().labels->geometry();
   grid.origin = Point<Patient>(0, 1, 0.5);
   auto scan = std::make_shared<Volume<float>>(grid);
@@ -275,7 +275,7 @@ void put_under_the_tip(FakeHost& host) {
 }
 
 TEST(OpenIgtLinkServer, SendsTheSliceUnderTheTip) {
-  Publishing publishing(put_under_the_tip);
+  Publishing publishing(move_under_tip);
   Client client(publishing.port());
   const Received slice = client.next("Slice");
   const Volume<float>& scan = *publishing.host.scene().scan;

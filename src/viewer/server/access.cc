@@ -67,7 +67,7 @@ std::optional<Role> role_named(std::string_view name) {
 }
 
 /// Removes the first word and the following blank.
-std::string_view take_word(std::string_view& row) {
+std::string_view read_word(std::string_view& row) {
   const std::string_view word = row.substr(0, row.find(' '));
   row.remove_prefix(std::min(row.size(), word.size() + 1));
   return word;
@@ -112,9 +112,9 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     if (row.ends_with('\r')) row.remove_suffix(1);
     if (row.empty() || row.starts_with('#')) continue;
     // the text may be a token, so no error message repeats it
-    const auto role = role_named(take_word(row));
+    const auto role = role_named(read_word(row));
     if (!role) return bad_line(source, line, "this line names no role");
-    const std::string_view token = *role == Role::kLearner ? take_word(row) : row;
+    const std::string_view token = *role == Role::kLearner ? read_word(row) : row;
     Who who{*role, *role == Role::kLearner ? std::string(row) : std::string()};
     if (token.size() < kMinToken || !std::all_of(token.begin(), token.end(), is_printable))
       return bad_line(source, line, "this line has no usable token");

@@ -112,7 +112,7 @@ TEST(Tokens, WeakOnesAreRefusedOrWarnedOf) {
 }
 
 TEST(Tokens, NewOnesAreRandom) {
-  std::set<std::string> observed;
+  std::set<std::string> visited;
   std::map<char, int> characters;
   for (int n = 0; n < 500; ++n) {
     const auto text = new_viewer_tokens();
@@ -128,7 +128,7 @@ TEST(Tokens, NewOnesAreRandom) {
       EXPECT_EQ(role, expected);
       EXPECT_GE(entropy_bound_bits(token), 80) << token;
       EXPECT_EQ(token.size(), 26u);
-      EXPECT_TRUE(observed.insert(token).second) << token;
+      EXPECT_TRUE(visited.insert(token).second) << token;
       for (const char c : token) ++characters[c];
     }
     EXPECT_EQ(tokens->holder_of(token)->role, Role::kView);

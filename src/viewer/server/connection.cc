@@ -189,7 +189,7 @@ void Connection::linger() {
 void Connection::check(Clock::time_point now) {
   if (now < close_by_) return;
   // browsers open connections that they may never use, and keep used ones open: not worth a log line
-  if (about_ == About::kSilent && http_->has_begun()) hub_.log().add(http_->peer(), "no request in time");
+  if (about_ == About::kSilent && http_->has_started()) hub_.log().add(http_->peer(), "no request in time");
   if (about_ == About::kTaking && !answer_.text().empty())
     hub_.log().add(http_->peer(), "receives its answer too slowly");
   close();

@@ -21,23 +21,23 @@ constexpr std::array<std::string_view, 34> kWords{
 constexpr std::array<std::string_view, 5> kLaws{"chainmail", "elastic", "exponential", "layers",
                                                 "neo-hookean"};
 
-bool is_setting(std::string_view place) {
+bool is_setting(std::string_view context) {
   bool found = false;
-  visit_settings([&](const auto& setting) { found = found || setting.name == place; });
+  visit_settings([&](const auto& setting) { found = found || setting.name == context; });
   return found;
 }
 
 }  // namespace
 
-bool is_word_of_protocol(std::string_view place) {
-  return std::ranges::find(kWords, place) != kWords.end() || is_setting(place) ||
-         std::ranges::find(kContactProperties, place, &ContactProperty::name) != kContactProperties.end() ||
-         std::ranges::find(kLaws, place) != kLaws.end() || find_force_method(place).has_value();
+bool is_word_of_protocol(std::string_view context) {
+  return std::ranges::find(kWords, context) != kWords.end() || is_setting(context) ||
+         std::ranges::find(kContactProperties, context, &ContactProperty::name) != kContactProperties.end() ||
+         std::ranges::find(kLaws, context) != kLaws.end() || find_force_method(context).has_value();
 }
 
 Json error_json(const Error& error) {
-  const std::string_view place = is_word_of_protocol(error.where) ? std::string_view(error.where) : "";
-  return {{"what", printable_name(error.what)}, {"where", place}, {"how", printable(error.remedy)}};
+  const std::string_view context = is_word_of_protocol(error.where) ? std::string_view(error.where) : "";
+  return {{"what", printable_name(error.what)}, {"where", context}, {"how", printable(error.remedy)}};
 }
 
 }  // namespace palpate::server

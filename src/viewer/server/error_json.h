@@ -14,6 +14,6 @@ palpate::Json error_json(const Error& error);
 
 /// Whether a `where` is a key of a viewer's request, a missing permission, or the name of a force method or
 /// of a tissue law.
-bool is_word_of_protocol(std::string_view place);
+bool is_word_of_protocol(std::string_view context);
 
 }  // namespace palpate::server

@@ -30,7 +30,7 @@ Error with_canary() {
 /// Host that refuses everything with an error whose `where` is a file.
 class Refusing : public testing::FakeHost {
  public:
-  Refusing() { keep_runs(); }
+  Refusing() { store_runs(); }
   using FakeHost::change;
   Result<Grant> set(const SettingsRequest& request) override {
     if (request.paused) return FakeHost::set(request);
@@ -39,7 +39,7 @@ class Refusing : public testing::FakeHost {
   Result<Grant> set(const TissueRequest&) override { return with_canary(); }
   Result<Grant> set(const StrokeRequest&) override { return with_canary(); }
   Result<void> rearm(const RearmRequest&) override { return with_canary(); }
-  Result<void> take_pointer(bool, const ViewerIdentity&) override { return with_canary(); }
+  Result<void> claim_pointer(bool, const ViewerIdentity&) override { return with_canary(); }
   Result<void> train(const TaskRequest&) override { return with_canary(); }
   Result<void> teach(const LessonRequest&) override { return with_canary(); }
   Result<void> change(const PlanRequest&) override { return with_canary(); }

@@ -48,18 +48,18 @@ TEST(GuessLimit, NeverMoreThanTenInASecond) {
   for (const int longest_ms : {1, 20, 150, 1500}) {
     Access access = guarded();
     Clock::time_point now{};
-    std::deque<Clock::time_point> looked_at;
-    int most = 0;
+    std::deque<Clock::time_point> inspected;
+    int largest = 0;
     for (int n = 0; n < 5000; ++n) {
       now += std::chrono::milliseconds(random() % static_cast<unsigned>(longest_ms + 1));
       const auto who = access.admit("wrong-" + std::to_string(random()), block("10.1.2.3"), now);
       EXPECT_FALSE(who.who);
-      if (!who.too_many_guesses) looked_at.push_back(now);
-      while (!looked_at.empty() && looked_at.front() <= now - 1s) looked_at.pop_front();
-      most = std::max(most, static_cast<int>(looked_at.size()));
+      if (!who.too_many_guesses) inspected.push_back(now);
+      while (!inspected.empty() && inspected.front() <= now - 1s) inspected.pop_front();
+      largest = std::max(largest, static_cast<int>(inspected.size()));
     }
-    EXPECT_LE(most, 10);
-    EXPECT_GE(most, longest_ms < 100 ? 9 : 2) << "somebody who mistypes is not kept waiting";
+    EXPECT_LE(largest, 10);
+    EXPECT_GE(largest, longest_ms < 100 ? 9 : 2) << "somebody who mistypes is not kept waiting";
   }
 }
 
@@ -100,16 +100,16 @@ TEST(GuessLimit, RightTokensAndNoneCostNothing) {
 TEST(GuessLimit, TheTableOfAddressesIsBounded) {
   GuessLimit limit;
   Clock::time_point now{};
-  int looked_at = 0;
+  int inspected = 0;
   const int tried = 3 * static_cast<int>(GuessLimit::kMaxAddresses);
   for (int n = 0; n < tried; ++n) {
     const AddressBlock from = block(static_cast<std::uint32_t>(n));
     if (!limit.may_check_token(from, now)) continue;
-    ++looked_at;
+    ++inspected;
     limit.guessed_wrong(from, now);
   }
   EXPECT_EQ(limit.addresses(), GuessLimit::kMaxAddresses);
-  EXPECT_EQ(looked_at, static_cast<int>(GuessLimit::kMaxAddresses + GuessLimit::kAtOnce));
+  EXPECT_EQ(inspected, static_cast<int>(GuessLimit::kMaxAddresses + GuessLimit::kAtOnce));
   // inactive addresses are forgotten, even if no new address was accepted
   now += 300ms;
   EXPECT_TRUE(limit.may_check_token(block("10.9.9.9"), now));

@@ -178,7 +178,7 @@ TEST_F(HostileTest, GuessesOfTokens) {
   TestViewer inside(guarded.port());
   ASSERT_EQ(inside.greet({{"token", "a-token-of-our-own-71"}})["type"], "welcome");
   const auto begun = std::chrono::steady_clock::now();
-  int looked_at = 0, left_out = 0;
+  int inspected = 0, left_out = 0;
   for (int n = 0; n < 60; ++n) {
     int status = 0;
     if (n % 2 == 0) {
@@ -189,11 +189,11 @@ TEST_F(HostileTest, GuessesOfTokens) {
       status = guessing.close_code() - 4000;
     }
     ASSERT_TRUE(status == 401 || status == 429) << status;
-    ++(status == 401 ? looked_at : left_out);
+    ++(status == 401 ? inspected : left_out);
   }
   // holds on a machine of any speed
   const double s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-  EXPECT_LE(looked_at, 5 + 5 * s + 1);
+  EXPECT_LE(inspected, 5 + 5 * s + 1);
   EXPECT_EQ(guarded.log.text().find(kCanary), std::string::npos);
   // connected viewers stay connected, and after a short wait new ones are admitted
   EXPECT_FALSE(inside.pose().empty());
@@ -424,7 +424,7 @@ TEST_F(HostileTest, GoneInTheMiddle) {
     viewer.send({{"type", "hello"}, {"protocol", 3}});
     viewer.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
   }
-  EXPECT_TRUE(soon([&] { return test.server->viewers() == 1 && !test.host.pointer_taken; }));
+  EXPECT_TRUE(soon([&] { return test.server->viewers() == 1 && !test.host.pointer_claimed; }));
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMaxPoses_hz));
 
 // roles with a reserved place, however many viewers there are
-bool has_reserved_place(Role role) {
+bool has_reserved_slot(Role role) {
   return role == Role::kControl || role == Role::kTeacher;
 }
 
@@ -72,7 +72,7 @@ Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, P
       loop_(loop),
       pose_timer_(loop.timer()),
       sweep_timer_(loop.timer()) {
-  if (site.veil() != nullptr) veiled_steps_.emplace(site.veil()->scene());
+  if (site.redaction() != nullptr) redacted_steps_.emplace(site.redaction()->scene());
 }
 
 Hub::~Hub() = default;
@@ -110,7 +110,7 @@ void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
   if (viewer->welcomed() && live_ != nullptr) live_->forget(viewer->identity());
   if (pointer_ == viewer.get()) {
     pointer_ = nullptr;
-    (void)live_->take_pointer(false, viewer->identity());
+    (void)live_->claim_pointer(false, viewer->identity());
   }
   if (viewer->welcomed()) count();
   if (ended_ && viewers_.empty()) loop_.stop();
@@ -128,12 +128,12 @@ DownloadPace::Turn Hub::next_part(std::size_t left_bytes) {
 
 void Hub::make_room_for_connection() {
   if (connections_.empty() || connections_.size() + viewers_.size() < kMaxConnections) return;
-  const auto place = [](const auto& connection) {
+  const auto rank = [](const auto& connection) {
     return std::pair(connection->about(), connection->since());
   };
   const auto oldest =
       std::min_element(connections_.begin(), connections_.end(),
-                       [&](const auto& one, const auto& other) { return place(one) < place(other); });
+                       [&](const auto& one, const auto& other) { return rank(one) < rank(other); });
   log_.add((*oldest)->peer(), "too many connections: this one, with the least progress, is closed");
   std::shared_ptr(*oldest)->close();
 }
@@ -160,15 +160,15 @@ bool Hub::make_room_for_viewer(Role role) {
   for (const auto& viewer : viewers_) {
     if (!viewer->welcomed() || viewer->is_ending()) continue;
     ++all;
-    if (has_reserved_place(viewer->who().role)) continue;
+    if (has_reserved_slot(viewer->who().role)) continue;
     ++looking;
     // the viewer that moves the tip is not dropped
     if (viewer.get() == pointer_) continue;
     if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
   }
-  if (!has_reserved_place(role) && looking >= kMaxViewers - kReservedForControl) return false;
+  if (!has_reserved_slot(role) && looking >= kMaxViewers - kReservedForControl) return false;
   if (all < kMaxViewers) return true;
-  if (!has_reserved_place(role) || !latest) return false;
+  if (!has_reserved_slot(role) || !latest) return false;
   latest->end(kTryAgainLater, "gives its place to a viewer with control or a teacher");
   return true;
 }
@@ -324,9 +324,9 @@ Result<void> Hub::check_pointer(const LessonRequest& request) const {
 // out under the old hand before it rises under the new one.
 void Hub::pass_pointer(const Viewer* to) {
   if (pointer_ == to) return;
-  if (pointer_) (void)live_->take_pointer(false, pointer_->identity());
+  if (pointer_) (void)live_->claim_pointer(false, pointer_->identity());
   pointer_ = nullptr;
-  if (to != nullptr && host_.scene().input == "pointer" && live_->take_pointer(true, to->identity()))
+  if (to != nullptr && host_.scene().input == "pointer" && live_->claim_pointer(true, to->identity()))
     pointer_ = to;
 }
 
@@ -367,7 +367,7 @@ Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
   // releasing the pointer without having it changes nothing
   if (!request.take && !pointer_) return {};
   if (live_ == nullptr) return takes_no_requests(host_);
-  if (auto used = live_->take_pointer(request.take, viewer.identity()); !used) return used;
+  if (auto used = live_->claim_pointer(request.take, viewer.identity()); !used) return used;
   pointer_ = request.take ? &viewer : nullptr;
   return {};
 }
@@ -388,30 +388,31 @@ std::uint32_t Hub::holder() const {
 }
 
 std::string Hub::state_for(const Viewer& viewer) const {
-  const Veil* veil = veil_of(viewer);
-  return state_json(veil != nullptr ? veil->of(state_) : state_,
-                    {viewer.identity().number, viewer.who(), holder(), welcomed_, names_, veil != nullptr,
-                     viewer.who().role == Role::kTeacher ? listed_learners() : std::vector<ListedLearner>()});
+  const Redaction* redaction = redaction_of(viewer);
+  return state_json(
+      redaction != nullptr ? redaction->of(state_) : state_,
+      {viewer.identity().number, viewer.who(), holder(), welcomed_, names_, redaction != nullptr,
+       viewer.who().role == Role::kTeacher ? listed_learners() : std::vector<ListedLearner>()});
 }
 
 std::string Hub::welcome_for(const Who& who) const {
   return welcome_json(who, !host_.scene().tasks.empty(), site_.stores_runs());
 }
 
-const Veil* Hub::veil_of(const Viewer& viewer) const {
-  return site_.veil_of(viewer.who());
+const Redaction* Hub::redaction_of(const Viewer& viewer) const {
+  return site_.redaction_of(viewer.who());
 }
 
-const Veil* Hub::active_veil() const {
-  return site_.veil_of({Role::kLearner, ""});
+const Redaction* Hub::active_redaction() const {
+  return site_.redaction_of({Role::kLearner, ""});
 }
 
 const std::string& Hub::published_training(const Viewer& viewer) const {
-  return veil_of(viewer) != nullptr ? veiled_training_ : training_;
+  return redaction_of(viewer) != nullptr ? redacted_training_ : training_;
 }
 
 std::shared_ptr<const std::string> Hub::published_plan(const Viewer& viewer) const {
-  return veil_of(viewer) != nullptr ? nullptr : reported_plan_;
+  return redaction_of(viewer) != nullptr ? nullptr : reported_plan_;
 }
 
 std::shared_ptr<const std::string> Hub::published_debriefing(const Viewer& viewer) const {
@@ -420,11 +421,11 @@ std::shared_ptr<const std::string> Hub::published_debriefing(const Viewer& viewe
   return is_own ? debriefing_ : nullptr;
 }
 
-// the veil depends on the task that may be begun; if several may, one quiz suffices
-void Hub::update_veil() {
+// the redaction depends on the task that may be begun; if several may, one quiz suffices
+void Hub::update_redaction() {
   const auto& tasks = host_.scene().tasks;
   const auto chosen = std::ranges::find(tasks, state_.lesson.task, &ViewedTask::name);
-  site_.set_veil_active(!names_ && (chosen == tasks.end() || chosen->quiz));
+  site_.set_redaction_active(!names_ && (chosen == tasks.end() || chosen->quiz));
 }
 
 std::string Hub::sweeps_after(SentSweeps& had) const {
@@ -442,13 +443,13 @@ std::string Hub::sweeps_after(SentSweeps& had) const {
 
 // length of the common prefix of both sweep lists
 std::uint64_t Hub::sweeps_in_common(const ViewedState& before, const ViewedState& now) {
-  std::uint64_t least = std::min(before.sweeps, now.sweeps);
+  std::uint64_t smallest = std::min(before.sweeps, now.sweeps);
   // limited by every undo between the two, whichever list is the later
   const auto &more = before.undone_to.size() > now.undone_to.size() ? before : now,
              &less = &more == &before ? now : before;
   for (std::size_t n = less.undone_to.size(); n < more.undone_to.size(); ++n)
-    least = std::min(least, more.undone_to[n]);
-  return least;
+    smallest = std::min(smallest, more.undone_to[n]);
+  return smallest;
 }
 
 void Hub::publish_state() {
@@ -457,24 +458,25 @@ void Hub::publish_state() {
   const std::uint64_t in_common = sweeps_in_common(before, state_);
   if (in_common < before.sweeps)
     for (const auto& viewer : viewers_) viewer->truncate_sweeps(in_common);
-  update_veil();
+  update_redaction();
   // complete state, as for a teacher
   StateReader whoever;
   whoever.holder = holder();
   whoever.viewers = welcomed_;
   whoever.names = names_;
   whoever.learners = listed_learners();
-  std::string text = state_json(state_, whoever), veiled_text;
-  const Veil* const veil = active_veil();
-  whoever.veiled = veil != nullptr;
+  std::string text = state_json(state_, whoever), redacted_text;
+  const Redaction* const redaction = active_redaction();
+  whoever.redacted = redaction != nullptr;
   whoever.learners.clear();
-  if (veil != nullptr) veiled_text = state_json(veil->of(state_), whoever);
-  const bool is_new = text != last_state_, is_new_veiled = veiled_text != last_veiled_state_;
+  if (redaction != nullptr) redacted_text = state_json(redaction->of(state_), whoever);
+  const bool is_new = text != last_state_, is_new_redacted = redacted_text != last_redacted_state_;
   last_state_ = std::move(text);
-  last_veiled_state_ = std::move(veiled_text);
-  // message timing carries information, too: a veiled viewer gets no message for changes that it must not see
+  last_redacted_state_ = std::move(redacted_text);
+  // message timing carries information, too: a redacted viewer gets no message for changes that it must not
+  // see
   for (const auto& viewer : viewers_)
-    if (is_new_veiled || (is_new && veil_of(*viewer) == nullptr)) viewer->show_state();
+    if (is_new_redacted || (is_new && redaction_of(*viewer) == nullptr)) viewer->show_state();
 }
 
 void Hub::publish_plan() {
@@ -510,7 +512,7 @@ void Hub::publish_yields(Clock::time_point now) {
     if (found.message && yield == found.yield) continue;
     found.yield = std::move(yield);
     YieldMessage next(device, found.yield.get());
-    if (found.message && next.looks_like(*found.message)) continue;
+    if (found.message && next.is_indistinguishable_from(*found.message)) continue;
     found.reported = {found.reported.number + 1, next.rests(),
                       std::make_shared<const std::string>(next.bytes())};
     found.message = std::move(next);
@@ -522,10 +524,10 @@ void Hub::publish_training(Clock::time_point now) {
   next_training_ = now + kTrainingPeriod;
   if (host_.scene().tasks.empty()) return;
   const ViewedTraining training = host_.training();
-  std::string text = training_json(training), veiled_text;
-  if (const Veil* const veil = active_veil()) {
-    veiled_steps_->follow(training);
-    veiled_text = training_json(veil->of(training, *veiled_steps_, veiled_tick_));
+  std::string text = training_json(training), redacted_text;
+  if (const Redaction* const redaction = active_redaction()) {
+    redacted_steps_->follow(training);
+    redacted_text = training_json(redaction->of(training, *redacted_steps_, redacted_tick_));
   }
   auto debriefed = host_.debriefing();
   const bool is_over = debriefed != debriefed_;
@@ -534,11 +536,11 @@ void Hub::publish_training(Clock::time_point now) {
     debriefing_ = debriefed_ ? std::make_shared<const std::string>(debriefing_json(*debriefed_)) : nullptr;
   }
   const bool is_new = text != training_ || is_over,
-             is_new_veiled = veiled_text != veiled_training_ || is_over;
+             is_new_redacted = redacted_text != redacted_training_ || is_over;
   training_ = std::move(text);
-  veiled_training_ = std::move(veiled_text);
+  redacted_training_ = std::move(redacted_text);
   for (const auto& viewer : viewers_)
-    if (veil_of(*viewer) != nullptr ? is_new_veiled : is_new) viewer->show_training();
+    if (redaction_of(*viewer) != nullptr ? is_new_redacted : is_new) viewer->show_training();
 }
 
 void Hub::publish_navigation(Clock::time_point now) {
@@ -571,25 +573,25 @@ void Hub::show_pose() {
   const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
   const PoseMessage pose(tick, stiffness_N_per_mm, health_, clock_ns);
   const NearMessage near(tick);
-  struct Veiled {
+  struct Redacted {
     PoseMessage pose;
     NearMessage near;
     bool reports_distances;
   };
-  std::optional<Veiled> veiled;
+  std::optional<Redacted> redacted;
   for (const auto& viewer : viewers_) {
     if (!viewer->is_due(now)) continue;
-    const Veil* veil = veil_of(*viewer);
-    if (veil != nullptr && !veiled) {
-      veiled_tick_ = veil->of(tick);
-      veiled_steps_->observe(veiled_tick_);
-      veiled.emplace(Veiled{PoseMessage(veiled_tick_, {}, veil->of(health_), clock_ns),
-                            NearMessage(veiled_tick_), veil->scene().reports_distances()});
+    const Redaction* redaction = redaction_of(*viewer);
+    if (redaction != nullptr && !redacted) {
+      redacted_tick_ = redaction->of(tick);
+      redacted_steps_->observe(redacted_tick_);
+      redacted.emplace(Redacted{PoseMessage(redacted_tick_, {}, redaction->of(health_), clock_ns),
+                                NearMessage(redacted_tick_), redaction->scene().reports_distances()});
     }
-    const NearMessage& its_near = veil != nullptr ? veiled->near : near;
+    const NearMessage& its_near = redaction != nullptr ? redacted->near : near;
     const bool reports_distances =
-        veil != nullptr ? veiled->reports_distances : host_.scene().reports_distances();
-    viewer->show(veil != nullptr ? veiled->pose : pose, reports_distances ? &its_near : nullptr, now);
+        redaction != nullptr ? redacted->reports_distances : host_.scene().reports_distances();
+    viewer->show(redaction != nullptr ? redacted->pose : pose, reports_distances ? &its_near : nullptr, now);
   }
 }
 
@@ -617,7 +619,7 @@ void Hub::sweep() {
 
 void Hub::answer_late() {
   if (live_ == nullptr) return;
-  for (const LateAnswer& late : live_->take_answers())
+  for (const LateAnswer& late : live_->read_answers())
     for (const auto& viewer : viewers_)
       if (viewer->identity().number == late.by.number && viewer->welcomed())
         viewer->send(late.outcome ? done_json(late.id) : refused_json(late.id, late.outcome.error()));

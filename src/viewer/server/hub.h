@@ -100,10 +100,10 @@ class Hub {
   std::string state_for(const Viewer& viewer) const;
   /// First message to a viewer: its role and permissions.
   std::string welcome_for(const Who& who) const;
-  /// Veil that applies to a viewer; null: none.
-  const Veil* veil_of(const Viewer& viewer) const;
-  /// Veil that currently applies to learners; null: none.
-  const Veil* active_veil() const;
+  /// Redaction that applies to a viewer; null: none.
+  const Redaction* redaction_of(const Viewer& viewer) const;
+  /// Redaction that currently applies to learners; null: none.
+  const Redaction* active_redaction() const;
   /// ViewerHost::tick_history
   const TickHistory* tick_history() const { return host_.tick_history(); }
   /// Memory for the ticks of a bundle while it is made.
@@ -112,7 +112,7 @@ class Hub {
   std::string sweeps_after(SentSweeps& had) const;
   /// Latest deformation around a device.
   const PublishedYield& published_yield(std::size_t device) const { return yields_[device].reported; }
-  /// Latest plan; null if there is none, and for a veiled viewer: the plan's author may have known what is
+  /// Latest plan; null if there is none, and for a redacted viewer: the plan's author may have known what is
   /// hidden.
   std::shared_ptr<const std::string> published_plan(const Viewer& viewer) const;
   /// Publishes the progress of a run if it has changed.
@@ -136,7 +136,7 @@ class Hub {
   void pass_pointer(const Viewer* to);
   const Viewer* page_of(const std::string& learner) const;
   std::vector<ListedLearner> listed_learners() const;
-  void update_veil();
+  void update_redaction();
   void answer_late();
   Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);
   Result<void> grant_play(const PlayRequest& request);
@@ -171,10 +171,10 @@ class Hub {
 
   const Viewer* pointer_ = nullptr;  ///< Viewer that moves the tip; may be null
   ViewedState state_;
-  std::string last_state_, last_veiled_state_;  ///< Last messages: as a teacher receives them, and veiled
-  std::optional<VeiledSteps> veiled_steps_;
-  TickRecord veiled_tick_;  ///< Last veiled tick
-  bool names_ = false;      ///< Whether learners are shown what a quiz hides
+  std::string last_state_, last_redacted_state_;  ///< Last messages: as a teacher receives them, and redacted
+  std::optional<RedactedSteps> redacted_steps_;
+  TickRecord redacted_tick_;  ///< Last redacted tick
+  bool names_ = false;        ///< Whether learners are shown what a quiz hides
   ViewedHealth health_;
   std::vector<BundledTick> bundle_scratch_ = std::vector<BundledTick>(kMaxBundledTicks);
   struct LastPublished {
@@ -188,7 +188,7 @@ class Hub {
   std::shared_ptr<const std::string> reported_plan_;
   std::shared_ptr<const std::string> reported_navigation_;
   Clock::time_point next_navigation_{};
-  std::string training_, veiled_training_;
+  std::string training_, redacted_training_;
   std::shared_ptr<const ViewedDebriefing> debriefed_;
   std::shared_ptr<const std::string> debriefing_;
   Clock::time_point next_training_{};

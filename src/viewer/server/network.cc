@@ -361,7 +361,7 @@ class BeastHttp : public HttpConnection, public std::enable_shared_from_this<Bea
     request.at = std::chrono::steady_clock::now();
     return request;
   }
-  bool has_begun() const override { return parser_ && parser_->got_some(); }
+  bool has_started() const override { return parser_ && parser_->got_some(); }
   bool has_more() const override { return input_.size() > 0; }
 
   void write(std::string_view head, std::string_view body, std::function<void(std::size_t)> progress,

@@ -67,15 +67,17 @@ PayloadStore::Payload PayloadStore::made(const PayloadKey& key) try {
 
 PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
                                  std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
-                                 std::shared_ptr<const Bricks<LabelId>> veiled, bool wide_veiled) {
+                                 std::shared_ptr<const Bricks<LabelId>> redacted, bool wide_redacted) {
   PALPATE_CHECK(labels);
-  return [scan = std::move(scan), scale, labels = std::move(labels), wide_labels, veiled = std::move(veiled),
-          wide_veiled](const PayloadKey& key, const std::atomic<bool>& stop) -> PayloadStore::Payload {
-    if (!key.labels) return scan ? scan_payload(*scan, scale, key.shrink, stop) : nullptr;
-    const PayloadStore::Payload plain = key.veiled ? labels_payload(*veiled, wide_veiled, key.shrink, stop)
-                                                   : labels_payload(*labels, wide_labels, key.shrink, stop);
-    return plain && key.gzip ? gzip(*plain, stop) : plain;
-  };
+  return
+      [scan = std::move(scan), scale, labels = std::move(labels), wide_labels, redacted = std::move(redacted),
+       wide_redacted](const PayloadKey& key, const std::atomic<bool>& stop) -> PayloadStore::Payload {
+        if (!key.labels) return scan ? scan_payload(*scan, scale, key.shrink, stop) : nullptr;
+        const PayloadStore::Payload plain = key.redacted
+                                                ? labels_payload(*redacted, wide_redacted, key.shrink, stop)
+                                                : labels_payload(*labels, wide_labels, key.shrink, stop);
+        return plain && key.gzip ? gzip(*plain, stop) : plain;
+      };
 }
 
 }  // namespace palpate::server

@@ -19,8 +19,8 @@ namespace palpate::server {
 struct PayloadKey {
   bool labels = false;
   int shrink = 1;
-  bool gzip = false;    ///< Labels only
-  bool veiled = false;  ///< Labels only: veiled, as learners see them during a quiz
+  bool gzip = false;      ///< Labels only
+  bool redacted = false;  ///< Labels only: redacted, as learners see them during a quiz
 
   auto operator<=>(const PayloadKey&) const = default;
 };
@@ -62,11 +62,11 @@ class PayloadStore {
 
 /// Returns the generator for the volumes of a scene.
 /// @param scan    may be null if it is never requested
-/// @param veiled  labels as learners see them; null if never requested
-/// @param wide_labels, wide_veiled  needs_wide_labels() of each
+/// @param redacted  labels as learners see them; null if never requested
+/// @param wide_labels, wide_redacted  needs_wide_labels() of each
 PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
                                  std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
-                                 std::shared_ptr<const Bricks<LabelId>> veiled = nullptr,
-                                 bool wide_veiled = false);
+                                 std::shared_ptr<const Bricks<LabelId>> redacted = nullptr,
+                                 bool wide_redacted = false);
 
 }  // namespace palpate::server

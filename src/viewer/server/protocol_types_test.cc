@@ -166,7 +166,7 @@ std::string protocol_types() {
   add_settings(module);
   add_contact_properties(module);
   module.interface("Capsule", "Convex hull of two balls, in the tool's frame.", ViewedTool::Capsule{});
-  module.interface("HeldTool", "Tool held by one device, in the tool's frame.", ViewedTool{});
+  module.interface("DeviceTool", "Tool held by one device, in the tool's frame.", ViewedTool{});
   module.wire("BUNDLED_TICK", "Numbers of each tick in a bundle (`PLPB`).", wire_fields<BundledTick>());
   module.wire("BUNDLED_DEVICE", "Numbers of each of its devices, which follow it.",
               wire_fields<BundledDevice>());

@@ -35,8 +35,8 @@ bool take(std::string_view& text, std::string_view front) {
 bool contains_stop(std::string_view text) {
   constexpr std::string_view kKey = "\"type\"";
   for (std::size_t at = text.find(kKey); at != text.npos; at = text.find(kKey, at + 1)) {
-    std::string_view rest = text.substr(at + kKey.size());
-    if (take(rest, ":") && take(rest, "\"stop\"")) return true;
+    std::string_view remaining = text.substr(at + kKey.size());
+    if (take(remaining, ":") && take(remaining, "\"stop\"")) return true;
   }
   return false;
 }
@@ -59,9 +59,9 @@ class Fields {
     if (const auto* real = std::get_if<double>(value)) return *real;
     return refuse(key, "is not a number"), std::nullopt;
   }
-  std::optional<std::int64_t> whole(std::string_view key, std::int64_t least, std::int64_t most) {
+  std::optional<std::int64_t> integer(std::string_view key, std::int64_t smallest, std::int64_t largest) {
     const auto value = get<std::int64_t>(key, "a whole number");
-    if (value && (*value < least || *value > most)) return refuse(key, "is out of range"), std::nullopt;
+    if (value && (*value < smallest || *value > largest)) return refuse(key, "is out of range"), std::nullopt;
     return value;
   }
   template <std::size_t kCount>
@@ -151,7 +151,7 @@ SettingsRequest read_settings(Fields& fields) {
 TissueRequest read_tissue(Fields& fields) {
   TissueRequest request;
   fields.want("tissue");
-  request.tissue = static_cast<int>(fields.whole("tissue", 0, kMaxTissues).value_or(0));
+  request.tissue = static_cast<int>(fields.integer("tissue", 0, kMaxTissues).value_or(0));
   for (const ContactProperty& property : kContactProperties)
     request.changes[property.value] = fields.number(property.name);
   fields.end();
@@ -204,14 +204,14 @@ LessonRequest read_lesson(Fields& fields) {
 PlanRequest read_plan(Fields& fields) {
   PlanRequest request;
   fields.want("version");
-  request.version = static_cast<std::uint32_t>(fields.whole("version", 0, 0xffffffff).value_or(0));
-  if (const auto place = fields.whole("trajectory", 0, kMaxTrajectories))
-    request.trajectory = static_cast<std::size_t>(*place);
+  request.version = static_cast<std::uint32_t>(fields.integer("version", 0, 0xffffffff).value_or(0));
+  if (const auto trajectory_index = fields.integer("trajectory", 0, kMaxTrajectories))
+    request.trajectory = static_cast<std::size_t>(*trajectory_index);
   request.name = fields.name("name", kMaxTrajectory_bytes);
   request.entry_mm = fields.numbers<3>("entry_mm");
   request.target_mm = fields.numbers<3>("target_mm");
   request.remove = fields.flag("remove").value_or(false);
-  if (const auto version = fields.whole("back_to", 0, 0xffffffff))
+  if (const auto version = fields.integer("back_to", 0, 0xffffffff))
     request.back_to = static_cast<std::uint32_t>(*version);
   request.save = fields.flag("save").value_or(false);
   fields.end();
@@ -227,7 +227,7 @@ PlanRequest read_plan(Fields& fields) {
 std::optional<ViewerMessage> read_hello(Fields& fields) {
   Hello hello;
   fields.want("protocol");
-  hello.protocol = static_cast<int>(fields.whole("protocol", 0, 1 << 16).value_or(0));
+  hello.protocol = static_cast<int>(fields.integer("protocol", 0, 1 << 16).value_or(0));
   hello.token = fields.name("token", kMaxToken_bytes).value_or("");
   hello.poses_hz = fields.number("poses_hz").value_or(hello.poses_hz);
   hello.yielded = fields.flag("yielded").value_or(false);
@@ -266,7 +266,7 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
     return TipMessage{};
   }
 
-  const auto id = fields.whole("id", 0, kMaxId);
+  const auto id = fields.integer("id", 0, kMaxId);
   if (*type == "stop") return Request{id.value_or(0), StopRequest{}};
   if (!id) return std::nullopt;
   Request request;
@@ -293,7 +293,7 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
   } else if (*type == "rearm") {
     fields.want("stop");
     RearmRequest rearm;
-    rearm.stop = static_cast<std::uint32_t>(fields.whole("stop", 0, 0xffffffff).value_or(0));
+    rearm.stop = static_cast<std::uint32_t>(fields.integer("stop", 0, 0xffffffff).value_or(0));
     rearm.code = fields.name("code", kMaxCode_bytes).value_or("");
     request.what = rearm;
     fields.end();

@@ -205,7 +205,7 @@ TEST(Rights, ALearnerDoesTasksAsHimOrHerselfAlone) {
   EXPECT_EQ(requested(*one, {{"type", "pointer"}, {"take", true}})["type"], "done");
   EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
   EXPECT_EQ(requested(*one, {{"type", "task"}, {"begin", "hold"}})["where"], "learner");
-  EXPECT_TRUE(school.test.host.pointer_taken) << "whoever is named gets it";
+  EXPECT_TRUE(school.test.host.pointer_claimed) << "whoever is named gets it";
   EXPECT_EQ(requested(*one, {{"type", "pointer"}, {"take", true}})["where"], "learner");
   EXPECT_EQ(requested(*other, {{"type", "pointer"}, {"take", true}})["type"], "done");
   EXPECT_EQ(requested(*teacher, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
@@ -241,7 +241,7 @@ TEST(Rights, ThePointerGoesToWhomTheTeacherNames) {
 
   // a learner that is named before the page is open gets the pointer with the hello
   EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
-  EXPECT_FALSE(school.test.host.pointer_taken) << "nobody has it meanwhile";
+  EXPECT_FALSE(school.test.host.pointer_claimed) << "nobody has it meanwhile";
   EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"pointer", "L007"}})["where"], "pointer") << "not here";
   EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"pointer", "L042"}})["where"], "pointer")
       << "not meant";

@@ -124,9 +124,9 @@ Json fields_json(const Fields& fields) {
 
 // exactly one of the three shapes is not null
 Json no_go_json(const ViewedNoGo& region) {
-  const auto* label = std::get_if<LabelId>(&region.place);
-  const auto* plane = std::get_if<ViewedNoGo::Plane>(&region.place);
-  const auto* ball = std::get_if<ViewedNoGo::Ball>(&region.place);
+  const auto* label = std::get_if<LabelId>(&region.shape);
+  const auto* plane = std::get_if<ViewedNoGo::Plane>(&region.shape);
+  const auto* ball = std::get_if<ViewedNoGo::Ball>(&region.shape);
   Json json = {{"name", shown(region.name)}, {"keep_away_mm", region.keep_away_mm}};
   json["label"] = label ? Json(*label) : Json();
   json["plane"] = plane ? Json{{"point_mm", plane->point_mm}, {"outward", plane->outward}} : Json();
@@ -177,7 +177,7 @@ Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
           {"of_another", reader.who.role == Role::kLearner && !lesson.is_for(reader.who.learner)},
           {"task", lesson.task.empty() ? Json() : shown(lesson.task)},
           {"names", reader.names},
-          {"veiled", reader.veiled},
+          {"redacted", reader.redacted},
           {"learners", std::move(learners)},
           {"over", lesson.is_over}};
 }

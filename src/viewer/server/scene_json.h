@@ -41,7 +41,7 @@ struct StateReader {
   std::uint32_t holder = 0;                  ///< Number of the viewer that moves the tip; 0: none
   int viewers = 0;                           ///< Number of viewers that have said hello
   bool names = false;                        ///< Whether learners are shown what a quiz hides
-  bool veiled = false;                       ///< Whether this receiver is not shown it
+  bool redacted = false;                     ///< Whether this receiver is not shown it
   std::vector<ListedLearner> learners = {};  ///< Sent to a teacher only
 };
 std::string state_json(const ViewedState& state, const StateReader& reader);

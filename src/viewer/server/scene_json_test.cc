@@ -134,7 +134,7 @@ TEST(SceneJson, StateAndAnswers) {
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true, "pointer_by": "you",
-    "lesson": {"learner": null, "of_another": false, "task": null, "names": false, "veiled": false, "learners": null,
+    "lesson": {"learner": null, "of_another": false, "task": null, "names": false, "redacted": false, "learners": null,
                "over": false}})"));
   // the learner is disclosed to teachers and to that learner only
   cut.lesson = {"L042", "hold"};
@@ -150,9 +150,9 @@ TEST(SceneJson, StateAndAnswers) {
   }
   for (const auto& [holder, by] :
        {std::pair(0u, Json()), std::pair(1u, Json("you")), std::pair(2u, Json("viewer"))}) {
-    const Json held = Json::parse(state_json(cut, reader(1, holder, 2)));
-    EXPECT_EQ(held["pointer"], holder == 1);
-    EXPECT_EQ(held["pointer_by"], by);
+    const Json parsed = Json::parse(state_json(cut, reader(1, holder, 2)));
+    EXPECT_EQ(parsed["pointer"], holder == 1);
+    EXPECT_EQ(parsed["pointer_by"], by);
   }
   ViewedState state = host.state();
   state.method_awaited = "trilinear";

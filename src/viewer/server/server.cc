@@ -54,12 +54,12 @@ class Server : public ViewerServer {
     const VolumeFacts facts{hash_text(scene.content_hash), scale.scale, scale.offset, scale.range,
                             needs_wide_labels(*scene.labels)};
     Access access(address.text(), port(), is_tls_, options.host_names, std::move(tokens));
-    if (access.has_learners() && has_quiz(scene)) veil_.emplace(scene);
+    if (access.has_learners() && has_quiz(scene)) redaction_.emplace(scene);
     volumes_.emplace(volume_maker(scene.scan, scale, scene.labels, facts.wide_labels,
-                                  veil_ ? veil_->scene().labels : nullptr,
-                                  veil_ && veil_->has_wide_labels()));
+                                  redaction_ ? redaction_->scene().labels : nullptr,
+                                  redaction_ && redaction_->has_wide_labels()));
     pictures_.emplace(host);
-    site_.emplace(host, std::move(access), facts, veil_ ? &*veil_ : nullptr);
+    site_.emplace(host, std::move(access), facts, redaction_ ? &*redaction_ : nullptr);
     // bytes that a single page downloads: scan and labels
     const std::size_t voxel_bytes = (scene.scan ? 2 : 0) + (facts.wide_labels ? 2 : 1);
     const DownloadPace downloads(scene.labels->geometry().voxel_count() * voxel_bytes,
@@ -113,7 +113,7 @@ class Server : public ViewerServer {
   const bool is_tls_;
   const IpAddress address_;  // address in the published URL
   std::atomic<int> viewers_{0};
-  std::optional<Veil> veil_;
+  std::optional<Redaction> redaction_;
   std::optional<PayloadStore> volumes_;
   std::optional<PictureStore> pictures_;
   std::optional<Site> site_;

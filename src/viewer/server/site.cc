@@ -103,8 +103,8 @@ HttpAnswer Site::refusal(int status, const std::string& why) {
   return answer;
 }
 
-Site::Site(ViewerHost& host, Access access, VolumeFacts facts, const Veil* veil)
-    : host_(host), access_(std::move(access)), facts_(std::move(facts)), veil_(veil) {}
+Site::Site(ViewerHost& host, Access access, VolumeFacts facts, const Redaction* redaction)
+    : host_(host), access_(std::move(access)), facts_(std::move(facts)), redaction_(redaction) {}
 
 SiteAnswer Site::answer(const HttpRequest& request) {
   // authentication precedes routing
@@ -155,13 +155,13 @@ HttpAnswer Site::file(std::string_view name, const HttpRequest& request) const {
 HttpAnswer Site::scene(const Who& who) const {
   HttpAnswer answer;
   answer.fields = field("Content-Type", "application/json") + field("Cache-Control", "no-store");
-  const Veil* veil = veil_of(who);
+  const Redaction* redaction = redaction_of(who);
   VolumeFacts facts = facts_;
   facts.hash = hash_for(who);
-  if (veil != nullptr) facts.wide_labels = veil->has_wide_labels();
-  answer.body = std::make_shared<std::string>(
-      scene_json(veil != nullptr ? veil->scene() : host_.scene(),
-                 veil != nullptr ? veil->of(host_.state()) : host_.state(), facts, who, stores_runs()));
+  if (redaction != nullptr) facts.wide_labels = redaction->has_wide_labels();
+  answer.body = std::make_shared<std::string>(scene_json(
+      redaction != nullptr ? redaction->scene() : host_.scene(),
+      redaction != nullptr ? redaction->of(host_.state()) : host_.state(), facts, who, stores_runs()));
   return answer;
 }
 
@@ -171,8 +171,8 @@ bool Site::stores_runs() const {
 }
 
 std::string Site::hash_for(const Who& who) const {
-  const Veil* veil = veil_of(who);
-  return veil != nullptr ? hash_text(veil->scene().content_hash) : facts_.hash;
+  const Redaction* redaction = redaction_of(who);
+  return redaction != nullptr ? hash_text(redaction->scene().content_hash) : facts_.hash;
 }
 
 SiteAnswer Site::curves(const Who& who) const {
@@ -200,7 +200,7 @@ SiteAnswer Site::volume(std::string_view path, std::string_view query, const Htt
 
   VolumeRequest requested;
   requested.key.labels = labels;
-  requested.key.veiled = labels && veil_of(who) != nullptr;
+  requested.key.redacted = labels && redaction_of(who) != nullptr;
   requested.key.shrink = query.empty() ? 1 : query.back() - '0';
   requested.key.gzip = labels && takes_gzip(request.accept_encoding);
   std::string name = hash_for(who) + (labels ? "-labels-" : "-scan-") + std::to_string(requested.key.shrink);
@@ -218,10 +218,11 @@ SiteAnswer Site::picture(std::string_view hash, std::string_view query, const Ht
   const ViewedScene& scene = host_.scene();
   if (hash != hash_for(who) || scene.labels->geometry().voxel_count() > PictureStore::kMaxVoxels)
     return refusal(404);
-  const Veil* veil = veil_of(who);
-  auto key = parse_picture_query(query, (veil != nullptr ? veil->scene() : scene).structures.size());
+  const Redaction* redaction = redaction_of(who);
+  auto key =
+      parse_picture_query(query, (redaction != nullptr ? redaction->scene() : scene).structures.size());
   if (!key) return refusal(400);
-  key->veil = veil;
+  key->redaction = redaction;
   key->gzip = takes_gzip(request.accept_encoding);
   PictureRequest requested;
   requested.head.fields =

@@ -9,8 +9,8 @@
 #include "server/access.h"
 #include "server/http_request.h"
 #include "server/payload_store.h"
+#include "server/redaction.h"
 #include "server/scene_json.h"
-#include "server/veil.h"
 #include "server/volume_pictures.h"
 
 /// HTTP routing and answers, independent of sockets.
@@ -52,21 +52,21 @@ using SiteAnswer = std::variant<HttpAnswer, VolumeRequest, PictureRequest, Curve
 class Site {
  public:
   /// @param host  outlives the site, as does its scene
-  /// @param veil  applies to learners during a quiz; outlives the site; null: none
-  Site(ViewerHost& host, Access access, VolumeFacts facts, const Veil* veil = nullptr);
+  /// @param redaction  applies to learners during a quiz; outlives the site; null: none
+  Site(ViewerHost& host, Access access, VolumeFacts facts, const Redaction* redaction = nullptr);
 
   SiteAnswer answer(const HttpRequest& request);
   Access& access() { return access_; }
   /// LiveHost::stores_runs; false for a recording.
   bool stores_runs() const;
-  /// Switches the veil on or off; initially on. On while a quiz is possible and its solution has not been
-  /// shown.
-  void set_veil_active(bool is_laid) { is_veiled_ = is_laid; }
-  /// Veil for learners while it is on; null: none.
-  const Veil* veil() const { return veil_; }
-  /// Veil that applies to a viewer; null: none.
-  const Veil* veil_of(const Who& who) const {
-    return is_veiled_ && !may(who.role, Right::kUnseen, true) ? veil_ : nullptr;
+  /// Switches the redaction on or off; initially on. On while a quiz is possible and its solution has not
+  /// been shown.
+  void set_redaction_active(bool is_laid) { is_redacted_ = is_laid; }
+  /// Redaction for learners while it is on; null: none.
+  const Redaction* redaction() const { return redaction_; }
+  /// Redaction that applies to a viewer; null: none.
+  const Redaction* redaction_of(const Who& who) const {
+    return is_redacted_ && !may(who.role, Right::kUnseen, true) ? redaction_ : nullptr;
   }
 
   /// Status line and header.
@@ -90,8 +90,8 @@ class Site {
   ViewerHost& host_;
   Access access_;
   const VolumeFacts facts_;
-  const Veil* const veil_;
-  bool is_veiled_ = true;
+  const Redaction* const redaction_;
+  bool is_redacted_ = true;
 };
 
 /// "Not Found" for 404.

@@ -24,8 +24,8 @@ double thousandths(double value) {
   return std::round(1000 * value) / 1000;
 }
 
-Json place_json(const std::array<double, 3>& place) {
-  return {thousandths(place[0]), thousandths(place[1]), thousandths(place[2])};
+Json point_json(const std::array<double, 3>& point) {
+  return {thousandths(point[0]), thousandths(point[1]), thousandths(point[2])};
 }
 
 Json events_json(const std::vector<ViewedTaskEvent>& events) {
@@ -158,16 +158,16 @@ std::string debriefing_json(const ViewedDebriefing& debriefing) {
   }
   json["patches"] = Json::array();
   for (const ViewedDebriefing::Patch& patch : debriefing.patches) {
-    Json row = place_json(patch.middle_mm);
+    Json row = point_json(patch.middle_mm);
     row.push_back(patch.covered ? 1 : 0);
     json["patches"].push_back(std::move(row));
   }
   json["patches_left_out"] = debriefing.patches_left_out;
-  json["answer_mm"] = debriefing.answer_mm ? place_json(*debriefing.answer_mm) : Json();
-  json["to_find_mm"] = debriefing.to_find_mm ? place_json(*debriefing.to_find_mm) : Json();
+  json["answer_mm"] = debriefing.answer_mm ? point_json(*debriefing.answer_mm) : Json();
+  json["to_find_mm"] = debriefing.to_find_mm ? point_json(*debriefing.to_find_mm) : Json();
   json["runs"] = debriefing.runs;
   json["in_a_row"] = debriefing.in_a_row;
-  json["kept"] = or_null(debriefing.kept);
+  json["kept"] = or_null(debriefing.run_id);
   json["not_stored"] = debriefing.not_stored ? error_json(*debriefing.not_stored) : Json();
   return line_of(json);
 }

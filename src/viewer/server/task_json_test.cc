@@ -55,7 +55,7 @@ TEST(TaskJson, ADebriefingHasEveryDigitOfItsFigures) {
   EXPECT_EQ(json["answer_mm"], Json::parse("[1.0, 2.0, 3.0]"));
   EXPECT_TRUE(json["to_find_mm"].is_null());
   EXPECT_EQ(json.size(), 23u);
-  debriefing.kept.reset();
+  debriefing.run_id.reset();
   debriefing.not_stored = Error{ErrorKind::kOutput, "the disk is full", "/home/x/records.db", "make room"};
   json = Json::parse(debriefing_json(debriefing));
   EXPECT_EQ(json["not_stored"]["what"], "the disk is full");

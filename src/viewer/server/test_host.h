@@ -64,7 +64,7 @@ inline ViewedDebriefing test_debriefing() {
   debriefing.patches = {{{0.5, 1.5, 2.5}, true}, {{0.5, 1.5, 3.5}, false}};
   debriefing.answer_mm = std::array{1.0, 2.0, 3.0};
   debriefing.runs = 4;
-  debriefing.kept = 17;
+  debriefing.run_id = 17;
   return debriefing;
 }
 
@@ -122,10 +122,10 @@ class FakeHost : public LiveHost {
     return state_;
   }
   std::vector<SweepRecord> sweeps(std::uint32_t /*version*/, std::uint64_t first,
-                                  std::size_t most) const override {
+                                  std::size_t largest) const override {
     const std::lock_guard lock(mutex_);
     std::vector<SweepRecord> next;
-    for (std::uint64_t n = first; n < state_.sweeps && next.size() < most; ++n)
+    for (std::uint64_t n = first; n < state_.sweeps && next.size() < largest; ++n)
       next.push_back({0, {static_cast<double>(n), 0, 0}, {0, 1, 0}, 2});
     return next;
   }
@@ -205,7 +205,7 @@ class FakeHost : public LiveHost {
     ++state_.model_version;
     return Grant::kDone;
   }
-  std::vector<LateAnswer> take_answers() override {
+  std::vector<LateAnswer> read_answers() override {
     const std::lock_guard lock(mutex_);
     return std::exchange(answers_, {});
   }
@@ -228,10 +228,10 @@ class FakeHost : public LiveHost {
     state_.stop.reset();
     return {};
   }
-  Result<void> take_pointer(bool take, const ViewerIdentity& by) override {
+  Result<void> claim_pointer(bool take, const ViewerIdentity& by) override {
     const std::lock_guard lock(mutex_);
     requested_by_ = by;
-    pointer_taken = take;
+    pointer_claimed = take;
     return {};
   }
   void move_pointer(const std::optional<PointerTarget>& target) override {
@@ -272,7 +272,7 @@ class FakeHost : public LiveHost {
     return "<p>" + (learner.empty() ? "everybody" : learner) + "</p>";
   }
   /// Call before the server starts.
-  void keep_runs() { stores_runs_ = true; }
+  void store_runs() { stores_runs_ = true; }
   bool ended() const {
     const std::lock_guard lock(mutex_);
     return state_.lesson.is_over;
@@ -338,7 +338,7 @@ class FakeHost : public LiveHost {
   ViewedScene& edit_scene() { return scene_; }
 
   mutable std::atomic<int> snapshots{0}, yields_requested{0};
-  std::atomic<bool> pointer_taken{false};
+  std::atomic<bool> pointer_claimed{false};
   TickHistory history;
 
  private:
@@ -424,7 +424,7 @@ struct TestServer {
                       const std::string& input = "script", std::vector<ViewedTask> tasks = {},
                       std::vector<ViewedNoGo> no_go = {}, bool stores_runs = false)
       : host(dims) {
-    if (stores_runs) host.keep_runs();
+    if (stores_runs) host.store_runs();
     host.edit_scene().input = input;
     host.edit_scene().tasks = std::move(tasks);
     host.edit_scene().no_go = std::move(no_go);

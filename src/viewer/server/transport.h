@@ -99,7 +99,7 @@ class HttpConnection {
   /// Request fields that the head determines; valid until the next read_head() or upgrade().
   virtual HttpRequest request() const = 0;
   /// Whether part of a head has been received since read_head().
-  virtual bool has_begun() const = 0;
+  virtual bool has_started() const = 0;
   /// Whether bytes have been received after the head.
   virtual bool has_more() const = 0;
 

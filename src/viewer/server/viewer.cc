@@ -231,8 +231,8 @@ bool Viewer::next_sweeps() {
 bool Viewer::next_ticks() {
   if (!std::exchange(ticks_due_, false)) return false;
   const TickHistory& history = *hub_.tick_history();
-  // the ticks of a veiled session stay veiled when the veil ends
-  if (hub_.veil_of(*this) != nullptr) {
+  // the ticks of a redacted session stay redacted when the redaction ends
+  if (hub_.redaction_of(*this) != nullptr) {
     ticks_sent_.next = history.count();
     return false;
   }
@@ -279,9 +279,9 @@ bool Viewer::next_yield() {
   for (std::size_t n = 0; n < yields_had_.size(); ++n) {
     const std::size_t device = std::exchange(next_yielding_, (next_yielding_ + 1) % kMaxDevices);
     // the deformation of tissue reveals its structure
-    const bool is_veiled = hub_.veil_of(*this) != nullptr;
-    if (is_veiled && yields_had_[device] == 0) continue;
-    const PublishedYield published = is_veiled ? message_at_rest(device) : hub_.published_yield(device);
+    const bool is_redacted = hub_.redaction_of(*this) != nullptr;
+    if (is_redacted && yields_had_[device] == 0) continue;
+    const PublishedYield published = is_redacted ? message_at_rest(device) : hub_.published_yield(device);
     const std::uint64_t had = std::exchange(yields_had_[device], published.number);
     // a viewer that has received nothing assumes tissue at rest
     if (had == published.number || (had == 0 && published.rests)) continue;
@@ -295,12 +295,12 @@ bool Viewer::next_yield() {
 // on a slow connection, poses have priority
 void Viewer::defer_yields() {
   const Clock::time_point now = Clock::now();
-  no_yield_before_ = now + 2 * (now - write_begun_);
+  no_yield_before_ = now + 2 * (now - write_started_);
 }
 
 void Viewer::write(std::string_view bytes, bool binary) {
   writing_ = true;
-  write_begun_ = Clock::now();
+  write_started_ = Clock::now();
   socket_->write(bytes, binary, [self = shared_from_this()](bool ok) {
     self->writing_ = false;
     if (!ok) return self->write_failed();
@@ -332,7 +332,7 @@ void Viewer::check(Clock::time_point now) {
     if (now >= end_by_) gone();
   } else if (!welcomed_ && now >= hello_by_) {
     end(kNoHello, "no hello");
-  } else if (writing_ && now >= write_begun_ + kReadWithin) {
+  } else if (writing_ && now >= write_started_ + kReadWithin) {
     hub_.log().add(peer_, "receives nothing");
     gone();
   } else if (open_) {

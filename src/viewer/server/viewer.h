@@ -124,7 +124,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
        writing_ = false;
   Who who_;
   std::uint32_t number_ = 0;
-  Clock::time_point hello_by_, end_by_, write_begun_;
+  Clock::time_point hello_by_, end_by_, write_started_;
   Clock::duration pose_period_{};
   Clock::time_point next_pose_{};
 

@@ -280,7 +280,7 @@ TEST(Viewer, RolesAreKept) {
   EXPECT_EQ(guarded.test.host.requested_by().number, 1u);
   EXPECT_FALSE(guarded.test.host.requested_by().control);
   EXPECT_FALSE(guarded.test.host.state().paused);
-  EXPECT_FALSE(guarded.test.host.pointer_taken);
+  EXPECT_FALSE(guarded.test.host.pointer_claimed);
   EXPECT_EQ(guarded.test.host.training().run, 0u);
   EXPECT_FALSE(guarded.test.host.pointer());
 
@@ -488,7 +488,7 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   first.send({{"type", "pointer"}, {"id", 1}, {"take", true}});
   EXPECT_EQ(first.text("done")["id"], 1);
   EXPECT_EQ(first.text("state")["pointer"], true);
-  EXPECT_TRUE(test.host.pointer_taken);
+  EXPECT_TRUE(test.host.pointer_claimed);
   EXPECT_FALSE(test.host.pointer());
   second.send({{"type", "pointer"}, {"id", 2}, {"take", true}});
   EXPECT_EQ(second.text("refused")["id"], 2);
@@ -518,7 +518,7 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   EXPECT_TRUE(pointer_is([](const auto& target) { return !target; }));
   // a viewer that disconnects releases the pointer
   first.socket().end_sending();
-  EXPECT_TRUE(soon([&] { return !test.host.pointer_taken; }));
+  EXPECT_TRUE(soon([&] { return !test.host.pointer_claimed; }));
   EXPECT_EQ(test.host.requested_by().number, 1u) << "by him, whom nobody asks any more";
   second.send({{"type", "pointer"}, {"id", 5}, {"take", true}});
   EXPECT_EQ(second.text("done")["id"], 5);
@@ -526,7 +526,7 @@ TEST(Viewer, OneAtATimeMovesTheTip) {
   EXPECT_TRUE(test.host.requested_by().control);
   second.send({{"type", "pointer"}, {"id", 6}, {"take", false}});
   EXPECT_EQ(second.text("done")["id"], 6);
-  EXPECT_FALSE(test.host.pointer_taken);
+  EXPECT_FALSE(test.host.pointer_claimed);
 }
 
 TEST(Viewer, PingsAreAnswered) {

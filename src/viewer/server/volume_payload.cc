@@ -15,11 +15,11 @@ constexpr int kMaxShrink = 4;
 
 /// Calls take(i, j, k) for every voxel of a block that is inside the grid.
 template <class Take>
-void for_block(const std::array<int, 3>& dims, const std::array<int, 3>& block, int shrink, Take&& take) {
+void for_block(const std::array<int, 3>& dims, const std::array<int, 3>& block, int shrink, Take&& visit) {
   const auto end = [&](int axis) { return std::min(dims[axis], (block[axis] + 1) * shrink); };
   for (int k = block[2] * shrink; k < end(2); ++k)
     for (int j = block[1] * shrink; j < end(1); ++j)
-      for (int i = block[0] * shrink; i < end(0); ++i) take(i, j, k);
+      for (int i = block[0] * shrink; i < end(0); ++i) visit(i, j, k);
 }
 
 /// Fills the payload with value(i, j, k) for each voxel, `kBytes` bytes each.
@@ -63,13 +63,13 @@ LabelId block_label(const Bricks<LabelId>& labels, const std::array<int, 3>& blo
     return members[0];
   std::sort(members.begin(), members.begin() + count);
   LabelId best = 0;
-  std::size_t most = 0;
+  std::size_t largest = 0;
   for (std::size_t begin = 0, end = 0; begin < count; begin = end) {
     while (end < count && members[end] == members[begin]) ++end;
     // in a tie, a structure wins over background
-    if (end - begin > most || (end - begin == most && best == 0)) {
+    if (end - begin > largest || (end - begin == largest && best == 0)) {
       best = members[begin];
-      most = end - begin;
+      largest = end - begin;
     }
   }
   return best;

@@ -21,7 +21,7 @@ namespace {
 
 using palpate::testing::number_at;
 
-const std::atomic<bool> kGoOn{false}, kStop{true};
+const std::atomic<bool> kResume{false}, kStop{true};
 
 GridGeometry grid_of(std::array<int, 3> dims) {
   GridGeometry grid;
@@ -55,7 +55,7 @@ TEST(VolumePayload, WholeNumbersOfSixteenBitsAreExact) {
     const Volume<float> scan = scan_of(values);
     const ScanScale scale = ScanScale::of(scan);
     EXPECT_EQ(scale.scale, 1);
-    const auto bytes = scan_payload(scan, scale, 1, kGoOn);
+    const auto bytes = scan_payload(scan, scale, 1, kResume);
     ASSERT_EQ(bytes->size(), 2 * values.size());
     for (std::size_t v = 0; v < values.size(); ++v)
       EXPECT_EQ(scale.offset + scale.scale * number_at<std::int16_t>(*bytes, 2 * v), values[v]);
@@ -72,7 +72,7 @@ TEST(VolumePayload, OtherNumbersAreWithinHalfAStep) {
     for (float& value : values) value = width * (std::generate_canonical<float, 24>(random) - 0.3f);
     const Volume<float> scan = scan_of(values);
     const ScanScale scale = ScanScale::of(scan);
-    const auto bytes = scan_payload(scan, scale, 1, kGoOn);
+    const auto bytes = scan_payload(scan, scale, 1, kResume);
     const double step = (scale.range[1] - scale.range[0]) / 65535;
     for (std::size_t v = 0; v < values.size(); ++v)
       EXPECT_NEAR(scale.offset + scale.scale * number_at<std::int16_t>(*bytes, 2 * v), values[v],
@@ -86,24 +86,24 @@ TEST(VolumePayload, WhatIsNoNumberIsTheLowest) {
   const Volume<float> scan = scan_of({kNan, -kInf, kInf, -5, 9});
   const ScanScale scale = ScanScale::of(scan);
   EXPECT_EQ(scale.range, (std::array<double, 2>{-5, 9}));
-  const auto bytes = scan_payload(scan, scale, 1, kGoOn);
+  const auto bytes = scan_payload(scan, scale, 1, kResume);
   EXPECT_EQ(number_at<std::int16_t>(*bytes, 0), -5);
   EXPECT_EQ(number_at<std::int16_t>(*bytes, 2), -5);
   EXPECT_EQ(number_at<std::int16_t>(*bytes, 4), 9);
 
   const Volume<float> none = scan_of({kNan, kNan});
   EXPECT_EQ(ScanScale::of(none).range, (std::array<double, 2>{0, 0}));
-  EXPECT_EQ(number_at<std::int16_t>(*scan_payload(none, ScanScale::of(none), 1, kGoOn), 0), 0);
+  EXPECT_EQ(number_at<std::int16_t>(*scan_payload(none, ScanScale::of(none), 1, kResume), 0), 0);
 }
 
 // the maximum range of floats, and a constant that is not an integer
 TEST(VolumePayload, ExtremeRangesStayFinite) {
-  const float most = std::numeric_limits<float>::max();
-  for (const auto& values : {std::vector<float>{-most, 0, most}, std::vector<float>{0.1f, 0.1f}}) {
+  const float largest = std::numeric_limits<float>::max();
+  for (const auto& values : {std::vector<float>{-largest, 0, largest}, std::vector<float>{0.1f, 0.1f}}) {
     const Volume<float> scan = scan_of(values);
     const ScanScale scale = ScanScale::of(scan);
     EXPECT_TRUE(std::isfinite(scale.scale) && scale.scale > 0 && std::isfinite(scale.offset));
-    const auto bytes = scan_payload(scan, scale, 1, kGoOn);
+    const auto bytes = scan_payload(scan, scale, 1, kResume);
     for (std::size_t v = 0; v < values.size(); ++v)
       EXPECT_NEAR(scale.offset + scale.scale * number_at<std::int16_t>(*bytes, 2 * v), values[v],
                   scale.scale);
@@ -131,7 +131,7 @@ TEST(VolumePayload, ShrunkScanIsTheMeanOfWhatThereIs) {
           sum += scan.at(i, j, k);
           ++count;
         }
-    const auto bytes = scan_payload(scan, scale, shrink, kGoOn);
+    const auto bytes = scan_payload(scan, scale, shrink, kResume);
     ASSERT_EQ(bytes->size(), 2u * dims[0] * dims[1] * dims[2]);
     std::size_t at = 0;
     for (int k = 0; k < dims[2]; ++k)
@@ -147,17 +147,17 @@ TEST(VolumePayload, ShrunkScanIsTheMeanOfWhatThereIs) {
 TEST(VolumePayload, LabelsOfOneAndTwoBytes) {
   Volume<LabelId> labels(grid_of({3, 1, 1}), std::vector<LabelId>{0, 255, 7});
   EXPECT_FALSE(needs_wide_labels(*label_bricks(labels)));
-  EXPECT_EQ(*labels_payload(*label_bricks(labels), false, 1, kGoOn), std::string("\x00\xff\x07", 3));
+  EXPECT_EQ(*labels_payload(*label_bricks(labels), false, 1, kResume), std::string("\x00\xff\x07", 3));
   labels.at(1, 0, 0) = 0x1234;
   EXPECT_TRUE(needs_wide_labels(*label_bricks(labels)));
-  EXPECT_EQ(*labels_payload(*label_bricks(labels), true, 1, kGoOn),
+  EXPECT_EQ(*labels_payload(*label_bricks(labels), true, 1, kResume),
             std::string("\x00\x00\x34\x12\x07\x00", 6));
 }
 
 TEST(VolumePayload, ShrunkLabelsAreTheMostFrequent) {
   const auto of = [](std::vector<LabelId> block) {
     const Volume<LabelId> labels(grid_of({2, 2, 2}), std::move(block));
-    return static_cast<int>(labels_payload(*label_bricks(labels), false, 2, kGoOn)->at(0));
+    return static_cast<int>(labels_payload(*label_bricks(labels), false, 2, kResume)->at(0));
   };
   EXPECT_EQ(of({0, 0, 0, 0, 0, 0, 0, 0}), 0);
   EXPECT_EQ(of({9, 9, 9, 9, 9, 9, 9, 9}), 9);
@@ -177,7 +177,7 @@ TEST(VolumePayload, ShrunkLabelsAgreeWithCounting) {
   for (LabelId& label : labels.voxels()) label = static_cast<LabelId>(random() % 4 * 300);
   for (const int shrink : {2, 4}) {
     const auto dims = shrunk_dims({9, 6, 5}, shrink);
-    const auto bytes = labels_payload(*label_bricks(labels), true, shrink, kGoOn);
+    const auto bytes = labels_payload(*label_bricks(labels), true, shrink, kResume);
     std::size_t at = 0;
     for (int k = 0; k < dims[2]; ++k)
       for (int j = 0; j < dims[1]; ++j)
@@ -203,7 +203,7 @@ TEST(VolumePayload, GzipGivesTheSameBack) {
        {std::size_t{0}, std::size_t{1}, std::size_t{1} << 20, std::size_t{5'000'001}}) {
     std::string bytes(size, '\0');
     for (std::size_t i = 0; i < size; i += 1 + random() % 7) bytes[i] = static_cast<char>(random());
-    EXPECT_EQ(gunzip(*gzip(bytes, kGoOn), size), bytes);
+    EXPECT_EQ(gunzip(*gzip(bytes, kResume), size), bytes);
   }
 }
 
@@ -221,15 +221,15 @@ TEST(PayloadStore, MakesEachOnceAndElsewhere) {
   std::vector<PayloadStore::Payload> received;
   std::atomic<bool> elsewhere{true};
   const auto caller = std::this_thread::get_id();
-  const auto take = [&](PayloadStore::Payload payload) {
+  const auto visit = [&](PayloadStore::Payload payload) {
     const std::lock_guard lock(mutex);
     received.push_back(std::move(payload));
     if (std::this_thread::get_id() == caller) elsewhere = false;
   };
-  store.want({false, 1, false}, take);
-  store.want({true, 1, false}, take);
-  store.want({true, 1, true}, take);
-  store.want({false, 1, false}, take);
+  store.want({false, 1, false}, visit);
+  store.want({true, 1, false}, visit);
+  store.want({true, 1, true}, visit);
+  store.want({false, 1, false}, visit);
   ASSERT_TRUE(palpate::testing::soon([&] {
     const std::lock_guard lock(mutex);
     return received.size() == 4;

@@ -32,7 +32,7 @@ constexpr std::size_t kHead_bytes = 24;
 constexpr int kGzipLevel = 1;
 
 /// Removes and returns the part of a text before a separator.
-std::string_view take_part(std::string_view& text, char separator) {
+std::string_view read_part(std::string_view& text, char separator) {
   const std::string_view part = text.substr(0, text.find(separator));
   text.remove_prefix(std::min(text.size(), part.size() + 1));
   return part;
@@ -41,7 +41,7 @@ std::string_view take_part(std::string_view& text, char separator) {
 std::optional<std::vector<double>> numbers_in(std::string_view text) {
   std::vector<double> numbers;
   while (!text.empty()) {
-    const std::string_view part = take_part(text, ',');
+    const std::string_view part = read_part(text, ',');
     double number = 0;
     const auto [end, failed] = std::from_chars(part.data(), part.data() + part.size(), number);
     if (failed != std::errc() || end != part.data() + part.size() || !(std::abs(number) <= kMax_mm) ||
@@ -92,7 +92,7 @@ int hex_digit(char c) {
 }
 
 /// Parses colour and opacity of the first structures, two hexadecimal digits per component.
-bool parse_looks(std::string_view text, std::size_t structures, PictureKey& key) {
+bool parse_appearances(std::string_view text, std::size_t structures, PictureKey& key) {
   if (text.size() % 8 != 0 || text.size() / 8 > structures) return false;
   for (std::size_t n = 0; n < text.size() / 8; ++n) {
     std::array<int, 4> bytes{};
@@ -116,9 +116,9 @@ bool take_cut(const std::vector<double>& numbers, PictureKey& key) {
   return true;
 }
 
-bool are_equal(const std::vector<StructureLook>& one, const std::vector<StructureLook>& other) {
+bool are_equal(const std::vector<StructureAppearance>& one, const std::vector<StructureAppearance>& other) {
   return std::equal(one.begin(), one.end(), other.begin(), other.end(),
-                    [](const StructureLook& a, const StructureLook& b) {
+                    [](const StructureAppearance& a, const StructureAppearance& b) {
                       return a.colour == b.colour && a.opacity == b.opacity;
                     });
 }
@@ -127,13 +127,13 @@ bool are_equal(const std::vector<StructureLook>& one, const std::vector<Structur
 
 std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_t structures) {
   PictureKey key;
-  bool has_view = false, has_looks = false, has_cut = false;
+  bool has_view = false, has_appearances = false, has_cut = false;
   while (!query.empty()) {
-    std::string_view value = take_part(query, '&');
-    const std::string_view name = take_part(value, '=');
+    std::string_view value = read_part(query, '&');
+    const std::string_view name = read_part(value, '=');
     bool is_good = false;
-    if (name == "looks" && !std::exchange(has_looks, true)) {
-      is_good = parse_looks(value, structures, key);
+    if (name == "looks" && !std::exchange(has_appearances, true)) {
+      is_good = parse_appearances(value, structures, key);
     } else if (const auto numbers = numbers_in(value)) {
       if (name == "view" && !std::exchange(has_view, true)) is_good = take_view(*numbers, key);
       if (name == "cut" && !std::exchange(has_cut, true)) is_good = take_cut(*numbers, key);
@@ -143,25 +143,25 @@ std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_
   return has_view ? std::optional(std::move(key)) : std::nullopt;
 }
 
-PictureStore::Looks::Looks(const ViewedScene& scene) {
+PictureStore::Appearances::Appearances(const ViewedScene& scene) {
   for (const ViewedStructure& structure : scene.structures) {
     const auto& tissues = scene.tissues;
     const bool is_known =
         structure.tissue >= 0 && static_cast<std::size_t>(structure.tissue) < tissues.size();
     const std::size_t end = std::size_t{structure.label} + 1;
     of_label.resize(std::max(of_label.size(), end));
-    place_of.resize(of_label.size());
+    index_of.resize(of_label.size());
     of_label[structure.label] = {structure.colour,
                                  is_known ? tissues[static_cast<std::size_t>(structure.tissue)].opacity : 1};
     label_of.push_back(structure.label);
     // a viewer cannot distinguish more structures in a byte
     if (label_of.size() <= std::numeric_limits<std::uint8_t>::max())
-      place_of[structure.label] = static_cast<std::uint8_t>(label_of.size());
+      index_of[structure.label] = static_cast<std::uint8_t>(label_of.size());
   }
 }
 
 PictureStore::PictureStore(const ViewerHost& host)
-    : host_(host), looks_(host.scene()), labels_(host.scene().labels) {
+    : host_(host), appearances_(host.scene()), labels_(host.scene().labels) {
   thread_ = std::thread([this] {
     be_ordinary_thread("viewer-pictures");
     // helper threads inherit the priority
@@ -229,17 +229,17 @@ PictureStore::Payload PictureStore::made(const PictureKey& key) try {
 
 bool PictureStore::prepare(const PictureKey& key) {
   if (labels_->geometry().voxel_count() > kMaxVoxels) return false;
-  if (key.veil != nullptr && !veiled_) veiled_.emplace(*key.veil, host_.scene());
-  const Looks& of = key.veil != nullptr ? veiled_->looks : looks_;
-  std::vector<StructureLook> looks = of.of_label;
+  if (key.redaction != nullptr && !redacted_) redacted_.emplace(*key.redaction, host_.scene());
+  const Appearances& of = key.redaction != nullptr ? redacted_->appearances : appearances_;
+  std::vector<StructureAppearance> appearances = of.of_label;
   for (std::size_t n = 0; n < key.colours.size(); ++n)
-    looks[of.label_of[n]] = {key.colours[n], key.opacities[n]};
-  if (!looks.empty()) looks[0].opacity = 0;
+    appearances[of.label_of[n]] = {key.colours[n], key.opacities[n]};
+  if (!appearances.empty()) appearances[0].opacity = 0;
   // the deformation of tissue reveals its structure
-  const auto labels = key.veil != nullptr ? veiled_->cuts.of(host_.labels()) : host_.visible_labels();
-  // nothing prepared is reused between original and veiled labels: the time for the update would reveal how
+  const auto labels = key.redaction != nullptr ? redacted_->cuts.of(host_.labels()) : host_.visible_labels();
+  // nothing prepared is reused between original and redacted labels: the time for the update would reveal how
   // much differs
-  if (renderer_ && prepared_for_ == key.veil && are_equal(looks, prepared_)) {
+  if (renderer_ && prepared_for_ == key.redaction && are_equal(appearances, prepared_)) {
     const VoxelBox changed = box_of_changes(*labels_, *labels);
     if (changed.voxel_count() > 0) renderer_->change(*labels, changed);
     labels_ = labels;
@@ -248,11 +248,11 @@ bool PictureStore::prepare(const PictureKey& key) {
   labels_ = labels;
   renderer_.reset();
   const Progress progress({}, &stop_);
-  auto made = VolumeRenderer::make(*labels_, looks, std::max(1, processors() - 1), progress);
+  auto made = VolumeRenderer::make(*labels_, appearances, std::max(1, processors() - 1), progress);
   if (!made) return false;
   renderer_ = std::move(*made);
-  prepared_ = std::move(looks);
-  prepared_for_ = key.veil;
+  prepared_ = std::move(appearances);
+  prepared_for_ = key.redaction;
   return true;
 }
 
@@ -265,13 +265,15 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
   style.clip = key.clip;
   renderer_->render(camera, style, rgb_, depth_mm_);
 
-  double least = std::numeric_limits<double>::infinity(), most = -least;
+  double smallest = std::numeric_limits<double>::infinity(), most = -smallest;
   for (const float depth : depth_mm_)
-    if (std::isfinite(depth)) least = std::min<double>(least, depth), most = std::max<double>(most, depth);
-  if (!(most >= least)) least = most = 0;
+    if (std::isfinite(depth))
+      smallest = std::min<double>(smallest, depth), most = std::max<double>(most, depth);
+  if (!(most >= smallest)) smallest = most = 0;
   constexpr double kDepthSteps = 65535;
 
-  const std::vector<std::uint8_t>& places = key.veil != nullptr ? veiled_->looks.place_of : looks_.place_of;
+  const std::vector<std::uint8_t>& structure_indices =
+      key.redaction != nullptr ? redacted_->appearances.index_of : appearances_.index_of;
   // the rendered surface lies at half coverage: the structure is looked up behind it
   const GridGeometry& grid = labels_->geometry();
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
@@ -288,20 +290,20 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
       const Eigen::Vector3d voxel = (X_VoxelPatient * at).eigen();
       const Eigen::Vector3d low = voxel.array().floor();
       double nearest = 3;
-      std::uint8_t place = 0;
+      std::uint8_t index = 0;
       for (int corner = 0; corner < 8; ++corner) {
         const Eigen::Vector3d n = low + Eigen::Vector3d(corner & 1, corner >> 1 & 1, corner >> 2);
-        const double apart = (n - voxel).squaredNorm();
-        if (apart >= nearest || (n.array() < 0).any() || n[0] >= grid.dims[0] || n[1] >= grid.dims[1] ||
+        const double separation = (n - voxel).squaredNorm();
+        if (separation >= nearest || (n.array() < 0).any() || n[0] >= grid.dims[0] || n[1] >= grid.dims[1] ||
             n[2] >= grid.dims[2])
           continue;
         const LabelId label =
             labels_->at(static_cast<int>(n[0]), static_cast<int>(n[1]), static_cast<int>(n[2]));
         if (label >= prepared_.size() || prepared_[label].opacity == 0) continue;
-        nearest = apart;
-        place = label < places.size() ? places[label] : 0;
+        nearest = separation;
+        index = label < structure_indices.size() ? structure_indices[label] : 0;
       }
-      if (place != 0) return place;
+      if (index != 0) return index;
     }
     return 0;
   };
@@ -313,8 +315,8 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
   head.whole(std::uint16_t{0});
   head.whole(static_cast<std::uint16_t>(camera.width_px));
   head.whole(static_cast<std::uint16_t>(camera.height_px));
-  head.real32(least);
-  head.real32(most - least);
+  head.real32(smallest);
+  head.real32(most - smallest);
   head.whole(std::uint32_t{0});
   std::copy(rgb_.begin(), rgb_.end(), payload->begin() + kHead_bytes);
   WireWriter depths(payload->data() + kHead_bytes + 3 * pixels);
@@ -324,7 +326,7 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
     for (int column = 0; column < camera.width_px; ++column, ++n) {
       const double depth = depth_mm_[n];
       const bool is_met = std::isfinite(depth);
-      const double share = is_met && most > least ? (depth - least) / (most - least) : 0;
+      const double share = is_met && most > smallest ? (depth - smallest) / (most - smallest) : 0;
       depths.whole(static_cast<std::uint16_t>(std::lround(kDepthSteps * share)));
       structures[n] = is_met ? static_cast<char>(place_at(column, row, depth)) : '\0';
     }

@@ -15,7 +15,7 @@
 
 #include "palpate/rendering/volume_renderer.h"
 #include "palpate/server/viewer_server.h"
-#include "server/veil.h"
+#include "server/redaction.h"
 
 namespace palpate::server {
 
@@ -26,9 +26,10 @@ struct PictureKey {
   std::vector<double> opacities;  ///< Opacities of the same structures, 0 ... 1
   std::optional<ClipPlane> clip;  ///< Half-space that is cut away
   bool gzip = false;
-  const Veil* veil = nullptr;  ///< Veil to be applied, always the same object; outlives the store; null: none
+  const Redaction* redaction =
+      nullptr;  ///< Redaction to be applied, always the same object; outlives the store; null: none
 };
-/// Parses a query as specified in docs/reference/viewer-http.md, `view=...&looks=...&cut=...`; empty if
+/// Parses a query as specified in docs/reference/viewer-http.md, `view=...&appearances=...&cut=...`; empty if
 /// malformed.
 std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_t structures);
 
@@ -62,18 +63,18 @@ class PictureStore {
     std::function<void(Payload)> then;
   };
   /// Colours and opacities by label, and the index of each structure in the scene.
-  struct Looks {
-    explicit Looks(const ViewedScene& scene);
-    std::vector<StructureLook> of_label;
+  struct Appearances {
+    explicit Appearances(const ViewedScene& scene);
+    std::vector<StructureAppearance> of_label;
     std::vector<LabelId> label_of;       ///< Label of each of the scene's structures
-    std::vector<std::uint8_t> place_of;  ///< Index of a label in the scene's structures, plus 1; 0: none
+    std::vector<std::uint8_t> index_of;  ///< Index of a label in the scene's structures, plus 1; 0: none
   };
-  /// State for viewers to whom a veil applies.
-  struct Veiled {
-    explicit Veiled(const Veil& veil, const ViewedScene& whole)
-        : looks(veil.scene()), cuts(whole.labels, veil.scene().labels) {}
-    Looks looks;
-    VeiledCuts cuts;
+  /// State for viewers to whom a redaction applies.
+  struct Redacted {
+    explicit Redacted(const Redaction& redaction, const ViewedScene& whole)
+        : appearances(redaction.scene()), cuts(whole.labels, redaction.scene().labels) {}
+    Appearances appearances;
+    RedactedCuts cuts;
   };
   void work();
   Payload made(const PictureKey& key);
@@ -81,13 +82,13 @@ class PictureStore {
   bool prepare(const PictureKey& key);
 
   const ViewerHost& host_;
-  const Looks looks_;
+  const Appearances appearances_;
   // used by the store's thread only
-  std::optional<Veiled> veiled_;
-  const Veil* prepared_for_ = nullptr;
+  std::optional<Redacted> redacted_;
+  const Redaction* prepared_for_ = nullptr;
   std::shared_ptr<const Bricks<LabelId>> labels_;
-  std::optional<VolumeRenderer> renderer_;  ///< Prepared for labels_
-  std::vector<StructureLook> prepared_;     ///< Colours and opacities that it is prepared for
+  std::optional<VolumeRenderer> renderer_;     ///< Prepared for labels_
+  std::vector<StructureAppearance> prepared_;  ///< Colours and opacities that it is prepared for
   std::vector<std::uint8_t> rgb_;
   std::vector<float> depth_mm_;
 

@@ -61,7 +61,7 @@ struct Observed {
   int red(int column, int row) const {
     return static_cast<unsigned char>(bytes[24 + 3 * pixel(column, row)]);
   }
-  int place(int column, int row) const { return bytes[24 + 5 * pixels() + pixel(column, row)]; }
+  int structure_index(int column, int row) const { return bytes[24 + 5 * pixels() + pixel(column, row)]; }
   double depth_mm(int column, int row) const {
     const auto step = number_at<std::uint16_t>(bytes, 24 + 3 * pixels() + 2 * pixel(column, row));
     return number_at<float>(bytes, 12) + number_at<float>(bytes, 16) * step / 65535.0;
@@ -82,13 +82,13 @@ TEST(PictureStore, DrawsWhatIsThereAndSaysWhatItIs) {
   for (int row = 0; row < 48; ++row)
     for (int column = 0; column < 48; ++column) {
       const double off = std::hypot(-4 + column + 0.5 - 20, 44 - row - 0.5 - 20);
-      if (observed.place(column, row) != 0) ++encountered;
+      if (observed.shape(column, row) != 0) ++encountered;
       if (off > 13) {
-        EXPECT_EQ(observed.place(column, row), 0) << column << " " << row;
+        EXPECT_EQ(observed.shape(column, row), 0) << column << " " << row;
       }
       if (off > 11) continue;
       // the second structure, at the ball's surface
-      EXPECT_EQ(observed.place(column, row), 2) << column << " " << row;
+      EXPECT_EQ(observed.shape(column, row), 2) << column << " " << row;
       EXPECT_NEAR(observed.depth_mm(column, row), -std::sqrt(144 - off * off), off < 9 ? 1.3 : 2.4) << off;
     }
   EXPECT_NEAR(encountered, std::numbers::pi * 144, 40);
@@ -101,7 +101,7 @@ TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
   // transparent
   const auto hidden = wait_for(store, front + "&looks=ffffffffff000000");
   ASSERT_NE(hidden, nullptr);
-  EXPECT_EQ(Observed(*hidden).place(24, 24), 0);
+  EXPECT_EQ(Observed(*hidden).shape(24, 24), 0);
   // red
   const auto red = wait_for(store, front + "&looks=ffffffffff0000ff");
   ASSERT_NE(red, nullptr);
@@ -114,7 +114,7 @@ TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
   const auto near = wait_for(store, front + ",20,-40,20");
   ASSERT_NE(near, nullptr);
   EXPECT_NEAR(Observed(*near).depth_mm(24, 24), 60 - 12, 0.8);
-  EXPECT_NE(Observed(*near).place(12, 24), 0);
+  EXPECT_NE(Observed(*near).shape(12, 24), 0);
 }
 
 TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
@@ -201,11 +201,11 @@ TEST(PictureStore, ShowsHowTissueYieldsToWhoeverMaySeeIt) {
     std::shared_ptr<const Bricks<LabelId>> seen;
   };
   const DentedHost host;
-  const Veil veil(host.scene());
+  const Redaction redaction(host.scene());
   PictureStore store(host);
-  const auto edge_at = [&](const Veil* through) {
+  const auto edge_at = [&](const Redaction* through) {
     auto key = parse_picture_query(kFront, 2);
-    key->veil = through;
+    key->redaction = through;
     std::promise<PictureStore::Payload> promise;
     const auto asker = std::make_shared<int>(0);
     store.want(*key, asker, [&](PictureStore::Payload payload) { promise.set_value(std::move(payload)); });
@@ -213,11 +213,11 @@ TEST(PictureStore, ShowsHowTissueYieldsToWhoeverMaySeeIt) {
     if (payload == nullptr) return -1;
     const Observed observed(*payload);
     int column = 24;
-    while (column < 48 && observed.place(column, 24) != 0) ++column;
+    while (column < 48 && observed.shape(column, 24) != 0) ++column;
     return column - 24;
   };
   EXPECT_NEAR(edge_at(nullptr), 6, 1);
-  EXPECT_NEAR(edge_at(&veil), 12, 1) << "at rest";
+  EXPECT_NEAR(edge_at(&redaction), 12, 1) << "at rest";
   EXPECT_NEAR(edge_at(nullptr), 6, 1);
 }
 

@@ -15,7 +15,7 @@ using palpate::testing::TestServer;
 using palpate::testing::TestSocket;
 using palpate::testing::TestViewer;
 
-void say(TestSocket& socket, const std::string& bytes, bool in_two) {
+void send(TestSocket& socket, const std::string& bytes, bool in_two) {
   const std::size_t first = in_two ? bytes.size() / 2 : bytes.size();
   socket.send(bytes.substr(0, first));
   socket.send(bytes.substr(first));
@@ -31,11 +31,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string bytes(reinterpret_cast<const char*>(data) + 1, size - 1);
   if (data[0] % 2 == 0) {
     TestSocket socket(test->port());
-    say(socket, bytes, data[0] % 4 == 0);
+    send(socket, bytes, data[0] % 4 == 0);
   } else {
     TestViewer viewer(test->port());
     viewer.greet();
-    say(viewer.socket(), bytes, data[0] % 4 == 1);
+    send(viewer.socket(), bytes, data[0] % 4 == 1);
   }
   return 0;
 }

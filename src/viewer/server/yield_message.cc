@@ -81,7 +81,7 @@ bool YieldMessage::take(const ViewedYield& yield) {
   return true;
 }
 
-bool YieldMessage::looks_like(const YieldMessage& other) const {
+bool YieldMessage::is_indistinguishable_from(const YieldMessage& other) const {
   if (rests() && other.rests()) return true;
   return nodes_ == other.nodes_ && first_mm_ == other.first_mm_ && axes_ == other.axes_ &&
          spacing_mm_ == other.spacing_mm_ && step_mm_ == other.step_mm_ && lo_ == other.lo_ &&

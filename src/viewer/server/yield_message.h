@@ -30,7 +30,7 @@ class YieldMessage {
   /// Whether there is no deformation.
   bool rests() const { return steps_.empty(); }
   /// Whether the two messages are visually indistinguishable.
-  bool looks_like(const YieldMessage& other) const;
+  bool is_indistinguishable_from(const YieldMessage& other) const;
   std::string bytes() const;
 
  private:

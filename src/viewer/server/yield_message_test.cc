@@ -96,7 +96,7 @@ TEST(YieldMessage, WhatIsNoGridOrMovesNothingIsAtRest) {
     const YieldMessage message(1, &yield);
     EXPECT_TRUE(message.rests());
     EXPECT_EQ(message.bytes().size(), 96u);
-    EXPECT_TRUE(message.looks_like(YieldMessage(1, nullptr)));
+    EXPECT_TRUE(message.is_indistinguishable_from(YieldMessage(1, nullptr)));
   };
   expect_rest([](ViewedYield& yield) { yield.moved_mm.assign(yield.moved_mm.size(), 0.004f); });
   expect_rest([](ViewedYield& yield) { yield.moved_mm.pop_back(); });
@@ -117,13 +117,13 @@ TEST(YieldMessage, WhatTremblesLooksLikeBefore) {
   ViewedYield now = before;
   now.frame = 78;
   now.moved_mm[3 * 21] += 0.0015f;
-  EXPECT_TRUE(YieldMessage(0, &now).looks_like(YieldMessage(0, &before)));
+  EXPECT_TRUE(YieldMessage(0, &now).is_indistinguishable_from(YieldMessage(0, &before)));
   now.moved_mm[3 * 21] += 0.01f;
-  EXPECT_FALSE(YieldMessage(0, &now).looks_like(YieldMessage(0, &before)));
+  EXPECT_FALSE(YieldMessage(0, &now).is_indistinguishable_from(YieldMessage(0, &before)));
   now = before;
   now.first_patient_mm[2] += 2.5;
-  EXPECT_FALSE(YieldMessage(0, &now).looks_like(YieldMessage(0, &before)));
-  EXPECT_FALSE(YieldMessage(0, nullptr).looks_like(YieldMessage(0, &before)));
+  EXPECT_FALSE(YieldMessage(0, &now).is_indistinguishable_from(YieldMessage(0, &before)));
+  EXPECT_FALSE(YieldMessage(0, nullptr).is_indistinguishable_from(YieldMessage(0, &before)));
 }
 
 // Next deformation message, skipping poses and texts; empty if there is none within `poses` poses.

@@ -116,8 +116,8 @@ MessageBytes image_message(const Title& title, const ImageGrid& grid, VoxelType 
   constexpr std::uint64_t kVersion = 1, kComponents = 1, kLittleEndian = 2, kRas = 1;
   const std::size_t voxel_bytes = type == VoxelType::kUint16 ? 2 : 4;
   PALPATE_CHECK(voxels.size() == voxel_bytes * grid.dims[0] * grid.dims[1] * grid.dims[2]);
-  Eigen::Vector3d middle;
-  for (int axis = 0; axis < 3; ++axis) middle[axis] = 0.5 * (grid.dims[static_cast<std::size_t>(axis)] - 1);
+  Eigen::Vector3d centre;
+  for (int axis = 0; axis < 3; ++axis) centre[axis] = 0.5 * (grid.dims[static_cast<std::size_t>(axis)] - 1);
   Writer out;
   out.reserve(72 + voxels.size());
   out.whole(2, kVersion);
@@ -127,7 +127,7 @@ MessageBytes image_message(const Title& title, const ImageGrid& grid, VoxelType 
   out.whole(1, kRas);
   out.dims(grid.dims);
   out.reals32(grid.steps_mm);
-  out.reals32(grid.first_mm + grid.steps_mm * middle);
+  out.reals32(grid.first_mm + grid.steps_mm * centre);
   out.dims({0, 0, 0});
   out.dims(grid.dims);
   out.bytes(voxels);

@@ -15,11 +15,11 @@ namespace {
 TEST(Encoding, PosesAreDecodedAsTheyWereEncoded) {
   const auto seed = test::test_seed();
   std::mt19937_64 random(seed);
-  std::uniform_real_distribution<double> place(-500, 500), turn(-1, 1);
+  std::uniform_real_distribution<double> coordinate(-500, 500), turn(-1, 1);
   for (int n = 0; n < 100; ++n) {
     const Eigen::Quaterniond q =
         Eigen::Quaterniond(turn(random), turn(random), turn(random), turn(random)).normalized();
-    const Eigen::Vector3d at(place(random), place(random), place(random));
+    const Eigen::Vector3d at(coordinate(random), coordinate(random), coordinate(random));
     const MessageBytes bytes = transform_message({"ProbeToRAS", 123456789}, q.toRotationMatrix(), at);
     PoseReader reader;
     int poses = 0;

@@ -89,7 +89,7 @@ std::optional<Content> content_of(unsigned version, Bytes body) {
 }
 
 // servers send the identity in place of a missing pose
-void take_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& at_mm, PoseMessage& out) {
+void receive_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& at_mm, PoseMessage& out) {
   const bool is_rigid = rotation.allFinite() && at_mm.allFinite() && at_mm.norm() < kFarthest_mm &&
                         (rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-3 &&
                         rotation.determinant() > 0;
@@ -103,19 +103,20 @@ void take_matrix(Bytes bytes, PoseMessage& out) {
   Eigen::Matrix<double, 3, 4> columns;
   for (std::size_t n = 0; n < 12; ++n)
     columns(static_cast<int>(n % 3), static_cast<int>(n / 3)) = real32(bytes, 4 * n);
-  take_pose(columns.leftCols<3>(), columns.col(3), out);
+  receive_pose(columns.leftCols<3>(), columns.col(3), out);
 }
 void take_quaternion(Bytes bytes, PoseMessage& out) {
   const auto number = [&](std::size_t n) { return real32(bytes, 4 * n); };
   const Eigen::Quaterniond turn(number(6), number(3), number(4), number(5));
   const double length = turn.norm();
   // rejects quaternions whose norm is not 1
-  take_pose(length > 0.99 && length < 1.01 ? turn.normalized().toRotationMatrix() : Eigen::Matrix3d::Zero(),
-            {number(0), number(1), number(2)}, out);
+  receive_pose(
+      length > 0.99 && length < 1.01 ? turn.normalized().toRotationMatrix() : Eigen::Matrix3d::Zero(),
+      {number(0), number(1), number(2)}, out);
 }
 
 // status according to PLUS; without a status a pose is valid
-bool is_stated_visible(const Words& words, const std::string& key) {
+bool is_declared_visible(const Words& words, const std::string& key) {
   const auto found = words.find(key);
   return found == words.end() || found->second == "OK";
 }
@@ -129,7 +130,7 @@ std::uint64_t crc64(Bytes bytes) {
   return crc;
 }
 
-Result<void> MessageSplitter::take(Bytes bytes, const OnMessage& on_message) {
+Result<void> MessageSplitter::consume(Bytes bytes, const OnMessage& on_message) {
   while (!bytes.empty()) {
     if (!is_in_body_) {
       const std::size_t some = std::min(bytes.size(), kHead_bytes - head_bytes_.size());
@@ -175,8 +176,8 @@ Result<void> MessageSplitter::begin_body() {
 
 PoseReader::PoseReader() : messages_(is_pose) {}
 
-Result<void> PoseReader::take(Bytes bytes, const OnPose& on_pose) {
-  return messages_.take(bytes, [&](const Head& head, Bytes body) {
+Result<void> PoseReader::consume(Bytes bytes, const OnPose& on_pose) {
+  return messages_.consume(bytes, [&](const Head& head, Bytes body) {
     if (is_pose(head.type)) decode(head, body, on_pose);
   });
 }
@@ -203,7 +204,7 @@ void PoseReader::decode(const Head& head, Bytes body, const OnPose& on_pose) {
     if (const auto whole_name = content->words.find("IGTL_DEVICE_NAME"); whole_name != content->words.end())
       message.name = whole_name->second;
     take_numbers(content->poses, message);
-    message.seen = message.seen && is_stated_visible(content->words, "TransformStatus");
+    message.seen = message.seen && is_declared_visible(content->words, "TransformStatus");
     return on_pose(message);
   }
 
@@ -226,7 +227,7 @@ void PoseReader::decode(const Head& head, Bytes body, const OnPose& on_pose) {
           message.name = word.substr(0, word.size() - kStatus.size());
         }
     take_numbers(one.subspan(kElementHead_bytes), message);
-    message.seen = message.seen && is_stated_visible(content->words, key);
+    message.seen = message.seen && is_declared_visible(content->words, key);
     on_pose(message);
   }
 }

@@ -16,10 +16,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       };
     };
     palpate::igtl::PoseReader at_once, by_bytes;
-    const bool fine = at_once.take(bytes, count(whole)).ok();
+    const bool fine = at_once.consume(bytes, count(whole)).ok();
     bool fine_by_bytes = true;
     for (std::size_t n = 0; n < bytes.size() && fine_by_bytes; ++n)
-      fine_by_bytes = by_bytes.take(std::span(bytes).subspan(n, 1), count(parts)).ok();
+      fine_by_bytes = by_bytes.consume(std::span(bytes).subspan(n, 1), count(parts)).ok();
     PALPATE_CHECK(fine == fine_by_bytes && whole == parts && at_once.damaged() == by_bytes.damaged());
   }
   return 0;

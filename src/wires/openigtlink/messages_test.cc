@@ -43,8 +43,8 @@ Read read(const MessageBytes& bytes, std::size_t piece = 0) {
   Read out;
   const std::size_t step = piece > 0 ? piece : std::max<std::size_t>(1, bytes.size());
   for (std::size_t from = 0; from < bytes.size() && out.refused.empty(); from += step) {
-    const auto used = reader.take(std::span(bytes).subspan(from, std::min(step, bytes.size() - from)),
-                                  [&](const PoseMessage& message) { out.poses.push_back(message); });
+    const auto used = reader.consume(std::span(bytes).subspan(from, std::min(step, bytes.size() - from)),
+                                     [&](const PoseMessage& message) { out.poses.push_back(message); });
     if (!used) out.refused = used.error().message();
   }
   out.damaged = reader.damaged();
@@ -189,9 +189,9 @@ TEST(IgtlMessages, WhatIsDamagedIsPassedOverAndWhatIsNoneEndsIt) {
   EXPECT_EQ(observed.poses.size(), 2u);
   // inconsistent lengths
   MessageBytes body;
-  test::put_whole(body, 2, 12);
-  test::put_whole(body, 2, 60'000);
-  test::put_whole(body, 8, ~std::uint64_t{0});
+  test::append_integer(body, 2, 12);
+  test::append_integer(body, 2, 60'000);
+  test::append_integer(body, 8, ~std::uint64_t{0});
   const MessageWords none;
   MessageBytes lying = message_bytes("TRANSFORM", "Tool", {}, &none);
   lying.resize(kHead_bytes);

@@ -2,7 +2,7 @@
 // of a tool in contact.
 
 import { add, length, scale, tangents, type Vec3 } from "../base/geometry.js";
-import type { HeldTool } from "../protocol/protocol.gen.js";
+import type { DeviceTool } from "../protocol/protocol.gen.js";
 
 type At = [number, number]; // canvas pixels
 
@@ -101,14 +101,14 @@ const SHAFT_MM = 60;
  */
 export function drawInstrument(
   context: CanvasRenderingContext2D,
-  tool: HeldTool,
+  tool: DeviceTool,
   at: At,
   radius: number,
   behind: At,
   pixelsPerMm: number,
 ): void {
   const cuts = tool.burr !== null;
-  const place = (mm: number): At => [at[0] + behind[0] * mm, at[1] + behind[1] * mm];
+  const pointAt = (mm: number): At => [at[0] + behind[0] * mm, at[1] + behind[1] * mm];
   const towards = Math.atan2(behind[1], behind[0]);
   // a tool with capsules has its own shaft
   if (tool.capsules.length === 0 || cuts) {
@@ -117,13 +117,13 @@ export function drawInstrument(
       sleeve = Math.max(2.2, Math.min(1.1 * radius, 2.4 * pixelsPerMm));
     // the part nearer to the viewer last: the shaft comes from above the tip
     if (tool.shaver) {
-      drawRod(context, place(begin_mm), place(begin_mm + SHAFT_MM), [sleeve, sleeve]);
+      drawRod(context, pointAt(begin_mm), pointAt(begin_mm + SHAFT_MM), [sleeve, sleeve]);
     } else {
-      drawRod(context, place(begin_mm), place(begin_mm + NECK_MM), [neck, 1.5 * neck]);
+      drawRod(context, pointAt(begin_mm), pointAt(begin_mm + NECK_MM), [neck, 1.5 * neck]);
       drawRod(
         context,
-        place(begin_mm + NECK_MM),
-        place(begin_mm + SHAFT_MM),
+        pointAt(begin_mm + NECK_MM),
+        pointAt(begin_mm + SHAFT_MM),
         [sleeve, 1.25 * sleeve],
         cuts ? STEEL : HANDLE,
       );
@@ -134,7 +134,7 @@ export function drawInstrument(
   if (!tool.shaver) return drawFlutes(context, at, radius, towards);
   // the window of a shaver
   context.beginPath();
-  context.ellipse(...place(0), 0.75 * radius, 0.4 * radius, towards, 0, 2 * Math.PI);
+  context.ellipse(...pointAt(0), 0.75 * radius, 0.4 * radius, towards, 0, 2 * Math.PI);
   context.fillStyle = "#11181c";
   context.fill();
 }

@@ -212,7 +212,7 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
   const { context, ratio } = frame;
   const pose = session.pose.value!;
   const shown = session.toolAt(device);
-  const { radius_mm: tip_mm, capsules } = session.heldBy(device);
+  const { radius_mm: tip_mm, capsules } = session.toolOf(device);
   const [tool, hand] = [projection.pixel(shown), projection.pixel(device.tip)];
   const radius = Math.max(5 * ratio, tip_mm * projection.pixelsPerMm(shown));
   const colour = session.isFresh.value ? TOOL : GREY;
@@ -232,12 +232,12 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     drawContactShadow(context, projection.pixel, foot, device.normal, Math.max(tip_mm, LEAST_SHADOW_MM));
   }
   for (const { from_mm, to_mm, radius_mm, end_radius_mm } of capsules) {
-    const place = (end: Vec3) => add(shown, session.toPatient(pose, rotate(device.orientation, end)));
+    const pointAt = (end: Vec3) => add(shown, session.toPatient(pose, rotate(device.orientation, end)));
     if (projection.capsule) {
-      projection.capsule(place(from_mm), place(to_mm), [radius_mm, end_radius_mm], colour);
+      projection.capsule(pointAt(from_mm), pointAt(to_mm), [radius_mm, end_radius_mm], colour);
       continue;
     }
-    const at = (end: Vec3) => projection.pixel(place(end));
+    const at = (end: Vec3) => projection.pixel(pointAt(end));
     const wide = [radius_mm, end_radius_mm].map((mm) => Math.max(1.5 * ratio, mm * projection.pixelsPerMm(shown))) as [
       number,
       number,
@@ -251,7 +251,7 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     // pointers and hands that never turn have no orientation: their instrument comes from the right hand
     const behind: [number, number] =
       Math.abs(device.orientation[0]) > 1 - 1e-9 ? [0.5 * per_mm, -0.8 * per_mm] : [end[0] - tool[0], end[1] - tool[1]];
-    drawInstrument(context, session.heldBy(device), tool, radius, behind, per_mm);
+    drawInstrument(context, session.toolOf(device), tool, radius, behind, per_mm);
     ring(frame, tool, radius, 1.3, colour);
   } else {
     ring(frame, tool, radius, 4.5, "rgba(6, 9, 11, 0.75)");

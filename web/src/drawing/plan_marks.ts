@@ -52,12 +52,12 @@ export function drawPlanOnPlane(
 ): void {
   const normal = normalOf(plane);
   const off = (p: Vec3) => dot(sub(p, plane.centre), normal);
-  drawn.forEach((trajectory, place) => {
+  drawn.forEach((trajectory, index) => {
     const { entry_mm, target_mm } = trajectory;
     const [from, to] = [off(entry_mm), off(target_mm)];
     const meets = from < 0 !== to < 0;
     if (!meets && Math.min(Math.abs(from), Math.abs(to)) > FARTHEST_MM) return;
-    const colour = place === chosen.value ? CHOSEN : PLANNED;
+    const colour = index === chosen.value ? CHOSEN : PLANNED;
     const at = (share: number) => add(entry_mm, scale(sub(target_mm, entry_mm), share));
     // interval of the trajectory within IN_PLANE_MM of the plane
     const shareAt = (mm: number) => Math.min(1, Math.max(0, (mm - from) / (to - from)));
@@ -80,8 +80,8 @@ export function drawPlanOnPlane(
 }
 
 export function drawPlanInVolume(frame: Frame, projection: InVolume, { drawn, chosen }: PlanStore): void {
-  drawn.forEach((trajectory, place) => {
-    const colour = place === chosen.value ? CHOSEN : PLANNED;
+  drawn.forEach((trajectory, index) => {
+    const colour = index === chosen.value ? CHOSEN : PLANNED;
     drawLine(frame, projection, trajectory.entry_mm, trajectory.target_mm, 2, colour, 1);
     drawEnds(frame, trajectory, projection.pixel, (p) => (projection.hides(p, 1) ? 0.55 : 1), colour);
   });

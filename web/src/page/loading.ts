@@ -9,7 +9,7 @@ import type { Scene } from "../protocol/messages.js";
 import { fetchScene, fetchVolumes, NeedsToken, showsTheSame, shrinkFor } from "../protocol/scene.js";
 import type { AnySlicer } from "../section/slicer.js";
 import type { Session } from "../state/session.js";
-import { Gone, isMemoryShort, Lasting } from "../words/trouble.js";
+import { Gone, isMemoryShort, Lasting } from "../words/errors.js";
 import { words } from "../words/words.js";
 
 const TOKEN_KEY = "palpate.token";
@@ -45,13 +45,13 @@ export class Loading {
   }
   /**
    * Loads the scene, and its volumes unless they are loaded already; one load at a time.
-   * @param trouble  problem to report first
+   * @param lasting  problem to report first
    */
-  private load(trouble: Lasting | null = null): Promise<void> {
-    return (this.loading ??= this.loadAll(trouble).finally(() => (this.loading = null)));
+  private load(lasting: Lasting | null = null): Promise<void> {
+    return (this.loading ??= this.loadAll(lasting).finally(() => (this.loading = null)));
   }
-  private async loadAll(trouble: Lasting | null): Promise<void> {
-    if (trouble) await this.tell(trouble);
+  private async loadAll(lasting: Lasting | null): Promise<void> {
+    if (lasting) await this.report(lasting);
     let gone = ""; // hash of a volume that was missing at the previous attempt
     for (let tried = 0; ; tried++) {
       try {
@@ -59,9 +59,9 @@ export class Loading {
         if (!this.isOutdated) break;
       } catch (error) {
         if (error instanceof NeedsToken) await this.tokenFromUser(this.token !== null);
-        else if (error instanceof Lasting) await this.tell(error);
+        else if (error instanceof Lasting) await this.report(error);
         else if (error instanceof Gone && gone === error.message)
-          await this.tell(new Lasting(words.lacksItsVolume(gone), words.startAgain));
+          await this.report(new Lasting(words.lacksItsVolume(gone), words.startAgain));
         else {
           if (error instanceof Gone) gone = error.message;
           write(byId("cover-text"), words.failedAgain((error as Error).message));
@@ -117,10 +117,10 @@ export class Loading {
   }
 
   /** Shows a problem and its remedy; resolves when the user requests a retry. */
-  private tell(trouble: Lasting): Promise<void> {
+  private report(lasting: Lasting): Promise<void> {
     byId("cover").hidden = false;
     byId("cover-share").hidden = true;
-    write(byId("cover-text"), `${trouble.message} ${trouble.how}`);
+    write(byId("cover-text"), `${lasting.message} ${lasting.how}`);
     byId("mend").hidden = false;
     return new Promise((again) => {
       byId("again").onclick = () => {
@@ -140,14 +140,14 @@ export class Loading {
     this.isAskingWhy = true;
     await this.loading;
     this.isAskingWhy = false;
-    const trouble = await fetchScene(this.token).then(
+    const lasting = await fetchScene(this.token).then(
       () => known,
       (error) => (error instanceof Lasting ? error : known),
     );
     const { connection } = this.loads;
-    if (!trouble || this.loading || connection.link.value === "connected") return;
+    if (!lasting || this.loading || connection.link.value === "connected") return;
     connection.end();
-    await this.load(trouble);
+    await this.load(lasting);
   }
 
   private tokenFromUser(wasWrong: boolean): Promise<void> {

@@ -19,9 +19,9 @@ export interface Uses {
   voxels: VoxelChanges;
   token(): string | null;
   /** Sets up the view of a scope for a task. */
-  lookBy(scope: TaskScope): void;
+  rotateView(scope: TaskScope): void;
   /** Moves the planes to a position, patient frame. */
-  showPlace(place: Vec3): void;
+  showPosition(position: Vec3): void;
 }
 
 export class Panels {
@@ -30,9 +30,9 @@ export class Panels {
     return new (await import("../panels/timeline.js")).Timeline(session, connection, requests);
   });
   readonly training = new Part("training", async () => {
-    const { session, connection, requests, volume, voxels, lookBy } = this.uses;
+    const { session, connection, requests, volume, voxels, rotateView } = this.uses;
     const { Training, Quiz } = await import("../training/training.js");
-    return new Training(session, connection, requests, volume, (toFind) => voxels.hide(toFind, Quiz), lookBy);
+    return new Training(session, connection, requests, volume, (toFind) => voxels.hide(toFind, Quiz), rotateView);
   });
   readonly lesson = new Part("lesson", async () => {
     const { session, connection, requests, token } = this.uses;
@@ -43,8 +43,8 @@ export class Panels {
     return new (await import("../panels/near_panel.js")).NearPanel(session, connection);
   });
   readonly plan = new Part("plan", async () => {
-    const { session, connection, showPlace } = this.uses;
-    return new (await import("../panels/plan_panel.js")).PlanPanel(session, connection, showPlace);
+    const { session, connection, showPosition } = this.uses;
+    return new (await import("../panels/plan_panel.js")).PlanPanel(session, connection, showPosition);
   });
 
   constructor(private readonly uses: Uses) {

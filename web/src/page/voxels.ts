@@ -46,7 +46,7 @@ export class VoxelChanges {
 
   /** Discards what the previous connection has reported; each connection reports in full. */
   beginAnew(): void {
-    this.tellCut(0, []);
+    this.reportCut(0, []);
     this.yields = [];
     this.deformation.now?.forget();
     this.isDeformationDue = true;
@@ -78,7 +78,7 @@ export class VoxelChanges {
   }
 
   /** Takes over burr sweeps, which replace all from number `first` on. */
-  tellCut(first: number, sweeps: Sweep[]): void {
+  reportCut(first: number, sweeps: Sweep[]): void {
     this.sweeps.push([first, sweeps]);
     this.cut();
   }
@@ -146,7 +146,7 @@ export class VoxelChanges {
     const { session } = this;
     this.displacement = displacement;
     session.yields.value = displacement !== null;
-    session.movedAt.value = (place) => this.deformation.now?.movedAt(place) ?? [0, 0, 0];
+    session.movedAt.value = (position) => this.deformation.now?.movedAt(position) ?? [0, 0, 0];
     this.slicer.displace(displacement);
     const isThere = this.renderer.displace(displacement);
     session.edits.value += 1;

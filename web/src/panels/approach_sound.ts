@@ -53,7 +53,7 @@ export class ApproachSound {
   private nextBeep_s = 0;
 
   /** Whether the browser blocks sound until a user gesture on the page. */
-  get isHeldBack(): boolean {
+  get isBlocked(): boolean {
     return this.isOn && this.context?.state !== "running";
   }
   switch(isOn: boolean): void {
@@ -71,9 +71,9 @@ export class ApproachSound {
    * Updates and renews the tone.
    * @param border_mm  as in toneAt; null: silence
    */
-  tell(border_mm: number | null): void {
+  update(border_mm: number | null): void {
     const { context } = this;
-    const tone = border_mm === null || !this.isOn || this.isHeldBack ? null : toneAt(border_mm);
+    const tone = border_mm === null || !this.isOn || this.isBlocked ? null : toneAt(border_mm);
     if (!tone || !context) return this.silence();
     const now = context.currentTime;
     this.voice ??= this.begin(context);

@@ -4,7 +4,7 @@ import { effect, signal, untracked } from "@preact/signals-core";
 import { byId, element } from "../base/dom.js";
 import type { History } from "../state/history.js";
 import { ANATOMICAL, type Anatomical, type Quaternion, type Vec3, type PlaneKind } from "../base/geometry.js";
-import { keepScene, recallScene } from "../state/local_storage.js";
+import { storeScene, recallScene } from "../state/local_storage.js";
 import { ALONG, type Along, type SectionPlacement, type SectionView } from "../section/section_view.js";
 import { LAYOUTS, type Layout, type Session, type Window } from "../state/session.js";
 import type { VolumeView } from "../volume/volume_view.js";
@@ -29,7 +29,7 @@ export interface Bookmark {
   view: BookmarkedView;
 }
 /** Bookmarks of a scene, as this browser stores them. */
-interface KeptBookmarks {
+interface StoredBookmarks {
   bookmarks: Bookmark[];
 }
 
@@ -91,47 +91,47 @@ export class Bookmarks {
 
   /** Loads the stored bookmarks of a scene, by the hash of its volume. */
   private load(hash: string): void {
-    const kept: unknown = recallScene<KeptBookmarks>(hash).bookmarks;
-    this.list.value = Array.isArray(kept) ? kept.filter(isBookmark) : [];
+    const stored: unknown = recallScene<StoredBookmarks>(hash).bookmarks;
+    this.list.value = Array.isArray(stored) ? stored.filter(isBookmark) : [];
   }
   private change(list: Bookmark[]): void {
     const { history, session } = this.page;
     if (!session.scene.value) return;
     history.gesture += 1;
-    history.note("bookmarks", { before: this.list.value, after: list, go: (_, to) => this.set(to) });
+    history.note("bookmarks", { before: this.list.value, after: list, apply: (_, to) => this.set(to) });
     this.set(list);
   }
   private set(list: Bookmark[]): boolean {
     const scene = this.page.session.scene.value;
     if (!scene) return false;
     this.list.value = list;
-    keepScene<KeptBookmarks>(scene.volume.hash, { bookmarks: list });
+    storeScene<StoredBookmarks>(scene.volume.hash, { bookmarks: list });
     return true;
   }
   private show(list: Bookmark[]): void {
     byId("bookmarks").replaceChildren(
-      ...list.map((bookmark, place) => {
-        const go = says(
+      ...list.map((bookmark, index) => {
+        const button = says(
           element("button", { type: "button", className: "figure", textContent: bookmark.name }),
           { title: "showBookmark" },
           bookmark.name,
         );
-        go.addEventListener("click", () => this.recall(bookmark.view));
+        button.addEventListener("click", () => this.recall(bookmark.view));
         const remove = says(
           element("button", { type: "button", textContent: "×" }),
           { label: "deleteNamed", title: "deleteNamed" },
           bookmark.name,
         );
         remove.addEventListener("click", () => {
-          this.change(list.filter((_, other) => other !== place));
+          this.change(list.filter((_, other) => other !== index));
           // keeps the focus in the list
           (
             byId("bookmarks").querySelectorAll<HTMLElement>("button:last-child")[
-              Math.min(place, this.list.value.length - 1)
+              Math.min(index, this.list.value.length - 1)
             ] ?? byId("bookmark-name")
           ).focus();
         });
-        return element("li", {}, go, remove);
+        return element("li", {}, button, remove);
       }),
     );
   }

@@ -48,8 +48,8 @@ export class Capture {
     c.fillRect(0, 0, w, h);
     for (const picture of this.pictures) {
       if (!picture.isShown) continue;
-      const place = picture.surface.getBoundingClientRect();
-      const [x, y] = [(place.left - box.left) * ratio, (place.top - box.top + HEAD_PX) * ratio];
+      const bounds = picture.surface.getBoundingClientRect();
+      const [x, y] = [(bounds.left - box.left) * ratio, (bounds.top - box.top + HEAD_PX) * ratio];
       for (const layer of [picture.base.canvas, picture.over.canvas]) c.drawImage(layer, x, y);
       c.font = `600 ${12 * ratio}px ${FONT}`;
       c.textBaseline = "top";

@@ -37,7 +37,7 @@ export class DisplayPanel {
     convention.addEventListener("change", () => (session.convention.value = convention.value as "LPS" | "RAS"));
     session.onScene((scene) => this.showScene(scene));
     // at most once per update of the figures, because dragging changes the window more often
-    session.onFigures(() => session.keepWindow());
+    session.onFigures(() => session.storeWindow());
   }
 
   private showScene({ modality, volume }: Scene): void {

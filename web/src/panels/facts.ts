@@ -1,12 +1,12 @@
 // Facts about the session in the head and the foot of the page: side, modality, device, version, viewers.
 
-import type { HeldTool, Scene, State } from "../protocol/messages.js";
+import type { DeviceTool, Scene, State } from "../protocol/messages.js";
 import { byId, write } from "../base/dom.js";
 import type { Session } from "../state/session.js";
 import { words, type Words } from "../words/words.js";
 
 /** Name of a tool, and the form of its burr or shaver. */
-const toolText = ({ name, burr, shaver }: HeldTool): string =>
+const toolText = ({ name, burr, shaver }: DeviceTool): string =>
   words.toolNamed(name) + (burr ? ` · ${(shaver ? words.shaver : words.burr)[burr as keyof Words["burr"]]}` : "");
 
 export function showFacts(session: Session): void {

@@ -6,9 +6,9 @@ import { ApproachSound } from "./approach_sound.js";
 import type { Connection } from "../protocol/connection.js";
 import { byId, element, press, write } from "../base/dom.js";
 import { quantity } from "../words/figures.js";
-import { keep, recall } from "../state/local_storage.js";
+import { store, recall } from "../state/local_storage.js";
 import type { NearStructure } from "../protocol/near.js";
-import { PAGE_KEY, type KeptPage, type Session } from "../state/session.js";
+import { PAGE_KEY, type StoredPage, type Session } from "../state/session.js";
 import { words } from "../words/words.js";
 
 /** Minimum interval between changes of the text, which screen readers announce. */
@@ -25,11 +25,11 @@ export class NearPanel {
   ) {
     effect(() => {
       const scene = session.scene.value;
-      byId("near-card").hidden = !this.isTold;
+      byId("near-card").hidden = !this.isReported;
       byId("sound").hidden = !scene || scene.no_go.length === 0;
       byId("near-lists").hidden = !scene?.distances;
     });
-    this.heard.switch(recall<KeptPage>(PAGE_KEY).sound === true);
+    this.heard.switch(recall<StoredPage>(PAGE_KEY).sound === true);
     byId("sound").addEventListener("click", () => this.toggleSound());
     // browsers block sound before a user gesture
     for (const event of ["pointerdown", "keydown"])
@@ -39,7 +39,7 @@ export class NearPanel {
   }
 
   /** Whether the session reports distances to structures or has no-go regions. */
-  private get isTold(): boolean {
+  private get isReported(): boolean {
     const scene = this.session.scene.value;
     return scene !== null && (scene.distances !== null || scene.no_go.length > 0);
   }
@@ -48,7 +48,7 @@ export class NearPanel {
     if (byId("sound").hidden || byId("near-card").hidden) return;
     this.heard.switch(!this.heard.isOn);
     this.heard.wake();
-    keep<KeptPage>(PAGE_KEY, { sound: this.heard.isOn });
+    store<StoredPage>(PAGE_KEY, { sound: this.heard.isOn });
     this.sound();
     this.draw(performance.now());
   }
@@ -63,18 +63,18 @@ export class NearPanel {
       state.stop !== null ||
       state.playback?.playing === false ||
       this.connection.link.value !== "connected";
-    this.heard.tell(isSilent ? null : (approach?.mm ?? null));
+    this.heard.update(isSilent ? null : (approach?.mm ?? null));
   }
 
   private draw(now: number): void {
-    if (!this.isTold) return;
+    if (!this.isReported) return;
     const { session } = this;
     press(byId("sound"), this.heard.isOn);
     const approach = session.approach.value;
     const line = byId("no-go");
     line.classList.toggle("damage", approach?.pushes === true);
     write(line, this.approachText());
-    byId("sound-held").hidden = !this.heard.isHeldBack;
+    byId("sound-held").hidden = !this.heard.isBlocked;
     const device = session.pose.value?.devices[0];
     const near = device ? session.nearTo(device) : [];
     this.drawRows(near);
@@ -125,9 +125,9 @@ export class NearPanel {
       const one = near[n];
       row.hidden = one === undefined;
       if (!one) continue;
-      const place = scene!.structures.findIndex(({ label }) => label === one.label);
+      const index = scene!.structures.findIndex(({ label }) => label === one.label);
       const [swatch, name] = row.cells[0]!.children as unknown as [HTMLElement, HTMLElement];
-      swatch.style.background = css(this.session.looks.value[place]?.colour ?? [128, 128, 128]);
+      swatch.style.background = css(this.session.appearances.value[index]?.colour ?? [128, 128, 128]);
       const regions = scene!.no_go.filter(({ label }) => label === one.label);
       write(
         name,

@@ -25,11 +25,11 @@ export class PlanPanel {
   private firstTurn = "";
   private tellsTurn = false;
 
-  /** @param goTo  moves all planes to a position */
+  /** @param moveTo  moves all planes to a position */
   constructor(
     private readonly session: Session,
     connection: Connection,
-    private readonly goTo: (place: Vec3) => void,
+    private readonly moveTo: (position: Vec3) => void,
   ) {
     const { plans } = session;
     byId("plan-new").addEventListener(
@@ -95,17 +95,17 @@ export class PlanPanel {
     this.shown = made;
     // keeps the focus at its position in the list
     const focused = (document.activeElement as HTMLElement | null)?.dataset.plan;
-    byId("plan-list").replaceChildren(...plans.list.map((one, place) => this.lineOf(one, place)));
+    byId("plan-list").replaceChildren(...plans.list.map((one, position) => this.lineOf(one, position)));
     if (focused) (byId("plan-list").querySelector<HTMLElement>(`[data-plan="${focused}"]`) ?? byId("plan-new")).focus();
   }
-  private lineOf(one: Trajectory, place: number): HTMLElement {
+  private lineOf(one: Trajectory, position: number): HTMLElement {
     const { plans } = this;
-    const isChosen = place === plans.chosen.value;
+    const isChosen = position === plans.chosen.value;
     const name = says(
       element("input", { type: "text", value: one.name, maxLength: 60, autocomplete: "off", spellcheck: false }),
       { label: "trajectoryName" },
     );
-    name.addEventListener("change", () => plans.put(place, { ...one, name: name.value }));
+    name.addEventListener("change", () => plans.replace(position, { ...one, name: name.value }));
     const choose = says(
       element("button", {
         type: "button",
@@ -116,30 +116,30 @@ export class PlanPanel {
       { title: "changeTrajectory", label: "changeTrajectory" },
       one.name,
     );
-    choose.addEventListener("click", () => void (plans.chosen.value = isChosen ? -1 : place));
+    choose.addEventListener("click", () => void (plans.chosen.value = isChosen ? -1 : position));
     const remove = says(
       element("button", { type: "button", textContent: "×" }),
       { label: "deleteNamed", title: "deleteNamed" },
       one.name,
     );
-    remove.addEventListener("click", () => plans.remove(place));
+    remove.addEventListener("click", () => plans.remove(position));
     for (const [control, of] of [
       [name, "name"],
       [choose, "choose"],
       [remove, "remove"],
     ] as const)
-      control.dataset.plan = `${of}-${place}`;
+      control.dataset.plan = `${of}-${position}`;
     return element(
       "li",
       { className: isChosen ? "chosen" : "" },
       name,
       choose,
       remove,
-      ...(isChosen ? ENDS.map((end) => this.endOf(one, place, end)) : []),
+      ...(isChosen ? ENDS.map((end) => this.endOf(one, position, end)) : []),
     );
   }
   /** Text field for a trajectory's end, in the displayed convention (LPS or RAS), mm. */
-  private endOf(one: Trajectory, place: number, end: End): HTMLElement {
+  private endOf(one: Trajectory, position: number, end: End): HTMLElement {
     const { session, plans } = this;
     const sign = session.convention.value === "RAS" ? -1 : 1;
     const turned = ([x, y, z]: Vec3): Vec3 => [sign * x, sign * y, z];
@@ -161,7 +161,7 @@ export class PlanPanel {
         .filter(Boolean)
         .map((x) => Number(x.replace("−", "-")));
       if (numbers.length === 3 && numbers.every(Number.isFinite))
-        return plans.put(place, { ...one, [end]: turned(numbers as Vec3) });
+        return plans.replace(position, { ...one, [end]: turned(numbers as Vec3) });
       toast(words.threeNumbers);
       this.shown = "";
       this.showList();
@@ -170,18 +170,18 @@ export class PlanPanel {
       text: "here",
       title: end === "entry_mm" ? "entryHere" : "targetHere",
     });
-    here.addEventListener("click", () => plans.put(place, { ...one, [end]: session.anchor() }));
+    here.addEventListener("click", () => plans.replace(position, { ...one, [end]: session.anchor() }));
     const show = says(element("button", { type: "button" }), {
       text: "where",
       title: end === "entry_mm" ? "showEntry" : "showTarget",
     });
-    show.addEventListener("click", () => this.goTo(one[end]));
+    show.addEventListener("click", () => this.moveTo(one[end]));
     for (const [control, of] of [
       [at, "at"],
       [here, "here"],
       [show, "show"],
     ] as const)
-      control.dataset.plan = `${of}-${end}-${place}`;
+      control.dataset.plan = `${of}-${end}-${position}`;
     return element(
       "div",
       { className: "end" },
@@ -196,7 +196,7 @@ export class PlanPanel {
 
   private shaft(device: DevicePose): Vec3 | null {
     const { session } = this;
-    const shaft = this.tellsTurn ? shaftOf(session.heldBy(device)) : null;
+    const shaft = this.tellsTurn ? shaftOf(session.toolOf(device)) : null;
     return shaft && session.toPatient(session.pose.value!, rotate(device.orientation, shaft));
   }
   private draw(): void {

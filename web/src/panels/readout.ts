@@ -20,7 +20,7 @@ export function showReadout(session: Session): void {
   const { scan } = scene.volume;
   const figure = value === null || !scan ? null : valueText(value, scan.scale);
   write(byId("value"), figure === null ? "" : scene.modality === "ct" ? `${figure} HU` : words.value(figure));
-  const place = volumes.structureAt(p);
+  const structureIndex = volumes.structureAt(p);
   if (!pointed && device) write(byId("structure"), session.contactOf(device).words);
-  else write(byId("structure"), place === null ? "" : readable(session.nameAt(place)));
+  else write(byId("structure"), structureIndex === null ? "" : readable(session.nameAt(structureIndex)));
 }

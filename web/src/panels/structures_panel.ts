@@ -5,8 +5,8 @@ import type { Rgb, Scene, State, Structure } from "../protocol/messages.js";
 import { byId, element, press, write } from "../base/dom.js";
 import { digits, quantity } from "../words/figures.js";
 import type { History } from "../state/history.js";
-import { keepScene } from "../state/local_storage.js";
-import { hasBone, keptLooks, presetLooks, PRESETS, type LooksPreset, type Look } from "../state/looks.js";
+import { storeScene } from "../state/local_storage.js";
+import { hasBone, storedAppearances, presetAppearances, PRESETS, type AppearancePreset, type Appearance } from "../state/appearance.js";
 import type { Permissions } from "../state/permissions.js";
 import type { Requests } from "../state/requests.js";
 import { readable, type KeptScene, type Session } from "../state/session.js";
@@ -53,7 +53,7 @@ export class StructuresPanel {
   private readonly lines = new Map<number, HTMLElement>(); // row of each structure, by label
   // controls of each structure, by index in the scene
   private controls: { eye: HTMLButtonElement; colour: HTMLInputElement; opacity: HTMLInputElement }[] = [];
-  private shownLooks: Look[] = []; // displayed by the controls
+  private shownAppearances: Appearance[] = []; // displayed by the controls
   private groups: Group[] = [];
   private readonly folded = new Set<number>(); // indices of folded tissues
   private focusedRow: HTMLElement | null = null; // row whose controls are in the tab order; null: none is visible
@@ -80,11 +80,11 @@ export class StructuresPanel {
     const choice = byId<HTMLSelectElement>("looks");
     choice.addEventListener("change", () => {
       if (choice.value)
-        this.change("looks", presetLooks(choice.value as LooksPreset, session.scene.value!, session.looks.value));
+        this.change("looks", presetAppearances(choice.value as AppearancePreset, session.scene.value!, session.appearances.value));
       choice.value = "";
     });
-    byId("show-all").addEventListener("click", () => this.setShown(session.looks.value.map(() => true)));
-    byId("hide-all").addEventListener("click", () => this.setShown(session.looks.value.map(() => false)));
+    byId("show-all").addEventListener("click", () => this.setShown(session.appearances.value.map(() => true)));
+    byId("hide-all").addEventListener("click", () => this.setShown(session.appearances.value.map(() => false)));
     session.onScene((scene) => untracked(() => this.build(scene)));
     session.onScene((scene) => this.offerPresets(scene));
     session.onState((state) => {
@@ -92,7 +92,7 @@ export class StructuresPanel {
       void requests.refusals.value;
       this.show(state);
     });
-    effect(() => this.showLooks(session.looks.value));
+    effect(() => this.showAppearances(session.appearances.value));
     session.onFigures(() => {
       const device = session.pose.value?.devices[0];
       if (device) this.touched(session.contactOf(device).label);
@@ -120,8 +120,8 @@ export class StructuresPanel {
     byId("caveats").replaceChildren(...scene.caveats.map(({ text }) => element("li", {}, text)));
     byId("caveats").hidden = scene.caveats.length === 0;
     byId("structures").replaceChildren(...this.groups.map(({ box }) => box));
-    this.shownLooks = [];
-    this.showLooks(session.looks.value);
+    this.shownAppearances = [];
+    this.showAppearances(session.appearances.value);
     if (session.state.value) this.show(session.state.value);
     this.find();
   }
@@ -162,16 +162,16 @@ export class StructuresPanel {
       this.find();
     });
     eye.addEventListener("click", () => {
-      const looks = this.session.looks.value;
-      const isShown = !indices.every((index) => looks[index]!.visible);
-      this.setShown(looks.map((look, index) => (indices.includes(index) ? isShown : look.visible)));
+      const appearances = this.session.appearances.value;
+      const isShown = !indices.every((index) => appearances[index]!.visible);
+      this.setShown(appearances.map((appearance, index) => (indices.includes(index) ? isShown : appearance.visible)));
     });
     return [{ tissue, indices, box, fold, eye, rows }];
   }
   /** Updates the visibility buttons of the groups: all, some or none of the structures are visible. */
-  private showGroups(looks: Look[]): void {
+  private showGroups(appearances: Appearance[]): void {
     for (const { indices, eye } of this.groups) {
-      const count = indices.filter((index) => looks[index]!.visible).length;
+      const count = indices.filter((index) => appearances[index]!.visible).length;
       const isAll = count === indices.length;
       eye.setAttribute("aria-pressed", isAll ? "true" : count === 0 ? "false" : "mixed");
       says(eye, { text: isAll ? "shown" : count === 0 ? "hidden" : "partly" });
@@ -230,8 +230,8 @@ export class StructuresPanel {
   private offerPresets(scene: Scene): void {
     const names = PRESETS.filter((name) => hasBone(scene) || name === "scene" || name === "solid");
     byId("looks").replaceChildren(
-      new Option(words.looksPreset, ""),
-      ...names.map((name) => new Option(words.looks[name], name)),
+      new Option(words.appearancePreset, ""),
+      ...names.map((name) => new Option(words.appearances[name], name)),
     );
   }
 
@@ -239,27 +239,27 @@ export class StructuresPanel {
    * Changes looks as an undo step.
    * @param key  changes with equal key in one gesture are one undo step
    */
-  private change(key: string, looks: Look[]): void {
-    this.history.note(key, { before: this.session.looks.value, after: looks, go: (_, to) => this.setLooks(to) });
-    this.setLooks(looks);
+  private change(key: string, appearances: Appearance[]): void {
+    this.history.note(key, { before: this.session.appearances.value, after: appearances, apply: (_, to) => this.setAppearances(to) });
+    this.setAppearances(appearances);
   }
   /** Sets and stores the looks of all structures. Returns true: an undo of looks cannot be refused. */
-  private setLooks(looks: Look[]): boolean {
+  private setAppearances(appearances: Appearance[]): boolean {
     this.alone = null;
-    this.session.looks.value = looks;
+    this.session.appearances.value = appearances;
     const scene = this.session.scene.value!;
-    keepScene<KeptScene>(scene.volume.hash, { looks: keptLooks(scene, looks) });
+    storeScene<KeptScene>(scene.volume.hash, { appearances: storedAppearances(scene, appearances) });
     return true;
   }
   /** Shows the looks that differ from the displayed ones. */
-  private showLooks(looks: Look[]): void {
+  private showAppearances(appearances: Appearance[]): void {
     // looks of another scene, whose list is not built yet
-    if (looks.length !== this.controls.length) return;
-    looks.forEach((look, index) => look !== this.shownLooks[index] && this.showLook(look, index));
-    this.shownLooks = looks;
-    this.showGroups(looks);
+    if (appearances.length !== this.controls.length) return;
+    appearances.forEach((appearance, index) => appearance !== this.shownAppearances[index] && this.showAppearance(appearance, index));
+    this.shownAppearances = appearances;
+    this.showGroups(appearances);
   }
-  private showLook({ colour, opacity, visible }: Look, index: number): void {
+  private showAppearance({ colour, opacity, visible }: Appearance, index: number): void {
     const controls = this.controls[index]!;
     press(controls.eye, visible);
     says(controls.eye, { text: visible ? "shown" : "hidden" });
@@ -267,10 +267,10 @@ export class StructuresPanel {
     controls.opacity.value = String(opacity);
   }
   /** Changes the look of one structure. */
-  private changeOne(index: number, key: string, look: Partial<Look>): void {
+  private changeOne(index: number, key: string, appearance: Partial<Appearance>): void {
     this.change(
       `${key} ${index}`,
-      this.session.looks.value.map((one, other) => (other === index ? { ...one, ...look } : one)),
+      this.session.appearances.value.map((one, other) => (other === index ? { ...one, ...appearance } : one)),
     );
   }
   /** Sets the visibility of every structure as one undo step. */
@@ -278,13 +278,13 @@ export class StructuresPanel {
     this.history.gesture += 1;
     this.change(
       "shown",
-      this.session.looks.value.map((look, index) => ({ ...look, visible: shown[index]! })),
+      this.session.appearances.value.map((appearance, index) => ({ ...appearance, visible: shown[index]! })),
     );
     this.alone = alone;
   }
   /** Hides all other structures, or restores their visibility if the structure is already shown alone. */
   private toggleAlone(index: number): void {
-    const shown = this.session.looks.value.map((look) => look.visible);
+    const shown = this.session.appearances.value.map((appearance) => appearance.visible);
     if (this.alone?.index === index) this.setShown(this.alone.before);
     else
       this.setShown(
@@ -367,7 +367,7 @@ export class StructuresPanel {
     colour.addEventListener("input", () => this.changeOne(index, "colour", { colour: fromHex(colour.value) }));
     opacity.addEventListener("input", () => this.changeOne(index, "opacity", { opacity: Number(opacity.value) }));
     eye.addEventListener("click", () =>
-      this.setShown(session.looks.value.map((one, other) => (other === index ? !one.visible : one.visible))),
+      this.setShown(session.appearances.value.map((one, other) => (other === index ? !one.visible : one.visible))),
     );
     const alone = says(
       element("button", { type: "button", className: "name", textContent: name }),

@@ -12,8 +12,8 @@ const colours = signal(new Map<string, string>()); // cache of the theme's colou
 const systemIsDark = matchMedia("(prefers-color-scheme: dark)");
 
 function chosen(): Theme {
-  const kept = localStorage.getItem(KEY) as Theme;
-  return ORDER.includes(kept) ? kept : "system";
+  const stored = localStorage.getItem(KEY) as Theme;
+  return ORDER.includes(stored) ? stored : "system";
 }
 export function applyTheme(): void {
   const theme = chosen();

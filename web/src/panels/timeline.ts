@@ -23,7 +23,7 @@ const devicesOf = (recording: Recording): number =>
   1 + Math.max(0, ...recording.contacts.map(([, , , , device]) => device));
 
 export class Timeline {
-  private readonly place = byId<HTMLInputElement>("place");
+  private readonly slider = byId<HTMLInputElement>("place");
   private readonly canvas = byId<HTMLCanvasElement>("line");
   private readonly size = new ObservedSize(this.canvas);
   private readonly marks = byId<HTMLSelectElement>("marks");
@@ -42,9 +42,9 @@ export class Timeline {
     byId("tick-back").addEventListener("click", () => this.step(-1));
     byId("tick-on").addEventListener("click", () => this.step(1));
     this.speed.addEventListener("change", () => this.ask({ speed: Number(this.speed.value) }));
-    this.place.addEventListener("input", () => this.go(Number(this.place.value)));
+    this.slider.addEventListener("input", () => this.seek(Number(this.slider.value)));
     this.marks.addEventListener("change", () => {
-      if (this.marks.value !== "") this.go(Number(this.marks.value));
+      if (this.marks.value !== "") this.seek(Number(this.marks.value));
       this.marks.value = "";
     });
     this.canvas.addEventListener("pointerdown", (event) => this.goToPointer(event));
@@ -67,8 +67,8 @@ export class Timeline {
     byId("playback").hidden = recording === null;
     document.body.classList.toggle("shows-recording", recording !== null);
     if (!recording) return;
-    this.place.min = String(recording.begin_s);
-    this.place.max = String(recording.end_s);
+    this.slider.min = String(recording.begin_s);
+    this.slider.max = String(recording.end_s);
   }
 
   private showState(): void {
@@ -93,7 +93,7 @@ export class Timeline {
   private ask(asked: { at_s?: number; playing?: boolean; speed?: number }): void {
     void this.requests.latest(`play ${Object.keys(asked).join()}`, { type: "play", ...asked });
   }
-  private go(at_s: number): void {
+  private seek(at_s: number): void {
     this.ask({ at_s });
   }
   /** Steps by one tick, forwards for positive `ticks`, and pauses there. */
@@ -106,10 +106,10 @@ export class Timeline {
   }
   private goToPointer(event: PointerEvent): void {
     const recording = this.recording.value;
-    if (this.place.disabled || !recording) return;
+    if (this.slider.disabled || !recording) return;
     const { left, width } = this.canvas.getBoundingClientRect();
     const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
-    this.go(recording.begin_s + share * (recording.end_s - recording.begin_s));
+    this.seek(recording.begin_s + share * (recording.end_s - recording.begin_s));
   }
 
   /** Text of an event in the list. */
@@ -140,7 +140,7 @@ export class Timeline {
     const listed = [...contacts, ...events].sort((a, b) => a.at_s - b.at_s);
     const left = recording.contacts_left_out + recording.events_left_out;
     this.marks.replaceChildren(
-      new Option(left > 0 ? words.goToOfMore(String(left)) : words.goTo, ""),
+      new Option(left > 0 ? words.goToOfMore(String(left)) : words.moveTo, ""),
       ...listed.map(({ at_s, text }) =>
         element("option", { value: String(at_s), textContent: `${time(at_s)}: ${text}` }),
       ),
@@ -151,7 +151,7 @@ export class Timeline {
     const recording = this.recording.value,
       pose = this.session.pose.value;
     if (!recording || !pose) return;
-    if (!this.place.matches(":active")) this.place.value = String(pose.time);
+    if (!this.slider.matches(":active")) this.slider.value = String(pose.time);
     write(byId("play-time"), `${time(pose.time)} / ${time(recording.end_s)} · ${words.tick(String(pose.tick))}`);
   }
 
@@ -168,7 +168,7 @@ export class Timeline {
     const span = Math.max(recording.end_s - recording.begin_s, 1e-9);
     const x = (s: number) => ((s - recording.begin_s) / span) * width;
     const colours = new Map(
-      session.scene.value!.structures.map(({ label }, n) => [label, `rgb(${session.looks.value[n]!.colour.join()})`]),
+      session.scene.value!.structures.map(({ label }, n) => [label, `rgb(${session.appearances.value[n]!.colour.join()})`]),
     );
 
     const top = Math.max(...recording.force_N, 1e-6);

@@ -4,10 +4,10 @@ import { effect } from "@preact/signals-core";
 import { byId, press } from "../base/dom.js";
 import type { History } from "../state/history.js";
 import type { Connection } from "../protocol/connection.js";
-import { keep, recall } from "../state/local_storage.js";
+import { store, recall } from "../state/local_storage.js";
 import type { Permissions } from "../state/permissions.js";
 import type { Requests } from "../state/requests.js";
-import { LAYOUTS, PAGE_KEY, type KeptPage, type Layout, type Session, type Tool } from "../state/session.js";
+import { LAYOUTS, PAGE_KEY, type StoredPage, type Layout, type Session, type Tool } from "../state/session.js";
 
 /** Buttons of which one is pressed: those with a data attribute of this name. */
 const choices = (name: "tool" | "layout"): HTMLElement[] => [
@@ -39,7 +39,7 @@ export class Toolbar {
       () => session.planes.value,
       (to) => (session.planes.value = to),
     );
-    const { layout } = recall<KeptPage>(PAGE_KEY);
+    const { layout } = recall<StoredPage>(PAGE_KEY);
     if (layout && LAYOUTS.includes(layout)) session.layout.value = layout;
     effect(() => {
       byId<HTMLButtonElement>("undo").disabled = !history.canUndo.value;
@@ -54,7 +54,7 @@ export class Toolbar {
     });
     effect(() => {
       this.offerTouch();
-      if (session.state.value) this.takePointer();
+      if (session.state.value) this.claimPointer();
     });
   }
 
@@ -80,7 +80,7 @@ export class Toolbar {
     for (const button of choices(name)) button.setAttribute("aria-checked", String(button.dataset[name] === chosen));
   }
   private showLayout(layout: Layout): void {
-    keep<KeptPage>(PAGE_KEY, { layout });
+    store<StoredPage>(PAGE_KEY, { layout });
     byId("pictures").className = `pictures layout-${layout}`;
     this.check("layout", layout);
   }
@@ -100,7 +100,7 @@ export class Toolbar {
    * Requests the pointer once in a connection, silently, unlike when the user chooses the tool. A teacher's page leaves
    * it to the learners until a press.
    */
-  private takePointer(): void {
+  private claimPointer(): void {
     if (this.hasAsked || this.session.tool.peek() !== "touch" || this.connection.allows("lesson")) return;
     this.hasAsked = true;
     void this.connection.ask({ type: "pointer", take: true });

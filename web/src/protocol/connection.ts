@@ -26,7 +26,7 @@ const SILENT_MS = 6000,
  * Validity of an emergency stop that could not be sent: it is sent on reconnection within this time. Later, the
  * situation may have changed.
  */
-const STOP_KEPT_MS = 5000;
+const STOP_RETAINED_MS = 5000;
 
 export interface Listener {
   onLink(link: Link): void;
@@ -126,7 +126,7 @@ export class Connection {
   }
 
   /**
-   * Sends a request. A stop without a response is sent again on the next connection, within STOP_KEPT_MS.
+   * Sends a request. A stop without a response is sent again on the next connection, within STOP_RETAINED_MS.
    * @returns null on success
    */
   ask(request: Request): Promise<Refusal | null> {
@@ -134,7 +134,7 @@ export class Connection {
       // a closing socket accepts messages but does not send them
       if (this.link.peek() !== "connected" || this.socket!.readyState > WebSocket.OPEN) {
         if (request.type !== "stop") return done({ what: words.notConnected, how: words.waitForIt });
-        return done(this.keepStop(performance.now()));
+        return done(this.retainStop(performance.now()));
       }
       const id = this.nextId++;
       this.waiting.set(id, { type: request.type, sent_ms: performance.now(), done });
@@ -154,9 +154,9 @@ export class Connection {
     if (this.link.peek() === "connected") this.socket!.send(JSON.stringify({ type: "lift" }));
   }
 
-  private keepStop(asked_ms: number): Refusal {
+  private retainStop(asked_ms: number): Refusal {
     this.unsentStop_ms = Math.max(this.unsentStop_ms, asked_ms);
-    return { what: words.stopIsKept, how: words.stopThere };
+    return { what: words.stopIsRetained, how: words.stopThere };
   }
 
   /** Closes a connection after its timeout; to be called periodically. */
@@ -185,7 +185,7 @@ export class Connection {
   }
   private forgetWaiting(): void {
     for (const { type, sent_ms, done } of this.waiting.values())
-      done(type === "stop" ? this.keepStop(sent_ms) : { what: words.lostBeforeAnswer });
+      done(type === "stop" ? this.retainStop(sent_ms) : { what: words.lostBeforeAnswer });
     this.waiting.clear();
   }
 
@@ -223,7 +223,7 @@ export class Connection {
           this.may.value = new Set(message.may as Right[]);
           this.setLink("connected");
         });
-        if (performance.now() - this.unsentStop_ms <= STOP_KEPT_MS) void this.ask({ type: "stop" });
+        if (performance.now() - this.unsentStop_ms <= STOP_RETAINED_MS) void this.ask({ type: "stop" });
         this.unsentStop_ms = -Infinity;
         break;
       case "state":

@@ -5,9 +5,9 @@
 // voxels.
 
 import type { Affine, Vec3 } from "../base/geometry.js";
-import type { ContactProperties, HeldTool, Limits, Settings } from "./protocol.gen.js";
+import type { ContactProperties, DeviceTool, Limits, Settings } from "./protocol.gen.js";
 
-export type { ContactProperties, HeldTool };
+export type { ContactProperties, DeviceTool };
 
 // connection
 
@@ -80,7 +80,7 @@ export interface Scene {
   world_from_patient: Affine;
   structures: Structure[];
   tissues: Tissue[];
-  tools: HeldTool[]; // indexed by device number
+  tools: DeviceTool[]; // indexed by device number
   methods: string[];
   laws: string[]; // constitutive laws of soft tissue; empty without soft tissue
   device: {
@@ -158,7 +158,7 @@ export interface Lesson {
   of_another: boolean; // for a learner: another learner owns the runs
   task: string | null; // only task that learners may begin; null: any
   names: boolean; // names hidden by a quiz are shown to learners
-  veiled: boolean; // a quiz hides names and voxels from this viewer
+  redacted: boolean; // a quiz hides names and voxels from this viewer
   learners: LessonLearner[] | null; // learners with a token; null for viewers other than teachers
   over: boolean; // a teacher has ended the session; the server closes the connection next
 }

@@ -55,7 +55,7 @@ export interface Capsule {
 }
 
 /** Tool held by one device, in the tool's frame. */
-export interface HeldTool {
+export interface DeviceTool {
   name: string;
   radius_mm: number;
   cuts: boolean;

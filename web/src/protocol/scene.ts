@@ -1,7 +1,7 @@
 // Download of the scene (/api/scene) and of its volumes.
 
 import type { Scene } from "./messages.js";
-import { troubleOf, versionTrouble } from "../words/trouble.js";
+import { errorOf, versionError } from "../words/errors.js";
 import { PROTOCOL } from "./wire.js";
 import { apply, compose, invert, type Affine, type Vec3 } from "../base/geometry.js";
 import { inPieces, PIECE_VOXELS } from "../base/pieces.js";
@@ -23,13 +23,13 @@ export class NeedsToken extends Error {}
 async function get(path: string, token: string | null): Promise<Response> {
   const response = await fetch(path, token ? { headers: { Authorization: `Bearer ${token}` } } : {});
   if (response.status === 401) throw new NeedsToken();
-  if (!response.ok) throw troubleOf(path, response.status);
+  if (!response.ok) throw errorOf(path, response.status);
   return response;
 }
 
 export async function fetchScene(token: string | null): Promise<Scene> {
   const scene = (await (await get("/api/scene", token)).json()) as Scene;
-  if (scene.protocol !== PROTOCOL) throw versionTrouble(PROTOCOL, { version: scene.protocol, palpate: scene.palpate });
+  if (scene.protocol !== PROTOCOL) throw versionError(PROTOCOL, { version: scene.protocol, palpate: scene.palpate });
   return scene;
 }
 
@@ -159,8 +159,8 @@ export class Volumes {
   /** Index of the structure at a position, patient frame, in the scene's list; null: none. */
   structureAt(p: Vec3): number | null {
     const index = this.indexAt(p);
-    const place = index === null ? 0 : this.structure[index]!;
-    return place > 0 ? place - 1 : null;
+    const value = index === null ? 0 : this.structure[index]!;
+    return value > 0 ? value - 1 : null;
   }
   /** Value of the scan at a position, patient frame; null: outside, or no scan. */
   valueAt(p: Vec3): number | null {
@@ -222,12 +222,12 @@ export async function fetchVolumes(
   ]);
 
   // index in the scene's list + 1 by label, or 0
-  const places = new Uint8Array(65536);
-  scene.structures.slice(0, MOST_STRUCTURES).forEach((structure, place) => (places[structure.label] = place + 1));
+  const valueOfLabel = new Uint8Array(65536);
+  scene.structures.slice(0, MOST_STRUCTURES).forEach((structure, value) => (valueOfLabel[structure.label] = value + 1));
   const raw = labels.type === "uint8" ? new Uint8Array(labelBytes) : new Uint16Array(labelBytes);
   const structure = new Uint8Array(voxels);
   await inPieces(voxels, PIECE_VOXELS, (from, to) => {
-    for (let i = from; i < to; i++) structure[i] = places[raw[i]!]!;
+    for (let i = from; i < to; i++) structure[i] = valueOfLabel[raw[i]!]!;
   });
 
   return new Volumes(

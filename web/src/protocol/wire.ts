@@ -45,7 +45,7 @@ export interface PathPart {
 export interface Contact {
   label: number;
   part: number; // index of the tool's part, contact points before capsules
-  place: Vec3; // contact point, patient
+  position: Vec3; // contact point, patient
   force: number; // normal force, N
 }
 
@@ -136,7 +136,7 @@ export function decodePose(message: ArrayBuffer): Pose {
         .map((there) => ({
           label: view.getUint16(there, true),
           part: view.getUint16(there + 2, true),
-          place: vec3(there + 4),
+          position: vec3(there + 4),
           force: f32(there + 16),
         }))
         .filter(({ label }) => label !== 0),

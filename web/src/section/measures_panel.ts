@@ -12,10 +12,10 @@ export class Measures {
   private shown: readonly Measure[] | null = null; // displayed measures
   private made = 0; // number of measures made since the page was opened, for their default names
 
-  /** @param goTo  moves the planes to a measure */
+  /** @param moveTo  moves the planes to a measure */
   constructor(
     private readonly history: History,
-    private readonly goTo: (measure: Measure) => void,
+    private readonly moveTo: (measure: Measure) => void,
   ) {
     byId("clear").addEventListener("click", () => this.change([]));
     byId("measures-csv").addEventListener("click", () =>
@@ -40,7 +40,7 @@ export class Measures {
   }
   private note(list: readonly Measure[]): void {
     this.history.gesture += 1;
-    this.history.note("measures", { before: this.list.value, after: list, go: (_, to) => this.set(to) });
+    this.history.note("measures", { before: this.list.value, after: list, apply: (_, to) => this.set(to) });
   }
   private set(list: readonly Measure[]): boolean {
     this.list.value = list;
@@ -52,42 +52,42 @@ export class Measures {
     this.shown = list;
     byId("no-measures").hidden = list.length > 0;
     byId("measures-csv").hidden = list.length === 0;
-    byId("measures").replaceChildren(...list.map((measure, place) => this.lineOf(measure, place)));
+    byId("measures").replaceChildren(...list.map((measure, index) => this.lineOf(measure, index)));
   }
-  private lineOf(measure: Measure, place: number): HTMLElement {
+  private lineOf(measure: Measure, index: number): HTMLElement {
     const name = says(element("input", { type: "text", value: measure.name, autocomplete: "off", spellcheck: false }), {
       label: "measureName",
     });
     // updates the row in place, because the focus is moving within it
     name.addEventListener("change", () => {
-      const list = this.list.value.map((one, other) => (other === place ? { ...one, name: name.value } : one));
+      const list = this.list.value.map((one, other) => (other === index ? { ...one, name: name.value } : one));
       this.note(list);
       this.shown = this.list.value = list;
-      says(go, { title: "goToMeasure" }, name.value);
+      says(button, { title: "goToMeasure" }, name.value);
       says(remove, { label: "deleteNamed", title: "deleteNamed" }, name.value);
     });
     // moves the focus out of the text field, in which the space bar is not the emergency stop
-    name.addEventListener("keydown", (event) => event.key === "Enter" && go.focus());
-    const go = says(
+    name.addEventListener("keydown", (event) => event.key === "Enter" && button.focus());
+    const button = says(
       element("button", { type: "button", className: "figure", textContent: measureText(measure) }),
       { title: "goToMeasure" },
       measure.name,
     );
-    go.addEventListener("click", () => this.goTo(measure));
+    button.addEventListener("click", () => this.moveTo(measure));
     const remove = says(
       element("button", { type: "button", textContent: "×" }),
       { label: "deleteNamed", title: "deleteNamed" },
       measure.name,
     );
     remove.addEventListener("click", () => {
-      this.change(this.list.value.filter((_, other) => other !== place));
+      this.change(this.list.value.filter((_, other) => other !== index));
       // keeps the focus in the list
       (
         byId("measures").querySelectorAll<HTMLElement>("button:last-child")[
-          Math.min(place, this.list.value.length - 1)
+          Math.min(index, this.list.value.length - 1)
         ] ?? byId("clear")
       ).focus();
     });
-    return element("li", {}, name, go, remove);
+    return element("li", {}, name, button, remove);
   }
 }

@@ -102,7 +102,7 @@ export class SectionView {
   private byKeys = false; // the tip is held by a key
   private readonly touching: Touching;
   /** Position of the cursor, or target of the keys, while this picture moves the tip; the plane contains it. */
-  private readonly heldTip = signal<Vec3 | null>(null);
+  private readonly steeredTip = signal<Vec3 | null>(null);
   private readonly mouse = signal<{ clientX: number; clientY: number } | null>(null); // mouse over this picture
   private drawn = ""; // key of all that the drawn pixels depend on, besides the appearance of the volume
   private drawnAppearance: Session["appearance"]["value"] | null = null;
@@ -114,14 +114,14 @@ export class SectionView {
   private readonly pointers = new Map<number, [number, number]>(); // pressed pointers: canvas position by id
   private gesture = 0; // undo group of the current drag
   private readonly chooser = new SliceChooser(
-    (slice) => this.goTo(slice),
+    (slice) => this.moveTo(slice),
     () => (this.history.gesture += 1),
   );
   private plans = false; // the current press edits a trajectory of the plan
   /** Measure in progress; its last point follows the mouse. */
   private readonly measure = signal<Pick<Measure, "kind" | "points"> | null>(null);
   /** Anchor of the plane while a measure is in progress; null: the session's. */
-  private readonly restsAt = signal<Vec3 | null>(null);
+  private readonly settlesAt = signal<Vec3 | null>(null);
 
   constructor(
     readonly kind: PlaneKind,
@@ -145,7 +145,7 @@ export class SectionView {
       (at, stroke) => stroke.outlineNear(this.patientAt(at), this.plane),
       (at) => this.patientAt(at),
       () =>
-        this.heldTip.peek() && this.touching.isTouchable(this.heldTip.peek()!) ? words.insideThere : words.nothingThere,
+        this.steeredTip.peek() && this.touching.isTouchable(this.steeredTip.peek()!) ? words.insideThere : words.nothingThere,
     );
     this.listen();
   }
@@ -156,7 +156,7 @@ export class SectionView {
     const { clientWidth, clientHeight } = this.picture.surface;
     if (volumes && clientWidth > 0) {
       this.size = Math.min(clientWidth, clientHeight);
-      const { right, down } = this.place();
+      const { right, down } = this.currentPlane();
       const corners = volumes.corners.map((corner) => sub(corner, volumes.centre));
       const across = corners.map((corner): [number, number] => [dot(corner, right), dot(corner, down)]);
       this.fitted = fitFactor(across, clientWidth, clientHeight);
@@ -213,8 +213,8 @@ export class SectionView {
   /** Point that the target plane contains; patient frame. */
   private through(): Vec3 {
     return (
-      this.heldTip.value ??
-      add(this.restsAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
+      this.steeredTip.value ??
+      add(this.settlesAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
     );
   }
   /**
@@ -222,7 +222,7 @@ export class SectionView {
    * does not change while the tip is moved here, during a measure, for stale poses, and without a sufficient force if
    * the plane follows that.
    */
-  private place(): Plane {
+  private currentPlane(): Plane {
     const { session, kind } = this;
     const through = this.through();
     if (kind !== "oblique") {
@@ -233,7 +233,7 @@ export class SectionView {
     const device = pose?.devices[0];
     const { follow, obliqueNormal } = session.planes.value;
     if (obliqueNormal && !follow) this.normal = obliqueNormal;
-    else if (pose && device && !this.heldTip.value && !this.restsAt.value && session.isFresh.value) {
+    else if (pose && device && !this.steeredTip.value && !this.settlesAt.value && session.isFresh.value) {
       const wanted = NORMALS[this.anatomical.value];
       const fallback = NORMALS[this.anatomical.value === "sagittal" ? "coronal" : "sagittal"];
       let normal: Vec3 | null = null;
@@ -313,7 +313,7 @@ export class SectionView {
       this.clampToVisible();
     }
     if (this.measure.value && this.measure.value.kind !== session.tool.value) this.dropMeasure();
-    this.plane = this.place();
+    this.plane = this.currentPlane();
     this.keepInView();
     const frame = picture.frame();
     const mm = this.view.value.mmPerPixel / frame.ratio;
@@ -373,15 +373,15 @@ export class SectionView {
     if (cross && !follow) drawCross(frame, this.pixelOf(cross));
     const device = session.pose.value?.devices[0];
     let top = 40;
-    const say = (said: string, colour: string) => {
-      text(frame, said, 12 * frame.ratio, top * frame.ratio, 12, colour, "left", "top");
+    const drawText = (line: string, colour: string) => {
+      text(frame, line, 12 * frame.ratio, top * frame.ratio, 12, colour, "left", "top");
       top += 18;
     };
     if (device) {
       drawTrail(frame, session, projection);
       for (const each of session.drawn) drawTool(frame, session, each, projection);
       if (this.kind === "oblique") {
-        say(touchedText(session, device), session.isFresh.value ? "#eef3f5" : "#a4adb3");
+        drawText(touchedText(session, device), session.isFresh.value ? "#eef3f5" : "#a4adb3");
         if (session.scene.value.device.input === "pointer") drawForceBar(frame, session, device);
       }
     }
@@ -395,8 +395,8 @@ export class SectionView {
       );
     }
     const { kind, mm: thick_mm } = session.slab.value;
-    if (kind !== "none") say(words.overSlab[kind](quantity(thick_mm, "mm")), "#eef3f5");
-    if (this.restsAt.value) say(words.restsMeanwhile, "#8ee28a");
+    if (kind !== "none") drawText(words.overSlab[kind](quantity(thick_mm, "mm")), "#eef3f5");
+    if (this.settlesAt.value) drawText(words.settlesMeanwhile, "#8ee28a");
     drawLetters(
       frame,
       orientationLetters(this.plane.right, this.plane.down),
@@ -415,16 +415,16 @@ export class SectionView {
   }
 
   /** Moves to a slice, from 1: the tip if it is held here, otherwise the planes, which then stop following it. */
-  private goTo(slice: number): void {
+  private moveTo(slice: number): void {
     const { session } = this;
     if (!session.volumes.value) return;
     const normal = normalOf(this.plane);
     const { first_mm, step_mm } = slicesAlong(session.volumes.value, normal);
     // relative to the target plane: the drawn one is updated in the next frame
     const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
-    if (this.heldTip.value) this.moveTipThrough(by);
-    else if (this.restsAt.value) this.restsAt.value = add(this.restsAt.value, by);
-    else this.change("slice", () => session.showPlace(add(session.anchor(), by)));
+    if (this.steeredTip.value) this.moveTipThrough(by);
+    else if (this.settlesAt.value) this.settlesAt.value = add(this.settlesAt.value, by);
+    else this.change("slice", () => session.showPosition(add(session.anchor(), by)));
   }
 
   /** Pans the picture so that a followed tip stays out of the outer 8 % on each side. */
@@ -436,7 +436,7 @@ export class SectionView {
       !this.session.planes.value.follow ||
       this.session.holding.value ||
       this.pointers.size > 0 ||
-      this.restsAt.value
+      this.settlesAt.value
     )
       return;
     const { width, height, ratio } = this.picture.frame();
@@ -455,7 +455,7 @@ export class SectionView {
     if (!this.session.volumes.value) return;
     const normal = normalOf(this.plane);
     const shift = scale(normal, count * slicesAlong(this.session.volumes.value, normal).step_mm);
-    if (this.heldTip.value) this.moveTipThrough(shift);
+    if (this.steeredTip.value) this.moveTipThrough(shift);
     // the displayed normal may be opposite to the stored one
     else this.change(by, () => this.show({ offset_mm: this.view.peek().offset_mm + dot(shift, this.normal) }));
   }
@@ -493,7 +493,7 @@ export class SectionView {
       this.mouse.value = { clientX: event.clientX, clientY: event.clientY };
       session.pointed.value = this.pointed;
       if (event.shiftKey && this.pointers.size === 0) {
-        this.change("cross", () => session.showPlace(this.patientAt(at)));
+        this.change("cross", () => session.showPosition(this.patientAt(at)));
       }
       const before = this.pointers.get(event.pointerId);
       if (before) this.change("drag", () => this.drag(event, before, at), this.gesture);
@@ -567,13 +567,13 @@ export class SectionView {
   private holdAt(p: Vec3): void {
     // an offset would take effect again at the release, and a plane that follows the tip would jump
     if (this.session.planes.value.follow) this.centre();
-    this.heldTip.value = p;
+    this.steeredTip.value = p;
   }
   /** Moves the plane of a held tip by a displacement, and the tip with it, without force. */
   private moveTipThrough(by: Vec3): void {
-    const heldTip = this.nearContact(add(this.heldTip.value!, by));
-    this.heldTip.value = heldTip;
-    this.pointer.move({ at: heldTip, into: null });
+    const steeredTip = this.nearContact(add(this.steeredTip.value!, by));
+    this.steeredTip.value = steeredTip;
+    this.pointer.move({ at: steeredTip, into: null });
   }
   /** Limits the distance of a target from a contact, which would follow a farther one with a jump. */
   private nearContact(to: Vec3): Vec3 {
@@ -590,8 +590,8 @@ export class SectionView {
   }
   /** Releases the tip if it is held here. */
   private release(): void {
-    if (!this.heldTip.value) return;
-    this.heldTip.value = null;
+    if (!this.steeredTip.value) return;
+    this.steeredTip.value = null;
     this.byKeys = false;
     this.touching.release();
     this.pointer.release();
@@ -617,7 +617,7 @@ export class SectionView {
     const isTouching = this.session.tool.value === "touch" && this.pointer.isAvailable;
     if (!direction || !tip || !isTouching || this.pointers.size > 0) return false;
     const to = this.nearContact(
-      add(this.heldTip.value ?? tip, scale(direction, KEY_STEP_PIXELS * this.view.value.mmPerPixel)),
+      add(this.steeredTip.value ?? tip, scale(direction, KEY_STEP_PIXELS * this.view.value.mmPerPixel)),
     );
     if (!this.byKeys) this.pointer.hold([], false);
     this.byKeys = true;
@@ -643,7 +643,7 @@ export class SectionView {
     } else if (this.plans) {
       session.plans.move(this.patientAt(at));
     } else if (this.touching.isOn) {
-      this.heldTip.value = this.patientAt(at);
+      this.steeredTip.value = this.patientAt(at);
       this.touching.drag(event, (each) => this.picture.at(each));
     } else if (event.buttons & 2) {
       this.show({ mmPerPixel: zoomed(mmPerPixel, Math.exp(-dy / 150)) });
@@ -675,7 +675,7 @@ export class SectionView {
   private addMeasurePoint(p: Vec3): void {
     if (!this.measure.value) {
       // hold the plane in place, so that it contains every point of the measure
-      this.restsAt.value = sub(this.plane.centre, scale(this.normal, this.view.value.offset_mm));
+      this.settlesAt.value = sub(this.plane.centre, scale(this.normal, this.view.value.offset_mm));
       this.measure.value = { kind: this.session.tool.value as "ruler" | "angle", points: [p, p] };
       return;
     }
@@ -698,6 +698,6 @@ export class SectionView {
   }
   private dropMeasure(): void {
     this.measure.value = null;
-    this.restsAt.value = null;
+    this.settlesAt.value = null;
   }
 }

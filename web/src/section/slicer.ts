@@ -8,7 +8,7 @@ import { inPieces, slicesOfPiece } from "../base/pieces.js";
 import type { Volumes } from "../protocol/scene.js";
 import type { Slab } from "../state/session.js";
 import { isSoftware, usedProgram } from "../drawing/shader_program.js";
-import { NoMemory } from "../words/trouble.js";
+import { NoMemory } from "../words/errors.js";
 import { LEAST_STRAIN, MOST_STRAIN, STRAIN_COLOURS } from "../drawing/strain.js";
 import { words } from "../words/words.js";
 
@@ -81,8 +81,8 @@ bool isInside(vec3 voxel) {
 void main() {
   vec3 voxel = origin + gl_FragCoord.x * acrossStep + (height - gl_FragCoord.y) * downStep;
   vec3 shown = vec3(0.035, 0.045, 0.055);
-  vec3 place = moved(voxel);
-  bool isShown = isInside(place);
+  vec3 position = moved(voxel);
+  bool isShown = isInside(position);
   if (hasScan) {
 #if SLAB
     // within the volume
@@ -98,7 +98,7 @@ void main() {
     if (kind == 0) value /= max(count, 1.0);
     isShown = count > 0.0;
 #else
-    float value = isShown ? scanAt(place) : 0.0;
+    float value = isShown ? scanAt(position) : 0.0;
 #endif
     if (isShown) shown = vec3(clamp((value - window.x) / max(window.y - window.x, 1e-6), 0.0, 1.0));
   } else if (isShown) {
@@ -453,10 +453,10 @@ export class Slicer {
     gl.uniform1f(this.at("fill"), style.fill);
     gl.uniform1i(this.at("outlines"), style.outlines ? 1 : 0);
     const through = this.through(plane, mm);
-    const places = kind === "none" ? 1 : samplesThrough(through, reduction > 1 ? COARSE : FINE);
+    const sampleCount = kind === "none" ? 1 : samplesThrough(through, reduction > 1 ? COARSE : FINE);
     if (kind !== "none") {
-      gl.uniform1i(this.at("samples"), places);
-      gl.uniform3fv(this.at("throughStep"), scale(through, 1 / (places - 1)));
+      gl.uniform1i(this.at("samples"), sampleCount);
+      gl.uniform3fv(this.at("throughStep"), scale(through, 1 / (sampleCount - 1)));
       gl.uniform1i(this.at("kind"), KINDS.indexOf(kind));
     }
     const rows = Math.min(to, height) - from;
@@ -474,7 +474,7 @@ export class Slicer {
       width * reduction,
       rows * reduction,
     );
-    this.place_ms[kind === "none" ? "plane" : "slab"] = (performance.now() - began_ms) / (width * rows * places);
+    this.place_ms[kind === "none" ? "plane" : "slab"] = (performance.now() - began_ms) / (width * rows * sampleCount);
   }
 }
 

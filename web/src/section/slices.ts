@@ -24,14 +24,14 @@ export function slicesAlong(volumes: Volumes, normal: Vec3): Slices {
     { length: 8 },
     (_, n) => volumes.dims.map((size, axis) => (n >> axis) & 1 && size - 1) as Vec3,
   );
-  const places = corners.map((corner) => dot(apply(volumes.patientFromVoxel, corner), normal));
-  const first_mm = Math.min(...places);
-  return { first_mm, step_mm, count: Math.round((Math.max(...places) - first_mm) / step_mm) + 1 };
+  const distances = corners.map((corner) => dot(apply(volumes.patientFromVoxel, corner), normal));
+  const first_mm = Math.min(...distances);
+  return { first_mm, step_mm, count: Math.round((Math.max(...distances) - first_mm) / step_mm) + 1 };
 }
 
 /** Number, counted from 1, of the slice nearest to an offset along the normal. */
-export const sliceAt = ({ first_mm, step_mm, count }: Slices, place_mm: number): number =>
-  Math.min(count, Math.max(1, Math.round((place_mm - first_mm) / step_mm) + 1));
+export const sliceAt = ({ first_mm, step_mm, count }: Slices, distance_mm: number): number =>
+  Math.min(count, Math.max(1, Math.round((distance_mm - first_mm) / step_mm) + 1));
 
 /** Number of slices per key press, the same as in the picture. */
 const STEPS: Record<string, number> = {
@@ -64,7 +64,7 @@ export class SliceChooser {
     const track = element("div", { className: "track" }, this.slider);
     const at = (event: PointerEvent) => {
       const { top, height } = track.getBoundingClientRect();
-      this.go(1 + Math.round(((event.clientY - top) / Math.max(1, height)) * (this.shown.count - 1)));
+      this.showSlice(1 + Math.round(((event.clientY - top) / Math.max(1, height)) * (this.shown.count - 1)));
     };
     track.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
@@ -80,18 +80,18 @@ export class SliceChooser {
       if (by === undefined || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
       if (!event.repeat) begin();
-      this.go(this.shown.slice + by);
+      this.showSlice(this.shown.slice + by);
     });
     // changes by assistive technology
-    this.slider.addEventListener("input", () => this.go(Number(this.slider.value)));
+    this.slider.addEventListener("input", () => this.showSlice(Number(this.slider.value)));
     this.number.addEventListener("change", () => {
       begin();
-      this.go(Number(this.number.value));
+      this.showSlice(Number(this.number.value));
     });
     this.element = element("div", { className: "slices" }, track, this.number, this.total);
   }
 
-  private go(slice: number): void {
+  private showSlice(slice: number): void {
     if (Number.isNaN(slice) || this.shown.count === 0) return;
     this.choose(Math.min(this.shown.count, Math.max(1, Math.round(slice))));
   }

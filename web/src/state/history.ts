@@ -8,7 +8,7 @@ export interface Step<State> {
   before: State;
   after: State;
   /** @returns whether it succeeded; a refused step can be retried */
-  go(from: State, to: State): boolean | Promise<boolean>;
+  apply(from: State, to: State): boolean | Promise<boolean>;
 }
 interface Kept extends Step<unknown> {
   key: string;
@@ -53,11 +53,11 @@ export class History {
       before.delete(name);
       after.delete(name);
     }
-    const go = (_: BookmarkedView, to: BookmarkedView) => {
+    const apply = (_: BookmarkedView, to: BookmarkedView) => {
       for (const [name, state] of to) this.parts.get(name)!.set(state);
       return true;
     };
-    if (after.size > 0) this.note(`${by}: ${[...after.keys()]}`, { before, after, go }, gesture);
+    if (after.size > 0) this.note(`${by}: ${[...after.keys()]}`, { before, after, apply }, gesture);
   }
 
   note<State>(key: string, step: Step<State>, gesture = this.gesture): void {
@@ -70,10 +70,10 @@ export class History {
   }
 
   undo(): Promise<void> {
-    return this.move(this.past, this.future, (step) => step.go(step.after, step.before));
+    return this.move(this.past, this.future, (step) => step.apply(step.after, step.before));
   }
   redo(): Promise<void> {
-    return this.move(this.future, this.past, (step) => step.go(step.before, step.after));
+    return this.move(this.future, this.past, (step) => step.apply(step.before, step.after));
   }
   clear(): void {
     this.past = [];
@@ -86,11 +86,11 @@ export class History {
     this.canRedo.value = this.future.length > 0;
   }
   /** Undoes or redoes one step; ignored while another one is pending, because the loop responds asynchronously. */
-  private async move(from: Kept[], to: Kept[], go: (step: Kept) => boolean | Promise<boolean>): Promise<void> {
+  private async move(from: Kept[], to: Kept[], apply: (step: Kept) => boolean | Promise<boolean>): Promise<void> {
     const step = from.at(-1);
     if (!step || this.isBusy) return;
     this.isBusy = true;
-    const isDone = await go(step);
+    const isDone = await apply(step);
     this.isBusy = false;
     // the step was refused, or the history has changed meanwhile
     if (!isDone || from.at(-1) !== step || (from !== this.past && from !== this.future)) return;

@@ -7,14 +7,14 @@ const keyOf = (hash: string): string => `palpate.scene.${hash}`;
 /** Value stored under a key; empty if it cannot be parsed or storage is unavailable. */
 export function recall<T>(key: string): Partial<T> {
   try {
-    const kept: unknown = JSON.parse(localStorage.getItem(key) ?? "{}");
-    return typeof kept === "object" && kept !== null ? (kept as Partial<T>) : {};
+    const stored: unknown = JSON.parse(localStorage.getItem(key) ?? "{}");
+    return typeof stored === "object" && stored !== null ? (stored as Partial<T>) : {};
   } catch {
     return {};
   }
 }
 /** Merges values into those stored under a key. */
-export function keep<T>(key: string, more: Partial<T>): void {
+export function store<T>(key: string, more: Partial<T>): void {
   try {
     localStorage.setItem(key, JSON.stringify({ ...recall<T>(key), ...more }));
   } catch {
@@ -23,12 +23,12 @@ export function keep<T>(key: string, more: Partial<T>): void {
 }
 
 export const recallScene = <T>(hash: string): Partial<T> => recall<T>(keyOf(hash));
-export function keepScene<T>(hash: string, more: Partial<T>): void {
+export function storeScene<T>(hash: string, more: Partial<T>): void {
   const { seen = [] } = recall<{ seen: string[] }>(SCENES_KEY);
   if (seen[0] !== hash) {
     const now = [hash, ...seen.filter((other) => other !== hash)];
     for (const old of now.slice(MOST_SCENES)) localStorage.removeItem(keyOf(old));
-    keep<{ seen: string[] }>(SCENES_KEY, { seen: now.slice(0, MOST_SCENES) });
+    store<{ seen: string[] }>(SCENES_KEY, { seen: now.slice(0, MOST_SCENES) });
   }
-  keep<T>(keyOf(hash), more);
+  store<T>(keyOf(hash), more);
 }

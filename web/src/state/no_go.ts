@@ -1,7 +1,7 @@
 // Distance of tools to the borders at which no-go regions begin to push. Distances to structures are reported by
 // palpate; distances to planes and balls are computed here from the tool's geometry.
 
-import type { HeldTool, NoGo } from "../protocol/messages.js";
+import type { DeviceTool, NoGo } from "../protocol/messages.js";
 import { add, dot, length, scale, sub, type Vec3 } from "../base/geometry.js";
 import type { Near } from "../protocol/near.js";
 
@@ -18,7 +18,7 @@ export interface ToolPart {
  * @param toPatient  rotation of directions from the tool's frame into the patient's
  */
 export function toolParts(
-  { points_mm, radius_mm, capsules }: HeldTool,
+  { points_mm, radius_mm, capsules }: DeviceTool,
   tip: Vec3,
   toPatient: (v: Vec3) => Vec3,
 ): ToolPart[] {
@@ -36,8 +36,8 @@ export function toolParts(
 /** Number of iterations of the ternary search along a part. */
 const CUTS = 30;
 /** Distance from a part's surface to a position, mm. Distance minus radius has a single minimum along the part. */
-function toPlace({ from, to, radii_mm: [first, last] }: ToolPart, place: Vec3): number {
-  const gap = (t: number) => length(sub(add(from, scale(sub(to, from), t)), place)) - first - t * (last - first);
+function toPoint({ from, to, radii_mm: [first, last] }: ToolPart, position: Vec3): number {
+  const gap = (t: number) => length(sub(add(from, scale(sub(to, from), t)), position)) - first - t * (last - first);
   let low = 0,
     high = 1;
   for (let n = 0; n < CUTS; n++) {
@@ -53,7 +53,7 @@ const toPlane = ({ from, to, radii_mm }: ToolPart, point: Vec3, outward: Vec3): 
 /** Distance between the surfaces of tool and region, mm, negative inside; null: beyond the reported reach. */
 function distanceOf({ label, plane, ball }: NoGo, parts: ToolPart[], near: Near): number | null {
   if (plane) return Math.min(...parts.map((part) => toPlane(part, plane.point_mm, plane.outward)));
-  if (ball) return Math.min(...parts.map((part) => toPlace(part, ball.centre_mm))) - ball.radius_mm;
+  if (ball) return Math.min(...parts.map((part) => toPoint(part, ball.centre_mm))) - ball.radius_mm;
   return near.structures.find((structure) => structure.label === label)?.mm ?? null;
 }
 
@@ -69,9 +69,9 @@ export interface Approach {
 export function nearestNoGo(regions: (NoGo | null)[], parts: ToolPart[], near: Near): Approach | null {
   // a region that pushes is reported by palpate
   if (near.noGo >= 0) return near.noGo < regions.length ? { region: near.noGo, mm: -near.depth, pushes: true } : null;
-  const all = regions.flatMap((region, place): Approach[] => {
+  const all = regions.flatMap((region, position): Approach[] => {
     const away_mm = region && distanceOf(region, parts, near);
-    return away_mm === null ? [] : [{ region: place, mm: Math.max(0, away_mm - region!.keep_away_mm), pushes: false }];
+    return away_mm === null ? [] : [{ region: position, mm: Math.max(0, away_mm - region!.keep_away_mm), pushes: false }];
   });
   return all.sort((a, b) => a.mm - b.mm)[0] ?? null;
 }

@@ -1,6 +1,6 @@
 // Deviation of a tool from a plan: trajectories from an entry to a target, and distances to keep. Patient frame, mm.
 
-import type { HeldTool, Plan, Trajectory } from "../protocol/messages.js";
+import type { DeviceTool, Plan, Trajectory } from "../protocol/messages.js";
 import { add, angleAt_deg, dot, length, normalize, scale, sub, type Vec3 } from "../base/geometry.js";
 import type { NearStructure } from "../protocol/near.js";
 
@@ -19,17 +19,17 @@ export function besideTrajectory({ entry_mm, target_mm }: Trajectory, tip: Vec3,
   return { lateral_mm, left_mm, angle_deg };
 }
 /** Distance of a position from the segment between a trajectory's ends, mm. */
-export function toTrajectory({ entry_mm, target_mm }: Trajectory, place: Vec3): number {
+export function toTrajectory({ entry_mm, target_mm }: Trajectory, position: Vec3): number {
   const way = sub(target_mm, entry_mm);
-  const share = Math.min(1, Math.max(0, dot(sub(place, entry_mm), way) / dot(way, way)));
-  return length(sub(add(entry_mm, scale(way, share)), place));
+  const share = Math.min(1, Math.max(0, dot(sub(position, entry_mm), way) / dot(way, way)));
+  return length(sub(add(entry_mm, scale(way, share)), position));
 }
 
 /**
  * Unit direction of the shaft in the tool's frame, from tip to handle: axis of the longest capsule, because the head of
  * a cylindrical or conical burr is a capsule too. Null: no capsules.
  */
-export function shaftOf({ capsules }: HeldTool): Vec3 | null {
+export function shaftOf({ capsules }: DeviceTool): Vec3 | null {
   const [longest] = capsules
     .map(({ from_mm, to_mm }) => (length(to_mm) >= length(from_mm) ? sub(to_mm, from_mm) : sub(from_mm, to_mm)))
     .sort((a, b) => length(b) - length(a));

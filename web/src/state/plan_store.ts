@@ -25,7 +25,7 @@ export class PlanStore {
   private readonly published = signal<Plan | null>(null); // palpate's plan
   private readonly own = signal<Plan | null>(null); // this page's plan
   private readonly begun = signal<Vec3 | null>(null); // entry of a new trajectory that still lacks a target
-  private readonly grip = signal<{ place: number; end: End; to: Vec3 } | null>(null);
+  private readonly grip = signal<{ index: number; end: End; to: Vec3 } | null>(null);
 
   /**
    * @param ask  requests a change of palpate's plan
@@ -54,10 +54,10 @@ export class PlanStore {
   /** Displayed trajectories, including the current position of a moved end and an incomplete trajectory. */
   get drawn(): Trajectory[] {
     const [grip, begun] = [this.grip.value, this.begun.value];
-    const list = this.list.map((one, place) => (grip?.place === place ? { ...one, [grip.end]: grip.to } : one));
+    const list = this.list.map((one, index) => (grip?.index === index ? { ...one, [grip.end]: grip.to } : one));
     return begun ? [...list, { ...UNBOUND, name: words.entry, entry_mm: begun, target_mm: begun }] : list;
   }
-  tell(plan: Plan | null): void {
+  update(plan: Plan | null): void {
     this.change(() => (this.published.value = plan));
   }
   /** Discards the page's own plan; to be called when another scene is loaded. */
@@ -70,29 +70,29 @@ export class PlanStore {
 
   // ---- undoable edits
 
-  put(place: number, trajectory: Trajectory): void {
+  replace(index: number, trajectory: Trajectory): void {
     const { name, entry_mm, target_mm } = trajectory;
     const list = this.list.slice();
-    list[place] = trajectory;
-    this.chosen.value = place;
-    void this.edit(list, { trajectory: place, name, entry_mm, target_mm });
+    list[index] = trajectory;
+    this.chosen.value = index;
+    void this.edit(list, { trajectory: index, name, entry_mm, target_mm });
   }
   add(entry_mm: Vec3, target_mm: Vec3): void {
     const names = this.list.map(({ name }) => name);
     let number = names.length + 1;
     while (names.includes(words.trajectoryNumber(String(number)))) number += 1;
-    this.put(names.length, { ...UNBOUND, name: words.trajectoryNumber(String(number)), entry_mm, target_mm });
+    this.replace(names.length, { ...UNBOUND, name: words.trajectoryNumber(String(number)), entry_mm, target_mm });
   }
   /** Adds a trajectory of length NEW_MM from `entry` towards `to`. */
   addTowards(entry: Vec3, to: Vec3): void {
     const way = sub(to, entry);
     this.add(entry, add(entry, scale(length(way) > 1 ? normalize(way) : [0, 1, 0], NEW_MM)));
   }
-  remove(place: number): void {
-    if (this.chosen.value >= place) this.chosen.value -= 1;
+  remove(index: number): void {
+    if (this.chosen.value >= index) this.chosen.value -= 1;
     void this.edit(
-      this.list.filter((_, other) => other !== place),
-      { trajectory: place, remove: true },
+      this.list.filter((_, other) => other !== index),
+      { trajectory: index, remove: true },
     );
   }
   /** Requests that palpate saves the plan to its file. */
@@ -111,14 +111,14 @@ export class PlanStore {
         can_change: false,
         trajectories,
       };
-      this.history.note("plan", { before, after, go: (_, to) => this.setOwn(to) });
+      this.history.note("plan", { before, after, apply: (_, to) => this.setOwn(to) });
       this.setOwn(after);
       return;
     }
     const { version } = this.published.value!;
     if (!(await this.ask({ version, ...request }))) return;
     // palpate increments the version for every change, undo included
-    this.history.note("plan", { before: version, after: version + 1, go: (_, to) => this.goBack(to) });
+    this.history.note("plan", { before: version, after: version + 1, apply: (_, to) => this.goBack(to) });
   }
   private setOwn(plan: Plan | null): boolean {
     this.change(() => (this.own.value = plan));
@@ -141,8 +141,8 @@ export class PlanStore {
   /** Handles a press: sets the target of a begun trajectory, else picks an existing end, else begins a trajectory. */
   press(at: Vec3, pixelsTo: PixelsTo): void {
     const [nearest] = this.list
-      .flatMap((one, place) =>
-        (["entry_mm", "target_mm"] as const).map((end) => ({ place, end, to: at, far: pixelsTo(one[end]) })),
+      .flatMap((one, index) =>
+        (["entry_mm", "target_mm"] as const).map((end) => ({ index, end, to: at, far: pixelsTo(one[end]) })),
       )
       .sort((a, b) => a.far - b.far);
     const entry = this.begun.value;
@@ -151,7 +151,7 @@ export class PlanStore {
       this.add(entry, at);
     } else if (nearest && nearest.far <= HOLD_PIXELS) {
       this.grip.value = nearest;
-      this.chosen.value = nearest.place;
+      this.chosen.value = nearest.index;
     } else this.begun.value = at;
   }
   move(at: Vec3): void {
@@ -161,9 +161,9 @@ export class PlanStore {
     const [grip, begun] = [this.grip.value, this.begun.value];
     this.grip.value = null;
     if (grip) {
-      const one = this.list[grip.place];
+      const one = this.list[grip.index];
       if (one && length(sub(one[grip.end], grip.to)) > 0 && pixelsTo(one[grip.end]) > DRAWN_PIXELS)
-        this.put(grip.place, { ...one, [grip.end]: grip.to });
+        this.replace(grip.index, { ...one, [grip.end]: grip.to });
     } else if (begun && pixelsTo(begun) > DRAWN_PIXELS) {
       this.begun.value = null;
       this.add(begun, at);

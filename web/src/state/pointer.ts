@@ -20,7 +20,7 @@ const LEAST_INTERVAL_MS = 1000 / 120;
 /** Repetition interval at rest. */
 const KEEP_ALIVE_MS = 1000 / 30;
 /** Interval without messages after which palpate lets the force fade out (docs/reference/devices-without-force.md). */
-const HELD_MS = 550;
+const HOLD_MS = 550;
 /** Delay of the first message of a touch, because a second finger may follow for zooming. */
 const PINCH_MS = 150;
 /** Speed of the tip, about that of a hand. A longer path of a stroke takes LONGEST_MS, at FASTEST_MM_PER_S at most. */
@@ -39,7 +39,7 @@ export class PointerDevice {
   position: Step | null = null; // target sent last while the tip is held; null: released
   pressure = 1; // factor of the chosen force by the pressure of a pen
   /** Called when the hold ends although the press goes on. */
-  onLetGo: () => void = () => {};
+  onReleasedByPause: () => void = () => {};
   private way: Step[] = []; // remaining path; the last step is the target
   private sent_ms = 0; // time of the latest message
   private hasSent = false; // the current hold has sent a message
@@ -54,12 +54,12 @@ export class PointerDevice {
     private readonly requests: Requests,
   ) {}
 
-  private get isTaken(): boolean {
+  private get isClaimed(): boolean {
     return this.session.state.value?.pointer === true;
   }
   /** Whether a press moves the tip: this page has the pointer, or may take it because no viewer has it. */
   get isAvailable(): boolean {
-    return this.isTaken || (this.session.state.value?.pointer_by === null && this.permissions.device.value);
+    return this.isClaimed || (this.session.state.value?.pointer_by === null && this.permissions.device.value);
   }
   /** Force that a press has now, N. */
   private get force_N(): number {
@@ -80,7 +80,7 @@ export class PointerDevice {
     this.sent_ms = performance.now() + (isFinger ? PINCH_MS : 0);
     clearInterval(this.timer);
     this.timer = window.setInterval(() => this.send(), LEAST_INTERVAL_MS);
-    this.isAwaited = !this.isTaken;
+    this.isAwaited = !this.isClaimed;
     if (this.isAwaited)
       void this.requests.once({ type: "pointer", take: true }).then((isGranted) => isGranted || this.release());
   }
@@ -98,7 +98,7 @@ export class PointerDevice {
     this.hasSent = false;
     this.position = null;
     this.session.holding.value = false;
-    if (position && hasSent && this.isTaken) this.leave(position);
+    if (position && hasSent && this.isClaimed) this.leave(position);
   }
   /** Leaves the surface, which would stay dented, and releases the tip. */
   private leave({ at, into }: Step): void {
@@ -108,16 +108,16 @@ export class PointerDevice {
     else lift();
   }
   /** Releases the tip although the press goes on: the page was hidden or did not run for too long. */
-  letGo(): void {
+  withdraw(): void {
     if (!this.session.holding.value) return;
     this.release();
-    this.onLetGo();
+    this.onReleasedByPause();
   }
 
   private send(): void {
     if (!this.position) return;
     const now = performance.now();
-    if (!this.isTaken) {
+    if (!this.isClaimed) {
       if (this.isAwaited) this.sent_ms = Math.max(this.sent_ms, now);
       else this.release(); // a teacher has passed the pointer to another page
       return;
@@ -125,7 +125,7 @@ export class PointerDevice {
     this.isAwaited = false;
     const elapsed = now - this.sent_ms;
     // palpate has let go meanwhile, and would begin inside of the tissue
-    if (this.hasSent && elapsed > HELD_MS) return this.letGo();
+    if (this.hasSent && elapsed > HOLD_MS) return this.withdraw();
     if (elapsed < (this.way.length === 0 ? KEEP_ALIVE_MS : LEAST_INTERVAL_MS)) return;
     this.advance(Math.min(elapsed, 50));
     this.hasPressed ||= this.position.into !== null;

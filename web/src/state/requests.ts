@@ -92,7 +92,7 @@ export class Requests {
       const key = JSON.stringify([type, tissue, Object.keys(before)]);
       this.history.note(
         key,
-        { before: { ...request, ...before }, after: request, go: (from, to) => this.replace(from, to) },
+        { before: { ...request, ...before }, after: request, apply: (from, to) => this.replace(from, to) },
         gesture,
       );
     }
@@ -107,10 +107,10 @@ export class Requests {
     }
     return refusal === null;
   }
-  /** Requests `wanted` if the current values are still those of `held`; otherwise another viewer has changed them. */
-  private async replace(held: Request, wanted: Request): Promise<boolean> {
+  /** Requests `target` if the values are still those of `current`; otherwise another viewer has changed them. */
+  private async replace(current: Request, target: Request): Promise<boolean> {
     const state = this.state();
-    if (state && areSame(holding(held, state)!, held)) return this.ask(wanted);
+    if (state && areSame(holding(current, state)!, current)) return this.ask(target);
     toast(words.changedSince);
     return false;
   }

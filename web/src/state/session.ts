@@ -2,13 +2,13 @@
 // both. Panels and pictures follow by reading it.
 
 import { batch, computed, effect, signal, untracked, type Signal } from "@preact/signals-core";
-import type { Debriefing, HeldTool, Scene, State, TaskRun, Tracked } from "../protocol/messages.js";
+import type { Debriefing, DeviceTool, Scene, State, TaskRun, Tracked } from "../protocol/messages.js";
 import { add, rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "../base/geometry.js";
-import { keep, recall, recallScene } from "./local_storage.js";
+import { store, recall, recallScene } from "./local_storage.js";
 import type { Near, NearStructure } from "../protocol/near.js";
 import type { PlanStore } from "./plan_store.js";
 import { nearestNoGo, toolParts, type Approach } from "./no_go.js";
-import { glossOf, looksOf, restored, type KeptLooks, type Look } from "./looks.js";
+import { glossOf, appearancesOf, restored, type StoredAppearances, type Appearance } from "./appearance.js";
 import { REMOVED, showsTheSame, type Volumes } from "../protocol/scene.js";
 import type { DevicePose, Pose } from "../protocol/wire.js";
 import { Flag } from "../protocol/wire.js";
@@ -32,9 +32,9 @@ export interface Planes {
   obliqueNormal: Vec3 | null; // normal of the oblique plane from a bookmark, while it does not follow
 }
 
-/** Looks of a scene, as this browser stores them. */
+/** Appearance of a scene, as this browser stores them. */
 export interface KeptScene {
-  looks: KeptLooks;
+  appearances: StoredAppearances;
 }
 export type Layout = "two" | "five" | "volume" | "section" | "inside" | "scope";
 export const LAYOUTS: Layout[] = ["two", "five", "volume", "section", "inside", "scope"];
@@ -42,7 +42,7 @@ export const LAYOUTS: Layout[] = ["two", "five", "volume", "section", "inside", 
  * Settings of the page for all scenes. The window of each modality is relative to the scan's initial window, except for
  * CT, whose values (HU) are comparable between scans.
  */
-export interface KeptPage {
+export interface StoredPage {
   layout: Layout;
   cards: Record<string, boolean>;
   sound: boolean;
@@ -80,14 +80,14 @@ export class Session {
 
   // ---- display
 
-  readonly looks = signal<Look[]>([]); // indexed like the scene's structures
+  readonly appearances = signal<Appearance[]>([]); // indexed like the scene's structures
   readonly window = signal<Window>({ level: 0, width: 1 });
   readonly fill = signal(0.45);
   readonly outlines = signal(true);
   readonly strain = signal(false); // strain is displayed in sections
   readonly yields = signal(false); // some tissue is deformed
   /** Displacement of a position at rest, mm, as displayed. */
-  readonly movedAt = signal<(place: Vec3) => Vec3>(() => [0, 0, 0]);
+  readonly movedAt = signal<(position: Vec3) => Vec3>(() => [0, 0, 0]);
   readonly slab = signal<Slab>({ kind: "none", mm: 10 });
   readonly scanInVolume = signal(0);
   readonly layout = signal<Layout>("two");
@@ -132,7 +132,7 @@ export class Session {
     for (const device of pose.devices) {
       const near = this.near.value[device.number];
       if (!near) continue;
-      const parts = toolParts(this.heldBy(device), device.tip, (v) =>
+      const parts = toolParts(this.toolOf(device), device.tip, (v) =>
         this.toPatient(pose, rotate(device.orientation, v)),
       );
       const approach = nearestNoGo(regions, parts, near);
@@ -151,12 +151,12 @@ export class Session {
   /** Lookup table of 256 RGBA colours: 0 for no structure, then the structures in order; alpha is the opacity. */
   private readonly palette = computed<Uint8Array<ArrayBuffer>>(() => {
     const rgba = new Uint8Array(1024);
-    this.looks.value
+    this.appearances.value
       .slice(0, 255)
-      .forEach((look, place) =>
-        rgba.set([...look.colour, look.visible ? Math.round(255 * look.opacity) : 0], (place + 1) * 4),
+      .forEach((appearance, position) =>
+        rgba.set([...appearance.colour, appearance.visible ? Math.round(255 * appearance.opacity) : 0], (position + 1) * 4),
       );
-    if (this.looks.value.length < REMOVED) rgba.set(REMOVED_RGBA, 4 * REMOVED);
+    if (this.appearances.value.length < REMOVED) rgba.set(REMOVED_RGBA, 4 * REMOVED);
     const [lit, alike] = [this.lit.value, this.alike.value];
     if (lit !== null && lit >= 0 && lit < 255) rgba.set(LIT, (lit + 1) * 4);
     for (const value of alike?.values ?? []) rgba.copyWithin(4 * value, 4 * alike!.as, 4 * alike!.as + 4);
@@ -168,7 +168,7 @@ export class Session {
     const scene = this.scene.value;
     scene?.structures
       .slice(0, 255)
-      .forEach(({ tissue }, place) => (values[place + 1] = glossOf(scene.tissues[tissue]?.friction)));
+      .forEach(({ tissue }, position) => (values[position + 1] = glossOf(scene.tissues[tissue]?.friction)));
     const alike = this.alike.value;
     for (const value of alike?.values ?? []) values[value] = values[alike!.as]!;
     return values;
@@ -187,8 +187,8 @@ export class Session {
       const isNew = !showsTheSame(scene, this.scene.peek());
       this.scene.value = scene;
       this.volumes.value = volumes;
-      if (isNew || this.looks.peek().length !== scene.structures.length) {
-        this.looks.value = restored(scene, looksOf(scene), recallScene<KeptScene>(scene.volume.hash).looks ?? {});
+      if (isNew || this.appearances.peek().length !== scene.structures.length) {
+        this.appearances.value = restored(scene, appearancesOf(scene), recallScene<KeptScene>(scene.volume.hash).appearances ?? {});
         const [low, high] = scene.volume.scan?.window ?? [0, 1];
         this.window.value = this.knownWindow = this.keptWindow() ?? {
           level: (low + high) / 2,
@@ -212,7 +212,7 @@ export class Session {
     });
   }
   /** Moves the planes to a position, patient frame, where they stop following the tip. */
-  showPlace(cross: Vec3, obliqueNormal = this.planes.peek().obliqueNormal): void {
+  showPosition(cross: Vec3, obliqueNormal = this.planes.peek().obliqueNormal): void {
     this.planes.value = { follow: false, cross, obliqueNormal };
   }
 
@@ -248,20 +248,20 @@ export class Session {
   nearTo(device: DevicePose): NearStructure[] {
     return (this.near.value[device.number]?.structures ?? []).filter(({ label }) => !this.isHidden(label));
   }
-  regionName(place: number): string {
-    return this.quiz.value ? words.someRegion : readable(this.scene.value!.no_go[place]!.name);
+  regionName(position: number): string {
+    return this.quiz.value ? words.someRegion : readable(this.scene.value!.no_go[position]!.name);
   }
 
   /** Displayed position of a tool, patient frame: in contact, on the deformed surface; else at the tip. */
   toolAt(device: DevicePose): Vec3 {
     if (!(device.flags & Flag.contact) || device.flags & Flag.inside) return device.tip;
-    return add(device.proxy, this.movedAt.value(device.contacts[0]?.place ?? device.proxy));
+    return add(device.proxy, this.movedAt.value(device.contacts[0]?.position ?? device.proxy));
   }
   /** Devices in drawing order: the first one on top. */
   get drawn(): DevicePose[] {
     return [...(this.pose.value?.devices ?? [])].reverse();
   }
-  heldBy({ number }: DevicePose): HeldTool {
+  toolOf({ number }: DevicePose): DeviceTool {
     return this.scene.value!.tools[number]!;
   }
   /** Direction in the patient frame of a direction in World, for the object's rotation in a pose. */
@@ -289,22 +289,22 @@ export class Session {
   }
   private keptWindow(): Window | null {
     const scene = this.scene.peek()!;
-    const kept = recall<KeptPage>(PAGE_KEY).windows?.[scene.modality];
+    const stored = recall<StoredPage>(PAGE_KEY).windows?.[scene.modality];
     const [begin, unit] = this.windowUnit(scene);
-    return kept && Number.isFinite(kept.level) && kept.width > 0
-      ? { level: begin + unit * kept.level, width: Math.max(unit * kept.width, this.leastWindow) }
+    return stored && Number.isFinite(stored.level) && stored.width > 0
+      ? { level: begin + unit * stored.level, width: Math.max(unit * stored.width, this.leastWindow) }
       : null;
   }
   /** Stores the window in the browser, if the user has changed it. */
-  keepWindow(): void {
+  storeWindow(): void {
     const scene = this.scene.peek();
     const window = this.window.peek();
     if (!scene || window === this.knownWindow) return;
     this.knownWindow = window;
     const [begin, unit] = this.windowUnit(scene);
-    keep<KeptPage>(PAGE_KEY, {
+    store<StoredPage>(PAGE_KEY, {
       windows: {
-        ...recall<KeptPage>(PAGE_KEY).windows,
+        ...recall<StoredPage>(PAGE_KEY).windows,
         [scene.modality]: { level: (window.level - begin) / unit, width: window.width / unit },
       },
     });
@@ -328,8 +328,8 @@ export class Session {
     const touches = device.label > 0;
     const isTouchable = touches && !(device.flags & WITHHELD && length(device.force) === 0);
     // a tip that started inside a structure has no contact without being in free space
-    const place = this.volumes.value?.structureAt(device.tip) ?? null;
-    const around = place === null ? null : this.nameAt(place);
+    const position = this.volumes.value?.structureAt(device.tip) ?? null;
+    const around = position === null ? null : this.nameAt(position);
     const name = touches ? (this.structureName(device.label) ?? words.unnamed(String(device.label))) : around;
     if (!touches && this.hasNothingToFeel.value) return { label: 0, words: words.nothingToFeel };
     if (name === null) return { label: 0, words: device.flags & Flag.outside ? words.outside : words.free };
@@ -338,8 +338,8 @@ export class Session {
       : { label: 0, words: words.notFelt(readable(name)) };
   }
   /** Name of a structure by its index; anonymous in a quiz. */
-  nameAt(place: number): string {
-    return this.quiz.value ? words.someStructure : this.scene.value!.structures[place]!.name;
+  nameAt(position: number): string {
+    return this.quiz.value ? words.someStructure : this.scene.value!.structures[position]!.name;
   }
   /** Name of a structure in contact, with the structures that enclose it. */
   private withEnclosing(name: string, label: number): string {

@@ -169,7 +169,7 @@ export class Stroke {
 
   /** Path of the tip to a press. */
   begin(pick: Pick): Step[] {
-    return this.goTo(pick(1), 1);
+    return this.moveTo(pick(1), 1);
   }
 
   /**
@@ -187,8 +187,8 @@ export class Stroke {
   private refine(pick: Pick, from: number, to: number, point: SurfacePoint | null, halvings: number): Step[] {
     const { point: last } = this;
     if (last && point && length(sub(point.at, last.at)) <= STEP_MM) return this.slide(point);
-    if (!last && !point) return this.goTo(null, to);
-    if (halvings === 0) return this.goTo(point, to);
+    if (!last && !point) return this.moveTo(null, to);
+    if (halvings === 0) return this.moveTo(point, to);
     const middle = (from + to) / 2;
     return [
       ...this.refine(pick, from, middle, pick(middle), halvings - 1),
@@ -202,18 +202,18 @@ export class Stroke {
     return [{ at: this.end, into: point.into }];
   }
   /** Lifts the tip, and puts it down again on a surface, if there is one. */
-  private goTo(point: SurfacePoint | null, share: number): Step[] {
+  private moveTo(point: SurfacePoint | null, share: number): Step[] {
     const steps: Step[] = [];
-    const go = (at: Vec3) => steps.push({ at: (this.end = at), into: null });
-    if (this.point) go(this.outside(this.point));
+    const addStep = (at: Vec3) => steps.push({ at: (this.end = at), into: null });
+    if (this.point) addStep(this.outside(this.point));
     this.point = null;
     if (point) {
       const centre = sub(point.at, scale(point.into, this.radius_mm));
-      for (const at of pathTo(this.isTouchable, this.end, centre, point.from, this.volumes.voxelSize / 2)) go(at);
+      for (const at of pathTo(this.isTouchable, this.end, centre, point.from, this.volumes.voxelSize / 2)) addStep(at);
       return [...steps, ...this.slide(point)];
     }
     const hover = this.hover(share, this.end);
-    if (length(sub(hover, this.end)) > 1e-3 && this.isFree(hover)) go(hover);
+    if (length(sub(hover, this.end)) > 1e-3 && this.isFree(hover)) addStep(hover);
     return steps;
   }
   /** Position in front of a surface point; closer to it in a gap. */
@@ -249,6 +249,6 @@ export class Stroke {
     this.away_ms = NaN;
     const { point } = this;
     this.point = { ...point, at: contact ?? point.at };
-    return this.goTo(point, 1);
+    return this.moveTo(point, 1);
   }
 }

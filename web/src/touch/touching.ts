@@ -46,8 +46,8 @@ export class Touching {
   readonly isTouchable = (p: Vec3): boolean => {
     const scene = this.session.scene.peek(),
       volumes = this.session.volumes.peek();
-    const place = volumes?.structureAt(p) ?? null;
-    return place !== null && scene!.tissues[scene!.structures[place]!.tissue]?.touchable === true;
+    const structureIndex = volumes?.structureAt(p) ?? null;
+    return structureIndex !== null && scene!.tissues[scene!.structures[structureIndex]!.tissue]?.touchable === true;
   };
 
   /** Whether a press in this picture moves the tip. */
@@ -65,7 +65,7 @@ export class Touching {
       session.volumes.peek()!,
       this.isTouchable,
       device.tip,
-      session.heldBy(device).radius_mm,
+      session.toolOf(device).radius_mm,
       (share, end) => this.hover(this.cursorAt(share), end),
     );
     this.setPressure(event);

@@ -49,7 +49,7 @@ export class Lesson {
     const ask = (asked: Record<string, unknown>) => void this.ask(asked);
     const learner = byId<HTMLInputElement>("lesson-learner");
     learner.addEventListener("change", () => ask({ learner: learner.value.trim() }));
-    byId("lesson-take").addEventListener("click", () => void this.takeTip());
+    byId("lesson-take").addEventListener("click", () => void this.claimTip());
     byId("lesson-task").addEventListener("change", (event) => ask({ task: (event.target as HTMLSelectElement).value }));
     byId("lesson-names").addEventListener("change", (event) =>
       ask({ names: (event.target as HTMLInputElement).checked }),
@@ -82,9 +82,9 @@ export class Lesson {
     return this.requests.once({ type: "lesson", ...asked });
   }
   /** Takes the pointer from its holder, if there is one. */
-  private async takeTip(): Promise<void> {
-    const isHeld = this.session.state.value?.pointer_by === "viewer";
-    if (!isHeld || (await this.ask({ pointer: "" }))) void this.requests.once({ type: "pointer", take: true });
+  private async claimTip(): Promise<void> {
+    const isTaken = this.session.state.value?.pointer_by === "viewer";
+    if (!isTaken || (await this.ask({ pointer: "" }))) void this.requests.once({ type: "pointer", take: true });
   }
 
   /** Shows the identity of this viewer, and the controls that its permissions allow. */
@@ -117,8 +117,8 @@ export class Lesson {
             : words.lessonOf(lesson.learner)
           : lesson.of_another
             ? words.lessonOfAnother
-            : lesson.veiled
-              ? words.lessonVeiled
+            : lesson.redacted
+              ? words.lessonRedacted
               : words.lessonYours,
     );
     this.showLearners(state);

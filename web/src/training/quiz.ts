@@ -17,7 +17,7 @@ export interface Concealed {
   as: number;
 }
 
-/** Fraction of votes from which a structure replaces a whole component, as in src/viewer/server/veiled_labels.cc. */
+/** Fraction of votes from which a structure replaces a whole component, as in src/viewer/server/redacted_labels.cc. */
 const UNIFORM_SHARE = 0.75;
 
 /** Bounding box of the voxels with wanted values; null: none. */
@@ -70,7 +70,7 @@ for (const k of [-1, 0, 1])
 
 /**
  * Replaces wanted voxels of a box, none of them in its outermost layer, by the rule of
- * src/viewer/server/veiled_labels.h: a straight line of wanted voxels between two voxels of the same structure is
+ * src/viewer/server/redacted_labels.h: a straight line of wanted voxels between two voxels of the same structure is
  * evidence that this structure continues through it; air (0) is not counted.
  */
 function fill(box: Uint8Array, size: Vec3, isWanted: boolean[]): void {

@@ -20,7 +20,7 @@ import { digits, quantity } from "../words/figures.js";
 import { Plot } from "../panels/plots.js";
 import { refusalText, type Requests } from "../state/requests.js";
 import type { Session } from "../state/session.js";
-import { drawPatches, drawPlace, drawRegion, drawPath } from "./training_marks.js";
+import { drawPatches, drawPosition, drawRegion, drawPath } from "./training_marks.js";
 import type { VolumeView } from "../volume/volume_view.js";
 import { says, words, type Message } from "../words/words.js";
 
@@ -70,7 +70,7 @@ export class Training {
     volume.drawMarks = (frame, seen) => this.drawMarks(frame, seen);
     effect(() => {
       const run = session.run.value;
-      untracked(() => batch(() => this.tell(run)));
+      untracked(() => batch(() => this.publish(run)));
     });
     session.onScene((scene) => untracked(() => this.show(scene)));
     session.onState(({ lesson }) => {
@@ -127,7 +127,7 @@ export class Training {
     byId<HTMLSelectElement>("task").value = this.task?.name ?? "";
   }
   /** Takes over a report of a run; null: another connection, whose session may count runs from 1 again. */
-  private tell(run: TaskRun | null): void {
+  private publish(run: TaskRun | null): void {
     const { before } = this;
     this.before = run;
     if (!run) return this.beginAnew();
@@ -142,7 +142,7 @@ export class Training {
     }
     if (run.task !== null && run.phase !== "none" && (run.phase !== "over" || this.closedRun.value !== run.run))
       this.chosen.value = run.task;
-    this.tellEvents();
+    this.reportEvents();
   }
   private beginAnew(): void {
     this.shownRun = "";
@@ -255,7 +255,7 @@ export class Training {
   }
 
   /** Announces each event once. */
-  private tellEvents(): void {
+  private reportEvents(): void {
     const { run, task } = this;
     if (!run || !task || run.run !== this.liveRun) return;
     const all = run.events_before + run.events.length;
@@ -285,8 +285,8 @@ export class Training {
           : isOthers
             ? words.taskOthers
             : areRunsSaved
-              ? words.taskKept
-              : words.taskNotKept;
+              ? words.taskStored
+              : words.taskNotStored;
     write(byId("task-note"), note);
   }
 
@@ -472,7 +472,7 @@ export class Training {
       task.time_limit_s === null ? "" : ` · ${words.timeLeft(seconds(Math.max(0, task.time_limit_s - run.time_s)))}`;
     write(
       byId("task-time"),
-      run.phase === "keeping" ? words.beingKept : `${words.underWay(seconds(run.time_s))}${remaining}`,
+      run.phase === "keeping" ? words.beingStored : `${words.underWay(seconds(run.time_s))}${remaining}`,
     );
     task.forces.forEach(({ band_N, limit_N }, n) => {
       const { said, bar, value } = this.bars[n]!;
@@ -536,10 +536,10 @@ export class Training {
         words.tookAndEnded(seconds(result.time_s), words.endedBy[result.end]),
         ...(result.missing_s > 0 ? [words.ticksMissing(seconds(result.missing_s))] : []),
         result.kept !== null
-          ? words.keptAs(String(result.kept))
+          ? words.storedAs(String(result.kept))
           : result.not_stored
-            ? words.notKept(refusalText(result.not_stored))
-            : words.keptNowhere,
+            ? words.notStored(refusalText(result.not_stored))
+            : words.storedNowhere,
         words.runsSoFar(String(result.runs)),
         words.ticksOfRun(String(result.first_tick), String(result.last_tick)),
       ].join(" "),
@@ -672,7 +672,7 @@ export class Training {
   viewStep(n: number, isAsked = true): void {
     const region = this.task?.regions[this.task.steps[n]?.region ?? -1];
     this.viewedStep.value = n;
-    if (region) this.volume.lookAt(region.middle_mm, region.radius_mm, region.outward, isAsked);
+    if (region) this.volume.focusOn(region.middle_mm, region.radius_mm, region.outward, isAsked);
   }
   private drawMarks(...[frame, seen]: Parameters<VolumeView["drawMarks"]>): void {
     const { task, view, debriefing } = this;
@@ -686,7 +686,7 @@ export class Training {
     if (!debriefing) return;
     if (byId<HTMLInputElement>("show-coverage").checked) drawPatches(frame, seen, debriefing);
     if (byId<HTMLInputElement>("show-way").checked) drawPath(frame, seen, debriefing, task.forces);
-    if (debriefing.to_find_mm) drawPlace(frame, seen, debriefing.to_find_mm, words.wasHere, true);
-    if (debriefing.answer_mm) drawPlace(frame, seen, debriefing.answer_mm, words.yourAnswer, false);
+    if (debriefing.to_find_mm) drawPosition(frame, seen, debriefing.to_find_mm, words.wasHere, true);
+    if (debriefing.answer_mm) drawPosition(frame, seen, debriefing.answer_mm, words.yourAnswer, false);
   }
 }

@@ -33,13 +33,13 @@ function hardness(sample: number[], forces: TaskForce[]): number {
   const isOver = forces.some(({ limit_N }, n) => limit_N !== null && (sample[5 + n] ?? 0) > limit_N);
   return isOver ? 2 : sample[4]! > LEAST_N ? 1 : 0;
 }
-const hasPlace = (sample: number[]): boolean => sample.slice(1, 4).every((x) => x !== null && Number.isFinite(x));
+const hasPosition = (sample: number[]): boolean => sample.slice(1, 4).every((x) => x !== null && Number.isFinite(x));
 
 /** Draws the tip's path: thin in free space, thick in contact, thicker above a limit; dashed where occluded. */
 export function drawPath(frame: Frame, projection: InVolume, { samples }: Debriefing, forces: TaskForce[]): void {
   let before: number[] | null = null;
   for (const sample of samples) {
-    if (!hasPlace(sample)) {
+    if (!hasPosition(sample)) {
       before = null;
       continue;
     }
@@ -86,7 +86,7 @@ export function drawPatches(frame: Frame, projection: InVolume, { patches }: Deb
 }
 
 /** Draws a cross with a name, at the answer or at the structure to be found. */
-export function drawPlace(frame: Frame, projection: InVolume, p: Vec3, name: string, isTrue: boolean): void {
+export function drawPosition(frame: Frame, projection: InVolume, p: Vec3, name: string, isTrue: boolean): void {
   const [x, y] = projection.pixel(p);
   const half = 8 * frame.ratio;
   const colour = isTrue ? "#7ed957" : REGION;

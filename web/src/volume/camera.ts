@@ -50,7 +50,7 @@ export class Camera {
   private patientFromWorld = this.worldFromPatient;
   private rotation: Quaternion = [1, 0, 0, 0];
 
-  place(worldFromPatient: Affine): void {
+  setWorldFromPatient(worldFromPatient: Affine): void {
     this.worldFromPatient = worldFromPatient;
     this.patientFromWorld = invert(worldFromPatient);
   }
@@ -122,12 +122,12 @@ export class Camera {
   }
 
   /** Orients the camera to view the patient from a side, for the object's current rotation. */
-  look(preset: Preset): void {
+  orient(preset: Preset): void {
     this.right = normalize(this.directionToWorld(PRESETS[preset].right));
     this.up = normalize(reject(this.directionToWorld(PRESETS[preset].up), this.right));
   }
   /** Orients the camera to view against a unit direction, patient frame, with superior up if possible. */
-  lookAlong(outward: Vec3): void {
+  alignView(outward: Vec3): void {
     const backward = this.directionToWorld(outward);
     if (dot(backward, backward) < 0.5) return;
     const candidates = (

@@ -292,11 +292,11 @@ export class Field {
 
   /**
    * Coverage of each texel of a box by opaque and by translucent structures: two bytes, x fastest.
-   * @param looks  256 RGBA values: 0 for no structure, then the structures in order
+   * @param appearances  256 RGBA values: 0 for no structure, then the structures in order
    */
-  covers(lo: Vec3, size: Vec3, looks: ArrayLike<number>): Uint8Array<ArrayBuffer> {
+  covers(lo: Vec3, size: Vec3, appearances: ArrayLike<number>): Uint8Array<ArrayBuffer> {
     const { texels } = this;
-    const opacities = Array.from({ length: 256 }, (_, place) => looks[4 * place + 3]!);
+    const opacities = Array.from({ length: 256 }, (_, index) => appearances[4 * index + 3]!);
     const solid = Uint8Array.from(opacities, (opacity) => Number(opacity === 255));
     const thin = Uint8Array.from(opacities, (opacity) => Number(opacity > 0 && opacity < 255));
     const covers = new Uint8Array(2 * size[0] * size[1] * size[2]);
@@ -317,15 +317,15 @@ export class Field {
    * Chebyshev distance of each block to the nearest block with a visible structure, in blocks, at most 255.
    * @param shown  whether a structure is visible, indexed by the structure's index + 1
    */
-  leaps(shown: ArrayLike<unknown>): Uint8Array {
+  skips(shown: ArrayLike<unknown>): Uint8Array {
     const mask = new Uint32Array(8);
-    for (let place = 1; place < 256; place++) if (shown[place]) mask[place >> 5]! |= 1 << (place & 31);
+    for (let index = 1; index < 256; index++) if (shown[index]) mask[index >> 5]! |= 1 << (index & 31);
     const [nx, ny, nz] = this.blocks;
-    const leaps = new Uint8Array(nx * ny * nz);
-    for (let n = 0; n < leaps.length; n++) {
+    const skips = new Uint8Array(nx * ny * nz);
+    for (let n = 0; n < skips.length; n++) {
       let any = 0;
       for (let w = 0; w < 8; w++) any |= this.present[8 * n + w]! & mask[w]!;
-      leaps[n] = any !== 0 ? 0 : 255;
+      skips[n] = any !== 0 ? 0 : 255;
     }
     // chessboard distance transform: a forward and a backward pass over the preceding neighbours
     const pass = (step: 1 | -1) => {
@@ -335,21 +335,21 @@ export class Field {
           for (let a = 0; a < nx; a++) {
             const [x, y, z] = [order(a, nx), order(b, ny), order(c, nz)];
             const n = x + nx * (y + ny * z);
-            let least = leaps[n]!;
+            let least = skips[n]!;
             if (least === 0) continue;
             for (let q = 0; q < 13; q++) {
               const [dx, dy, dz] = [(q % 3) - 1, (Math.floor(q / 3) % 3) - 1, Math.floor(q / 9) - 1];
               const [xx, yy, zz] = [x + step * dx, y + step * dy, z + step * dz];
               if (xx < 0 || yy < 0 || zz < 0 || xx >= nx || yy >= ny || zz >= nz) continue;
-              least = Math.min(least, leaps[xx + nx * (yy + ny * zz)]! + 1);
+              least = Math.min(least, skips[xx + nx * (yy + ny * zz)]! + 1);
             }
-            leaps[n] = least;
+            skips[n] = least;
           }
         }
       }
     };
     pass(1);
     pass(-1);
-    return leaps;
+    return skips;
   }
 }

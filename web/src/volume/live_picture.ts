@@ -46,9 +46,9 @@ export class LivePicture<Camera> {
   /**
    * Requests a picture if needed; to be called for every frame.
    * @param key  key of all that the picture depends on
-   * @param isHeld  the user is dragging, so that motion may resume at any moment: no sharp picture
+   * @param isDragging  the user is dragging, so that motion may resume at any moment: no sharp picture
    */
-  update(now: number, key: string, isHeld: boolean, take: () => Shot<Camera>): void {
+  update(now: number, key: string, isDragging: boolean, take: () => Shot<Camera>): void {
     const { renderer } = this;
     this.take = take;
     if (key !== this.key) {
@@ -56,7 +56,7 @@ export class LivePicture<Camera> {
       renderer.moved_ms = now;
       this.isWanted = true;
       this.sharp = false;
-    } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isHeld && !renderer.isGivingWay)
+    } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isDragging && !renderer.isGivingWay)
       this.isWanted = this.sharp = true; // the sharp picture, which follows the coarse one
     this.ask();
   }

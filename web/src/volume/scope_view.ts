@@ -168,7 +168,7 @@ export class ScopeView {
   }
 
   /** Number of the device that holds the scope; by default the second one, if there are several. */
-  private get heldBy(): number {
+  private get scopeDevice(): number {
     const devices = this.session.scene.value?.tools.length ?? 1;
     return this.scope.tool !== null && this.scope.tool < devices ? this.scope.tool : Math.min(1, devices - 1);
   }
@@ -179,7 +179,7 @@ export class ScopeView {
     if (names.some((name, n) => this.holder.options[n]?.text !== name) || this.holder.length > names.length)
       this.holder.replaceChildren(...names.map((name, n) => new Option(name, String(n))));
     this.holder.hidden = names.length < 2;
-    this.holder.value = String(this.heldBy);
+    this.holder.value = String(this.scopeDevice);
   }
 
   get isSharp(): boolean {
@@ -188,7 +188,7 @@ export class ScopeView {
   /** Current pose of the camera; null until the tool's pose is known. */
   frame(): CameraPlacement | null {
     const pose = this.session.pose.value;
-    const device = pose?.devices.find(({ number }) => number === this.heldBy);
+    const device = pose?.devices.find(({ number }) => number === this.scopeDevice);
     if (!pose || !device) return null;
     const axes = (
       [
@@ -221,10 +221,10 @@ export class ScopeView {
   /** Whether an eye at a position is inside a solid, or solids surround more than half of it at NEAREST_MM. */
   private isClosed(eye: Vec3): boolean {
     const volumes = this.session.volumes.value,
-      looks = this.session.looks.value;
+      appearances = this.session.appearances.value;
     const isSolid = (p: Vec3) => {
-      const place = volumes!.structureAt(p);
-      return place !== null && looks[place]!.visible && looks[place]!.opacity === 1;
+      const structure = volumes!.structureAt(p);
+      return structure !== null && appearances[structure]!.visible && appearances[structure]!.opacity === 1;
     };
     return (
       isSolid(eye) ||
@@ -267,7 +267,7 @@ export class ScopeView {
       .filter(([x, y]) => Math.hypot(x - 0.5, y - 0.5) < 0.48);
     const inside = all.map(([x, y]) => found.at(x, y)).filter((met) => met !== null && met.way_mm < NEAREST_MM + 0.05);
     if (inside.length < all.length / 2) return null;
-    return readable(this.session.nameAt(inside[inside.length >> 1]!.place));
+    return readable(this.session.nameAt(inside[inside.length >> 1]!.structure));
   }
 
   /** Text about the camera's position and the centre of its view. */
@@ -287,7 +287,7 @@ export class ScopeView {
           ...(scope.optics_deg > 0 ? [words.post(`${scope.post_deg}°`)] : []),
         ].join(", ");
     return ahead
-      ? `${placement} · ${words.ahead(quantity(ahead.way_mm, "mm"), readable(this.session.nameAt(ahead.place)))}`
+      ? `${placement} · ${words.ahead(quantity(ahead.way_mm, "mm"), readable(this.session.nameAt(ahead.structure)))}`
       : placement;
   }
 
@@ -313,7 +313,7 @@ export class ScopeView {
     context.clip();
     for (const each of session.drawn) {
       // the tool that holds the camera is not drawn while the camera is at its tip
-      if (each.number === this.heldBy && !scope.isFree && scope.back_mm === 0) continue;
+      if (each.number === this.scopeDevice && !scope.isFree && scope.back_mm === 0) continue;
       const depth = (p: Vec3) => Math.max(dot(sub(p, eye), forward), 0.01);
       const pixelsPerMm = (p: Vec3) => radius / TANGENT / depth(p);
       const tool = session.toolAt(each);
@@ -323,9 +323,9 @@ export class ScopeView {
           direction: (v) => [dot(v, right), -dot(v, up)],
           pixelsPerMm,
           // the tool that holds the camera is behind the lens, but for its head
-          hasBodies: each.number !== this.heldBy,
+          hasBodies: each.number !== this.scopeDevice,
           clearness: (p) =>
-            seen.found.hides(p, session.heldBy(each).radius_mm + 1.5 * session.volumes.value!.voxelSize) ? 0.45 : 1,
+            seen.found.hides(p, session.toolOf(each).radius_mm + 1.5 * session.volumes.value!.voxelSize) ? 0.45 : 1,
         });
       }
     }

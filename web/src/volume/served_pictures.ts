@@ -19,14 +19,14 @@ const AGAIN_MS = 500; // interval of retries after a failure
 
 /**
  * Parameters of a picture request: docs/reference/viewer-http.md.
- * @param looks  RGBA of each structure
+ * @param appearances  RGBA of each structure
  */
-export function pictureQuery(view: View, looks: Uint8Array): string {
+export function pictureQuery(view: View, appearances: Uint8Array): string {
   const { width, height, corner, across, down, eye, cut, into } = view;
   const numbers = (values: readonly number[]): string =>
     values.map((value) => String(Number(value.toPrecision(9)))).join(",");
   const query = [`view=${numbers([width, height, ...corner, ...across, ...down, ...(eye?.at ?? [])])}`];
-  if (looks.length > 0) query.push(`looks=${Array.from(looks, (byte) => byte.toString(16).padStart(2, "0")).join("")}`);
+  if (appearances.length > 0) query.push(`appearances=${Array.from(appearances, (byte) => byte.toString(16).padStart(2, "0")).join("")}`);
   // the protocol supports clipping by planes only
   if (cut && cut.widening === Infinity) query.push(`cut=${numbers([...cut.at, ...(into.map((x) => -x) as Vec3)])}`);
   return query.join("&");
@@ -51,7 +51,7 @@ export function readPicture(bytes: ArrayBuffer): {
   if (!isOne || bytes.byteLength !== HEAD_BYTES + 6 * pixels) throw new RangeError();
   const rgb = new Uint8Array(bytes, HEAD_BYTES, 3 * pixels);
   const depths = new DataView(bytes, HEAD_BYTES + 3 * pixels, 2 * pixels);
-  const places = new Uint8Array(bytes, HEAD_BYTES + 5 * pixels, pixels);
+  const structures = new Uint8Array(bytes, HEAD_BYTES + 5 * pixels, pixels);
   const rgba = new Uint8ClampedArray(4 * pixels);
   const found = new Uint8Array(4 * pixels);
   for (let row = 0, n = 0; row < height; row++) {
@@ -59,7 +59,7 @@ export function readPicture(bytes: ArrayBuffer): {
       rgba.set([rgb[3 * n]!, rgb[3 * n + 1]!, rgb[3 * n + 2]!, 255], 4 * n);
       const depth = depths.getUint16(2 * n, true);
       // rows from the bottom, as `Found` has them
-      found.set([depth >> 8, depth & 255, places[n]!], 4 * (column + width * (height - 1 - row)));
+      found.set([depth >> 8, depth & 255, structures[n]!], 4 * (column + width * (height - 1 - row)));
     }
   }
   return { width, height, rgba, found, min_mm: head.getFloat32(12, true), extent_mm: head.getFloat32(16, true) };
@@ -67,33 +67,33 @@ export function readPicture(bytes: ArrayBuffer): {
 
 class ServedPictures {
   private readonly queue: Draw[] = [];
-  private looks = new Uint8Array(1024);
+  private appearances = new Uint8Array(1024);
   private isDrawing = false;
-  private readonly work: Work = { texels: 0, looks: 0, pictures: 0 };
+  private readonly work: Work = { texels: 0, appearances: 0, pictures: 0 };
 
   constructor(
     private readonly port: Port,
     private readonly served: () => Served | null,
   ) {
     port.onmessage = (event) => this.handle(event.data as Asked);
-    this.say({ type: "ready", held: "" });
+    this.post({ type: "ready", lockName: "" });
   }
-  private say(message: Answered, transfer: Transferable[] = []): void {
+  private post(message: Answered, transfer: Transferable[] = []): void {
     this.port.postMessage(message, transfer);
   }
   private handle(asked: Asked): void {
     switch (asked.type) {
       case "begin":
-        return this.say({ type: "begun", fits: true });
+        return this.post({ type: "begun", fits: true });
       case "put":
       case "displace":
       case "putDisplacement":
-        return this.say({ type: "put" });
+        return this.post({ type: "put" });
       case "restore":
-        return this.say({ type: "restored" });
+        return this.post({ type: "restored" });
       case "looks":
-        this.looks = asked.rgba;
-        this.work.looks += 1;
+        this.appearances = asked.rgba;
+        this.work.appearances += 1;
         return;
       case "draw":
         this.queue.push(asked);
@@ -105,10 +105,10 @@ class ServedPictures {
     this.isDrawing = true;
     for (let asked = this.queue.shift(); asked; asked = this.queue.shift()) {
       // drops a request that gives way if a newer one is queued
-      const drawn = asked.givesWay && this.queue.length > 0 ? null : await this.picture(asked.view).catch(() => null);
+      const drawn = asked.isYielding && this.queue.length > 0 ? null : await this.picture(asked.view).catch(() => null);
       if (drawn) this.work.pictures += 1;
       else if (this.queue.length === 0) await new Promise((later) => setTimeout(later, AGAIN_MS));
-      this.say(
+      this.post(
         {
           type: "picture",
           id: asked.id,
@@ -128,7 +128,7 @@ class ServedPictures {
     const served = this.served();
     if (!served) return null;
     const began_ms = performance.now();
-    const query = pictureQuery(view, this.looks.subarray(4, 4 * (Math.min(served.structures, 255) + 1)));
+    const query = pictureQuery(view, this.appearances.subarray(4, 4 * (Math.min(served.structures, 255) + 1)));
     const response = await fetch(
       `/api/picture/${served.hash}?${query}`,
       served.token ? { headers: { Authorization: `Bearer ${served.token}` } } : {},

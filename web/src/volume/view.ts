@@ -18,7 +18,7 @@ export interface Cut {
   at: Vec3; // centre of the disc, patient
   radius_mm: number; // radius of the disc
   widening: number; // increase of the radius per distance towards the viewer; Infinity: half-space
-  kept: number; // structure that is not clipped: its index + 1, or 0
+  unclipped: number; // structure that is not clipped: its index + 1, or 0
 }
 /** Rays through the pixels of a picture; patient frame. */
 export interface View {
@@ -67,7 +67,7 @@ export class Found {
   ) {}
 
   /** Position of a point in the picture, 0 to 1, and its depth along the ray, mm; null: behind the eye. */
-  place(p: Vec3): { x: number; y: number; way_mm: number } | null {
+  project(p: Vec3): { x: number; y: number; way_mm: number } | null {
     const { corner, across, down, into, eye, width, height } = this.view;
     const from = sub(p, eye ? eye.at : corner);
     const depth = dot(from, into);
@@ -81,22 +81,22 @@ export class Found {
     };
   }
   /** Depth and structure at a position in the picture, 0 to 1; null: no solid, or outside of the picture. */
-  at(x: number, y: number): { way_mm: number; place: number } | null {
+  at(x: number, y: number): { way_mm: number; structure: number } | null {
     const { width, height } = this.view;
     const [column, row] = [Math.floor(x * width), Math.floor(y * height)];
     if (column < 0 || row < 0 || column >= width || row >= height) return null;
     const n = 4 * (column + width * (height - 1 - row));
-    const place = this.bytes[n + 2]!;
-    return place === 0
+    const structure = this.bytes[n + 2]!;
+    return structure === 0
       ? null
       : {
           way_mm: this.min_mm + (this.extent_mm * (256 * this.bytes[n]! + this.bytes[n + 1]!)) / 65535,
-          place: place - 1,
+          structure: structure - 1,
         };
   }
   /** Whether a solid surface is more than `slack_mm` in front of a point. */
   hides(p: Vec3, slack_mm: number): boolean {
-    const there = this.place(p);
+    const there = this.project(p);
     const met = there && this.at(there.x, there.y);
     return met !== null && met.way_mm < there!.way_mm - slack_mm;
   }

@@ -37,13 +37,13 @@ precision highp int;
 precision highp sampler3D;
 precision highp usampler3D;
 uniform usampler3D field;    // two structures and their shares, with a border of one empty texel
-uniform usampler3D leaps;    // per block: distance to the nearest non-empty block, in blocks
+uniform usampler3D skips;    // per block: distance to the nearest non-empty block, in blocks
 #if ROUGH
 uniform sampler3D covers;    // solid and translucent coverage per texel, with the field's border
 #endif
 uniform sampler3D haze;      // scan
 // RGBA of 256 structures; 0 is nothing; second row: where clipped; third row: red is the gloss
-uniform sampler2D looks;
+uniform sampler2D appearances;
 uniform mat3 patient;        // gradient per texel to gradient per mm
 uniform vec3 corner;         // origin and steps of pixels in texels; perspective: relative to the eye, mm
 uniform vec3 across;
@@ -90,7 +90,7 @@ const int row = 0;
 #endif
 
 // lookup position, clamped to the border
-vec3 lookedUp(vec3 at) {
+vec3 mappedVoxel(vec3 at) {
 #if DISPLACED
   return clamp(moved(at), vec3(-1.0), dims - 0.001);
 #else
@@ -98,8 +98,8 @@ vec3 lookedUp(vec3 at) {
 #endif
 }
 
-vec4 lookOf(uint structure) {
-  return texelFetch(looks, ivec2(int(structure), row), 0);
+vec4 appearanceOf(uint structure) {
+  return texelFetch(appearances, ivec2(int(structure), row), 0);
 }
 
 // solid and translucent coverage
@@ -112,22 +112,22 @@ vec2 kinds(float opacity) {
 }
 
 vec2 coverageOf(uvec4 texel) {
-  return (float(texel.b) * kinds(lookOf(texel.r).a) + float(texel.a) * kinds(lookOf(texel.g).a)) / 255.0;
+  return (float(texel.b) * kinds(appearanceOf(texel.r).a) + float(texel.a) * kinds(appearanceOf(texel.g).a)) / 255.0;
 }
 
 #if ROUGH
-vec2 coverage(vec3 place) {
-  return texture(covers, (lookedUp(place) + 1.5) / (dims + 2.0)).rg;
+vec2 coverage(vec3 structure) {
+  return texture(covers, (mappedVoxel(structure) + 1.5) / (dims + 2.0)).rg;
 }
 
-vec4 paint(vec3 place, vec2 kind) {
-  uvec4 texel = texelFetch(field, ivec3(floor(lookedUp(place) + 0.5)) + 1, 0);
-  vec4 a = lookOf(texel.r), b = lookOf(texel.g);
+vec4 paint(vec3 structure, vec2 kind) {
+  uvec4 texel = texelFetch(field, ivec3(floor(mappedVoxel(structure) + 0.5)) + 1, 0);
+  vec4 a = appearanceOf(texel.r), b = appearanceOf(texel.g);
   return float(texel.b) * dot(kind, kinds(a.a)) >= float(texel.a) * dot(kind, kinds(b.a)) ? a : b;
 }
 #else
-vec2 coverage(vec3 place) {
-  vec3 at = lookedUp(place);
+vec2 coverage(vec3 structure) {
+  vec3 at = mappedVoxel(structure);
   vec3 low = floor(at);
   vec3 w = at - low;
   ivec3 first = ivec3(low) + 1;
@@ -141,8 +141,8 @@ vec2 coverage(vec3 place) {
 }
 
 // mixed colour and opacity of one kind
-vec4 paint(vec3 place, vec2 kind) {
-  vec3 at = lookedUp(place);
+vec4 paint(vec3 structure, vec2 kind) {
+  vec3 at = mappedVoxel(structure);
   vec3 low = floor(at);
   vec3 w = at - low;
   ivec3 first = ivec3(low) + 1;
@@ -152,7 +152,7 @@ vec4 paint(vec3 place, vec2 kind) {
     ivec3 o = ivec3(c & 1, (c >> 1) & 1, c >> 2);
     vec3 f = mix(1.0 - w, w, vec3(o));
     uvec4 texel = texelFetch(field, first + o, 0);
-    vec4 a = lookOf(texel.r), b = lookOf(texel.g);
+    vec4 a = appearanceOf(texel.r), b = appearanceOf(texel.g);
     vec2 share = f.x * f.y * f.z * vec2(float(texel.b) * dot(kind, kinds(a.a)), float(texel.a) * dot(kind, kinds(b.a)));
     sum += share.x * a + share.y * b;
     weight += share.x + share.y;
@@ -235,9 +235,9 @@ vec4 lit(vec3 at, vec2 kind, vec3 base, float gloss, float occlusion) {
 
 // dominant structure of one kind
 uint dominantAt(vec3 at, vec2 kind) {
-  uvec4 texel = texelFetch(field, clamp(ivec3(floor(lookedUp(at) + 0.5)), ivec3(0), ivec3(dims) - 1) + 1, 0);
-  float first = dot(kind, kinds(lookOf(texel.r).a)) * float(texel.b);
-  float second = dot(kind, kinds(lookOf(texel.g).a)) * float(texel.a);
+  uvec4 texel = texelFetch(field, clamp(ivec3(floor(mappedVoxel(at) + 0.5)), ivec3(0), ivec3(dims) - 1) + 1, 0);
+  float first = dot(kind, kinds(appearanceOf(texel.r).a)) * float(texel.b);
+  float second = dot(kind, kinds(appearanceOf(texel.g).a)) * float(texel.a);
   return second > first ? texel.g : texel.r;
 }
 
@@ -292,9 +292,9 @@ void main() {
 #endif
         ivec3 nearest = clamp(ivec3(floor(at + 0.5)), ivec3(0), ivec3(dims) - 1);
         ivec3 block = nearest / ${BLOCK};
-        float leap = float(texelFetch(leaps, block, 0).r);
+        float skip = float(texelFetch(skips, block, 0).r);
 #if DISPLACED
-        ivec3 here = ivec3(floor(lookedUp(at) + 0.5)) + 1;
+        ivec3 here = ivec3(floor(mappedVoxel(at) + 0.5)) + 1;
 #else
         ivec3 here = nearest + 1;
 #endif
@@ -308,20 +308,20 @@ void main() {
         isNear = rough.x + rough.y > FAINT;
         float step = pace;
         // to the end of the empty cube of blocks
-        vec3 least = (vec3(block) - (leap - 1.0)) * ${BLOCK}.0 - 0.5, most = (vec3(block) + leap) * ${BLOCK}.0 - 0.5;
+        vec3 least = (vec3(block) - (skip - 1.0)) * ${BLOCK}.0 - 0.5, most = (vec3(block) + skip) * ${BLOCK}.0 - 0.5;
 #if DISPLACED
         // beyond the reach of smoothing
         least += reach;
         most -= reach;
 #endif
         vec3 leaves = (mix(least, most, greaterThan(going, vec3(0.0))) - at) / going;
-        if (leap > 0.0) step = max(min(leaves.x, min(leaves.y, leaves.z)) + 0.01 * pace, pace);
+        if (skip > 0.0) step = max(min(leaves.x, min(leaves.y, leaves.z)) + 0.01 * pace, pace);
 #if CUT
         step = t < cut ? min(step, cut - t + 0.01 * pace) : step;
 #endif
 #if SCAN
         step = min(step, 2.0 * pace);
-        float value = clamp((texture(haze, (lookedUp(at) + 0.5) / dims).r - window.x) * window.y, 0.0, 1.0);
+        float value = clamp((texture(haze, (mappedVoxel(at) + 0.5) / dims).r - window.x) * window.y, 0.0, 1.0);
         float dense = 0.03 * clamp((36.0 * value * window.z - 3.0) / 33.0, 0.0, 1.0);
         dense *= 1.0 - clamp(2.0 * (rough.x + rough.y), 0.0, 1.0);
         dense = min(dense * step, 1.0);
@@ -340,9 +340,9 @@ void main() {
       isSurface = isSurface || (before.y >= SURFACE && now.x + now.y < SURFACE);
       // absorption within translucent structures
 #if ROUGH
-      texel = texelFetch(field, ivec3(floor(lookedUp(at) + 0.5)) + 1, 0);
+      texel = texelFetch(field, ivec3(floor(mappedVoxel(at) + 0.5)) + 1, 0);
 #endif
-      vec4 first = lookOf(texel.r), second = lookOf(texel.g);
+      vec4 first = appearanceOf(texel.r), second = appearanceOf(texel.g);
       vec4 within = float(texel.b) * kinds(first.a).y * first + float(texel.a) * kinds(second.a).y * second;
       within /= 255.0;
       float dense = min(0.006 * within.a * pace, 1.0);
@@ -358,14 +358,14 @@ void main() {
     float path = surface(origin, last, t, dot(kind, before), dot(kind, now), kind);
     vec3 hit = origin + path * into;
     vec4 base = paint(hit, kind);
-    float gloss = texelFetch(looks, ivec2(int(dominantAt(hit, kind)), 2), 0).r, occlusion = 0.55;
+    float gloss = texelFetch(appearances, ivec2(int(dominantAt(hit, kind)), 2), 0).r, occlusion = 0.55;
 #if CUT
     // a cut face lies within its structure
     bool isFace = abs(path - cut) < pace;
     occlusion = isFace ? 0.0 : occlusion;
     gloss = isFace ? 0.0 : gloss;
 #if GRAIN
-    float grain = clamp((texture(haze, (lookedUp(hit) + 0.5) / dims).r - window.x) * window.y, 0.0, 1.0);
+    float grain = clamp((texture(haze, (mappedVoxel(hit) + 0.5) / dims).r - window.x) * window.y, 0.0, 1.0);
     base.rgb *= isFace ? 0.4 + 1.1 * grain : 1.0;
 #endif
 #endif
@@ -411,9 +411,9 @@ export class Caster {
   private program: WebGLProgram | null = null;
   private field: Field | null = null;
   private texelFromPatient: Affine = [];
-  private looks = new Uint8Array(1024);
+  private appearances = new Uint8Array(1024);
   private gloss = new Uint8Array(256);
-  private leapsValid = false; // the texture of leaps is valid for the current looks and field
+  private skipsValid = false; // the texture of skips is valid for the current looks and field
   private coversValid = false; // the texture of coverage is valid for the current looks and field
   private window: Vec3 = [0, 1, 0];
   private target: WebGLFramebuffer | null = null; // framebuffer of colours and depths
@@ -449,7 +449,7 @@ export class Caster {
     for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
       gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, 256, 3);
-    this.setLooks(this.looks, this.gloss);
+    this.setAppearances(this.appearances, this.gloss);
     this.target = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
     this.attached.length = 0;
@@ -489,7 +489,7 @@ export class Caster {
       return gl.useProgram(made);
     }
     this.program = usedProgram(gl, head + FRAGMENT);
-    ["field", "leaps", "haze", "looks"].forEach((name, unit) => gl.uniform1i(this.at(name), unit));
+    ["field", "skips", "haze", "appearances"].forEach((name, unit) => gl.uniform1i(this.at(name), unit));
     if (what.rough) gl.uniform1i(this.at("covers"), COVERS);
     gl.uniform3fv(this.at("ground"), BACKGROUND);
     this.programs.set(head, this.program);
@@ -523,7 +523,7 @@ export class Caster {
     this.texture(1, gl.R8UI, field.blocks, gl.NEAREST);
     this.texture(2, gl.R16F, field.haze ? field.dims : [1, 1, 1], gl.LINEAR);
     this.texture(COVERS, gl.RG8, this.isQuick ? field.bordered : [1, 1, 1], gl.LINEAR);
-    this.leapsValid = this.coversValid = false;
+    this.skipsValid = this.coversValid = false;
     return gl.getError() === gl.NO_ERROR;
   }
 
@@ -572,7 +572,7 @@ export class Caster {
     }
     for (const name of [gl.UNPACK_ROW_LENGTH, gl.UNPACK_IMAGE_HEIGHT, gl.UNPACK_SKIP_PIXELS, gl.UNPACK_SKIP_ROWS])
       gl.pixelStorei(name, 0);
-    this.leapsValid = false;
+    this.skipsValid = false;
   }
 
   /** Uploads the coverage of a box of texels. */
@@ -588,7 +588,7 @@ export class Caster {
       ...size,
       gl.RG,
       gl.UNSIGNED_BYTE,
-      this.field!.covers(lo, size, this.looks),
+      this.field!.covers(lo, size, this.appearances),
     );
   }
 
@@ -604,19 +604,19 @@ export class Caster {
   }
 
   /**
-   * @param looks  256 RGBA values: 0 for no structure, then the structures in order
+   * @param appearances  256 RGBA values: 0 for no structure, then the structures in order
    * @param gloss  256 values of glossOf() in the same order, 0 to 255
    */
-  setLooks(looks: Uint8Array<ArrayBuffer>, gloss: Uint8Array<ArrayBuffer>): void {
+  setAppearances(appearances: Uint8Array<ArrayBuffer>, gloss: Uint8Array<ArrayBuffer>): void {
     const gl = this.gl;
     const isSame = (as: (opacity: number) => unknown) =>
-      looks.every((value, n) => n % 4 !== 3 || as(value) === as(this.looks[n]!));
-    this.leapsValid &&= isSame((opacity) => opacity > 0);
+      appearances.every((value, n) => n % 4 !== 3 || as(value) === as(this.appearances[n]!));
+    this.skipsValid &&= isSame((opacity) => opacity > 0);
     this.coversValid &&= isSame((opacity) => (opacity === 0 ? 0 : opacity === 255 ? 2 : 1));
-    [this.looks, this.gloss] = [looks, gloss];
+    [this.appearances, this.gloss] = [appearances, gloss];
     const glossRow = Uint8Array.from({ length: 1024 }, (_, n) => (n % 4 === 0 ? gloss[n / 4]! : 0));
     gl.activeTexture(gl.TEXTURE3);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, appearances);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 2, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, glossRow);
   }
 
@@ -643,7 +643,7 @@ export class Caster {
 
   private kindFor({ eye, cut, isFine }: View): Kind {
     const scan = this.field!.haze !== null && this.window[2] > 0;
-    const thin = this.looks.some((value, n) => n % 4 === 3 && value > 0 && value < 255);
+    const thin = this.appearances.some((value, n) => n % 4 === 3 && value > 0 && value < 255);
     return {
       scan,
       thin,
@@ -674,9 +674,9 @@ export class Caster {
       }
     }
     gl.viewport(0, 0, view.width, view.height);
-    if (!this.leapsValid) {
+    if (!this.skipsValid) {
       gl.activeTexture(gl.TEXTURE1);
-      const shown = Array.from({ length: 256 }, (_, place) => this.looks[4 * place + 3]! > 0);
+      const shown = Array.from({ length: 256 }, (_, structure) => this.appearances[4 * structure + 3]! > 0);
       gl.texSubImage3D(
         gl.TEXTURE_3D,
         0,
@@ -686,9 +686,9 @@ export class Caster {
         ...field.blocks,
         gl.RED_INTEGER,
         gl.UNSIGNED_BYTE,
-        field.leaps(shown),
+        field.skips(shown),
       );
-      this.leapsValid = true;
+      this.skipsValid = true;
     }
     const kind = this.kindFor(view);
     if (kind.rough && !this.coversValid) {
@@ -756,10 +756,10 @@ export class Caster {
         length(across),
       );
     gl.uniform2f(this.at("cone"), cut.radius_mm, 1 / cut.widening);
-    const looks = new Uint8Array(1024);
-    looks.set(this.looks.subarray(4 * cut.kept, 4 * cut.kept + 4), 4 * cut.kept);
+    const appearances = new Uint8Array(1024);
+    appearances.set(this.appearances.subarray(4 * cut.unclipped, 4 * cut.unclipped + 4), 4 * cut.unclipped);
     gl.activeTexture(gl.TEXTURE3);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 1, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, looks);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 1, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, appearances);
   }
   /** Depth range of the volume along a view's rays: minimum and extent, mm. */
   private depthRange({ corner, into, eye }: View): [number, number] {

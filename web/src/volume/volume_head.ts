@@ -19,7 +19,7 @@ export function addVolumeHead(volume: VolumeView): void {
   for (const [preset, letter, message] of VIEWS) {
     const button = says(element("button", { type: "button", textContent: letter }), { title: message, label: message });
     button.dataset.look = preset;
-    button.addEventListener("click", () => volume.look(preset));
+    button.addEventListener("click", () => volume.orient(preset));
     group.append(button);
   }
   const turn = says(element("button", { type: "button", className: "small" }), { text: "turn", title: "turnTitle" });

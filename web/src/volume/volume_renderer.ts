@@ -24,7 +24,7 @@ export interface Drawn {
 }
 
 export class VolumeRenderer {
-  work: Work = { texels: 0, looks: 0, pictures: 0 };
+  work: Work = { texels: 0, appearances: 0, pictures: 0 };
   onLost: () => void = () => {};
   /** Callback: the lost context can be restored, by `restore`. */
   onRestorable: () => void = () => {};
@@ -57,7 +57,7 @@ export class VolumeRenderer {
   private loading: Promise<unknown> = Promise.resolve();
   private edits = 0; // number of edits of voxels
   private appearance: Session["appearance"]["value"] | null = null; // appearance that the renderer has
-  private looks = 0; // number of appearances so far
+  private appearances = 0; // number of appearances so far
   private haze = "";
   private factor: Vec3 = [1, 1, 1]; // voxels per texel, along each axis
   private memory: Memory = { mostTexels: 0, mostSide: 0 };
@@ -88,7 +88,7 @@ export class VolumeRenderer {
       if (this.port !== worker) return;
       worker.onerror = () => this.failed(worker);
       // a terminated worker sends no message but releases its lock
-      if (ready.type === "ready" && ready.held) void navigator.locks.request(ready.held, () => this.failed(worker));
+      if (ready.type === "ready" && ready.lockName) void navigator.locks.request(ready.lockName, () => this.failed(worker));
     });
   }
 
@@ -150,7 +150,7 @@ export class VolumeRenderer {
   private answer(type: keyof typeof this.answers): Promise<Answered> {
     return new Promise((done) => this.answers[type].push(done));
   }
-  private say(message: Asked, transfer: Transferable[] = []): void {
+  private post(message: Asked, transfer: Transferable[] = []): void {
     void this.ready.then(() => this.port.postMessage(message, transfer));
   }
   private handle(message: Answered): void {
@@ -174,7 +174,7 @@ export class VolumeRenderer {
       }
       case "compiles":
         this.isCompiling = true;
-        this.say({ type: "waits" });
+        this.post({ type: "waits" });
         break;
       case "compiled":
         this.isCompiling = false;
@@ -218,7 +218,7 @@ export class VolumeRenderer {
     for (let { mostTexels } = memory; ; mostTexels = Math.max(1, mostTexels / 2)) {
       this.factor = coarsening(volumes.dims, volumes.edges, { ...memory, mostTexels });
       const texelFromPatient = invert(shrunkGrid(volumes.patientFromVoxel, this.factor));
-      this.say({
+      this.post({
         type: "begin",
         voxels: volumes.dims,
         factor: this.factor,
@@ -253,7 +253,7 @@ export class VolumeRenderer {
         [lo[0], lo[1], z],
         [size[0], size[1], Math.min(step, lo[2] + size[2] - z)],
       );
-      this.say({ type: "put", piece }, [piece.structure.buffer, ...(piece.scan ? [piece.scan.buffer] : [])]);
+      this.post({ type: "put", piece }, [piece.structure.buffer, ...(piece.scan ? [piece.scan.buffer] : [])]);
       put.push(this.answer("put"));
       // keeps AHEAD pieces queued, so that the renderer does not idle
       if (put.length > AHEAD) await put.shift();
@@ -276,13 +276,13 @@ export class VolumeRenderer {
     this.edits += 1;
     if (this.isDead) return;
     const by = displacement && { nodes: displacement.nodes, mm: displacement.mm.slice() };
-    this.say({ type: "displace", by }, by ? [by.mm.buffer] : []);
+    this.post({ type: "displace", by }, by ? [by.mm.buffer] : []);
     await this.answer("put");
   }
   /** Updates a box of nodes of the deformation. */
   async updateDisplacement(lo: Vec3, size: Vec3): Promise<void> {
     if (!this.displacement || this.isDead) return;
-    this.say({ type: "putDisplacement", lo, size, mm: this.displacement.box(lo, size) });
+    this.post({ type: "putDisplacement", lo, size, mm: this.displacement.box(lo, size) });
     await this.answer("put");
     this.edits += 1;
   }
@@ -292,8 +292,8 @@ export class VolumeRenderer {
     const appearance = session.appearance.value;
     if (this.appearance !== appearance) {
       this.appearance = appearance;
-      this.looks += 1;
-      this.setLooks(appearance.palette, appearance.gloss);
+      this.appearances += 1;
+      this.setAppearances(appearance.palette, appearance.gloss);
     }
     const haze =
       session.scanInVolume.value > 0 ? JSON.stringify([session.storedWindow(), session.scanInVolume.value]) : "";
@@ -301,15 +301,15 @@ export class VolumeRenderer {
       this.haze = haze;
       this.setHaze(session.storedWindow(), session.scanInVolume.value);
     }
-    this.version = `${this.looks} ${haze} ${this.edits}`;
+    this.version = `${this.appearances} ${haze} ${this.edits}`;
   }
 
   /**
    * @param rgba  256 colours: 0 for no structure, then the structures in order; alpha is the opacity
    * @param gloss  256 values of glossOf() in the same order
    */
-  private setLooks(rgba: Uint8Array<ArrayBuffer>, gloss: Uint8Array<ArrayBuffer>): void {
-    this.say({ type: "looks", rgba, gloss });
+  private setAppearances(rgba: Uint8Array<ArrayBuffer>, gloss: Uint8Array<ArrayBuffer>): void {
+    this.post({ type: "looks", rgba, gloss });
   }
   /**
    * Sets the display of the scan around the structures.
@@ -317,25 +317,25 @@ export class VolumeRenderer {
    * @param strength  0 to 1; 0: none
    */
   private setHaze(window: [number, number], strength: number): void {
-    this.say({ type: "haze", window, strength });
+    this.post({ type: "haze", window, strength });
   }
 
   /**
    * Requests a picture.
-   * @param givesWay  the picture is dropped if another one is requested before it is complete
+   * @param isYielding  the picture is dropped if another one is requested before it is complete
    * @returns null if it was dropped or the context was lost
    */
-  draw(view: View, givesWay: boolean): Promise<Drawn | null> {
+  draw(view: View, isYielding: boolean): Promise<Drawn | null> {
     const id = this.nextId++;
     if (this.isDead) return Promise.resolve(null);
     return new Promise((done) => {
       const isDrawn = (drawn: Drawn | null) => {
-        if (givesWay) this.givingWay -= 1;
+        if (isYielding) this.givingWay -= 1;
         done(drawn);
       };
-      if (givesWay) this.givingWay += 1;
+      if (isYielding) this.givingWay += 1;
       this.drawings.set(id, { view, done: isDrawn });
-      this.say({ type: "draw", id, view, givesWay });
+      this.post({ type: "draw", id, view, isYielding });
     });
   }
 
@@ -372,7 +372,7 @@ export class VolumeRenderer {
     await this.loading;
     const { failures } = this;
     if (!this.isEmpty) {
-      this.say({ type: "restore" });
+      this.post({ type: "restore" });
       await this.answer("restored");
       this.isLoaded = failures === this.failures;
       this.edits += 1;
@@ -386,6 +386,6 @@ export class VolumeRenderer {
 
   /** Loses or restores the context, like a browser; for tests. */
   lose(restores: boolean): void {
-    this.say({ type: "lose", restores });
+    this.post({ type: "lose", restores });
   }
 }

@@ -19,19 +19,19 @@ export type Asked =
   | { type: "putDisplacement"; lo: Vec3; size: Vec3; mm: Float32Array }
   | { type: "looks"; rgba: Uint8Array<ArrayBuffer>; gloss: Uint8Array<ArrayBuffer> }
   | { type: "haze"; window: [number, number]; strength: number }
-  | { type: "draw"; id: number; view: View; givesWay: boolean } // givesWay: dropped if a newer one is queued
+  | { type: "draw"; id: number; view: View; isYielding: boolean } // isYielding: dropped if a newer one is queued
   | { type: "restore" }
   | { type: "lose"; restores: boolean };
 
 /** Counters, for tests. */
 export interface Work {
   texels: number;
-  looks: number;
+  appearances: number;
   pictures: number;
 }
 
 export type Answered =
-  | { type: "ready"; held: string } // name of a lock that the worker holds during its lifetime; or ""
+  | { type: "ready"; lockName: string } // name of a lock that the worker holds during its lifetime; or ""
   | { type: "unable"; why: string }
   | { type: "compiles" } // a compilation is due, which begins when the page "waits"
   | { type: "compiled" }
@@ -63,26 +63,26 @@ class Service {
   private isDrawing = false;
   private readonly pixel_ms = { fine: Infinity, coarse: Infinity }; // time per pixel, averaged over the latest bands
   private readonly waiting: (() => void)[] = []; // callbacks for the message "waits"
-  private readonly work: Work = { texels: 0, looks: 0, pictures: 0 };
+  private readonly work: Work = { texels: 0, appearances: 0, pictures: 0 };
   private readonly extension: WEBGL_lose_context | null;
 
   constructor(
     private readonly port: Port,
     private readonly caster: Caster,
-    held: string,
+    lockName: string,
   ) {
     const { canvas } = caster;
     this.extension = (canvas.getContext("webgl2") as WebGL2RenderingContext).getExtension("WEBGL_lose_context");
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault(); // asks the browser to restore the context
-      this.say({ type: "lost" });
+      this.post({ type: "lost" });
     });
-    canvas.addEventListener("webglcontextrestored", () => this.say({ type: "restorable" }));
+    canvas.addEventListener("webglcontextrestored", () => this.post({ type: "restorable" }));
     port.onmessage = (event) => this.handle(event.data as Asked);
-    this.say({ type: "ready", held });
+    this.post({ type: "ready", lockName });
   }
 
-  private say(message: Answered, transfer: Transferable[] = []): void {
+  private post(message: Answered, transfer: Transferable[] = []): void {
     this.port.postMessage(message, transfer);
   }
 
@@ -93,25 +93,25 @@ class Service {
         this.waiting.shift()?.();
         break;
       case "begin":
-        this.say({ type: "begun", fits: this.begin(asked) });
+        this.post({ type: "begun", fits: this.begin(asked) });
         break;
       case "put":
         this.field!.put(asked.piece);
         caster.upload(asked.piece.lo, asked.piece.size);
         this.work.texels += asked.piece.size.reduce((a, b) => a * b);
-        this.say({ type: "put" });
+        this.post({ type: "put" });
         break;
       case "displace":
         caster.displace(asked.by && new Displacement(asked.by.nodes, asked.by.mm));
-        this.say({ type: "put" });
+        this.post({ type: "put" });
         break;
       case "putDisplacement":
         caster.putDisplacement(asked.lo, asked.size, asked.mm);
-        this.say({ type: "put" });
+        this.post({ type: "put" });
         break;
       case "looks":
-        caster.setLooks(asked.rgba, asked.gloss);
-        this.work.looks += 1;
+        caster.setAppearances(asked.rgba, asked.gloss);
+        this.work.appearances += 1;
         break;
       case "haze":
         caster.setHaze(asked.window, asked.strength);
@@ -121,7 +121,7 @@ class Service {
         void this.draw();
         break;
       case "restore":
-        void caster.restore().then(() => this.say({ type: "restored" }));
+        void caster.restore().then(() => this.post({ type: "restored" }));
         break;
       case "lose":
         if (asked.restores) this.extension?.restoreContext();
@@ -132,7 +132,7 @@ class Service {
 
   /** Resolves when the page has paused its drawing for a long compilation. */
   private pageWaits(): Promise<void> {
-    this.say({ type: "compiles" });
+    this.post({ type: "compiles" });
     return new Promise((done) => this.waiting.push(done));
   }
 
@@ -164,12 +164,12 @@ class Service {
       this.caster.aim(view);
       this.caster.band(view, 0, 1);
     }
-    this.say({ type: "compiled" });
+    this.post({ type: "compiled" });
   }
 
-  private async picture({ id, view, givesWay }: Extract<Asked, { type: "draw" }>): Promise<void> {
+  private async picture({ id, view, isYielding }: Extract<Asked, { type: "draw" }>): Promise<void> {
     const { caster } = this;
-    const isVoid = () => caster.isLost || !this.field || (givesWay && this.queue.length > 0);
+    const isVoid = () => caster.isLost || !this.field || (isYielding && this.queue.length > 0);
     const kind = view.isFine ? "fine" : "coarse";
     let cost_ms = 0;
     let from = 0;
@@ -191,7 +191,7 @@ class Service {
     const isWhole = from >= view.height && !caster.isLost;
     const drawn = isWhole ? await caster.finish(view) : null;
     if (drawn) this.work.pictures += 1;
-    this.say(
+    this.post(
       { type: "picture", id, drawn, cost_ms, work: { ...this.work } },
       drawn ? [drawn.bitmap, drawn.bytes.buffer] : [],
     );
@@ -200,9 +200,9 @@ class Service {
 
 /**
  * Handles requests at a port by drawing on a canvas.
- * @param held  name of a lock that is held during the service's lifetime, or ""
+ * @param lockName  name of a lock that is held during the service's lifetime, or ""
  */
-export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement, held = ""): void {
+export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement, lockName = ""): void {
   let caster: Caster;
   try {
     caster = new Caster(canvas);
@@ -210,5 +210,5 @@ export function serve(port: Port, canvas: OffscreenCanvas | HTMLCanvasElement, h
     port.postMessage({ type: "unable", why: (error as Error).message } satisfies Answered, []);
     return;
   }
-  new Service(port, caster, held);
+  new Service(port, caster, lockName);
 }

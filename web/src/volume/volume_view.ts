@@ -134,7 +134,7 @@ export class VolumeView {
   }
 
   sceneChanged(): void {
-    this.camera.place(this.session.scene.value!.world_from_patient);
+    this.camera.setWorldFromPatient(this.session.scene.value!.world_from_patient);
     this.isOpen = false;
     this.ground = new Ground(this.session.volumes.value!, MOST_HEIGHT_MM);
     this.corners = this.session.volumes.value!.objectCorners;
@@ -150,7 +150,7 @@ export class VolumeView {
       pose = this.session.pose.value;
     if (!volumes) return;
     if (pose) this.camera.setRotation(pose.rotation);
-    this.camera.look("anterior");
+    this.camera.orient("anterior");
     this.fit();
   }
   private fit(): void {
@@ -168,21 +168,21 @@ export class VolumeView {
     this.size = Math.min(clientWidth, clientHeight) || this.size;
     if (this.size > 0 && mm > 0) this.camera.mmPerPixel = mm / this.size;
   }
-  look(preset: Preset): void {
-    this.moveCamera(() => this.camera.look(preset));
+  orient(preset: Preset): void {
+    this.moveCamera(() => this.camera.orient(preset));
   }
   /**
    * Orients and zooms the camera to a region of a given radius; patient frame.
    * @param outward  unit direction towards the camera; [0, 0, 0]: current direction
    * @param isNoted  the change is an undo step
    */
-  lookAt(place: Vec3, radius_mm: number, outward: Vec3, isNoted: boolean): void {
+  focusOn(structure: Vec3, radius_mm: number, outward: Vec3, isNoted: boolean): void {
     const { camera, session } = this;
     if (!session.volumes.value) return;
     const move = () => {
       if (session.pose.value) camera.setRotation(session.pose.value.rotation);
-      camera.lookAlong(outward);
-      camera.focus = camera.toWorld(place);
+      camera.alignView(outward);
+      camera.focus = camera.toWorld(structure);
       this.across_mm = Math.min(0.7 * session.volumes.value!.size, Math.max(5 * radius_mm, 60));
     };
     if (isNoted) return this.moveCamera(move);
@@ -267,12 +267,12 @@ export class VolumeView {
     const device = session.pose.value?.devices[0];
     if (!device || cutting === "none") return null;
     const at = session.toolAt(device);
-    if (cutting === "plane") return { at, radius_mm: 0, widening: Infinity, kept: 0 };
+    if (cutting === "plane") return { at, radius_mm: 0, widening: Infinity, unclipped: 0 };
     return {
       at,
       radius_mm: HOLE_RADIUS_MM,
       widening: HOLE_WIDENING,
-      kept: session.scene.value!.structures.findIndex(({ label }) => label === device.label) + 1,
+      unclipped: session.scene.value!.structures.findIndex(({ label }) => label === device.label) + 1,
     };
   }
   private isClipped(p: Vec3): boolean {
@@ -285,7 +285,7 @@ export class VolumeView {
     return (
       height > 0 &&
       length(sub(from, scale(towards, height))) < cut.radius_mm + cut.widening * height &&
-      this.session.volumes.value!.structureAt(p) !== cut.kept - 1
+      this.session.volumes.value!.structureAt(p) !== cut.unclipped - 1
     );
   }
 
@@ -329,7 +329,7 @@ export class VolumeView {
     const { session } = this;
     const frame = this.picture.frame();
     const tool = session.toolAt(device);
-    const { radius_mm } = session.heldBy(device);
+    const { radius_mm } = session.toolOf(device);
     // tolerance for the smoothing of the surface on which the tool lies
     const slack_mm = radius_mm + 1.5 * session.volumes.value!.voxelSize;
     const ground =
@@ -451,12 +451,12 @@ export class VolumeView {
 
   /** Position on the first visible, unclipped surface under a press; null: none. */
   private shownUnder(at: [number, number]): Vec3 | null {
-    const looks = this.session.looks.value,
+    const appearances = this.session.appearances.value,
       volumes = this.session.volumes.value;
     const { from, into } = this.rayAt(at);
     const isShown = (p: Vec3): boolean => {
-      const place = volumes!.structureAt(p);
-      return place !== null && looks[place]?.visible === true && !this.isClipped(p);
+      const structure = volumes!.structureAt(p);
+      return structure !== null && appearances[structure]?.visible === true && !this.isClipped(p);
     };
     return firstTouchable(volumes!, isShown, from, into, this.camera.isPerspective ? 0 : -Infinity);
   }

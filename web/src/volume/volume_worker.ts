@@ -27,4 +27,4 @@ function hold(): Promise<string> {
 
 if (typeof OffscreenCanvas === "undefined")
   port.postMessage({ type: "unable", why: "no OffscreenCanvas" } satisfies Answered, []);
-else void hold().then((held) => serve(port, new OffscreenCanvas(64, 64), held));
+else void hold().then((lockName) => serve(port, new OffscreenCanvas(64, 64), lockName));

@@ -15,14 +15,14 @@ export const preferred = (languages: readonly string[]): Language =>
 /** Applies the initial language; resolves when it is loaded or has failed to load. */
 export function applyLanguage(): Promise<void> {
   const choice = byId<HTMLSelectElement>("language");
-  const kept = localStorage.getItem(KEY);
+  const stored = localStorage.getItem(KEY);
   choice.addEventListener("change", () => {
     localStorage.setItem(KEY, choice.value);
     void change(choice.value as Language);
   });
   choice.value = "en";
   void speak("en");
-  const first = isKnown(kept) ? kept : preferred(navigator.languages);
+  const first = isKnown(stored) ? stored : preferred(navigator.languages);
   return first === "en" ? Promise.resolve() : change(first);
 }
 
