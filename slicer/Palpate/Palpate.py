@@ -1,11 +1,18 @@
-"""Module of 3D Slicer: feels the scene's scan and segmentation with palpate (docs/guide/slicer.md). The logic is in PalpateLib."""
+"""Module of 3D Slicer: feels the scene's scan and segmentation with palpate (docs/guide/slicer.md).
+
+The logic is in PalpateLib.
+"""
 
 import qt
 import slicer
 from PalpateLib import program
 from PalpateLib.errors import PalpateError
 from PalpateLib.logic import SceneSession
-from slicer.ScriptedLoadableModule import ScriptedLoadableModule, ScriptedLoadableModuleLogic, ScriptedLoadableModuleWidget
+from slicer.ScriptedLoadableModule import (
+    ScriptedLoadableModule,
+    ScriptedLoadableModuleLogic,
+    ScriptedLoadableModuleWidget,
+)
 from slicer.util import VTKObservationMixin
 
 POLL_MS = 30
@@ -20,8 +27,9 @@ class Palpate(ScriptedLoadableModule):
         self.parent.dependencies = ["Segmentations", "Markups", "Models"]
         self.parent.contributors = ["The authors of palpate"]
         self.parent.helpText = (
-            "Feel the scan and the segmentation of the scene: choose both, and press Start. The tool, the force and the section are shown "
-            "here, what a burr removes comes back into the segmentation, and lines become a plan. Research and education; not for clinical use.")
+            "Feel the scan and the segmentation of the scene: choose both, and press Start. The tool, the force and "
+            "the section are shown here, what a burr removes comes back into the segmentation, and lines become a "
+            "plan. Research and education; not for clinical use.")
         self.parent.acknowledgementText = "palpate is free software under the Apache License 2.0."
 
 
@@ -55,7 +63,7 @@ class PalpateWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
         self._timer = qt.QTimer()
         self._timer.setInterval(POLL_MS)
         self._timer.connect("timeout()", self._poll)
-        self.addObserver(slicer.mrmlScene, slicer.mrmlScene.StartCloseEvent, lambda *_: self._stop())
+        self.addObserver(slicer.mrmlScene, slicer.mrmlScene.StartCloseEvent, self._stop)
         self._show_state()
 
     def cleanup(self):
@@ -69,7 +77,8 @@ class PalpateWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
             return
         qt.QSettings().setValue(PROGRAM_SETTING, self.ui.programPath.currentPath)
         device = self.ui.device.text.strip() or "pointer"
-        self._begin(lambda: self.logic.session.start(volume, segmentation, self.ui.programPath.currentPath, device, self.ui.burr.value))
+        self._begin(lambda: self.logic.session.start(volume, segmentation, self.ui.programPath.currentPath, device,
+                                                     self.ui.burr.value))
 
     def _join(self, *_):
         self._begin(lambda: self.logic.session.attach(self.ui.host.text.strip(), self.ui.port.value))
@@ -108,7 +117,8 @@ class PalpateWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
             lines = [line] if line is not None else slicer.util.getNodesByClass("vtkMRMLMarkupsLineNode")
             self.logic.session.write_plan(lines, path)
             # palpate reads it as it will later
-            program.run_program(program.find_program(self.ui.programPath.currentPath), ["plan", "show", path], slicer.util.startupEnvironment())
+            palpate = program.find_program(self.ui.programPath.currentPath)
+            program.run_program(palpate, ["plan", "show", path], slicer.util.startupEnvironment())
 
     def _show_state(self):
         active = self.logic.session.is_active

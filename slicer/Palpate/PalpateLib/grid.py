@@ -1,5 +1,7 @@
 """Voxel grids in the patient's frame."""
 
+import itertools
+
 import numpy as np
 
 # RAS from LPS, and LPS from RAS
@@ -10,8 +12,8 @@ class Grid:
     """A regular grid of voxels.
 
     dims       voxels along i, j, k
-    steps_mm   3 x 3, RAS: column n is the displacement to the next voxel along axis n. Oblique, left-handed and anisotropic
-               grids are allowed
+    steps_mm   3 x 3, RAS: column n is the displacement to the next voxel along axis n. Oblique, left-handed and
+               anisotropic grids are allowed
     first_mm   centre of voxel (0, 0, 0), RAS
     """
 
@@ -40,6 +42,6 @@ class Grid:
         """Whether corner voxels of both grids are at the same positions."""
         if self.dims != other.dims:
             return False
-        corners = np.array([[i, j, k] for i in (0, self.dims[0] - 1) for j in (0, self.dims[1] - 1) for k in (0, self.dims[2] - 1)])
+        corners = np.array(list(itertools.product(*((0, count - 1) for count in self.dims))))
         difference = corners @ (self.steps_mm - other.steps_mm).T + self.first_mm - other.first_mm
         return bool(np.abs(difference).max() <= tolerance_mm)

@@ -39,8 +39,8 @@ class Labels:
     def from_masks(cls, grid, masks):
         """Assigns labels and layers.
 
-        @param masks  iterable of (id, name, colour, label or None, boolean array). A label that is missing or taken is replaced by
-                      the lowest free number
+        @param masks  iterable of (id, name, colour, label or None, boolean array). A label that is missing or taken is
+                      replaced by the lowest free number
         """
         masks = list(masks)
         asked = [label for _, _, _, label, _ in masks if label is not None and 1 <= label <= MAX_LABEL]
@@ -68,8 +68,8 @@ class Labels:
 
 
 class Removal:
-    """What a burr has removed from a segmentation. A voxel is removed if it had a segment and palpate's labels have none there;
-    an undone stroke restores it in all its segments."""
+    """Voxels that a burr has removed from a segmentation: those of a segment where palpate's labels are 0. An undone
+    stroke restores a voxel in all its segments."""
 
     def __init__(self, labels):
         """@param labels  Labels before any cut"""

@@ -15,7 +15,7 @@ SEGMENTATION = "Palpate"
 class SceneSession:
     """Feels a volume and a segmentation of the scene, or joins a session that runs already, here or on another machine.
 
-    poll() is called some 30 times a second, on Slicer's own thread. Everything else that waits is on threads of its own.
+    poll() is called some 30 times a second, on Slicer's own thread. The connections are read on threads of their own.
     """
 
     def __init__(self):
@@ -43,7 +43,8 @@ class SceneSession:
         self._folder = pathlib.Path(tempfile.mkdtemp(prefix="palpate-slicer-"))
         try:
             scene_file = self._write(found, environment, volume, segmentation, burr_mm)
-            self._session = program.Session(found, [scene_file, "--device", device, "--port", "0", *arguments], environment)
+            command = [scene_file, "--device", device, "--port", "0", *arguments]
+            self._session = program.Session(found, command, environment)
             self._join("127.0.0.1", self._session.port)
         except BaseException:
             self.stop()
@@ -119,10 +120,12 @@ class SceneSession:
     def _write(self, found, environment, volume, segmentation, burr_mm):
         grid, voxels = scene.scan_of(volume)
         labels = scene.labels_of(segmentation, volume)
-        scan_file, labels_file, scene_file = (self._folder / name for name in ("scan.nrrd", "labels.seg.nrrd", "scene.toml"))
+        names = ("scan.nrrd", "labels.seg.nrrd", "scene.toml")
+        scan_file, labels_file, scene_file = (self._folder / name for name in names)
         nrrd.write_scan(scan_file, grid, voxels)
         nrrd.write_segmentation(labels_file, grid, labels)
-        program.run_program(found, ["scene", "new", "--scan", scan_file, "--labels", labels_file, "-o", scene_file], environment)
+        command = ["scene", "new", "--scan", scan_file, "--labels", labels_file, "-o", scene_file]
+        program.run_program(found, command, environment)
         if burr_mm > 0:
             with open(scene_file, "a", encoding="utf-8") as file:
                 file.write(f'\n[tool]\nkind = "burr"\ndiameter = {float(burr_mm)!r}\n')
@@ -141,7 +144,8 @@ class SceneSession:
             self._hold(*scene.new_segmentation(grid, voxels, self._client.names(), SEGMENTATION))
             return [segment.name for segment in self._labels.segments]
         if not grid.is_same(self._labels.grid):
-            raise PalpateError("palpate's labels are on another grid than the segmentation", self._node.GetName(), "start the session again")
+            raise PalpateError("palpate's labels are on another grid than the segmentation", self._node.GetName(),
+                               "start the session again")
         changed = self._removal.update(voxels)
         for segment, mask in changed:
             scene.change_segment(self._node, self._volume, segment, mask)

@@ -20,11 +20,12 @@ def _value(text):
 
 def _head(grid, type_name, layers, fields):
     steps, first = RAS_LPS @ grid.steps_mm, RAS_LPS @ grid.first_mm
-    lines = ["NRRD0005", f"type: {type_name}", f"dimension: {3 if layers is None else 4}", "space: left-posterior-superior",
-             "sizes: " + " ".join(map(str, grid.dims)) + ("" if layers is None else f" {layers}"),
-             "space directions: " + " ".join(_vector(steps[:, n]) for n in range(3)) + ("" if layers is None else " none"),
-             "kinds: domain domain domain" + ("" if layers is None else " list"),
-             "endian: little", "encoding: raw", "space origin: " + _vector(first)]
+    # layers of a segmentation are a fourth axis, the slowest
+    dimension, sizes, no_direction, kind = (3, "", "", "") if layers is None else (4, f" {layers}", " none", " list")
+    lines = ["NRRD0005", f"type: {type_name}", f"dimension: {dimension}", "space: left-posterior-superior",
+             "sizes: " + " ".join(map(str, grid.dims)) + sizes,
+             "space directions: " + " ".join(_vector(steps[:, n]) for n in range(3)) + no_direction,
+             "kinds: domain domain domain" + kind, "endian: little", "encoding: raw", "space origin: " + _vector(first)]
     lines += [f"{key}:={_value(value)}" for key, value in fields]
     return ("\n".join(lines) + "\n\n").encode()
 

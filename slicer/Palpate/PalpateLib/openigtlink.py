@@ -1,5 +1,5 @@
-"""Receives palpate's labels and their names by OpenIGTLink (docs/guide/openigtlink.md). Slicer's own connector receives poses, forces
-and sections; it makes no node of LBMETA, and sends no request for images."""
+"""Receives palpate's labels and their names by OpenIGTLink (docs/guide/openigtlink.md). Slicer's own connector receives
+poses, forces and sections; it makes no node of LBMETA, and sends no request for images."""
 
 import socket
 import struct
@@ -26,8 +26,9 @@ def _text(field):
 def parse_image(body):
     """@returns (Grid, uint16 array of its shape) of an IMAGE of labels"""
     fields = IMAGE_HEAD.unpack_from(body)
-    components, scalar, endian, coordinates, dims, matrix = fields[1], fields[2], fields[3], fields[4], fields[5:8], fields[8:20]
-    if (components, scalar, endian, coordinates) != (1, UINT16, LITTLE_ENDIAN, RAS):
+    dims, matrix = fields[5:8], fields[8:20]
+    # components, scalar type, endianness and coordinates
+    if fields[1:5] != (1, UINT16, LITTLE_ENDIAN, RAS):
         raise ValueError("an image of another type")
     if len(body) != IMAGE_HEAD.size + 2 * dims[0] * dims[1] * dims[2]:
         raise ValueError("an image of another size")
@@ -57,7 +58,7 @@ class LabelsClient:
             self._socket = socket.create_connection((host, port), timeout=timeout_s)
         except OSError as error:
             raise PalpateError(f"cannot be reached ({error.strerror or error})", where,
-                               "start palpate explore with --openigtlink there, and let the network pass this port") from error
+                               "start palpate explore with --openigtlink there, and open this port") from error
         self._where = where
         self._lock = threading.Lock()
         self._names, self._image, self._failure, self._closed = None, None, None, False
@@ -73,7 +74,10 @@ class LabelsClient:
             return self._names
 
     def take(self):
-        """The latest (Grid, voxels), once; None if nothing has changed. Raises PalpateError if the connection has ended."""
+        """The latest (Grid, voxels), once; None if nothing has changed.
+
+        Raises PalpateError if the connection has ended.
+        """
         with self._lock:
             image, self._image = self._image, None
             if image is None and self._failure is not None:

@@ -27,20 +27,21 @@ def find_program(given=""):
             raise PalpateError("is no program", path, "choose the file palpate itself")
     found = shutil.which("palpate")
     if found is None:
-        raise PalpateError("palpate is not found on this machine", "", "install it (docs/guide/packages.md), or choose the file palpate")
+        raise PalpateError("palpate is not found on this machine", "",
+                           "install it (docs/guide/packages.md), or choose the file palpate")
     return found
 
 
 def run_program(program, arguments, environment=None):
     """Runs a verb to its end. @returns its output; raises PalpateError with palpate's own message"""
-    done = subprocess.run([program, *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          text=True, errors="replace", env=environment, check=False)
+    done = subprocess.run([program, *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                          errors="replace", env=environment, check=False)
     if done.returncode != 0:
-        raise PalpateError(_told(done.stderr.splitlines()) or f"ended with code {done.returncode}", "palpate")
+        raise PalpateError(_error_text(done.stderr.splitlines()) or f"ended with code {done.returncode}", "palpate")
     return done.stdout
 
 
-def _told(lines):
+def _error_text(lines):
     """palpate's own error, without its prefix."""
     for n, line in enumerate(lines):
         if line.startswith("palpate: error: "):
@@ -55,8 +56,8 @@ class Session:
         """Waits until it publishes and its page is served. @param arguments  those of explore, without --openigtlink"""
         command = [program, "explore", *map(str, arguments), "--openigtlink", "0"]
         try:
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-                                             text=True, errors="replace", env=environment)
+            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                                             stderr=subprocess.PIPE, text=True, errors="replace", env=environment)
         except OSError as error:
             raise PalpateError(f"cannot be started ({error.strerror})", program) from error
         self._lines = collections.deque(maxlen=200)
@@ -67,14 +68,14 @@ class Session:
         self._reader.start()
         if not self._published.wait(START_WITHIN_S) or self.port is None:
             self.end()
-            raise PalpateError(_told(list(self._lines)) or "did not begin", "palpate")
+            raise PalpateError(_error_text(list(self._lines)) or "did not begin", "palpate")
 
     def is_running(self):
         return self._process.poll() is None
 
     def fault(self):
         """Why it ended by itself; empty while it runs and after an orderly end."""
-        return "" if self._process.poll() in (None, 0) else _told(list(self._lines))
+        return "" if self._process.poll() in (None, 0) else _error_text(list(self._lines))
 
     def end(self):
         """Ends it as Ctrl-C does: the force fades out first."""

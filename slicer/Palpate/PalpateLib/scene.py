@@ -1,5 +1,5 @@
-"""Slicer's scene: volumes, segmentations, lines and what palpate publishes, as plain values. The only file of the logic that uses
-Slicer's classes."""
+"""Slicer's scene: volumes, segmentations, lines and what palpate publishes, as plain values. The only file of the logic
+that uses Slicer's classes."""
 
 import numpy as np
 import slicer
@@ -27,7 +27,8 @@ def grid_of(volume):
     transform = volume.GetParentTransformNode()
     if transform is not None:
         if not transform.IsLinear():
-            raise PalpateError("is under a transform that is not linear", volume.GetName(), "harden the transform (module Transforms)")
+            raise PalpateError("is under a transform that is not linear", volume.GetName(),
+                               "harden the transform (module Transforms)")
         transform.GetMatrixTransformToWorld(matrix)
         ijk_to_ras = slicer.util.arrayFromVTKMatrix(matrix) @ ijk_to_ras
     return Grid.from_ijk_to_ras(volume.GetImageData().GetDimensions(), ijk_to_ras)
@@ -55,7 +56,7 @@ def _label_of(segment):
 
 
 def labels_of(node, volume):
-    """@returns Labels of a segmentation on a volume's grid. Each segment's label becomes its tag, so that it stays the same"""
+    """@returns Labels of a segmentation on a volume's grid. Each segment's label becomes its tag, to stay the same"""
     if node.GetParentTransformNode() is not volume.GetParentTransformNode():
         raise PalpateError(f"is under another transform than {volume.GetName()}", node.GetName(),
                            "put both under the same one, or harden it (module Transforms)")
@@ -129,7 +130,8 @@ def connect(host, port):
     except RuntimeError:
         connector = None
     if connector is None:
-        raise PalpateError("Slicer has no OpenIGTLink", "", "install the extension SlicerOpenIGTLink (Extensions Manager)")
+        raise PalpateError("Slicer has no OpenIGTLink", "",
+                           "install the extension SlicerOpenIGTLink (Extensions Manager)")
     connector.SetTypeClient(host, port)
     connector.Start()
     return connector

@@ -1,4 +1,4 @@
-"""Self-test of the module, run by Slicer's build (BUILD_TESTING) and, in front of a stand-in for Slicer, by palpate's."""
+"""Self-test of the module, run by Slicer's build (BUILD_TESTING), and by palpate's with a stand-in for Slicer."""
 
 import shutil
 import time
