@@ -578,8 +578,8 @@ bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& tic
   return true;
 }
 
-// Waits until the law takes effect, which may require new surfaces, and then until the stiffer tissue has
-// pushed the hand out to the depth of its pressing force.
+// Waits until the law takes effect, which may require new surfaces, then until the force of the new law is
+// fully blended in and the stiffer tissue has pushed the hand out to the depth of its pressing force.
 bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& tick, double dt_s,
                               HandCommands& commands) {
   constexpr double kLongest_s = 300, kBriefly_s = 0.05, kLongestPush_s = 3;
@@ -595,7 +595,8 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& tick, d
     settled_s_ += dt_s;
     if (!touching_ || settled_s_ >= kLongestPush_s) return true;
     (void)excess_depth(tick, dt_s);
-    return settled_s_ >= kBriefly_s && over_s_ == 0;
+    const bool is_blending = (tick.device[0].flags & kFlagBlend) != 0;
+    return settled_s_ >= kBriefly_s && !is_blending && over_s_ == 0;
   }
   return step_time_s_ + dt_s >= kLongest_s && fail(step, tick, "its surfaces were not prepared in time");
 }
