@@ -96,16 +96,16 @@ std::string fault_of(const EndedProcess& ended, const CohortCase& one, const Coh
            (ended.signal == SIGKILL ? ": killed, or out of memory" : "");
   }
   // first line of its last error message
-  std::string declared = ended.declared;
+  std::string error_output = ended.error_output;
   for (const std::string_view before : {"palpate: error: ", "palpate: bug: "})
-    if (const auto at = declared.rfind(before); at != declared.npos) {
-      declared = declared.substr(at + before.size());
+    if (const auto at = error_output.rfind(before); at != error_output.npos) {
+      error_output = error_output.substr(at + before.size());
       break;
     }
-  declared = printable(declared.substr(0, declared.find('\n')));
+  error_output = printable(error_output.substr(0, error_output.find('\n')));
   if (ended.exit_code == kExitOk) return "its process left no result";
   const std::string code = "its process ended with exit code " + std::to_string(ended.exit_code);
-  return declared.empty() ? code : code + ": " + without_names(declared, one, options.folder);
+  return error_output.empty() ? code : code + ": " + without_names(error_output, one, options.folder);
 }
 
 /// Runs one case in a child process, so that a result is written even if that process crashes.

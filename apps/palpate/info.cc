@@ -315,7 +315,7 @@ Json json_of(const Info& info) {
     json["leaky"] = Json::array();
     for (const Leaks& leaks : info.leaks)
       json["leaky"].push_back(
-          {{"id", leaks.label}, {"places", leaks.joints}, {"one_lps_mm", list(leaks.shape.eigen())}});
+          {{"id", leaks.label}, {"places", leaks.joints}, {"one_lps_mm", list(leaks.position.eigen())}});
     json["empty_slices"] = info.empty_slices;
     json["unnamed"] = info.labels->unnamed;
     json["names_from"] = words_of(info.labels->name_source);

@@ -14,8 +14,8 @@ std::string leaky_text(std::vector<Leaks> leaks, const std::function<std::string
       "such places: ";
   for (std::size_t n = 0; n < std::min(leaks.size(), kNamed); ++n) {
     char position_text[80];
-    std::snprintf(position_text, sizeof position_text, " (one at %.1f, %.1f, %.1f mm)", leaks[n].shape.x(),
-                  leaks[n].shape.y(), leaks[n].shape.z());
+    std::snprintf(position_text, sizeof position_text, " (one at %.1f, %.1f, %.1f mm)", leaks[n].position.x(),
+                  leaks[n].position.y(), leaks[n].position.z());
     text += (n == 0 ? "" : ", ") + name_of(leaks[n].label) + " " + std::to_string(leaks[n].joints) +
             position_text;
   }

@@ -85,10 +85,11 @@ std::string count_of(std::size_t count, const char* noun) {
 }
 
 std::string position_text(const LintFinding& finding) {
-  if (!finding.shape) return "";
+  if (!finding.position) return "";
   char text[120];
-  std::snprintf(text, sizeof text, "%.1f, %.1f, %.1f mm LPS (voxel %d %d %d)", finding.shape->x(),
-                finding.shape->y(), finding.shape->z(), finding.voxel[0], finding.voxel[1], finding.voxel[2]);
+  std::snprintf(text, sizeof text, "%.1f, %.1f, %.1f mm LPS (voxel %d %d %d)", finding.position->x(),
+                finding.position->y(), finding.position->z(), finding.voxel[0], finding.voxel[1],
+                finding.voxel[2]);
   return text;
 }
 
@@ -125,7 +126,7 @@ void print_report(std::ostream& out, const LintReport& report) {
       const LintFinding& finding = report.findings[end];
       print_wrapped(out,
                     printable_name(finding.sentence) +
-                        (finding.shape ? ", at " + position_text(finding) : std::string()),
+                        (finding.position ? ", at " + position_text(finding) : std::string()),
                     "  - ", "    ");
     }
     if (lines > kLinesOfAKind) out << "  - and " << lines - kLinesOfAKind << " more\n";
@@ -163,8 +164,8 @@ Json lint_json(const LintReport& report, const LintVerbOptions& options, const L
              {"sentence", finding.sentence},
              {"effect", kind.effect},
              {"remedy", kind.remedy}};
-    if (finding.shape) {
-      one["place_lps_mm"] = std::array{finding.shape->x(), finding.shape->y(), finding.shape->z()};
+    if (finding.position) {
+      one["place_lps_mm"] = std::array{finding.position->x(), finding.position->y(), finding.position->z()};
       one["voxel"] = finding.voxel;
     }
     findings.push_back(std::move(one));
@@ -263,7 +264,7 @@ Image picture_of(const LintFinding& finding, Model model, double width_mm) {
   for (const AnatomicalPlane plane :
        {AnatomicalPlane::kAxial, AnatomicalPlane::kCoronal, AnatomicalPlane::kSagittal}) {
     const Image panel = render_section(
-        model, anatomical_section(plane, *finding.shape, width_mm, kPanelPixels, kPanelPixels), style);
+        model, anatomical_section(plane, *finding.position, width_mm, kPanelPixels, kPanelPixels), style);
     for (int y = 0; y < kPanelPixels; ++y)
       std::copy_n(panel.rgb.begin() + std::ptrdiff_t{3} * y * kPanelPixels, 3 * kPanelPixels,
                   picture.rgb.begin() + std::ptrdiff_t{3} * (y * picture.width + left));
@@ -299,12 +300,12 @@ Result<LintPage> page_of(const LintReport& report, const LintVerbOptions& option
                             std::string(kind.remedy),
                             position_text(finding),
                             {}};
-    if (finding.shape && pictures.at(static_cast<std::size_t>(finding.kind))++ < kPicturesOfAKind) {
+    if (finding.position && pictures.at(static_cast<std::size_t>(finding.kind))++ < kPicturesOfAKind) {
       const double width_mm = width_of(finding, volumes.labels->geometry());
       shown.picture_png = encode_png(picture_of(finding, model, width_mm));
       char width[40];
       std::snprintf(width, sizeof width, "; pictures %.0f mm wide", width_mm);
-      shown.shape += width;
+      shown.position += width;
     }
     page.findings.push_back(std::move(shown));
   }

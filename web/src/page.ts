@@ -304,7 +304,11 @@ export class Page {
   }
   /** Moves the planes to a measure. */
   private moveTo({ points, plane, normal }: Measure): void {
-    this.showPosition("measure", scale(points.reduce(add), 1 / points.length), plane === "oblique" ? normal : undefined);
+    this.showPosition(
+      "measure",
+      scale(points.reduce(add), 1 / points.length),
+      plane === "oblique" ? normal : undefined,
+    );
   }
   /** Moves the planes to a position, patient frame, undoably. */
   private showPosition(by: string, position: Vec3, obliqueNormal?: Vec3): void {

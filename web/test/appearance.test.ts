@@ -1,7 +1,15 @@
 import type { Scene } from "../src/protocol/messages.js";
 import assert from "node:assert/strict";
 import test from "node:test";
-import { glossOf, hasBone, storedAppearances, appearancesOf, presetAppearances, restored, type StoredAppearances } from "../src/state/appearance.js";
+import {
+  glossOf,
+  hasBone,
+  storedAppearances,
+  appearancesOf,
+  presetAppearances,
+  restored,
+  type StoredAppearances,
+} from "../src/state/appearance.js";
 
 const scene = {
   tissues: [

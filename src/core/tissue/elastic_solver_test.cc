@@ -253,8 +253,8 @@ TEST(ElasticGrid, TakesLabelsByTheirShareOfACell) {
     const double mu = grid->mu()[cell], lambda = grid->lambda()[cell];
     return 1000 * mu * (3 * lambda + 2 * mu) / (lambda + mu);
   };
-  EXPECT_EQ(grid->constraints(1, 2, 1) & ElasticGrid::kFixed, ElasticGrid::kFixed);
-  EXPECT_EQ(grid->constraints(1, 2, 2) & ElasticGrid::kFixed, 0);
+  EXPECT_EQ(grid->constraint(1, 2, 1) & ElasticGrid::kFixed, ElasticGrid::kFixed);
+  EXPECT_EQ(grid->constraint(1, 2, 2) & ElasticGrid::kFixed, 0);
   EXPECT_NEAR(youngs_kPa(1), 10, 1e-3);
   EXPECT_NEAR(youngs_kPa(2), 2 / (1 / 10.0 + 1 / 40.0), 1e-3);
   EXPECT_NEAR(youngs_kPa(3), 40, 1e-3);

@@ -148,7 +148,7 @@ TEST(ReadyFor, ASimulatedHandIsHeldByTheProxyAndItReplays) {
   options.method = ForceMethod::kProxy;
   const auto result = simulate(loaded, testing::press_script("shell"), options, folder / "proxy.h5");
   ASSERT_TRUE(result.ok()) << result.error().message();
-  EXPECT_TRUE(result->failure.empty()) << result->failure.front();
+  EXPECT_TRUE(result->problems.empty()) << result->problems.front();
   ASSERT_EQ(result->holds.size(), 1u);
   EXPECT_GT(result->holds[0].held_s, 0.5);
   EXPECT_EQ(result->summary.inside, 0u);

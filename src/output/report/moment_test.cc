@@ -54,9 +54,9 @@ TEST(RecordedMoment, IsShownByToolProxyTipForceAndWay) {
   EXPECT_EQ(count_of(marks, kForceColour), 2);  // shaft and head
   EXPECT_GT(count_of(marks, kToolColour), 0);
   EXPECT_GT(count_of(marks, kTouchingPathColour), 0);
-  const auto moment = std::find_if(marks.begin(), marks.end(),
-                                   [](const VolumeMark& m) { return m.colour == kPositionColour; });
-  EXPECT_EQ(moment->from, proxy_position(*hardest, 0));
+  const auto drawn_line = std::find_if(marks.begin(), marks.end(),
+                                       [](const VolumeMark& m) { return m.colour == kPositionColour; });
+  EXPECT_EQ(drawn_line->from, proxy_position(*hardest, 0));
 }
 
 TEST(RecordedMoment, ShowsTissueWhereItWent) {

@@ -203,7 +203,7 @@ void finish(const Session& session, ExploreResult& result) {
   session.loop.stop();
   result.health = session.loop.health();
   result.scheduling = session.loop.scheduling();
-  const auto problems = session.tip.failure();
+  const auto problems = session.tip.problems();
   result.failed_steps = problems.size();
   result.touches = session.tip.touches();
   result.problems.insert(result.problems.end(), problems.begin(), problems.end());

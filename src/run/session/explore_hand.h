@@ -48,7 +48,7 @@ class HandThread {
   bool done() const { return done_.load(); }
   double progress() const { return progress_.load(); }
   /// After end().
-  const std::vector<std::string>& failure() const { return hand_.failure(); }
+  const std::vector<std::string>& problems() const { return hand_.problems(); }
   const std::vector<TouchFigure>& touches() const { return hand_.touches(); }
 
  private:

@@ -34,7 +34,7 @@ class ScriptSource final : public TipSource {
   void end() override {
     if (hand_) hand_->end();
   }
-  std::vector<std::string> failure() const override { return hand_->failure(); }
+  std::vector<std::string> problems() const override { return hand_->problems(); }
   std::vector<TouchFigure> touches() const override { return hand_->touches(); }
 
  private:
@@ -72,7 +72,7 @@ class GuidedSource : public TipSource {
   bool done() const override { return false; }
   double progress() const override { return 0; }
   void end() override {}
-  std::vector<std::string> failure() const override { return {}; }
+  std::vector<std::string> problems() const override { return {}; }
   std::vector<TouchFigure> touches() const override { return {}; }
 
  private:
@@ -145,7 +145,7 @@ class CombinedSources final : public TipSource {
   bool done() const override { return sources_[0]->done(); }
   double progress() const override { return sources_[0]->progress(); }
   void end() override { sources_[0]->end(); }
-  std::vector<std::string> failure() const override { return sources_[0]->failure(); }
+  std::vector<std::string> problems() const override { return sources_[0]->problems(); }
   std::vector<TouchFigure> touches() const override { return sources_[0]->touches(); }
 
  private:

@@ -37,7 +37,7 @@ class TipSource {
   /// Ends the source's threads; the tip stays where it is.
   virtual void end() = 0;
   /// Failed steps, one sentence each; valid after end().
-  virtual std::vector<std::string> failure() const = 0;
+  virtual std::vector<std::string> problems() const = 0;
   /// Figures of touches; valid after end().
   virtual std::vector<TouchFigure> touches() const = 0;
 };

@@ -82,13 +82,13 @@ TEST(PictureStore, DrawsWhatIsThereAndSaysWhatItIs) {
   for (int row = 0; row < 48; ++row)
     for (int column = 0; column < 48; ++column) {
       const double off = std::hypot(-4 + column + 0.5 - 20, 44 - row - 0.5 - 20);
-      if (observed.shape(column, row) != 0) ++encountered;
+      if (observed.structure_index(column, row) != 0) ++encountered;
       if (off > 13) {
-        EXPECT_EQ(observed.shape(column, row), 0) << column << " " << row;
+        EXPECT_EQ(observed.structure_index(column, row), 0) << column << " " << row;
       }
       if (off > 11) continue;
       // the second structure, at the ball's surface
-      EXPECT_EQ(observed.shape(column, row), 2) << column << " " << row;
+      EXPECT_EQ(observed.structure_index(column, row), 2) << column << " " << row;
       EXPECT_NEAR(observed.depth_mm(column, row), -std::sqrt(144 - off * off), off < 9 ? 1.3 : 2.4) << off;
     }
   EXPECT_NEAR(encountered, std::numbers::pi * 144, 40);
@@ -101,7 +101,7 @@ TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
   // transparent
   const auto hidden = wait_for(store, front + "&looks=ffffffffff000000");
   ASSERT_NE(hidden, nullptr);
-  EXPECT_EQ(Observed(*hidden).shape(24, 24), 0);
+  EXPECT_EQ(Observed(*hidden).structure_index(24, 24), 0);
   // red
   const auto red = wait_for(store, front + "&looks=ffffffffff0000ff");
   ASSERT_NE(red, nullptr);
@@ -114,7 +114,7 @@ TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
   const auto near = wait_for(store, front + ",20,-40,20");
   ASSERT_NE(near, nullptr);
   EXPECT_NEAR(Observed(*near).depth_mm(24, 24), 60 - 12, 0.8);
-  EXPECT_NE(Observed(*near).shape(12, 24), 0);
+  EXPECT_NE(Observed(*near).structure_index(12, 24), 0);
 }
 
 TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
@@ -213,7 +213,7 @@ TEST(PictureStore, ShowsHowTissueYieldsToWhoeverMaySeeIt) {
     if (payload == nullptr) return -1;
     const Observed observed(*payload);
     int column = 24;
-    while (column < 48 && observed.shape(column, 24) != 0) ++column;
+    while (column < 48 && observed.structure_index(column, 24) != 0) ++column;
     return column - 24;
   };
   EXPECT_NEAR(edge_at(nullptr), 6, 1);

@@ -23,7 +23,7 @@ TEST(Encoding, PosesAreDecodedAsTheyWereEncoded) {
     const MessageBytes bytes = transform_message({"ProbeToRAS", 123456789}, q.toRotationMatrix(), at);
     PoseReader reader;
     int poses = 0;
-    ASSERT_TRUE(reader.take(bytes, [&](const PoseMessage& pose) {
+    ASSERT_TRUE(reader.consume(bytes, [&](const PoseMessage& pose) {
       ++poses;
       EXPECT_EQ(pose.name, "ProbeToRAS");
       EXPECT_EQ(pose.stamp, 123456789u);

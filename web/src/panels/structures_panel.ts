@@ -6,7 +6,14 @@ import { byId, element, press, write } from "../base/dom.js";
 import { digits, quantity } from "../words/figures.js";
 import type { History } from "../state/history.js";
 import { storeScene } from "../state/local_storage.js";
-import { hasBone, storedAppearances, presetAppearances, PRESETS, type AppearancePreset, type Appearance } from "../state/appearance.js";
+import {
+  hasBone,
+  storedAppearances,
+  presetAppearances,
+  PRESETS,
+  type AppearancePreset,
+  type Appearance,
+} from "../state/appearance.js";
 import type { Permissions } from "../state/permissions.js";
 import type { Requests } from "../state/requests.js";
 import { readable, type KeptScene, type Session } from "../state/session.js";
@@ -80,7 +87,10 @@ export class StructuresPanel {
     const choice = byId<HTMLSelectElement>("looks");
     choice.addEventListener("change", () => {
       if (choice.value)
-        this.change("looks", presetAppearances(choice.value as AppearancePreset, session.scene.value!, session.appearances.value));
+        this.change(
+          "looks",
+          presetAppearances(choice.value as AppearancePreset, session.scene.value!, session.appearances.value),
+        );
       choice.value = "";
     });
     byId("show-all").addEventListener("click", () => this.setShown(session.appearances.value.map(() => true)));
@@ -240,7 +250,11 @@ export class StructuresPanel {
    * @param key  changes with equal key in one gesture are one undo step
    */
   private change(key: string, appearances: Appearance[]): void {
-    this.history.note(key, { before: this.session.appearances.value, after: appearances, apply: (_, to) => this.setAppearances(to) });
+    this.history.note(key, {
+      before: this.session.appearances.value,
+      after: appearances,
+      apply: (_, to) => this.setAppearances(to),
+    });
     this.setAppearances(appearances);
   }
   /** Sets and stores the looks of all structures. Returns true: an undo of looks cannot be refused. */
@@ -255,7 +269,9 @@ export class StructuresPanel {
   private showAppearances(appearances: Appearance[]): void {
     // looks of another scene, whose list is not built yet
     if (appearances.length !== this.controls.length) return;
-    appearances.forEach((appearance, index) => appearance !== this.shownAppearances[index] && this.showAppearance(appearance, index));
+    appearances.forEach(
+      (appearance, index) => appearance !== this.shownAppearances[index] && this.showAppearance(appearance, index),
+    );
     this.shownAppearances = appearances;
     this.showGroups(appearances);
   }

@@ -168,7 +168,10 @@ export class Timeline {
     const span = Math.max(recording.end_s - recording.begin_s, 1e-9);
     const x = (s: number) => ((s - recording.begin_s) / span) * width;
     const colours = new Map(
-      session.scene.value!.structures.map(({ label }, n) => [label, `rgb(${session.appearances.value[n]!.colour.join()})`]),
+      session.scene.value!.structures.map(({ label }, n) => [
+        label,
+        `rgb(${session.appearances.value[n]!.colour.join()})`,
+      ]),
     );
 
     const top = Math.max(...recording.force_N, 1e-6);

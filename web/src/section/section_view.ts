@@ -145,7 +145,9 @@ export class SectionView {
       (at, stroke) => stroke.outlineNear(this.patientAt(at), this.plane),
       (at) => this.patientAt(at),
       () =>
-        this.steeredTip.peek() && this.touching.isTouchable(this.steeredTip.peek()!) ? words.insideThere : words.nothingThere,
+        this.steeredTip.peek() && this.touching.isTouchable(this.steeredTip.peek()!)
+          ? words.insideThere
+          : words.nothingThere,
     );
     this.listen();
   }

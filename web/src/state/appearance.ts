@@ -93,6 +93,8 @@ export function restored(scene: Scene, now: Appearance[], stored: StoredAppearan
       appearance.colour.length === 3 &&
       appearance.colour.every((x) => isPart(x, 255)) &&
       isPart(appearance.opacity, 1);
-    return isAppearance ? { colour: appearance.colour!, opacity: appearance.opacity!, visible: appearance.visible !== false } : own;
+    return isAppearance
+      ? { colour: appearance.colour!, opacity: appearance.opacity!, visible: appearance.visible !== false }
+      : own;
   });
 }

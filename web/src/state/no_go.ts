@@ -71,7 +71,9 @@ export function nearestNoGo(regions: (NoGo | null)[], parts: ToolPart[], near: N
   if (near.noGo >= 0) return near.noGo < regions.length ? { region: near.noGo, mm: -near.depth, pushes: true } : null;
   const all = regions.flatMap((region, position): Approach[] => {
     const away_mm = region && distanceOf(region, parts, near);
-    return away_mm === null ? [] : [{ region: position, mm: Math.max(0, away_mm - region!.keep_away_mm), pushes: false }];
+    return away_mm === null
+      ? []
+      : [{ region: position, mm: Math.max(0, away_mm - region!.keep_away_mm), pushes: false }];
   });
   return all.sort((a, b) => a.mm - b.mm)[0] ?? null;
 }

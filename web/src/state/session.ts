@@ -154,7 +154,10 @@ export class Session {
     this.appearances.value
       .slice(0, 255)
       .forEach((appearance, position) =>
-        rgba.set([...appearance.colour, appearance.visible ? Math.round(255 * appearance.opacity) : 0], (position + 1) * 4),
+        rgba.set(
+          [...appearance.colour, appearance.visible ? Math.round(255 * appearance.opacity) : 0],
+          (position + 1) * 4,
+        ),
       );
     if (this.appearances.value.length < REMOVED) rgba.set(REMOVED_RGBA, 4 * REMOVED);
     const [lit, alike] = [this.lit.value, this.alike.value];
@@ -188,7 +191,11 @@ export class Session {
       this.scene.value = scene;
       this.volumes.value = volumes;
       if (isNew || this.appearances.peek().length !== scene.structures.length) {
-        this.appearances.value = restored(scene, appearancesOf(scene), recallScene<KeptScene>(scene.volume.hash).appearances ?? {});
+        this.appearances.value = restored(
+          scene,
+          appearancesOf(scene),
+          recallScene<KeptScene>(scene.volume.hash).appearances ?? {},
+        );
         const [low, high] = scene.volume.scan?.window ?? [0, 1];
         this.window.value = this.knownWindow = this.keptWindow() ?? {
           level: (low + high) / 2,

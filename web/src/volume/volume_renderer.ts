@@ -88,7 +88,8 @@ export class VolumeRenderer {
       if (this.port !== worker) return;
       worker.onerror = () => this.failed(worker);
       // a terminated worker sends no message but releases its lock
-      if (ready.type === "ready" && ready.lockName) void navigator.locks.request(ready.lockName, () => this.failed(worker));
+      if (ready.type === "ready" && ready.lockName)
+        void navigator.locks.request(ready.lockName, () => this.failed(worker));
     });
   }
 
