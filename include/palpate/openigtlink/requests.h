@@ -29,7 +29,7 @@ class RequestReader {
 
   RequestReader();
   /// Errors: kBadInput if the input is not OpenIGTLink; the reader is then unusable.
-  Result<void> take(std::span<const std::uint8_t> bytes, const OnRequest& on_request);
+  Result<void> consume(std::span<const std::uint8_t> bytes, const OnRequest& on_request);
 
  private:
   MessageSplitter messages_;

@@ -21,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (std::size_t at = 0; at < bytes.size() && fine; at += piece)
       fine =
           reader
-              .take(bytes.subspan(at, std::min(piece, bytes.size() - at)),
+              .consume(bytes.subspan(at, std::min(piece, bytes.size() - at)),
                     [&](Request request, const std::string& name) { requests.emplace_back(request, name); })
               .ok();
     return std::pair(fine, requests);

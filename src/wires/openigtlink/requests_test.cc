@@ -42,7 +42,7 @@ TEST(OpenIgtLinkRequests, AreFoundAmongOtherMessagesInPiecesOfAnyLength) {
     for (std::size_t at = 0; at < stream.size(); at += piece)
       ASSERT_TRUE(
           reader
-              .take(std::span(stream).subspan(at, std::min(piece, stream.size() - at)),
+              .consume(std::span(stream).subspan(at, std::min(piece, stream.size() - at)),
                     [&](Request request, const std::string& name) { found.emplace_back(request, name); })
               .ok());
     ASSERT_EQ(found, expected) << "pieces of " << piece;
@@ -51,7 +51,7 @@ TEST(OpenIgtLinkRequests, AreFoundAmongOtherMessagesInPiecesOfAnyLength) {
 
 TEST(OpenIgtLinkRequests, OtherInputIsRefused) {
   RequestReader reader;
-  EXPECT_EQ(reader.take(Bytes(kHead_bytes, 0xff), [](Request, const std::string&) {}).error().kind,
+  EXPECT_EQ(reader.consume(Bytes(kHead_bytes, 0xff), [](Request, const std::string&) {}).error().kind,
             ErrorKind::kBadInput);
 }
 
