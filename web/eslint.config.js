@@ -18,6 +18,7 @@ const MAY_IMPORT = {
   volume: [...LOW, "drawing", "touch"],
   panels: [...LOW, "drawing", "section", "touch", "volume"],
   training: [...LOW, "drawing", "volume", "panels"],
+  worker: LOW,
   page: [...LOW, "drawing", "section", "touch", "volume", "panels", "training"],
 };
 
@@ -41,7 +42,7 @@ const NODE_GLOBALS = [
 ];
 
 export default tseslint.config(
-  { ignores: ["dist/", ".test/"] },
+  { ignores: ["dist/", "dist-static/", ".test/"] },
   js.configs.recommended,
   tseslint.configs.recommended,
   {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <span>
 
 #include "palpate/device/device.h"
@@ -69,6 +70,8 @@ class PointerDriver final : public DeviceDriver {
   InterpolatedPose reported_;
   Mailbox<Press> presses_;
   // owned by the servo thread
+  std::array<DeviceCommand, 1> commands_{};  // commands of the last tick
+  std::int64_t before_ns_ = 0;               // time of the last tick
   Press wanted_;
   Vector<Device> into_;  // direction of the press, smoothed
   double depth_mm_ = 0;

@@ -122,7 +122,20 @@ class ServoLoop {
                                                   const Parameters& parameters,
                                                   const std::vector<WorkspaceSettings>& workspaces,
                                                   const LoopSettings& settings);
+  /// Loop for a host without threads, such as a browser's worker: the caller ticks it by run(). It has
+  /// neither a watchdog nor real-time scheduling, and LoopSettings::realtime, cpu and heartbeat are ignored.
+  /// @param now  clock of the ticks
+  /// Errors: those of start().
+  static Result<std::unique_ptr<ServoLoop>> make_unthreaded(std::shared_ptr<const Model> model,
+                                                            DeviceDriver& driver,
+                                                            const Parameters& parameters,
+                                                            const std::vector<WorkspaceSettings>& workspaces,
+                                                            const LoopSettings& settings, TimeSource now);
   virtual ~ServoLoop() = default;
+
+  /// Runs the driver on the calling thread until `clock` has no further tick. Only for a loop of
+  /// make_unthreaded().
+  virtual void run(ServoClock& clock) noexcept = 0;
 
   // ---- inputs: from any thread but the servo's; the servo never waits for the caller
   /// Edits the current parameters; they apply from the next tick on. Gains and limits of the devices are

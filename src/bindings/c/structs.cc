@@ -270,7 +270,7 @@ constexpr std::array kDescribed{
 const Described* find_struct(const char* name) {
   if (name == nullptr) return nullptr;
   const auto found = std::ranges::find(kDescribed, std::string_view(name), &Described::name);
-  return found == kDescribed.end() ? nullptr : found;
+  return found == kDescribed.end() ? nullptr : &*found;
 }
 
 // ---- defaults

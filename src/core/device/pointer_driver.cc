@@ -45,6 +45,8 @@ void PointerDriver::release() noexcept {
 }
 
 Result<void> PointerDriver::open(bool /*may_move*/) {
+  commands_ = {};
+  before_ns_ = now_();
   return {};
 }
 
@@ -67,15 +69,13 @@ void PointerDriver::press(DeviceSample& sample, double rendered_N, double dt_s) 
 
 void PointerDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   std::array<DeviceSample, 1> samples;
-  std::array<DeviceCommand, 1> commands{};
-  std::int64_t before_ns = now_();
   while (clock.wait()) {
     const std::int64_t now_ns = now_();
     reported_.fill(samples[0], now_ns);
-    press(samples[0], commands[0].force_N.norm(),
-          std::min(static_cast<double>(now_ns - before_ns) * 1e-9, kMaxTick_s));
-    before_ns = now_ns;
-    servo.update(samples, commands);
+    press(samples[0], commands_[0].force_N.norm(),
+          std::min(static_cast<double>(now_ns - before_ns_) * 1e-9, kMaxTick_s));
+    before_ns_ = now_ns;
+    servo.update(samples, commands_);
   }
 }
 

@@ -31,16 +31,23 @@ struct Observed {
 // runs for a number of 1 ms ticks, every 21st of them late by three; calls `act` before each, as a page's
 // thread would
 // @param force_N  rendered force at a position of the tip
+// @param portion  number of ticks after which the clock pauses, so that the driver's run() returns
 std::vector<Observed> run(
     PointerDriver& driver, int ticks, const std::function<void(int tick)>& act,
-    const std::function<double(const Point<Device>&)>& force_N = [](const auto&) { return 1e3; }) {
+    const std::function<double(const Point<Device>&)>& force_N = [](const auto&) { return 1e3; },
+    int portion = 1 << 30) {
   class Servo final : public ServoFunction, public ServoClock {
    public:
     Servo(int ticks, const std::function<void(int)>& act,
-          const std::function<double(const Point<Device>&)>& force_N)
-        : ticks_(ticks), act_(act), force_N_(force_N) {}
+          const std::function<double(const Point<Device>&)>& force_N, int portion)
+        : ticks_(ticks), act_(act), force_N_(force_N), portion_(portion) {}
     bool wait() noexcept override {
       if (stopped()) return false;
+      if (left_ == 0) {
+        left_ = portion_;
+        return false;
+      }
+      --left_;
       virtual_ns += tick_ % 21 == 20 ? 4 * kMs_ns : kMs_ns;
       act_(tick_++);
       return true;
@@ -57,10 +64,11 @@ std::vector<Observed> run(
     const int ticks_;
     const std::function<void(int)>& act_;
     const std::function<double(const Point<Device>&)>& force_N_;
-    int tick_ = 0;
+    const int portion_;
+    int tick_ = 0, left_ = portion_;
   };
-  Servo servo(ticks, act, force_N);
-  driver.run(servo, servo);
+  Servo servo(ticks, act, force_N, portion);
+  while (!servo.stopped()) driver.run(servo, servo);
   return servo.seen;
 }
 
@@ -251,6 +259,26 @@ TEST(PointerDriver, APressHasItsForceWhateverTheStiffness) {
       EXPECT_LE(most_N, 2 * target_N);
     }
   }
+}
+
+TEST(PointerDriver, APressIsTheSameWhenItsClockPauses) {
+  const auto tips = [](int portion) {
+    virtual_ns = 3'600'000'000'000;
+    PointerDriver driver(Point<Device>(0, 0, 1), virtual_time);
+    EXPECT_TRUE(driver.open(false).ok());
+    const auto observed = run(
+        driver, 600,
+        [&](int tick) {
+          if (tick % 16 == 0) EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0), {{0, 0, -1}, 1}).ok());
+        },
+        [](const Point<Device>& tip) { return std::clamp(-2 * tip.z(), 0.0, 6.0); }, portion);
+    std::vector<Point<Device>> tips;
+    for (const Observed& one : observed) tips.push_back(one.tip);
+    return tips;
+  };
+  const auto whole = tips(1 << 30);
+  EXPECT_NEAR(whole.back().z(), -0.5, 0.05);
+  EXPECT_EQ(tips(4), whole);
 }
 
 TEST(PointerDriver, APressEndsAndDoesNotWindUp) {

@@ -157,21 +157,24 @@ HWY_EXPORT(central_differences_i16);
 
 }  // namespace internal
 
+// Highway prefixes the function with its target's namespace, where there is only one target
+using namespace internal;
+
 FieldSample sample_central_differences(const Field& field, const Point<Patient>& x) {
   FieldSample sample;
   const double* const point = x.eigen().data();
   if (const auto* bytes = std::get_if<Bricks<std::uint8_t>>(&field.bricks())) {
-    HWY_DYNAMIC_DISPATCH(internal::central_differences_u8)(bytes->view(), field.map(), point, &sample.value);
+    HWY_DYNAMIC_DISPATCH(central_differences_u8)(bytes->view(), field.map(), point, &sample.value);
   } else {
     const auto& words = *std::get_if<Bricks<std::uint16_t>>(&field.bricks());
-    HWY_DYNAMIC_DISPATCH(internal::central_differences_u16)(words.view(), field.map(), point, &sample.value);
+    HWY_DYNAMIC_DISPATCH(central_differences_u16)(words.view(), field.map(), point, &sample.value);
   }
   return sample;
 }
 
 FieldSample sample_central_differences(const SignedField& field, const Point<Patient>& x) {
   FieldSample sample;
-  HWY_DYNAMIC_DISPATCH(internal::central_differences_i16)
+  HWY_DYNAMIC_DISPATCH(central_differences_i16)
   (field.bricks().view(), field.map(), x.eigen().data(), &sample.value);
   return sample;
 }

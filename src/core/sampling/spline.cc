@@ -82,6 +82,9 @@ HWY_EXPORT(spline_float);
 
 }  // namespace internal
 
+// Highway prefixes the function with its target's namespace, where there is only one target
+using namespace internal;
+
 // points are processed one after the other: sixteen rows of four already fill the vectors, while one point
 // per lane would need a gather for every coefficient
 void sample_spline(const SplineField& field, std::span<const Point<Patient>> points,
@@ -91,10 +94,10 @@ void sample_spline(const SplineField& field, std::span<const Point<Patient>> poi
   const double* const first = points.front().eigen().data();
   double* const out = &samples.front().value;
   if (const auto* steps = std::get_if<Bricks<std::int16_t>>(&field.coefficients())) {
-    HWY_DYNAMIC_DISPATCH(internal::spline_i16)(steps->view(), field.map(), first, points.size(), out);
+    HWY_DYNAMIC_DISPATCH(spline_i16)(steps->view(), field.map(), first, points.size(), out);
   } else {
     const auto& floats = *std::get_if<Bricks<float>>(&field.coefficients());
-    HWY_DYNAMIC_DISPATCH(internal::spline_float)(floats.view(), field.map(), first, points.size(), out);
+    HWY_DYNAMIC_DISPATCH(spline_float)(floats.view(), field.map(), first, points.size(), out);
   }
 }
 

@@ -84,6 +84,11 @@ Result<void> Loop::begin() {
   return {};
 }
 
+void Loop::run(ServoClock& clock) noexcept {
+  running_.store(true);
+  driver_.run(*this, clock);
+}
+
 void Loop::run(std::promise<void>& ready) {
   // with a callback driver the vendor's thread ticks and this one only waits for the end
   RealtimeRequest request;
@@ -367,20 +372,36 @@ std::optional<Error> device_error(std::size_t devices, const std::vector<Workspa
   return std::nullopt;
 }
 
+Result<std::unique_ptr<Loop>> checked_loop(std::shared_ptr<const Model> model, DeviceDriver& driver,
+                                           const Parameters& parameters,
+                                           const std::vector<WorkspaceSettings>& workspaces,
+                                           const LoopSettings& settings, TimeSource now) {
+  if (auto error = settings_error(settings)) return *error;
+  if (model == nullptr || !model->has(model->rendered_method(ForceMethod::kProxy)))
+    return usage("a loop without a prepared model", "prepare the model by prepared_for()");
+  if (auto opened = driver.open(settings.may_move); !opened) return opened.error();
+  if (auto error = device_error(driver.devices().size(), workspaces)) return *error;
+  return std::make_unique<Loop>(std::move(model), driver, parameters, workspaces, settings, now);
+}
+
 }  // namespace
 
 Result<std::unique_ptr<ServoLoop>> ServoLoop::start(std::shared_ptr<const Model> model, DeviceDriver& driver,
                                                     const Parameters& parameters,
                                                     const std::vector<WorkspaceSettings>& workspaces,
                                                     const LoopSettings& settings) {
-  if (auto error = settings_error(settings)) return *error;
-  if (model == nullptr || !model->has(model->rendered_method(ForceMethod::kProxy)))
-    return usage("a loop without a prepared model", "prepare the model by prepared_for()");
-  if (auto opened = driver.open(settings.may_move); !opened) return opened.error();
-  if (auto error = device_error(driver.devices().size(), workspaces)) return *error;
-  auto loop = std::make_unique<Loop>(std::move(model), driver, parameters, workspaces, settings);
-  if (auto begun = loop->begin(); !begun) return begun.error();
-  return std::unique_ptr<ServoLoop>(std::move(loop));
+  auto loop = checked_loop(std::move(model), driver, parameters, workspaces, settings, monotonic_ns);
+  if (!loop) return loop.error();
+  if (auto begun = (*loop)->begin(); !begun) return begun.error();
+  return std::unique_ptr<ServoLoop>(*std::move(loop));
+}
+
+Result<std::unique_ptr<ServoLoop>> ServoLoop::make_unthreaded(
+    std::shared_ptr<const Model> model, DeviceDriver& driver, const Parameters& parameters,
+    const std::vector<WorkspaceSettings>& workspaces, const LoopSettings& settings, TimeSource now) {
+  auto loop = checked_loop(std::move(model), driver, parameters, workspaces, settings, now);
+  if (!loop) return loop.error();
+  return std::unique_ptr<ServoLoop>(*std::move(loop));
 }
 
 }  // namespace palpate

@@ -33,6 +33,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   /// Starts the threads; returns once the servo thread has recorded its scheduling. Error kUnavailable if no
   /// thread could be created.
   Result<void> begin();
+  void run(ServoClock& clock) noexcept override;
 
   std::uint32_t change(const std::function<void(Parameters&)>& edit) override;
   Parameters parameters() const override;

@@ -498,6 +498,63 @@ TEST(Loop, AStallIsFollowedByNothingAndTheRampThoughEverythingStoodStill) {
   EXPECT_LT(tick_after(loop, 1'000'000).force_N.norm(), 0.01 * full_N);
 }
 
+// a clock that has a number of ticks, as a host without threads gives them
+class FewTicks final : public ServoClock {
+ public:
+  explicit FewTicks(int left) : left_(left) {}
+  bool wait() noexcept override {
+    if (left_ == 0) return false;
+    --left_;
+    test_time_ns += 1'000'000;
+    return true;
+  }
+  bool stopped() const noexcept override { return false; }
+
+ private:
+  int left_;
+};
+
+TEST(Loop, WithoutThreadsItsOwnerTicksItInPortions) {
+  test_time_ns = 1'000'000;
+  std::vector<double> forces_N;
+  TestDriver driver([&](TestDriver&, ServoFunction& servo, ServoClock& clock) {
+    while (clock.wait()) {
+      DeviceSample sample;
+      sample.tip = Point<Device>(kBoneRadius_mm, 0, 0);
+      sample.taken_ns = test_time_ns;
+      DeviceCommand command;
+      servo.update({&sample, 1}, {&command, 1});
+      forces_N.push_back(command.force_N.norm());
+    }
+  });
+  auto made = ServoLoop::make_unthreaded(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
+  ASSERT_TRUE(made.ok()) << made.error().message();
+  ServoLoop& loop = **made;
+  for (int portion = 0; portion < 175; ++portion) {
+    FewTicks four(4);
+    loop.run(four);
+  }
+  // the same ticks of a loop that is called tick by tick
+  test_time_ns = 1'000'000;
+  TestDriver idle([](TestDriver&, ServoFunction&, ServoClock&) {});
+  Loop other(ball(), idle, {}, {WorkspaceSettings{}}, {}, test_clock);
+  ASSERT_EQ(forces_N.size(), 700U);
+  for (const double force_N : forces_N) EXPECT_EQ(tick_after(other, 1'000'000).force_N.norm(), force_N);
+  EXPECT_GT(forces_N.back(), 1);
+  EXPECT_EQ(loop.snapshot().tick, other.snapshot().tick);
+  loop.emergency_stop();
+  FewTicks one(1);
+  loop.run(one);
+  EXPECT_EQ(forces_N.back(), 0);
+}
+
+TEST(Loop, WithoutThreadsItRefusesWhatALoopRefuses) {
+  TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
+  EXPECT_FALSE(ServoLoop::make_unthreaded(nullptr, driver, {}, {WorkspaceSettings{}}, {}, test_clock).ok());
+  EXPECT_FALSE(
+      ServoLoop::make_unthreaded(ball(), driver, {}, {WorkspaceSettings{}}, {.rate_hz = 1}, test_clock).ok());
+}
+
 TEST(Loop, AnEmergencyStopMayComeAsAParameterToo) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});

@@ -72,7 +72,7 @@ std::int64_t Pacer::grid_ns(std::int64_t point) const {
 
 void Pacer::sleep_until(std::int64_t time_ns) const noexcept {
   constexpr std::int64_t kNs = 1'000'000'000;
-  const timespec time{time_ns / kNs, time_ns % kNs};
+  const timespec time{time_ns / kNs, static_cast<long>(time_ns % kNs)};
   while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr) == EINTR && !stopped()) {
   }
 }

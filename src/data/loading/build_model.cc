@@ -607,4 +607,11 @@ std::unique_ptr<const Preparing> cached_preparation() {
   return std::make_unique<CachedPreparation>();
 }
 
+bool has_touchable_tissue(const Model& model) {
+  const std::vector<std::size_t> voxels = label_counts(*model.labels);
+  for (std::size_t label = 0; label < voxels.size(); ++label)
+    if (voxels[label] > 0 && model.is_touchable(static_cast<LabelId>(label))) return true;
+  return false;
+}
+
 }  // namespace palpate

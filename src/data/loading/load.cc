@@ -2,6 +2,7 @@
 #include <system_error>
 
 #include "loading/proposed_scene.h"
+#include "loading/read_scene.h"
 #include "loading/stored_preparation.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate/loading/loading.h"
@@ -11,50 +12,11 @@
 namespace palpate {
 namespace {
 
-Result<Scene> parse_embedded(const std::string& data_set, const std::string& text) {
-  return parse_scene(text, data_set + " (embedded scene)");
-}
-
 Result<Scene> scene_of_data_set(const std::string& data_set) {
   const auto text = embedded_scene(data_set);
   PALPATE_CHECK(text.has_value());
-  return parse_embedded(data_set, std::string(*text));
+  return parse_scene(std::string(*text), embedded_source(data_set));
 }
-
-// sets the modulus of the tissue "nodule" to a multiple of that of "soft tissue"
-void set_stiffness_of_nodules(double times, Scene& scene) {
-  const auto named = [&](const char* name) -> ElasticConstants& {
-    const auto found = std::ranges::find(scene.tissues, name, &TissueSettings::name);
-    PALPATE_CHECK(found != scene.tissues.end() && found->elastic.has_value());
-    return *found->elastic;
-  };
-  named("nodule").youngs_modulus_kPa = times * named("soft tissue").youngs_modulus_kPa;
-}
-
-// scene for a kind of phantom, extended by the tissues that its parameters add; tissues that they omit are
-// optional
-Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters& parameters) {
-  std::string text(embedded_scene(name.substr(0, name.find(':'))).value());
-  const auto* knee = std::get_if<KneeParameters>(&parameters);
-  if (knee != nullptr && knee->lesion_mm > 0) text += *embedded_scene("lesion-in-knee");
-  if (knee != nullptr && knee->burr_mm > 0)
-    text +=
-        "\n[tool]\nkind = \"burr\"\nspindle = [1, 0, 0]\ndiameter = " + std::to_string(knee->burr_mm) + "\n";
-  auto scene = parse_embedded(name, text);
-  if (!scene) return scene;
-  if (const NoduleParameters* nodules = nodule_parameters(parameters))
-    set_stiffness_of_nodules(nodules->stiffness, *scene);
-  if (name.find(':') != std::string::npos)
-    for (TissueSettings& tissue : scene->tissues) tissue.optional = true;
-  return scene;
-}
-
-// a scene with its volumes read
-struct ReadScene {
-  Scene scene;
-  SceneVolumes volumes;
-  std::string data_set = {}, proposed = {}, origin_of_names = {}, names_from = {};  // as in LoadedScene
-};
 
 // identifies a file by its role, because a path may contain a patient's name and reports are shared
 std::string doubt_of_file(const char* what, const VolumeHeader& header) {
@@ -122,28 +84,6 @@ Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>&
   if (labels) take_labels(*std::move(labels), files);
   if (scan) files.volumes.scan = std::make_shared<const Volume<float>>(std::move(scan->scan));
   return files;
-}
-
-void prepare_by(std::optional<PreparationMethod> method, PreparationSettings& preparation) {
-  if (!method) return;
-  preparation.method = *method;
-  if (*method != PreparationMethod::kInwardRamp) preparation.ramp_width_mm.reset();
-}
-
-Result<ReadScene> read_phantom(const std::string& what, const Progress& progress,
-                               std::optional<PreparationMethod> preparation) {
-  const auto parameters = parse_phantom(what);
-  if (!parameters) return parameters.error();
-  const std::string name = phantom_name(*parameters);
-  auto scene = scene_of_phantom(name, *parameters);
-  if (!scene) return scene.error();
-  prepare_by(preparation, scene->preparation);
-  auto phantom = cached_phantom(*parameters, progress);
-  if (!phantom) return phantom.error();
-  return ReadScene{
-      *std::move(scene),
-      {std::move(phantom->labels), std::make_shared<const Volume<float>>(std::move(phantom->scan)), true},
-      name};
 }
 
 Result<ReadScene> read_data_set(const std::string& data_set, const Progress& progress, const Warn& warn,
@@ -303,12 +243,7 @@ Result<LoadedScene> load_scene_or_data_set(const SceneSource& source, const Prog
                                            const MemoryCallback& report_memory) {
   auto read = read_scene_or_data_set(source, progress, warn, preparation);
   if (!read) return read.error();
-  const auto placement = read->volumes.label_placement;
-  auto model = build_model(read->scene, std::move(read->volumes), progress, warn, report_memory);
-  if (!model) return model.error();
-  return LoadedScene{std::move(read->scene),     *std::move(model), std::move(read->data_set),
-                     std::move(read->proposed),  placement,         std::move(read->origin_of_names),
-                     std::move(read->names_from)};
+  return with_model(*std::move(read), progress, warn, report_memory);
 }
 
 Result<std::optional<LabelMap>> labels_of_scene(const SceneSource& source, const Model& model,

@@ -64,13 +64,6 @@ Result<ProposedScene> propose_scene(const NewSceneInput& input) {
   return ProposedScene{*std::move(scene), std::move(note)};
 }
 
-bool has_touchable_tissue(const Model& model) {
-  const std::vector<std::size_t> voxels = label_counts(*model.labels);
-  for (std::size_t label = 0; label < voxels.size(); ++label)
-    if (voxels[label] > 0 && model.is_touchable(static_cast<LabelId>(label))) return true;
-  return false;
-}
-
 Result<void> require_touchable_tissue(const LoadedScene& loaded) {
   if (has_touchable_tissue(*loaded.model)) return {};
   const bool switched_off = loaded.model->max_stiffness_N_per_mm() <= 0;

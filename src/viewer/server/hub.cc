@@ -59,7 +59,7 @@ Error takes_no_requests(ViewerHost& host) {
 
 }  // namespace
 
-Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore& pictures,
+Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore* pictures,
          DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers)
     : host_(host),
       live_(host.live()),
@@ -181,10 +181,11 @@ void Hub::request_volume(const PayloadKey& key, std::function<void(PayloadStore:
 
 void Hub::request_picture(PictureKey key, std::weak_ptr<const void> asker,
                           std::function<void(PictureStore::Payload)> then) {
-  pictures_.want(std::move(key), std::move(asker),
-                 [this, then = std::move(then)](PictureStore::Payload payload) mutable {
-                   loop_.post([then = std::move(then), payload = std::move(payload)] { then(payload); });
-                 });
+  if (pictures_ == nullptr) return loop_.post([then = std::move(then)] { then(nullptr); });
+  pictures_->want(std::move(key), std::move(asker),
+                  [this, then = std::move(then)](PictureStore::Payload payload) mutable {
+                    loop_.post([then = std::move(then), payload = std::move(payload)] { then(payload); });
+                  });
 }
 
 void Hub::request_curves(const std::string& learner, std::function<void(Result<std::string>)> then) {

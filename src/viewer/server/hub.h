@@ -48,7 +48,8 @@ class Hub {
   static constexpr std::ptrdiff_t kDownloadsOfOne = 2;
 
   /// @param loop, host, site, volumes, pictures  outlive the hub
-  Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore& pictures,
+  /// @param pictures  null: no pictures of the volume are rendered
+  Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore* pictures,
       DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers);
   ~Hub();
 
@@ -153,7 +154,7 @@ class Hub {
   LiveHost* const live_;  ///< The host as a running session; null if it is none
   Site& site_;
   PayloadStore& volumes_;
-  PictureStore& pictures_;
+  PictureStore* const pictures_;
   DownloadPace downloads_;
   FaultLog log_;
   const std::function<void(int)> count_viewers_;

@@ -4,56 +4,14 @@
 #include <utility>
 
 #include "palpate/base/check.h"
-#include "palpate/server/ordinary_thread.h"
 
 namespace palpate::server {
-
-PayloadStore::PayloadStore(Maker make) : make_(std::move(make)) {
-  thread_ = std::thread([this] {
-    be_ordinary_thread("viewer-volumes");
-    work();
-  });
-}
-
-PayloadStore::~PayloadStore() {
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  wished_.notify_one();
-  thread_.join();
-}
 
 void PayloadStore::want(const PayloadKey& key, std::function<void(Payload)> then) {
   run([this, key, then = std::move(then)] {
     const Payload payload = made(key);
     if (!stop_) then(payload);
   });
-}
-
-void PayloadStore::run(std::function<void()> job) {
-  {
-    const std::lock_guard lock(mutex_);
-    jobs_.push_back(std::move(job));
-  }
-  wished_.notify_one();
-}
-
-void PayloadStore::work() {
-  while (true) {
-    std::unique_lock lock(mutex_);
-    wished_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
-    if (stop_) return;
-    const auto job = std::move(jobs_.front());
-    jobs_.pop_front();
-    lock.unlock();
-
-    // an exception from the callback is dropped; the connection that waits runs into its time limit
-    try {
-      job();
-    } catch (const std::exception&) {
-    }
-  }
 }
 
 // a failure affects this request only

@@ -51,8 +51,7 @@ class Server : public ViewerServer {
     PALPATE_CHECK(scene.labels &&
                   (!scene.scan || scene.scan->geometry().dims == scene.labels->geometry().dims));
     const ScanScale scale = scene.scan ? ScanScale::of(*scene.scan) : ScanScale{};
-    const VolumeFacts facts{hash_text(scene.content_hash), scale.scale, scale.offset, scale.range,
-                            needs_wide_labels(*scene.labels)};
+    const VolumeFacts facts = facts_of(scene, scale);
     Access access(address.text(), port(), is_tls_, options.host_names, std::move(tokens));
     if (access.has_learners() && has_quiz(scene)) redaction_.emplace(scene);
     volumes_.emplace(volume_maker(scene.scan, scale, scene.labels, facts.wide_labels,
@@ -64,7 +63,7 @@ class Server : public ViewerServer {
     const std::size_t voxel_bytes = (scene.scan ? 2 : 0) + (facts.wide_labels ? 2 : 1);
     const DownloadPace downloads(scene.labels->geometry().voxel_count() * voxel_bytes,
                                  DownloadPace::Clock::now());
-    hub_.emplace(*loop_, host, *site_, *volumes_, *pictures_, downloads, FaultLog(options.log),
+    hub_.emplace(*loop_, host, *site_, *volumes_, &*pictures_, downloads, FaultLog(options.log),
                  [this](int viewers) { viewers_ = viewers; });
     hub_->begin();
     listener_->accept([this](std::shared_ptr<HttpConnection> http) { take(std::move(http)); });

@@ -89,6 +89,11 @@ std::string_view reason_of(int status) {
   return "Refused";
 }
 
+VolumeFacts facts_of(const ViewedScene& scene, const ScanScale& scale) {
+  return {hash_text(scene.content_hash), scale.scale, scale.offset, scale.range,
+          needs_wide_labels(*scene.labels)};
+}
+
 HttpAnswer Site::refusal(int status, const std::string& why) {
   HttpAnswer answer;
   answer.status = status;

@@ -49,6 +49,10 @@ struct Upgrade {};
 
 using SiteAnswer = std::variant<HttpAnswer, VolumeRequest, PictureRequest, CurvesRequest, Upgrade>;
 
+/// Facts about a scene's volumes as viewers get them.
+/// @param scale  quantisation of its scan
+VolumeFacts facts_of(const ViewedScene& scene, const ScanScale& scale);
+
 class Site {
  public:
   /// @param host  outlives the site, as does its scene

@@ -5,6 +5,7 @@ import type { Refusal, Request, Right, Role, State, Plan, Tracked, Sweep, Debrie
 import { decodeNear, isNear, type Near } from "./near.js";
 import { decodeYield, isYield, type Yield } from "./yields.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
+import { transport, type Socket } from "./transport.js";
 import { words } from "../words/words.js";
 
 /** State of the connection; "ended", and "over" after a lesson: no attempts until open() is called. */
@@ -65,7 +66,7 @@ export class Connection {
   /** Time of arrival of the latest pose, by performance.now(). */
   poseAt_ms = -Infinity;
   readonly roundTrip_ms = signal(NaN); // round-trip time of the latest request
-  private socket: WebSocket | null = null;
+  private socket: Socket | null = null;
   private retry_ms = FIRST_RETRY_MS;
   private unanswered = 0; // number of attempts since the last welcome message
   private timer = 0;
@@ -85,8 +86,7 @@ export class Connection {
 
   open(): void {
     clearTimeout(this.timer);
-    const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/ws`, "palpate.v1");
+    const socket = transport().open();
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     this.heard_ms = performance.now();
@@ -194,7 +194,7 @@ export class Connection {
     this.listener.onLink(link);
   }
 
-  private receive(socket: WebSocket, data: string | ArrayBuffer): void {
+  private receive(socket: Socket, data: string | ArrayBuffer): void {
     if (socket !== this.socket) return;
     this.heard_ms = performance.now();
     if (typeof data !== "string") {
@@ -260,7 +260,7 @@ export class Connection {
     }
   }
 
-  private closed(socket: WebSocket, code: number): void {
+  private closed(socket: Socket, code: number): void {
     if (socket !== this.socket) return;
     this.socket = null;
     this.forgetWaiting();

@@ -2,6 +2,7 @@
 
 import type { Scene } from "./messages.js";
 import { errorOf, versionError } from "../words/errors.js";
+import { transport } from "./transport.js";
 import { PROTOCOL } from "./wire.js";
 import { apply, compose, invert, type Affine, type Vec3 } from "../base/geometry.js";
 import { inPieces, PIECE_VOXELS } from "../base/pieces.js";
@@ -21,7 +22,7 @@ export class NeedsToken extends Error {}
 
 /** @throws NeedsToken for 401; Lasting for permanent errors; another Error for errors that may be temporary */
 async function get(path: string, token: string | null): Promise<Response> {
-  const response = await fetch(path, token ? { headers: { Authorization: `Bearer ${token}` } } : {});
+  const response = await transport().get(path, token);
   if (response.status === 401) throw new NeedsToken();
   if (!response.ok) throw errorOf(path, response.status);
   return response;

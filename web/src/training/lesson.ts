@@ -4,6 +4,7 @@ import { effect } from "@preact/signals-core";
 import { toast } from "../base/announce.js";
 import type { LessonLearner, Scene, State } from "../protocol/messages.js";
 import type { Connection } from "../protocol/connection.js";
+import { transport } from "../protocol/transport.js";
 import { byId, element, press, write } from "../base/dom.js";
 import type { Requests } from "../state/requests.js";
 import type { Session } from "../state/session.js";
@@ -197,7 +198,7 @@ export class Lesson {
   private async showCurves(): Promise<void> {
     const token = this.token();
     try {
-      const answer = await fetch("/api/curves", token ? { headers: { Authorization: `Bearer ${token}` } } : {});
+      const answer = await transport().get("/api/curves", token);
       if (!answer.ok) return toast(words.noCurves(await answer.text()));
       showPage(byId("curves-page"), await answer.text());
     } catch (error) {

@@ -2,6 +2,7 @@
 // those of the worker. One picture is requested at a time, always the newest.
 
 import type { Vec3 } from "../base/geometry.js";
+import { transport } from "../protocol/transport.js";
 import type { View } from "./view.js";
 import type { Answered, Asked, Port, Work } from "./volume_service.js";
 
@@ -130,10 +131,7 @@ class ServedPictures {
     if (!served) return null;
     const began_ms = performance.now();
     const query = pictureQuery(view, this.appearances.subarray(4, 4 * (Math.min(served.structures, 255) + 1)));
-    const response = await fetch(
-      `/api/picture/${served.hash}?${query}`,
-      served.token ? { headers: { Authorization: `Bearer ${served.token}` } } : {},
-    );
+    const response = await transport().get(`/api/picture/${served.hash}?${query}`, served.token);
     if (!response.ok) return null;
     const { width, height, rgba, found, min_mm, extent_mm } = readPicture(await response.arrayBuffer());
     const bitmap = await createImageBitmap(new ImageData(rgba, width, height));

@@ -1,0 +1,238 @@
+// The functions that the worker's JavaScript calls (web/src/worker/palpate_worker.ts): a session on a scene,
+// and the page as its only viewer, by the viewer's protocol.
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+
+#include "loading/read_scene.h"
+#include "palpate/base/check.h"
+#include "palpate/base/spsc_ring.h"
+#include "palpate/device/device_parameters.h"
+#include "palpate/device/pointer_driver.h"
+#include "server/hub.h"
+#include "server/site.h"
+#include "server/viewer.h"
+#include "session/explore_watch.h"
+#include "session/live_session.h"
+#include "wasm/worker_loop.h"
+
+#define PALPATE_EXPORT extern "C" __attribute__((visibility("default")))
+
+namespace palpate::wasm {
+namespace {
+
+constexpr double kRate_hz = 1000, kMax_force_N = 3;
+constexpr int kPort = 80;
+// name by which the page's requests call the worker
+constexpr std::string_view kHost = "localhost:80";
+
+/// Session with its loop and its viewer, in the order in which they are built.
+class WorkerSession {
+ public:
+  static Result<std::unique_ptr<WorkerSession>> open(const std::string& scene);
+  WorkerSession(const LoadedScene& loaded, std::shared_ptr<const Model> model);
+
+  Result<void> begin();
+  void connect();
+  void receive(std::string text) {
+    if (socket_) socket_->receive(std::move(text));
+  }
+  void disconnect();
+  /// @param body  receives the answer's body
+  int get(std::string_view target, std::shared_ptr<const std::string>& body);
+  void step();
+
+ private:
+  LiveSessionParts parts(const LoadedScene& loaded);
+
+  std::shared_ptr<const Model> model_;
+  WorkspaceSettings workspace_;
+  Parameters parameters_;
+  GridClock clock_{kRate_hz};
+  PointerDriver pointer_;
+  LiveSession live_;
+  ExploreWatch watch_;
+  std::unique_ptr<ServoLoop> servo_;
+
+  WorkerLoop loop_;
+  server::ScanScale scale_;
+  std::optional<server::PayloadStore> volumes_;
+  std::optional<server::Site> site_;
+  std::optional<server::Hub> hub_;
+  std::shared_ptr<WorkerSocket> socket_;
+};
+
+Parameters first_parameters() {
+  Parameters parameters;
+  parameters.method = ForceMethod::kProxy;
+  parameters.max_force_N = kMax_force_N;
+  return parameters;
+}
+
+Point<Device> above(const WorkspaceSettings& workspace) {
+  return WorkspaceMapping(PointerDriver::info(), workspace).to_device(Point<World>(0, 0, 0));
+}
+
+Result<std::unique_ptr<WorkerSession>> WorkerSession::open(const std::string& scene) {
+  auto loaded = load_scene_or_data_set({scene});
+  if (!loaded) return loaded.error();
+  if (auto touchable = has_touchable_tissue(*loaded->model); !touchable)
+    return Error{ErrorKind::kBadInput, "has no tissue that can be touched", scene, ""};
+  if (loaded->model->cuts())
+    return Error{ErrorKind::kUnavailable, "a burr cannot cut in a browser", scene,
+                 "leave the burr out, or open the scene with palpate installed on a computer"};
+  if (is_moving(loaded->model->tissue_law))
+    return Error{ErrorKind::kUnavailable, "soft tissue that deforms is not solved in a browser", scene,
+                 "open the scene with palpate installed on a computer"};
+  constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+  auto ready = ready_for(loaded->model, kProxyAlone);
+  if (!ready) return ready.error();
+  auto session = std::make_unique<WorkerSession>(*loaded, *std::move(ready));
+  if (auto begun = session->begin(); !begun) return begun.error();
+  return session;
+}
+
+WorkerSession::WorkerSession(const LoadedScene& loaded, std::shared_ptr<const Model> model)
+    : model_(std::move(model)),
+      workspace_(loaded.scene.workspace),
+      parameters_(first_parameters()),
+      pointer_(above(workspace_), GridClock::now),
+      live_(parts(loaded)),
+      watch_(*model_, {}) {}
+
+LiveSessionParts WorkerSession::parts(const LoadedScene& loaded) {
+  LiveSessionParts parts;
+  parts.model = model_;
+  parts.devices = {PointerDriver::info()};
+  parts.workspace = workspace_;
+  parts.parameters = parameters_;
+  parts.input = kPointer;
+  parts.rate_hz = kRate_hz;
+  parts.pointer = &pointer_;
+  parts.modality = loaded.scene.modality;
+  return parts;
+}
+
+Result<void> WorkerSession::begin() {
+  LoopSettings settings;
+  settings.rate_hz = kRate_hz;
+  auto loop =
+      ServoLoop::make_unthreaded(model_, pointer_, parameters_, {workspace_}, settings, GridClock::now);
+  if (!loop) return loop.error();
+  servo_ = *std::move(loop);
+  live_.begin(*servo_, watch_);
+
+  const ViewedScene& scene = live_.scene();
+  scale_ = scene.scan ? server::ScanScale::of(*scene.scan) : server::ScanScale{};
+  const server::VolumeFacts facts = server::facts_of(scene, scale_);
+  volumes_.emplace(server::volume_maker(scene.scan, scale_, scene.labels, facts.wide_labels));
+  site_.emplace(live_, server::Access("localhost", kPort, false, {}, {}), facts);
+  // a single page next to its server: downloads are not paced
+  const server::DownloadPace downloads(0, server::DownloadPace::Clock::now());
+  hub_.emplace(loop_, live_, *site_, *volumes_, nullptr, downloads, server::FaultLog({}), [](int) {});
+  hub_->begin();
+  return {};
+}
+
+void WorkerSession::connect() {
+  disconnect();
+  socket_ = std::make_shared<WorkerSocket>(loop_);
+  const auto viewer = std::make_shared<server::Viewer>(socket_, "page", server::AddressBlock{}, *hub_);
+  hub_->add(viewer);
+  viewer->begin();
+}
+
+void WorkerSession::disconnect() {
+  if (socket_) socket_->closed_by_page();
+}
+
+int WorkerSession::get(std::string_view target, std::shared_ptr<const std::string>& body) {
+  server::HttpRequest request;
+  request.method = "GET";
+  request.target = target;
+  request.host = kHost;
+  request.local_address = "localhost";
+  request.at = std::chrono::steady_clock::now();
+  auto answer = site_->answer(request);
+  if (auto* volume = std::get_if<server::VolumeRequest>(&answer)) {
+    // made in this call: there is no other thread
+    volumes_->want(volume->key,
+                   [&body](server::PayloadStore::Payload payload) { body = std::move(payload); });
+    return body ? 200 : 503;
+  }
+  constexpr int kNotFound = 404;
+  auto* ready = std::get_if<server::HttpAnswer>(&answer);
+  if (ready == nullptr) return kNotFound;
+  body = ready->body ? ready->body : std::make_shared<const std::string>(ready->fixed_body);
+  return ready->status;
+}
+
+void WorkerSession::step() {
+  clock_.wake();
+  servo_->run(clock_);
+  std::array<TickRecord, 8> ticks;
+  for (std::size_t count = servo_->ring().pop(ticks); count > 0; count = servo_->ring().pop(ticks))
+    for (const TickRecord& tick : std::span(ticks).first(count)) watch_.observe(tick);
+  loop_.run_due();
+}
+
+std::unique_ptr<WorkerSession> session;
+std::string problem;
+std::shared_ptr<const std::string> answered;
+
+}  // namespace
+}  // namespace palpate::wasm
+
+using palpate::wasm::session;
+
+/// Opens a session on a phantom, in place of an earlier one. Returns false if it cannot be opened;
+/// palpate_problem() says why.
+PALPATE_EXPORT bool palpate_open(const char* scene, std::size_t length) {
+  session.reset();
+  auto opened = palpate::wasm::WorkerSession::open({scene, length});
+  palpate::wasm::problem = opened ? std::string() : opened.error().message();
+  if (opened) session = *std::move(opened);
+  return session != nullptr;
+}
+
+PALPATE_EXPORT const char* palpate_problem() {
+  return palpate::wasm::problem.c_str();
+}
+
+/// Answers a request for a path of the viewer's HTTP interface. Returns the status; palpate_body() and
+/// palpate_body_size() have the answer until the next request.
+PALPATE_EXPORT int palpate_get(const char* target, std::size_t length) {
+  palpate::wasm::answered.reset();
+  return session->get({target, length}, palpate::wasm::answered);
+}
+
+PALPATE_EXPORT const char* palpate_body() {
+  return palpate::wasm::answered ? palpate::wasm::answered->data() : nullptr;
+}
+
+PALPATE_EXPORT std::size_t palpate_body_size() {
+  return palpate::wasm::answered ? palpate::wasm::answered->size() : 0;
+}
+
+/// Connects the page's socket, in place of an earlier one.
+PALPATE_EXPORT void palpate_connect() {
+  session->connect();
+}
+
+PALPATE_EXPORT void palpate_disconnect() {
+  session->disconnect();
+}
+
+PALPATE_EXPORT void palpate_receive(const char* text, std::size_t length) {
+  session->receive({text, length});
+}
+
+/// Runs the ticks, timers and jobs that are due.
+PALPATE_EXPORT void palpate_step() {
+  session->step();
+}
