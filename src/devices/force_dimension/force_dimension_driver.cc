@@ -302,7 +302,7 @@ class ForceDimensionDriver::Core {
 
   std::optional<Error> failure() const {
     for (std::size_t d = 0; d < count_; ++d)
-      if (const DhdFailure now = units_[d].problems.load(); now != DhdFailure::kNone)
+      if (const DhdFailure now = units_[d].failure.load(); now != DhdFailure::kNone)
         return error_for(now, units_[d].info.name);
     return std::nullopt;
   }
@@ -459,7 +459,7 @@ class ForceDimensionDriver::Core {
       sample.gripper_rad = gripper_rad;
     sample.buttons = library_->dhdGetButtonMask(id);
     sample.fault = failure != DhdFailure::kNone;
-    unit.problems.store(failure);
+    unit.failure.store(failure);
     // the device's own button may have enabled them since the halt
     if (unit.motors_on && (is_unlocated(failure) || halted_.load())) switch_off(unit);
     if (unit.status_failure != DhdFailure::kNone) unit.force_on = false;
@@ -515,7 +515,7 @@ class ForceDimensionDriver::Core {
 
   void fail(DhdUnit& unit, std::int64_t now_ns) {
     unit.sample.fault = true;
-    unit.problems.store(DhdFailure::kSilent);
+    unit.failure.store(DhdFailure::kSilent);
     if (unit.failing_since_ns == 0) unit.failing_since_ns = now_ns;
     if (now_ns - unit.failing_since_ns > in_ns(kAbandoned_s)) lose(unit);
   }
@@ -525,7 +525,7 @@ class ForceDimensionDriver::Core {
     set_force(unit, {});
     unit.sample.fault = true;
     unit.force_on = false;
-    unit.problems.store(DhdFailure::kLost);
+    unit.failure.store(DhdFailure::kLost);
     unit.state.store(DhdUnit::State::kLost);
   }
 
@@ -636,7 +636,7 @@ class ForceDimensionDriver::Core {
       }
       close_device(*library_, id);
     }
-    unit.problems.store(why);
+    unit.failure.store(why);
   }
 
   const ForceDimensionSettings settings_;

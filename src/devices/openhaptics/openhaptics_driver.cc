@@ -500,7 +500,7 @@ class OpenHapticsDriver::Core {
     own = Owner::kReading;
     if (!owner_.compare_exchange_strong(own, Owner::kInFrame)) {
       if (std::ranges::any_of(std::span(units_).first(count_),
-                              [](const HdUnit& unit) { return unit.problems == HdFailure::kLost; }))
+                              [](const HdUnit& unit) { return unit.failure == HdFailure::kLost; }))
         failed_.store(true);
       return end_with_zeros();
     }
@@ -525,16 +525,16 @@ class OpenHapticsDriver::Core {
         library_->hdUpdateCalibration(static_cast<unsigned>(units_[d].style));
         drain(*library_);
       }
-      if (units_[worst].problems == HdFailure::kNone ||
-          (units_[d].problems != HdFailure::kNone && units_[d].problems < units_[worst].problems))
+      if (units_[worst].failure == HdFailure::kNone ||
+          (units_[d].failure != HdFailure::kNone && units_[d].failure < units_[worst].failure))
         worst = d;
     }
-    note(units_[worst].problems, worst);
+    note(units_[worst].failure, worst);
     if (was_off && !halted_.load() && !stopping) switch_on();
     if (stopping) zeros_.fetch_add(1);
     last_frame_ns_.store(monotonic_ns());
-    if (units_[worst].problems == HdFailure::kLost) failed_.store(true);
-    owner_.store(units_[worst].problems == HdFailure::kLost ? Owner::kOwn : Owner::kVendor);
+    if (units_[worst].failure == HdFailure::kLost) failed_.store(true);
+    owner_.store(units_[worst].failure == HdFailure::kLost ? Owner::kOwn : Owner::kVendor);
   }
 
   // a frame while another thread ticks, or none
@@ -574,15 +574,15 @@ class OpenHapticsDriver::Core {
       unit.calibration_ns = now_ns;
       check_calibration(unit);
     }
-    unit.problems = unit.calibration;
-    if (now_ns < unit.tripped_until_ns && unit.problems == HdFailure::kNone) unit.problems = unit.tripped;
+    unit.failure = unit.calibration;
+    if (now_ns < unit.tripped_until_ns && unit.failure == HdFailure::kNone) unit.failure = unit.tripped;
     if (const unsigned error = drain(library); error != hd::kNoError) receive_error(unit, error, now_ns);
     const Eigen::Matrix3d turn = transform.topLeftCorner<3, 3>();
     const bool is_pose = tip_mm.allFinite() && turn.allFinite() && std::abs(turn.determinant() - 1) < 0.1;
-    if (!is_pose && unit.problems != HdFailure::kLost) unit.problems = HdFailure::kBroken;
+    if (!is_pose && unit.failure != HdFailure::kLost) unit.failure = HdFailure::kBroken;
     DeviceSample& sample = unit.sample;
-    sample.fault = unit.problems != HdFailure::kNone;
-    if (!is_pose || unit.problems == HdFailure::kLost) return;
+    sample.fault = unit.failure != HdFailure::kNone;
+    if (!is_pose || unit.failure == HdFailure::kLost) return;
     sample.tip = Point<Device>(tip_mm);
     sample.R_DeviceTool = Eigen::Quaterniond(turn).normalized();
     const Vector<Device> none(kNotKnown, kNotKnown, kNotKnown);
@@ -612,7 +612,7 @@ class OpenHapticsDriver::Core {
       unit.tripped = failure;
       unit.tripped_until_ns = now_ns + hd_ns(kCalm_s);
     }
-    if (unit.problems == HdFailure::kNone || failure < unit.problems) unit.problems = failure;
+    if (unit.failure == HdFailure::kNone || failure < unit.failure) unit.failure = failure;
     unit.sample.fault = true;
   }
 

@@ -19,11 +19,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     palpate::igtl::RequestReader reader;
     bool fine = true;
     for (std::size_t at = 0; at < bytes.size() && fine; at += piece)
-      fine =
-          reader
-              .consume(bytes.subspan(at, std::min(piece, bytes.size() - at)),
-                    [&](Request request, const std::string& name) { requests.emplace_back(request, name); })
-              .ok();
+      fine = reader
+                 .consume(
+                     bytes.subspan(at, std::min(piece, bytes.size() - at)),
+                     [&](Request request, const std::string& name) { requests.emplace_back(request, name); })
+                 .ok();
     return std::pair(fine, requests);
   };
   const auto whole = read(std::max<std::size_t>(bytes.size(), 1));

@@ -43,7 +43,7 @@ TEST(OpenIgtLinkRequests, AreFoundAmongOtherMessagesInPiecesOfAnyLength) {
       ASSERT_TRUE(
           reader
               .consume(std::span(stream).subspan(at, std::min(piece, stream.size() - at)),
-                    [&](Request request, const std::string& name) { found.emplace_back(request, name); })
+                       [&](Request request, const std::string& name) { found.emplace_back(request, name); })
               .ok());
     ASSERT_EQ(found, expected) << "pieces of " << piece;
   }
