@@ -103,7 +103,7 @@ test("a structure is recognised as bone by its own name or its tissue's", () => 
   assert.deepEqual(seen("fat", ["infrapatellar_fat_body"]), []);
 });
 
-test("stored appearance are restored by label, and invalid ones are ignored", () => {
+test("stored appearances are restored by label, and invalid ones are ignored", () => {
   const own = appearancesOf(scene);
   const changed = own.map((appearance, index) => ({ ...appearance, opacity: 0.1 * index, visible: index > 0 }));
   const kept = JSON.parse(JSON.stringify(storedAppearances(scene, changed))) as StoredAppearances;

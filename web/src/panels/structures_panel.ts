@@ -262,7 +262,7 @@ export class StructuresPanel {
     this.alone = null;
     this.session.appearances.value = appearances;
     const scene = this.session.scene.value!;
-    storeScene<KeptScene>(scene.volume.hash, { appearances: storedAppearances(scene, appearances) });
+    storeScene<KeptScene>(scene.volume.hash, { looks: storedAppearances(scene, appearances) });
     return true;
   }
   /** Shows the looks that differ from the displayed ones. */

@@ -56,7 +56,7 @@ const DRY_FRICTION = 0.3;
 export const glossOf = (friction: number | undefined): number =>
   Math.round(255 * Math.max(0, 1 - (friction ?? DRY_FRICTION) / DRY_FRICTION) ** 2);
 
-/** Initial appearance of a scene. */
+/** Initial appearances of a scene. */
 export const appearancesOf = (scene: Scene): Appearance[] =>
   scene.structures.map(({ colour, tissue }) => ({
     colour,
@@ -77,12 +77,12 @@ export function presetAppearances(preset: AppearancePreset, scene: Scene, now: A
   });
 }
 
-/** Stored appearance by label, because the order of structures may change. */
+/** Stored appearances by label, because the order of structures may change. */
 export type StoredAppearances = Record<number, Appearance>;
 export const storedAppearances = (scene: Scene, appearances: Appearance[]): StoredAppearances =>
   Object.fromEntries(scene.structures.map(({ label }, index) => [label, appearances[index]!]));
 
-/** Stored appearance where valid, current ones elsewhere. */
+/** Stored appearances where valid, current ones elsewhere. */
 export function restored(scene: Scene, now: Appearance[], stored: StoredAppearances): Appearance[] {
   const isPart = (x: unknown, most: number) => typeof x === "number" && x >= 0 && x <= most;
   return now.map((own, index) => {

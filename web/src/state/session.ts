@@ -34,7 +34,7 @@ export interface Planes {
 
 /** Appearance of a scene, as this browser stores them. */
 export interface KeptScene {
-  appearances: StoredAppearances;
+  looks: StoredAppearances;
 }
 export type Layout = "two" | "five" | "volume" | "section" | "inside" | "scope";
 export const LAYOUTS: Layout[] = ["two", "five", "volume", "section", "inside", "scope"];
@@ -194,7 +194,7 @@ export class Session {
         this.appearances.value = restored(
           scene,
           appearancesOf(scene),
-          recallScene<KeptScene>(scene.volume.hash).appearances ?? {},
+          recallScene<KeptScene>(scene.volume.hash).looks ?? {},
         );
         const [low, high] = scene.volume.scan?.window ?? [0, 1];
         this.window.value = this.knownWindow = this.keptWindow() ?? {

@@ -84,8 +84,8 @@ export class Lesson {
   }
   /** Takes the pointer from its holder, if there is one. */
   private async claimTip(): Promise<void> {
-    const isTaken = this.session.state.value?.pointer_by === "viewer";
-    if (!isTaken || (await this.ask({ pointer: "" }))) void this.requests.once({ type: "pointer", take: true });
+    const isByViewer = this.session.state.value?.pointer_by === "viewer";
+    if (!isByViewer || (await this.ask({ pointer: "" }))) void this.requests.once({ type: "pointer", take: true });
   }
 
   /** Shows the identity of this viewer, and the controls that its permissions allow. */

@@ -28,7 +28,7 @@ export function pictureQuery(view: View, appearances: Uint8Array): string {
     values.map((value) => String(Number(value.toPrecision(9)))).join(",");
   const query = [`view=${numbers([width, height, ...corner, ...across, ...down, ...(eye?.at ?? [])])}`];
   if (appearances.length > 0)
-    query.push(`appearances=${Array.from(appearances, (byte) => byte.toString(16).padStart(2, "0")).join("")}`);
+    query.push(`looks=${Array.from(appearances, (byte) => byte.toString(16).padStart(2, "0")).join("")}`);
   // the protocol supports clipping by planes only
   if (cut && cut.widening === Infinity) query.push(`cut=${numbers([...cut.at, ...(into.map((x) => -x) as Vec3)])}`);
   return query.join("&");

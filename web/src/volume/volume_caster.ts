@@ -116,18 +116,18 @@ vec2 coverageOf(uvec4 texel) {
 }
 
 #if ROUGH
-vec2 coverage(vec3 structure) {
-  return texture(covers, (mappedVoxel(structure) + 1.5) / (dims + 2.0)).rg;
+vec2 coverage(vec3 position) {
+  return texture(covers, (mappedVoxel(position) + 1.5) / (dims + 2.0)).rg;
 }
 
-vec4 paint(vec3 structure, vec2 kind) {
-  uvec4 texel = texelFetch(field, ivec3(floor(mappedVoxel(structure) + 0.5)) + 1, 0);
+vec4 paint(vec3 position, vec2 kind) {
+  uvec4 texel = texelFetch(field, ivec3(floor(mappedVoxel(position) + 0.5)) + 1, 0);
   vec4 a = appearanceOf(texel.r), b = appearanceOf(texel.g);
   return float(texel.b) * dot(kind, kinds(a.a)) >= float(texel.a) * dot(kind, kinds(b.a)) ? a : b;
 }
 #else
-vec2 coverage(vec3 structure) {
-  vec3 at = mappedVoxel(structure);
+vec2 coverage(vec3 position) {
+  vec3 at = mappedVoxel(position);
   vec3 low = floor(at);
   vec3 w = at - low;
   ivec3 first = ivec3(low) + 1;
@@ -141,8 +141,8 @@ vec2 coverage(vec3 structure) {
 }
 
 // mixed colour and opacity of one kind
-vec4 paint(vec3 structure, vec2 kind) {
-  vec3 at = mappedVoxel(structure);
+vec4 paint(vec3 position, vec2 kind) {
+  vec3 at = mappedVoxel(position);
   vec3 low = floor(at);
   vec3 w = at - low;
   ivec3 first = ivec3(low) + 1;
@@ -676,7 +676,7 @@ export class Caster {
     gl.viewport(0, 0, view.width, view.height);
     if (!this.skipsValid) {
       gl.activeTexture(gl.TEXTURE1);
-      const shown = Array.from({ length: 256 }, (_, structure) => this.appearances[4 * structure + 3]! > 0);
+      const shown = Array.from({ length: 256 }, (_, position) => this.appearances[4 * position + 3]! > 0);
       gl.texSubImage3D(
         gl.TEXTURE_3D,
         0,
