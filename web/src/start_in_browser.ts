@@ -4,7 +4,8 @@ import { byId, element, write } from "./base/dom.js";
 import { applyTheme } from "./panels/theme.js";
 import { setTransport } from "./protocol/transport.js";
 import { applyLanguage } from "./words/language.js";
-import { words } from "./words/words.js";
+import { IN_BROWSER } from "./words/in_browser.js";
+import type { Language } from "./words/words.js";
 import { WorkerTransport } from "./worker/worker_transport.js";
 
 /** Phantoms by their name in the page's address, ?scene=NAME. */
@@ -13,15 +14,18 @@ type Scene = keyof typeof SCENES;
 
 const isScene = (name: string | null): name is Scene => name !== null && Object.hasOwn(SCENES, name);
 
+/** Texts in the page's language. */
+const words = () => IN_BROWSER[document.documentElement.lang as Language];
+
 /** Shows the choice; resolves with the scene whose button is pressed. */
 function choose(): Promise<Scene> {
-  write(byId("cover-text"), words.inBrowser.choose);
+  write(byId("cover-text"), words().choose);
   return new Promise((done) => {
     const buttons = (Object.keys(SCENES) as Scene[]).map((scene) =>
-      element("button", { type: "button", className: "primary", textContent: words.inBrowser.scenes[scene] }),
+      element("button", { type: "button", className: "primary", textContent: words().scenes[scene] }),
     );
     const row = element("div", { id: "scenes", className: "row" }, ...buttons);
-    const note = element("p", { className: "quiet", textContent: words.inBrowser.stays });
+    const note = element("p", { className: "quiet", textContent: words().stays });
     byId("cover-text").after(row, note);
     buttons.forEach((button, n) => {
       button.onclick = () => {
@@ -41,12 +45,12 @@ async function start(): Promise<void> {
   const scene = isScene(named) ? named : await choose();
   address.searchParams.set("scene", scene);
   history.replaceState(null, "", address);
-  write(byId("cover-text"), words.inBrowser.preparing);
+  write(byId("cover-text"), words().preparing);
   const worker = new Worker(new URL("./worker/palpate_worker.ts", import.meta.url), { type: "module" });
   try {
     setTransport(await WorkerTransport.open(worker, SCENES[scene]));
   } catch (error) {
-    return write(byId("cover-text"), words.inBrowser.failed((error as Error).message));
+    return write(byId("cover-text"), words().failed((error as Error).message));
   }
   await import("./main.js");
 }

@@ -23,10 +23,11 @@ inline constexpr double kYieldFrame_s = kYieldSettings.blend_s;
 std::uint64_t ticks_of_yield_frame(double rate_hz);
 
 /// Default edge length of the cells on which soft tissue is solved, mm: the finest that the budget of a frame
-/// permits (SolverSettings::box_radii).
+/// permits (SolverSettings::box_radii). Under a law of finite strain, whose box has fewer cells,
+/// max_cell_voxels voxels.
 /// @param voxel_mm  smallest voxel spacing; above 0
 /// @param tools     all tools of the model; their widest part counts
-double default_yield_cell_mm(double voxel_mm, std::span<const Tool> tools);
+double default_yield_cell_mm(TissueLaw law, double voxel_mm, std::span<const Tool> tools);
 /// Edge length of a model's cells, mm: Model::tissue_cell_mm or, if that is 0, the default; multiplied by
 /// Model::tissue_coarsened.
 double yield_cell_mm(const Model& model);

@@ -145,21 +145,23 @@ std::uint64_t ticks_of_yield_frame(double rate_hz) {
   return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(std::floor(rate_hz * kYieldFrame_s + 0.5)));
 }
 
-double default_yield_cell_mm(double voxel_mm, std::span<const Tool> tools) {
+double default_yield_cell_mm(TissueLaw law, double voxel_mm, std::span<const Tool> tools) {
+  const double largest_mm = kSolverSettings.max_cell_voxels * voxel_mm;
   double radius_mm = 0;
   for (const Tool& tool : tools) {
     radius_mm = std::max(radius_mm, tool.radius_mm);
     for (const ToolCapsule& capsule : tool.capsules) radius_mm = std::max(radius_mm, capsule.radius_mm);
   }
   const double reaching_mm = kSolverSettings.box_radii * radius_mm / kSolverSettings.cells_across;
-  return std::clamp(std::clamp(reaching_mm, voxel_mm, kSolverSettings.max_cell_voxels * voxel_mm),
+  return std::clamp(is_finite(law) ? largest_mm : std::clamp(reaching_mm, voxel_mm, largest_mm),
                     kSolverSettings.min_cell_mm, kSolverSettings.max_cell_mm);
 }
 
 double yield_cell_mm(const Model& model) {
-  const double made_mm = model.tissue_cell_mm > 0
-                             ? model.tissue_cell_mm
-                             : default_yield_cell_mm(model.labels->geometry().min_spacing_mm(), model.tools);
+  const double made_mm =
+      model.tissue_cell_mm > 0
+          ? model.tissue_cell_mm
+          : default_yield_cell_mm(model.tissue_law, model.labels->geometry().min_spacing_mm(), model.tools);
   return made_mm * model.tissue_coarsened;
 }
 

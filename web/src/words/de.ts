@@ -34,15 +34,6 @@ export const de: Words = {
   stopped: "Angehalten",
   stopTitle: "Kraft sofort aus; sie bleibt aus (Leertaste)",
 
-  // page without a server
-  inBrowser: {
-    choose: "Berühren Sie eine Aufnahme. palpate läuft in dieser Seite: Es wird nichts installiert.",
-    scenes: { knee: "Ein Knie", gland: "Eine Drüse am Kiefer" },
-    stays: "Nichts verlässt diesen Rechner.",
-    preparing: "Die Szene wird vorbereitet …",
-    failed: (why: string) => `Die Szene konnte nicht vorbereitet werden: ${why}. Laden Sie die Seite neu.`,
-  },
-
   // connection
   link: {
     connecting: "Verbindungsaufbau",

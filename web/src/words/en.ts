@@ -32,15 +32,6 @@ export const en = {
   stopped: "Stopped",
   stopTitle: "Force off immediately; it stays off (space bar)",
 
-  // page without a server
-  inBrowser: {
-    choose: "Touch a scan. palpate runs in this page: nothing is installed.",
-    scenes: { knee: "A knee", gland: "A gland on the jaw" },
-    stays: "Nothing leaves this computer.",
-    preparing: "Preparing the scene …",
-    failed: (why: string) => `The scene could not be prepared: ${why}. Reload the page to try again.`,
-  },
-
   // connection
   link: {
     connecting: "Connecting",

@@ -1,0 +1,28 @@
+// Texts of the page without a server, which only its entry point loads.
+
+import type { Language } from "./words.js";
+
+interface InBrowserWords {
+  choose: string;
+  scenes: { knee: string; gland: string };
+  stays: string;
+  preparing: string;
+  failed: (why: string) => string;
+}
+
+export const IN_BROWSER: Record<Language, InBrowserWords> = {
+  en: {
+    choose: "Touch a scan. palpate runs in this page: nothing is installed.",
+    scenes: { knee: "A knee", gland: "A gland on the jaw" },
+    stays: "Nothing leaves this computer.",
+    preparing: "Preparing the scene …",
+    failed: (why) => `The scene could not be prepared: ${why}. Reload the page to try again.`,
+  },
+  de: {
+    choose: "Berühren Sie eine Aufnahme. palpate läuft in dieser Seite: Es wird nichts installiert.",
+    scenes: { knee: "Ein Knie", gland: "Eine Drüse am Kiefer" },
+    stays: "Nichts verlässt diesen Rechner.",
+    preparing: "Die Szene wird vorbereitet …",
+    failed: (why) => `Die Szene konnte nicht vorbereitet werden: ${why}. Laden Sie die Seite neu.`,
+  },
+};
