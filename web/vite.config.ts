@@ -1,9 +1,9 @@
 import { defineConfig } from "vite";
 
-/** Removes the indentation of index.html, a tenth of its size. */
-const withoutIndentation = {
-  name: "without-indentation",
-  transformIndexHtml: (html: string) => html.replace(/^ +/gm, ""),
+/** Removes indentation and optional quotes of attributes from index.html, a fifth of its size. */
+const compactHtml = {
+  name: "compact-html",
+  transformIndexHtml: (html: string) => html.replace(/^ +/gm, "").replace(/="([\w-]+)"(?=[ >])/g, "=$1"),
 };
 
 /** Removes the indentation and the comment lines of shaders, which the minifier leaves in template literals. */
@@ -19,7 +19,7 @@ const withoutShaderComments = {
 // dynamically is a file of its own, assets/viewer_NAME.js.
 export default defineConfig({
   base: "/",
-  plugins: [withoutIndentation, withoutShaderComments],
+  plugins: [compactHtml, withoutShaderComments],
   worker: { format: "es", rollupOptions: { output: { entryFileNames: "assets/viewer_worker.js" } } },
   build: {
     target: "es2022",
