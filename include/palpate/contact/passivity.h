@@ -24,8 +24,8 @@ struct PassivityInput {
   Vector<World> force_N;   ///< Requested force, after force limit and ramp
   double unlimited_N = 0;  ///< Magnitude of that force without the limit
   Vector<World> acted_N;   ///< Force that acted since the last tick
-  Vector<World>
-      displacement_mm;   ///< Displacement of the tip since then, relative to the object; mm of the device
+  /// Displacement of the tip since then, relative to the object; mm of the device
+  Vector<World> displacement_mm;
   double stored_mJ = 0;  ///< Elastic energy that the contact stores now, an upper limit; infinite: unknown
   double stiffness_N_per_mm = 0;  ///< Contact stiffness at the device
   double step_mm = 0;             ///< Encoder step; 0: unknown, that of a coarse encoder is assumed

@@ -238,9 +238,9 @@ struct ProxyLayer {
   /// Attitude of the proxy's tool, as in ToolPose. Differs from the operator's while contacts block the
   /// rotation or the work limit of a tick was reached.
   Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();
-  Vector<Patient>
-      last_displacement;  ///< Last substep displacement, mm; used to damp oscillation between substeps
-  SurfaceSet punctured;   ///< Bit n: the tool has punctured surface n and not left it yet
+  /// Last substep displacement, mm; used to damp oscillation between substeps
+  Vector<Patient> last_displacement;
+  SurfaceSet punctured;  ///< Bit n: the tool has punctured surface n and not left it yet
   /// Fraction of the vector from tip to proxy that stretches the spring. Below 1 where the proxy is blocked
   /// by a surface although no half-space constraint explains it.
   double stretch_fraction = 1;

@@ -75,8 +75,8 @@ struct PointContact {
 struct ContactPoint {
   LabelId label = 0;  ///< Structure in contact. 0: unused entry
   int part = 0;       ///< Index of the tool part: its points, then its capsules
-  Point<Patient>
-      position;        ///< Contact point on the surface; for a direct method the position of the tool point
+  /// Contact point on the surface; for a direct method the position of the tool point
+  Point<Patient> position;
   double force_N = 0;  ///< Magnitude of the force along the surface normal, in the patient
 };
 
@@ -136,7 +136,7 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand);
 
 /// Force and contacts of a proxy that has been advanced. Friction comes from the proxy, viscosity is that of
 /// the direct methods.
-/// @param posed_tool      tool with which the proxy was advanced
+/// @param posed_tool  tool with which the proxy was advanced
 /// @param proxy     state after the advance
 /// @param result    result of the advance
 /// @param coupling  spring and damper, updated

@@ -98,8 +98,8 @@ struct SimulationResult {
   std::size_t failed_steps = 0;
   double max_force_N = 0;  ///< Largest commanded force
   double limit_N = 0;
-  std::vector<std::string>
-      problems;  ///< Limits known to be unreachable, and failed steps, in words without file names
+  /// Limits known to be unreachable, and failed steps, in words without file names
+  std::vector<std::string> problems;
 };
 
 /// Runs a script with the simulated hand on the virtual clock and writes a recording (empty path: none).

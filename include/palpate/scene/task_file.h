@@ -91,8 +91,8 @@ struct TaskRegion {
   std::string name;
   std::vector<LabelReference> structures;  ///< Structures; empty: the region is the ball around `point`
   std::optional<Point<Patient>> point;     ///< Centre of the region; with radius_mm
-  std::optional<Vector<Patient>>
-      landmark;  ///< Direction in which the structures' extreme point is the centre; with radius_mm
+  /// Direction in which the structures' extreme point is the centre; with radius_mm
+  std::optional<Vector<Patient>> landmark;
   std::optional<double> radius_mm;
   std::optional<Vector<Patient>> half;  ///< Restricts the region to this side of the structures' centroid
   std::optional<Point<Patient>> plane_point;

@@ -83,8 +83,8 @@ struct ViewedTool {
   std::string name;
   double radius_mm = 0;
   bool cuts = false;  ///< Whether it has a motor
-  std::optional<std::string>
-      burr;  ///< Shape of a burr's head: "ball", "cylinder" or "cone"; empty: not a burr
+  /// Shape of a burr's head: "ball", "cylinder" or "cone"; empty: not a burr
+  std::optional<std::string> burr;
   std::vector<std::array<double, 3>> points_mm;
   struct Capsule {
     std::array<double, 3> from_mm, to_mm;     ///< Ends of its axis, in the tip's frame

@@ -44,8 +44,8 @@ struct HoldResult {
   bool inside = false;
   bool wedged = false;  ///< Whether the tool is wider than the gap at the end (kFlagWedged)
   double rate_hz = 0;
-  std::vector<Point<Patient>>
-      tip;  ///< True tip position at the beginning of each tick while the hand rests, and at the end
+  /// True tip position at the beginning of each tick while the hand rests, and at the end
+  std::vector<Point<Patient>> tip;
 
   /// Whether the motion is within two encoder steps.
   bool quiet() const { return buzz.peak_to_peak_um <= 2 * encoder_step_um; }

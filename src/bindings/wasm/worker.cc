@@ -177,7 +177,10 @@ void WorkerSession::step() {
   servo_->run(clock_);
   std::array<TickRecord, 8> ticks;
   for (std::size_t count = servo_->ring().pop(ticks); count > 0; count = servo_->ring().pop(ticks))
-    for (const TickRecord& tick : std::span(ticks).first(count)) watch_.observe(tick);
+    for (const TickRecord& tick : std::span(ticks).first(count)) {
+      watch_.observe(tick);
+      live_.observe(tick);
+    }
   loop_.run_due();
 }
 

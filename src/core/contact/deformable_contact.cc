@@ -29,11 +29,10 @@ Footprint footprint_under(const DeformableContact& pressed, const PressingTool& 
   double deepest_mm = 0;
   for (const FootprintPoint& point : std::span(points).first(found))
     deepest_mm = std::max(deepest_mm, point.depth_mm);
-  const auto shallow =
-      std::remove_if(points.begin(), points.begin() + found, [&](FootprintPoint& footprint_point) {
-        footprint_point.depth_mm += depth_mm - deepest_mm;
-        return !(footprint_point.depth_mm > 0);
-      });
+  const auto shallow = std::remove_if(points.begin(), points.begin() + found, [&](FootprintPoint& point) {
+    point.depth_mm += depth_mm - deepest_mm;
+    return !(point.depth_mm > 0);
+  });
   found = static_cast<std::size_t>(shallow - points.begin());
   if (found <= 1) return one;
   return footprint_of(std::span(points).first(found), tool.stretched_mm * (1 / depth_mm), base_per_mm);

@@ -214,7 +214,7 @@ void Loop::update(std::span<const DeviceSample> samples, std::span<DeviceCommand
   late_ticks_.tick_here();
   const std::size_t count = mappings_.size();
   PALPATE_CHECK(samples.size() == count && commands.size() == count);
-  const double dt_s = retain_time(started_ns);
+  const double dt_s = advance_time(started_ns);
   receive_inputs(samples, dt_s, started_ns);
 
   tick(model_.begin_tick(), parameters_, {states_.data(), count}, dt_s, state_, {wrenches_.data(), count},
@@ -236,7 +236,7 @@ void Loop::update(std::span<const DeviceSample> samples, std::span<DeviceCommand
 
 // Time since the last tick, s, and lateness_ns_. A device with a clock of its own is late by the amount by
 // which the interval between ticks exceeds its period.
-double Loop::retain_time(std::int64_t now_ns) noexcept {
+double Loop::advance_time(std::int64_t now_ns) noexcept {
   const std::int64_t since_ns = last_started_ns_ == 0 ? period_ns_ : now_ns - last_started_ns_;
   if (!paced_) lateness_ns_ = std::max<std::int64_t>(0, since_ns - period_ns_);
   paced_ = false;

@@ -71,7 +71,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
 
   void run(std::promise<void>& ready);
   bool apply_arming() noexcept;
-  double retain_time(std::int64_t now_ns) noexcept;
+  double advance_time(std::int64_t now_ns) noexcept;
   void receive_inputs(std::span<const DeviceSample> samples, double dt_s, std::int64_t now_ns) noexcept;
   void publish() noexcept;
   void publish_sweeps(std::size_t devices) noexcept;
