@@ -240,8 +240,8 @@ class CornerTip {
   explicit CornerTip(const Model& model) : model_(model) {
     parameters_.method = ForceMethod::kProxy;
     parameters_.max_force_N = parameters_.device[0].limits.peak_force_N = 10;
-    parameters_.yields.number = 1;
-    parameters_.yields.spot[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
+    parameters_.compliance.number = 1;
+    parameters_.compliance.spot[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
     run(1000);
   }
   void run(int ticks) {
@@ -252,7 +252,8 @@ class CornerTip {
       device.tip = model_.X_WorldPatient * Point<Patient>(in + x, in - x, in + 0.5 * x);
       Wrench wrench;
       tick(model_, parameters_, {&device, 1}, 1e-3, state_, {&wrench, 1}, record_);
-      for (int layer = 0; layer < kMaxLayers; ++layer) points_ += state_.hands[0].proxy.layer(layer).contacts;
+      for (int layer = 0; layer < kMaxLayers; ++layer)
+        points_ += state_.device[0].proxy.layer(layer).contact_count;
     }
   }
   /// Number of contacts in the last run.
@@ -287,7 +288,7 @@ nlohmann::json ticks(int rounds) {
   frame.number = 1;
   frame.spot[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
   ComplianceFrame finite = frame;
-  finite.spot[0].finite_N = 0.15;
+  finite.spot[0].reference_force_N = 0.15;
   finite.spot[0].stiffening_mm_per_N2 = 2;
   finite.spot[0].stiffening_slope = Vector<Patient>(1, 0, 0);
   const ToolSphere sphere{{}, 3};

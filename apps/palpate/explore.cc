@@ -138,7 +138,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, ViewerFau
   if (!options.no_supervisor) session.supervisor = {"/proc/self/exe", "supervise"};
   session.supervisor_log = options.supervisor_log.value_or("");
   // questions appear in the live line and are answered by a key
-  session.asks_here = keys.active() && ::isatty(console.streams().err) == 1 && !console.quiet;
+  session.has_operator = keys.active() && ::isatty(console.streams().err) == 1 && !console.quiet;
   session.request = [&keys, &faults, &console] {
     faults.show_next(console);
     switch (keys.next().value_or('\0')) {

@@ -196,7 +196,7 @@ void note_without_preset(const Scene& scene, Console& console) {
 }
 
 /// Warns if the law deforms tissue but no tissue is deformable.
-void warn_if_nothing_yields(const Scene& scene, Console& console) {
+void warn_if_nothing_deforms(const Scene& scene, Console& console) {
   if (scene.yielding.law == TissueLaw::kLayers) return;
   if (std::none_of(scene.tissues.begin(), scene.tissues.end(),
                    [](const TissueSettings& tissue) { return tissue.touchable && tissue.elastic; }))
@@ -206,7 +206,7 @@ void warn_if_nothing_yields(const Scene& scene, Console& console) {
 
 /// Warns of a stiffness that has no effect: deformable tissue is rendered from its modulus, and the
 /// stiffness given with its preset is used by the other laws only.
-void warn_of_stiffness_that_yields(const Scene& scene, Console& console) {
+void warn_of_ignored_stiffness(const Scene& scene, Console& console) {
   if (!is_elastic(scene.yielding.law)) return;
   for (const TissueSettings& tissue : scene.tissues) {
     if (!tissue.touchable || !tissue.elastic) continue;
@@ -306,7 +306,7 @@ int run_new(NewOptions options, Console& console) {
   const auto scene = parse_scene(*text, options.output.empty() ? "the new scene" : options.output);
   if (!scene) return console.fail(scene.error());
   note_without_preset(*scene, console);
-  warn_if_nothing_yields(*scene, console);
+  warn_if_nothing_deforms(*scene, console);
   if (options.output.empty()) return print_result(*text);
   if (const auto written = write_scene_text(options.output, *text); !written)
     return console.fail(written.error());
@@ -464,7 +464,7 @@ void print_preparation(const PreparationSettings& preparation, double width_mm) 
                 preparation.engine == GaussianEngine::kFourier ? "fourier" : "direct", bits);
 }
 
-void print_yielding(const YieldingSettings& yielding) {
+void print_deformation(const DeformationSettings& yielding) {
   if (yielding.law == TissueLaw::kLayers) return;
   std::printf("tissue     %s", std::string(name_of(yielding.law, kTissueLaws)).c_str());
   if (yielding.cell_mm) std::printf(", cells of %g mm", *yielding.cell_mm);
@@ -603,7 +603,7 @@ int run_check(const std::string& file, Console& console) {
   std::printf("side       %s\n", side_text(*scene, *data).c_str());
   print_preparation(scene->preparation, *width_mm);
   std::printf("force      %s\n", std::string(name_of(scene->force.method)).c_str());
-  print_yielding(scene->yielding);
+  print_deformation(scene->yielding);
   print_relaxations(*scene);
   print_tool("tool", scene->tools[0]);
   if (scene->tools.size() > 1) print_tool("2nd tool", scene->tools[1]);
@@ -618,8 +618,8 @@ int run_check(const std::string& file, Console& console) {
                    [](const auto& tissue) { return tissue.touchable; }))
     console.warn()("nothing in this scene can be felt: set touchable = true on a tissue");
   else
-    warn_if_nothing_yields(*scene, console);
-  warn_of_stiffness_that_yields(*scene, console);
+    warn_if_nothing_deforms(*scene, console);
+  warn_of_ignored_stiffness(*scene, console);
   return kExitOk;
 }
 

@@ -28,7 +28,7 @@ struct Body {
   bool is_touchable(LabelId label) const { return model->is_touchable(label); }
   /// Whether a surface belongs to a layer and is in contact with a tool that has punctured nothing.
   bool is_touched(const ContactSurface& surface, int layer = 0) const {
-    return surface.surface != nullptr && surface.beneath < 0 && surface.layer == layer;
+    return surface.surface != nullptr && surface.covered_by < 0 && surface.layer == layer;
   }
   double clearance_mm(const Point<Patient>& at, double radius_mm, int layer = 0) const {
     double smallest = std::numeric_limits<double>::infinity();

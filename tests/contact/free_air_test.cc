@@ -107,7 +107,7 @@ class FreeAirPress {
   }
 
   bool is_free() const {
-    return state_.contacts == 0 && (state_.position - tip_).norm() <= kProxySettings.arrived_mm;
+    return state_.contact_count == 0 && (state_.position - tip_).norm() <= kProxySettings.arrived_mm;
   }
   // whether the straight path from the start to the tip is free
   bool is_straight_path() const {
@@ -141,7 +141,7 @@ class FreeAirPress {
     figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
     figures_.jumps += jump_N > kJump_N;
     // unexplained force: no contact of the outer layer, no force of an inner layer, no release
-    figures_.untold += result_.force_N != Vector<Patient>() && state_.contacts == 0 &&
+    figures_.untold += result_.force_N != Vector<Patient>() && state_.contact_count == 0 &&
                        within_N(result_) == 0 && result_.release.force_N == Vector<Patient>();
     figures_.within_while_free += is_free() && within_N(result_) > 0;
     // a releasing force decreases by the full slip limit per tick, unless a layer is released in the same

@@ -57,7 +57,8 @@ class DrivenSession {
 
   void move(const Vector<Patient>& step) {
     tip_ += step;
-    if (yields_.advance(*model_, state_.tick > 0 ? &record_ : nullptr)) parameters_.yields = yields_.frame();
+    if (yields_.advance(*model_, state_.tick > 0 ? &record_ : nullptr))
+      parameters_.compliance = yields_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * tip_;
     tick(*model_, parameters_, {&device, 1}, 1 / kRate_hz, state_, {&sent_, 1}, record_);
@@ -76,7 +77,7 @@ class DrivenSession {
   SessionState state_;
   TickRecord record_;
   Wrench sent_;
-  VirtualClockYieldSolver yields_{kRate_hz};
+  VirtualClockSoftTissueSolver yields_{kRate_hz};
   Point<Patient> tip_;
 };
 

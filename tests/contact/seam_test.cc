@@ -229,7 +229,7 @@ class SeamPress {
     unfelt_ =
         unfelt_ || (rendered_N() < kContact_N && body_.clearance_mm(tip_, tool_.radius_mm) < -kContact_mm);
     for (int layer = 0; layer < kMaxLayers && !withdrawing_; ++layer)
-      came_out_ = came_out_ || (state_.layer(layer).contacts > 0 &&
+      came_out_ = came_out_ || (state_.layer(layer).contact_count > 0 &&
                                 body_.clearance_mm(tip_, tool_.radius_mm, layer) > kOutside_mm);
     if (free_mm_ == 0) return;
     double& max_N = free_mm_ > kSlipOver_mm ? max_inward_N_ : max_drawn_N_;

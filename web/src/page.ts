@@ -196,7 +196,7 @@ export class Page {
         onUnanswered: () => void loading.whyEnded(null),
         onAsked: () => toast(words.askedAtDevice),
         onCut: (first, sweeps) => this.voxels.reportCut(first, sweeps),
-        onYield: (received) => this.voxels.addYield(received),
+        onDeformation: (received) => this.voxels.addDeformation(received),
         onTask: (run) => (session.run.value = run),
         onDebriefing: (debriefing) => (session.debriefing.value = debriefing),
         onPlan: (plan) => session.plans.update(plan),

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { Connection, type Link } from "../src/protocol/connection.js";
-import type { Yield } from "../src/protocol/yields.js";
+import type { DeformationMessage } from "../src/protocol/yields.js";
 import { Gone, isMemoryShort, Lasting, NoMemory, errorOf } from "../src/words/errors.js";
 
 /** Connection with simulated sockets and timers, and its messages. */
@@ -39,7 +39,7 @@ function connection() {
     window: { setTimeout: (f: () => void, ms: number) => timers.push({ f, ms }) },
   });
   const links: Link[] = [];
-  const yields: Yield[] = [];
+  const yields: DeformationMessage[] = [];
   const tasks: number[] = [],
     nears: number[] = [],
     tracks: number[] = [];
@@ -52,7 +52,7 @@ function connection() {
       onToken() {},
       onAsked() {},
       onCut() {},
-      onYield: (one) => yields.push(one),
+      onDeformation: (one) => yields.push(one),
       onNear: (near) => nears.push(near[0]!.noGo),
       onPlan: (plan) => tasks.push(100 + plan.version),
       onTracked: (tracked) => tracks.push(tracked.fre_mm),

@@ -129,7 +129,7 @@ class Subject {
         onUnanswered: nothing,
         onAsked: nothing,
         onCut: nothing,
-        onYield: nothing,
+        onDeformation: nothing,
         onTask: nothing,
         onDebriefing: nothing,
         onPlan: nothing,

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { aboutAxis, apply, invert, length, rotate, sub, type Vec3 } from "../src/base/geometry.js";
 import { WireError, WireVersion } from "../src/protocol/wire.js";
-import { decodeYield, isYield } from "../src/protocol/yields.js";
+import { decodeDeformation, isDeformation } from "../src/protocol/yields.js";
 import { Deformation } from "../src/state/deformation.js";
 
 const turned = (
@@ -50,7 +50,7 @@ function written(
   return view;
 }
 const rest = (device: number) => written(() => [0, 0, 0], { dims: [0, 0, 0], lo: [0, 0, 0], size: [0, 0, 0], device });
-const decoded = (view: DataView) => decodeYield(view.buffer as ArrayBuffer);
+const decoded = (view: DataView) => decodeDeformation(view.buffer as ArrayBuffer);
 
 test("deformation is decoded as specified by the protocol", () => {
   const moved = (i: number, j: number, k: number): Vec3 => [0.1 * i, -0.2 * j, k];
@@ -73,7 +73,11 @@ test("deformation is decoded as specified by the protocol", () => {
         for (let c = 0; c < 3; c++) assert.ok(Math.abs(moved_mm[n + c]! - expected[c]!) < 6e-4);
       }
   assert.equal(decoded(rest(1)).nodes, null);
-  assert.ok(isYield(rest(1).buffer as ArrayBuffer) && !isYield(new ArrayBuffer(392)) && !isYield(new ArrayBuffer(2)));
+  assert.ok(
+    isDeformation(rest(1).buffer as ArrayBuffer) &&
+      !isDeformation(new ArrayBuffer(392)) &&
+      !isDeformation(new ArrayBuffer(2)),
+  );
 });
 
 test("anything but a complete deformation message is refused", () => {
@@ -101,8 +105,8 @@ test("anything but a complete deformation message is refused", () => {
   assert.throws(() => decoded(other), WireVersion);
   const whole = written(() => [1, 1, 1]).buffer as ArrayBuffer;
   for (let bytes = 0; bytes < whole.byteLength; bytes++)
-    assert.throws(() => decodeYield(whole.slice(0, bytes)), WireError);
-  assert.throws(() => decodeYield(new ArrayBuffer(whole.byteLength + 1)), WireError);
+    assert.throws(() => decodeDeformation(whole.slice(0, bytes)), WireError);
+  assert.throws(() => decodeDeformation(new ArrayBuffer(whole.byteLength + 1)), WireError);
 });
 
 test("random deformation messages are refused or give a field without gaps", () => {

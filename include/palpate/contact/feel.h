@@ -284,7 +284,7 @@ struct ReboundSettings {
 };
 
 /// Deformable soft tissue (yield.h).
-struct YieldSettings {
+struct SoftTissueSettings {
   /// Minimum radius of the pressing sphere; a point would sink in without resistance.
   double min_radius_mm = 0.5;
   /// Blending time between two published elastic solutions: one solver frame.
@@ -319,11 +319,11 @@ inline constexpr ContactSettings kContactSettings;
 inline constexpr PassivitySettings kPassivitySettings;
 inline constexpr OscillationSettings kOscillationSettings;
 inline constexpr ReboundSettings kReboundSettings;
-inline constexpr YieldSettings kYieldSettings;
+inline constexpr SoftTissueSettings kSoftTissueSettings;
 
 static_assert(names_every_member<ProxySettings>() && names_every_member<ToolRotationSettings>() &&
               names_every_member<ContactSettings>() && names_every_member<PassivitySettings>() &&
               names_every_member<OscillationSettings>() && names_every_member<ReboundSettings>() &&
-              names_every_member<YieldSettings>());
+              names_every_member<SoftTissueSettings>());
 
 }  // namespace palpate

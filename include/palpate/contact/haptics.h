@@ -47,12 +47,12 @@ enum class TissueLaw : std::uint8_t {
   kExponential,
 };
 /// Whether bodies under this law are solved with large strains.
-constexpr bool is_finite(TissueLaw law) {
+constexpr bool is_hyperelastic(TissueLaw law) {
   return law == TissueLaw::kNeoHookean || law == TissueLaw::kExponential;
 }
 /// Whether tissues with ElasticConstants deform elastically under this law.
 constexpr bool is_elastic(TissueLaw law) {
-  return law == TissueLaw::kElastic || is_finite(law);
+  return law == TissueLaw::kElastic || is_hyperelastic(law);
 }
 /// Whether tissues with ElasticConstants move visibly under this law.
 constexpr bool is_moving(TissueLaw law) {

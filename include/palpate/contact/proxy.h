@@ -48,7 +48,7 @@ struct ContactSurface : ContactProperties {
   int structure = -1;
   /// Index of the common surface that covers this one; this surface is only tested for contact while the tool
   /// has punctured that one. -1: not covered.
-  int beneath = -1;
+  int covered_by = -1;
   /// Indices of the structures whose puncture also opens this common surface.
   std::vector<std::int16_t> opened_by = {};
   /// Layer index, 0 is the outermost. The entry of a structure has the innermost layer that contributes to
@@ -71,7 +71,7 @@ struct ContactSurface : ContactProperties {
   /// (CarvedSurface::clearance_error_mm).
   double clearance_error_mm = 0;
   /// Plane-strain modulus E / (1 - nu^2) of a deformable structure. 0: not deformable, a spring.
-  double yield_modulus_N_per_mm2 = 0;
+  double plane_strain_modulus_N_per_mm2 = 0;
   /// Exponent of a deformable structure's strain stiffening (ElasticConstants::stiffening). 0: none.
   double strain_stiffening = 0;
   /// Relaxation fractions of a deformable structure, one per time constant of the model.
@@ -159,11 +159,11 @@ struct ToolPose {
 };
 
 /// Tool parts rotated from one attitude to another. Bit-identical to the input if both attitudes are equal.
-class TurnedTool {
+class RotatedTool {
  public:
   /// @param spheres  parts in attitude `from`; at most kMaxToolSpheres
-  TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
-             const Eigen::Quaterniond& to);
+  RotatedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+              const Eigen::Quaterniond& to);
   std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
 
  private:
@@ -187,7 +187,7 @@ inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sph
 }
 /// Friction coefficients of a contact.
 struct Friction {
-  double still = 0, sliding = 0;  ///< Static and kinetic coefficient
+  double static_coefficient = 0, kinetic_coefficient = 0;
 };
 /// Cache of the active contacts of a proxy at rest. It is valid while the same tool remains at the same
 /// position with the same punctured surfaces; a tick then needs no surface queries. Not used for tools with
@@ -249,9 +249,9 @@ struct ProxyLayer {
   std::optional<double> spring_N_per_mm;
   /// Displacement of the device while the proxy was catching up through free space at zero force.
   double catch_up_mm = 0;
-  double lost_s = 0;  ///< Time for which the proxy has been left behind by a tip in free space
-  int contacts = 0;   ///< Number of valid entries of `contact`
-  std::array<ProxyContact, kMaxContacts> contact;
+  double lost_s = 0;      ///< Time for which the proxy has been left behind by a tip in free space
+  int contact_count = 0;  ///< Number of valid entries of `contacts`
+  std::array<ProxyContact, kMaxContacts> contacts;
 };
 
 /// Caches of one layer's proxy. They affect the time of a tick but not its result.
@@ -279,7 +279,7 @@ struct ProxyState : ProxyLayer {
   std::array<ProxyLayer, kMaxLayers - 1> inner_layers;  ///< Layer n at n - 1
   Point<Patient> tip;                                   ///< Tip position of the last tick
   double stiffness_N_per_mm = 0;  ///< Sum of the layers' tangent stiffnesses in the last tick. 0: no contact
-  ComplianceState yield;          ///< State of the deformable structures of the outermost layer
+  ComplianceState compliance;     ///< State of the deformable structures of the outermost layer
   RelaxationState relaxation;     ///< Relaxation state of the outermost layer
   ProxyRelease release;
   /// Last tip position in free space, where the outermost proxy coincided with the tip.
@@ -319,7 +319,7 @@ struct ProxyOptions {
   /// Permanent holes of all tools in structures with stays_open. null: every puncture closes.
   Holes* holes = nullptr;
   /// Maximum fraction of a substep by which the distance to the tip may increase.
-  double max_away = kProxySettings.max_distance_increase;
+  double max_distance_increase = kProxySettings.max_distance_increase;
   /// Limit of the force sent to the device; a release starts with at most this force.
   double max_force_N = std::numeric_limits<double>::infinity();
 };

@@ -27,7 +27,7 @@ inline Eigen::Vector3d camera_of(const ScopeOptics& optics) {
   return {0, 0, optics.back_mm};
 }
 /// Viewing direction in the tool's frame; unit.
-inline Eigen::Vector3d appearance_of(const ScopeOptics& optics) {
+inline Eigen::Vector3d view_direction_of(const ScopeOptics& optics) {
   const double lean = optics.lean_deg * std::numbers::pi / 180;
   return {0, std::sin(lean), -std::cos(lean)};
 }

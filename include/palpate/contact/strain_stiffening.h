@@ -12,7 +12,7 @@ namespace palpate {
 ///     F = g F0,   g = 1 + k b^(3/4) (E / U)^(1/3),   U = 8/15 E* R^3,
 ///
 /// F0 being the force without stiffening, b the exponent of the tissue, R the radius of the sphere, E* the
-/// contact modulus and k YieldSettings::stiffening_factor. On a half-space (E / U)^(1/3) is (depth /
+/// contact modulus and k SoftTissueSettings::stiffening_factor. On a half-space (E / U)^(1/3) is (depth /
 /// R)^(5/6). The power and k are those of finite element solutions (docs/concepts/tissue.md): where tissue
 /// under the tool stiffens, the load moves to its surroundings, so that the force grows less than
 /// exponentially. As g depends on E alone, F is the derivative of an energy, and a closed path does no work
@@ -27,7 +27,7 @@ struct StiffenedContact {
 /// @param stiffening         b, at least 0
 /// @param stored_mJ          E, at least 0
 /// @param modulus_N_per_mm2  E*; above 0
-/// @param radius_mm          R, of which at least YieldSettings::min_radius_mm is used
+/// @param radius_mm          R, of which at least SoftTissueSettings::min_radius_mm is used
 StiffenedContact stiffened_contact(double stiffening, double stored_mJ, double modulus_N_per_mm2,
                                    double radius_mm);
 

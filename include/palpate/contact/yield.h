@@ -34,9 +34,9 @@ struct LocalCompliance {
   double modulus_N_per_mm2 = 0;  ///< E* = E / (1 - nu^2) of the tissue under the patch; above 0
   double patch_radius_mm = 0;    ///< rho; above 0
   /// Neo-Hookean solution: the force F1 at which it was computed, and the coefficient C of its difference in
-  /// depth to the linear solution, C F^2; below 0: deeper. finite_N 0: none, the linear solution alone
-  /// applies.
-  double finite_N = 0;
+  /// depth to the linear solution, C F^2; below 0: deeper. reference_force_N 0: none, the linear solution
+  /// alone applies.
+  double reference_force_N = 0;
   double stiffening_mm_per_N2 = 0;
   Vector<Patient> stiffening_slope = {};  ///< grad C along the surface; mm/N^2 per mm
   /// ElasticConstants::stiffening of the tissues, weighted by their shares of the displacement. 0: none, or
@@ -52,7 +52,7 @@ struct LocalCompliance {
   double surroundings_per_compliance = 1;  ///< dB/dW
 
   bool is_known() const { return compliance_mm_per_N > 0; }
-  bool is_finite() const { return finite_N > 0; }
+  bool has_neo_hookean() const { return reference_force_N > 0; }
   /// Sets B and dB/dW from W, rho, E* and nu (surroundings_of_patch).
   void find_surroundings();
 };
@@ -70,16 +70,16 @@ struct ComplianceFrame {
 struct ComplianceState {
   std::uint32_t frame = 0;  ///< Number of the current frame
   /// Difference of the rendered values to those of the current frame when it arrived. It fades out over
-  /// YieldSettings::blend_s, so that no frame causes a step.
+  /// SoftTissueSettings::blend_s, so that no frame causes a step.
   double left_mm_per_N = 0, left_mm_per_N2 = 0, left_N = 0, left_poissons_ratio = 0,
          left_strain_stiffening = 0;
   /// The same for the modulus, relative to the frame's value; above -1, so that the blended modulus stays
   /// above 0 wherever the tool moves meanwhile.
   double left_modulus = 0;
-  /// Time since the current frame arrived, up to YieldSettings::blend_s.
+  /// Time since the current frame arrived, up to SoftTissueSettings::blend_s.
   double elapsed_s = 0;
   // values of the last tick; modulus 0: no deformable tissue was in contact
-  double surroundings_mm_per_N = 0, modulus_N_per_mm2 = 0, stiffening_mm_per_N2 = 0, finite_N = 0,
+  double surroundings_mm_per_N = 0, modulus_N_per_mm2 = 0, stiffening_mm_per_N2 = 0, reference_force_N = 0,
          poissons_ratio = 0, strain_stiffening = 0;
 
   void hash_into(std::uint64_t& hash) const;
@@ -92,13 +92,13 @@ struct ContactLaw {
   double modulus_N_per_mm2 = 0;           ///< E*; above 0
   double stiffening_mm_per_N2 = 0;        ///< C, as LocalCompliance::stiffening_mm_per_N2
   Vector<Patient> stiffening_slope = {};  ///< grad C
-  double finite_N = 0;  ///< F1: force up to which the C term is C F^2; above 0 unless C is 0
+  double reference_force_N = 0;  ///< F1: force up to which the C term is C F^2; above 0 unless C is 0
   double poissons_ratio = ElasticConstants{}.poissons_ratio;  ///< nu
   double strain_stiffening = 0;  ///< Exponent b, at least 0 (strain_stiffening.h)
 };
 
 /// Force of a sphere at a depth.
-struct YieldForce {
+struct SoftContactForce {
   double force_N = 0;           ///< Normal force
   double tangent_N_per_mm = 0;  ///< dF / d depth
   double stored_mJ = 0;         ///< Work needed to press to that depth
@@ -170,14 +170,14 @@ NeighbourEffect displaced_by_others(std::span<const TissuePress> presses, std::s
 /// less the C term (stiffening_depth_mm), which is limited to half the compliance dd/dF at F1. So the force
 /// increases with the depth at every ratio of contact to thickness. The tangent stiffness is limited to
 /// `max_N_per_mm`: from there on the force is linear in the depth. The energy is that of this law. Where B
-/// and C vary along the surface, the tangential force (yield_lateral) makes it conservative
+/// and C vary along the surface, the tangential force (tangential_coefficients) makes it conservative
 /// (docs/concepts/tissue.md). Where the tissue stiffens with strain, all of this is multiplied by the factor
 /// of stiffened_contact() (strain_stiffening.h), and the limit of the tangent stiffness applies to the
 /// product. Bounded work; bit-identical in every build.
 /// @param depth_mm   penetration of the undeformed surface; not above 0: no force
-/// @param radius_mm  radius of the sphere; at least YieldSettings::min_radius_mm is used
-YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
-                       double max_N_per_mm = std::numeric_limits<double>::infinity());
+/// @param radius_mm  radius of the sphere; at least SoftTissueSettings::min_radius_mm is used
+SoftContactForce soft_contact_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
+                                    double max_N_per_mm = std::numeric_limits<double>::infinity());
 
 /// Decrease of that law's energy along the surface at constant depth: of_compliance_N2 times grad B minus
 /// of_stiffening_N3 times grad C is the tangential force.
@@ -185,8 +185,8 @@ struct TangentialCoefficients {
   double of_compliance_N2 = 0, of_stiffening_N3 = 0;
 };
 /// Coefficients of the tangential force at a normal force.
-TangentialCoefficients yield_lateral(const ContactLaw& tissue, double force_N, double radius_mm,
-                                     double max_N_per_mm = std::numeric_limits<double>::infinity());
+TangentialCoefficients tangential_coefficients(const ContactLaw& tissue, double force_N, double radius_mm,
+                                               double max_N_per_mm = std::numeric_limits<double>::infinity());
 
 /// Complementary energy of that law: the integral of the depth over the force, 0 ... force_N; mJ. The stored
 /// energy is force times depth minus this.

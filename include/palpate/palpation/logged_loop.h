@@ -32,9 +32,10 @@ void set_cut_model_logged(ServoLoop& loop, EventLog& log, std::span<const Cut> c
                           std::shared_ptr<const Model> model);
 /// Event of a tissue solution.
 /// @param input_tick  TickRecord::tick from which it was solved
-RecordingEvent yield_event(const ComplianceFrame& frame, std::uint64_t input_tick);
+RecordingEvent solution_event(const ComplianceFrame& frame, std::uint64_t input_tick);
 /// Passes a tissue solution to the loop, logged.
-void set_yield_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame, std::uint64_t input_tick);
+void set_solution_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
+                         std::uint64_t input_tick);
 /// Passes a frame without any known spot to the loop, in place of one that could not be solved; logged.
 void set_unsolved_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
                          std::uint64_t input_tick);

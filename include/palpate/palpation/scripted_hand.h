@@ -115,7 +115,7 @@ class ScriptedHand {
   double tracking_tolerance_mm(const TickRecord& tick) const;
   double careful_speed_mm_s(LabelId structure, const TickRecord& tick) const;
   double stiffness_N_per_mm(LabelId structure, const TickRecord& tick) const;
-  double yielding_N_per_mm(const ElasticConstants& constants) const;
+  double deformable_stiffness_N_per_mm(const ElasticConstants& constants) const;
   Transform<World, Patient> X_WorldPatient(const TickRecord& tick) const;
   Vector<World> tremor() const;
 

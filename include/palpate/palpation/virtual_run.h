@@ -62,7 +62,7 @@ class VirtualRun {
   std::optional<std::uint32_t> stroke_led_to_, law_led_to_;  // as in HandCommands
   std::vector<RecordingEvent> reported_;
   std::uint32_t reported_number_ = 0;
-  VirtualClockYieldSolver yields_;
+  VirtualClockSoftTissueSolver solver_;
   const Progress progress_;
 };
 

@@ -81,19 +81,20 @@ struct RequestedBy {
 /// External command to a run, with the tick in which it took effect.
 struct RecordingEvent {
   enum class Kind : std::uint8_t {
-    kModel,     ///< A new model version: `change`
-    kSettings,  ///< `changed` ... `rotation_target_wxyz`
-    kStop,      ///< Emergency stop: forces off immediately
-    kRearm,     ///< Forces ramped up again
-    kSweep,     ///< A burr's sweep, one of those removed in the model version `number`: `sweep`
-    kYield,  ///< A solution of deforming tissue: frame `number` (ComplianceFrame), `input_tick`, `frame_hash`
+    kModel,           ///< A new model version: `change`
+    kSettings,        ///< `changed` ... `rotation_target_wxyz`
+    kStop,            ///< Emergency stop: forces off immediately
+    kRearm,           ///< Forces ramped up again
+    kSweep,           ///< A burr's sweep, one of those removed in the model version `number`: `sweep`
+    kTissueSolution,  ///< A solution of deforming tissue: frame `number` (ComplianceFrame), `input_tick`,
+                      ///< `frame_hash`
   };
   /// First recorded tick that acknowledges it: the tick in which it took effect, unless ticks are missing.
   std::uint64_t tick = 0;
   Kind kind = Kind::kModel;
   RequestedBy by;
-  /// kModel: the resulting version; kYield: the frame; otherwise an ordinal from 1, counted over settings,
-  /// and over stops and rearms together.
+  /// kModel: the resulting version; kTissueSolution: the frame; otherwise an ordinal from 1, counted over
+  /// settings, and over stops and rearms together.
   std::uint32_t number = 0;
   ModelChange change;  ///< ModelChange with version `number`
   // Settings in effect from then on, as in TickRecord. If several requests preceded one tick, each row
@@ -103,8 +104,8 @@ struct RecordingEvent {
   double max_force_N = 0;
   std::array<double, 4> rotation_target_wxyz{1, 0, 0, 0};
   SweepRecord sweep;
-  std::uint64_t input_tick = 0;  ///< kYield: tick from which it was solved
-  /// kYield: ComplianceFrame::hash of the result, or kUnsolved.
+  std::uint64_t input_tick = 0;  ///< kTissueSolution: tick from which it was solved
+  /// kTissueSolution: ComplianceFrame::hash of the result, or kUnsolved.
   std::uint64_t frame_hash = 0;
   /// Memory ran out while the frame was solved: it knows no spot, and the solver starts afresh after it.
   static constexpr std::uint64_t kUnsolved = 0;

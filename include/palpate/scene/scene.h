@@ -119,7 +119,7 @@ struct ForceSettings {
 };
 
 /// Settings of deformable tissue.
-struct YieldingSettings {
+struct DeformationSettings {
   TissueLaw law = TissueLaw::kLayers;
   std::optional<double> cell_mm;  ///< Cell size of the elastic laws' grid; empty: chosen from the voxel size
   bool relaxation = false;        ///< Whether presets' relaxation applies where a tissue sets none
@@ -165,7 +165,7 @@ struct Scene {
   std::vector<TissueSettings> tissues;
   PreparationSettings preparation;
   ForceSettings force;
-  YieldingSettings yielding;
+  DeformationSettings yielding;
   std::vector<Tool> tools{Tool()};  ///< Tools as in Model::tools: [tool], then [second_tool] if present
   WorkspaceSettings workspace;      ///< Workspace mapping of every device; not part of the model
   std::optional<double> max_force_N;

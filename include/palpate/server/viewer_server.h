@@ -235,7 +235,7 @@ struct ViewedState : Settings {
 };
 
 /// Displacement field of soft tissue around a device's tool, on a regular grid.
-struct ViewedYield {
+struct ViewedDeformation {
   std::uint32_t frame = 0;  ///< ComplianceFrame::number
   std::array<int, 3> nodes{0, 0, 0};
   std::array<double, 3> first_patient_mm{};  ///< Position of node (0, 0, 0); patient frame
@@ -296,9 +296,9 @@ struct PlayRequest {
 inline constexpr std::array<double, 2> kPlayingSpeeds{0.01, 32};
 
 /// Outcome of a request that was not refused.
-enum class Grant : std::uint8_t {
+enum class RequestOutcome : std::uint8_t {
   kDone,
-  kRequested,  ///< The operator at the device is asked for consent; a LateAnswer follows
+  kAwaitingConsent,  ///< The operator at the device is asked for consent; a LateAnswer follows
 };
 /// Outcome of a request that waited for consent.
 struct LateAnswer {
@@ -342,7 +342,9 @@ class ViewerHost {
   /// for time-critical callers, since a recording's labels are computed on demand.
   virtual std::shared_ptr<const Bricks<LabelId>> labels() const { return scene().labels; }
   /// Deformation around a device's tool; null: none.
-  virtual std::shared_ptr<const ViewedYield> yielded(std::size_t /*device*/) const { return nullptr; }
+  virtual std::shared_ptr<const ViewedDeformation> deformation(std::size_t /*device*/) const {
+    return nullptr;
+  }
   /// labels() deformed by soft tissue, for volume pictures. As slow as labels(); returns the same object
   /// while nothing changes.
   virtual std::shared_ptr<const Bricks<LabelId>> visible_labels() const { return labels(); }
@@ -378,9 +380,9 @@ class LiveHost : public ViewerHost {
   /// State of a tracked tool; empty: none.
   virtual std::optional<ViewedNavigation> navigation() const { return {}; }
   /// Carries out the whole request, or returns an error that names the offending value and changes nothing.
-  virtual Result<Grant> set(const SettingsRequest& request) = 0;
-  virtual Result<Grant> set(const TissueRequest& request) = 0;
-  virtual Result<Grant> set(const StrokeRequest& request) = 0;
+  virtual Result<RequestOutcome> set(const SettingsRequest& request) = 0;
+  virtual Result<RequestOutcome> set(const TissueRequest& request) = 0;
+  virtual Result<RequestOutcome> set(const StrokeRequest& request) = 0;
   /// Outcomes of earlier requests; each is returned once.
   virtual std::vector<LateAnswer> read_answers() = 0;
   /// Discards the pending requests of a viewer that disconnected.

@@ -111,7 +111,7 @@ void visit_haptic_settings(Visit&& of) {
   group("passivity", kPassivitySettings);
   group("swing", kOscillationSettings);
   group("bounce", kReboundSettings);
-  group("yield", kYieldSettings);
+  group("yield", kSoftTissueSettings);
   group("solving", kSolverSettings);
   group("cutting", kCuttingSettings);
   group("output", kOutputSettings);

@@ -27,7 +27,7 @@ struct Parameters : Settings {
   bool emergency_stop = false;  ///< Set the forces to zero at once
   std::array<DeviceParameters, kMaxDevices> device;
   /// Latest solution of deformable tissue. The contact itself blends over to a new one.
-  ComplianceFrame yields;
+  ComplianceFrame compliance;
 };
 
 /// TickSwitch bits of the parameters.
@@ -46,7 +46,7 @@ struct OutputState {
 
 /// Complete state of the tick function. Small, copyable, hashable; contains no pointers.
 struct SessionState {
-  struct Hand {
+  struct DeviceSession {
     bool has_previous = false;  ///< A previous tip position exists
     Point<World> previous_world;
     Point<Patient> previous_tip;
@@ -90,15 +90,16 @@ struct SessionState {
   Holes holes;  // holes left open by punctures
   // number of the last solution received while no tissue was deformable; it and older ones are ignored after
   // tissue becomes deformable
-  std::uint32_t last_ignored_yield_frame = 0;
-  std::array<Hand, kMaxDevices> hands;
+  std::uint32_t last_ignored_solver_frame = 0;
+  std::array<DeviceSession, kMaxDevices> device;
   /// Surfaces of the last tick's model, used to match those of a new version. Derived from that version,
   /// which the hash includes.
   struct Surfaces {
     std::uint32_t version = 0;  ///< Version of that model; 0 before the first tick
     std::uint32_t edits = 0;    ///< Model::edits of that model
     int count = 0;
-    bool yield = false;  ///< is_elastic(Model::tissue_law); a change assigns structures to other layers
+    bool is_deformable =
+        false;  ///< is_elastic(Model::tissue_law); a change assigns structures to other layers
     std::array<LabelId, kMaxSurfaces> label{};
     std::array<std::uint64_t, kMaxSurfaces> content{};  ///< Surface::content_hash()
   } surfaces;

@@ -79,7 +79,7 @@ struct ExploreOptions {
   std::function<ExploreRequest()> request;
   /// Whether whoever makes these requests also sees ExploreStatus::question and answers it. If false, viewers
   /// cannot change anything while a physical device can apply force.
-  bool asks_here = false;
+  bool has_operator = false;
   /// Tasks offered in the session; none: nothing is evaluated.
   TrainingOptions training;
   /// Plan shown to viewers, who may edit it if it allows that; null: none.

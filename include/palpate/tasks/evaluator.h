@@ -102,8 +102,8 @@ class TaskEvaluator {
   /// 1 once completed.
   double share_of_step(std::size_t step) const;
   /// Forces in the last tick, N: on a [[force]], on a [[protected]], and the total contact force.
-  double force_N(std::size_t force) const { return forces_[force].last_N; }
-  double protected_N(std::size_t protection) const { return protections_[protection].last_N; }
+  double force_N(std::size_t force) const { return force_meters_[force].last_N; }
+  double protected_N(std::size_t protection) const { return protection_meters_[protection].last_N; }
   double touch_N() const { return force_on({}); }
   /// Whether the outermost contact of the last tick is invisible to the task's scope.
   bool touches_invisible() const { return unseen_; }
@@ -141,15 +141,15 @@ class TaskEvaluator {
     double in_plan_mm3 = 0, outside_mm3 = 0, protected_mm3 = 0, past_plan_mm = 0;
   };
 
-  /// Touch of the region of a kCover step: its contacts, without a break, of at least kTouch_N.
-  struct Sweep {
+  /// Touch of the region of a kCover step: its contacts, without a break, of at least kMinTouch_N.
+  struct CoverageStroke {
     bool touching = false;
     bool moving = false;  ///< Whether it has moved far enough along the surface to count
     Eigen::Vector3d started_mm = Eigen::Vector3d::Zero();
   };
   /// Place at which a kTouch step was completed: until contact breaks there or leaves it, it completes no
   /// step on another region.
-  struct SpentTouch {
+  struct CompletedTouch {
     Eigen::Vector3d position_mm;
     std::size_t region;
   };
@@ -159,32 +159,32 @@ class TaskEvaluator {
   double force_on(const std::vector<bool>& labels) const;
   void update_forces(const TickRecord& tick, double dt_s);
   void update_steps(const TickRecord& tick, double dt_s);
-  struct Share {
+  struct StepProgress {
     double part = 0, requested = 0;
   };
   double force_on_step(const TaskStep& step) const;
   bool is_on_step(const Contact& contact, const TaskStep& step) const;
   void sweep(std::size_t step);
-  bool is_spent_for(const TaskStep& step) const;
-  std::optional<Share> required_share(const TaskStep& step) const;
+  bool belongs_to_completed_touch(const TaskStep& step) const;
+  std::optional<StepProgress> progress_of(const TaskStep& step) const;
   void update_answer(const DeviceTick& device, double dt_s);
   void update_visibility(const TickRecord& tick, double dt_s);
   void update_removal(const TickRecord& tick);
   Removal removal() const;
   void add_event(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick, double force_N);
   double value_of(std::size_t metric, const Removal& removal) const;
-  double straight_mm() const;
+  double shortest_path_mm() const;
 
   TaskInScene task_;
   MotionMeter motion_;
   std::array<Contact, kMaxContactsReported> contacts_;
   std::size_t contact_count_ = 0;
-  std::vector<ForceMeter> forces_, protections_, metrics_;
-  std::vector<double> step_s_;  // uninterrupted time of each step
-  std::vector<Sweep> sweeps_;   // one for each step; used by kCover
-  std::optional<SpentTouch> spent_;
-  std::vector<bool> step_was_met_, done_;
-  std::vector<Eigen::Vector3d> corners_mm_;  // tip positions at the start and where steps were completed
+  std::vector<ForceMeter> force_meters_, protection_meters_, metric_meters_;
+  std::vector<double> step_s_;                    // uninterrupted time of each step
+  std::vector<CoverageStroke> coverage_strokes_;  // one for each step; used by kCover
+  std::optional<CompletedTouch> last_completed_touch_;
+  std::vector<bool> step_condition_held_, done_;
+  std::vector<Eigen::Vector3d> waypoints_mm_;  // tip positions at the start and where steps were completed
   std::vector<TaskEvent> events_;
   std::uint64_t more_events_ = 0, ticks_ = 0, last_tick_ = 0, hash_;
   bool begun_ = false, ended_ = false;

@@ -99,8 +99,8 @@ class Carving {
   /// Labels before any removal.
   const std::shared_ptr<const Bricks<LabelId>>& original_labels() const { return original_labels_; }
   /// Removed fraction of every voxel, 0 ... 255, finer than the labels so that soft tissue loses stiffness
-  /// gradually (YieldSolver). The maximum over all sweeps, so independent of their order. null while nothing
-  /// is removed, and for models without deformable tissue.
+  /// gradually (SoftTissueSolver). The maximum over all sweeps, so independent of their order. null while
+  /// nothing is removed, and for models without deformable tissue.
   const std::shared_ptr<const Bricks<std::uint8_t>>& taken() const { return left_.taken; }
   /// Whether taken() is recorded: the tissue was deformable (TissueLaw) when the carving began.
   bool records_fractions() const { return records_fractions_; }

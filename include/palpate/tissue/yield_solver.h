@@ -18,25 +18,25 @@
 namespace palpate {
 
 /// Period of the solver's frames, s.
-inline constexpr double kYieldFrame_s = kYieldSettings.blend_s;
+inline constexpr double kSolverFrame_s = kSoftTissueSettings.blend_s;
 /// Number of ticks per solver frame, rounded; at least 1.
-std::uint64_t ticks_of_yield_frame(double rate_hz);
+std::uint64_t ticks_of_solver_frame(double rate_hz);
 
 /// Default edge length of the cells on which soft tissue is solved, mm: the finest that the budget of a frame
 /// permits (SolverSettings::box_radii). Under a law of finite strain, whose box has fewer cells,
 /// max_cell_voxels voxels.
 /// @param voxel_mm  smallest voxel spacing; above 0
 /// @param tools     all tools of the model; their widest part counts
-double default_yield_cell_mm(TissueLaw law, double voxel_mm, std::span<const Tool> tools);
+double default_solver_cell_mm(TissueLaw law, double voxel_mm, std::span<const Tool> tools);
 /// Edge length of a model's cells, mm: Model::tissue_cell_mm or, if that is 0, the default; multiplied by
 /// Model::tissue_coarsened.
-double yield_cell_mm(const Model& model);
+double solver_cell_mm(const Model& model);
 /// Diameter in cells from which a stiff nodule is resolved. A smaller one is rendered with a fraction of
 /// its contrast.
 inline constexpr double kResolvedNoduleCells = 5;
 
 /// Displacement field of soft tissue around a tool, mm per N of the tool's force.
-struct YieldField {
+struct UnitDisplacementField {
   const ElasticBox* box;
   const ElasticLayout* layout;
   const ElasticField* unit_mm;
@@ -44,27 +44,27 @@ struct YieldField {
 
 /// Position of a device's box of cells: index of its first cell in the lattice over the whole volume, and the
 /// surface point for which it was placed.
-struct YieldBox {
+struct SolverBox {
   std::array<int, 3> first_cell{0, 0, 0};
   Point<Patient> about;
-  bool operator==(const YieldBox&) const = default;
+  bool operator==(const SolverBox&) const = default;
 };
 /// Box that the solver will use for a device after a tick, without solving: the current one, or a new one if
 /// the predicted contact is too far from its middle (SolverSettings::max_offset_cells). If no contact is
 /// predicted, the current one.
 /// @param device    tick from which the contact is predicted
 /// @param before  current box; empty: none, or one made from other labels
-std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& device,
-                                       const std::optional<YieldBox>& before);
+std::optional<SolverBox> next_solver_box(const Model& model, const DeviceTick& device,
+                                         const std::optional<SolverBox>& before);
 
 /// Solver of a box of cells around each device's current or predicted contact point: by linear elasticity
 /// (ElasticSolver) and, under the neo-Hookean law, also as a neo-Hookean body. Deterministic: the result
 /// depends only on the sequence of models and ticks passed to it, not on timing, threads or the machine. Not
 /// thread-safe.
-class YieldSolver {
+class SoftTissueSolver {
  public:
-  YieldSolver();
-  ~YieldSolver();
+  SoftTissueSolver();
+  ~SoftTissueSolver();
 
   /// Solves the next frame; the first is number 1. A device's spot is unknown if its position or velocity is
   /// not finite, no surface is within SolverSettings::reach_mm of its tool, or there is no soft tissue at the
@@ -81,7 +81,7 @@ class YieldSolver {
   /// displacements differ from those of the original sequence by at most 0.07 % of the largest one, as
   /// measured (docs/concepts/tissue.md, "Playback").
   /// @param boxes  boxes of the devices, from device 0 on; an empty entry: no box
-  void resume(const Model& model, std::uint32_t frame, std::span<const std::optional<YieldBox>> boxes);
+  void resume(const Model& model, std::uint32_t frame, std::span<const std::optional<SolverBox>> boxes);
 
   /// Resumes as if `frame` frames had been solved, without boxes and with all spots unknown. For use after
   /// solve() or resume() has thrown, which leaves the solver in an unspecified state.
@@ -89,7 +89,7 @@ class YieldSolver {
 
   /// Displacement field of the linear solution in the last frame. Valid until the next frame.
   /// @returns false if the device has no box or its spot is unknown; `field` is then unchanged
-  bool field_of(std::size_t device, YieldField& field) const;
+  bool field_of(std::size_t device, UnitDisplacementField& field) const;
   /// Force in a tick by which the tissue's displacement is scaled, N: the contact force or, in relaxing
   /// tissue, the instantaneous (unrelaxed) force at the tool's depth, because the force decays while the
   /// displacement persists.
@@ -105,9 +105,9 @@ class YieldSolver {
 
 /// Solver on a virtual clock, with the latency of the solver thread: a solution is computed from the tick at
 /// which a frame begins and published at the beginning of the next frame.
-class VirtualClockYieldSolver {
+class VirtualClockSoftTissueSolver {
  public:
-  explicit VirtualClockYieldSolver(double rate_hz) : ticks_(ticks_of_yield_frame(rate_hz)) {}
+  explicit VirtualClockSoftTissueSolver(double rate_hz) : ticks_(ticks_of_solver_frame(rate_hz)) {}
   /// Must be called before every tick, unless rest() is.
   /// @param before  previous tick; null if there was none
   /// @returns whether frame() has changed
@@ -122,7 +122,7 @@ class VirtualClockYieldSolver {
 
  private:
   const std::uint64_t ticks_;
-  YieldSolver solver_;
+  SoftTissueSolver solver_;
   ComplianceFrame frame_;
   std::uint64_t solved_from_ = 0, input_tick_ = 0;
 };

@@ -77,7 +77,7 @@ void solve_soft_tissue(plp_session& session, double dt_s) {
                              is_elastic(session.last_model->tissue_law) &&
                              session.last_model->has(ForceMethod::kProxy);
   if (is_deformable ? session.soft_tissue->advance(*session.last_model, before) : session.soft_tissue->rest())
-    session.setup.parameters.yields = session.soft_tissue->frame();
+    session.setup.parameters.compliance = session.soft_tissue->frame();
 }
 
 bool is_duration(double dt_s) {
@@ -251,7 +251,7 @@ plp_status plp_session_reset(plp_session* session) {
     session->record = {};
     session->last_model.reset();
     session->soft_tissue.reset();
-    session->setup.parameters.yields = {};
+    session->setup.parameters.compliance = {};
     session->run_hash = 0;
     return PLP_OK;
   });

@@ -44,6 +44,6 @@ struct plp_session {
   palpate::TickRecord record;
   std::array<palpate::DeviceState, palpate::kMaxDevices> states;
   std::array<palpate::Wrench, palpate::kMaxDevices> wrenches;
-  std::optional<palpate::VirtualClockYieldSolver> soft_tissue;
+  std::optional<palpate::VirtualClockSoftTissueSolver> soft_tissue;
   std::uint64_t run_hash = 0;
 };

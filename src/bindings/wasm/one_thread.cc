@@ -73,13 +73,13 @@ TissueThread::TissueThread(ServoLoop& loop, EventLog& log,
   PALPATE_CHECK(false);
 }
 TissueThread::~TissueThread() = default;
-std::shared_ptr<const ViewedYield> TissueThread::yielded(std::size_t /*device*/) const {
+std::shared_ptr<const ViewedDeformation> TissueThread::yielded(std::size_t /*device*/) const {
   return nullptr;
 }
 std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host) {
   return host.labels();
 }
-void solve_yield_frame(YieldSolver& solver, const Model& model, const TickRecord& tick) {
+void solve_tissue_frame(SoftTissueSolver& solver, const Model& model, const TickRecord& tick) {
   solver.solve(model, tick);
 }
 

@@ -43,9 +43,9 @@ TEST(BondedLayer, ForceOfASphereIsThatOfTheExactSolutionUpToHalfTheThickness) {
           const double modulus = 0.01;
           const auto exact = oracle.at_depth(radius_mm / thickness_mm, part);
           const double exact_N = exact.force * modulus * thickness_mm * thickness_mm;
-          const double force_N =
-              yield_force(layer_of(thickness_mm, modulus, poissons_ratio), part * thickness_mm, radius_mm)
-                  .force_N;
+          const double force_N = soft_contact_force(layer_of(thickness_mm, modulus, poissons_ratio),
+                                                    part * thickness_mm, radius_mm)
+                                     .force_N;
           EXPECT_NEAR(force_N / exact_N, 1, part <= 0.3 ? 0.04 : 0.06)
               << "nu " << poissons_ratio << ", " << thickness_mm << " mm, R " << radius_mm << ", " << part;
         }
@@ -58,8 +58,8 @@ TEST(BondedLayer, ForceIncreasesWithoutFoldAtEveryDepthAndThickness) {
       for (const double radius_mm : {0.5, 3.0, 12.0}) {
         double before_N = 0, slope_before = 0;
         for (int n = 1; n <= 400; ++n) {
-          const YieldForce force =
-              yield_force(layer_of(thickness_mm, 0.01, poissons_ratio), n * thickness_mm / 200, radius_mm);
+          const SoftContactForce force = soft_contact_force(layer_of(thickness_mm, 0.01, poissons_ratio),
+                                                            n * thickness_mm / 200, radius_mm);
           ASSERT_GT(force.force_N, before_N) << poissons_ratio << ", " << thickness_mm << ", " << radius_mm;
           // stiffens with depth, except for the fit's error where the contact reaches the equator
           ASSERT_GT(force.tangent_N_per_mm, 0.995 * slope_before);
@@ -97,7 +97,7 @@ TEST(BondedLayer, SoftAndStiffSurroundingsMeetWithoutAStep) {
   }
   const auto force_at = [](double surroundings) {
     ContactLaw tissue{surroundings, {1, 0, 0}, 1};
-    return yield_force(tissue, 1, 3);
+    return soft_contact_force(tissue, 1, 3);
   };
   EXPECT_NEAR(force_at(-1e-7).force_N, force_at(1e-7).force_N, 1e-5);
   EXPECT_NEAR(force_at(-1e-7).tangential_force_N.x(), force_at(1e-7).tangential_force_N.x(), 1e-5);
@@ -109,7 +109,7 @@ TEST(BondedLayer, TangentialForceIsTheGradientOfTheEnergy) {
     for (const double max_N_per_mm : {1e9, 0.2}) {
       const auto at = [&](double x) {
         ContactLaw tissue{surroundings * (1 + 0.1 * x), {0.1 * surroundings, 0, 0}, 0.0125};
-        return yield_force(tissue, 1.2, 3, max_N_per_mm);
+        return soft_contact_force(tissue, 1.2, 3, max_N_per_mm);
       };
       const double lost = (at(-kStep).stored_mJ - at(kStep).stored_mJ) / (2 * kStep);
       EXPECT_NEAR(at(0).tangential_force_N.x() / lost, 1, 1e-3) << surroundings << ", " << max_N_per_mm;

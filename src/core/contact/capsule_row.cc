@@ -25,7 +25,7 @@ class RowSearch {
         rise_mm_((surface.steepest() * shape.along_mm.norm() + std::abs(shape.widens_mm)) / steps),
         enough_mm_(enough_mm) {}
 
-  double look(int step) {
+  double evaluate(int step) {
     ++queries_;
     const double distance_mm = distance_of_step(surface_, centre_, shape_, steps_, step);
     if (distance_mm < nearest_.distance_mm) nearest_ = {distance_mm, step};
@@ -36,7 +36,7 @@ class RowSearch {
   void search(int first, int last) {
     if (first > last) return;
     const int middle = (first + last) / 2;
-    const double distance_mm = look(middle);
+    const double distance_mm = evaluate(middle);
     const double min_mm = distance_mm - rise_mm_ * (last - middle);
     if (min_mm > std::min(enough_mm_, nearest_.distance_mm)) {
       if (last > first) left_out_mm_ = std::min(left_out_mm_, min_mm);
@@ -80,7 +80,7 @@ int row_steps(const ToolSphere& sphere) {
 NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
                             int steps, int begin, double enough_mm, int& queries) {
   RowSearch row(surface, centre, shape, steps, enough_mm);
-  row.look(begin);
+  row.evaluate(begin);
   row.search(0, begin - 1);
   row.search(begin + 1, steps);
   queries += row.queries();

@@ -19,8 +19,8 @@ const Friction& friction_of(std::size_t constraint, const ContactProblem& proble
   const OwnerShares shares = owners.at(problem.surfaces, pair.index, at);
   for (const OwnerShare& share : shares.all()) {
     const ContactSurface& structure = problem.surfaces[static_cast<std::size_t>(share.structure)];
-    friction.still += share.part * structure.static_friction;
-    friction.sliding += share.part * structure.friction;
+    friction.static_coefficient += share.part * structure.static_friction;
+    friction.kinetic_coefficient += share.part * structure.friction;
   }
   return coefficients.store(index, friction);
 }
@@ -42,13 +42,13 @@ Vector<Patient> tangential(const Vector<Patient>& displacement, const ClosestPoi
 void apply_friction(const ContactProblem& problem, PairFriction& coefficients, OwnerCache& owners,
                     Solution& solution) {
   const ClosestPoint& nearest = solution.nearest;
-  double still = 0, sliding = 0, all_mm = 0;
+  double static_coefficient = 0, kinetic_coefficient = 0, all_mm = 0;
   for (int n = 0; n < nearest.count; ++n) {
     const double multiplier_mm = nearest.multiplier_mm[static_cast<std::size_t>(n)];
     const auto constraint = static_cast<std::size_t>(nearest.active[static_cast<std::size_t>(n)]);
     const Friction& friction = friction_of(constraint, problem, coefficients, owners);
-    still += multiplier_mm * friction.still;
-    sliding += multiplier_mm * friction.sliding;
+    static_coefficient += multiplier_mm * friction.static_coefficient;
+    kinetic_coefficient += multiplier_mm * friction.kinetic_coefficient;
     all_mm += multiplier_mm;
   }
   // with one constraint the depth equals the multiplier; in a corner it is less than the sum of multipliers
@@ -56,12 +56,13 @@ void apply_friction(const ContactProblem& problem, PairFriction& coefficients, O
   const Vector<Patient> behind =
       tangential(solution.friction.anchor - nearest.point, nearest, problem.constraints);
   const double behind_mm = behind.norm();
-  const bool stuck = solution.friction.sticking;
+  const bool was_sticking = solution.friction.sticking;
   bool& sticking = solution.friction.sticking;
-  sticking = behind_mm <= (stuck ? still : sliding) / all_mm * depth_mm;
-  if (stuck && !sticking) solution.released_mm = (still - sliding) / all_mm * depth_mm;
-  solution.goal =
-      sticking ? nearest.point + behind : nearest.point + behind * (sliding / all_mm * depth_mm / behind_mm);
+  sticking = behind_mm <= (was_sticking ? static_coefficient : kinetic_coefficient) / all_mm * depth_mm;
+  if (was_sticking && !sticking)
+    solution.released_mm = (static_coefficient - kinetic_coefficient) / all_mm * depth_mm;
+  solution.goal = sticking ? nearest.point + behind
+                           : nearest.point + behind * (kinetic_coefficient / all_mm * depth_mm / behind_mm);
 }
 
 }  // namespace
@@ -85,16 +86,16 @@ std::optional<Solution> solve_constraints(const ContactProblem& problem, const F
 
 void add_contact(const PairSet& pairs, const ContactOrigin& origin, const Vector<Patient>& normal,
                  double multiplier_mm, ProxyLayer& layer, ContactOrigins& origins) {
-  if (layer.contacts == static_cast<int>(kMaxContacts)) return;
-  const auto n = static_cast<std::size_t>(layer.contacts++);
+  if (layer.contact_count == static_cast<int>(kMaxContacts)) return;
+  const auto n = static_cast<std::size_t>(layer.contact_count++);
   const ContactPair& pair = pairs[origin.pair];
-  layer.contact[n] = {pair.index, pair.sphere, pair.axis_fraction(origin.step), normal, multiplier_mm};
+  layer.contacts[n] = {pair.index, pair.sphere, pair.axis_fraction(origin.step), normal, multiplier_mm};
   origins.make(n, origin);
 }
 
 void store_contacts(const ClosestPoint& nearest, const PairSet& pairs, const ContactConstraints& constraints,
                     ProxyLayer& layer, ContactOrigins& origins) {
-  layer.contacts = 0;
+  layer.contact_count = 0;
   for (int n = 0; n < nearest.count; ++n) {
     const HalfSpace& active = constraints.half_space(static_cast<std::size_t>(nearest.active[n]));
     // linear in the clearance, so that a constraint takes over load without a step: 1 at contact, 0 from

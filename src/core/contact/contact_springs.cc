@@ -44,7 +44,7 @@ ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerC
       const ContactSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
       const double multiplier_mm = contact.multiplier_mm * share.part;
       mean.friction += multiplier_mm * (in.layer.sticking ? structure.static_friction : structure.friction);
-      if (structure.yield_modulus_N_per_mm2 > 0) {
+      if (structure.plane_strain_modulus_N_per_mm2 > 0) {
         mean.pressed.add(multiplier_mm, structure, arm_mm, sphere.radius_at_mm(contact.axis_fraction));
         continue;
       }
@@ -58,14 +58,14 @@ ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerC
   return mean;
 }
 
-ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, ComplianceState& yield,
+ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, ComplianceState& compliance,
                                RelaxationState& relaxation) {
   const auto contacts = in.contacts();
   const LayerMean mean = average(in, owners);
   const DeformableContact& pressed = mean.pressed;
   ProxyForce force;
   if (!(mean.multiplier_mm > 0)) {
-    yield = {};
+    compliance = {};
     forget_outer_layers();
     return force;
   }
@@ -86,7 +86,7 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
   if (pressed.any()) {
     const DeformableForce tissue =
         palpate::press(pressed, {surfaces_, in.spheres, contacts, tip_, in.layer.position, stretched_mm},
-                       options_, yield, relaxation);
+                       options_, compliance, relaxation);
     relaxed_ = relaxed_ || tissue.relaxed;
     const double share = pressed.multiplier_mm / mean.multiplier_mm;
     press_ = tissue.press;
@@ -98,7 +98,7 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
     force.force_N = tissue.law.tangential_force_N * share;
     force.deformable = true;
   } else {
-    yield = {};
+    compliance = {};
   }
   force.stiffness_N_per_mm = stiffness;
   force.force_N += stretched_mm * stiffness;

@@ -57,7 +57,7 @@ struct SpringInputs {
   double slip_N = 0;  ///< Permitted force change in this tick beyond that caused by the tool's displacement
 
   std::span<const ProxyContact> contacts() const {
-    return std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
+    return std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count));
   }
 };
 
@@ -73,9 +73,9 @@ class ContactSprings {
         own_(std::numeric_limits<double>::infinity()) {}
 
   /// Adds a layer; layers are added from outside to inside.
-  /// @param yield  state of the deformable structures, used by the outermost layer only
+  /// @param compliance  state of the deformable structures, used by the outermost layer only
   /// @return the layer's force
-  ProxyForce add(const SpringInputs& in, OwnerCache& owners, ComplianceState& yield,
+  ProxyForce add(const SpringInputs& in, OwnerCache& owners, ComplianceState& compliance,
                  RelaxationState& relaxation);
 
   /// Advances the relaxation state by one tick if add() found no relaxing contact.

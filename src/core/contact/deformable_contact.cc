@@ -48,12 +48,13 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
   force.relaxed = true;
   double stored_mJ =
       force_N * foot.depth_mm - complementary_mJ(tissue, state.elastic_N, foot.radius_mm, max_N_per_mm);
-  TangentialCoefficients lateral = yield_lateral(tissue, elastic_N, foot.radius_mm, max_N_per_mm);
+  TangentialCoefficients lateral = tangential_coefficients(tissue, elastic_N, foot.radius_mm, max_N_per_mm);
   for (std::size_t n = 0; n < options.relaxation_times->count; ++n) {
     const double fraction = state.parts.of_time[n], lagging_N = state.lagging_N[n];
     if (!(fraction > 0)) continue;
     stored_mJ += fraction * complementary_mJ(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
-    const TangentialCoefficients lagging = yield_lateral(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
+    const TangentialCoefficients lagging =
+        tangential_coefficients(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
     lateral.of_compliance_N2 -= fraction * lagging.of_compliance_N2;
     lateral.of_stiffening_N3 -= fraction * lagging.of_stiffening_N3;
   }
@@ -70,9 +71,9 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
 }  // namespace
 
 DeformableForce press(const DeformableContact& pressed, const PressingTool& tool, const ProxyOptions& options,
-                      ComplianceState& yield, RelaxationState& relaxation) {
+                      ComplianceState& compliance, RelaxationState& relaxation) {
   // values of the last tick: those of this one are looked up where the footprint lies
-  const double base_per_mm = std::max(0.0, -yield.surroundings_mm_per_N * yield.modulus_N_per_mm2);
+  const double base_per_mm = std::max(0.0, -compliance.surroundings_mm_per_N * compliance.modulus_N_per_mm2);
   Footprint foot = footprint_under(pressed, tool, base_per_mm);
   const double length_mm = tool.stretched_mm.norm();
   const ComplianceFrame* const frame = options.compliance;
@@ -81,13 +82,13 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   const Point<Patient> at = tool.proxy + foot.arm_mm;
   ContactLaw tissue =
       blend_compliance(frame != nullptr ? frame->number : 0, spot, at, pressed.modulus * per_multiplier,
-                       options.dt_s, yield, pressed.strain_stiffening * per_multiplier);
+                       options.dt_s, compliance, pressed.strain_stiffening * per_multiplier);
   tissue.surroundings_mm_per_N += foot.interaction_per_mm / tissue.modulus_N_per_mm2;
   DeformableForce force;
   TissuePress& own = force.press;
   own.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
   own.base_per_mm = base_per_mm;
-  own.radius_mm = std::max(pressed.radius_mm * per_multiplier, kYieldSettings.min_radius_mm);
+  own.radius_mm = std::max(pressed.radius_mm * per_multiplier, kSoftTissueSettings.min_radius_mm);
   own.at = at;
   own.outward = tool.stretched_mm.normalized();
   own.surface = std::ranges::max_element(tool.contacts, {}, &ProxyContact::multiplier_mm)->surface;
@@ -96,13 +97,14 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   foot.depth_mm -= others.displaced_mm;
   if (!(foot.depth_mm > 0)) return force;
   const double max_N_per_mm = options.max_stiffness_N_per_mm / foot.stiffer;
-  force.law = yield_force(tissue, foot.depth_mm, foot.radius_mm, max_N_per_mm);
+  force.law = soft_contact_force(tissue, foot.depth_mm, foot.radius_mm, max_N_per_mm);
   constexpr double kRounding = 1e-9;
   const bool limited = force.law.tangent_N_per_mm >= (1 - kRounding) * max_N_per_mm;
   force.law.tangent_N_per_mm *= foot.stiffer;
   force.secant_N_per_mm = force.law.force_N / length_mm;
-  force.own_secant_N_per_mm = limited ? yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N / length_mm
-                                      : force.secant_N_per_mm;
+  force.own_secant_N_per_mm =
+      limited ? soft_contact_force(tissue, foot.depth_mm, foot.radius_mm).force_N / length_mm
+              : force.secant_N_per_mm;
   const auto finish = [&] {
     own.force_N = force.law.force_N;
     own.tangent_N_per_mm = force.law.tangent_N_per_mm;
@@ -110,8 +112,9 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
     return force;
   };
   if (options.relaxation_times == nullptr) return finish();
-  RelaxingContact contact{spot.relaxed, at, kYieldSettings.dent_radii * pressed.radius_mm * per_multiplier,
-                          kYieldSettings.blend_s};
+  RelaxingContact contact{spot.relaxed, at,
+                          kSoftTissueSettings.dent_radii * pressed.radius_mm * per_multiplier,
+                          kSoftTissueSettings.blend_s};
   if (!spot.is_known()) {
     contact.parts = {};
     contact.parts.add(pressed.relaxed, per_multiplier);

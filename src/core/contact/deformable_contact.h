@@ -20,7 +20,7 @@ struct DeformableContact {
   bool any() const { return multiplier_mm > 0; }
   void add(double multiplier, const ContactSurface& structure, const Vector<Patient>& arm, double radius) {
     multiplier_mm += multiplier;
-    modulus += multiplier * structure.yield_modulus_N_per_mm2;
+    modulus += multiplier * structure.plane_strain_modulus_N_per_mm2;
     strain_stiffening += multiplier * structure.strain_stiffening;
     radius_mm += multiplier * radius;
     arm_mm += arm * multiplier;
@@ -39,7 +39,7 @@ struct PressingTool {
 
 /// Force of deformable tissue.
 struct DeformableForce {
-  YieldForce law;  ///< Force, tangent stiffness and energy
+  SoftContactForce law;  ///< Force, tangent stiffness and energy
   /// Force over the length of the spring vector; `own` is without the device's stiffness limit.
   double secant_N_per_mm = 0, own_secant_N_per_mm = 0;
   bool relaxed = false;  ///< Whether the relaxation state was advanced by this tick
@@ -48,9 +48,9 @@ struct DeformableForce {
 
 /// Force of deformable tissue at the depth of the spring vector.
 /// @param pressed     has contacts
-/// @param yield       blending state of the elastic solutions, updated
+/// @param compliance       blending state of the elastic solutions, updated
 /// @param relaxation  relaxation state, updated if the model has relaxation times
 DeformableForce press(const DeformableContact& pressed, const PressingTool& tool, const ProxyOptions& options,
-                      ComplianceState& yield, RelaxationState& relaxation);
+                      ComplianceState& compliance, RelaxationState& relaxation);
 
 }  // namespace palpate

@@ -94,7 +94,8 @@ std::size_t press_points(std::span<const ContactSurface> all, std::span<const in
     const double length_mm = sphere.along_mm.norm();
     // positions on the axis are independent of the capsule's attitude, so that no place appears or vanishes
     // in a rotation
-    const double radius = std::max({sphere.radius_mm, sphere.radius_at_mm(1), kYieldSettings.min_radius_mm});
+    const double radius =
+        std::max({sphere.radius_mm, sphere.radius_at_mm(1), kSoftTissueSettings.min_radius_mm});
     const int steps = length_mm > 0
                           ? std::clamp(static_cast<int>(length_mm / radius), 1, static_cast<int>(largest) - 1)
                           : 0;
@@ -108,7 +109,7 @@ std::size_t press_points(std::span<const ContactSurface> all, std::span<const in
         point.depth_mm = std::max(point.depth_mm, depth_mm);
       }
       // a thinner part presses like a sphere of the minimum radius at the same depth
-      point.radius_mm = std::max(point.radius_mm, kYieldSettings.min_radius_mm);
+      point.radius_mm = std::max(point.radius_mm, kSoftTissueSettings.min_radius_mm);
       if (point.depth_mm > 0) points[count++] = point;
     }
   }

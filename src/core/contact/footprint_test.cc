@@ -56,10 +56,10 @@ TEST(Footprint, DistantPointsSuperpose) {
   }
 }
 
-// Force on a half-space with E* = 1 (yield_force's law), with the footprint's additional compliance.
+// Force on a half-space with E* = 1 (soft_contact_force's law), with the footprint's additional compliance.
 double pressed_N(const Footprint& foot) {
   const ContactLaw tissue{foot.interaction_per_mm, {}, 1};
-  return yield_force(tissue, foot.depth_mm, foot.radius_mm).force_N;
+  return soft_contact_force(tissue, foot.depth_mm, foot.radius_mm).force_N;
 }
 
 // Comparison with a half-space solved with cells of 0.15 mm (bench/footprint_truth.py). A single sphere in
@@ -110,9 +110,9 @@ TEST(Footprint, PlacesOnALayerAreSupportedByTheirOwnBase) {
     const Footprint foot = footprint_of(points, kUp, base_per_mm);
     ContactLaw both = layer;
     both.surroundings_mm_per_N += foot.interaction_per_mm / modulus;
-    return yield_force(both, foot.depth_mm, foot.radius_mm).force_N;
+    return soft_contact_force(both, foot.depth_mm, foot.radius_mm).force_N;
   };
-  const double alone_N = yield_force(layer, 1, 3).force_N;
+  const double alone_N = soft_contact_force(layer, 1, 3).force_N;
   EXPECT_NEAR(pressed(12) / (2 * alone_N), 1, 0.1);
   double before = pressed(3);
   for (double separation_mm = 3.01; separation_mm < 12; separation_mm += 0.01) {

@@ -19,7 +19,7 @@ double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now,
 
 DisplacementLimit limit_displacement(const ProxyLayer& layer, const Vector<Patient>& tip_moved,
                                      double turned_mm, double max_slip_mm) {
-  if (layer.contacts == 0 || is_contact_punctured(layer)) return {};
+  if (layer.contact_count == 0 || is_contact_punctured(layer)) return {};
   return {layer.position + tip_moved, tip_moved.norm() + turned_mm + max_slip_mm};
 }
 
@@ -44,8 +44,8 @@ double limit_stiffness(double requested, std::optional<double> before, const Vec
   if (!std::isfinite(motion.max_change_mm)) return requested;
   // Stiffnesses whose force lies in a ball around the last force; its radius is the last stiffness times
   // max_change_mm. Lengths are relative to the current spring.
-  const double along = motion.stretched_mm.dot(stretched_mm) / (length_mm * length_mm);
-  const double across = motion.stretched_mm.squared_norm() / (length_mm * length_mm) - along * along;
+  const double along = motion.last_spring_mm.dot(stretched_mm) / (length_mm * length_mm);
+  const double across = motion.last_spring_mm.squared_norm() / (length_mm * length_mm) - along * along;
   const double change = motion.max_change_mm / length_mm;
   const double largest = change * change - across;
   if (!(largest > 0)) return *before;
@@ -55,7 +55,7 @@ double limit_stiffness(double requested, std::optional<double> before, const Vec
 
 void SlipBudget::spend(std::optional<double> before_N_per_mm, const ProxyForce& now,
                        const SpringMotion& motion) {
-  const double changed_N = (now.force_N - motion.stretched_mm * before_N_per_mm.value_or(0)).norm();
+  const double changed_N = (now.force_N - motion.last_spring_mm * before_N_per_mm.value_or(0)).norm();
   left_N -= std::clamp(changed_N - explained_N(before_N_per_mm, now, motion), 0.0, left_N);
 }
 

@@ -16,8 +16,8 @@ namespace palpate {
 
 /// Motion of a layer's spring in one tick.
 struct SpringMotion {
-  Vector<Patient> stretched_mm;  ///< Spring vector (tip to proxy) of the last tick
-  double tool_mm = 0;            ///< Displacement of the tip in this tick plus the arc of the tool's rotation
+  Vector<Patient> last_spring_mm;  ///< Spring vector (tip to proxy) of the last tick
+  double tool_mm = 0;  ///< Displacement of the tip in this tick plus the arc of the tool's rotation
   /// tool_mm plus the displacement accumulated while the proxy was catching up at zero force.
   double catch_up_mm = 0;
   /// Upper limit of the spring vector's change in this tick: tool_mm plus the permitted slip.

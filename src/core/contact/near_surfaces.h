@@ -30,7 +30,7 @@ inline int layer_count(std::span<const ContactSurface> surfaces) {
 inline bool can_touch(std::span<const ContactSurface> surfaces, int layer, const SurfaceSet& punctured,
                       std::size_t s) {
   const ContactSurface& surface = surfaces[s];
-  const bool covered = surface.beneath >= 0 && !punctured[static_cast<std::size_t>(surface.beneath)];
+  const bool covered = surface.covered_by >= 0 && !punctured[static_cast<std::size_t>(surface.covered_by)];
   return surface.layer == layer && surface.surface != nullptr && !punctured[s] && !covered;
 }
 

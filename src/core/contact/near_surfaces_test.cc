@@ -58,8 +58,8 @@ TEST(PairSet, CulledPairsAreNotReachedOnThePath) {
   punctured[7] = punctured[30] = true;
   // in another layer; covered by a surface not punctured; uncovered by a punctured one
   surfaces[12].layer = 1;
-  surfaces[13].beneath = 20;
-  surfaces[14].beneath = 30;
+  surfaces[13].covered_by = 20;
+  surfaces[14].covered_by = 30;
   int inspected = 0, cut_short = 0;
   for (int n = 0; n < 400; ++n) {
     std::vector<ToolSphere> spheres;
@@ -135,7 +135,7 @@ TEST(PairSet, ClearanceEqualsExhaustiveSearch) {
     for (int n = 0; n < 300; ++n) {
       if (n % 3 == 0)
         attitude = Eigen::AngleAxisd(0.05 * unit(random), random_direction(random).eigen()) * attitude;
-      const TurnedTool turned(tool, Eigen::Quaterniond::Identity(), attitude);
+      const RotatedTool turned(tool, Eigen::Quaterniond::Identity(), attitude);
       near.turn(turned.spheres());
       if (n % 4 != 0) at += random_direction(random) * 0.1;
       const double enough_mm = n % 5 == 0 ? std::numeric_limits<double>::infinity() : 2 * unit(random);
@@ -194,7 +194,7 @@ class GuidedTool {
  public:
   explicit GuidedTool(std::vector<ContactSurface> surfaces) : surfaces_(std::move(surfaces)) {}
   const ProxyResult& at(const ToolPose& hand) {
-    const TurnedTool tool(kTool, Eigen::Quaterniond::Identity(), hand.attitude);
+    const RotatedTool tool(kTool, Eigen::Quaterniond::Identity(), hand.attitude);
     result_ = advance_proxy(surfaces_, tool.spheres(), hand, state_);
     return result_;
   }
@@ -202,7 +202,7 @@ class GuidedTool {
   // minimum duration over repetitions of one tick
   double seconds_at(const ToolPose& hand) const {
     constexpr int kRepeats = 300;
-    const TurnedTool tool(kTool, Eigen::Quaterniond::Identity(), hand.attitude);
+    const RotatedTool tool(kTool, Eigen::Quaterniond::Identity(), hand.attitude);
     double min_s = 1;
     for (int n = 0; n < kRepeats; ++n) {
       ProxyState state = state_;

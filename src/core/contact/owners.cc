@@ -28,7 +28,7 @@ void for_each_outer_voxel(const Bricks<LabelId>& labels, int k,
                           const std::vector<std::int16_t>& structure_of_label, const Body& body) {
   const auto is_out = [&](LabelId label) { return structure_of_label[label] == kNobody; };
   const auto& faces = BrickLayout::kFaces;
-  const auto look = [&](const RowPiece<LabelId>& piece) {
+  const auto visit_piece = [&](const RowPiece<LabelId>& piece) {
     if (piece.uniform) return;
     for (int i = 0; i < piece.count; ++i) {
       const LabelId* const voxel = piece.voxels + i;
@@ -37,7 +37,7 @@ void for_each_outer_voxel(const Bricks<LabelId>& labels, int k,
         body(piece.i + i, piece.j, k, structure_of_label[*voxel]);
     }
   };
-  for (int j = 0; j < labels.geometry().dims[1]; ++j) labels.for_each_piece(j, k, look);
+  for (int j = 0; j < labels.geometry().dims[1]; ++j) labels.for_each_piece(j, k, visit_piece);
 }
 
 // an outer voxel with its block

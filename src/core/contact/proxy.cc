@@ -63,13 +63,14 @@ struct UpdateInputs {
   std::span<const ToolSphere> spheres;  ///< Tool parts in the proxy's attitude
   int layer;
   Point<Patient> tip;
-  double max_mm;                 ///< Maximum path length
-  DisplacementLimit limit;       ///< Displacement limit without the distance that static friction releases
-  Vector<Patient> stretched_mm;  ///< Spring vector of the last tick, tip to proxy
-  bool friction;                 ///< Whether friction is rendered
+  double max_mm;                   ///< Maximum path length
+  DisplacementLimit limit;         ///< Displacement limit without the distance that static friction releases
+  Vector<Patient> last_spring_mm;  ///< Spring vector of the last tick, tip to proxy
+  bool friction;                   ///< Whether friction is rendered
   bool has_capsules;
-  double max_away;  ///< Maximum fraction of a substep by which the distance to the tip may increase
-  ProxyPath* path;  ///< Receives every vertex of the path; may be null
+  double
+      max_distance_increase;  ///< Maximum fraction of a substep by which the distance to the tip may increase
+  ProxyPath* path;            ///< Receives every vertex of the path; may be null
 };
 
 /// Working memory shared by the position updates of a tick; constructing it takes longer than many updates.
@@ -84,16 +85,17 @@ struct UpdateWorkspace {
 struct UpdateProgress {
   FrictionState friction;
   DisplacementLimit limit;
-  bool at_limit = false;      ///< The last substep was shortened by the displacement limit
-  bool wedged = false;        ///< The half-spaces have no common point
-  bool has_contacts = false;  ///< The layer's contacts are from this update; false: from the last tick
-  double ungathered_mm;       ///< Path length left after the current part, the one with gathered surfaces
-  double left_mm = 0;         ///< Path length left in the current part
-  double steepest = 1;        ///< Maximum slope of the gathered distance fields, mm/mm; at least 1
-  int max_queries = 0;        ///< Surface queries after which no substep starts
+  bool at_limit = false;          ///< The last substep was shortened by the displacement limit
+  bool wedged = false;            ///< The half-spaces have no common point
+  bool contacts_updated = false;  ///< The layer's contacts are from this update; false: from the last tick
+  double
+      remaining_beyond_part_mm;  ///< Path length left after the current part, the one with gathered surfaces
+  double remaining_in_part_mm = 0;  ///< Path length left in the current part
+  double max_slope = 1;             ///< Maximum slope of the gathered distance fields, mm/mm; at least 1
+  int max_queries = 0;              ///< Surface queries after which no substep starts
 
   /// Maximum length of a substep in contact.
-  double substep_mm() const { return kProxySettings.substep_mm() / steepest; }
+  double substep_mm() const { return kProxySettings.substep_mm() / max_slope; }
 };
 
 /// Result of a position update.
@@ -114,7 +116,7 @@ bool is_slipping(const ProxyLayer& layer, const UpdateProgress& progress) {
 
 // whether the proxy is away from the tip although it has no contact (blocked_proxy.h)
 bool is_blocked_without_contact(const UpdateInputs& in, const ProxyLayer& layer) {
-  return layer.contacts == 0 && (in.tip - layer.position).norm() > kProxySettings.arrived_mm;
+  return layer.contact_count == 0 && (in.tip - layer.position).norm() > kProxySettings.arrived_mm;
 }
 
 // Gathers the surfaces within reach of the next part of the path. In free space this is the whole path. In
@@ -122,25 +124,26 @@ bool is_blocked_without_contact(const UpdateInputs& in, const ProxyLayer& layer)
 // the distance to the tip and a shorter reach yields fewer pairs.
 void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgress& progress,
                   UpdateWorkspace& work) {
-  const double part_mm = layer.contacts == 0 ? progress.ungathered_mm
-                                             : std::min(progress.ungathered_mm, kProxySettings.gathering_mm);
+  const double part_mm = layer.contact_count == 0
+                             ? progress.remaining_beyond_part_mm
+                             : std::min(progress.remaining_beyond_part_mm, kProxySettings.gathering_mm);
   work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position,
                     part_mm + kProxySettings.substep_mm());
   work.friction.clear();
-  progress.steepest = work.pairs.steepest();
-  progress.left_mm = std::min(part_mm, work.pairs.reach_mm());
+  progress.max_slope = work.pairs.steepest();
+  progress.remaining_in_part_mm = std::min(part_mm, work.pairs.reach_mm());
   // the part ends earlier where the set of pairs is full
-  progress.ungathered_mm -= progress.left_mm;
+  progress.remaining_beyond_part_mm -= progress.remaining_in_part_mm;
 }
 
 // Pushes a proxy that starts inside surfaces out of them, at most by kMaxPushOut_mm, and gathers again at the
 // new position. Returns false if there is no position outside within that distance.
 bool push_out(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress, UpdateWorkspace& work) {
   work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position, kMaxPushOut_mm);
-  progress.steepest = work.pairs.steepest();
+  progress.max_slope = work.pairs.steepest();
   if (!project_out(work.pairs, kProxySettings.max_corrections, progress.substep_mm(), layer.position))
     return false;
-  progress.ungathered_mm += progress.left_mm;
+  progress.remaining_beyond_part_mm += progress.remaining_in_part_mm;
   gather_pairs(in, layer, progress, work);
   return true;
 }
@@ -182,7 +185,7 @@ bool stays_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& c
       (solution->goal - layer.position).norm() <= kProxySettings.at_rest_mm) {
     take_friction(in, *solution, progress);
     store_contacts(solution->nearest, work.pairs, work.constraints, layer, work.origins);
-    progress.has_contacts = true;
+    progress.contacts_updated = true;
     layer.stretch_fraction = 1;
     return true;
   }
@@ -214,8 +217,8 @@ bool moves_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& pro
                   const UpdateWorkspace& work) {
   const Vector<Patient> to_tip = in.tip - layer.position;
   const double length_mm = to_tip.norm();
-  if (work.pairs.count() > 0 || layer.contacts > 0 ||
-      length_mm + kProxySettings.at_rest_mm >= progress.left_mm)
+  if (work.pairs.count() > 0 || layer.contact_count > 0 ||
+      length_mm + kProxySettings.at_rest_mm >= progress.remaining_in_part_mm)
     return false;
   progress.friction.anchored = progress.friction.sticking = false;
   layer.stretch_fraction = 1;
@@ -230,12 +233,13 @@ bool moves_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& pro
 // or too short to count as motion.
 bool try_step(const UpdateInputs& in, const Point<Patient>& end, ProxyLayer& layer, UpdateProgress& progress,
               UpdateWorkspace& work) {
-  const ValidatedStep step = validate_step(work.pairs, layer.position, end,
-                                           {in.tip, progress.substep_mm(), in.max_away}, progress.limit);
+  const ValidatedStep step =
+      validate_step(work.pairs, layer.position, end,
+                    {in.tip, progress.substep_mm(), in.max_distance_increase}, progress.limit);
   progress.at_limit = progress.at_limit || step.at_limit;
   if (!step.accepted) return false;
   const Vector<Patient> displacement = step.position - layer.position;
-  progress.left_mm -= std::max((step.end - layer.position).norm(), displacement.norm());
+  progress.remaining_in_part_mm -= std::max((step.end - layer.position).norm(), displacement.norm());
   layer.position = step.position;
   layer.last_displacement = displacement;
   record_vertex(in, layer, step.end);
@@ -246,7 +250,7 @@ bool try_step(const UpdateInputs& in, const Point<Patient>& end, ProxyLayer& lay
 // limit stage: end of a substep towards a goal
 Point<Patient> limited_end(const Point<Patient>& goal, double max_mm, const ProxyLayer& layer,
                            UpdateProgress& progress, const UpdateWorkspace& work) {
-  const LimitedStep step = limit_step(layer, goal, std::min(max_mm, progress.left_mm),
+  const LimitedStep step = limit_step(layer, goal, std::min(max_mm, progress.remaining_in_part_mm),
                                       work.constraints.count() > 0, progress.limit);
   progress.at_limit = step.at_limit;
   return step.end;
@@ -290,7 +294,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
     }
     take_friction(in, *solution, progress);
     store_contacts(solution->nearest, work.pairs, work.constraints, layer, work.origins);
-    progress.has_contacts = true;
+    progress.contacts_updated = true;
     if ((solution->goal - layer.position).norm() <= kProxySettings.at_rest_mm) {
       const bool is_complete =
           attempt == 0 && layer.position == start && work.pairs.count() < kMaxPairs && !in.has_capsules;
@@ -315,8 +319,8 @@ bool search_substep(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& p
                     UpdateWorkspace& work) {
   const SearchDirections search(in.tip - layer.position);
   const double shortest_mm = kProxySettings.substep_mm() / kProxySettings.search_shortest_divisor;
-  for (double length_mm = std::min(progress.substep_mm(), progress.left_mm); length_mm > shortest_mm;
-       length_mm *= 0.5)
+  for (double length_mm = std::min(progress.substep_mm(), progress.remaining_in_part_mm);
+       length_mm > shortest_mm; length_mm *= 0.5)
     for (int cone = 0; cone < kProxySettings.search_cones; ++cone)
       for (int n = 0; n < SearchDirections::count(cone); ++n) {
         const Vector<Patient> displacement(length_mm * search.direction(cone, n));
@@ -342,17 +346,19 @@ bool advance_substeps(const UpdateInputs& in, const Point<Patient>& start, Proxy
   layer.stretch_fraction = 1;
   for (int search = 0;; ++search) {
     while (is_moving && substeps < kProxySettings.max_substeps &&
-           work.pairs.queries() < progress.max_queries && progress.left_mm > kProxySettings.at_rest_mm) {
+           work.pairs.queries() < progress.max_queries &&
+           progress.remaining_in_part_mm > kProxySettings.at_rest_mm) {
       is_moving = advance_substep(in, start, layer, cache, progress, work);
       substeps += is_moving;
-      if (is_moving && progress.left_mm <= kProxySettings.at_rest_mm) gather_pairs(in, layer, progress, work);
+      if (is_moving && progress.remaining_in_part_mm <= kProxySettings.at_rest_mm)
+        gather_pairs(in, layer, progress, work);
     }
     if (is_moving || progress.wedged || is_slipping(layer, progress) ||
         !is_blocked_without_contact(in, layer))
       break;
     is_moving = search < kProxySettings.max_direction_searches && search_substep(in, layer, progress, work);
     if (!is_moving) break;
-    if (progress.left_mm <= kProxySettings.at_rest_mm) gather_pairs(in, layer, progress, work);
+    if (progress.remaining_in_part_mm <= kProxySettings.at_rest_mm) gather_pairs(in, layer, progress, work);
   }
   return is_moving;
 }
@@ -363,19 +369,19 @@ void add_blocking_contact(const UpdateInputs& in, ProxyLayer& layer, UpdateProgr
                           UpdateWorkspace& work) {
   const auto blocking = blocking_contact(work.pairs, layer.position, in.tip);
   if (!blocking) return;
-  layer.contacts = 0;
+  layer.contact_count = 0;
   add_contact(work.pairs, {blocking->pair, work.pairs.step(blocking->pair)}, blocking->normal,
               blocking->multiplier_mm, layer, work.origins);
-  progress.has_contacts = true;
+  progress.contacts_updated = true;
   layer.stretch_fraction = blocking->multiplier_mm / (layer.position - in.tip).norm();
 }
 
 // Places the contact of a capsule that lies along a surface at the middle of the touching interval. The
 // nearest point would jump along the axis from voxel to voxel.
 void centre_capsule_contacts(ProxyLayer& layer, UpdateWorkspace& work) {
-  for (int n = 0; n < layer.contacts; ++n) {
+  for (int n = 0; n < layer.contact_count; ++n) {
     const ContactOrigin& origin = work.origins[static_cast<std::size_t>(n)];
-    layer.contact[static_cast<std::size_t>(n)].axis_fraction =
+    layer.contacts[static_cast<std::size_t>(n)].axis_fraction =
         work.pairs.middle_of_touching(origin.pair, layer.position, origin.step);
   }
 }
@@ -391,31 +397,32 @@ void limit_stretch(const UpdateInputs& in, const UpdateProgress& progress, bool 
   const Vector<Patient> away = layer.position - in.tip;
   const double away_mm = away.norm();
   if (!std::isfinite(progress.limit.length_mm) || away_mm <= kProxySettings.arrived_mm) return;
-  const double target_mm = through_free_space || layer.contacts > 0 ? layer.stretch_fraction * away_mm : 0;
-  const double now_mm = limit_stretch_mm(away, target_mm, in.stretched_mm, progress.limit.length_mm);
+  const double target_mm =
+      through_free_space || layer.contact_count > 0 ? layer.stretch_fraction * away_mm : 0;
+  const double now_mm = limit_stretch_mm(away, target_mm, in.last_spring_mm, progress.limit.length_mm);
   if (now_mm <= 0) {
-    layer.contacts = 0;
+    layer.contact_count = 0;
     return;
   }
   layer.stretch_fraction = now_mm / away_mm;
-  for (int n = 0; n < layer.contacts; ++n)
-    layer.contact[static_cast<std::size_t>(n)].multiplier_mm *= now_mm / target_mm;
-  if (layer.contacts > 0) return;
-  layer.contacts = 1;
-  layer.contact[0] = first_contact_before;
-  layer.contact[0].normal = away.normalized();
-  layer.contact[0].multiplier_mm = now_mm;
+  for (int n = 0; n < layer.contact_count; ++n)
+    layer.contacts[static_cast<std::size_t>(n)].multiplier_mm *= now_mm / target_mm;
+  if (layer.contact_count > 0) return;
+  layer.contact_count = 1;
+  layer.contacts[0] = first_contact_before;
+  layer.contacts[0].normal = away.normalized();
+  layer.contacts[0].multiplier_mm = now_mm;
 }
 
 // moves one layer's proxy towards the tip along the surfaces, with its attitude fixed
 PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& cache,
                                UpdateWorkspace& work) {
   const Point<Patient> start = layer.position;
-  const ProxyContact first_contact_before = layer.contact[0];
+  const ProxyContact first_contact_before = layer.contacts[0];
   UpdateProgress progress;
-  progress.friction = {layer.contacts > 0, layer.sticking, layer.position};
+  progress.friction = {layer.contact_count > 0, layer.sticking, layer.position};
   progress.limit = in.limit;
-  progress.ungathered_mm = in.max_mm;
+  progress.remaining_beyond_part_mm = in.max_mm;
   work.constraints.clear();
   bool is_moving = false, through_free_space = false;
   if (stays_at_rest(in, layer, cache, progress, work)) {
@@ -423,7 +430,7 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
   } else {
     gather_pairs(in, layer, progress, work);
     if (work.pairs.penetrates() && !push_out(in, layer, progress, work)) {
-      layer.contacts = 0;
+      layer.contact_count = 0;
       return {.wedged = true, .inside = true};
     }
     record_vertex(in, layer, layer.position);
@@ -437,7 +444,7 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
   }
   layer.sticking = progress.friction.sticking;
   // contacts from the last tick have been centred
-  if (progress.has_contacts) centre_capsule_contacts(layer, work);
+  if (progress.contacts_updated) centre_capsule_contacts(layer, work);
   limit_stretch(in, progress, through_free_space, first_contact_before, layer);
   return {progress.wedged, is_moving || is_slipping(layer, progress), false};
 }
@@ -468,7 +475,7 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   // attitude
   const Eigen::Quaterniond attitude_before = layer.attitude;
   const Vector<Patient> tip_moved = tick.tip_moved();
-  result.spring.stretched_mm = (layer.position - (tip - tip_moved)) * layer.stretch_fraction;
+  result.spring.last_spring_mm = (layer.position - (tip - tip_moved)) * layer.stretch_fraction;
   const ToolTurn turn = turn_tool(surfaces, spheres, n, tick.hand.attitude, layer, path);
   const ProxySpheres proxy_spheres(spheres, tick.hand.attitude, layer.attitude);
   const double turned_mm = arc_of_rotation_mm(spheres, attitude_before, layer.attitude);
@@ -476,24 +483,25 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   // Position. Without contact the path may be as long as the distance to the tip; in contact its length per
   // tick is limited.
   const double to_tip_mm = (tip - layer.position).norm() + kProxySettings.slack_mm;
-  const double max_mm = layer.contacts == 0 ? to_tip_mm : std::min(to_tip_mm, kProxySettings.max_path_mm);
+  const double max_mm =
+      layer.contact_count == 0 ? to_tip_mm : std::min(to_tip_mm, kProxySettings.max_path_mm);
   const DisplacementLimit limit = limit_displacement(layer, tip_moved, turned_mm, max_slip_mm);
   result.spring.tool_mm = tip_moved.norm() + turned_mm;
   result.spring.catch_up_mm = layer.catch_up_mm + result.spring.tool_mm;
   result.spring.max_change_mm = limit.length_mm;
   const bool capsules = has_capsules(spheres);
-  const double max_away =
-      capsules ? std::min(tick.options.max_away, kProxySettings.max_distance_increase_of_capsules)
-               : tick.options.max_away;
+  const double max_distance_increase = capsules ? std::min(tick.options.max_distance_increase,
+                                                           kProxySettings.max_distance_increase_of_capsules)
+                                                : tick.options.max_distance_increase;
   const PositionUpdate update =
-      update_position({surfaces, proxy_spheres.spheres(), n, tip, max_mm, limit, result.spring.stretched_mm,
-                       tick.options.friction, capsules, max_away, path},
+      update_position({surfaces, proxy_spheres.spheres(), n, tip, max_mm, limit, result.spring.last_spring_mm,
+                       tick.options.friction, capsules, max_distance_increase, path},
                       layer, cache, work);
 
   // A proxy is reset to a tip in free space at once if it is inside surfaces, and after lost_s if it has
   // stopped far from the tip without a contact.
   const bool far = !update.lagging && !turn.lagging && (tip - layer.position).norm() > kProxySettings.lost_mm;
-  const bool lost = layer.contacts == 0 && (update.inside || far) &&
+  const bool lost = layer.contact_count == 0 && (update.inside || far) &&
                     is_free(surfaces, spheres, n, layer.punctured, {}, tip);
   layer.lost_s = lost ? layer.lost_s + tick.options.dt_s : 0;
   if (lost && (update.inside || layer.lost_s > kProxySettings.lost_s)) {
@@ -511,15 +519,16 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
 // was stretched.
 void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& release) {
   const ToolPose& hand = tick.hand;
-  const Vector<Patient> stretched_mm = (layer.position - tick.tip_before) * layer.stretch_fraction;
-  const double left_mm = stretched_mm.norm() - tick.tip_moved().norm();
-  if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && left_mm > 0) {
-    const Vector<Patient> left_N = stretched_mm * (stiffness * left_mm / stretched_mm.norm());
-    const auto contacts = std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
+  const Vector<Patient> last_spring_mm = (layer.position - tick.tip_before) * layer.stretch_fraction;
+  const double remaining_in_part_mm = last_spring_mm.norm() - tick.tip_moved().norm();
+  if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && remaining_in_part_mm > 0) {
+    const Vector<Patient> left_N =
+        last_spring_mm * (stiffness * remaining_in_part_mm / last_spring_mm.norm());
+    const auto contacts = std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count));
     const ProxySpheres proxy_spheres(tick.spheres, hand.attitude, layer.attitude);
     release.force_N += left_N;
     release.torque_Nmm += torque_of(contacts, proxy_spheres.spheres(), left_N, stiffness);
-    release.stored_mJ += 0.5 * stiffness * left_mm * left_mm;
+    release.stored_mJ += 0.5 * stiffness * remaining_in_part_mm * remaining_in_part_mm;
   }
   const Vector<Patient> displacement = hand.tip - layer.position;
   layer.attitude = hand.attitude;
@@ -529,7 +538,7 @@ void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& rele
   }
   layer.coupled = true;
   layer.sticking = false;
-  layer.contacts = 0;
+  layer.contact_count = 0;
   layer.stretch_fraction = 1;
   layer.spring_N_per_mm = 0;
   layer.catch_up_mm = layer.lost_s = 0;
@@ -579,13 +588,14 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   state.stiffness_N_per_mm = 0;
   // whether the covering layer still constrains the tool; for the outermost layer, whether the tool has not
   // returned to free space
-  bool covered = !has_withdrawn(surfaces, spheres, hand, state);
-  if (!covered) state.yield = {};
+  bool is_constrained = !has_withdrawn(surfaces, spheres, hand, state);
+  if (!is_constrained) state.compliance = {};
   for (int n = 0; n < layer_count(surfaces); ++n) {
     ProxyLayer& layer = state.layer(n);
     ProxyPath* const layer_path = n == 0 ? path : nullptr;
-    covered = covered && (n == 0 || !state.layer(n - 1).coupled || !follows(state.layer(n - 1), hand));
-    if (!covered) {
+    is_constrained = is_constrained &&
+                     (n == 0 || !state.layer(n - 1).coupled || !coincides_with(state.layer(n - 1), hand));
+    if (!is_constrained) {
       release_layer(tick, layer, state.release);
       // the proxy was reset: a single vertex, no path
       if (layer_path != nullptr) layer_path->add(layer.position, layer.attitude);
@@ -612,16 +622,16 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     const bool has_arrived = !advance.lagging && !advance.wedged;
     const ProxyForce force =
         springs.add({layer, proxy_spheres.spheres(), advance.spring, has_arrived, slip.left_N},
-                    state.cache(n).owners, n == 0 ? state.yield : none, state.relaxation);
+                    state.cache(n).owners, n == 0 ? state.compliance : none, state.relaxation);
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
-    layer.catch_up_mm = layer.contacts == 0 && advance.lagging ? advance.spring.catch_up_mm : 0;
+    layer.catch_up_mm = layer.contact_count == 0 && advance.lagging ? advance.spring.catch_up_mm : 0;
     add_layer(n, force, result);
 
     // the layers within may use the slip that this layer has not used
     slip.spend(before_N_per_mm, force, advance.spring);
     slip.stiffness_N_per_mm = stiffness_from(state, n + 1);
   }
-  if (follows(state, hand)) {
+  if (coincides_with(state, hand)) {
     state.free_tip = hand.tip;
     state.free_attitude = hand.attitude;
   }

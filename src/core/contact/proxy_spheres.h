@@ -20,7 +20,7 @@ class ProxySpheres {
 
  private:
   std::span<const ToolSphere> as_in_hand_;
-  std::optional<TurnedTool> turned_;
+  std::optional<RotatedTool> turned_;
 };
 
 }  // namespace palpate

@@ -51,7 +51,7 @@ TEST(Proxy, FollowsTheTipInFreeSpace) {
     for (int ticks = 0; ticks == 0 || (run.result.lagging && ticks < 5); ++ticks) {
       run.at(tip);
       EXPECT_EQ(run.result.force_N, Vector<Patient>());
-      EXPECT_EQ(run.state.contacts, 0);
+      EXPECT_EQ(run.state.contact_count, 0);
     }
     EXPECT_EQ(run.state.position, tip);
   }
@@ -86,8 +86,8 @@ TEST(Proxy, RendersTissueStiffnessForAnyRadius) {
       EXPECT_NEAR(run.state.position.z(), radius_mm, 1e-3);
       EXPECT_LT(std::hypot(run.result.force_N.x(), run.result.force_N.y()), 1e-6);
       EXPECT_LT(run.result.torque_Nmm.norm(), 1e-6) << "the force goes through the tip";
-      ASSERT_EQ(run.state.contacts, 1);
-      EXPECT_EQ(run.state.contact[0].surface, 0);
+      ASSERT_EQ(run.state.contact_count, 1);
+      EXPECT_EQ(run.state.contacts[0].surface, 0);
     }
     EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
   }
@@ -100,7 +100,7 @@ TEST(Proxy, WithoutFrictionStaysAboveTheTip) {
   EXPECT_NEAR(run.state.position.x(), 4, 1e-3);
   EXPECT_NEAR(run.state.position.y(), 3, 1e-3);
   run.lead({4, 3, -1}, {4, 3, 1}, 0.1);
-  EXPECT_EQ(run.state.contacts, 0) << "let go";
+  EXPECT_EQ(run.state.contact_count, 0) << "let go";
   EXPECT_EQ(run.state.position, Point<Patient>(4, 3, 1));
 }
 
@@ -125,7 +125,7 @@ TEST(Proxy, NeverPassesAThinPlateAtAnySpeed) {
     run.lead(start, Point<Patient>() - across * 3, n % 2 == 0 ? 10 : 0.5);
     for (int settle = 0; settle < 10; ++settle) run.at(Point<Patient>() - across * 3);
     EXPECT_GT(run.state.position.eigen().dot(across.eigen()), 0);
-    EXPECT_GE(run.state.contacts, 1);
+    EXPECT_GE(run.state.contact_count, 1);
     EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm) << n;
   }
 }
@@ -146,7 +146,7 @@ ProxyRun proxy_behind_a_plate(const Point<Patient>& free_tip, double second_plat
 TEST(Proxy, ReleasesAToolThatReturnedToFreeSpace) {
   ProxyRun run = proxy_behind_a_plate({-3, 1, 0}, 8);
   EXPECT_EQ(run.state.position, Point<Patient>(-2, 0, 0));
-  EXPECT_EQ(run.state.contacts, 0);
+  EXPECT_EQ(run.state.contact_count, 0);
   // the spring force at which the tip cleared the plate fades
   double force_N = run.result.release.force_N.norm();
   EXPECT_GT(force_N, 1.5);
@@ -174,7 +174,7 @@ TEST(Proxy, ConstrainsALeverUntilItTurnsBack) {
   EXPECT_LT(tip.z() - 5 * std::sin(0.95) + 0.5, -1 - kProxySettings.withdrawal_clearance_mm)
       << "it is through";
   EXPECT_GT(run.result.force_N.norm(), 1);
-  EXPECT_GE(run.state.contacts, 1);
+  EXPECT_GE(run.state.contact_count, 1);
   turn(0.95, 0);
   EXPECT_EQ(run.result.force_N, Vector<Patient>());
 }
@@ -208,7 +208,7 @@ TEST(Proxy, IsConstrainedInACornerAndAnAcuteWedge) {
     EXPECT_NEAR(run.state.position.x(), 0, 0.05);
     EXPECT_NEAR(run.state.position.z(), radius_mm / std::sin(half), 0.35);
     // one contact suffices where the notch is narrower than the voxels
-    EXPECT_GE(run.state.contacts, 1);
+    EXPECT_GE(run.state.contact_count, 1);
     EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
     // it stays at rest
     const Point<Patient> before = run.state.position;
@@ -225,7 +225,7 @@ TEST(Proxy, IsConstrainedByThreeStructures) {
   run.at({3, 3, 3});
   run.lead({3, 3, 3}, {-1, -2, -0.5}, 0.2);
   EXPECT_LT((run.state.position - Point<Patient>()).norm(), 2e-3);
-  EXPECT_EQ(run.state.contacts, 3);
+  EXPECT_EQ(run.state.contact_count, 3);
   EXPECT_LT((run.result.force_N - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3);
 }
 
@@ -241,13 +241,13 @@ TEST(Proxy, FourSpheresInACornerTouchAllThreeFaces) {
   run.at({3, 3, 3});
   run.lead({3, 3, 3}, {0, -1, 0.5}, 0.2);
   EXPECT_LT((run.state.position - Point<Patient>(1, 1, 1)).norm(), 4e-3);
-  EXPECT_EQ(run.state.contacts, 12);
+  EXPECT_EQ(run.state.contact_count, 12);
   EXPECT_FALSE(run.result.wedged);
   EXPECT_LT((run.result.force_N - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3);
   Vector<Patient> multiplier_mm;
-  for (int n = 0; n < run.state.contacts; ++n)
-    multiplier_mm += run.state.contact[static_cast<std::size_t>(n)].normal *
-                     run.state.contact[static_cast<std::size_t>(n)].multiplier_mm;
+  for (int n = 0; n < run.state.contact_count; ++n)
+    multiplier_mm += run.state.contacts[static_cast<std::size_t>(n)].normal *
+                     run.state.contacts[static_cast<std::size_t>(n)].multiplier_mm;
   EXPECT_LT((multiplier_mm - Vector<Patient>(1, 2, 0.5)).norm(), 5e-3) << "and the walls give all of it";
   EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
 }
@@ -446,7 +446,7 @@ ProxyRun two_settings() {
   run.surfaces[1].stiffness_N_per_mm = 0.4;
   run.surfaces[1].static_friction = run.surfaces[1].friction = 0.1;
   run.surfaces.push_back(make_contact_surface(grid, floor_mm));
-  run.surfaces[0].beneath = run.surfaces[1].beneath = 2;
+  run.surfaces[0].covered_by = run.surfaces[1].covered_by = 2;
   run.surfaces[2].owners = std::make_shared<const Owners>(
       labelled(grid,
                [](const Eigen::Vector3d& p) {
@@ -503,7 +503,7 @@ TEST(Proxy, PunctureOpensTheOuterSurfaceAboveAnInnerLayer) {
   run.surfaces = {make_contact_surface(grid, skin_mm), make_contact_surface(grid, bone_mm),
                   make_contact_surface(grid, floor_mm)};
   run.surfaces[0].puncture_N = 1;
-  run.surfaces[0].beneath = run.surfaces[1].beneath = 2;
+  run.surfaces[0].covered_by = run.surfaces[1].covered_by = 2;
   run.surfaces[2].opened_by = {0};
   run.surfaces[2].owners = std::make_shared<const Owners>(
       labelled(grid,
@@ -756,11 +756,11 @@ TEST(ProxyLayers, PunctureOpensEveryLayer) {
   skin.from_N_per_mm = 0;
   skin.layer = 0;
   skin.structure = 0;
-  skin.beneath = 3;
+  skin.covered_by = 3;
   run.surfaces.push_back(skin);
   ContactSurface rest = in_first_layer(make_contact_surface(grid, inner_mm));
   rest.owners = labels(false);
-  rest.beneath = 3;
+  rest.covered_by = 3;
   run.surfaces.push_back(rest);
 
   run.at({0, 0, 5});
@@ -1096,9 +1096,9 @@ TEST(Proxy, NewConstraintOnThePathKeepsSticking) {
     run.surfaces[1].stiffness_N_per_mm = 2;
     run.lead({before_wall_mm, 0, 3}, {before_wall_mm, 0, -1}, 0.1);
     ASSERT_TRUE(run.state.sticking);
-    ASSERT_EQ(run.state.contacts, 1);
+    ASSERT_EQ(run.state.contact_count, 1);
     run.at({-1.5, 0.6, -1});
-    EXPECT_EQ(run.state.contacts, 2);
+    EXPECT_EQ(run.state.contact_count, 2);
     EXPECT_TRUE(run.state.sticking);
     EXPECT_NEAR(run.state.position.y(), 0, 1e-3);
   }
@@ -1188,14 +1188,14 @@ TEST(Proxy, TwoSpheresOnAPlaneShareTheForceAndATiltedToolTurns) {
   run.spheres = {{Vector<Patient>(3, 0, 0), 0.5}, {Vector<Patient>(-3, 0, 0), 0.5}};
   run.at({0, 0, 3});
   run.lead({0, 0, 3}, {0, 0, -0.5}, 0.1);
-  EXPECT_EQ(run.state.contacts, 2);
+  EXPECT_EQ(run.state.contact_count, 2);
   EXPECT_NEAR(run.result.force_N.z(), 2, 5e-3);
   EXPECT_LT(run.result.torque_Nmm.norm(), 1e-3) << "balanced";
   // one sphere lower than the other: it carries the whole force, with a torque about the tip
   run.spheres[0].offset_mm = Vector<Patient>(3, 0, -0.3);
   run.at({0, 0, -0.5});
   run.at({0, 0, -0.5});
-  EXPECT_EQ(run.state.contacts, 1);
+  EXPECT_EQ(run.state.contact_count, 1);
   EXPECT_NEAR(run.state.position.z(), 0.8, 5e-3);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -3 * run.result.force_N.z(), 1e-3) << "r x F";
 }
@@ -1207,8 +1207,8 @@ TEST(Proxy, CapsuleContactIsCentralWhenFlatAndAtTheEndWhenTilted) {
   run.lead({0, 0, 3}, {0, 0, -1}, 0.05);
   EXPECT_NEAR(run.result.force_N.z(), 4, 1e-3) << "one spring, however long it is";
   EXPECT_NEAR(run.state.position.z(), 1, 1e-3);
-  ASSERT_EQ(run.state.contacts, 1);
-  EXPECT_NEAR(run.state.contact[0].axis_fraction, 0.5, 0.02);
+  ASSERT_EQ(run.state.contact_count, 1);
+  EXPECT_NEAR(run.state.contacts[0].axis_fraction, 0.5, 0.02);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -1 * run.result.force_N.z(), 0.4) << "r x F of its middle";
 
   // with its far end tilted down
@@ -1217,7 +1217,7 @@ TEST(Proxy, CapsuleContactIsCentralWhenFlatAndAtTheEndWhenTilted) {
   const double low_mm = 4 * std::sin(0.3);
   EXPECT_NEAR(run.state.position.z(), 1 + low_mm, 1e-3);
   EXPECT_NEAR(run.result.force_N.z(), 2 * (2 + low_mm), 2e-3);
-  EXPECT_EQ(run.state.contact[0].axis_fraction, 1);
+  EXPECT_EQ(run.state.contacts[0].axis_fraction, 1);
   EXPECT_NEAR(run.result.torque_Nmm.y(), -4 * std::cos(0.3) * run.result.force_N.z(), 1e-2);
   EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
 }
@@ -1240,8 +1240,8 @@ TEST(Proxy, CapsuleRestsBetweenTwoBalls) {
   EXPECT_NEAR(run.state.position.z(), up_mm, 0.03);
   EXPECT_NEAR(run.result.force_N.z(), 2 * (up_mm + 1), 0.05);
   EXPECT_NEAR(run.result.force_N.y(), 0, 0.05);
-  ASSERT_EQ(run.state.contacts, 2);
-  std::array<double, 2> parts{run.state.contact[0].axis_fraction, run.state.contact[1].axis_fraction};
+  ASSERT_EQ(run.state.contact_count, 2);
+  std::array<double, 2> parts{run.state.contacts[0].axis_fraction, run.state.contacts[1].axis_fraction};
   std::sort(parts.begin(), parts.end());
   EXPECT_NEAR(parts[0], 3.0 / 14, 0.02);
   EXPECT_NEAR(parts[1], 11.0 / 14, 0.02);
@@ -1368,10 +1368,10 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
         ASSERT_EQ(layer.spring_N_per_mm, other.spring_N_per_mm);
         ASSERT_EQ(layer.catch_up_mm, other.catch_up_mm);
         ASSERT_EQ(layer.lost_s, other.lost_s);
-        ASSERT_EQ(layer.contacts, other.contacts);
-        for (int c = 0; c < layer.contacts; ++c) {
-          const ProxyContact &contact = layer.contact[static_cast<std::size_t>(c)],
-                             &again = other.contact[static_cast<std::size_t>(c)];
+        ASSERT_EQ(layer.contact_count, other.contact_count);
+        for (int c = 0; c < layer.contact_count; ++c) {
+          const ProxyContact &contact = layer.contacts[static_cast<std::size_t>(c)],
+                             &again = other.contacts[static_cast<std::size_t>(c)];
           ASSERT_EQ(contact.surface, again.surface);
           ASSERT_EQ(contact.sphere, again.sphere);
           ASSERT_EQ(contact.axis_fraction, again.axis_fraction);
@@ -1379,7 +1379,7 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
           ASSERT_EQ(contact.multiplier_mm, again.multiplier_mm);
         }
       }
-      rests += knew && run.state.contacts > 0;
+      rests += knew && run.state.contact_count > 0;
       ruptures += is.ruptured;
       ++ticks;
     }

@@ -29,17 +29,18 @@ void transfer_layer(std::span<const ContactSurface> surfaces, std::span<const To
   // remaps contacts to the new indices; contacts with surfaces that no longer exist are dropped
   state.punctured = punctured;
   state.spring_N_per_mm.reset();
-  state.contacts = 0;
-  for (const ProxyContact& contact : std::span(old.contact).first(static_cast<std::size_t>(old.contacts))) {
+  state.contact_count = 0;
+  for (const ProxyContact& contact :
+       std::span(old.contacts).first(static_cast<std::size_t>(old.contact_count))) {
     const auto now = std::find_if(before.begin(), before.end(), [&](const SurfaceCorrespondence& one) {
       return one.index == contact.surface;
     });
     if (now == before.end()) continue;
-    ProxyContact& transferred = state.contact[static_cast<std::size_t>(state.contacts++)];
+    ProxyContact& transferred = state.contacts[static_cast<std::size_t>(state.contact_count++)];
     transferred = contact;
     transferred.surface = static_cast<int>(now - before.begin());
   }
-  state.sticking = old.sticking && state.contacts > 0;
+  state.sticking = old.sticking && state.contact_count > 0;
 }
 
 // initialises a layer's proxy for a tip that is inside tissue
@@ -72,7 +73,7 @@ void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const To
   PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && (before.empty() || before.size() == surfaces.size()));
   for (int n = 0; n < kMaxLayers; ++n) {
     ProxyLayer& layer = state.layer(n);
-    transfer_layer(surfaces, TurnedTool(spheres, hand.attitude, layer.attitude).spheres(), n, before, layer,
+    transfer_layer(surfaces, RotatedTool(spheres, hand.attitude, layer.attitude).spheres(), n, before, layer,
                    state.cache(n));
   }
 }
@@ -98,10 +99,10 @@ void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
     for (int n = 0; n < kMaxLayers && before[s].index >= 0; ++n)
       through[s] = through[s] || state.layer(n).punctured[static_cast<std::size_t>(before[s].index)];
   const bool was_coupled = state.coupled;
-  transfer_layer(surfaces, TurnedTool(spheres, hand.attitude, state.attitude).spheres(), 0, before, state,
+  transfer_layer(surfaces, RotatedTool(spheres, hand.attitude, state.attitude).spheres(), 0, before, state,
                  state.cache(0));
   state.reset_inner_layers();
-  state.yield = {};
+  state.compliance = {};
   state.relaxation = {};
   // the side from which the tip entered was unknown
   if (!was_coupled) return;

@@ -21,9 +21,9 @@ void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<con
                          int structure, const ToolPose& hand, const ProxyState& state, const Visit& visit) {
   for (int n = 0; n < layer_count(surfaces); ++n) {
     const ProxyLayer& layer = state.layer(n);
-    const TurnedTool turned_tool(spheres, hand.attitude, layer.attitude);
+    const RotatedTool turned_tool(spheres, hand.attitude, layer.attitude);
     for (const ProxyContact& contact :
-         std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts))) {
+         std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count))) {
       const auto surface = static_cast<std::size_t>(contact.surface);
       if (!opens(surfaces[surface], surface, structure)) continue;
       const ToolSphere& sphere = turned_tool.spheres()[static_cast<std::size_t>(contact.sphere)];
@@ -50,7 +50,7 @@ void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
   for (const int structure : std::span(structures).first(count)) {
     const auto s = static_cast<std::size_t>(structure);
     if (const ProxyLayer& layer = state.layer(surfaces[s].layer); layer.punctured[s]) {
-      const TurnedTool turned_tool(spheres, hand.attitude, layer.attitude);
+      const RotatedTool turned_tool(spheres, hand.attitude, layer.attitude);
       for (const ToolSphere& sphere : turned_tool.spheres())
         for (const double end : {0.0, 1.0})
           holes.extend(structure, layer.position + sphere.offset_mm + sphere.along_mm * end);
@@ -88,7 +88,7 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
                       const ToolPose& hand, const ProxyLayer& layer) {
   SurfaceSet punctured = layer.punctured;
   if (punctured.none()) return punctured;
-  const TurnedTool turned_tool(spheres, hand.attitude, layer.attitude);
+  const RotatedTool turned_tool(spheres, hand.attitude, layer.attitude);
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!punctured[s]) continue;
     const auto has_left = [&](std::span<const ToolSphere> tool, const Point<Patient>& at) {
@@ -105,7 +105,7 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
 }
 
 bool is_contact_punctured(const ProxyLayer& layer) {
-  const auto contacts = std::span(layer.contact).first(static_cast<std::size_t>(layer.contacts));
+  const auto contacts = std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count));
   return std::any_of(contacts.begin(), contacts.end(), [&](const ProxyContact& contact) {
     return layer.punctured[static_cast<std::size_t>(contact.surface)];
   });

@@ -242,7 +242,7 @@ struct PressedSphere {
   double to(double next_mm, double dt_s) {
     const double before_N = force_N, before_mm = depth_mm;
     depth_mm = next_mm;
-    elastic_N = yield_force(tissue, depth_mm, radius_mm, max_N_per_mm).force_N;
+    elastic_N = soft_contact_force(tissue, depth_mm, radius_mm, max_N_per_mm).force_N;
     force_N = relaxing.at(elastic_N, dt_s);
     return 0.5 * (before_N + force_N) * (depth_mm - before_mm);
   }
@@ -258,12 +258,13 @@ TEST(ComplementaryEnergy, IsForceTimesDepthMinusStoredEnergy) {
     tissue.surroundings_mm_per_N = (2 * unit(random) - 0.8) / (2 * tissue.modulus_N_per_mm2);
     if (n % 2 == 0) {
       // a neo-Hookean solution, stiffer or softer by up to a fifth of W
-      tissue.finite_N = std::pow(10, 2 * unit(random) - 2);
-      tissue.stiffening_mm_per_N2 = (0.4 * unit(random) - 0.2) / (tissue.modulus_N_per_mm2 * tissue.finite_N);
+      tissue.reference_force_N = std::pow(10, 2 * unit(random) - 2);
+      tissue.stiffening_mm_per_N2 =
+          (0.4 * unit(random) - 0.2) / (tissue.modulus_N_per_mm2 * tissue.reference_force_N);
     }
     const double radius_mm = 0.5 + 7 * unit(random), depth = std::pow(10, 3 * unit(random) - 2);
     const double largest = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
-    const YieldForce force = yield_force(tissue, depth, radius_mm, largest);
+    const SoftContactForce force = soft_contact_force(tissue, depth, radius_mm, largest);
     ASSERT_NEAR(complementary_mJ(tissue, force.force_N, radius_mm, largest) /
                     (force.force_N * depth - force.stored_mJ),
                 1, 1e-9)
@@ -287,9 +288,9 @@ TEST(AdvanceRelaxation, IsPassiveOnRandomPaths) {
     sphere.tissue.surroundings_mm_per_N = (2 * unit(random) - 0.5) / (6 * kModulus_N_per_mm2);
     if (path % 2 == 0) sphere.max_N_per_mm = 0.1 + unit(random);
     if (path % 4 < 2) {
-      sphere.tissue.finite_N = 0.05 + 0.3 * unit(random);
+      sphere.tissue.reference_force_N = 0.05 + 0.3 * unit(random);
       sphere.tissue.stiffening_mm_per_N2 =
-          (0.06 * unit(random) - 0.03) / (kModulus_N_per_mm2 * sphere.tissue.finite_N);
+          (0.06 * unit(random) - 0.03) / (kModulus_N_per_mm2 * sphere.tissue.reference_force_N);
     }
     double work_mJ = 0, lost_mJ = 0, max_mJ = 0, goal_mm = 0, speed_mm_s = 0;
     for (int n = 0; n < 3000; ++n) {
@@ -341,7 +342,7 @@ struct RelaxingFloor {
   explicit RelaxingFloor(const Relaxation& relaxation) : times(times_of(relaxation)) {
     run.surfaces = {
         make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
-    run.surfaces[0].yield_modulus_N_per_mm2 = kModulus_N_per_mm2;
+    run.surfaces[0].plane_strain_modulus_N_per_mm2 = kModulus_N_per_mm2;
     run.surfaces[0].relaxed.add(relaxation, times, 1);
     run.spheres[0].radius_mm = 3;
     run.relaxation_times = &times;
@@ -357,7 +358,7 @@ TEST(ProxyOnWhatRelaxes, ForceDecaysFromTickToTick) {
   RelaxingFloor floor(kTwoTerms);
   floor.run.lead({0, 0, 5}, {0, 0, 3.05}, 0.05);
   floor.run.lead({0, 0, 3.05}, {0, 0, 1}, 0.41);
-  const double law_N = yield_force({0, {}, kModulus_N_per_mm2}, 2, 3).force_N;
+  const double law_N = soft_contact_force({0, {}, kModulus_N_per_mm2}, 2, 3).force_N;
   double waited_s = 0;
   for (const double time_s : {0.1, 0.4, 0.5, 2.0}) {
     floor.wait({0, 0, 1}, time_s);
@@ -367,7 +368,7 @@ TEST(ProxyOnWhatRelaxes, ForceDecaysFromTickToTick) {
     EXPECT_NEAR(floor.run.result.force_N.z() / target_N, 1, 0.01) << waited_s;
   }
   // the recoverable energy is less than the work of pressing
-  const YieldForce law = yield_force({0, {}, kModulus_N_per_mm2}, 2, 3);
+  const SoftContactForce law = soft_contact_force({0, {}, kModulus_N_per_mm2}, 2, 3);
   EXPECT_GT(floor.run.result.stored_mJ, 0);
   EXPECT_LT(floor.run.result.stored_mJ, 0.8 * law.stored_mJ);
   EXPECT_NEAR(floor.run.result.tangent_N_per_mm, law.tangent_N_per_mm, 0.02 * law.tangent_N_per_mm);
@@ -389,7 +390,7 @@ TEST(ProxyOnWhatRelaxes, LeavesADentOnlyAtTheContact) {
     run.lead({x, 0, 4}, {x, 0, 2}, 0.1);
     return run.result.force_N.z();
   };
-  const double first_N = yield_force({0, {}, kModulus_N_per_mm2}, 1, 3).force_N;
+  const double first_N = soft_contact_force({0, {}, kModulus_N_per_mm2}, 1, 3).force_N;
   EXPECT_EQ(force_N(0), 0);
   EXPECT_NEAR(force_N(10), first_N, 0.05 * first_N);
   EXPECT_GT(sustained_N, 0);
@@ -403,7 +404,7 @@ TEST(ProxyOnWhatRelaxes, EmptySeriesEqualsNoSeriesBitwise) {
   ComplianceFrame frame;
   frame.number = 1;
   frame.spot[0] = {Point<Patient>(0, 0, 0), 16, Vector<Patient>(-0.3, 0.1, 0), kModulus_N_per_mm2, 3};
-  floor.run.yields = without.yields = &frame;
+  floor.run.compliance = without.compliance = &frame;
   for (int n = 0; n < 400; ++n) {
     const Point<Patient> tip(0.01 * n, 0.002 * n, 4 - 4 * std::sin(0.03 * n));
     floor.run.at(tip);
@@ -421,10 +422,10 @@ TEST(ProxyOnWhatRelaxes, FrameReportsTheRelaxingFraction) {
   frame.spot[0] = {Point<Patient>(0, 0, 0), 16, {}, kModulus_N_per_mm2, 3};
   // half of the displacement is in non-relaxing tissue
   frame.spot[0].relaxed.add(kTwoTerms, floor.times, 0.5);
-  floor.run.yields = &frame;
+  floor.run.compliance = &frame;
   floor.run.lead({0, 0, 5}, {0, 0, 1}, 0.4);
   const double at_once_N =
-      yield_force({16 - 0.6 / (3 * kModulus_N_per_mm2), {}, kModulus_N_per_mm2}, 2, 3).force_N;
+      soft_contact_force({16 - 0.6 / (3 * kModulus_N_per_mm2), {}, kModulus_N_per_mm2}, 2, 3).force_N;
   floor.wait({0, 0, 1}, 100);
   EXPECT_NEAR(floor.run.result.force_N.z() / at_once_N, 1 - 0.5 * kTwoTerms.part(), 0.01);
 }

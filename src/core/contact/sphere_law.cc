@@ -52,9 +52,10 @@ SphereLaw::SphereLaw(const ContactLaw& tissue, double radius_mm)
     : layer_(LayerFactor::under_sphere(tissue.poissons_ratio)),
       b_(tissue.surroundings_mm_per_N),
       c_(tissue.stiffening_mm_per_N2),
-      first_N_(tissue.finite_N),
+      first_N_(tissue.reference_force_N),
       first_s_(first_N_ > 0 ? cube_root(first_N_) : 0) {
-  const double modulus = tissue.modulus_N_per_mm2, radius = std::max(radius_mm, kYieldSettings.min_radius_mm);
+  const double modulus = tissue.modulus_N_per_mm2,
+               radius = std::max(radius_mm, kSoftTissueSettings.min_radius_mm);
   const double root = cube_root(4 * modulus / (3 * radius));
   k_ = 0.75 / modulus * root;
   kappa_ = 1 / (radius * root);

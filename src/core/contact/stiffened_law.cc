@@ -19,14 +19,14 @@ class StiffenedLaw {
       : base_(tissue),
         stiffening_(tissue.strain_stiffening),
         radius_mm_(radius_mm),
-        max_N_per_mm_(std::min(max_N_per_mm, 1 / kYieldSettings.min_compliance_mm_per_N)) {
+        max_N_per_mm_(std::min(max_N_per_mm, 1 / kSoftTissueSettings.min_compliance_mm_per_N)) {
     base_.strain_stiffening = 0;
   }
 
   /// State at a depth.
   struct State {
     double depth_mm = 0;
-    YieldForce base;
+    SoftContactForce base;
     StiffenedContact contact;
     double more_N = 0;   ///< Force beyond that at depth_mm, where the law has become linear
     double more_mm = 0;  ///< Depth beyond depth_mm there
@@ -53,7 +53,7 @@ class StiffenedLaw {
     if (!(force_N > 0)) return {};
     // upper bound of the depth, from that on a half-space without stiffening
     const double load = 0.75 * force_N / base_.modulus_N_per_mm2;
-    double low = 0, high = cube_root(load * load / std::max(radius_mm_, kYieldSettings.min_radius_mm));
+    double low = 0, high = cube_root(load * load / std::max(radius_mm_, kSoftTissueSettings.min_radius_mm));
     State state = without_limit(high);
     for (int n = 0; n < kMaxInversionSteps && state.force_N() < force_N; ++n) {
       low = high;
@@ -86,7 +86,7 @@ class StiffenedLaw {
     const SphereLaw law(base_, radius_mm_);
     const double by_energy = state.contact.per_mJ * f * state.more_mm;
     const double by_depth_N = factor * state.base.tangent_N_per_mm * state.more_mm;
-    TangentialCoefficients lateral = yield_lateral(base_, f, radius_mm_);
+    TangentialCoefficients lateral = tangential_coefficients(base_, f, radius_mm_);
     lateral.of_compliance_N2 =
         (factor + by_energy) * lateral.of_compliance_N2 + by_depth_N * law.per_surroundings_N(s);
     lateral.of_stiffening_N3 =
@@ -96,7 +96,7 @@ class StiffenedLaw {
 
  private:
   State without_limit(double depth_mm) const {
-    State state{depth_mm, yield_force(base_, depth_mm, radius_mm_), {}};
+    State state{depth_mm, soft_contact_force(base_, depth_mm, radius_mm_), {}};
     state.contact = stiffened_contact(stiffening_, state.base.stored_mJ, base_.modulus_N_per_mm2, radius_mm_);
     return state;
   }
@@ -117,7 +117,8 @@ class StiffenedLaw {
 
 }  // namespace
 
-YieldForce stiffened_force(const ContactLaw& tissue, double depth_mm, double radius_mm, double max_N_per_mm) {
+SoftContactForce stiffened_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
+                                 double max_N_per_mm) {
   if (!(depth_mm > 0)) return {};
   const StiffenedLaw law(tissue, radius_mm, max_N_per_mm);
   const auto state = law.at_depth(depth_mm);

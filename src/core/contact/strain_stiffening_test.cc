@@ -34,7 +34,7 @@ TEST(StrainStiffening, IsThatOfFiniteElementsOnAHalfSpace) {
     constexpr double kRadius_mm = 4;
     const double depth_mm = relative_depth * kRadius_mm;
     const double hertz_N = 4.0 / 3 * kHalfSpaceModulus * std::sqrt(kRadius_mm) * std::pow(depth_mm, 1.5);
-    const double force_N = yield_force(stiffening_half_space(b), depth_mm, kRadius_mm).force_N;
+    const double force_N = soft_contact_force(stiffening_half_space(b), depth_mm, kRadius_mm).force_N;
     EXPECT_NEAR(force_N / hertz_N / over_hertz, 1, 0.05) << b << " " << relative_depth;
   }
 }
@@ -42,10 +42,10 @@ TEST(StrainStiffening, IsThatOfFiniteElementsOnAHalfSpace) {
 TEST(StrainStiffening, OfNoneIsTheLawWithoutItToTheBit) {
   ContactLaw tissue{3, {-0.8, 0.3, 0}, kHalfSpaceModulus};
   tissue.stiffening_mm_per_N2 = 12;
-  tissue.finite_N = 0.02;
-  const YieldForce without = yield_force(tissue, 2, 3, 1);
+  tissue.reference_force_N = 0.02;
+  const SoftContactForce without = soft_contact_force(tissue, 2, 3, 1);
   tissue.strain_stiffening = 0;
-  EXPECT_EQ(without.force_N, yield_force(tissue, 2, 3, 1).force_N);
+  EXPECT_EQ(without.force_N, soft_contact_force(tissue, 2, 3, 1).force_N);
   const StiffenedContact none = stiffened_contact(0, 0.3, kHalfSpaceModulus, 3);
   EXPECT_EQ(none.factor, 1);
   EXPECT_EQ(none.stored_mJ, 0.3);
@@ -69,9 +69,9 @@ TEST(StrainStiffening, ForceIsTheSlopeOfTheEnergyAndNoStifferThanTheLimit) {
     const double radius_mm = 0.5 + 7 * unit(random), depth_mm = std::pow(10, 2.5 * unit(random) - 1.5);
     const double largest = n % 2 == 0 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
     const double step_mm = 1e-4 * depth_mm;
-    const YieldForce less = yield_force(tissue, depth_mm - step_mm, radius_mm, largest),
-                     at = yield_force(tissue, depth_mm, radius_mm, largest),
-                     more = yield_force(tissue, depth_mm + step_mm, radius_mm, largest);
+    const SoftContactForce less = soft_contact_force(tissue, depth_mm - step_mm, radius_mm, largest),
+                           at = soft_contact_force(tissue, depth_mm, radius_mm, largest),
+                           more = soft_contact_force(tissue, depth_mm + step_mm, radius_mm, largest);
     const double work_N = (more.stored_mJ - less.stored_mJ) / (2 * step_mm);
     ASSERT_GT(work_N, less.force_N * (1 - 1e-4)) << n;
     ASSERT_LT(work_N, more.force_N * (1 + 1e-4)) << n;
@@ -97,19 +97,19 @@ TEST(StrainStiffening, TheForceAlongTheSurfaceIsTheLossOfEnergyThere) {
     ContactLaw tissue = random_tissue(random);
     tissue.slope_per_N = {0.1 / tissue.modulus_N_per_mm2, 0, 0};
     // in every other case beyond the limit of stiffness
-    const double largest = n % 2 == 0 ? 1e9 : 0.5 * yield_force(tissue, 1, 3).tangent_N_per_mm;
+    const double largest = n % 2 == 0 ? 1e9 : 0.5 * soft_contact_force(tissue, 1, 3).tangent_N_per_mm;
     const auto stored_mJ = [&](double distance_mm) {
       ContactLaw there = tissue;
       there.surroundings_mm_per_N += distance_mm * tissue.slope_per_N[0];
-      return yield_force(there, 1, 3, largest).stored_mJ;
+      return soft_contact_force(there, 1, 3, largest).stored_mJ;
     };
     constexpr double kDistance_mm = 1e-4;
     const double lost_N = (stored_mJ(-kDistance_mm) - stored_mJ(kDistance_mm)) / (2 * kDistance_mm);
-    const YieldForce at = yield_force(tissue, 1, 3, largest);
+    const SoftContactForce at = soft_contact_force(tissue, 1, 3, largest);
     ASSERT_NEAR(at.tangential_force_N[0] / lost_N, 1, 1e-4) << n;
-    ASSERT_NEAR(
-        yield_lateral(tissue, at.force_N, 3, largest).of_compliance_N2 * tissue.slope_per_N[0] / lost_N, 1,
-        1e-4)
+    ASSERT_NEAR(tangential_coefficients(tissue, at.force_N, 3, largest).of_compliance_N2 *
+                    tissue.slope_per_N[0] / lost_N,
+                1, 1e-4)
         << n;
   }
 }
@@ -121,7 +121,7 @@ TEST(StrainStiffening, AClosedPathOverTissueThatVariesDoesNoWork) {
   const auto at = [&](double x_mm, double depth_mm) {
     ContactLaw there = tissue;
     there.surroundings_mm_per_N += x_mm * tissue.slope_per_N[0];
-    return yield_force(there, depth_mm, 3);
+    return soft_contact_force(there, depth_mm, 3);
   };
   constexpr int kSteps = 2000;
   double work = 0, gross = 0;
@@ -143,7 +143,8 @@ TEST(StrainStiffening, BlendsFromFrameToFrameWithoutAStepOfForce) {
   spot.strain_stiffening = 5;
   ComplianceState state;
   const auto force_N = [&](std::uint32_t frame) {
-    return yield_force(blend_compliance(frame, spot, {}, kHalfSpaceModulus, 0.001, state), 2, 3).force_N;
+    return soft_contact_force(blend_compliance(frame, spot, {}, kHalfSpaceModulus, 0.001, state), 2, 3)
+        .force_N;
   };
   double before_N = force_N(1);
   spot.strain_stiffening = 50;
@@ -154,9 +155,10 @@ TEST(StrainStiffening, BlendsFromFrameToFrameWithoutAStepOfForce) {
     before_N = now_N;
   }
   ComplianceState fresh;
-  EXPECT_NEAR(before_N,
-              yield_force(blend_compliance(2, spot, {}, kHalfSpaceModulus, 0.001, fresh), 2, 3).force_N,
-              1e-12);
+  EXPECT_NEAR(
+      before_N,
+      soft_contact_force(blend_compliance(2, spot, {}, kHalfSpaceModulus, 0.001, fresh), 2, 3).force_N,
+      1e-12);
   // without a frame: that of the tissue itself
   ComplianceState unknown;
   EXPECT_EQ(blend_compliance(0, {}, {}, kHalfSpaceModulus, 0.001, unknown, 7).strain_stiffening, 7);

@@ -29,7 +29,7 @@ ValidatedStep validate_step(PairSet& pairs, const Point<Patient>& from, const Po
   }
   // the ends of a longer projection do not bound the penetration between them
   if ((step.position - step.end).norm() > substep_mm) return step;
-  const double away_mm = conditions.max_away * (step.position - from).norm();
+  const double away_mm = conditions.max_distance_increase * (step.position - from).norm();
   step.accepted = !((conditions.tip - step.position).norm() > (conditions.tip - from).norm() + away_mm);
   return step;
 }

@@ -83,7 +83,7 @@ struct ProxyRun {
   ProxyState state;
   ProxyResult result;
   double dt_s = 0.001;
-  const ComplianceFrame* yields = nullptr;
+  const ComplianceFrame* compliance = nullptr;
   const RelaxationTimes* relaxation_times = nullptr;
   Holes holes;
   /// Maximum penetration at any point of any path, sampled every 0.01 mm; positive: below the surface.
@@ -96,10 +96,11 @@ struct ProxyRun {
     const ProxyState before = state;
     result = advance_proxy(
         surfaces, turned(hand.attitude).spheres(), hand, state,
-        {.dt_s = dt_s, .compliance = yields, .relaxation_times = relaxation_times, .holes = &holes}, &path);
+        {.dt_s = dt_s, .compliance = compliance, .relaxation_times = relaxation_times, .holes = &holes},
+        &path);
     // a released proxy is reset to the tip
     const bool let_go =
-        before.contacts > 0 && state.contacts == 0 && result.release.force_N != Vector<Patient>();
+        before.contact_count > 0 && state.contact_count == 0 && result.release.force_N != Vector<Patient>();
     if (before.coupled && path.count > 0 && !let_go)
       scan_along({before.position, before.attitude}, {path.corner[0], path.attitude[0]});
     for (std::size_t n = 1; n < path.count; ++n)
@@ -116,7 +117,7 @@ struct ProxyRun {
   }
 
   /// Tool parts in an attitude.
-  TurnedTool turned(const Eigen::Quaterniond& attitude) const {
+  RotatedTool turned(const Eigen::Quaterniond& attitude) const {
     return {spheres, Eigen::Quaterniond::Identity(), attitude};
   }
 
@@ -133,13 +134,13 @@ struct ProxyRun {
       const double part = static_cast<double>(n) / pieces;
       const Point<Patient> p = a.tip + (b.tip - a.tip) * part;
       const bool turns = a.attitude.coeffs() != b.attitude.coeffs();
-      const TurnedTool tool = turned(turns ? a.attitude.slerp(part, b.attitude) : a.attitude);
+      const RotatedTool tool = turned(turns ? a.attitude.slerp(part, b.attitude) : a.attitude);
       // distance that the whole tool may move without exceeding the deepest penetration so far
       double free_mm = 1e3;
       for (std::size_t s = 0; s < surfaces.size(); ++s) {
         // the path is that of the outermost proxy
         if (surfaces[s].surface == nullptr || surfaces[s].layer > 0) continue;
-        const int outer = surfaces[s].beneath;
+        const int outer = surfaces[s].covered_by;
         const bool covered = outer >= 0 && !state.punctured[static_cast<std::size_t>(outer)];
         if (state.punctured[s] || covered) continue;
         for (const ToolSphere& sphere : tool.spheres())

@@ -81,8 +81,8 @@ struct LayerForce {
 // appends a layer's contacts by decreasing force, up to the capacity; returns their number
 std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<ContactPoint> reported) {
   std::array<const ProxyContact*, kMaxContacts> order;
-  const auto count = static_cast<std::size_t>(on.layer.contacts);
-  for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contact[n];
+  const auto count = static_cast<std::size_t>(on.layer.contact_count);
+  for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contacts[n];
   insertion_sort(std::span(order).first(count),
                  [](const auto* a, const auto* b) { return a->multiplier_mm > b->multiplier_mm; });
   std::size_t n = 0;
@@ -102,7 +102,7 @@ PointContact strongest_of(const Model& model, const ProxyState& proxy, const Con
   PointContact contact;
   contact.proxy = proxy.coupled ? proxy.position : tip;
   contact.force_N = force_N;
-  if (proxy.contacts == 0) return contact;
+  if (proxy.contact_count == 0) return contact;
   contact.sample.gradient = -normal_of(result);
   const double depth_mm = (proxy.position - tip).norm();
   contact.site = site_of(model, most.label, depth_mm);
@@ -225,7 +225,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
   std::size_t reported = 0;
   for (int n = 0; n < kMaxLayers; ++n) {
     const ProxyLayer& layer = proxy.layer(n);
-    if (!layer.coupled || layer.contacts == 0) continue;
+    if (!layer.coupled || layer.contact_count == 0) continue;
     // tool parts in the proxy's attitude
     const ProxySpheres turned(posed_tool.spheres(), posed_tool.pose().attitude, layer.attitude);
     const double layer_N_per_mm =

@@ -54,7 +54,7 @@ class Turn {
   bool run_leg() {
     const Eigen::Quaterniond begun = state_.attitude;
     const Eigen::AngleAxisd rest(attitude_ * begun.conjugate());
-    const TurnedTool tool(spheres_, attitude_, begun);
+    const RotatedTool tool(spheres_, attitude_, begun);
     farthest_mm_ = 0;
     for (std::size_t k = 0; k < tool.spheres().size(); ++k) {
       // the ends of a capsule's axis bound the arcs of all points between them
@@ -117,7 +117,7 @@ class Turn {
       if (tries > 0 && has_turned_ && pairs.queries() >= max_queries_) return 0;
       const Eigen::Quaterniond turned =
           (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
-      pairs.turn(TurnedTool(spheres_, attitude_, turned).spheres());
+      pairs.turn(RotatedTool(spheres_, attitude_, turned).spheres());
       Point<Patient> there = state_.position;
       if (!project_out(pairs, kProxySettings.max_corrections, stride_mm, there)) continue;
       const double push_mm = (there - state_.position).norm();

@@ -66,8 +66,8 @@ TEST(ToolTurn, LeverPassesNoPlateAndGivesTorque) {
     EXPECT_NEAR(run.result.force_N.x(), 0, 1e-2);
     EXPECT_NEAR(run.result.torque_Nmm.y(), -offset.x() * run.result.force_N.z(),
                 1e-3 * turned.lever_mm * run.result.force_N.z());
-    ASSERT_EQ(run.state.contacts, 1);
-    EXPECT_EQ(run.state.contact[0].sphere, 0);
+    ASSERT_EQ(run.state.contact_count, 1);
+    EXPECT_EQ(run.state.contacts[0].sphere, 0);
 
     // back again
     for (double angle = end_rad; angle > 0; angle -= turned.speed_rad_s * turned.tick_s)
@@ -163,9 +163,9 @@ TEST(ToolTurn, ShaftTouchesBetweenItsEnds) {
   // it touches the ball from above, one radius from it, and is pushed along its own normal
   const Eigen::Vector3d axis = about_y(end_rad) * Eigen::Vector3d::UnitX();
   const Eigen::Vector3d normal = axis.cross(Eigen::Vector3d::UnitY());
-  ASSERT_EQ(run.state.contacts, 1);
+  ASSERT_EQ(run.state.contact_count, 1);
   const double part = -axis.dot(run.state.position.eigen()) / 60;
-  EXPECT_NEAR(run.state.contact[0].axis_fraction, part, 0.3 / 60);
+  EXPECT_NEAR(run.state.contacts[0].axis_fraction, part, 0.3 / 60);
   const Eigen::Vector3d touching = run.state.position.eigen() + 60 * part * axis;
   EXPECT_NEAR(touching.norm(), 3, 0.03);
   EXPECT_NEAR((touching.normalized() - normal).norm(), 0, 0.03);
@@ -236,7 +236,7 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
                                 ? kProxySettings.max_penetration_mm
                                 : kProxySettings.max_penetration_mm + kProxySettings.max_row_gap_mm;
       ASSERT_LT(run.deepest_mm, max_mm) << "scene " << scene << ", tick " << n;
-      in_contact += run.state.contacts > 0;
+      in_contact += run.state.contact_count > 0;
       blocked += run.result.wedged;
     }
   }

@@ -4,8 +4,8 @@
 
 namespace palpate {
 
-TurnedTool::TurnedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
-                       const Eigen::Quaterniond& to)
+RotatedTool::RotatedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+                         const Eigen::Quaterniond& to)
     : count_(spheres.size()) {
   PALPATE_CHECK(count_ <= kMaxToolSpheres);
   std::copy(spheres.begin(), spheres.end(), spheres_.begin());

@@ -34,7 +34,7 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
     if (traced_mm >= length_mm) return true;
     const double fraction = traced_mm / length_mm;
     if (arc_mm > 0)
-      pairs.turn(TurnedTool(spheres, hand.attitude, hand.attitude.slerp(fraction, to.attitude)).spheres());
+      pairs.turn(RotatedTool(spheres, hand.attitude, hand.attitude.slerp(fraction, to.attitude)).spheres());
     free_mm = clearance_mm(hand.tip + displacement_mm * fraction);
   }
   return false;
@@ -44,11 +44,12 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
 
 bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                    const ToolPose& hand, ProxyState& state) {
-  if (state.contacts == 0 || (hand.tip - state.last_search_tip).norm() < kProxySettings.withdrawal_pitch_mm)
+  if (state.contact_count == 0 ||
+      (hand.tip - state.last_search_tip).norm() < kProxySettings.withdrawal_pitch_mm)
     return false;
   state.last_search_tip = hand.tip;
   // early-out: the tip usually lies below the surface in contact
-  const ProxyContact& contact = state.contact[0];
+  const ProxyContact& contact = state.contacts[0];
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
   const Surface& surface = *surfaces[static_cast<std::size_t>(contact.surface)].surface;
   const double enough_mm = sphere.radius_mm + kProxySettings.withdrawal_clearance_mm;

@@ -9,8 +9,8 @@
 namespace palpate {
 
 /// Whether the layer's proxy coincides with the operator's pose without contact.
-inline bool follows(const ProxyLayer& layer, const ToolPose& hand) {
-  return layer.contacts == 0 && layer.attitude.coeffs() == hand.attitude.coeffs() &&
+inline bool coincides_with(const ProxyLayer& layer, const ToolPose& hand) {
+  return layer.contact_count == 0 && layer.attitude.coeffs() == hand.attitude.coeffs() &&
          (hand.tip - layer.position).norm() <= kProxySettings.arrived_mm;
 }
 

@@ -12,7 +12,7 @@ namespace palpate {
 namespace {
 
 double min_compliance_mm_per_N(double max_N_per_mm) {
-  return std::max(1 / max_N_per_mm, kYieldSettings.min_compliance_mm_per_N);
+  return std::max(1 / max_N_per_mm, kSoftTissueSettings.min_compliance_mm_per_N);
 }
 
 // Integrals of SphereLaw over the force, where the law is linear in the force beyond s.
@@ -55,8 +55,8 @@ std::uint64_t ComplianceFrame::hash() const {
     // tissue without stiffening adds nothing to the hash
     if (one.strain_stiffening > 0) hash_double(hash, one.strain_stiffening);
     // the linear law adds nothing to the hash
-    if (!one.is_finite()) continue;
-    hash_double(hash, one.finite_N);
+    if (!one.has_neo_hookean()) continue;
+    hash_double(hash, one.reference_force_N);
     hash_double(hash, one.stiffening_mm_per_N2);
     for (int axis = 0; axis < 3; ++axis) hash_double(hash, one.stiffening_slope[axis]);
   }
@@ -79,8 +79,8 @@ void ComplianceState::hash_into(std::uint64_t& hash) const {
   if (strain_stiffening != 0 || left_strain_stiffening != 0)
     for (const double value : {strain_stiffening, left_strain_stiffening}) hash_double(hash, value);
   // the linear law adds nothing to the hash
-  if (finite_N == 0 && left_N == 0) return;
-  for (const double value : {left_mm_per_N2, left_N, stiffening_mm_per_N2, finite_N})
+  if (reference_force_N == 0 && left_N == 0) return;
+  for (const double value : {left_mm_per_N2, left_N, stiffening_mm_per_N2, reference_force_N})
     hash_double(hash, value);
 }
 
@@ -89,10 +89,10 @@ ContactLaw tissue_at(const LocalCompliance& spot) {
                     spot.modulus_N_per_mm2};
   tissue.poissons_ratio = spot.poissons_ratio;
   tissue.strain_stiffening = spot.strain_stiffening;
-  if (!spot.is_finite()) return tissue;
+  if (!spot.has_neo_hookean()) return tissue;
   tissue.stiffening_mm_per_N2 = spot.stiffening_mm_per_N2;
   tissue.stiffening_slope = spot.stiffening_slope;
-  tissue.finite_N = spot.finite_N;
+  tissue.reference_force_N = spot.reference_force_N;
   return tissue;
 }
 
@@ -105,18 +105,18 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
   if (spot.is_known()) {
     const double reported = spot.compliance_mm_per_N;
     const double on = reported + spot.slope_per_N.dot(at - spot.at);
-    const double carried = std::clamp(on, kYieldSettings.min_extrapolation * reported,
-                                      kYieldSettings.max_extrapolation * reported);
+    const double carried = std::clamp(on, kSoftTissueSettings.min_extrapolation * reported,
+                                      kSoftTissueSettings.max_extrapolation * reported);
     const double per_compliance = spot.surroundings_per_compliance;
     tissue.surroundings_mm_per_N = spot.surroundings_mm_per_N + per_compliance * (carried - reported);
     if (carried == on) tissue.slope_per_N = spot.slope_per_N * per_compliance;
     tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
     tissue.poissons_ratio = spot.poissons_ratio;
-    if (spot.is_finite()) {
+    if (spot.has_neo_hookean()) {
       const double c = spot.stiffening_mm_per_N2, there = c + spot.stiffening_slope.dot(at - spot.at);
-      const double largest = kYieldSettings.max_stiffening * reported / spot.finite_N;
+      const double largest = kSoftTissueSettings.max_stiffening * reported / spot.reference_force_N;
       tissue.stiffening_mm_per_N2 = std::clamp(there, std::min(-largest, c), std::max(largest, c));
-      tissue.finite_N = spot.finite_N;
+      tissue.reference_force_N = spot.reference_force_N;
       if (tissue.stiffening_mm_per_N2 == there) tissue.stiffening_slope = spot.stiffening_slope;
     }
   }
@@ -128,32 +128,33 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
     state.left_mm_per_N = state.surroundings_mm_per_N - tissue.surroundings_mm_per_N;
     state.left_modulus = state.modulus_N_per_mm2 / tissue.modulus_N_per_mm2 - 1;
     state.left_mm_per_N2 = state.stiffening_mm_per_N2 - tissue.stiffening_mm_per_N2;
-    state.left_N = state.finite_N - tissue.finite_N;
+    state.left_N = state.reference_force_N - tissue.reference_force_N;
     state.left_poissons_ratio = state.poissons_ratio - tissue.poissons_ratio;
     state.left_strain_stiffening = state.strain_stiffening - tissue.strain_stiffening;
     state.elapsed_s = 0;
   }
   state.frame = frame;
-  state.elapsed_s = std::min(kYieldSettings.blend_s, state.elapsed_s + dt_s);
-  const double left = 1 - state.elapsed_s / kYieldSettings.blend_s;
+  state.elapsed_s = std::min(kSoftTissueSettings.blend_s, state.elapsed_s + dt_s);
+  const double left = 1 - state.elapsed_s / kSoftTissueSettings.blend_s;
   tissue.surroundings_mm_per_N += left * state.left_mm_per_N;
   tissue.modulus_N_per_mm2 *= 1 + left * state.left_modulus;
   tissue.stiffening_mm_per_N2 += left * state.left_mm_per_N2;
-  tissue.finite_N += left * state.left_N;
+  tissue.reference_force_N += left * state.left_N;
   tissue.poissons_ratio += left * state.left_poissons_ratio;
   tissue.strain_stiffening += left * state.left_strain_stiffening;
   state.surroundings_mm_per_N = tissue.surroundings_mm_per_N;
   state.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
   state.stiffening_mm_per_N2 = tissue.stiffening_mm_per_N2;
-  state.finite_N = tissue.finite_N;
+  state.reference_force_N = tissue.reference_force_N;
   state.poissons_ratio = tissue.poissons_ratio;
   state.strain_stiffening = tissue.strain_stiffening;
   return tissue;
 }
 
-YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_mm, double max_N_per_mm) {
+SoftContactForce soft_contact_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
+                                    double max_N_per_mm) {
   if (tissue.strain_stiffening > 0) return stiffened_force(tissue, depth_mm, radius_mm, max_N_per_mm);
-  YieldForce force;
+  SoftContactForce force;
   if (!(depth_mm > 0)) return force;
   const SphereLaw law(tissue, radius_mm);
   const double min_compliance_ratio = min_compliance_mm_per_N(max_N_per_mm);
@@ -178,8 +179,8 @@ YieldForce yield_force(const ContactLaw& tissue, double depth_mm, double radius_
   return force;
 }
 
-TangentialCoefficients yield_lateral(const ContactLaw& tissue, double force_N, double radius_mm,
-                                     double max_N_per_mm) {
+TangentialCoefficients tangential_coefficients(const ContactLaw& tissue, double force_N, double radius_mm,
+                                               double max_N_per_mm) {
   if (tissue.strain_stiffening > 0) return stiffened_lateral(tissue, force_N, radius_mm, max_N_per_mm);
   const auto sum = integrals_of(tissue, force_N, radius_mm, max_N_per_mm);
   return {sum.of_surroundings_N2, sum.of_stiffening_N3};

@@ -84,11 +84,11 @@ TEST(CubeRoot, IsOneOverTheWholeRange) {
   EXPECT_EQ(cube_root(0), 0);
 }
 
-TEST(YieldForce, MatchesSneddonsSphereOnAHalfSpace) {
+TEST(SoftContactForce, MatchesSneddonsSphereOnAHalfSpace) {
   const ContactLaw half_space{0, {}, kModulus};
   for (const double radius_mm : {0.5, 3.0, 8.0})
     for (const double depth : {0.01, 0.1, 0.5, 1.0, 2.0, 4.0}) {
-      const YieldForce force = yield_force(half_space, depth * radius_mm, radius_mm);
+      const SoftContactForce force = soft_contact_force(half_space, depth * radius_mm, radius_mm);
       const double hertz_N = 4.0 / 3 * kModulus * radius_mm * radius_mm * std::pow(depth, 1.5);
       const double depth_at =
           std::pow(force.force_N / hertz_N, 2.0 / 3) * sphere_ratio(force.force_N, kModulus, radius_mm);
@@ -99,15 +99,15 @@ TEST(YieldForce, MatchesSneddonsSphereOnAHalfSpace) {
       }
       EXPECT_NEAR(force.stored_mJ / (0.4 * hertz_N * depth * radius_mm), 1, 0.01 + 0.12 * depth);
     }
-  EXPECT_EQ(yield_force(half_space, 0, 3).force_N, 0);
-  EXPECT_EQ(yield_force(half_space, -1, 3).force_N, 0);
-  EXPECT_EQ(yield_force(half_space, std::nan(""), 3).force_N, 0);
+  EXPECT_EQ(soft_contact_force(half_space, 0, 3).force_N, 0);
+  EXPECT_EQ(soft_contact_force(half_space, -1, 3).force_N, 0);
+  EXPECT_EQ(soft_contact_force(half_space, std::nan(""), 3).force_N, 0);
   // a point counts as a small sphere
-  EXPECT_EQ(yield_force(half_space, 1, 0).force_N,
-            yield_force(half_space, 1, kYieldSettings.min_radius_mm).force_N);
+  EXPECT_EQ(soft_contact_force(half_space, 1, 0).force_N,
+            soft_contact_force(half_space, 1, kSoftTissueSettings.min_radius_mm).force_N);
 }
 
-TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
+TEST(SoftContactForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -121,20 +121,20 @@ TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
     const double own = 1 / (tissue.modulus_N_per_mm2 * radius_mm);
     const double per_N = unit(random) * own / (tissue.modulus_N_per_mm2 * radius_mm * radius_mm);
     const double largest = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
-    const double min_compliance_ratio = std::max(1 / largest, kYieldSettings.min_compliance_mm_per_N);
+    const double min_compliance_ratio = std::max(1 / largest, kSoftTissueSettings.min_compliance_mm_per_N);
     if (n % 3 == 1) tissue.stiffening_mm_per_N2 = per_N;
     if (n % 3 == 2 && tissue.surroundings_mm_per_N > min_compliance_ratio)
       tissue.stiffening_mm_per_N2 = -per_N;
-    tissue.finite_N = 3 * unit(random) / own;
+    tissue.reference_force_N = 3 * unit(random) / own;
     const double depth = std::pow(10, 3 * unit(random) - 2);
-    const YieldForce force = yield_force(tissue, depth, radius_mm, largest);
+    const SoftContactForce force = soft_contact_force(tissue, depth, radius_mm, largest);
     const double slow_N = slow_force_N(tissue, depth, radius_mm, min_compliance_ratio);
     // the slope of the exhaustive search is a difference
     ASSERT_NEAR(force.force_N / slow_N, 1, 1e-5) << n;
     ASSERT_LE(force.tangent_N_per_mm, 1 / min_compliance_ratio * (1 + 1e-9)) << n;
     const double step = 1e-4 * depth;
-    const YieldForce less = yield_force(tissue, depth - step, radius_mm, largest),
-                     more = yield_force(tissue, depth + step, radius_mm, largest);
+    const SoftContactForce less = soft_contact_force(tissue, depth - step, radius_mm, largest),
+                           more = soft_contact_force(tissue, depth + step, radius_mm, largest);
     // a mean of the slopes in the interval, which has no kink
     const auto [least, greatest] =
         std::minmax({less.tangent_N_per_mm, force.tangent_N_per_mm, more.tangent_N_per_mm});
@@ -148,7 +148,7 @@ TEST(YieldForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
   }
 }
 
-TEST(YieldForce, OverASofteningHardInclusionGrowsBoundedlyWithDepth) {
+TEST(SoftContactForce, OverASofteningHardInclusionGrowsBoundedlyWithDepth) {
   const unsigned seed = test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -157,10 +157,10 @@ TEST(YieldForce, OverASofteningHardInclusionGrowsBoundedlyWithDepth) {
     // B below 0, so that the law may exceed the stiffness limit, and may end
     ContactLaw tissue{-unit(random) / kModulus, {}, kModulus};
     tissue.stiffening_mm_per_N2 = -std::pow(10, 4 * unit(random) - 1);
-    tissue.finite_N = unit(random);
+    tissue.reference_force_N = unit(random);
     double before_N = 0;
     for (int step = 1; step < 400; ++step) {
-      const YieldForce force = yield_force(tissue, 0.01 * step, 3, 2);
+      const SoftContactForce force = soft_contact_force(tissue, 0.01 * step, 3, 2);
       ASSERT_GT(force.force_N, before_N);
       ASSERT_LE(force.force_N - before_N, 0.01 * 2 * (1 + 1e-9));
       before_N = force.force_N;
@@ -168,33 +168,33 @@ TEST(YieldForce, OverASofteningHardInclusionGrowsBoundedlyWithDepth) {
   }
 }
 
-TEST(YieldForce, TangentialForceIsTheEnergyGradientAlongTheSurface) {
+TEST(SoftContactForce, TangentialForceIsTheEnergyGradientAlongTheSurface) {
   ContactLaw tissue{3, {-0.8, 0.3, 0}, kModulus};
   tissue.stiffening_mm_per_N2 = 12;
   tissue.stiffening_slope = {2, -5, 0};
   constexpr double kDistance_mm = 1e-4;
   // above F1, where the C term is linear, and below
   for (int n = 0; n < 4; ++n) {
-    tissue.finite_N = n < 2 ? 0.02 : 1;
+    tissue.reference_force_N = n < 2 ? 0.02 : 1;
     const int axis = n % 2;
-    const YieldForce at = yield_force(tissue, 3, 3);
-    ASSERT_EQ(at.force_N > tissue.finite_N, n < 2);
+    const SoftContactForce at = soft_contact_force(tissue, 3, 3);
+    ASSERT_EQ(at.force_N > tissue.reference_force_N, n < 2);
     const auto stored_at = [&](double distance_mm) {
       ContactLaw there = tissue;
       there.surroundings_mm_per_N += distance_mm * tissue.slope_per_N[axis];
       there.stiffening_mm_per_N2 += distance_mm * tissue.stiffening_slope[axis];
-      return yield_force(there, 3, 3).stored_mJ;
+      return soft_contact_force(there, 3, 3).stored_mJ;
     };
     const double lost = (stored_at(-kDistance_mm) - stored_at(kDistance_mm)) / (2 * kDistance_mm);
     EXPECT_NEAR(at.tangential_force_N[axis], lost, 1e-6 * at.force_N);
   }
 }
 
-TEST(YieldForce, IsMonotonicInDepth) {
+TEST(SoftContactForce, IsMonotonicInDepth) {
   const ContactLaw stiff_below{-0.3 / kModulus, {}, kModulus};
   double before_N = 0;
   for (int n = 1; n < 3000; ++n) {
-    const double force_N = yield_force(stiff_below, 0.01 * n, 3, 2).force_N;
+    const double force_N = soft_contact_force(stiff_below, 0.01 * n, 3, 2).force_N;
     EXPECT_GT(force_N, before_N);
     EXPECT_LE(force_N - before_N, 0.01 * 2 * (1 + 1e-9));
     before_N = force_N;
@@ -209,7 +209,7 @@ ComplianceFrame frame_of(std::uint32_t number, double compliance, const Vector<P
   return frame;
 }
 
-TEST(YieldHaptics, IsAHalfSpaceWithoutAFrame) {
+TEST(SoftTissueHaptics, IsAHalfSpaceWithoutAFrame) {
   ComplianceState state;
   const ContactLaw tissue = blend_compliance(0, {}, {1, 2, 3}, kModulus, 0.001, state);
   EXPECT_EQ(tissue.surroundings_mm_per_N, 0);
@@ -217,7 +217,7 @@ TEST(YieldHaptics, IsAHalfSpaceWithoutAFrame) {
   EXPECT_EQ(tissue.slope_per_N, Vector<Patient>());
 }
 
-TEST(YieldHaptics, ExtrapolatesAFrameAlongTheSurfaceOverALimitedDistance) {
+TEST(SoftTissueHaptics, ExtrapolatesAFrameAlongTheSurfaceOverALimitedDistance) {
   const ComplianceFrame frame = frame_of(1, 20, {0.5, 0, 0});
   const double half_space = 0.6 / (3 * kModulus);
   const auto beyond_at = [&](double x) {
@@ -233,11 +233,12 @@ TEST(YieldHaptics, ExtrapolatesAFrameAlongTheSurfaceOverALimitedDistance) {
   EXPECT_EQ(beyond_at(200).slope_per_N, Vector<Patient>());
 }
 
-TEST(YieldHaptics, NewFrameBlendsInWithoutAForceStep) {
+TEST(SoftTissueHaptics, NewFrameBlendsInWithoutAForceStep) {
   ComplianceState state;
   const ComplianceFrame first = frame_of(1, 12), second = frame_of(2, 20), none{3, {}};
   const auto force_N = [&](const ComplianceFrame& frame) {
-    return yield_force(blend_compliance(frame.number, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state), 4, 3)
+    return soft_contact_force(
+               blend_compliance(frame.number, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state), 4, 3)
         .force_N;
   };
   const double stiff_N = force_N(first);
@@ -250,19 +251,21 @@ TEST(YieldHaptics, NewFrameBlendsInWithoutAForceStep) {
     before_N = now_N;
   }
   ComplianceState fresh;
-  EXPECT_NEAR(before_N,
-              yield_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
-              1e-12);
+  EXPECT_NEAR(
+      before_N,
+      soft_contact_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
+      1e-12);
   // no frame known: back to a half-space, blended as slowly
   EXPECT_NEAR(force_N(none), before_N, 0.1 * before_N);
   // a tool that was away uses the newest frame at once
   state = {};
-  EXPECT_NEAR(force_N(second),
-              yield_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
-              1e-12);
+  EXPECT_NEAR(
+      force_N(second),
+      soft_contact_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
+      1e-12);
 }
 
-TEST(YieldHaptics, RemainingFrameNeverMakesTheModulusNegative) {
+TEST(SoftTissueHaptics, RemainingFrameNeverMakesTheModulusNegative) {
   // from a known soft spot to unknown tissue, first stiff and then, before the blending ends, soft
   ComplianceFrame known = frame_of(1, 16, {});
   known.spot[0].modulus_N_per_mm2 = 0.01;
@@ -273,22 +276,22 @@ TEST(YieldHaptics, RemainingFrameNeverMakesTheModulusNegative) {
     const ContactLaw tissue = blend_compliance(2, LocalCompliance{}, {}, 0.03, 0.001, state);
     ASSERT_GT(tissue.modulus_N_per_mm2, 0) << n;
     ASSERT_LE(tissue.modulus_N_per_mm2, 0.03) << n;
-    const YieldForce force = yield_force(tissue, 2, 3);
+    const SoftContactForce force = soft_contact_force(tissue, 2, 3);
     ASSERT_TRUE(std::isfinite(force.force_N) && force.force_N > 0 && force.tangent_N_per_mm > 0) << n;
   }
 }
 
-TEST(YieldHaptics, NeoHookeanTermBlendsInWithoutAForceStep) {
+TEST(SoftTissueHaptics, NeoHookeanTermBlendsInWithoutAForceStep) {
   ComplianceFrame frame = frame_of(1, 12);
   const std::uint64_t linear = frame.hash();
   frame.spot[0].stiffening_mm_per_N2 = 8;
   frame.spot[0].stiffening_slope = {1, 0, 0};
   ComplianceState state;
-  // without finite_N there is no neo-Hookean term
+  // without reference_force_N there is no neo-Hookean term
   EXPECT_EQ(blend_compliance(1, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state).stiffening_mm_per_N2, 0);
   EXPECT_EQ(frame.hash(), linear);
   frame.number = 2;
-  frame.spot[0].finite_N = 0.2;
+  frame.spot[0].reference_force_N = 0.2;
   ComplianceFrame other = frame;
   other.spot[0].stiffening_slope = {0, 1, 0};
   EXPECT_NE(frame.hash(), other.hash());
@@ -302,7 +305,7 @@ TEST(YieldHaptics, NeoHookeanTermBlendsInWithoutAForceStep) {
   for (const double x : {0.5, 100.0}) {
     ComplianceState fresh;
     const ContactLaw tissue = blend_compliance(2, frame.spot[0], {x, 0, 0}, kModulus, 0.001, fresh);
-    const double largest = kYieldSettings.max_stiffening * 12 / 0.2;
+    const double largest = kSoftTissueSettings.max_stiffening * 12 / 0.2;
     EXPECT_EQ(tissue.stiffening_mm_per_N2, std::min(8 + x, largest));
     EXPECT_EQ(tissue.stiffening_slope, x < 1 ? frame.spot[0].stiffening_slope : Vector<Patient>());
   }
@@ -313,17 +316,17 @@ ProxyRun on_soft_floor(double friction = 0) {
   ProxyRun run;
   run.surfaces = {
       make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
-  run.surfaces[0].yield_modulus_N_per_mm2 = kModulus;
+  run.surfaces[0].plane_strain_modulus_N_per_mm2 = kModulus;
   run.surfaces[0].static_friction = run.surfaces[0].friction = friction;
   run.spheres[0].radius_mm = 3;
   return run;
 }
 
-TEST(ProxyOnWhatYields, RendersForceEnergyAndStiffnessOfTheLaw) {
+TEST(ProxyOnSoftTissue, RendersForceEnergyAndStiffnessOfTheLaw) {
   ProxyRun run = on_soft_floor();
   run.lead({0, 0, 5}, {0, 0, 1}, 0.05);
   for (int n = 0; n < 100; ++n) run.at({0, 0, 1});
-  const YieldForce law = yield_force({0, {}, kModulus}, 2, 3);
+  const SoftContactForce law = soft_contact_force({0, {}, kModulus}, 2, 3);
   EXPECT_TRUE(run.result.deformable);
   EXPECT_NEAR(run.result.force_N.z(), law.force_N, 0.01 * law.force_N);
   EXPECT_NEAR(run.result.stored_mJ, law.stored_mJ, 0.02 * law.stored_mJ);
@@ -331,12 +334,12 @@ TEST(ProxyOnWhatYields, RendersForceEnergyAndStiffnessOfTheLaw) {
   EXPECT_NEAR(run.result.stiffness_N_per_mm, law.force_N / 2, 0.01 * law.force_N / 2);
 }
 
-TEST(ProxyOnWhatYields, SlidingOverAHardInclusionIsConservative) {
+TEST(ProxyOnSoftTissue, SlidingOverAHardInclusionIsConservative) {
   // W decreases towards +x, as over something hard
   const ComplianceFrame frame = frame_of(1, 16, {-0.8, 0, 0});
   const auto work_mJ = [&](bool lateral) {
     ProxyRun run = on_soft_floor();
-    run.yields = &frame;
+    run.compliance = &frame;
     double work = 0;
     const auto lead = [&](const Point<Patient>& from, const Point<Patient>& to) {
       const int steps = static_cast<int>((to - from).norm() / 0.01);
@@ -360,16 +363,16 @@ TEST(ProxyOnWhatYields, SlidingOverAHardInclusionIsConservative) {
   EXPECT_LT(work_mJ(false), -0.2);
 }
 
-TEST(ProxyOnWhatYields, FrictionScalesWithTheNormalForce) {
+TEST(ProxyOnSoftTissue, FrictionScalesWithTheNormalForce) {
   ProxyRun run = on_soft_floor(0.2);
   run.lead({-6, 0, 5}, {-6, 0, 0}, 0.05);
   run.lead({-6, 0, 0}, {6, 0, 0}, 0.05);
   EXPECT_NEAR(-run.result.force_N.x() / run.result.force_N.z(), 0.2, 0.01);
 }
 
-TEST(ProxyOnWhatYields, PuncturesAtItsForceForAnyDeviceStiffness) {
+TEST(ProxyOnSoftTissue, PuncturesAtItsForceForAnyDeviceStiffness) {
   ProxyRun run = on_soft_floor();
-  const double rupture_N = yield_force({0, {}, kModulus}, 3, 3).force_N;
+  const double rupture_N = soft_contact_force({0, {}, kModulus}, 3, 3).force_N;
   run.surfaces[0].puncture_N = rupture_N;
   run.lead({0, 0, 5}, {0, 0, 0.2}, 0.02);
   EXPECT_FALSE(run.state.punctured[0]);
@@ -378,7 +381,7 @@ TEST(ProxyOnWhatYields, PuncturesAtItsForceForAnyDeviceStiffness) {
   EXPECT_TRUE(run.state.punctured[0]);
 }
 
-TEST(ProxyOnWhatYields, BoneInsideKeepsItsFullStiffness) {
+TEST(ProxyOnSoftTissue, BoneInsideKeepsItsFullStiffness) {
   ProxyRun run = on_soft_floor();
   ContactSurface bone = make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}),
                                              [](const Eigen::Vector3d& p) { return p.z() + 4; });
@@ -388,7 +391,7 @@ TEST(ProxyOnWhatYields, BoneInsideKeepsItsFullStiffness) {
   run.surfaces.push_back(bone);
   run.lead({0, 0, 5}, {0, 0, -1.5}, 0.02);
   for (int n = 0; n < 200; ++n) run.at({0, 0, -1.5});
-  const double soft_N = yield_force({0, {}, kModulus}, 4.5, 3).force_N;
+  const double soft_N = soft_contact_force({0, {}, kModulus}, 4.5, 3).force_N;
   EXPECT_NEAR(run.result.force_N.z(), soft_N + 5 * 0.5, 0.03);
 }
 

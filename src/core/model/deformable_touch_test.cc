@@ -72,13 +72,13 @@ class PressingTools {
     parameters_.friction = parameters_.viscosity = false;
     parameters_.passivity = passivity;
     // the force ramp of the output stage is over
-    for (auto& hand : state_.hands) hand.output.gain = 1;
+    for (auto& hand : state_.device) hand.output.gain = 1;
     tick_once();
   }
   std::vector<Sphere> devices;
 
   void tick_once() {
-    if (yields_.advance(*model_, &record_)) parameters_.yields = yields_.frame();
+    if (solver_.advance(*model_, &record_)) parameters_.compliance = solver_.frame();
     std::array<DeviceState, kMaxDevices> states;
     std::array<Wrench, kMaxDevices> wrenches;
     for (std::size_t d = 0; d < devices.size(); ++d)
@@ -103,7 +103,7 @@ class PressingTools {
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
-  VirtualClockYieldSolver yields_{1000};
+  VirtualClockSoftTissueSolver solver_{1000};
 };
 
 // Hertz's force of a sphere; N per mm^1.5

@@ -97,7 +97,7 @@ class GuidedTip {
     return {};
   }
   const TickRecord& record() const { return record_; }
-  const ProxyState& proxy() const { return state_.hands[0].proxy; }
+  const ProxyState& proxy() const { return state_.device[0].proxy; }
   const Model& model() const { return *model_; }
   /// Largest step of all ticks since the last call.
   double take_largest_step_N() { return std::exchange(largest_step_N_, 0); }
@@ -106,8 +106,8 @@ class GuidedTip {
  private:
   void tick() {
     const bool is_deformable = ticked_ != nullptr && is_elastic(ticked_->tissue_law);
-    if (is_deformable ? yields_.advance(*ticked_, &record_) : yields_.rest())
-      parameters_.yields = yields_.frame();
+    if (is_deformable ? solver_.advance(*ticked_, &record_) : solver_.rest())
+      parameters_.compliance = solver_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * Point<Patient>(0, 0, z_);
     Wrench wrench;
@@ -125,7 +125,7 @@ class GuidedTip {
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
-  VirtualClockYieldSolver yields_{1000};
+  VirtualClockSoftTissueSolver solver_{1000};
   double z_ = kRadius_mm + 3, largest_step_N_ = 0;
 };
 
@@ -153,7 +153,7 @@ TEST(LawChange, OtherSurfacesAreThoseOfASceneThatBeginsWithThatLaw) {
       EXPECT_EQ(a.from_N_per_mm, b.from_N_per_mm) << s;
       EXPECT_EQ(a.to_N_per_mm, b.to_N_per_mm) << s;
       EXPECT_EQ(a.stiffness_N_per_mm, b.stiffness_N_per_mm) << s;
-      EXPECT_EQ(a.yield_modulus_N_per_mm2, b.yield_modulus_N_per_mm2) << s;
+      EXPECT_EQ(a.plane_strain_modulus_N_per_mm2, b.plane_strain_modulus_N_per_mm2) << s;
       EXPECT_EQ(a.strain_stiffening, b.strain_stiffening) << s;
     }
   }
@@ -204,8 +204,8 @@ TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
   }
 }
 
-// Compressed to half their height and more, neo-Hookean cells have no solution in some attempts. That the law is in
-// force at all shows in the ratio to the linear force, which grows with depth.
+// Compressed to half their height and more, neo-Hookean cells have no solution in some attempts. That the law
+// is in force at all shows in the ratio to the linear force, which grows with depth.
 TEST(LawChange, AHandAtRestFeelsNoTriesOfANeoHookeanBody) {
   double previous_ratio = 1.01;
   for (const double depth_mm : {4.0, 5.0, 6.0}) {
@@ -263,7 +263,7 @@ TEST(LawChange, AFrameFromBeforeIsNotFeltAgain) {
   ASSERT_TRUE(tip.apply_law(TissueLaw::kElastic).ok());
   tip.stay(0.005);
   EXPECT_EQ(tip.record().yield_frame, last);
-  EXPECT_EQ(tip.proxy().yield.surroundings_mm_per_N, 0) << "a half space, until there is a new one";
+  EXPECT_EQ(tip.proxy().compliance.surroundings_mm_per_N, 0) << "a half space, until there is a new one";
   tip.stay(0.3);
   EXPECT_GT(tip.record().yield_frame, last + 10);
   EXPECT_NEAR(sent_N(tip), elastic_N, 0.02 * elastic_N);

@@ -24,7 +24,7 @@ namespace {
 using ::testing::HasSubstr;
 
 // a block of a single deformable tissue
-ModelParts yielding_block(ElasticConstants of, double cell_mm = 0) {
+ModelParts soft_block(ElasticConstants of, double cell_mm = 0) {
   GridGeometry grid;
   grid.dims = {8, 8, 8};
   ModelParts parts;
@@ -62,7 +62,7 @@ ModelParts block_of_bone() {
 
 TEST(MakeModel, ElasticConstantsWithoutASolutionAreRefused) {
   const auto complaint = [](ElasticConstants of, double cell_mm = 0) {
-    const auto made = make_model(yielding_block(of, cell_mm));
+    const auto made = make_model(soft_block(of, cell_mm));
     return made.ok() ? std::string("no error") : made.error().what;
   };
   const double no_number = std::numeric_limits<double>::quiet_NaN();
@@ -81,7 +81,7 @@ TEST(MakeModel, ElasticConstantsWithoutASolutionAreRefused) {
 
 TEST(MakeModel, ARelaxationThatNoneHasIsRefused) {
   const auto complaint = [](const Relaxation& of) {
-    ModelParts parts = yielding_block({10, 0.45});
+    ModelParts parts = soft_block({10, 0.45});
     parts.tissues[0].relaxation = of;
     const auto made = make_model(std::move(parts));
     return made.ok() ? std::string("no error") : made.error().what;
@@ -98,7 +98,7 @@ TEST(MakeModel, ARelaxationThatNoneHasIsRefused) {
 }
 
 TEST(MakeModel, TissuesRelaxWithSoManyDifferentTimesAndNoMore) {
-  ModelParts parts = yielding_block({10, 0.45});
+  ModelParts parts = soft_block({10, 0.45});
   const auto add = [&](double time_s) {
     Tissue tissue = parts.tissues[0];
     tissue.relaxation = {{{{0.1, time_s}, {0.1, 2 * time_s}}}};
@@ -121,7 +121,7 @@ TEST(MakeModel, TissuesRelaxWithSoManyDifferentTimesAndNoMore) {
 // which depends on the grid's centre, is not.
 TEST(MakeModel, AGridsSizeIsPartOfTheHash) {
   const auto hash_of = [](std::array<int, 3> dims) {
-    ModelParts parts = yielding_block({10, 0.45});
+    ModelParts parts = soft_block({10, 0.45});
     parts.tissue_law = TissueLaw::kLayers;
     parts.tissues[0].stiffness_N_per_mm = 0.5;
     GridGeometry grid;

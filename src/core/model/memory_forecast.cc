@@ -66,7 +66,7 @@ void see_slice(const Bricks<LabelId>& labels, int k, LabelFigures& figures) {
   const Eigen::Vector3d& mm = labels.geometry().spacing_mm;
   const std::array<double, 3> face_mm2{mm[1] * mm[2], mm[0] * mm[2], mm[0] * mm[1]};
   constexpr std::array<std::ptrdiff_t, 3> kNext{1, L::kRow, L::kSlice};
-  const auto look = [&](const RowPiece<LabelId>& piece) {
+  const auto visit_piece = [&](const RowPiece<LabelId>& piece) {
     if (piece.uniform) {
       figures.observe(*piece.voxels, piece.i, piece.count, piece.j, k);
       return;
@@ -79,7 +79,7 @@ void see_slice(const Bricks<LabelId>& labels, int k, LabelFigures& figures) {
           figures.faces_mm2[std::minmax(*here, there)] += face_mm2[a];
     }
   };
-  for (int j = 0; j < labels.geometry().dims[1]; ++j) labels.for_each_piece(j, k, look);
+  for (int j = 0; j < labels.geometry().dims[1]; ++j) labels.for_each_piece(j, k, visit_piece);
 }
 
 LabelFigures figures_of(const Bricks<LabelId>& labels) {

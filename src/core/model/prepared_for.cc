@@ -61,7 +61,7 @@ class SurfacesNeeded {
       static_cast<ContactProperties&>(structure) = tissue;
       structure.stiffness_N_per_mm = stiffness_of(label);
       if (is_deformable(label)) {
-        structure.yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*tissue.elastic);
+        structure.plane_strain_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*tissue.elastic);
         structure.relaxed.add(tissue.relaxation, model.relaxation_times, 1);
       }
       structure.puncture_N = tissue.puncture_N;
@@ -161,14 +161,14 @@ class SurfacesNeeded {
   }
 
   // Index of the surface of some structures. A structure's own index is used in the layer it belongs to.
-  int add(const std::vector<LabelId>& structures, int layer, double from, double to, int beneath) {
+  int add(const std::vector<LabelId>& structures, int layer, double from, double to, int covered_by) {
     const int structure = structures.size() == 1 ? index_of(structures.front()) : -1;
     const bool own = structure >= 0 && stiffness_of(structures.front()) <= to;
     const int index = own ? structure : static_cast<int>(surfaces_.size());
     if (!own) surfaces_.emplace_back();
     ContactSurface& surface = surfaces_[static_cast<std::size_t>(index)];
     surface.structure = own ? -1 : structure;
-    surface.beneath = beneath;
+    surface.covered_by = covered_by;
     surface.layer = layer;
     surface.from_N_per_mm = from;
     surface.to_N_per_mm = to;

@@ -44,7 +44,7 @@ struct GuidedSession {
     parameters.motor = true;
     parameters.viscosity = false;
     parameters.max_force_N = 10;
-    state.hands[0].output.gain = 1;
+    state.device[0].output.gain = 1;
     device.tip = above(5);
     tick_once();
   }
@@ -61,7 +61,7 @@ struct GuidedSession {
       tick_once();
     }
   }
-  const BurrState& burr() const { return state.hands[0].burr; }
+  const BurrState& burr() const { return state.device[0].burr; }
   // carves as a session does; returns false if there were no new cuts
   bool carve() {
     const std::vector<Cut> cuts = finished_cuts(burr(), 0);
@@ -115,7 +115,7 @@ TEST(BurrTick, WhatItCutsIsGoneInTheSameTickAndStaysGoneInTheNextVersion) {
   EXPECT_LT(before_N.norm(), 0.5 * first_N);
   EXPECT_LT(edit_N, tick_N + 0.01);
   EXPECT_GT(guided.burr().removed_mm3, 1);
-  const Point<Patient> proxy = guided.state.hands[0].proxy.position;
+  const Point<Patient> proxy = guided.state.device[0].proxy.position;
   EXPECT_LT(guided.model->surfaces[0].made->distance_mm(proxy), kBurrRadius_mm - 0.3);
 }
 
@@ -135,12 +135,12 @@ void expect_not_rendered(const std::function<void(GuidedSession&, int)>& change)
     alone.lead_to(to, 1);
     beside.lead_to(to, 1);
     ASSERT_EQ(alone.wrench.force_N, beside.wrench.force_N) << n;
-    ASSERT_EQ(alone.state.hands[0].proxy.sticking, beside.state.hands[0].proxy.sticking);
-    ASSERT_EQ(alone.state.hands[0].passivity.energy_mJ, beside.state.hands[0].passivity.energy_mJ);
+    ASSERT_EQ(alone.state.device[0].proxy.sticking, beside.state.device[0].proxy.sticking);
+    ASSERT_EQ(alone.state.device[0].passivity.energy_mJ, beside.state.device[0].passivity.energy_mJ);
     ASSERT_EQ(alone.record.device[0].flags, beside.record.device[0].flags);
   }
   EXPECT_NE(beside.model->edits, 0u);
-  EXPECT_TRUE(alone.state.hands[0].proxy.sticking);
+  EXPECT_TRUE(alone.state.device[0].proxy.sticking);
 }
 
 TEST(BurrTick, AnEditElsewhereIsNotFelt) {
@@ -161,18 +161,18 @@ TEST(BurrTick, WhatWasGoneThroughStaysSoWhileItsSurfaceIsCutElsewhere) {
   // a shell on the bone, with a common surface, which the tip punctures
   Model model = testing::as_one_body(testing::ball_model({1, 1, 1}, 1.0, 3), 3);
   model.surfaces[1].puncture_N = 0.5;
-  model.surfaces[1].beneath = 2;
+  model.surfaces[1].covered_by = 2;
   model.surfaces[2].opened_by = {1};
   GuidedSession alone, beside;
   for (GuidedSession* guided : {&alone, &beside}) {
     guided->model = std::make_shared<const Model>(model);
     guided->carving = std::make_shared<const Carving>(model);
     guided->state = {};
-    guided->state.hands[0].output.gain = 1;
+    guided->state.device[0].output.gain = 1;
     guided->device.tip = guided->above(3 - kBurrRadius_mm, -6);
     guided->tick_once();
     guided->lead_to(guided->above(0.5 - kBurrRadius_mm, -6), 200);
-    ASSERT_TRUE(guided->state.hands[0].proxy.punctured.any()) << "the test is about nothing";
+    ASSERT_TRUE(guided->state.device[0].proxy.punctured.any()) << "the test is about nothing";
   }
   for (int n = 0; n < 50; ++n) {
     if (n % 10 == 0) {
@@ -183,7 +183,7 @@ TEST(BurrTick, WhatWasGoneThroughStaysSoWhileItsSurfaceIsCutElsewhere) {
     for (GuidedSession* guided : {&alone, &beside})
       guided->lead_to(guided->above(0.5 - kBurrRadius_mm + 0.002 * n, -6), 1);
     ASSERT_EQ(alone.wrench.force_N, beside.wrench.force_N) << n;
-    ASSERT_EQ(alone.state.hands[0].proxy.punctured, beside.state.hands[0].proxy.punctured) << n;
+    ASSERT_EQ(alone.state.device[0].proxy.punctured, beside.state.device[0].proxy.punctured) << n;
     ASSERT_EQ(alone.record.device[0].flags, beside.record.device[0].flags) << n;
   }
 }
@@ -292,7 +292,7 @@ void drill(GuidedSession& guided, double deep_mm) {
   guided.carve();
   guided.lead_to(guided.above(-deep_mm - 1), 300);
   ASSERT_GT(guided.wrench.force_N.norm(), 0.3);
-  ASSERT_TRUE(guided.state.hands[0].proxy.coupled);
+  ASSERT_TRUE(guided.state.device[0].proxy.coupled);
 }
 
 TEST(BurrTick, InAShallowHoleThatIsPutBackItStays) {
@@ -307,7 +307,7 @@ TEST(BurrTick, InAShallowHoleThatIsPutBackItStays) {
   guided.lead_to(guided.above(1), 100);
   EXPECT_EQ(guided.wrench.force_N.norm(), 0);
   guided.lead_to(guided.above(-0.5), 100);
-  const Point<Patient> proxy = guided.state.hands[0].proxy.position;
+  const Point<Patient> proxy = guided.state.device[0].proxy.position;
   EXPECT_NEAR(guided.model->surfaces[0].surface->distance_mm(proxy), kBurrRadius_mm, 0.05);
 }
 
@@ -368,7 +368,7 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
     guided.model = std::make_shared<const Model>(layered);
     guided.carving = std::make_shared<const Carving>(layered);
     guided.state = {};
-    guided.state.hands[0].output.gain = 1;
+    guided.state.device[0].output.gain = 1;
     guided.tick_once();
     guided.lead_to(guided.above(kShell_mm + 0.2, -3), 50);
     // through the shell, whose surface holds it two millimetres higher
@@ -382,7 +382,7 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
       meter.observe(guided.record);
       const int layer = guided.burr().layer;
       if (layer < 0) continue;
-      const ProxyState& proxy = guided.state.hands[0].proxy;
+      const ProxyState& proxy = guided.state.device[0].proxy;
       const Point<Patient> head = proxy.layer(layer).position;
       EXPECT_EQ(guided.record.device[0].proxy_patient_mm, (std::array{head.x(), head.y(), head.z()})) << n;
       if (guided.burr().removed_mm3 > before_mm3) {
@@ -427,7 +427,7 @@ TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
   // the far end has passed through bone that the tip was never near
   const Vector<Patient> axis = (guided.model->X_WorldPatient.inverse() *
                                 Vector<World>(guided.device.R_WorldTool * Eigen::Vector3d(0, 0, 5)));
-  const Point<Patient> tip = guided.state.hands[0].proxy.position;
+  const Point<Patient> tip = guided.state.device[0].proxy.position;
   const Surface &made = *guided.model->surfaces[0].made, &now = *guided.model->surfaces[0].surface;
   const Point<Patient> end = tip + axis;
   EXPECT_LT(made.distance_mm(end), kBurrRadius_mm - 0.1);

@@ -11,7 +11,7 @@
 namespace palpate {
 namespace {
 
-constexpr auto kLook = std::chrono::milliseconds(10);
+constexpr auto kPollInterval = std::chrono::milliseconds(10);
 
 }  // namespace
 
@@ -65,7 +65,7 @@ void LateTicks::find_causes() {
     }
     before = std::move(after);
     if (last) return;
-    std::this_thread::sleep_for(kLook);
+    std::this_thread::sleep_for(kPollInterval);
   }
 }
 

@@ -280,7 +280,7 @@ void Loop::receive_inputs(std::span<const DeviceSample> samples, double dt_s, st
 void Loop::publish_sweeps(std::size_t devices) noexcept {
   for (std::size_t d = 0; d < devices; ++d) {
     std::uint64_t& published = published_sweeps_[d];
-    for (const Sweep& sweep : finished_from(state_.hands[d].burr, published)) {
+    for (const Sweep& sweep : finished_from(state_.device[d].burr, published)) {
       PALPATE_CHECK(sweeps_.push(plain({static_cast<std::uint32_t>(d), sweep})));
       ++published;
     }
@@ -299,7 +299,7 @@ void Loop::publish() noexcept {
   bool silent = parameters_.paused, touching = false;
   for (int d = 0; d < record_.devices; ++d) {
     touching = touching || (record_.device[d].flags & kNotFree) != 0;
-    silent = silent && state_.hands[d].output.gain == 0 && wrenches_[d].force_N == Vector<World>();
+    silent = silent && state_.device[d].output.gain == 0 && wrenches_[d].force_N == Vector<World>();
   }
   touched_ = touching;
   free_at_.store(touching ? kNowhere : tick_arming_);

@@ -136,7 +136,7 @@ Model crowded_model() {
                  {"ball", NoGoSphere{{20, 0, 0}, 4}, 3, 0.5}};
   // the shell around the ball is deformable, and punctures stay open
   model.tissue_law = TissueLaw::kElastic;
-  model.surfaces[1].yield_modulus_N_per_mm2 = 0.02;
+  model.surfaces[1].plane_strain_modulus_N_per_mm2 = 0.02;
   model.surfaces[1].puncture_N = 0.3;
   model.surfaces[1].stays_open = true;
   constexpr Relaxation kRelaxation{{{{0.3, 0.1}, {0.2, 3}}}};
@@ -169,10 +169,11 @@ class Exercise {
       if (n % 110 == 95 || n % 110 == 109) {
         ++model_.version;
         model_.tissue_law = n % 110 == 95 ? TissueLaw::kLayers : TissueLaw::kElastic;
-        if (state_.hands[0].proxy.contacts > 0 || state_.hands[1].proxy.contacts > 0) ++law_changes_;
+        if (state_.device[0].proxy.contact_count > 0 || state_.device[1].proxy.contact_count > 0)
+          ++law_changes_;
       }
       if (n % 16 == 0) {
-        ComplianceFrame& frame = parameters_.yields;
+        ComplianceFrame& frame = parameters_.compliance;
         ++frame.number;
         frame.spot[0] = {Point<Patient>(18, 0, 0), n % 160 == 0 ? 0 : 10.0 + n % 5, {0.1, 0, 0.2}, 0.02, 3};
         frame.spot[0].relaxed.of_time = {0.2, 0.001 * (n % 200)};
@@ -183,8 +184,8 @@ class Exercise {
         std::swap(model_.no_go, no_go_);
       }
       tick(model_, parameters_, devices_, 1e-3, state_, wrenches_, record_);
-      if (state_.hands[0].proxy.yield.modulus_N_per_mm2 > 0) ++yielded_;
-      if (state_.hands[0].proxy.relaxation.remembers()) ++relaxed_;
+      if (state_.device[0].proxy.compliance.modulus_N_per_mm2 > 0) ++yielded_;
+      if (state_.device[0].proxy.relaxation.remembers()) ++relaxed_;
       if (!state_.holes.empty()) ++with_holes_;
       if ((record_.device[0].flags & kFlagNoGo) != 0) ++no_go_ticks_;
       if (record_.device[0].near_label.back() != 0) ++near_many_;
@@ -232,22 +233,22 @@ class BurrExercise {
     probe.capsules = {{{0, 0, 0}, {0, 0, 40}, 1.5}};
     parameters_.method = ForceMethod::kProxy;
     parameters_.motor = true;
-    state_.hands[0].output.gain = state_.hands[1].output.gain = 1;
+    state_.device[0].output.gain = state_.device[1].output.gain = 1;
     models_.push_back(std::make_shared<const Model>(model));
     auto carving = std::make_shared<const Carving>(model);
     while (models_.size() < 20) {
       run(100);
       std::vector<Cut> cuts;
-      const BurrState& burr = state_.hands[0].burr;
+      const BurrState& burr = state_.device[0].burr;
       for (const Sweep& sweep : burr.pending().first(finished_sweeps(burr) - burr.first))
         cuts.push_back({0, sweep});
       carving = carving->with(cuts);
       models_.push_back(carving->applied_to(*models_.back()));
     }
     run(100);
-    removed_mm3_ = state_.hands[0].burr.removed_mm3;
+    removed_mm3_ = state_.device[0].burr.removed_mm3;
     state_ = {};
-    state_.hands[0].output.gain = state_.hands[1].output.gain = 1;
+    state_.device[0].output.gain = state_.device[1].output.gain = 1;
     ticks_ = 0;
     pressed_N_ = 0;
   }
@@ -265,7 +266,7 @@ class BurrExercise {
       pressed_N_ = std::max(pressed_N_, wrenches_[1].force_N.norm());
     }
   }
-  double removed_mm3() const { return state_.hands[0].burr.removed_mm3; }
+  double removed_mm3() const { return state_.device[0].burr.removed_mm3; }
   /// Largest force on the probe.
   double pressed_N() const { return pressed_N_; }
   /// Removed volume when its versions were made.

@@ -51,9 +51,9 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
   hash_quaternion(hash, proxy.attitude);
   hash_surfaces(hash, proxy.punctured);
   hash.add(proxy.stretch_fraction, proxy.spring_N_per_mm.value_or(-1), proxy.catch_up_mm, proxy.lost_s,
-           proxy.contacts);
-  for (int n = 0; n < proxy.contacts; ++n) {
-    const ProxyContact& contact = proxy.contact[static_cast<std::size_t>(n)];
+           proxy.contact_count);
+  for (int n = 0; n < proxy.contact_count; ++n) {
+    const ProxyContact& contact = proxy.contacts[static_cast<std::size_t>(n)];
     const std::uint64_t of =
         static_cast<std::uint64_t>(contact.surface) << 8 | static_cast<std::uint64_t>(contact.sphere);
     hash.add(of, contact.normal.x(), contact.normal.y(), contact.normal.z(), contact.axis_fraction,
@@ -78,69 +78,69 @@ void hash_burr(HashOfWords& hash, const BurrState& burr) {
   }
 }
 
-void hash_hand(HashOfWords& hash, const SessionState::Hand& hand) {
-  hash.add(hand.has_previous);
-  hash_point(hash, hand.previous_world);
-  hash_point(hash, hand.previous_tip);
-  hash_part(hash, hand.velocity);
-  for (int n = 0; n < kMaxLayers; ++n) hash_layer(hash, hand.proxy.layer(n));
+void hash_device(HashOfWords& hash, const SessionState::DeviceSession& session) {
+  hash.add(session.has_previous);
+  hash_point(hash, session.previous_world);
+  hash_point(hash, session.previous_tip);
+  hash_part(hash, session.velocity);
+  for (int n = 0; n < kMaxLayers; ++n) hash_layer(hash, session.proxy.layer(n));
   // without contact stiffness the proxy's tip has no effect
-  if (const ProxyState& proxy = hand.proxy; proxy.stiffness_N_per_mm > 0) {
+  if (const ProxyState& proxy = session.proxy; proxy.stiffness_N_per_mm > 0) {
     hash_point(hash, proxy.tip);
     hash.add(proxy.stiffness_N_per_mm);
   }
-  if (const ProxyState& proxy = hand.proxy; proxy.contacts > 0) {
+  if (const ProxyState& proxy = session.proxy; proxy.contact_count > 0) {
     hash_point(hash, proxy.free_tip);
     hash_quaternion(hash, proxy.free_attitude);
     hash_point(hash, proxy.last_search_tip);
   }
-  if (const ProxyRelease& release = hand.proxy.release; release.force_N != Vector<Patient>()) {
+  if (const ProxyRelease& release = session.proxy.release; release.force_N != Vector<Patient>()) {
     hash_point(hash, release.force_N);
     hash_point(hash, release.torque_Nmm);
     hash.add(release.stored_mJ);
   }
-  if (hand.proxy.yield.modulus_N_per_mm2 > 0) hash_part(hash, hand.proxy.yield);
-  if (hand.proxy.relaxation.remembers()) hash_part(hash, hand.proxy.relaxation);
-  if (hand.press.is_known()) hash_part(hash, hand.press);
-  const CouplingState& coupling = hand.coupling;
-  hash.add(hand.proxy_version, hand.pushed_directly, coupling.stiffness_N_per_mm);
+  if (session.proxy.compliance.modulus_N_per_mm2 > 0) hash_part(hash, session.proxy.compliance);
+  if (session.proxy.relaxation.remembers()) hash_part(hash, session.proxy.relaxation);
+  if (session.press.is_known()) hash_part(hash, session.press);
+  const CouplingState& coupling = session.coupling;
+  hash.add(session.proxy_version, session.pushed_directly, coupling.stiffness_N_per_mm);
   hash_point(hash, coupling.multiplier_mm);
   hash_part(hash, coupling.pull_velocity);
   // only burrs have this state
-  if (hand.burr.open_s > 0) hash_burr(hash, hand.burr);
-  hash_wrench(hash, hand.requested);
-  hash_wrench(hash, hand.difference);
-  const PassivityState& passivity = hand.passivity;
-  hash.add(hand.blend_elapsed_s, passivity.energy_mJ, passivity.displacement_mm, passivity.time_s,
+  if (session.burr.open_s > 0) hash_burr(hash, session.burr);
+  hash_wrench(hash, session.requested);
+  hash_wrench(hash, session.difference);
+  const PassivityState& passivity = session.passivity;
+  hash.add(session.blend_elapsed_s, passivity.energy_mJ, passivity.displacement_mm, passivity.time_s,
            passivity.speed_mm_s, passivity.play_mm, passivity.moves_with_force);
   const BounceState& bounce = passivity.bounce;
   hash.add(bounce.impact_mm_s, bounce.time_s, bounce.depth_mm, bounce.push_N_s, bounce.pushed_N_s2,
            bounce.back_N_s2_mm, bounce.squares_N2_s4, bounce.touched);
-  const OscillationState& swing = hand.swing;
+  const OscillationState& swing = session.swing;
   hash_point(hash, swing.axis);
   hash_point(hash, swing.lateral_mm);
   hash.add(swing.displacement_mm, swing.time_s, swing.farthest_mm, swing.farthest_s, swing.before_mm,
            swing.free_s, swing.extra_delay_s, swing.halves);
-  hash.add(hand.delay.count, hand.delay.dropped_older);
-  for (int n = 0; n < hand.delay.count; ++n) {
-    const DelayLine::Sample& sample = hand.delay.samples[static_cast<std::size_t>(n)];
+  hash.add(session.delay.count, session.delay.dropped_older);
+  for (int n = 0; n < session.delay.count; ++n) {
+    const DelayLine::Sample& sample = session.delay.samples[static_cast<std::size_t>(n)];
     hash.add(sample.force_N.x(), sample.force_N.y(), sample.force_N.z(), sample.time_s);
   }
-  hash.add(hand.turned_mJ);
-  hash_wrench(hash, hand.output.sent);
-  hash.add(hand.output.gain, hand.output.heat, hand.output.since_fault_s, hand.output.in_dropout,
-           hand.output.returning);
+  hash.add(session.turned_mJ);
+  hash_wrench(hash, session.output.sent);
+  hash.add(session.output.gain, session.output.heat, session.output.since_fault_s, session.output.in_dropout,
+           session.output.returning);
 }
 
 }  // namespace
 
-void SessionState::Hand::reset_contact() {
+void SessionState::DeviceSession::reset_contact() {
   proxy = {};
   coupling = {};
   press = {};
 }
 
-void SessionState::Hand::reset_path() {
+void SessionState::DeviceSession::reset_path() {
   reset_contact();
   has_previous = false;
   velocity.clear();
@@ -161,10 +161,10 @@ std::uint64_t SessionState::hash(int devices) const {
   // only burrs make strokes
   if (strokes > 0) hash.add(std::uint64_t{strokes} << 1 | static_cast<std::uint64_t>(motor_on));
   // 0 if no tissue was ever deformable
-  if (last_ignored_yield_frame > 0) hash.add(last_ignored_yield_frame);
+  if (last_ignored_solver_frame > 0) hash.add(last_ignored_solver_frame);
   // empty if all punctures close
   if (!holes.empty()) hash_part(hash, holes);
-  for (int d = 0; d < devices; ++d) hash_hand(hash, hands[d]);
+  for (int d = 0; d < devices; ++d) hash_device(hash, device[d]);
   return hash.value();
 }
 

@@ -66,7 +66,7 @@ void remember_surfaces(const Model& model, SessionState::Surfaces& remembered) {
     remembered.content[s] = content_of(model.surfaces[s]);
   }
   remembered.count = static_cast<int>(count);
-  remembered.yield = is_elastic(model.tissue_law);
+  remembered.is_deformable = is_elastic(model.tissue_law);
   remembered.version = model.version;
   remembered.edits = model.edits;
 }

@@ -24,13 +24,13 @@ namespace {
 // Faults of a device's state, as bits of kFaultFlags. A jump is a displacement that is implausible both as a
 // distance and as a speed; the limits are device mm and are scaled to the world.
 std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters, double scale, double dt_s,
-                        const SessionState::Hand& hand) {
+                        const SessionState::DeviceSession& session) {
   std::uint32_t faults = 0;
   const double jump_mm = std::max(kOutputSettings.jump_mm, kOutputSettings.jump_mm_s * dt_s) * scale;
   if (!device.tip.all_finite() || !device.R_WorldTool.coeffs().allFinite() ||
       !is_rotation(device.R_WorldTool))
     faults |= kFlagNotFinite;
-  else if (hand.has_previous && (device.tip - hand.previous_world).norm() > jump_mm)
+  else if (session.has_previous && (device.tip - session.previous_world).norm() > jump_mm)
     faults |= kFlagJump;
   if (device.status & kDeviceFault) faults |= kFlagDeviceFault;
   if (device.status & kDeviceHalted) faults |= kFlagHalted;
@@ -41,13 +41,13 @@ std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters,
 // Updates the tip's history and returns its velocity relative to the object; the patient frame rotates with
 // the object. A jump does not count as motion.
 Vector<Patient> follow_tip(const DeviceState& device, const Point<Patient>& tip, double dt_s, bool jumped,
-                           SessionState::Hand& hand) {
-  if (jumped) hand.velocity.clear();
-  if (hand.has_previous && !jumped) hand.velocity.push(tip - hand.previous_tip, dt_s);
-  hand.previous_world = device.tip;
-  hand.previous_tip = tip;
-  hand.has_previous = true;
-  return hand.velocity.velocity_mm_s();
+                           SessionState::DeviceSession& session) {
+  if (jumped) session.velocity.clear();
+  if (session.has_previous && !jumped) session.velocity.push(tip - session.previous_tip, dt_s);
+  session.previous_world = device.tip;
+  session.previous_tip = tip;
+  session.has_previous = true;
+  return session.velocity.velocity_mm_s();
 }
 
 // Blends over a change of force source (method, model, switches, gains): the difference between the old and
@@ -55,28 +55,28 @@ Vector<Patient> follow_tip(const DeviceState& device, const Point<Patient>& tip,
 // only the difference fades, the operator's motion takes effect at once.
 // @param requested    wrench of the current force source
 // @param changed  whether the force source differs from the last tick's
-Wrench blended(const Wrench& requested, bool changed, double dt_s, SessionState::Hand& hand) {
+Wrench blended(const Wrench& requested, bool changed, double dt_s, SessionState::DeviceSession& session) {
   if (!requested.force_N.all_finite() || !requested.torque_Nmm.all_finite()) {
-    hand.requested = hand.difference = {};
+    session.requested = session.difference = {};
     return requested;
   }
   if (changed) {
-    hand.difference = {hand.requested.force_N - requested.force_N,
-                       hand.requested.torque_Nmm - requested.torque_Nmm};
-    hand.blend_elapsed_s = 0;
+    session.difference = {session.requested.force_N - requested.force_N,
+                          session.requested.torque_Nmm - requested.torque_Nmm};
+    session.blend_elapsed_s = 0;
   }
   // The blend already advances in the tick of the change, so that a change in every tick delays the force but
   // does not freeze it; by at most a tenth, so that a late tick does not complete it.
-  const double on_s = changed ? std::min(dt_s, 0.1 * kOutputSettings.blend_s) : dt_s;
-  hand.blend_elapsed_s = std::min(kOutputSettings.blend_s, hand.blend_elapsed_s + on_s);
-  hand.requested = requested;
-  if (hand.blend_elapsed_s >= kOutputSettings.blend_s) return requested;
-  const double remaining_fraction = 1 - hand.blend_elapsed_s / kOutputSettings.blend_s;
-  const double left =
+  const double blend_dt_s = changed ? std::min(dt_s, 0.1 * kOutputSettings.blend_s) : dt_s;
+  session.blend_elapsed_s = std::min(kOutputSettings.blend_s, session.blend_elapsed_s + blend_dt_s);
+  session.requested = requested;
+  if (session.blend_elapsed_s >= kOutputSettings.blend_s) return requested;
+  const double remaining_fraction = 1 - session.blend_elapsed_s / kOutputSettings.blend_s;
+  const double fade_weight =
       remaining_fraction * std::sqrt(remaining_fraction);  // from 1 to 0, with zero slope at 0
-  hand.requested.force_N += hand.difference.force_N * left;
-  hand.requested.torque_Nmm += hand.difference.torque_Nmm * left;
-  return hand.requested;
+  session.requested.force_N += session.difference.force_N * fade_weight;
+  session.requested.torque_Nmm += session.difference.torque_Nmm * fade_weight;
+  return session.requested;
 }
 
 /// Change of surfaces between two versions of the model.
@@ -113,14 +113,14 @@ struct RenderedContact {
 // clutched device has faded out: the path of the tip is then unknown, and with it the side of each surface on
 // which the tip lies. While the force is still fading out, the proxy is advanced as usual.
 ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const OutputRequest& request,
-                            SessionState::Hand& hand) {
-  const bool lost = (request.faults & kFlagJump) != 0 || (request.off && hand.output.gain == 0);
+                            SessionState::DeviceSession& session) {
+  const bool lost = (request.faults & kFlagJump) != 0 || (request.off && session.output.gain == 0);
   const std::uint64_t carved = model.carving != nullptr ? model.carving->sweeps(in.number) : 0;
-  const ProxyChange change{hand.proxy_version != model.version, in.surfaces.before, in.surfaces.layers,
-                           hand.pushed_directly && !lost, carved};
-  if (lost) hand.reset_contact();
-  hand.proxy_version = model.version;
-  hand.pushed_directly = false;
+  const ProxyChange change{session.proxy_version != model.version, in.surfaces.before, in.surfaces.layers,
+                           session.pushed_directly && !lost, carved};
+  if (lost) session.reset_contact();
+  session.proxy_version = model.version;
+  session.pushed_directly = false;
   return change;
 }
 
@@ -128,16 +128,17 @@ ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const Ou
 // any other time. The operator's hand, without support during the dropout, has accelerated towards the
 // surface. The damper stops it sooner than the contact stiffness alone and prevents a rebound.
 double recovery_damping_factor(const DeviceParameters& own, const Vector<World>& velocity_mm_s,
-                               const SessionState::Hand& hand, const OutputRequest& request) {
+                               const SessionState::DeviceSession& session, const OutputRequest& request) {
   const double force_N = request.requested.force_N.norm();
-  const bool returns =
-      (hand.output.in_dropout || hand.output.returning) && request.age_s <= kOutputSettings.fresh_s;
-  if (!returns || !(force_N > 0) || !std::isfinite(force_N)) return 1;
+  const bool is_recovering =
+      (session.output.in_dropout || session.output.returning) && request.age_s <= kOutputSettings.fresh_s;
+  if (!is_recovering || !(force_N > 0) || !std::isfinite(force_N)) return 1;
   const double damping_N_s_per_mm = kOutputSettings.return_damping_N_s_per_m * 1e-3;
-  const double bears_N_s_per_mm = own.max_damping_N_s_per_mm;
-  const double out_mm_s = velocity_mm_s.dot(request.requested.force_N) / force_N;
+  const double max_damping_N_s_per_mm = own.max_damping_N_s_per_mm;
+  const double outward_speed_mm_s = velocity_mm_s.dot(request.requested.force_N) / force_N;
   const double damper_N =
-      out_mm_s * (bears_N_s_per_mm > 0 ? std::min(damping_N_s_per_mm, bears_N_s_per_mm) : damping_N_s_per_mm);
+      outward_speed_mm_s * (max_damping_N_s_per_mm > 0 ? std::min(damping_N_s_per_mm, max_damping_N_s_per_mm)
+                                                       : damping_N_s_per_mm);
   return std::clamp(1 - damper_N / force_N, 0.0, 2.0);
 }
 
@@ -145,38 +146,41 @@ double recovery_damping_factor(const DeviceParameters& own, const Vector<World>&
 // @param max_factor  factor of the recovery damper, 0 ... 1; of it and the controller's, the smaller applies,
 //                    not the product
 void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const RenderedContact& contact,
-                     double max_factor, SessionState::Hand& hand, OutputRequest& request, DeviceTick& out) {
+                     double max_factor, SessionState::DeviceSession& session, OutputRequest& request,
+                     DeviceTick& out) {
   const DeviceParameters& own = in.own;
   const ToolContact& tool = contact.tool;
   const double dt_s = shared.tick.dt_s;
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivitySettings.default_step_mm;
-  detect_oscillation(request.requested.force_N, contact.displacement_mm, step_mm, dt_s, hand.swing);
+  detect_oscillation(request.requested.force_N, contact.displacement_mm, step_mm, dt_s, session.swing);
   // a long tick holds the force for longer; half of the excess counts as delay
   const double held_s = 0.5 * std::max(0.0, dt_s - kPassivitySettings.covered_tick_s);
-  const double device_delay_s = own.delay_s + hand.swing.extra_delay_s, delay_s = device_delay_s + held_s;
-  const Vector<World> acted_N = follow_delay(hand.output.sent.force_N, dt_s, delay_s, hand.delay);
+  const double device_delay_s = own.delay_s + session.swing.extra_delay_s, delay_s = device_delay_s + held_s;
+  const Vector<World> delayed_force_N =
+      follow_delay(session.output.sent.force_N, dt_s, delay_s, session.delay);
   // a force that is not rendered does no work: the energy balance starts again from zero
-  const bool faded_out = request.off && hand.output.gain == 0;
+  const bool faded_out = request.off && session.output.gain == 0;
   if (faded_out || request.faults != 0 || !request.requested.force_N.all_finite()) {
-    hand.passivity = {};
+    session.passivity = {};
     return;
   }
   const double requested_N = request.requested.force_N.norm();
-  const double limit_N = next_limit_N(own.limits, in.max_force_N, dt_s, hand.output);
-  const double clamped = requested_N > limit_N ? limit_N / requested_N : 1;
-  const PassivityOutput reduced = control_passivity(
-      {request.requested.force_N * (clamped * hand.output.gain), requested_N * hand.output.gain, acted_N,
-       contact.displacement_mm, tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
-       pending_impulse_N_s(hand.delay, request.requested.force_N.normalized(), delay_s), device_delay_s,
-       contact.velocity_mm_s, tool.received_mJ},
-      shared.parameters.passivity, hand.passivity);
+  const double limit_N = next_limit_N(own.limits, in.max_force_N, dt_s, session.output);
+  const double clamp_factor = requested_N > limit_N ? limit_N / requested_N : 1;
+  const PassivityOutput reduced =
+      control_passivity({request.requested.force_N * (clamp_factor * session.output.gain),
+                         requested_N * session.output.gain, delayed_force_N, contact.displacement_mm,
+                         tool.stored_mJ, tool.stiffness_N_per_mm, own.position_step_mm, dt_s,
+                         pending_impulse_N_s(session.delay, request.requested.force_N.normalized(), delay_s),
+                         device_delay_s, contact.velocity_mm_s, tool.received_mJ},
+                        shared.parameters.passivity, session.passivity);
   const double factor = std::min(reduced.factor, max_factor);
   if (factor == 1) return;
-  if (clamped < 1) out.flags |= kFlagClamped;
-  request.requested.force_N = request.requested.force_N * (clamped * factor);
-  request.requested.torque_Nmm = request.requested.torque_Nmm * (clamped * factor);
+  if (clamp_factor < 1) out.flags |= kFlagClamped;
+  request.requested.force_N = request.requested.force_N * (clamp_factor * factor);
+  request.requested.torque_Nmm = request.requested.torque_Nmm * (clamp_factor * factor);
   // a later blend starts from the force that was rendered
-  hand.requested = request.requested;
+  session.requested = request.requested;
   if (reduced.factor == 1) return;
   out.damping_N_s_per_m = reduced.damping_N_s_per_m;
   out.flags |= kFlagPassivity;
@@ -214,55 +218,56 @@ void count_strokes(const Model& model, const Parameters& parameters, std::span<c
 
 // contact of the tool by the selected method, or by another if the model is not prepared for it
 ToolContact touch(const SharedInputs& shared, const DeviceInputs& in, const DeviceContext& context,
-                  const OutputRequest& request, SessionState::Hand& hand) {
+                  const OutputRequest& request, SessionState::DeviceSession& session) {
   const Model& model = shared.tick.model;
   if (model.rendered_method(shared.tick.method) == ForceMethod::kProxy) {
-    const ProxyChange change = prepare_contact(model, in, request, hand);
-    const MotorState motor = motor_of(shared, in, context.tool, request, hand.output);
-    return advance_tool(shared.tick, context, change, motor, hand);
+    const ProxyChange change = prepare_contact(model, in, request, session);
+    const MotorState motor = motor_of(shared, in, context.tool, request, session.output);
+    return advance_tool(shared.tick, context, change, motor, session);
   }
-  hand.reset_contact();
+  session.reset_contact();
   const ToolContact tool = touch_directly(shared.tick, context);
   // On a later change to the proxy method, a tip inside tissue is coupled only if a direct method pushed it.
   // Deep inside, where direct methods give no force, the proxy would start at a distant surface and pull with
   // the full force limit.
   const bool pushes = tool.strongest.is_touch() && tool.strongest.force_N != Vector<Patient>();
-  hand.pushed_directly = pushes && !request.off && request.faults == 0;
+  session.pushed_directly = pushes && !request.off && request.faults == 0;
   return tool;
 }
 
 // Requested force of a device whose pose is finite: contact, no-go regions, blend, recovery damping and
 // passivity.
-ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, SessionState::Hand& hand,
-                          OutputRequest& request, DeviceTick& out) {
+ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in,
+                          SessionState::DeviceSession& session, OutputRequest& request, DeviceTick& out) {
   const TickContext& tick = shared.tick;
   const DeviceParameters& own = in.own;
   const Point<Patient> tip = tick.X_PatientWorld * in.state.tip;
-  const Vector<Patient> displacement_mm = hand.has_previous ? tip - hand.previous_tip : Vector<Patient>();
+  const Vector<Patient> displacement_mm =
+      session.has_previous ? tip - session.previous_tip : Vector<Patient>();
   const bool jumped = (request.faults & kFlagJump) != 0;
   const DeviceContext context{tick.model.tool_of(in.number),
                               own,
                               in.state.R_WorldTool.normalized().toRotationMatrix(),
                               tip,
-                              follow_tip(in.state, tip, tick.dt_s, jumped, hand),
+                              follow_tip(in.state, tip, tick.dt_s, jumped, session),
                               in.number};
-  ToolContact tool = touch(shared, in, context, request, hand);
+  ToolContact tool = touch(shared, in, context, request, session);
   keep_away(tick, context, tool, out);
   out.flags |= tool.flags;
-  request.requested = blended(tool.requested, shared.changed || tool.released, tick.dt_s, hand);
+  request.requested = blended(tool.requested, shared.changed || tool.released, tick.dt_s, session);
   request.unclamped_N = request.requested.force_N.norm();
 
   const RenderedContact contact{tool, tick.X_WorldPatient * displacement_mm / own.scale,
                                 tick.X_WorldPatient * context.velocity_mm_s / own.scale};
   // a factor above 1 precedes the passivity controller; one below 1 is combined with the controller's
-  const double stop = recovery_damping_factor(own, contact.velocity_mm_s, hand, request);
-  if (stop > 1) {
-    request.requested.force_N = request.requested.force_N * stop;
-    request.requested.torque_Nmm = request.requested.torque_Nmm * stop;
+  const double recovery_factor = recovery_damping_factor(own, contact.velocity_mm_s, session, request);
+  if (recovery_factor > 1) {
+    request.requested.force_N = request.requested.force_N * recovery_factor;
+    request.requested.torque_Nmm = request.requested.torque_Nmm * recovery_factor;
   }
-  apply_passivity(shared, in, contact, std::min(stop, 1.0), hand, request, out);
+  apply_passivity(shared, in, contact, std::min(recovery_factor, 1.0), session, request, out);
   if (outside(*tick.model.labels, tip)) out.flags |= kFlagOutside;
-  if (hand.blend_elapsed_s < kOutputSettings.blend_s) out.flags |= kFlagBlend;
+  if (session.blend_elapsed_s < kOutputSettings.blend_s) out.flags |= kFlagBlend;
   return tool;
 }
 
@@ -270,37 +275,38 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in, Se
 std::span<const TissuePress> last_presses(const SessionState& state, std::size_t devices,
                                           std::array<TissuePress, kMaxDevices>& presses) {
   if (devices < 2) return {};
-  for (std::size_t d = 0; d < devices; ++d) presses[d] = state.hands[d].press;
+  for (std::size_t d = 0; d < devices; ++d) presses[d] = state.device[d].press;
   return std::span(presses).first(devices);
 }
 
 // one tick of one device, from its state to the wrench and the record
-void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionState::Hand& hand, Wrench& wrench,
-                 DeviceTick& out) {
+void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionState::DeviceSession& session,
+                 Wrench& wrench, DeviceTick& out) {
   const Parameters& parameters = shared.parameters;
   const double dt_s = shared.tick.dt_s;
   record_inputs(in.state, in.own, out);
   const bool clutched = (in.state.status & kDeviceClutched) != 0;
-  OutputRequest request{{}, in.state.age_s, faults_of(in.state, parameters, in.own.scale, dt_s, hand), false};
+  OutputRequest request{
+      {}, in.state.age_s, faults_of(in.state, parameters, in.own.scale, dt_s, session), false};
   request.off = parameters.paused || clutched;
 
   ToolContact tool;
   if (request.faults & kFlagNotFinite) {
-    hand.reset_path();
+    session.reset_path();
     // Without a pose the burr is not advanced, but the stroke may end in this tick: a sweep of the next one
     // must not extend this sweep.
-    if (shared.tick.model.tool_of(in.number).burr) hand.burr.closed = true;
+    if (shared.tick.model.tool_of(in.number).burr) session.burr.closed = true;
   } else {
-    tool = request_force(shared, in, hand, request, out);
+    tool = request_force(shared, in, session, request, out);
   }
-  hand.press = shared.tick.presses.empty() ? TissuePress{} : tool.press;
+  session.press = shared.tick.presses.empty() ? TissuePress{} : tool.press;
 
   // every force passes the output stage
-  const Output sent = make_output(request, in.own.limits, in.max_force_N, dt_s, hand.output);
+  const Output sent = make_output(request, in.own.limits, in.max_force_N, dt_s, session.output);
   wrench = sent.wrench;
   if (parameters.paused) out.flags |= kFlagPaused;
   if (clutched) out.flags |= kFlagClutched;
-  record_outputs(tool, request, sent, hand, out);
+  record_outputs(tool, request, sent, session, out);
 }
 
 // whether a tick can be computed: a usable duration, devices with as many wrenches, and a prepared model
@@ -349,14 +355,15 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   record_inputs(model, parameters, state, dt_s, devices.size(), record);
 
   // pose of the object
-  const std::uint32_t holding = turn_object(model, parameters, devices, dt_s, state);
+  const std::uint32_t rotation_limiting_devices = turn_object(model, parameters, devices, dt_s, state);
   const Transform<World, Patient> X_WorldPatient =
       turned_object(model.X_WorldPatient, state.rotation_applied);
   // solver frames published while no tissue was deformable are stale and stay ignored afterwards
   const bool is_deformable = is_elastic(model.tissue_law);
-  if (!is_deformable) state.last_ignored_yield_frame = parameters.yields.number;
-  const bool is_touchable = is_deformable && (state.last_ignored_yield_frame == 0 ||
-                                              parameters.yields.number > state.last_ignored_yield_frame);
+  if (!is_deformable) state.last_ignored_solver_frame = parameters.compliance.number;
+  const bool has_current_compliance =
+      is_deformable && (state.last_ignored_solver_frame == 0 ||
+                        parameters.compliance.number > state.last_ignored_solver_frame);
   std::array<TissuePress, kMaxDevices> presses;
   const TickContext context{model,
                             parameters.method,
@@ -365,7 +372,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
                             dt_s,
                             X_WorldPatient,
                             X_WorldPatient.inverse(),
-                            is_touchable ? &parameters.yields : nullptr,
+                            has_current_compliance ? &parameters.compliance : nullptr,
                             &state.holes,
                             last_presses(state, devices.size(), presses)};
   record.rotation_applied_wxyz = plain(state.rotation_applied);
@@ -377,14 +384,14 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
 
   // match the surfaces of a new model version to the old ones; proxies stay on those that are unchanged
   SurfaceMatches before;
-  const bool other_surfaces = state.surfaces.version != model.version;
-  const auto surfaces_before = other_surfaces ? match_surfaces(model, state.surfaces, before)
-                                              : std::span<const SurfaceCorrespondence>();
+  const bool surfaces_changed = state.surfaces.version != model.version;
+  const auto surfaces_before = surfaces_changed ? match_surfaces(model, state.surfaces, before)
+                                                : std::span<const SurfaceCorrespondence>();
 
-  const bool other_layers =
-      other_surfaces && state.surfaces.version != 0 && state.surfaces.yield != is_deformable;
+  const bool layers_reassigned =
+      surfaces_changed && state.surfaces.version != 0 && state.surfaces.is_deformable != is_deformable;
 
-  if (other_surfaces && !state.holes.empty()) state.holes.transfer(surfaces_before);
+  if (surfaces_changed && !state.holes.empty()) state.holes.transfer(surfaces_before);
 
   // each device
   count_strokes(model, parameters, devices, state);
@@ -393,14 +400,14 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const std::uint32_t common_flags = (is_rotation(parameters.rotation_target) ? 0u : kFlagRotationIgnored) |
                                      (model.has(parameters.method) ? 0u : kFlagMethodMissing);
   for (std::size_t d = 0; d < devices.size(); ++d) {
-    const bool known = state.hands[d].proxy_version == state.surfaces.version;
+    const bool known = state.device[d].proxy_version == state.surfaces.version;
     const SurfaceChange surfaces{known ? surfaces_before : std::span<const SurfaceCorrespondence>(),
-                                 other_layers};
-    tick_device(shared, {d, devices[d], parameters.device[d], surfaces, max_force_N}, state.hands[d],
+                                 layers_reassigned};
+    tick_device(shared, {d, devices[d], parameters.device[d], surfaces, max_force_N}, state.device[d],
                 wrenches[d], record.device[d]);
-    record.device[d].flags |= common_flags | ((holding >> d & 1) != 0 ? kFlagTurnHeld : 0u);
+    record.device[d].flags |= common_flags | ((rotation_limiting_devices >> d & 1) != 0 ? kFlagTurnHeld : 0u);
   }
-  if (other_surfaces) remember_surfaces(model, state.surfaces);
+  if (surfaces_changed) remember_surfaces(model, state.surfaces);
   state.tick += 1;
   state.time_s += dt_s;
 

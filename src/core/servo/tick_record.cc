@@ -30,7 +30,7 @@ void record_inputs(const Model& model, const Parameters& parameters, const Sessi
   record.dt_s = dt_s;
   record.lateness_s = record.compute_s = 0;
   record.model_version = model.version;
-  record.yield_frame = parameters.yields.number;
+  record.yield_frame = parameters.compliance.number;
   record_settings(parameters, record);
   record.switches = switches_of(parameters);
   record.devices = static_cast<int>(devices);
@@ -60,7 +60,7 @@ void record_inputs(const DeviceState& device, const DeviceParameters& parameters
 }
 
 void record_outputs(const ToolContact& tool, const OutputRequest& request, const Output& sent,
-                    const SessionState::Hand& hand, DeviceTick& out) {
+                    const SessionState::DeviceSession& session, DeviceTick& out) {
   if (tool.strongest.is_touch()) {
     out.flags |= kFlagContact;
     out.label = tool.strongest.site.label;
@@ -84,13 +84,13 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
   out.gripper_N = sent.wrench.gripper_N;
   out.unclamped_force_N = request.unclamped_N;
   out.limit_N = sent.limit_N;
-  out.heat = hand.output.heat;
-  out.energy_mJ = hand.passivity.energy_mJ;
-  out.turned_mJ = hand.turned_mJ;
-  if (hand.has_previous) out.tip_patient_mm = plain(hand.previous_tip);
-  out.proxy_patient_mm = hand.has_previous ? plain(tool.strongest.proxy) : out.tip_patient_mm;
+  out.heat = session.output.heat;
+  out.energy_mJ = session.passivity.energy_mJ;
+  out.turned_mJ = session.turned_mJ;
+  if (session.has_previous) out.tip_patient_mm = plain(session.previous_tip);
+  out.proxy_patient_mm = session.has_previous ? plain(tool.strongest.proxy) : out.tip_patient_mm;
   out.normal_patient = plain(-tool.strongest.sample.gradient.normalized());
-  out.velocity_patient_mm_s = plain(hand.velocity.velocity_mm_s());
+  out.velocity_patient_mm_s = plain(session.velocity.velocity_mm_s());
   out.field = tool.strongest.sample.value;
   out.depth_mm = tool.strongest.site.depth_mm;
 }

@@ -15,7 +15,7 @@ void record_inputs(const DeviceState& device, const DeviceParameters& parameters
 
 /// Records one device's contact and the wrench sent to it.
 void record_outputs(const ToolContact& tool, const OutputRequest& request, const Output& sent,
-                    const SessionState::Hand& hand, DeviceTick& out);
+                    const SessionState::DeviceSession& session, DeviceTick& out);
 
 std::array<double, 4> plain(const Eigen::Quaterniond& q);
 

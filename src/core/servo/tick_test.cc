@@ -29,7 +29,7 @@ struct TickedLoop {
   Wrench wrench;
 
   TickedLoop() {
-    state.hands[0].output.gain = 1;
+    state.device[0].output.gain = 1;
     parameters.passivity = false;
     parameters.device[0].limits.slew_N_per_s = std::numeric_limits<double>::infinity();
     parameters.device[0].limits.peak_torque_Nmm = 1000;
@@ -44,7 +44,7 @@ struct TickedLoop {
   }
   // farther than the jump threshold of one tick
   void set_down_at(const Point<World>& tip) {
-    state.hands[0].has_previous = false;
+    state.device[0].has_previous = false;
     at(tip);
   }
 };
@@ -267,7 +267,7 @@ TEST(Tick, EmergencyStopIsAtOnceAndStatusBitsAreFaults) {
     loop.at(device);
     EXPECT_EQ(loop.wrench.force_N, Vector<World>());
     EXPECT_TRUE(loop.record.device[0].flags & flag);
-    loop.state.hands[0].output.gain = 1;
+    loop.state.device[0].output.gain = 1;
   };
   loop.at(device);
   ASSERT_GT(loop.wrench.force_N.norm(), 0.1);
@@ -672,7 +672,7 @@ TEST(Tick, AForceThatFadesOutGetsNothingBackThatWasHeldBack) {
     DeviceState device;
     device.tip = Point<World>(kBoneRadius_mm - 0.1, 0, 0);
     loop.lead({kBoneRadius_mm + 1, 0, 0}, device.tip, 100);
-    loop.state.hands[0].passivity.energy_mJ = -10;
+    loop.state.device[0].passivity.energy_mJ = -10;
     for (int n = 0; n < 10; ++n) loop.at(device);
     double before_N = loop.wrench.force_N.norm();
     ASSERT_GT(before_N, 0.1);
@@ -887,7 +887,7 @@ TEST(Tick, AnEditKeepsTheContactWhileSomethingIsPunctured) {
                   proxy[static_cast<std::size_t>(axis)], 1e-3);
     // on the way out it behaves as before: the shell closes behind the tip
     loop.lead({kBoneRadius_mm - 1, 0, 0}, {kBoneRadius_mm + 6, 0, 0}, 200);
-    EXPECT_EQ(loop.state.hands[0].proxy.punctured.count(), 0u);
+    EXPECT_EQ(loop.state.device[0].proxy.punctured.count(), 0u);
   }
 }
 
@@ -905,13 +905,13 @@ TEST(Tick, AnEditLeavesAProxyThatSticksStuck) {
     const Point<World> tip(kBoneRadius_mm + 2, 0.8, 0);
     loop.lead({kBoneRadius_mm + 5, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 100);
     loop.lead({kBoneRadius_mm + 2, 0, 0}, tip, 100);
-    ASSERT_TRUE(loop.state.hands[0].proxy.sticking);
-    const Point<Patient> stuck = loop.state.hands[0].proxy.position;
+    ASSERT_TRUE(loop.state.device[0].proxy.sticking);
+    const Point<Patient> stuck = loop.state.device[0].proxy.position;
     edit.make(loop.model);
     ++loop.model.version;
     for (int n = 0; n < 300; ++n) loop.at(tip);
-    EXPECT_TRUE(loop.state.hands[0].proxy.sticking);
-    EXPECT_LT((loop.state.hands[0].proxy.position - stuck).norm(), 1e-3);
+    EXPECT_TRUE(loop.state.device[0].proxy.sticking);
+    EXPECT_LT((loop.state.device[0].proxy.position - stuck).norm(), 1e-3);
   }
 }
 
@@ -923,7 +923,7 @@ TEST(Tick, AnEditKeepsTheContactOfEveryDevice) {
   std::array<Wrench, 3> wrenches;
   for (std::size_t d = 1; d < 3; ++d) {
     loop.parameters.device[d] = loop.parameters.device[0];
-    loop.state.hands[d].output.gain = 1;
+    loop.state.device[d].output.gain = 1;
   }
   const auto tick_at = [&](double part) {
     devices[0].tip = Point<World>(kBoneRadius_mm + 6 - 7 * part, 0, 0);
@@ -964,8 +964,8 @@ TEST(Tick, ATissueThatIsNotFeltAnyMoreLetsTheProxyOnAndKeepsTheRest) {
     ASSERT_FALSE(loop.record.device[0].flags & kFlagInside) << n;
   }
   EXPECT_EQ(loop.wrench.force_N, Vector<World>()) << "nothing is in the way";
-  EXPECT_TRUE(loop.state.hands[0].proxy.punctured[0]) << "the shell, which it has not come out of";
-  EXPECT_FALSE(loop.state.hands[0].proxy.punctured[1]);
+  EXPECT_TRUE(loop.state.device[0].proxy.punctured[0]) << "the shell, which it has not come out of";
+  EXPECT_FALSE(loop.state.device[0].proxy.punctured[1]);
 }
 
 TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
@@ -998,7 +998,7 @@ TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
   loop.lead(outside, {0, kBoneRadius_mm + 6, 0}, 400);
   loop.lead({0, kBoneRadius_mm + 6, 0}, {0, kBoneRadius_mm + 2.7, 0}, 200);
   EXPECT_GT(loop.wrench.force_N.y(), 0.15);
-  EXPECT_TRUE(loop.state.hands[0].proxy.punctured.none());
+  EXPECT_TRUE(loop.state.device[0].proxy.punctured.none());
 }
 
 TEST(Tick, ATissueThatBeginsToBeFeltWhereTheProxyIsLetsGoOfIt) {
@@ -1038,7 +1038,7 @@ TEST(Tick, EditsAreTheSameToSurfacesThatWerePreparedAnew) {
     ASSERT_EQ(once.record.state_hash, again.record.state_hash) << n;
   }
   EXPECT_EQ(edits, 10);
-  EXPECT_TRUE(once.state.hands[0].proxy.punctured[1]);
+  EXPECT_TRUE(once.state.device[0].proxy.punctured[1]);
 }
 
 TEST(Tick, FromADirectMethodInContactAProxyIsBornAtTheNearestSurface) {
@@ -1278,7 +1278,7 @@ TEST(Tick, DevicesDoNotDisturbEachOther) {
   TickedLoop both;
   std::array<DeviceState, 2> devices;
   std::array<Wrench, 2> wrenches;
-  both.state.hands[1].output.gain = 1;
+  both.state.device[1].output.gain = 1;
   both.parameters.device[1] = alone.parameters.device[0];
   for (int n = 0; n < 50; ++n) {
     const Point<World> tip(kBoneRadius_mm, 0.05 * n, 0);

@@ -10,12 +10,12 @@ namespace palpate {
 namespace {
 
 // the tool's burr in its current pose, rotating if the motor runs; empty if the tool is no burr
-std::optional<Burr> burr_of(const TickContext& tick, const DeviceContext& hand, const MotorState& motor) {
-  const Tool& tool = hand.tool;
+std::optional<Burr> burr_of(const TickContext& tick, const DeviceContext& context, const MotorState& motor) {
+  const Tool& tool = context.tool;
   if (!tool.burr) return std::nullopt;
   return Burr{tool.radius_mm,
               motor.runs ? tool.burr->revolutions_per_s : 0,
-              hand.in_patient(tick, tool.burr->spindle),
+              context.in_patient(tick, tool.burr->spindle),
               tool.burr->grip,
               motor.max_press_N,
               tick.model.protected_structures,
@@ -34,14 +34,14 @@ unsigned coupled_layers(const ProxyState& proxy) {
 }  // namespace
 
 ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, const ProxyChange& change,
-                         const MotorState& motor, SessionState::Hand& hand) {
+                         const MotorState& motor, SessionState::DeviceSession& session) {
   const std::vector<ContactSurface>& surfaces = tick.model.surfaces;
   PosedTool posed_tool(tick, context);
-  ProxyState& proxy = hand.proxy;
+  ProxyState& proxy = session.proxy;
   const std::optional<Burr> burr = burr_of(tick, context, motor);
   if (burr) {
-    if (change.surfaces) rebase_burr(surfaces, *burr, posed_tool.pose(), change.carved, proxy, hand.burr);
-    posed_tool.set_first(burr->head(hand.burr.inset_mm));
+    if (change.surfaces) rebase_burr(surfaces, *burr, posed_tool.pose(), change.carved, proxy, session.burr);
+    posed_tool.set_first(burr->head(session.burr.inset_mm));
   }
   const unsigned coupled_before = coupled_layers(proxy);
   if (change.surfaces && change.layers)
@@ -53,15 +53,15 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
     initialise_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), proxy);
   const ProxyOptions options = proxy_options(tick, context);
   const ProxyResult result =
-      burr ? advance_burr(surfaces, *burr, posed_tool.pose(), proxy, hand.burr, options)
+      burr ? advance_burr(surfaces, *burr, posed_tool.pose(), proxy, session.burr, options)
            : advance_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), proxy, options);
-  if (burr) posed_tool.set_first(burr->head(hand.burr.penetration_mm));
-  ToolContact contact = touch_by_proxy(tick, context, posed_tool, proxy, result, hand.coupling);
+  if (burr) posed_tool.set_first(burr->head(session.burr.penetration_mm));
+  ToolContact contact = touch_by_proxy(tick, context, posed_tool, proxy, result, session.coupling);
   contact.released = released;
   // the proxy reported for a burr is that of the innermost layer in contact, or of the layer into which it
   // has cut
-  if (burr && hand.burr.layer >= 0 && proxy.layer(hand.burr.layer).coupled)
-    contact.strongest.proxy = proxy.layer(hand.burr.layer).position;
+  if (burr && session.burr.layer >= 0 && proxy.layer(session.burr.layer).coupled)
+    contact.strongest.proxy = proxy.layer(session.burr.layer).position;
   return contact;
 }
 

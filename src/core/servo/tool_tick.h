@@ -28,7 +28,7 @@ struct MotorState {
 /// Contact of a tool by the proxy method. Advances the proxy, and a burr also removes the material that it
 /// touches.
 ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, const ProxyChange& change,
-                         const MotorState& motor, SessionState::Hand& hand);
+                         const MotorState& motor, SessionState::DeviceSession& session);
 
 /// Adds the force that pushes the tool out of no-go regions; for a burr, its head with the full radius. Only
 /// the part of that force is added that exceeds the contact force in its direction. Contact and region

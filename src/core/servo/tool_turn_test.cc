@@ -24,7 +24,7 @@ struct TurnedLoop {
   double tick_s = 4e-3;
 
   TurnedLoop() {
-    state.hands[0].output.gain = 1;
+    state.device[0].output.gain = 1;
     parameters.method = ForceMethod::kProxy;
     parameters.passivity = parameters.friction = parameters.viscosity = false;
     parameters.max_force_N = 1000;

@@ -26,14 +26,14 @@ struct LimitedTurn {
 };
 
 LimitedTurn held_by(const Model& model, const DeviceParameters& own, const DeviceState& device,
-                    const SessionState::Hand& hand) {
+                    const SessionState::DeviceSession& session) {
   LimitedTurn limited;
-  if (!hand.has_previous || hand.output.gain == 0 || !device.tip.all_finite() || !(own.scale > 0))
+  if (!session.has_previous || session.output.gain == 0 || !device.tip.all_finite() || !(own.scale > 0))
     return limited;
   limited.pushed = true;
-  limited.lever = Vector<World>((model.X_WorldPatient * hand.previous_tip).eigen());
-  limited.sent_N = hand.output.sent.force_N;
-  limited.stiffness_N_per_mm = RenderedStiffness(own).at_device(hand.coupling.stiffness_N_per_mm);
+  limited.lever = Vector<World>((model.X_WorldPatient * session.previous_tip).eigen());
+  limited.sent_N = session.output.sent.force_N;
+  limited.stiffness_N_per_mm = RenderedStiffness(own).at_device(session.coupling.stiffness_N_per_mm);
   limited.stiffest_N_per_mm = RenderedStiffness(own).by_proxy(model.max_stiffness_N_per_mm());
   limited.scale = own.scale;
   return limited;
@@ -84,7 +84,7 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
   // the largest rotation that every operator's limits allow
   std::array<LimitedTurn, kMaxDevices> limited;
   for (std::size_t d = 0; d < devices.size(); ++d)
-    limited[d] = held_by(model, parameters.device[d], devices[d], state.hands[d]);
+    limited[d] = held_by(model, parameters.device[d], devices[d], state.device[d]);
   const Eigen::Quaterniond before = state.rotation_applied;
   const double within_s = std::min(dt_s, kRotationSettings.max_tick_s);
   std::uint32_t holding = 0;
@@ -106,7 +106,7 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
   // work on the operators
   for (std::size_t d = 0; d < devices.size(); ++d)
     if (limited[d].pushed)
-      state.hands[d].turned_mJ += limited[d].sent_N.dot(displacement_of(limited[d], before, rotation));
+      state.device[d].turned_mJ += limited[d].sent_N.dot(displacement_of(limited[d], before, rotation));
   state.rotation_elapsed_s += step_s;
   state.rotation_applied = rotation;
   return holding;

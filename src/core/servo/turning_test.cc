@@ -42,7 +42,7 @@ struct TurningWall {
     parameters.max_force_N = 100;
     for (DeviceParameters& device : parameters.device)
       device.limits.slew_N_per_s = std::numeric_limits<double>::infinity();
-    for (auto& hand : state.hands) hand.output.gain = 1;
+    for (auto& hand : state.device) hand.output.gain = 1;
   }
 
   void at(const Point<World>& tip, const Point<World>& other = {0, 0, 40}, double dt_s = kTurnTick_s) {
@@ -241,7 +241,7 @@ TEST(Turning, WhateverHappensNoTickDoesMoreWork) {
           any(random), Eigen::Vector3d(any(random), any(random), any(random)).normalized()));
     if (n % 501 == 0) wall.parameters.paused = !wall.parameters.paused;
     tip += Vector<World>(any(random), any(random), any(random) - 0.05 * (tip.z() + 1)) * 0.3;
-    const SessionState::Hand before = wall.state.hands[0];
+    const SessionState::DeviceSession before = wall.state.device[0];
     const Eigen::Quaterniond from = wall.state.rotation_applied;
     const double dt_s = kTurnTick_s * (1 + 0.5 * any(random));
     wall.at(tip, {0, 0, 40}, dt_s);

@@ -47,7 +47,7 @@ struct GuidedHands {
     parameters.method = ForceMethod::kProxy;
     parameters.motor = true;
     parameters.max_force_N = 10;
-    for (auto& hand : state.hands) hand.output.gain = 1;
+    for (auto& hand : state.device) hand.output.gain = 1;
   }
   // position `clear_mm` above the ball, rotated from its top to one side
   Point<World> above(double clear_mm, double turned_rad) const {
@@ -59,7 +59,7 @@ struct GuidedHands {
   std::size_t carve() {
     std::vector<Cut> cuts;
     for (std::size_t d = 0; d < devices.size(); ++d)
-      for (const Cut& cut : finished_cuts(state.hands[d].burr, static_cast<std::uint32_t>(d)))
+      for (const Cut& cut : finished_cuts(state.device[d].burr, static_cast<std::uint32_t>(d)))
         cuts.push_back(cut);
     if (cuts.empty()) return 0;
     carving = carving->with(cuts);
@@ -92,7 +92,7 @@ TEST(TwoTools, EachFeelsWhatItFeelsAlone) {
     ASSERT_EQ(both.wrenches[1].force_N, burr.wrenches[0].force_N) << n;
     ASSERT_EQ(of_burr.proxy_patient_mm, burr.record.device[0].proxy_patient_mm) << n;
     ASSERT_EQ(of_burr.flags, burr.record.device[0].flags) << n;
-    ASSERT_EQ(both.state.hands[1].burr.removed_mm3, burr.state.hands[0].burr.removed_mm3) << n;
+    ASSERT_EQ(both.state.device[1].burr.removed_mm3, burr.state.device[0].burr.removed_mm3) << n;
     ASSERT_EQ(both.state.strokes, burr.state.strokes) << n;
   }
   EXPECT_GT(cuts, 5u) << "else the test is about nothing";
@@ -113,11 +113,11 @@ TEST(TwoTools, OnlyTheBurrTakesAnythingAway) {
       guided.devices[with_probe].tip = guided.above(2.2 - 0.005 * n, 0.4);
       if (n % 20 == 0) guided.carve();
       guided.tick_once();
-      ASSERT_EQ(guided.state.hands[with_probe].burr.sweeps, 0);
+      ASSERT_EQ(guided.state.device[with_probe].burr.sweeps, 0);
     }
     EXPECT_GT(guided.wrenches[with_probe].force_N.norm(), 0.3);
-    EXPECT_EQ(guided.state.hands[with_probe].burr.removed_mm3, 0);
-    EXPECT_GT(guided.state.hands[with_burr].burr.removed_mm3, 2);
+    EXPECT_EQ(guided.state.device[with_probe].burr.removed_mm3, 0);
+    EXPECT_GT(guided.state.device[with_burr].burr.removed_mm3, 2);
     EXPECT_GT(guided.carving->sweeps(with_burr), 0u);
     EXPECT_EQ(guided.carving->sweeps(with_probe), 0u);
   }
@@ -167,7 +167,7 @@ TEST(TwoTools, TheSwitchRunsEveryBurrAndAPedalItsOwn) {
       guided.tick_once();
     }
     EXPECT_EQ(guided.state.strokes, motor || first == 1u << 1 || second == 1u << 4 ? 1u : 0u);
-    return std::array{guided.state.hands[0].burr.removed_mm3, guided.state.hands[1].burr.removed_mm3};
+    return std::array{guided.state.device[0].burr.removed_mm3, guided.state.device[1].burr.removed_mm3};
   };
   const auto by_switch = cut_mm3(true, 0, 0);
   EXPECT_GT(by_switch[0], 0.1);

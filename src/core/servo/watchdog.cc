@@ -46,11 +46,11 @@ void Watchdog::end() {
 void Watchdog::guard() {
   while (!end_.load(std::memory_order_relaxed)) {
     std::this_thread::sleep_for(kWatch);
-    look(monotonic_ns());
+    check(monotonic_ns());
   }
 }
 
-void Watchdog::look(std::int64_t now_ns) {
+void Watchdog::check(std::int64_t now_ns) {
   const std::int64_t beat_ns = beat_ns_.load(std::memory_order_acquire);
   const std::uint64_t beats = beats_.load(std::memory_order_relaxed);
   const bool stalled = !standing_down_.load() && beat_ns != kResting && now_ns - beat_ns > kStall_ns;

@@ -59,7 +59,7 @@ class Watchdog {
  private:
   static constexpr std::int64_t kResting = Heartbeat::kResting;
   void guard();
-  void look(std::int64_t now_ns);
+  void check(std::int64_t now_ns);
 
   DeviceDriver& driver_;
   Heartbeat* const heartbeat_;

@@ -243,7 +243,7 @@ Result<std::vector<std::uint16_t>> max_values(const Bricks<LabelId>& labels, con
                                                    std::vector<std::uint16_t>(structures + 1, 0));
   const auto done = internal::for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
     std::vector<std::uint16_t>& mine = greatest[static_cast<std::size_t>(worker)];
-    const auto look = [&](const RowPiece<LabelId>& piece) {
+    const auto visit_piece = [&](const RowPiece<LabelId>& piece) {
       // same grid, hence the same pieces
       const std::uint16_t* const value = field.view().cell(piece.i, piece.j, k);
       for (int i = 0; i < piece.count; ++i) {
@@ -252,7 +252,7 @@ Result<std::vector<std::uint16_t>> max_values(const Bricks<LabelId>& labels, con
         most = std::max(most, value[i]);
       }
     };
-    for (int j = 0; j < grid.dims[1]; ++j) labels.for_each_piece(j, k, look);
+    for (int j = 0; j < grid.dims[1]; ++j) labels.for_each_piece(j, k, visit_piece);
   });
   if (!done) return done.error();
   for (std::size_t w = 1; w < greatest.size(); ++w)

@@ -31,7 +31,7 @@ Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<
   const std::size_t neighbours = common == Common::kFace ? 3 : kNeighbours.size();
   const auto done = for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
     Touching& mine = found[static_cast<std::size_t>(worker)];
-    const auto look = [&](const RowPiece<LabelId>& piece) {
+    const auto visit_piece = [&](const RowPiece<LabelId>& piece) {
       if (piece.uniform) return;
       for (std::size_t n = 0; n < neighbours; ++n) {
         const Neighbour& to = kNeighbours[n];
@@ -42,7 +42,7 @@ Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<
           if (a[i] != b[i]) mine.add(index[a[i]], index[b[i]]);
       }
     };
-    for (int j = 0; j < grid.dims[1]; ++j) labels.for_each_piece(j, k, look);
+    for (int j = 0; j < grid.dims[1]; ++j) labels.for_each_piece(j, k, visit_piece);
   });
   if (!done) return done.error();
   for (std::size_t w = 1; w < found.size(); ++w) found[0].add(found[w]);

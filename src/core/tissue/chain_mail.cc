@@ -41,7 +41,7 @@ bool find_dent(const Model& model, const TickRecord& record, std::size_t device,
                                  device_tick.normal_patient[2])
                      .normalized();
   dent.depth_mm = device_tick.depth_mm;
-  dent.radius_mm = std::max(model.tool_of(device).radius_mm, kYieldSettings.min_radius_mm);
+  dent.radius_mm = std::max(model.tool_of(device).radius_mm, kSoftTissueSettings.min_radius_mm);
   return dent.at.all_finite() && dent.outward.all_finite() && dent.outward.norm() > 0.5;
 }
 
@@ -219,7 +219,7 @@ double ChainMail::max_moved_mm() const {
 }
 
 struct ChainMailTissue::Region {
-  YieldBox where;
+  SolverBox where;
   CarvedLabels labels;
   std::vector<ElasticMaterial> by_label;
   ChainMail mail;
@@ -240,7 +240,7 @@ void ChainMailTissue::advance(const Model& model, const TickRecord& record) {
     if (pressed) {
       const Eigen::Vector3d centre = middle_below(model, dent.at, dent.outward);
       if (!same || !is_around(model, region->where.first_cell, centre)) {
-        const YieldBox where{first_cell_around(model, centre), dent.at};
+        const SolverBox where{first_cell_around(model, centre), dent.at};
         auto next = std::make_unique<Region>(
             Region{where, labels, by_label, ChainMail(yield_cells(model, by_label, where).grid())});
         if (region != nullptr && region->by_label == by_label) {

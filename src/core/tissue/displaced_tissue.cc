@@ -80,14 +80,15 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
     const double modulus = PressurePatch(grid, press.at, press.outward, min_mm).contact_modulus();
     if (!(modulus > 0)) continue;
     const double touched_mm = cube_root(0.75 * pressed_N * press.radius_mm / modulus);
-    const double rho_mm = std::clamp(touched_mm, min_mm, kMaxPatchPart * grid.box().cells[1] * cell_mm);
+    const double rho_mm =
+        std::clamp(touched_mm, min_mm, kMaxPatchRadiusFraction * grid.box().cells[1] * cell_mm);
     const PressurePatch patch(grid, press.at, press.outward, rho_mm);
     if (!patch.touches()) continue;
     ElasticField unit_mm(grid.layout()), load_N(grid.layout());
     patch.add(1, load_N);
     ElasticSolver(grid).solve(load_N, unit_mm, kMaxIterations, kConverged);
     double force_N = pressed_N;
-    if (RelaxationWeights::matter_to(model)) {
+    if (RelaxationWeights::are_needed_for(model)) {
       LocalCompliance spot;
       spot.compliance_mm_per_N = patch.displacement(unit_mm);
       spot.modulus_N_per_mm2 = patch.contact_modulus();

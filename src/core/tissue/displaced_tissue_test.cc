@@ -26,7 +26,7 @@ TEST(DisplacedTissue, GivesWayUnderAToolAsTheCompliancesSay) {
   constexpr double kForce_N = 0.05;
   const DisplacedTissue yielded(*model, pressed_with(0, 0, kForce_N));
   ASSERT_FALSE(yielded.rests());
-  YieldSolver solver;
+  SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_with(0, 0, kForce_N));
   const LocalCompliance& spot = solver.frame().spot[0];
   // mean under the patch, weighted by its pressure

@@ -13,7 +13,7 @@ namespace {
 /// Line search: maximum number of halvings, and fraction of the initial directional residual below which a
 /// step is accepted.
 constexpr int kMaxHalvings = 6;
-constexpr double kGoodPart = 0.9;
+constexpr double kMaxSlopeRatio = 0.9;
 
 }  // namespace
 
@@ -60,7 +60,7 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
   FiniteSolution solution;
   // residual r = f - forces(at); returns the least volume fraction
-  const auto left_over = [&](const ElasticValues& at) {
+  const auto update_residual = [&](const ElasticValues& at) {
     const double smallest = k.apply_finite(at, s.q);
     for (std::size_t n = 0; n < u.size(); ++n) s.r[n] = k.free(n) ? force_N.values[n] - s.q[n] : 0.0f;
     constraints.project_out(s.r);
@@ -75,7 +75,7 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
     return scale > 0 ? norm / scale : norm;
   };
 
-  solution.min_volume = left_over(u);
+  solution.min_volume = update_residual(u);
   scale += constraints.norm(s.q);
   solution.residual = part();
   while (solution.residual > settings.tolerance && solution.steps < settings.max_steps) {
@@ -108,20 +108,20 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
       }
       ++solution.iterations;
     }
-    const double downhill = dot(s.tried, s.step);
+    const double initial_slope = dot(s.tried, s.step);
 
     // longest step that inverts no cell and reduces the residual along the step
     double length = 1, least = 0;
     bool good = false;
     for (int n = 0; n <= kMaxHalvings && !good; ++n, length /= 2) {
       for (std::size_t m = 0; m < u.size(); ++m) s.tried[m] = u[m] + static_cast<float>(length) * s.step[m];
-      least = left_over(s.tried);
+      least = update_residual(s.tried);
       good = (least >= settings.min_volume || least > solution.min_volume) &&
-             std::abs(dot(s.r, s.step)) <= kGoodPart * std::abs(downhill);
+             std::abs(dot(s.r, s.step)) <= kMaxSlopeRatio * std::abs(initial_slope);
     }
     if (!good) {
       solution.stuck = true;
-      left_over(u);
+      update_residual(u);
       break;
     }
     u = s.tried;

@@ -17,7 +17,7 @@ constexpr double kSmoothedFrom = 0.1;
 constexpr int kPowerIterations = 15;
 constexpr double kPowerMargin = 1.1;
 /// Relative diagonal shift, so that a coarse body with nearly disconnected parts can be factorised.
-constexpr double kMinPivot = 1e-6;
+constexpr double kRelativeDiagonalShift = 1e-6;
 
 std::size_t node_number(const ElasticLayout& layout, int i, int j, int k) {
   return layout.node(0, j, k, 0) / 3 + static_cast<std::size_t>(i);
@@ -373,7 +373,7 @@ void Multigrid::factorize() {
     level.x[coarsest_[column]] = 0;
     for (Eigen::Index row = 0; row < size; ++row) coarsest_k_(row, column) = level.product[coarsest_[row]];
   }
-  coarsest_k_.diagonal() *= 1 + kMinPivot;
+  coarsest_k_.diagonal() *= 1 + kRelativeDiagonalShift;
   factors_.compute(coarsest_k_);
   coarsest_x_.resize(size);
 }

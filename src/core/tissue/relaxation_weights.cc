@@ -56,7 +56,7 @@ class RowEnergy {
 };
 
 // index of the deformable tissue of the voxel at a point; -1: none
-int yielding_tissue(const Model& model, const Bricks<LabelId>& labels, const Point<Voxel>& at) {
+int soft_tissue(const Model& model, const Bricks<LabelId>& labels, const Point<Voxel>& at) {
   std::array<int, 3> voxel;
   for (int axis = 0; axis < 3; ++axis)
     voxel[static_cast<std::size_t>(axis)] = static_cast<int>(std::floor(at[axis] + 0.5));
@@ -68,7 +68,7 @@ int yielding_tissue(const Model& model, const Bricks<LabelId>& labels, const Poi
 
 }  // namespace
 
-bool RelaxationWeights::matter_to(const Model& model) {
+bool RelaxationWeights::are_needed_for(const Model& model) {
   return model.relaxation_times.any() || std::ranges::any_of(model.tissues, [&](const Tissue& tissue) {
            return of(model, tissue).stiffening > 0;
          });
@@ -99,7 +99,7 @@ RelaxationWeights::RelaxationWeights(const Model& model, const CarvedLabels& lab
   const Transform<Voxel, Patient> X_VoxelPatient = labels.made->geometry().X_PatientVoxel().inverse();
   const auto tissue_at = [&](double i, double j, double k) {
     const Point<Patient> at = box.patient(Eigen::Vector3d(i, j, k) * box.cell_mm);
-    return yielding_tissue(model, *labels.made, X_VoxelPatient * at);
+    return soft_tissue(model, *labels.made, X_VoxelPatient * at);
   };
   bool any = false;
   for (int k = 0; k < layout.cells[2]; ++k)
@@ -140,7 +140,7 @@ RelaxationWeights::Means RelaxationWeights::under(const ElasticGrid& grid,
   return means;
 }
 
-bool RelaxationWeights::is_of(const Model& model) const {
+bool RelaxationWeights::was_made_from(const Model& model) const {
   return std::equal(by_tissue_.begin(), by_tissue_.end(), model.tissues.begin(), model.tissues.end(),
                     [&](const OfTissue& was, const Tissue& tissue) { return was == of(model, tissue); });
 }

@@ -14,7 +14,7 @@ namespace palpate {
 class RelaxationWeights {
  public:
   /// Whether the model has a tissue that relaxes, or one that stiffens under its law.
-  static bool matter_to(const Model& model);
+  static bool are_needed_for(const Model& model);
 
   /// Assigns each cell to the tissue at its centre or, if that is not deformable, at one of its corners.
   /// @param model  to which they matter
@@ -31,7 +31,7 @@ class RelaxationWeights {
   Means under(const ElasticGrid& grid, const ElasticField& displaced_mm) const;
 
   /// Whether the model's tissues have the same relaxation and stiffening as at construction.
-  bool is_of(const Model& model) const;
+  bool was_made_from(const Model& model) const;
 
  private:
   static constexpr std::uint8_t kNone = 0;  // index into kinds_: neither relaxation nor stiffening

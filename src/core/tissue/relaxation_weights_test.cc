@@ -28,7 +28,7 @@ std::shared_ptr<Model> relaxing_block(const Relaxation& block, const Relaxation&
 }
 
 LocalCompliance settled(const Model& model, const TickRecord& record) {
-  YieldSolver solver;
+  SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(model, record);
   return solver.frame().spot[0];
 }
@@ -101,7 +101,7 @@ TEST(RelaxationWeights, ATissueCountsByWhatGivesWayOfIt) {
   EXPECT_LT(share_of_ball(25), 0.1 * share_of_ball(0));
 }
 
-TEST(YieldSolver, TellsNothingThatRelaxesWhereNothingDoes) {
+TEST(SoftTissueSolver, TellsNothingThatRelaxesWhereNothingDoes) {
   const auto model = soft_block(true);
   EXPECT_FALSE(settled(*model, pressed_at(0, 0)).relaxed.any());
   // W is the same either way
@@ -110,8 +110,8 @@ TEST(YieldSolver, TellsNothingThatRelaxesWhereNothingDoes) {
             settled(*model, pressed_at(0, 0)).compliance_mm_per_N);
 }
 
-TEST(YieldSolver, FollowsAModelWhoseTissueRelaxesInAnotherWay) {
-  YieldSolver solver;
+TEST(SoftTissueSolver, FollowsAModelWhoseTissueRelaxesInAnotherWay) {
+  SoftTissueSolver solver;
   solver.solve(*relaxing_block(kOfBlock, kOfBlock), pressed_at(0, 0));
   auto other = std::make_shared<Model>(*relaxing_block(kOfBlock, kOfBlock));
   other->tissues[0].relaxation.term[0].part = other->tissues[1].relaxation.term[0].part = 0.1;

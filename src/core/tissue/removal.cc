@@ -31,7 +31,7 @@ class BurrTool {
   const Burr* operator->() const { return &burr_; }
   bool is_ball() const { return !(burr_.length_mm > 0); }
   ToolSphere head(const Eigen::Quaterniond& attitude) const {
-    return TurnedTool({&head_, 1}, hand_.attitude, attitude).spheres()[0];
+    return RotatedTool({&head_, 1}, hand_.attitude, attitude).spheres()[0];
   }
   /// Unit vector of its spindle.
   Vector<Patient> spindle(const ToolSphere& head) const {
@@ -101,7 +101,7 @@ class MaterialSampler {
     for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
       const ContactSurface& surface = surfaces[s];
       const bool covered =
-          surface.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(surface.beneath)];
+          surface.covered_by >= 0 && !layer.punctured[static_cast<std::size_t>(surface.covered_by)];
       if (surface.layer != number || surface.surface == nullptr || layer.punctured[s] || covered) continue;
       if (is_known_beyond(*surface.surface, head, at_, near_mm) && surface.surface->outside_mm() > 0)
         continue;
@@ -130,8 +130,8 @@ class MaterialSampler {
   Front edge_contact_front(const ProxyLayer& layer) const {
     if (count_ == 0) return {};
     Sum sum;
-    for (int n = 0; n < layer.contacts; ++n) {
-      const ProxyContact& contact = layer.contact[static_cast<std::size_t>(n)];
+    for (int n = 0; n < layer.contact_count; ++n) {
+      const ProxyContact& contact = layer.contacts[static_cast<std::size_t>(n)];
       const Point<Patient> centre = at_ + head_.along_mm * contact.axis_fraction;
       // the contact normal is smoothed and may point past the edge
       const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
@@ -290,7 +290,8 @@ double penetration_mm(std::span<const ContactSurface> surfaces, const BurrTool& 
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     const ContactSurface& surface = surfaces[s];
     const ProxyLayer& layer = proxy.layer(surface.layer);
-    const bool covered = surface.beneath >= 0 && !layer.punctured[static_cast<std::size_t>(surface.beneath)];
+    const bool covered =
+        surface.covered_by >= 0 && !layer.punctured[static_cast<std::size_t>(surface.covered_by)];
     if (surface.surface == nullptr || !layer.coupled || layer.punctured[s] || covered) continue;
     const ToolSphere head = burr.head(layer.attitude);
     if (is_farther(*surface.surface, head, layer.position, radius_mm)) continue;
@@ -380,7 +381,7 @@ HeadPose outside_protected(const BurrTool& burr, const HeadPose& from, const Hea
 
 int innermost_touched(const ProxyState& proxy) {
   for (int n = kMaxLayers - 1; n >= 0; --n)
-    if (proxy.layer(n).coupled && proxy.layer(n).contacts > 0) return n;
+    if (proxy.layer(n).coupled && proxy.layer(n).contact_count > 0) return n;
   return -1;
 }
 
@@ -439,7 +440,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   // the motor's work limits the displacement, not the slip rate
   ProxyOptions guided = options;
   guided.max_slip_N_per_s = std::numeric_limits<double>::infinity();
-  if (cuts) guided.max_away = kCuttingSettings.max_distance_increase;
+  if (cuts) guided.max_distance_increase = kCuttingSettings.max_distance_increase;
   ProxyResult result = advance_proxy(surfaces, {&head, 1}, hand, proxy, guided);
   for (std::size_t n = 0; n < before.size(); ++n) {
     ProxyLayer& layer = proxy.layer(static_cast<int>(n));
@@ -491,7 +492,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
       // all layers represent one burr: none may move ahead of the one that cuts
       for (std::size_t n = 0; n < before.size(); ++n) {
         ProxyLayer& layered = proxy.layer(static_cast<int>(n));
-        if (!layered.coupled || layered.contacts == 0) continue;
+        if (!layered.coupled || layered.contact_count == 0) continue;
         const HeadPose pose = burr_tool.partway(before[n], {layered.position, layered.attitude}, part);
         move_to(outside_protected(burr_tool, before[n], pose), hand.tip, layered, result.of_layer[n], result);
       }

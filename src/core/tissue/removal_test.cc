@@ -113,7 +113,7 @@ TEST(Removal, AMotorThatIsOffLeavesABall) {
     ASSERT_EQ(is.force_N, expected.force_N);
     ASSERT_EQ(off.proxy_.position, ball.position);
   }
-  EXPECT_GT(ball.contacts, 0);
+  EXPECT_GT(ball.contact_count, 0);
   EXPECT_EQ(off.state_.removed_mm3, 0);
   EXPECT_TRUE(off.state_.pending().empty());
 }
@@ -255,7 +255,7 @@ TEST(Removal, AHeadWhoseMotorIsOffIsACapsule) {
       ASSERT_EQ(is.force_N, expected.force_N);
       ASSERT_EQ(off.proxy_.position, head.position);
     }
-    EXPECT_GT(head.contacts, 0);
+    EXPECT_GT(head.contact_count, 0);
     EXPECT_EQ(off.state_.removed_mm3, 0);
   }
 }
@@ -338,7 +338,7 @@ TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
       for (int n = 1; n <= 20; ++n) {
         burr.lead_to(from + displacement * (0.05 * n), was.slerp(0.05 * n, aim), 1);
         const ToolSphere head = burr.burr_.head(0);
-        const ToolSphere sphere = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
+        const ToolSphere sphere = RotatedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
         for (int m = 0; m < 40; ++m) {
           const double part = unit(random);
           const Vector<Patient> out(about(random), about(random), about(random));
@@ -383,7 +383,7 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
         const double part = (n - 1 + 0.05 * tick) / 10;
         burr.lead_to(from + aim_mm * part, was.slerp(part, aim), 1);
         const ToolSphere head = burr.burr_.head(0);
-        const ToolSphere sphere = TurnedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
+        const ToolSphere sphere = RotatedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
         const double gap_mm =
             nearest_part(*structure.surface, sphere, burr.proxy_.position).distance_mm - burr.burr_.radius_mm;
         nearest_mm = std::min(nearest_mm, gap_mm);

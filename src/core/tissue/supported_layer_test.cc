@@ -82,7 +82,7 @@ TEST(DeepBase, IsTheMeanOfTheRaysThatReachIt) {
 }
 
 // Force of the settled solution by which the tick renders a layer, beside the exact one of the layer.
-TEST(YieldSolver, ForceOnALayerIsThatOfTheExactSolutionFromThinToThick) {
+TEST(SoftTissueSolver, ForceOnALayerIsThatOfTheExactSolutionFromThinToThick) {
   for (const double cell_mm : {1.0, 2.0})
     for (const double poissons_ratio : {0.3, 0.45, 0.49}) {
       if (cell_mm > 1 && poissons_ratio != 0.45) continue;
@@ -95,14 +95,14 @@ TEST(YieldSolver, ForceOnALayerIsThatOfTheExactSolutionFromThinToThick) {
         for (const double radius_mm : {1.5, 3.0, 8.0}) {
           scene.tool_mm = radius_mm;
           const auto model = layer_block(scene);
-          YieldSolver solver;
+          SoftTissueSolver solver;
           for (const double part : {0.1, 0.3, 0.5}) {
             const double depth_mm = part * thickness_mm;
             double force_N = 0;
             for (int n = 0; n < 6; ++n) {
               const auto& spot = solver.solve(*model, layer_pressed(depth_mm, force_N)).spot[0];
               ASSERT_TRUE(spot.is_known());
-              force_N = yield_force(tissue_at(spot), depth_mm, radius_mm).force_N;
+              force_N = soft_contact_force(tissue_at(spot), depth_mm, radius_mm).force_N;
             }
             const double modulus = 1e-3 * scene.modulus_kPa / (1 - poissons_ratio * poissons_ratio);
             const double exact_N =

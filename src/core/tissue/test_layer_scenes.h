@@ -48,7 +48,7 @@ inline std::shared_ptr<const Model> layer_block(const LayerScene& scene) {
   model->level_of_label = {0, 1, 1, 1};
   model->surfaces = {make_contact_surface(
       cube_grid(24, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 14)};
-  model->surfaces[0].yield_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*fat.elastic);
+  model->surfaces[0].plane_strain_modulus_N_per_mm2 = contact_modulus_N_per_mm2(*fat.elastic);
   model->label_of_surface = {1};
   model->tools[0].radius_mm = scene.tool_mm;
   return model;

@@ -10,7 +10,7 @@ namespace {
 
 std::array<int, 3> cells_of_box(const Model& model) {
   const auto& [along, across] =
-      is_finite(model.tissue_law)
+      is_hyperelastic(model.tissue_law)
           ? std::pair(kSolverSettings.finite_cells_along, kSolverSettings.finite_cells_across)
           : std::pair(kSolverSettings.cells_along, kSolverSettings.cells_across);
   const auto fewer = [&](int cells) {
@@ -20,7 +20,7 @@ std::array<int, 3> cells_of_box(const Model& model) {
 }
 
 ElasticBox lattice_of(const Model& model) {
-  return elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
+  return elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, solver_cell_mm(model));
 }
 
 }  // namespace
@@ -57,13 +57,13 @@ double instantaneous_force_N(const DeviceTick& device, const ContactLaw& tissue,
   ContactLaw base = tissue;
   base.strain_stiffening = 0;
   // fmin, because the device's limit is NaN if unknown
-  return yield_force(base, device.depth_mm, radius_mm,
-                     std::fmin(RenderedStiffness(device).max_in_patient(), max_N_per_mm))
+  return soft_contact_force(base, device.depth_mm, radius_mm,
+                            std::fmin(RenderedStiffness(device).max_in_patient(), max_N_per_mm))
       .force_N;
 }
 
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
-                        const YieldBox& where) {
+                        const SolverBox& where) {
   ElasticBox box = lattice_of(model);
   box.cells = cells_of_box(model);
   const auto& first = where.first_cell;

@@ -13,7 +13,7 @@
 namespace palpate {
 
 /// Upper limit of a patch's radius, as a fraction of the box's width.
-inline constexpr double kMaxPatchPart = 0.25;
+inline constexpr double kMaxPatchRadiusFraction = 0.25;
 
 /// Middle of the box for a tool that presses on a surface point: far enough below the surface that most of
 /// the box is tissue. In cells of the lattice over the whole volume, with which every box is aligned.
@@ -22,13 +22,13 @@ Eigen::Vector3d middle_below(const Model& model, const Point<Patient>& at, const
 /// First cell of the box with that middle, and whether an existing box still covers a middle.
 std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& centre);
 bool is_around(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& centre);
-/// YieldSolver::displacing_force_N for tissue that relaxes or stiffens with strain.
+/// SoftTissueSolver::displacing_force_N for tissue that relaxes or stiffens with strain.
 /// @param tissue        tissue at the contact
 /// @param max_N_per_mm  max_deformable_stiffness_N_per_mm() of the model
 double instantaneous_force_N(const DeviceTick& device, const ContactLaw& tissue, double radius_mm,
                              double max_N_per_mm);
-/// Cells of a box, with springs on its faces for a load at YieldBox::about.
+/// Cells of a box, with springs on its faces for a load at SolverBox::about.
 CarvedCells yield_cells(const Model& model, const std::vector<ElasticMaterial>& by_label,
-                        const YieldBox& box);
+                        const SolverBox& box);
 
 }  // namespace palpate

@@ -45,7 +45,7 @@ std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& 
     const Surface* nearest = nullptr;
     double distance_mm = kSolverSettings.reach_mm;
     for (const ContactSurface& surface : model.surfaces) {
-      if (surface.surface == nullptr || surface.layer != 0 || surface.beneath >= 0) continue;
+      if (surface.surface == nullptr || surface.layer != 0 || surface.covered_by >= 0) continue;
       if (surface.surface->is_beyond(found.at, std::abs(distance_mm))) continue;
       const double mm = surface.surface->distance_mm(found.at);
       if (mm >= surface.surface->outside_mm() || std::abs(mm) >= std::abs(distance_mm)) continue;
@@ -65,7 +65,7 @@ std::optional<OnSurface> find_surface(const Model& model, const Point<Patient>& 
 std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& device) {
   const auto tip = tagged<Point<Patient>>(device.tip_patient_mm);
   Vector<Patient> displacement =
-      tagged<Vector<Patient>>(device.velocity_patient_mm_s) * (kSolverSettings.lead_frames * kYieldFrame_s);
+      tagged<Vector<Patient>>(device.velocity_patient_mm_s) * (kSolverSettings.lead_frames * kSolverFrame_s);
   if (!tip.all_finite() || !displacement.all_finite()) return std::nullopt;
   if (displacement.norm() > kSolverSettings.max_lead_mm)
     displacement = displacement.normalized() * kSolverSettings.max_lead_mm;
@@ -104,8 +104,8 @@ double to_face_mm(const ElasticBox& box, const Point<Patient>& at, const Vector<
 // tissue.
 void support_by_deep_base(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
                           const ElasticBox& box, const OnSurface& contact, LocalCompliance& spot) {
-  const double inside_mm = to_face_mm(box, contact.at, -contact.outward);
-  const double per_mm = deep_base_per_mm(labels, by_label, contact.at, contact.outward, inside_mm,
+  const double depth_in_box_mm = to_face_mm(box, contact.at, -contact.outward);
+  const double per_mm = deep_base_per_mm(labels, by_label, contact.at, contact.outward, depth_in_box_mm,
                                          kSolverSettings.max_base_depth_mm);
   if (per_mm > 0)
     spot.surroundings_mm_per_N +=
@@ -119,59 +119,61 @@ bool presses(const DeviceTick& device) {
 // Depth predicted lead_frames ahead of the tick, mm; not above 0: no contact. Only the increase is limited to
 // max_lead_mm.
 double expected_depth_mm(const DeviceTick& device, const OnSurface& contact, double radius_mm) {
-  const Vector<Patient> above = tagged<Point<Patient>>(device.tip_patient_mm) - contact.at;
-  const double sinks_mm = -tagged<Vector<Patient>>(device.velocity_patient_mm_s).dot(contact.outward) *
-                          kSolverSettings.lead_frames * kYieldFrame_s;
-  const double now_mm = presses(device) ? device.depth_mm : radius_mm - above.dot(contact.outward);
-  return now_mm + std::min(sinks_mm, kSolverSettings.max_lead_mm);
+  const Vector<Patient> contact_to_tip = tagged<Point<Patient>>(device.tip_patient_mm) - contact.at;
+  const double predicted_increase_mm =
+      -tagged<Vector<Patient>>(device.velocity_patient_mm_s).dot(contact.outward) *
+      kSolverSettings.lead_frames * kSolverFrame_s;
+  const double current_depth_mm =
+      presses(device) ? device.depth_mm : radius_mm - contact_to_tip.dot(contact.outward);
+  return current_depth_mm + std::min(predicted_increase_mm, kSolverSettings.max_lead_mm);
 }
 
 // Contact radius at a predicted depth: sqrt(R d) (Hertz). While in contact, at most the radius implied by
 // the force, (3 F R / 4 E*)^(1/3), scaled from the current depth in proportion to sqrt(d): the part of the
 // depth by which the surroundings yield does not widen the contact.
-// @param force_N  YieldSolver::displacing_force_N
+// @param force_N  SoftTissueSolver::displacing_force_N
 double radius_at_depth_mm(const DeviceTick& device, double force_N, double depth_mm, double radius_mm,
                           double modulus_N_per_mm2) {
   if (!(depth_mm > 0)) return 0;
   const double hertz_mm = std::sqrt(radius_mm * depth_mm);
   if (!presses(device)) return hertz_mm;
-  const double touched_mm = cube_root(0.75 * force_N * radius_mm / modulus_N_per_mm2);
-  return std::min(touched_mm * std::sqrt(depth_mm / device.depth_mm), hertz_mm);
+  const double contact_radius_mm = cube_root(0.75 * force_N * radius_mm / modulus_N_per_mm2);
+  return std::min(contact_radius_mm * std::sqrt(depth_mm / device.depth_mm), hertz_mm);
 }
 
 }  // namespace
 
-std::uint64_t ticks_of_yield_frame(double rate_hz) {
-  return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(std::floor(rate_hz * kYieldFrame_s + 0.5)));
+std::uint64_t ticks_of_solver_frame(double rate_hz) {
+  return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(std::floor(rate_hz * kSolverFrame_s + 0.5)));
 }
 
-double default_yield_cell_mm(TissueLaw law, double voxel_mm, std::span<const Tool> tools) {
+double default_solver_cell_mm(TissueLaw law, double voxel_mm, std::span<const Tool> tools) {
   const double largest_mm = kSolverSettings.max_cell_voxels * voxel_mm;
   double radius_mm = 0;
   for (const Tool& tool : tools) {
     radius_mm = std::max(radius_mm, tool.radius_mm);
     for (const ToolCapsule& capsule : tool.capsules) radius_mm = std::max(radius_mm, capsule.radius_mm);
   }
-  const double reaching_mm = kSolverSettings.box_radii * radius_mm / kSolverSettings.cells_across;
-  return std::clamp(is_finite(law) ? largest_mm : std::clamp(reaching_mm, voxel_mm, largest_mm),
+  const double cell_for_reach_mm = kSolverSettings.box_radii * radius_mm / kSolverSettings.cells_across;
+  return std::clamp(is_hyperelastic(law) ? largest_mm : std::clamp(cell_for_reach_mm, voxel_mm, largest_mm),
                     kSolverSettings.min_cell_mm, kSolverSettings.max_cell_mm);
 }
 
-double yield_cell_mm(const Model& model) {
-  const double made_mm =
+double solver_cell_mm(const Model& model) {
+  const double base_mm =
       model.tissue_cell_mm > 0
           ? model.tissue_cell_mm
-          : default_yield_cell_mm(model.tissue_law, model.labels->geometry().min_spacing_mm(), model.tools);
-  return made_mm * model.tissue_coarsened;
+          : default_solver_cell_mm(model.tissue_law, model.labels->geometry().min_spacing_mm(), model.tools);
+  return base_mm * model.tissue_coarsened;
 }
 
-std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& device,
-                                       const std::optional<YieldBox>& before) {
+std::optional<SolverBox> next_solver_box(const Model& model, const DeviceTick& device,
+                                         const std::optional<SolverBox>& before) {
   const auto contact = expected_contact(model, device);
   if (!contact) return before;
   const Eigen::Vector3d centre = middle_below(model, contact->at, contact->outward);
   if (before && is_around(model, before->first_cell, centre)) return before;
-  return YieldBox{first_cell_around(model, centre), contact->at};
+  return SolverBox{first_cell_around(model, centre), contact->at};
 }
 
 /// Neo-Hookean body around a device's tool (docs/decisions/archive/0039-neo-hookean-in-the-tick.md).
@@ -189,77 +191,80 @@ std::optional<YieldBox> next_yield_box(const Model& model, const DeviceTick& dev
 /// order only: its means under the patch are 0, so u1 . K e = J e = 0.
 ///
 /// Moving the patch along the surface changes J, thereby u1, and E by s (dJ) y, where K y = f(u).
-struct YieldSolver::NeoHookeanBody {
-  ElasticField correction_mm;  ///< u - s u1; its means under the patch are 0
-  ElasticField turning_mm;     ///< y - F u1: response of the linear body to the excess forces
-  ElasticField u_mm, force_N;  ///< Scratch
-  double compliance_mm = 0;    ///< Displacement of the patch, s W, in the last frame; 0: none
-  /// Upper limit of compliance_mm as a fraction of the patch's radius: reduced when a solution fails, raised
+struct SoftTissueSolver::NeoHookeanBody {
+  ElasticField correction_mm;       ///< u - s u1; its means under the patch are 0
+  ElasticField excess_response_mm;  ///< y - F u1: response of the linear body to the excess forces
+  ElasticField u_mm, force_N;       ///< Scratch
+  double indentation_mm = 0;        ///< Displacement of the patch, s W, in the last frame; 0: none
+  /// Upper limit of indentation_mm as a fraction of the patch's radius: reduced when a solution fails, raised
   /// again after each success.
-  double max_compliance_ratio = kSolverSettings.max_indentation;
+  double max_indentation_ratio = kSolverSettings.max_indentation;
   double depth_mm = 0;  ///< Predicted depth of the tool in the last frame; 0: no contact
-  /// Depth of a tool at rest at which a solution failed. While the tool stays there, max_compliance_ratio is
+  /// Depth of a tool at rest at which a solution failed. While the tool stays there, max_indentation_ratio is
   /// not raised. 0: none.
   double failed_mm = 0;
-  double stiffening_mm_per_N2 = 0, finite_N = 0;  ///< Last published C and F (LocalCompliance)
+  double stiffening_mm_per_N2 = 0, reference_force_N = 0;  ///< Last published C and F (LocalCompliance)
 
   explicit NeoHookeanBody(const ElasticLayout& layout)
-      : correction_mm(layout), turning_mm(layout), u_mm(layout), force_N(layout) {}
-  // discards the solution; max_compliance_ratio and depth_mm are kept
+      : correction_mm(layout), excess_response_mm(layout), u_mm(layout), force_N(layout) {}
+  // discards the solution; max_indentation_ratio and depth_mm are kept
   void forget() {
-    for (ElasticField* field : {&correction_mm, &turning_mm})
+    for (ElasticField* field : {&correction_mm, &excess_response_mm})
       std::fill(field->values.begin(), field->values.end(), 0.0f);
-    compliance_mm = stiffening_mm_per_N2 = finite_N = failed_mm = 0;
+    indentation_mm = stiffening_mm_per_N2 = reference_force_N = failed_mm = 0;
   }
 };
 
 /// Box of cells around a device's tool, with its solver and the state from which the next frame starts.
-struct YieldSolver::Region {
+struct SoftTissueSolver::Region {
   std::vector<ElasticMaterial> by_label;  ///< Materials that the cells were made with
-  YieldBox box;
+  SolverBox box;
   CarvedCells cells;
   ElasticSolver solver;
   /// u1, the displacements under 1 N on the patch, and the patch's nodal forces.
   ElasticField unit_mm, load_N;
-  std::optional<RelaxationWeights> shares;  ///< Unset: no tissue relaxes or stiffens
-  double modulus = 0;                       ///< Contact modulus under the patch in the last frame
-  double radius_mm = 0;                     ///< Radius of the tool in the last frame
+  std::optional<RelaxationWeights> relaxation_weights;  ///< Unset: no tissue relaxes or stiffens
+  double modulus = 0;                                   ///< Contact modulus under the patch in the last frame
+  double radius_mm = 0;                                 ///< Radius of the tool in the last frame
   /// max_deformable_stiffness_N_per_mm() in the last frame
   double max_N_per_mm = std::numeric_limits<double>::infinity();
-  bool is_new = true;                      ///< The next solve counts as the first one in this box
-  std::unique_ptr<NeoHookeanBody> finite;  ///< null: the law is linear
+  bool is_new = true;                           ///< The next solve counts as the first one in this box
+  std::unique_ptr<NeoHookeanBody> neo_hookean;  ///< null: the law is linear
 
   /// @param before  region that this one replaces, whose solution is reused where both overlap; may be null
-  Region(const Model& model, std::vector<ElasticMaterial> materials, const YieldBox& where,
+  Region(const Model& model, std::vector<ElasticMaterial> materials, const SolverBox& where,
          const Region* before)
       : by_label(std::move(materials)),
         box(where),
         cells(yield_cells(model, by_label, where)),
         solver([&]() -> const ElasticGrid& {
-          if (before != nullptr && before->is_of(cells.labels(), by_label))
+          if (before != nullptr && before->was_made_from(cells.labels(), by_label))
             cells.copy_overlap(before->cells, displacement_from(*before));
           return cells.grid();
         }()),
         unit_mm(cells.grid().layout()),
         load_N(cells.grid().layout()) {
-    if (is_finite(model.tissue_law)) finite = std::make_unique<NeoHookeanBody>(grid().layout());
+    if (is_hyperelastic(model.tissue_law)) neo_hookean = std::make_unique<NeoHookeanBody>(grid().layout());
     if (before != nullptr) copy_overlap(*before);
-    if (RelaxationWeights::matter_to(model)) shares.emplace(model, cells.labels(), cells.grid());
+    if (RelaxationWeights::are_needed_for(model))
+      relaxation_weights.emplace(model, cells.labels(), cells.grid());
   }
 
   const ElasticGrid& grid() const { return cells.grid(); }
   // whether the cells were made from these labels (before removal) and materials
-  bool is_of(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
+  bool was_made_from(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
     return labels.made == cells.labels().made && by_label == materials;
   }
   // whether the region can be used for a model: its labels, materials, law and relaxation are unchanged
-  bool is_of(const Model& model, const CarvedLabels& labels,
-             const std::vector<ElasticMaterial>& materials) const {
-    return is_of(labels, materials) && (finite != nullptr) == is_finite(model.tissue_law) &&
-           shares.has_value() == RelaxationWeights::matter_to(model) && (!shares || shares->is_of(model));
+  bool was_made_from(const Model& model, const CarvedLabels& labels,
+                     const std::vector<ElasticMaterial>& materials) const {
+    return was_made_from(labels, materials) &&
+           (neo_hookean != nullptr) == is_hyperelastic(model.tissue_law) &&
+           relaxation_weights.has_value() == RelaxationWeights::are_needed_for(model) &&
+           (!relaxation_weights || relaxation_weights->was_made_from(model));
   }
   // whether all cells have reached the state that corresponds to the removal in `labels`
-  bool stands_at(const CarvedLabels& labels) const {
+  bool is_up_to_date(const CarvedLabels& labels) const {
     return labels.taken == cells.labels().taken && cells.changing_cells().empty();
   }
 
@@ -272,13 +277,13 @@ struct YieldSolver::Region {
   void copy_overlap(const Region& before) {
     if (before.grid().layout().cells != grid().layout().cells) return;
     copy_overlap(before, before.unit_mm, unit_mm);
-    if (finite == nullptr || before.finite == nullptr) return;
-    copy_overlap(before, before.finite->correction_mm, finite->correction_mm);
-    copy_overlap(before, before.finite->turning_mm, finite->turning_mm);
-    finite->compliance_mm = before.finite->compliance_mm;
-    finite->max_compliance_ratio = before.finite->max_compliance_ratio;
-    finite->stiffening_mm_per_N2 = before.finite->stiffening_mm_per_N2;
-    finite->finite_N = before.finite->finite_N;
+    if (neo_hookean == nullptr || before.neo_hookean == nullptr) return;
+    copy_overlap(before, before.neo_hookean->correction_mm, neo_hookean->correction_mm);
+    copy_overlap(before, before.neo_hookean->excess_response_mm, neo_hookean->excess_response_mm);
+    neo_hookean->indentation_mm = before.neo_hookean->indentation_mm;
+    neo_hookean->max_indentation_ratio = before.neo_hookean->max_indentation_ratio;
+    neo_hookean->stiffening_mm_per_N2 = before.neo_hookean->stiffening_mm_per_N2;
+    neo_hookean->reference_force_N = before.neo_hookean->reference_force_N;
   }
   void copy_overlap(const Region& before, const ElasticField& from, ElasticField& to) {
     const ElasticLayout& layout = grid().layout();
@@ -298,25 +303,27 @@ struct YieldSolver::Region {
   void follow(const CarvedLabels& labels) {
     if (cells.follow(labels, solver).empty()) return;
     solver.zero_constrained(unit_mm);
-    if (finite == nullptr) return;
-    solver.zero_constrained(finite->correction_mm);
-    solver.zero_constrained(finite->turning_mm);
+    if (neo_hookean == nullptr) return;
+    solver.zero_constrained(neo_hookean->correction_mm);
+    solver.zero_constrained(neo_hookean->excess_response_mm);
   }
 
   /// Solves the neo-Hookean body at the tool's predicted depth, and adds F, C and grad C to the spot of the
   /// linear solution.
-  /// @param anew  whether this is the first solve in the box, with more iterations
-  void solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool anew, LocalCompliance& spot);
+  /// @param is_first_solve  whether this is the first solve in the box, with more iterations
+  void solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool is_first_solve,
+                         LocalCompliance& spot);
 };
 
-void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool anew,
-                                            LocalCompliance& spot) {
-  // factors of max_compliance_ratio after a failure and after a success; maximum ratio of the displacements
+void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, double depth_mm,
+                                                 bool is_first_solve, LocalCompliance& spot) {
+  // factors of max_indentation_ratio after a failure and after a success; maximum ratio of the displacements
   // of consecutive frames by which the last correction is extrapolated; relative change of depth below which
   // the tool is at rest
-  constexpr double kSlower = 0.7, kFaster = 1.1, kFarthest = 2, kAtRest = 0.05;
-  NeoHookeanBody& f = *finite;
-  const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRest * mm; };
+  constexpr double kReductionAfterFailure = 0.7, kGrowthAfterSuccess = 1.1, kMaxExtrapolation = 2,
+                   kAtRestTolerance = 0.05;
+  NeoHookeanBody& f = *neo_hookean;
+  const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRestTolerance * mm; };
   const bool at_rest = f.depth_mm > 0 && is_as_deep(f.depth_mm);
   f.depth_mm = std::max(depth_mm, 0.0);
   if (f.failed_mm > 0 && !is_as_deep(f.failed_mm)) f.failed_mm = 0;
@@ -329,18 +336,19 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   tissue.poissons_ratio = spot.poissons_ratio;
   tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
   tissue.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
-  tissue.finite_N = f.finite_N;
-  const double expected_N = yield_force(tissue, depth_mm, radius_mm).force_N;
+  tissue.reference_force_N = f.reference_force_N;
+  const double expected_N = soft_contact_force(tissue, depth_mm, radius_mm).force_N;
   const double expected_mm =
-      w * expected_N - stiffening_depth_mm(f.stiffening_mm_per_N2, f.finite_N, expected_N);
-  const double compliance_mm =
-      std::clamp(expected_mm, kSolverSettings.min_indentation * rho_mm, f.max_compliance_ratio * rho_mm);
-  const double s = compliance_mm / w;
+      w * expected_N - stiffening_depth_mm(f.stiffening_mm_per_N2, f.reference_force_N, expected_N);
+  const double indentation_mm =
+      std::clamp(expected_mm, kSolverSettings.min_indentation * rho_mm, f.max_indentation_ratio * rho_mm);
+  const double s = indentation_mm / w;
 
   // initial guess: the previous correction, which grows with the square of the displacement
-  const double grown = f.compliance_mm > 0 ? std::min(compliance_mm / f.compliance_mm, kFarthest) : 0;
-  const auto by = static_cast<float>(grown * grown), force_by = static_cast<float>(s);
-  for (float& value : f.turning_mm.values) value *= by;
+  const double growth =
+      f.indentation_mm > 0 ? std::min(indentation_mm / f.indentation_mm, kMaxExtrapolation) : 0;
+  const auto by = static_cast<float>(growth * growth), force_by = static_cast<float>(s);
+  for (float& value : f.excess_response_mm.values) value *= by;
   for (float& value : f.correction_mm.values) value *= by;
   surface.project_out(f.correction_mm.values);
   for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
@@ -351,51 +359,55 @@ void YieldSolver::Region::solve_neo_hookean(const PressurePatch& patch, double d
   for (float& value : load_N.values) value *= force_by;
   FiniteSettings settings;
   settings.max_steps = kSolverSettings.finite_steps;
-  settings.max_iterations = anew ? kSolverSettings.first_iterations : kSolverSettings.finite_iterations;
+  settings.max_iterations =
+      is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.finite_iterations;
   settings.min_volume = kSolverSettings.min_volume;
   const FiniteSolution found = solver.solve_neo_hookean(load_N, f.u_mm, settings, surface);
   solver.finite_forces(f.u_mm, f.force_N);
   const double force_N = internal::elastic::dot(unit_mm.values, f.force_N.values) / w;
-  const double stiffer = (force_N - s) / force_N;
+  const double relative_stiffening = (force_N - s) / force_N;
   if (!(found.min_volume >= kSolverSettings.min_volume) || found.stuck ||
-      !(std::abs(stiffer) <= kYieldSettings.max_stiffening) || !(force_N > 0)) {
-    const double less = std::max(kSlower * compliance_mm / rho_mm, kSolverSettings.min_indentation);
-    if (at_rest && f.finite_N > 0) {
+      !(std::abs(relative_stiffening) <= kSoftTissueSettings.max_stiffening) || !(force_N > 0)) {
+    const double less =
+        std::max(kReductionAfterFailure * indentation_mm / rho_mm, kSolverSettings.min_indentation);
+    if (at_rest && f.reference_force_N > 0) {
       // The previous result stays in effect, and no greater displacement is attempted until the tool moves:
       // otherwise the force on a resting tool would oscillate with every attempt.
-      spot.finite_N = f.finite_N;
+      spot.reference_force_N = f.reference_force_N;
       spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
-      f.compliance_mm = compliance_mm;
+      f.indentation_mm = indentation_mm;
       f.failed_mm = depth_mm;
     } else {
       // falls back to the linear law; the next attempt is shallower and starts from the linear solution
       f.forget();
     }
-    f.max_compliance_ratio = less;
+    f.max_indentation_ratio = less;
     return;
   }
   for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
     f.correction_mm.values[n] = f.u_mm.values[n] - force_by * unit_mm.values[n];
-  f.compliance_mm = compliance_mm;
+  f.indentation_mm = indentation_mm;
   if (f.failed_mm == 0)
-    f.max_compliance_ratio = std::min(kFaster * f.max_compliance_ratio, kSolverSettings.max_indentation);
+    f.max_indentation_ratio =
+        std::min(kGrowthAfterSuccess * f.max_indentation_ratio, kSolverSettings.max_indentation);
 
   // K (y - F u1) = f(u) - F J^T: the response to the forces that exceed those of the linear body under F
   patch.add(-force_N, f.force_N);
-  solver.solve(f.force_N, f.turning_mm,
-               anew ? kSolverSettings.first_iterations : kSolverSettings.tangential_iterations, kTolerance);
-  spot.finite_N = f.finite_N = force_N;
-  spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2 = w * stiffer / force_N;
+  solver.solve(f.force_N, f.excess_response_mm,
+               is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.tangential_iterations,
+               kTolerance);
+  spot.reference_force_N = f.reference_force_N = force_N;
+  spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2 = w * relative_stiffening / force_N;
   spot.stiffening_slope =
-      (spot.slope_per_N * (0.5 * force_N * (force_N - s)) + patch.change(f.turning_mm) * s) *
+      (spot.slope_per_N * (0.5 * force_N * (force_N - s)) + patch.change(f.excess_response_mm) * s) *
       (3 / (force_N * force_N * force_N));
   if (!spot.stiffening_slope.all_finite()) spot.stiffening_slope = {};
 }
 
-YieldSolver::YieldSolver() = default;
-YieldSolver::~YieldSolver() = default;
+SoftTissueSolver::SoftTissueSolver() = default;
+SoftTissueSolver::~SoftTissueSolver() = default;
 
-const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& record) {
+const ComplianceFrame& SoftTissueSolver::solve(const Model& model, const TickRecord& record) {
   frame_.number += 1;
   const std::vector<ElasticMaterial> by_label = materials_of(model);
   const CarvedLabels labels = carved_labels(model);
@@ -410,16 +422,16 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
     if (!contact) continue;
 
     std::unique_ptr<Region>& region = regions_[d];
-    const bool same = region != nullptr && region->is_of(model, labels, by_label);
+    const bool same = region != nullptr && region->was_made_from(model, labels, by_label);
     if (same) region->follow(labels);
     const Eigen::Vector3d centre = middle_below(model, contact->at, contact->outward);
     if (!same || !is_around(model, region->box.first_cell, centre))
       region = std::make_unique<Region>(
-          model, by_label, YieldBox{first_cell_around(model, centre), contact->at}, region.get());
-    const bool anew = std::exchange(region->is_new, false);
+          model, by_label, SolverBox{first_cell_around(model, centre), contact->at}, region.get());
+    const bool is_first_solve = std::exchange(region->is_new, false);
 
     const double cell_mm = region->grid().box().cell_mm;
-    const double radius_mm = std::max(model.tool_of(d).radius_mm, kYieldSettings.min_radius_mm);
+    const double radius_mm = std::max(model.tool_of(d).radius_mm, kSoftTissueSettings.min_radius_mm);
     region->radius_mm = radius_mm;
     region->max_N_per_mm = max_deformable_stiffness_N_per_mm(model);
     const double min_mm = kSolverSettings.min_patch_cells * cell_mm;
@@ -427,14 +439,14 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
       region->modulus =
           PressurePatch(region->grid(), contact->at, contact->outward, min_mm).contact_modulus();
     const double depth_mm = expected_depth_mm(device, *contact, radius_mm);
-    const double touched_mm =
+    const double contact_radius_mm =
         region->modulus > 0 ? radius_at_depth_mm(device, force_N, depth_mm, radius_mm, region->modulus) : 0;
-    const double rho_mm =
-        std::clamp(touched_mm, min_mm, kMaxPatchPart * region->grid().box().cells[1] * cell_mm);
+    const double rho_mm = std::clamp(contact_radius_mm, min_mm,
+                                     kMaxPatchRadiusFraction * region->grid().box().cells[1] * cell_mm);
     const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);
-    const auto layer =
-        supported_layer(labels, by_label, contact->at, contact->outward, std::max(touched_mm, 0.5 * cell_mm),
-                        kSolverSettings.resolved_layer_cells * cell_mm);
+    const auto layer = supported_layer(labels, by_label, contact->at, contact->outward,
+                                       std::max(contact_radius_mm, 0.5 * cell_mm),
+                                       kSolverSettings.resolved_layer_cells * cell_mm);
     spot.at = contact->at;
     spot.patch_radius_mm = rho_mm;
     if (layer) {
@@ -447,7 +459,8 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
       std::fill(region->load_N.values.begin(), region->load_N.values.end(), 0.0f);
       patch.add(1, region->load_N);
       region->solver.solve(region->load_N, region->unit_mm,
-                           anew ? kSolverSettings.first_iterations : kSolverSettings.iterations, kTolerance);
+                           is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.iterations,
+                           kTolerance);
       spot.compliance_mm_per_N = patch.displacement(region->unit_mm);
       // W = J K^-1 J^T: the patch both applies the load and measures the displacement, hence the factor of 2
       spot.slope_per_N = patch.change(region->unit_mm) * 2;
@@ -474,9 +487,10 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
       spot = {};
       continue;
     }
-    if (region->finite != nullptr) region->solve_neo_hookean(patch, depth_mm, anew, spot);
-    if (region->shares) {
-      const RelaxationWeights::Means means = region->shares->under(region->grid(), region->unit_mm);
+    if (region->neo_hookean != nullptr) region->solve_neo_hookean(patch, depth_mm, is_first_solve, spot);
+    if (region->relaxation_weights) {
+      const RelaxationWeights::Means means =
+          region->relaxation_weights->under(region->grid(), region->unit_mm);
       spot.relaxed = means.relaxed;
       spot.strain_stiffening = means.stiffening;
     }
@@ -484,8 +498,8 @@ const ComplianceFrame& YieldSolver::solve(const Model& model, const TickRecord& 
   return frame_;
 }
 
-void YieldSolver::resume(const Model& model, std::uint32_t frame,
-                         std::span<const std::optional<YieldBox>> boxes) {
+void SoftTissueSolver::resume(const Model& model, std::uint32_t frame,
+                              std::span<const std::optional<SolverBox>> boxes) {
   frame_ = {};
   frame_.number = frame;
   const std::vector<ElasticMaterial> by_label = materials_of(model);
@@ -494,48 +508,48 @@ void YieldSolver::resume(const Model& model, std::uint32_t frame,
     std::unique_ptr<Region>& region = regions_[d];
     if (d >= boxes.size() || !boxes[d]) {
       region.reset();
-    } else if (region == nullptr || region->box != *boxes[d] || !region->is_of(model, labels, by_label) ||
-               !region->stands_at(labels)) {
+    } else if (region == nullptr || region->box != *boxes[d] ||
+               !region->was_made_from(model, labels, by_label) || !region->is_up_to_date(labels)) {
       region = std::make_unique<Region>(model, by_label, *boxes[d], nullptr);
     }
     if (region != nullptr) region->is_new = true;
   }
 }
 
-void YieldSolver::restart(std::uint32_t frame) noexcept {
+void SoftTissueSolver::restart(std::uint32_t frame) noexcept {
   frame_ = {};
   frame_.number = frame;
   for (std::unique_ptr<Region>& region : regions_) region.reset();
 }
 
-bool YieldSolver::field_of(std::size_t device, YieldField& field) const {
+bool SoftTissueSolver::field_of(std::size_t device, UnitDisplacementField& field) const {
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
   if (region == nullptr || !frame_.spot[device].is_known()) return false;
   field = {&region->grid().box(), &region->grid().layout(), &region->unit_mm};
   return true;
 }
 
-double YieldSolver::displacing_force_N(std::size_t device, const DeviceTick& device_tick) const {
+double SoftTissueSolver::displacing_force_N(std::size_t device, const DeviceTick& device_tick) const {
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
-  if (region == nullptr || !region->shares || !frame_.spot[device].is_known())
+  if (region == nullptr || !region->relaxation_weights || !frame_.spot[device].is_known())
     return device_tick.contact_N[0];
   return instantaneous_force_N(device_tick, tissue_at(frame_.spot[device]), region->radius_mm,
                                region->max_N_per_mm);
 }
 
-bool VirtualClockYieldSolver::advance(const Model& model, const TickRecord* before) {
+bool VirtualClockSoftTissueSolver::advance(const Model& model, const TickRecord* before) {
   if (before == nullptr || before->tick % ticks_ != 0) return false;
-  const bool any = solver_.frame().number > frame_.number;
-  if (any) {
+  const bool is_published = solver_.frame().number > frame_.number;
+  if (is_published) {
     frame_ = solver_.frame();
     input_tick_ = solved_from_;
   }
   solver_.solve(model, *before);
   solved_from_ = before->tick;
-  return any;
+  return is_published;
 }
 
-bool VirtualClockYieldSolver::rest() {
+bool VirtualClockSoftTissueSolver::rest() {
   if (solver_.frame().number == frame_.number) return false;
   frame_ = solver_.frame();
   input_tick_ = solved_from_;

@@ -170,7 +170,7 @@ struct Around {
   std::map<LabelId, std::size_t> count;
   std::size_t all = 0;
 
-  void look(const RunVolume& runs, std::array<int, 3> at, std::size_t axis, int step) {
+  void inspect(const RunVolume& runs, std::array<int, 3> at, std::size_t axis, int step) {
     // erosion shrinks a round pocket by up to two voxels on each side
     constexpr int kFarthest = 4;
     for (int n = 0; n < kFarthest; ++n) {
@@ -253,11 +253,11 @@ void report_necks_and_pockets(Layer& layer, RunVolume& inner) {
       for (int j = core.box_min[1]; j <= core.box_max[1]; ++j)
         for (const VoxelRun& run : inner.row(j, k)) {
           if (run.node != n) continue;
-          around.look(layer.runs, {run.first, j, k}, 0, -1);
-          around.look(layer.runs, {run.last, j, k}, 0, 1);
+          around.inspect(layer.runs, {run.first, j, k}, 0, -1);
+          around.inspect(layer.runs, {run.last, j, k}, 0, 1);
           const std::array<int, 3> middle{(run.first + run.last) / 2, j, k};
           for (const int step : {-1, 1})
-            for (const std::size_t axis : {1u, 2u}) around.look(layer.runs, middle, axis, step);
+            for (const std::size_t axis : {1u, 2u}) around.inspect(layer.runs, middle, axis, step);
         }
     for (const auto& [value, count] : around.count)
       if (static_cast<double>(count) >= kOneAround * static_cast<double>(around.all))

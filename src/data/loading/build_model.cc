@@ -502,7 +502,8 @@ Result<SceneMemory> memory_of_parts(const Scene& scene, const ReadyParts& ready,
     memory.tissue_cell_mm =
         parts.tissue_cell_mm > 0
             ? parts.tissue_cell_mm
-            : default_yield_cell_mm(parts.tissue_law, parts.labels->geometry().min_spacing_mm(), parts.tools);
+            : default_solver_cell_mm(parts.tissue_law, parts.labels->geometry().min_spacing_mm(),
+                                     parts.tools);
   return memory;
 }
 

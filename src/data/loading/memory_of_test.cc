@@ -60,7 +60,7 @@ TEST(MemoryOf, StatesTheCellsOfSoftTissue) {
   ASSERT_TRUE(loaded.ok());
   ASSERT_TRUE(is_elastic(loaded->model->tissue_law));
   EXPECT_EQ(predicted.tissue_cell_mm, 1.5);
-  EXPECT_EQ(yield_cell_mm(*loaded->model), predicted.tissue_cell_mm);
+  EXPECT_EQ(solver_cell_mm(*loaded->model), predicted.tissue_cell_mm);
   const auto layers = memory_of_scene_or_data_set({"knee-phantom:spacing=3"});
   ASSERT_TRUE(layers.ok());
   EXPECT_EQ(layers->tissue_cell_mm, 0);

@@ -66,7 +66,7 @@ double force_of(const Tissue& tissue, const Model& model, double depth_mm) {
   if (!model.is_deformable(tissue)) return tissue.stiffness_N_per_mm * depth_mm;
   ContactLaw law;
   law.modulus_N_per_mm2 = contact_modulus_N_per_mm2(*tissue.elastic);
-  return yield_force(law, depth_mm, 1.5, max_deformable_stiffness_N_per_mm(model)).force_N;
+  return soft_contact_force(law, depth_mm, 1.5, max_deformable_stiffness_N_per_mm(model)).force_N;
 }
 
 TEST(ProposedOrder, OfAllPresetsHoldsInEveryDepthAndTheColoursAreTheirs) {

@@ -39,12 +39,12 @@ TEST(ReadyFor, StructuresThatTouchGetAnOuterSurfaceAndWhatIsStifferALayerOfItsOw
   EXPECT_EQ(shell.surface, nullptr) << "never gone through, never met by itself";
   EXPECT_EQ(shell.layer, 0);
   EXPECT_EQ(common.layer, 0);
-  EXPECT_EQ(common.beneath, -1);
+  EXPECT_EQ(common.covered_by, -1);
   EXPECT_EQ(common.from_N_per_mm, 0);
   EXPECT_EQ(common.to_N_per_mm, shell.stiffness_N_per_mm);
   EXPECT_EQ(bone.layer, 1);
   EXPECT_EQ(bone.from_N_per_mm, shell.stiffness_N_per_mm);
-  EXPECT_EQ(bone.beneath, -1);
+  EXPECT_EQ(bone.covered_by, -1);
   EXPECT_NEAR(distance_mm(**ready, 0, kBoneRadius_mm), 0, 0.45);
   // the zero level is on the outside of the shell, within half a voxel of 0.9 mm
   EXPECT_NEAR(distance_mm(**ready, 2, kBoneRadius_mm + kShell_mm), 0, 0.45);
@@ -66,13 +66,13 @@ TEST(ReadyFor, WhatCanBeGoneThroughAndWhatLiesBeneathHaveSurfacesOfTheirOwn) {
   ASSERT_EQ((*ready)->surfaces.size(), 4u);
   EXPECT_EQ((*ready)->surfaces[1].puncture_N, 2);
   EXPECT_NEAR(distance_mm(**ready, 1, kBoneRadius_mm + kShell_mm), 0, 0.45);
-  EXPECT_EQ((*ready)->surfaces[1].beneath, 2);
+  EXPECT_EQ((*ready)->surfaces[1].covered_by, 2);
   EXPECT_EQ((*ready)->surfaces[2].opened_by, (std::vector<std::int16_t>{1}));
   // contribution of bone to the first layer, and its own layer
   const ContactSurface& first = (*ready)->surfaces[3];
   EXPECT_EQ(first.structure, 0);
   EXPECT_EQ(first.layer, 0);
-  EXPECT_EQ(first.beneath, 2);
+  EXPECT_EQ(first.covered_by, 2);
   EXPECT_EQ((*ready)->surfaces[0].layer, 1);
   EXPECT_EQ((*ready)->surfaces[0].surface, first.surface);
   EXPECT_NEAR(distance_mm(**ready, 0, kBoneRadius_mm + 2), 2, 0.7);
@@ -137,7 +137,7 @@ TEST(ReadyFor, WhatTouchesNobodyStaysAsItIs) {
   ASSERT_TRUE(ready.ok()) << ready.error().message();
   ASSERT_EQ((*ready)->surfaces.size(), 1u);
   EXPECT_EQ((*ready)->surfaces[0].owners, nullptr);
-  EXPECT_EQ((*ready)->surfaces[0].beneath, -1);
+  EXPECT_EQ((*ready)->surfaces[0].covered_by, -1);
   EXPECT_NEAR(distance_mm(**ready, 0, kBoneRadius_mm), 0, 0.45);
 }
 

@@ -199,8 +199,8 @@ void clear_preset_relaxation(const TableReader& top, Scene& scene) {
   }
 }
 
-void read_yielding(const TableReader& reader, Scene& scene, Problems& problems) {
-  YieldingSettings& yielding = scene.yielding;
+void read_deformation(const TableReader& reader, Scene& scene, Problems& problems) {
+  DeformationSettings& yielding = scene.yielding;
   yielding.law = value_of(reader.choice("law").value_or(""), kTissueLaws);
   yielding.cell_mm = reader.number("cell");
   if (is_elastic(yielding.law) && scene.force.method != ForceMethod::kProxy)
@@ -671,7 +671,7 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_preparation(TableReader(top.table("preparation"), keys.preparation, problems), scene.preparation,
                    problems);
   read_force(TableReader(top.table("force"), keys.force, problems), scene.force);
-  read_yielding(TableReader(top.table("yielding"), keys.yielding, problems), scene, problems);
+  read_deformation(TableReader(top.table("yielding"), keys.yielding, problems), scene, problems);
   if (!scene.yielding.relaxation) clear_preset_relaxation(top, scene);
   read_tools(top, scene, problems);
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);

@@ -115,7 +115,7 @@ std::string_view name_of(RecordingEvent::Kind kind) {
       return "rearm";
     case RecordingEvent::Kind::kSweep:
       return "sweep";
-    case RecordingEvent::Kind::kYield:
+    case RecordingEvent::Kind::kTissueSolution:
       return "tissue solved";
   }
   return {};

@@ -96,13 +96,13 @@ bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
 
 /// Reading while another process writes: a slow reader may observe an index in the middle of an update, so it
 /// retries.
-/// @param look  reads everything that it needs, from the beginning each time
+/// @param inspect  reads everything that it needs, from the beginning each time
 Result<void> read_beside_writer(const std::filesystem::path& file,
-                                const std::function<Result<void>()>& look) {
+                                const std::function<Result<void>()>& inspect) {
   constexpr int kMaxAppearances = 20;
   for (int appearances = 1;; ++appearances) {
     const auto before = last_change(file);
-    auto read = look();
+    auto read = inspect();
     const bool was_written = last_change(file) != before;
     if (read || read.error().kind != ErrorKind::kBadInput || !was_written || appearances == kMaxAppearances)
       return read;

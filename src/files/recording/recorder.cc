@@ -120,7 +120,7 @@ bool had_applied(const TickRecord& tick, const RecordingEvent& event) {
       return tick.model_version >= event.number;
     case RecordingEvent::Kind::kSettings:
       return tick.settings_number >= event.number;
-    case RecordingEvent::Kind::kYield:
+    case RecordingEvent::Kind::kTissueSolution:
       return tick.yield_frame >= event.number;
     case RecordingEvent::Kind::kStop:
     case RecordingEvent::Kind::kRearm:

@@ -146,7 +146,7 @@ void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_
   for (const Column& column : event_columns())
     receive_column(in, column, events, buffer, [](RecordingEvent& event) { return &event; });
   for (RecordingEvent& event : events) {
-    if (event.kind > RecordingEvent::Kind::kYield) in.fail("an event has an unknown kind");
+    if (event.kind > RecordingEvent::Kind::kTissueSolution) in.fail("an event has an unknown kind");
     if (event.by.asker > Asker::kAgreedViewer) in.fail("an event has an unknown source");
     if (event.tick < last_tick) in.fail("its events are out of order");
     last_tick = event.tick;

@@ -36,10 +36,10 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMaxDicomFiles = 200'000;
 constexpr int kDeepestFolder = 16;
 
-// Calls look(file) for each regular file in a folder or below it, until it returns true. Links that leave the
-// folder are skipped unless they are allowed; returns their number.
-template <class Appearance>
-std::size_t walk(const fs::path& folder, const Appearance& look) {
+// Calls visit(file) for each regular file in a folder or below it, until it returns true. Links that leave
+// the folder are skipped unless they are allowed; returns their number.
+template <class Visit>
+std::size_t walk(const fs::path& folder, const Visit& visit) {
   std::size_t led_out = 0;
   std::error_code failed;
   fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied, failed);
@@ -49,7 +49,7 @@ std::size_t walk(const fs::path& folder, const Appearance& look) {
     if (!entry->is_regular_file(ignored)) continue;
     if (entry->is_symlink(ignored) && !check_stays_in(folder, entry->path()))
       ++led_out;
-    else if (look(entry->path()))
+    else if (visit(entry->path()))
       break;
   }
   return led_out;
@@ -166,10 +166,10 @@ bool same_values(DicomLibrary& library, const FoundFiles& found, const Image& on
 }
 
 // Removes all but one of the copies of each image, as found in duplicated folders.
-// @param look  called before each comparison; false: the parent has gone
-template <class Appearance>
+// @param should_continue  called before each comparison; false: the parent has gone
+template <class ShouldContinue>
 std::size_t drop_copies(DicomLibrary& library, const FoundFiles& found, std::vector<Image>& images,
-                        const Appearance& look) {
+                        const ShouldContinue& should_continue) {
   std::map<std::string, std::vector<std::size_t>> of_uid;
   std::vector<char> is_copy(images.size());
   for (std::size_t n = 0; n < images.size(); ++n) {
@@ -180,7 +180,7 @@ std::size_t drop_copies(DicomLibrary& library, const FoundFiles& found, std::vec
     auto& before = of_uid[content.sop_uid];
     for (const std::size_t other : before) {
       if (images[other].content != content) continue;
-      if (!look()) return 0;
+      if (!should_continue()) return 0;
       if (same_values(library, found, images[other], images[n])) {
         is_copy[n] = 1;
         break;
@@ -215,10 +215,12 @@ std::vector<DicomFrame> frames_of(std::vector<Image> images, DicomIdentifiers& i
   return frames;
 }
 
-// @param look  called with the index of the file to be read, and with the number of files when all are done;
+// @param should_continue  called with the index of the file to be read, and with the number of files when all
+// are done;
 //              false: the parent has gone
-template <class Appearance>
-Result<DicomContent> inspect(DicomLibrary& library, const FoundFiles& found, const Appearance& look) {
+template <class ShouldContinue>
+Result<DicomContent> inspect(DicomLibrary& library, const FoundFiles& found,
+                             const ShouldContinue& should_continue) {
   std::vector<Image> images;
   std::size_t others = 0, pictureless = 0;
   Counts kinds, damages;
@@ -228,7 +230,7 @@ Result<DicomContent> inspect(DicomLibrary& library, const FoundFiles& found, con
     if (!first) first = why;
   };
   for (std::size_t n = 0; n < found.files.size(); ++n) {
-    if (!look(n)) break;
+    if (!should_continue(n)) break;
     const auto opened = InputFile::open(found.files[n]);
     std::string front(kKindBytes, '\0');
     const auto received =
@@ -251,7 +253,7 @@ Result<DicomContent> inspect(DicomLibrary& library, const FoundFiles& found, con
       leave_out(content.error());
     }
   }
-  const auto all_done = [&] { return look(found.files.size()); };
+  const auto all_done = [&] { return should_continue(found.files.size()); };
   const std::size_t copies = drop_copies(library, found, images, all_done);
   DicomContent content;
   content.identifiers.of_file.resize(found.files.size());
@@ -463,9 +465,9 @@ class SegmentPixels {
   std::vector<std::int64_t> values_;
 };
 
-// @param look  called before each slice; false: the parent has gone
-template <class Appearance>
-Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const Appearance& look) {
+// @param should_continue  called before each slice; false: the parent has gone
+template <class ShouldContinue>
+Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const ShouldContinue& should_continue) {
   const DicomSegmentation& segmentation = segments.declared;
   std::vector<int> index_of_number(kNumbers, -1);
   for (std::size_t n = 0; n < segmentation.segments.size(); ++n)
@@ -487,7 +489,7 @@ Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const Appe
       }
       return {};
     };
-    auto found = find_overlapping_pairs(segments.grid.geometry, read_slice, look);
+    auto found = find_overlapping_pairs(segments.grid.geometry, read_slice, should_continue);
     if (!found) return found.error();
     meetings = *std::move(found);
   }
@@ -514,17 +516,17 @@ Result<DicomSegmentation> read_segmentation_file(DicomLibrary& library, const fs
   return declared;
 }
 
-// @param look  called regularly; false: the parent has gone
-template <class Appearance>
+// @param should_continue  called regularly; false: the parent has gone
+template <class ShouldContinue>
 Result<Segments> inspect_segments(DicomLibrary& library, const std::vector<fs::path>& files,
-                                  const fs::path& named, const Appearance& look) {
+                                  const fs::path& named, const ShouldContinue& should_continue) {
   library.begin_reading();
   Segments segments;
   segments.files = files;
   std::vector<DicomSegmentation> parts;
   std::set<std::string> series;
   for (std::size_t n = 0; n < files.size(); ++n) {
-    if (!look()) break;
+    if (!should_continue()) break;
     auto part = read_segmentation_file(library, files[n]);
     if (!part) return in_file(part.error(), files, n);
     series.insert(part->series_uid);
@@ -543,7 +545,7 @@ Result<Segments> inspect_segments(DicomLibrary& library, const std::vector<fs::p
     segments.frames_at[static_cast<std::size_t>(segments.grid.slice_of_frame[n])].push_back(n);
   segments.layer_of_number.assign(kNumbers, 0);
   segments.file = labels_in_slices(segments.grid.geometry, named);
-  if (auto found = find_overlaps(library, segments, look); !found) return found.error();
+  if (auto found = find_overlaps(library, segments, should_continue); !found) return found.error();
   auto& notes = segments.file.notes;
   notes.insert(notes.end(), segments.grid.notes.begin(), segments.grid.notes.end());
   if (files.size() > 1)
@@ -639,10 +641,10 @@ void note_structures(const Structures& structures, const std::vector<std::string
   warn_about("has structures that contain no voxel centre or lie outside the scan", empty);
 }
 
-// @param look  called regularly; false: the parent has gone
-template <class Appearance>
+// @param should_continue  called regularly; false: the parent has gone
+template <class ShouldContinue>
 Result<Structures> inspect_structures(DicomLibrary& library, const fs::path& named, const GridGeometry& grid,
-                                      const Appearance& look) {
+                                      const ShouldContinue& should_continue) {
   library.begin_reading();
   Structures structures;
   std::vector<std::string> without_contours;
@@ -659,7 +661,7 @@ Result<Structures> inspect_structures(DicomLibrary& library, const fs::path& nam
       without_contours.push_back(name_of_segment(structure.segment));
       continue;
     }
-    if (!look()) break;
+    if (!should_continue()) break;
     auto planes = StructurePlanes::make(structure, grid);
     if (!planes) return planes.error();
     structures.planes.push_back(*std::move(planes));
@@ -676,7 +678,7 @@ Result<Structures> inspect_structures(DicomLibrary& library, const fs::path& nam
       });
     return {};
   };
-  const auto meetings = find_overlapping_pairs(grid, read_slice, look);
+  const auto meetings = find_overlapping_pairs(grid, read_slice, should_continue);
   if (!meetings) return meetings.error();
   structures.file = labels_in_slices(grid, named);
   structures.layers = assign_layers(structures.planes.size(), *meetings, structures.file);

@@ -801,9 +801,9 @@ Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::pa
 // ---- referenced images ----------------------------------------------------------------------------
 
 // calls look for each item of a sequence
-template <class Appearance>
-void for_each_item(DcmItem& item, const DcmTagKey& sequence, const Appearance& look) {
-  for (DcmItem* each : items_of(item, sequence)) look(*each);
+template <class Visit>
+void for_each_item(DcmItem& item, const DcmTagKey& sequence, const Visit& visit) {
+  for (DcmItem* each : items_of(item, sequence)) visit(*each);
 }
 
 Result<DicomReference> read_references(const std::filesystem::path& name) {

@@ -20,8 +20,8 @@ struct NrrdHeader {
   std::vector<std::int64_t> axes;  ///< Sizes, without the layer axis.
   int layers = 1;
   bool layers_first = true;
-  bool list_axis = false;  ///< There is a layer axis, possibly of a single layer.
-  std::string data_file;   ///< Empty: the voxels follow the header.
+  bool has_layer_axis = false;  ///< There is a layer axis, possibly of a single layer.
+  std::string data_file;        ///< Empty: the voxels follow the header.
   int line_skip = 0;
   bool has_geometry = false;
   VoxelSource voxels;  ///< Without the file; its offset is the end of the header.
@@ -42,7 +42,7 @@ Result<MetaImageHeader> parse_metaimage_header(std::string_view bytes, const std
 struct NiftiHeader {
   std::vector<std::int64_t> axes;
   bool has_geometry = false;
-  bool separate = false;  ///< The voxels are in a file of their own (.img).
+  bool has_detached_data = false;  ///< The voxels are in a file of their own (.img).
   /// Voxel index to RAS mm: the sform, or the qform if that is requested; in a NIfTI-2 without an sform, from
   /// its qform or voxel sizes. Unset: left to ITK.
   std::optional<Eigen::Matrix<double, 3, 4>> affine;

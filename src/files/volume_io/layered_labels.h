@@ -30,45 +30,45 @@ struct SegmentOverlapPairs {
 
 /// Finds all overlapping pairs of segments.
 /// @param read_slice  (k, take): calls take(voxel of the slice, index) for each voxel that is in a segment
-/// @param look        called regularly; false: the parent has gone, and the rest is skipped
-template <class ReadSlice, class Appearance>
+/// @param should_continue        called regularly; false: the parent has gone, and the rest is skipped
+template <class ReadSlice, class ShouldContinue>
 Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, const ReadSlice& read_slice,
-                                                   const Appearance& look) {
-  SegmentOverlapPairs meetings;
+                                                   const ShouldContinue& should_continue) {
+  SegmentOverlapPairs overlaps;
   // Many pairs share many voxels, so most pairs found are known already.
   constexpr int kKnown = 1024;
   std::vector<bool> known(std::size_t{kKnown} * kKnown);
-  const auto meet = [&](int a, int b) {
+  const auto add_overlap = [&](int a, int b) {
     const auto [low, high] = std::minmax(a, b);
-    if (high >= kKnown) return void(meetings.pairs.emplace(low, high));
+    if (high >= kKnown) return void(overlaps.pairs.emplace(low, high));
     const std::size_t at = static_cast<std::size_t>(low) * kKnown + static_cast<std::size_t>(high);
     if (known[at]) return;
     known[at] = true;
-    meetings.pairs.emplace(low, high);
+    overlaps.pairs.emplace(low, high);
   };
   constexpr std::size_t kCheckEvery = 4096;
   std::size_t used = 0;
-  bool heard = true;
+  bool parent_is_alive = true;
   // segments of each voxel
   std::vector<std::vector<int>> in(static_cast<std::size_t>(grid.dims[0]) *
                                    static_cast<std::size_t>(grid.dims[1]));
   for (int k = 0; k < grid.dims[2]; ++k) {
-    heard = heard && look();
-    if (!heard) break;
+    parent_is_alive = parent_is_alive && should_continue();
+    if (!parent_is_alive) break;
     for (auto& voxel : in) voxel.clear();
     const auto read = read_slice(static_cast<std::size_t>(k), [&](std::size_t v, int index) {
-      if (++used % kCheckEvery == 0) heard = heard && look();
-      for (const int other : in[v]) meet(index, other);
-      if (in[v].size() == 1) ++meetings.voxels;
+      if (++used % kCheckEvery == 0) parent_is_alive = parent_is_alive && should_continue();
+      for (const int other : in[v]) add_overlap(index, other);
+      if (in[v].size() == 1) ++overlaps.voxels;
       in[v].push_back(index);
     });
     if (!read) return read.error();
   }
-  return meetings;
+  return overlaps;
 }
 
 /// Distributes segments over layers in which they do not overlap, and notes their overlaps in `file`.
-std::vector<int> assign_layers(std::size_t segments, const SegmentOverlapPairs& meetings, VolumeFile& file);
+std::vector<int> assign_layers(std::size_t segments, const SegmentOverlapPairs& overlaps, VolumeFile& file);
 
 /// Label volume whose voxels are sent by send_layers().
 VolumeFile labels_in_slices(const GridGeometry& grid, const std::filesystem::path& named);

@@ -62,7 +62,7 @@ Result<void> read_label_names_of(const std::filesystem::path& file, Encoding enc
                                  const NiftiHeader& header, VolumeFile& volume) {
   constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 20;
   // extensions lie between header and voxels; in a separate header they extend to the end of the file
-  const std::uint64_t end = header.separate ? kMaxBytes : std::min(header.voxels.skip, kMaxBytes);
+  const std::uint64_t end = header.has_detached_data ? kMaxBytes : std::min(header.voxels.skip, kMaxBytes);
   // four bytes after the header state whether extensions follow
   if (end <= header.header_bytes + 4) return {};
   const auto bytes = read_front(file, encoding, static_cast<std::size_t>(end));
@@ -101,7 +101,7 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles&
   volume.voxels = header->voxels;
   volume.voxels.file = file;
   volume.voxels.encoding = *encoding;
-  if (header->separate) {
+  if (header->has_detached_data) {
     const auto data = others.find({OtherFile::Which::kVoxels, ""});
     if (!data) return data.error();
     const auto data_encoding = encoding_of(*data);

@@ -221,8 +221,8 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
       version->second ? std::string_view("ni2\0", 4) : std::string_view("ni1\0", 4);
   const std::string_view single =
       version->second ? std::string_view("n+2\0", 4) : std::string_view("n+1\0", 4);
-  header.separate = f.magic == separate;
-  if (!header.separate && f.magic != single) {
+  header.has_detached_data = f.magic == separate;
+  if (!header.has_detached_data && f.magic != single) {
     if (version->second) return bad_input(source, "is not a NIfTI file", "is its name right?");
     return bad_input(source, "is an Analyze 7.5 file, which does not define left and right",
                      "convert the original images to NIfTI");
@@ -250,7 +250,7 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
   header.voxels.skip = static_cast<std::uint64_t>(f.offset);
   header.header_bytes = version->second ? kNifti2Bytes : kNifti1Bytes;
   header.swapped = version->swap;
-  if (!header.separate && header.voxels.skip < header.header_bytes)
+  if (!header.has_detached_data && header.voxels.skip < header.header_bytes)
     header.voxels.skip = header.header_bytes + 4;
 
   // slope 0 means no scaling

@@ -131,7 +131,7 @@ TEST(NiftiHeader, ReadsTheSecondVersion) {
   EXPECT_EQ(header->voxels.intercept, -5);
   EXPECT_EQ(header->meaning, ValueMeaning::kLabels);
   EXPECT_TRUE(header->has_geometry);
-  EXPECT_FALSE(header->separate);
+  EXPECT_FALSE(header->has_detached_data);
   EXPECT_EQ(parse_nifti_header(Bytes2().put<std::int64_t>(168, 0).text, "x")->voxels.skip, 544u);
 }
 

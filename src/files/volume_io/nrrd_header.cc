@@ -142,8 +142,8 @@ class Parser {
 
   Result<NrrdHeader> parse() {
     using Step = Result<void> (Parser::*)();
-    for (const Step step :
-         {&Parser::axes, &Parser::layer_axis, &Parser::geometry, &Parser::voxels, &Parser::skips})
+    for (const Step step : {&Parser::axes, &Parser::remove_layer_axis, &Parser::geometry, &Parser::voxels,
+                            &Parser::parse_offsets})
       if (auto done = (this->*step)(); !done) return done.error();
     header_.segment_fields = std::move(lines_.segment_fields);
     header_.voxels.offset = lines_.end;
@@ -177,37 +177,37 @@ class Parser {
   }
 
   // removes the axis of multiple values per voxel from the axes
-  Result<void> layer_axis() {
+  Result<void> remove_layer_axis() {
     const std::string* kinds = field("kinds");
     if (kinds == nullptr) return {};
     const auto names = split_spaces(*kinds);
     if (names.size() != header_.axes.size()) return bad("its kinds do not agree with its dimension");
-    static const std::map<std::string, int> kSpatial{
+    static const std::map<std::string, int> kNonLayerKinds{
         {"domain", 0}, {"space", 0}, {"time", 0}, {"none", 0}, {"???", 0}};
     for (std::size_t a = 0; a < names.size(); ++a) {
-      if (kSpatial.count(lower_case(names[a])) != 0) continue;
-      if (header_.list_axis || (a != 0 && a + 1 != names.size()))
+      if (kNonLayerKinds.count(lower_case(names[a])) != 0) continue;
+      if (header_.has_layer_axis || (a != 0 && a + 1 != names.size()))
         return bad("holds several values for each voxel in a way that is not supported",
                    "give one value for each voxel, or segmentation layers as the first axis");
-      header_.list_axis = true;
-      list_at_ = a;
+      header_.has_layer_axis = true;
+      layer_axis_index_ = a;
     }
-    if (!header_.list_axis) return {};
-    const std::int64_t layers = header_.axes[list_at_];
+    if (!header_.has_layer_axis) return {};
+    const std::int64_t layers = header_.axes[layer_axis_index_];
     if (layers < 1 || layers > 4096) return bad("has " + std::to_string(layers) + " layers");
     header_.layers = static_cast<int>(layers);
-    header_.layers_first = list_at_ == 0;
-    header_.axes.erase(header_.axes.begin() + static_cast<std::ptrdiff_t>(list_at_));
+    header_.layers_first = layer_axis_index_ == 0;
+    header_.axes.erase(header_.axes.begin() + static_cast<std::ptrdiff_t>(layer_axis_index_));
     return {};
   }
 
   Result<void> geometry() {
     if (const std::string* spacings = field("spacings")) {
       const auto parts = split_spaces(*spacings);
-      if (parts.size() != header_.axes.size() + header_.list_axis)
+      if (parts.size() != header_.axes.size() + header_.has_layer_axis)
         return bad("its spacings do not agree with its dimension");
       for (std::size_t a = 0; a < parts.size(); ++a) {
-        if (header_.list_axis && a == list_at_) continue;
+        if (header_.has_layer_axis && a == layer_axis_index_) continue;
         const auto spacing = parse_number<double>(parts[a]);
         if (!spacing || !std::isfinite(*spacing) || *spacing <= 0)
           return bad("the spacing of axis " + std::to_string(a + 1) + " is not a positive number");
@@ -227,11 +227,11 @@ class Parser {
     const std::string* text = field("spacedirections");
     if (text == nullptr) return {};
     const auto vectors = parse_vectors(*text);
-    if (!vectors || vectors->size() != header_.axes.size() + header_.list_axis)
+    if (!vectors || vectors->size() != header_.axes.size() + header_.has_layer_axis)
       return bad("its space directions are not one finite vector for each axis");
     std::size_t length = 0;
     for (std::size_t a = 0; a < vectors->size(); ++a) {
-      const bool spatial = !(header_.list_axis && a == list_at_);
+      const bool spatial = !(header_.has_layer_axis && a == layer_axis_index_);
       if (spatial && !(*vectors)[a])
         return bad("axis " + std::to_string(a + 1) + " has no space direction",
                    "give one volume of three axes that all have one");
@@ -276,7 +276,7 @@ class Parser {
     return {};
   }
 
-  Result<void> skips() {
+  Result<void> parse_offsets() {
     if (const std::string* name = field("datafile")) {
       if (lower_case(name->substr(0, 4)) == "list" || name->find('%') != std::string::npos)
         return bad("its voxels are spread over several files", "save it as one file");
@@ -307,7 +307,7 @@ class Parser {
   Lines lines_;
   const std::string& source_;
   NrrdHeader header_;
-  std::size_t list_at_ = 0;
+  std::size_t layer_axis_index_ = 0;
 };
 
 }  // namespace

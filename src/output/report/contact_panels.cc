@@ -123,7 +123,7 @@ std::string section_figure(Sections& shown, const View& view) {
 }
 
 /// Note on the display of deformed tissue; empty if it is at rest.
-std::string yielded_html(const Sections& shown) {
+std::string deformation_html(const Sections& shown) {
   if (shown.yielded.rests()) return "";
   const bool as_mail = shown.model.tissue_law == TissueLaw::kChainMail;
   std::string html = "<p class=\"yielded\">Tissue is drawn as deformed by the tool at the largest force, ";
@@ -222,7 +222,7 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
     for (ToolPart& part : sections.marks.tool) part.from += dent;
   }
   for (const View& view : kViews) html += section_figure(sections, view);
-  return html + "</div>\n" + yielded_html(sections) + legend(run, contact.label, sections.seen) +
+  return html + "</div>\n" + deformation_html(sections) + legend(run, contact.label, sections.seen) +
          "</section>\n";
 }
 

@@ -57,9 +57,9 @@ std::string callouts(const Run& run) {
     html += callout("notice", "Limitation of the model:", escape(caveat.text) + ".");
   if (run.yields())
     html += callout("notice", "Resolution of soft tissue:",
-                    "its forces were solved on cells of " + number(yield_cell_mm(run.model), 1) +
+                    "its forces were solved on cells of " + number(solver_cell_mm(run.model), 1) +
                         " mm. A nodule of less than " +
-                        number(kResolvedNoduleCells * yield_cell_mm(run.model), 1) +
+                        number(kResolvedNoduleCells * solver_cell_mm(run.model), 1) +
                         " mm is rendered with a fraction of its contrast.");
   if (!run.recording.summary) {
     html += callout("notice", "This recording was cut short.",

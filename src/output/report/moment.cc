@@ -74,7 +74,7 @@ std::shared_ptr<const Model> displaced_model(const Model& model, const Displaced
   return observed;
 }
 
-void show_yielding(const Model& model, TissueLaw law, RecordedMoment& moment) {
+void show_deformation(const Model& model, TissueLaw law, RecordedMoment& moment) {
   if (model.labels == nullptr || !is_elastic(law)) return;
   const Model under = displayed_under_law(moment.left != nullptr ? *moment.left : model, law);
   const DisplacedTissue yielded(under, moment.tick);
@@ -139,7 +139,7 @@ Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const M
   moment.paths = tips.paths();
   const report::RemovalFigures figures = removal.finish();
   moment.left = report::model_after_removal(model, figures.changes, moment.time_s);
-  show_yielding(model, laws.at(moment.tick.model_version), moment);
+  show_deformation(model, laws.at(moment.tick.model_version), moment);
   return moment;
 }
 

@@ -37,7 +37,7 @@ constexpr double kFuture_s = 0.001;
 constexpr std::int64_t kSpeedOver_ns = 8'000'000, kPositionEach_ns = 250'000;
 constexpr double kFinestStep_mm = 1e-4, kCoarsestStep_mm = 0.2;
 constexpr std::int64_t kLate_ns = 9'000'000;
-constexpr auto kLook = std::chrono::milliseconds(1);
+constexpr auto kPollInterval = std::chrono::milliseconds(1);
 // transient errors at a driver's start may last this long
 constexpr std::int64_t kSettles_ns = 100'000'000;
 // maximum time a driver takes to end
@@ -413,7 +413,7 @@ bool watch(DeviceDriver& driver, GripTrial& trial, const std::atomic<bool>& remo
            const Progress& progress, const std::string& name) {
   const std::int64_t started_ns = monotonic_ns();
   while (trial.ended() == GripTrial::Ended::kNot && !removed.load()) {
-    std::this_thread::sleep_for(kLook);
+    std::this_thread::sleep_for(kPollInterval);
     const std::int64_t last_ns = trial.last_update_ns(), now_ns = monotonic_ns();
     if (heartbeat && last_ns != 0) {
       heartbeat->beat_ns.store(last_ns);
@@ -441,7 +441,7 @@ void await_end(const std::atomic<bool>& removed, Heartbeat* heartbeat) {
   for (const std::int64_t started_ns = monotonic_ns();
        !removed.load() && monotonic_ns() - started_ns < kEnds_ns;) {
     heartbeat->checked_ns.store(monotonic_ns());
-    std::this_thread::sleep_for(kLook);
+    std::this_thread::sleep_for(kPollInterval);
   }
 }
 

@@ -25,7 +25,7 @@ std::vector<SweptForce> sweep_force(const Model& model, const Parameters& parame
   Parameters still = parameters;
   still.friction = still.viscosity = still.passivity = false;
   const bool is_deformable = is_elastic(model.tissue_law) && model.has(ForceMethod::kProxy);
-  VirtualClockYieldSolver solver(rate_hz);
+  VirtualClockSoftTissueSolver solver(rate_hz);
   SessionState state;
   TickRecord record;
   DeviceState tip;
@@ -37,7 +37,7 @@ std::vector<SweptForce> sweep_force(const Model& model, const Parameters& parame
        distance_mm += step_mm) {
     tip.tip = model.X_WorldPatient * (start + inward * distance_mm);
     if (is_deformable && solver.advance(model, state.tick > 0 ? &record : nullptr))
-      still.yields = solver.frame();
+      still.compliance = solver.frame();
     tick(model, still, {&tip, 1}, 1 / rate_hz, state, {&sent, 1}, record);
     const DeviceTick& device = record.device[0];
     const LabelId label = device.label;

@@ -108,7 +108,7 @@ GoldenRun run_golden(std::shared_ptr<const Model> model, ForceMethod method, std
       const Eigen::Vector3d tip = from + (to - from) * (static_cast<double>(n) / leg.ticks);
       device.tip = model->X_WorldPatient * Point<Patient>(tip);
       if (state.tick % kCutEvery == 0)
-        if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
+        if (const auto cuts = finished_cuts(state.device[0].burr, 0); !cuts.empty())
           model = carved_by(*model, cuts)->applied_to(*model);
       tick(*model, parameters, {&device, 1}, kTick_s, state, {&wrench, 1}, record);
       run.summary.observe(record);
@@ -120,7 +120,7 @@ GoldenRun run_golden(std::shared_ptr<const Model> model, ForceMethod method, std
     }
     from = to;
   }
-  run.removed_mm3 = state.hands[0].burr.removed_mm3;
+  run.removed_mm3 = state.device[0].burr.removed_mm3;
   return run;
 }
 

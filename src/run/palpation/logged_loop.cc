@@ -83,29 +83,29 @@ void set_cut_model_logged(ServoLoop& loop, EventLog& log, std::span<const Cut> c
   set_model_logged(loop, log, {}, std::move(model), {version, ModelChange::kCut});
 }
 
-RecordingEvent yield_event(const ComplianceFrame& frame, std::uint64_t input_tick) {
+RecordingEvent solution_event(const ComplianceFrame& frame, std::uint64_t input_tick) {
   RecordingEvent event;
-  event.kind = RecordingEvent::Kind::kYield;
+  event.kind = RecordingEvent::Kind::kTissueSolution;
   event.number = frame.number;
   event.input_tick = input_tick;
   event.frame_hash = frame.hash();
   return event;
 }
 
-void set_yield_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
-                      std::uint64_t input_tick) {
+void set_solution_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
+                         std::uint64_t input_tick) {
   log.append([&] {
-    loop.change([&](Parameters& parameters) { parameters.yields = frame; });
-    return yield_event(frame, input_tick);
+    loop.change([&](Parameters& parameters) { parameters.compliance = frame; });
+    return solution_event(frame, input_tick);
   });
 }
 
 void set_unsolved_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
                          std::uint64_t input_tick) {
   log.append([&] {
-    RecordingEvent event = yield_event(frame, input_tick);
+    RecordingEvent event = solution_event(frame, input_tick);
     event.frame_hash = RecordingEvent::kUnsolved;
-    loop.change([&](Parameters& parameters) { parameters.yields = frame; });
+    loop.change([&](Parameters& parameters) { parameters.compliance = frame; });
     return event;
   });
 }

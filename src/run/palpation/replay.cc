@@ -115,7 +115,7 @@ class Replayer {
   Result<void> take(const RecordingPart& part) {
     for (const RecordingEvent& event : part.events) {
       if (event.kind == RecordingEvent::Kind::kSweep) cuts_.push_back(cut_of(event.sweep));
-      if (event.kind == RecordingEvent::Kind::kYield)
+      if (event.kind == RecordingEvent::Kind::kTissueSolution)
         solutions_.push_back({event.number, event.input_tick, event.frame_hash});
       if (event.kind != RecordingEvent::Kind::kModel) continue;
       changes_.push_back({event.change, {}});
@@ -164,7 +164,7 @@ class Replayer {
     std::shared_ptr<const Model> model;
   };
   std::deque<Input> inputs_;
-  YieldSolver yields_;
+  SoftTissueSolver solver_;
   SessionState state_;
   ReplayResult result_;
 };
@@ -201,26 +201,26 @@ Result<void> Replayer::solve_until(const TickRecord& recorded) {
                      std::to_string(recorded.yield_frame) + " of the tissue, " + how,
                  "", "only runs whose solutions were recorded can be replayed"};
   };
-  while (yields_.frame().number < recorded.yield_frame) {
+  while (solver_.frame().number < recorded.yield_frame) {
     if (solutions_.empty()) return missing("which is missing from the file");
     const Solution solution = solutions_.front();
     solutions_.pop_front();
-    if (solution.hash == RecordingEvent::kUnsolved && solution.number == yields_.frame().number + 1) {
-      yields_.restart(solution.number);
+    if (solution.hash == RecordingEvent::kUnsolved && solution.number == solver_.frame().number + 1) {
+      solver_.restart(solution.number);
       continue;
     }
     while (!inputs_.empty() && inputs_.front().tick.tick < solution.input_tick) inputs_.pop_front();
     if (inputs_.empty() || inputs_.front().tick.tick != solution.input_tick ||
-        solution.number != yields_.frame().number + 1)
+        solution.number != solver_.frame().number + 1)
       return missing("which was solved for a tick that is missing");
     const Input& input = inputs_.front();
-    if (yields_.solve(*input.model, input.tick).hash() == solution.hash) continue;
+    if (solver_.solve(*input.model, input.tick).hash() == solution.hash) continue;
     result_.first_difference = recorded.tick;
     result_.difference = "the tissue's solution " + std::to_string(solution.number) + " of tick " +
                          std::to_string(solution.input_tick) + " differs";
     return {};
   }
-  if (recorded.yield_frame != yields_.frame().number) return missing("which is not the newest");
+  if (recorded.yield_frame != solver_.frame().number) return missing("which is not the newest");
   return {};
 }
 
@@ -228,7 +228,7 @@ void Replayer::run_again(const TickRecord& recorded) {
   // every input of the tick as recorded
   if (differs()) return;
   Parameters parameters = parameters_of(recorded);
-  parameters.yields = yields_.frame();
+  parameters.compliance = solver_.frame();
   std::array<DeviceState, kMaxDevices> devices;
   for (int d = 0; d < recorded.devices; ++d) devices[d] = state_of(recorded.device[d]);
 

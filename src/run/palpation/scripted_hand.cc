@@ -653,8 +653,8 @@ bool ScriptedHand::withdraw_from_contact(const PlannedStep& step, const TickReco
 double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& tick) const {
   const DeviceTick& device = tick.device[0];
   const Tissue& tissue = *model_->tissue_of(structure);
-  const double own =
-      is_elastic(law_) && tissue.elastic ? yielding_N_per_mm(*tissue.elastic) : tissue.stiffness_N_per_mm;
+  const double own = is_elastic(law_) && tissue.elastic ? deformable_stiffness_N_per_mm(*tissue.elastic)
+                                                        : tissue.stiffness_N_per_mm;
   const RenderedStiffness gains(device);
   const double largest = gains.max_in_patient();
   if (!(largest > 0)) return own;
@@ -665,10 +665,10 @@ double ScriptedHand::stiffness_N_per_mm(LabelId structure, const TickRecord& tic
 }
 
 // secant stiffness of an elastic half-space at the target force
-double ScriptedHand::yielding_N_per_mm(const ElasticConstants& constants) const {
+double ScriptedHand::deformable_stiffness_N_per_mm(const ElasticConstants& constants) const {
   const ContactLaw half_space{0, {}, contact_modulus_N_per_mm2(constants)};
   const double force_N = std::max(target_N_, touch_N_);
-  const YieldForce unit = yield_force(half_space, 1, model_->tool_of(0).radius_mm);
+  const SoftContactForce unit = soft_contact_force(half_space, 1, model_->tool_of(0).radius_mm);
   // Hertz contact: depth grows with force to the power 2/3
   return force_N / std::pow(force_N / unit.force_N, 2.0 / 3);
 }

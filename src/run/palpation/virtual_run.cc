@@ -23,7 +23,7 @@ VirtualRun::VirtualRun(std::shared_ptr<const Model> model, const RunSetup& setup
       device_(setup.device, setup.hand, setup.script.delay_s),
       mapping_(device_.info(), setup.workspace),
       parameters_(setup.parameters),
-      yields_(setup.script.rate_hz),
+      solver_(setup.script.rate_hz),
       progress_(std::move(progress)) {
   device_.reset(mapping_.to_device(hand_.start()));
   if (has_scope(setup.script)) scope_.emplace(*model_, hand_.start());
@@ -37,9 +37,9 @@ const TickRecord& VirtualRun::tick() {
   // solved with the model of the previous tick, as in a replay
   const bool is_deformable =
       before != nullptr && is_elastic(last_model_->tissue_law) && last_model_->has(ForceMethod::kProxy);
-  if (is_deformable ? yields_.advance(*last_model_, before) : yields_.rest()) {
-    parameters_.yields = yields_.frame();
-    reported_.push_back(yield_event(yields_.frame(), yields_.input_tick()));
+  if (is_deformable ? solver_.advance(*last_model_, before) : solver_.rest()) {
+    parameters_.compliance = solver_.frame();
+    reported_.push_back(solution_event(solver_.frame(), solver_.input_tick()));
     reported_.back().tick = state_.tick;
   }
   cut();
@@ -58,9 +58,9 @@ void VirtualRun::cut() {
 }
 
 void VirtualRun::cut_what_was_swept() {
-  std::vector<Cut> cuts = finished_cuts(state_.hands[0].burr, 0);
+  std::vector<Cut> cuts = finished_cuts(state_.device[0].burr, 0);
   if (scope_)
-    for (const Cut& cut : finished_cuts(state_.hands[1].burr, 1)) cuts.push_back(cut);
+    for (const Cut& cut : finished_cuts(state_.device[1].burr, 1)) cuts.push_back(cut);
   if (cuts.empty()) return;
   model_ = carved_by(*model_, cuts)->applied_to(*model_);
   for (const Cut& cut : cuts) reported_.push_back(sweep_event(cut, model_->version));

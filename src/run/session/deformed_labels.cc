@@ -15,7 +15,7 @@ namespace {
 /// page does the same.
 constexpr double kFadeNodes = 3;
 
-DisplacementField moved_nodes(const ViewedYield& yield, const Bricks<LabelId>& labels) {
+DisplacementField moved_nodes(const ViewedDeformation& yield, const Bricks<LabelId>& labels) {
   ElasticBox box;
   box.corner = {yield.first_patient_mm[0], yield.first_patient_mm[1], yield.first_patient_mm[2]};
   for (std::size_t row = 0; row < 3; ++row)
@@ -69,13 +69,14 @@ void widen(VoxelBox& within, const ElasticBox& box, const GridGeometry& grid) {
 
 std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host) {
   const std::shared_ptr<const Bricks<LabelId>> labels = host.labels();
-  Yields yields;
-  for (std::size_t device = 0; device < yields.size(); ++device) yields[device] = host.yielded(device);
+  Deformations deformations;
+  for (std::size_t device = 0; device < deformations.size(); ++device)
+    deformations[device] = host.deformation(device);
   const std::lock_guard lock(mutex_);
-  if (labels == labels_ && yields == yields_) return displayed_;
+  if (labels == labels_ && deformations == deformations_) return displayed_;
   std::vector<DisplacementField> nodes;
   VoxelBox within;
-  for (const auto& yield : yields) {
+  for (const auto& yield : deformations) {
     if (yield == nullptr || yield->moved_mm.empty()) continue;
     nodes.push_back(moved_nodes(*yield, *labels));
     widen(within, nodes.back().box(), labels->geometry());
@@ -91,7 +92,7 @@ std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host
     if (patch.box.voxel_count() > 0) displayed = std::make_shared<Bricks<LabelId>>(labels->with(patch));
   }
   labels_ = labels;
-  yields_ = std::move(yields);
+  deformations_ = std::move(deformations);
   displayed_ = displayed;
   return displayed;
 }

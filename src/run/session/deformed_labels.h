@@ -18,10 +18,10 @@ class DeformedLabels {
   std::shared_ptr<const Bricks<LabelId>> of(const ViewerHost& host);
 
  private:
-  using Yields = std::array<std::shared_ptr<const ViewedYield>, kMaxDevices>;
+  using Deformations = std::array<std::shared_ptr<const ViewedDeformation>, kMaxDevices>;
   std::mutex mutex_;
   std::shared_ptr<const Bricks<LabelId>> labels_, displayed_;
-  Yields yields_;
+  Deformations deformations_;
 };
 
 }  // namespace palpate

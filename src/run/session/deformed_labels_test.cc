@@ -13,9 +13,9 @@ constexpr int kSide = 60;
 constexpr LabelId kFat = 3;
 
 /// Host with fat below the plane k = 40, in voxels of 0.5 mm, and its deformation.
-class YieldingHost : public testing::FakeHost {
+class DeformingHost : public testing::FakeHost {
  public:
-  YieldingHost() : FakeHost({kSide, kSide, kSide}) {
+  DeformingHost() : FakeHost({kSide, kSide, kSide}) {
     GridGeometry grid;
     grid.dims = {kSide, kSide, kSide};
     grid.spacing_mm = Eigen::Vector3d::Constant(0.5);
@@ -26,8 +26,10 @@ class YieldingHost : public testing::FakeHost {
     yielding_.labels = label_bricks(fat);
   }
   const ViewedScene& scene() const override { return yielding_.labels ? yielding_ : FakeHost::scene(); }
-  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override { return yields[device]; }
-  std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> yields;
+  std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const override {
+    return deformations[device];
+  }
+  std::array<std::shared_ptr<const ViewedDeformation>, kMaxDevices> deformations;
 
  private:
   ViewedScene yielding_;
@@ -35,8 +37,8 @@ class YieldingHost : public testing::FakeHost {
 
 /// Deformation field with nodes of 1 mm around a tool pressed into the fat at (x, 15) mm, to a depth of
 /// `depth_mm`.
-std::shared_ptr<const ViewedYield> dent(double x_mm, double depth_mm) {
-  auto yield = std::make_shared<ViewedYield>();
+std::shared_ptr<const ViewedDeformation> dent(double x_mm, double depth_mm) {
+  auto yield = std::make_shared<ViewedDeformation>();
   yield->nodes = {17, 17, 17};
   yield->first_patient_mm = {x_mm - 8, 7, 8};
   yield->spacing_mm = 1;
@@ -59,11 +61,11 @@ int top(const Bricks<LabelId>& labels, int i, int j) {
 }
 
 TEST(DeformedLabels, ADentIsADent) {
-  YieldingHost host;
+  DeformingHost host;
   DeformedLabels observed;
   EXPECT_EQ(observed.of(host), host.labels()) << "nothing has yielded";
 
-  host.yields[0] = dent(15, 3);
+  host.deformations[0] = dent(15, 3);
   const auto dented = observed.of(host);
   // 3 mm are 6 voxels; nodes half a voxel below the surface displace what is above them
   EXPECT_NEAR(top(*dented, 30, 30), 40 - 6, 1);
@@ -73,21 +75,21 @@ TEST(DeformedLabels, ADentIsADent) {
   EXPECT_EQ(top(*dented, 2, 2), 40);
   EXPECT_EQ(observed.of(host), dented) << "nothing is made anew while all stays";
 
-  host.yields[0] = nullptr;
+  host.deformations[0] = nullptr;
   EXPECT_EQ(observed.of(host), host.labels());
 }
 
 TEST(DeformedLabels, WhatTwoToolsDoIsAddedUp) {
-  YieldingHost host;
+  DeformingHost host;
   DeformedLabels observed;
-  host.yields[0] = dent(15, 1.5);
-  host.yields[1] = dent(15, 1.5);
+  host.deformations[0] = dent(15, 1.5);
+  host.deformations[1] = dent(15, 1.5);
   const auto both = observed.of(host);
-  host.yields = {dent(15, 3)};
+  host.deformations = {dent(15, 3)};
   const auto one = observed.of(host);
   for (int i = 0; i < kSide; i += 3) EXPECT_EQ(top(*both, i, 30), top(*one, i, 30)) << i;
   // two dents that do not overlap are independent
-  host.yields = {dent(10, 3), dent(22, 3)};
+  host.deformations = {dent(10, 3), dent(22, 3)};
   const auto apart = observed.of(host);
   EXPECT_NEAR(top(*apart, 20, 30), 34, 1);
   EXPECT_NEAR(top(*apart, 44, 30), 34, 1);

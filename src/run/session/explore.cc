@@ -42,7 +42,7 @@ struct Session {
   Training* training;      // null: there are no tasks
   Supervisor* supervisor;  // null: the session is not supervised
   const std::string& careful_bounds;
-  bool asks_here;
+  bool has_operator;
 };
 
 /// Contents of the last displayed status: a key may only answer what the user has been shown.
@@ -115,7 +115,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.stop = session.live.current_stop();
   status.rearmed_in_page = session.live.rearmed_in_page();
   // the code is shown only to a user who sees the device
-  if (session.asks_here) status.arming_code = session.live.arming_code();
+  if (session.has_operator) status.arming_code = session.live.arming_code();
   status.question = session.live.question();
   status.refusal = std::exchange(shown.refusal, std::nullopt);
   status.navigation = session.live.navigation();
@@ -144,17 +144,17 @@ void grant(ExploreRequest request, const Session& session, Shown& shown) {
     case ExploreRequest::kDecline:
       return session.live.answer_here(shown.question, request == ExploreRequest::kAgree);
     case ExploreRequest::kPause:
-      return session.live.pause_here();
+      return session.live.pause_by_key();
     case ExploreRequest::kNextMethod:
       return session.live.next_method();
     case ExploreRequest::kMotor:
-      return report_result(session.live.motor_here());
+      return report_result(session.live.toggle_motor_by_key());
     case ExploreRequest::kUndoStroke:
       return report_result(session.live.stroke_here(StrokeAction::kUndo));
     case ExploreRequest::kRedoStroke:
       return report_result(session.live.stroke_here(StrokeAction::kRedo));
     case ExploreRequest::kTask:
-      return report_result(session.live.task_here());
+      return report_result(session.live.begin_or_end_task_by_key());
     case ExploreRequest::kNone:
       return;
   }
@@ -242,7 +242,7 @@ LiveSessionParts session_parts(const RunSetup& setup, const Scene& scene, TipSou
                          setup.workspace, setup.parameters,
                          tip.name(),      setup.script.rate_hz,
                          tip.pointer(),   recording,
-                         scene.modality,  options.asks_here,
+                         scene.modality,  options.has_operator,
                          training};
   parts.coarser_tissue = coarser_tissue;
   parts.plan = options.plan;
@@ -406,7 +406,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
                           [&live] { return live.script_law_version(); }};
   if (auto begun = (*tip)->begin(**loop, live.log(), edits); !begun) return begun.error();
   const Session session{model, **loop,         **recorder,        **tip,   watch,
-                        live,  training.get(), supervisor->get(), careful, options.asks_here};
+                        live,  training.get(), supervisor->get(), careful, options.has_operator};
   ExploreResult result;
   result.problems = setup->problems;
   watch_until_over(session, options, progress, status, result);

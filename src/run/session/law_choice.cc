@@ -171,9 +171,9 @@ std::vector<std::string> LawChoice::later_warnings() const {
   return later_warnings_;
 }
 
-std::shared_ptr<const ViewedYield> LawChoice::yielded(std::size_t device) const {
+std::shared_ptr<const ViewedDeformation> LawChoice::deformation(std::size_t device) const {
   const TissueThread* const solver = yields_.load();
-  return solver != nullptr ? solver->yielded(device) : nullptr;
+  return solver != nullptr ? solver->deformation(device) : nullptr;
 }
 
 }  // namespace palpate

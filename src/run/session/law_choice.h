@@ -63,7 +63,7 @@ class LawChoice final : public PreparedChoice {
   /// about tissue that could not be solved.
   std::vector<std::string> later_warnings() const;
   /// Deformation around a device's tool; null: none. Does not wait for the model's lock.
-  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const;
+  std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const;
 
   bool is_pending(const LiveModel::Lock& /*held*/) const override { return awaited_.has_value(); }
   void prepare(LiveModel::Lock& lock, const Progress& progress) override;

@@ -66,7 +66,7 @@ double LiveModel::rendered_stiffness_N_per_mm(const Lock& /*held*/, const TickRe
   const Tissue* tissue = model.tissue_of(device.label);
   if (device.label == 0 || !tissue) return 0;
   const bool by_proxy = method == ForceMethod::kProxy && model.has(method);
-  if (by_proxy && model.is_deformable(*tissue)) return yielding_stiffness_N_per_mm(device);
+  if (by_proxy && model.is_deformable(*tissue)) return deformable_stiffness_N_per_mm(device);
   if (by_proxy) return gains.by_proxy(tissue->stiffness_N_per_mm);
   // the fields encode the stiffnesses that they were generated for
   const double stiffest = model.max_stiffness_N_per_mm();

@@ -25,10 +25,10 @@ LiveSession::LiveSession(LiveSessionParts parts)
     : parts_(std::move(parts)),
       stop_(loop_, physical()),
       model_(parts_.model, loop_),
-      method_(model_, loop_, parts_.new_fields, parts_.more_methods,
+      method_(model_, loop_, parts_.rebuild_fields, parts_.prepare_methods,
               [this](const Lock& lock) { return preparation_.wake(lock); }),
       law_(
-          model_, loop_, parts_.devices.size(), parts_.other_law, parts_.solve_tissue,
+          model_, loop_, parts_.devices.size(), parts_.prepare_law, parts_.solve_tissue,
           [this](const Lock& lock) { return preparation_.wake(lock); }, parts_.coarser_tissue),
       cutter_(model_, loop_),
       preparation_(model_, {&law_, &method_}),
@@ -204,8 +204,8 @@ bool LiveSession::needs_consent(bool could_increase_force) const {
 }
 
 template <class Request>
-Result<Grant> LiveSession::ask(const Request& request, std::string what) {
-  if (!parts_.asks_here)
+Result<RequestOutcome> LiveSession::ask(const Request& request, std::string what) {
+  if (!parts_.has_operator)
     return refusal("the request cannot be confirmed while a device may give force", "",
                    "start palpate in a terminal, where the operator can accept it");
   consent_.ask(request.by, request.id, std::move(what), [this, request]() -> Result<void> {
@@ -216,10 +216,10 @@ Result<Grant> LiveSession::ask(const Request& request, std::string what) {
     if (auto fine = check(lock, request, loop->parameters()); !fine) return fine.error();
     return apply(lock, request, agreed_to(request.by));
   });
-  return Grant::kRequested;
+  return RequestOutcome::kAwaitingConsent;
 }
 
-Result<Grant> LiveSession::set(const SettingsRequest& request) {
+Result<RequestOutcome> LiveSession::set(const SettingsRequest& request) {
   ServoLoop* loop = loop_.get();
   if (!loop) return not_running();
   const Lock lock = model_.lock();
@@ -230,7 +230,7 @@ Result<Grant> LiveSession::set(const SettingsRequest& request) {
   const std::string what = consent_text(answer, now);
   if (!what.empty() && needs_consent(could_increase_force(answer, now))) return ask(answer, what);
   if (auto applied = apply(lock, request, requested_by(request.by)); !applied) return applied.error();
-  return Grant::kDone;
+  return RequestOutcome::kDone;
 }
 
 Result<void> LiveSession::apply(const Lock& lock, const SettingsRequest& request, RequestedBy by) {
@@ -244,7 +244,7 @@ Result<void> LiveSession::apply(const Lock& lock, const SettingsRequest& request
   return {};
 }
 
-Result<Grant> LiveSession::set(const TissueRequest& request) {
+Result<RequestOutcome> LiveSession::set(const TissueRequest& request) {
   ServoLoop* loop = loop_.get();
   if (!loop) return not_running();
   const Lock lock = model_.lock();
@@ -252,13 +252,13 @@ Result<Grant> LiveSession::set(const TissueRequest& request) {
   if (!change) return change.error();
   const Tissue& tissue = model_.current(lock).tissues[static_cast<std::size_t>(request.tissue)];
   const ModelChange before = unchanged(model_.current(lock), static_cast<std::size_t>(request.tissue));
-  if (*change == before) return Grant::kDone;
+  if (*change == before) return RequestOutcome::kDone;
   const bool more = std::ranges::any_of(kContactProperties, [&](const ContactProperty& property) {
     return change->contact.*property.value > before.contact.*property.value;
   });
   if (needs_consent(more)) return ask(request, consent_text(tissue.name, before.contact, change->contact));
   if (auto applied = model_.edit(lock, *change, requested_by(request.by)); !applied) return applied.error();
-  return Grant::kDone;
+  return RequestOutcome::kDone;
 }
 
 Result<void> LiveSession::apply(const Lock& lock, const TissueRequest& request, RequestedBy by) {
@@ -267,7 +267,7 @@ Result<void> LiveSession::apply(const Lock& lock, const TissueRequest& request, 
   return model_.edit(lock, *change, by);
 }
 
-Result<Grant> LiveSession::set(const StrokeRequest& request) {
+Result<RequestOutcome> LiveSession::set(const StrokeRequest& request) {
   ServoLoop* loop = loop_.get();
   if (!loop) return not_running();
   const Lock lock = model_.lock();
@@ -278,7 +278,7 @@ Result<Grant> LiveSession::set(const StrokeRequest& request) {
                            ? "undo the last stroke: keep the " + cutter_name(*parts_.model) + " out of it"
                            : std::string("redo the last undone stroke"));
   if (auto applied = apply(lock, answer, requested_by(request.by)); !applied) return applied.error();
-  return Grant::kDone;
+  return RequestOutcome::kDone;
 }
 
 Result<void> LiveSession::apply(const Lock& lock, const LastStrokeRequest& request, RequestedBy by) {
@@ -295,13 +295,13 @@ Result<void> LiveSession::rearm_here(std::uint32_t stop) {
   return stop_.rearm(stop, {Asker::kKey});
 }
 
-void LiveSession::pause_here() {
+void LiveSession::pause_by_key() {
   if (ServoLoop* loop = loop_.get())
     change_logged(*loop, loop_.log(), {Asker::kKey},
                   [](Parameters& parameters) { parameters.paused = !parameters.paused; });
 }
 
-Result<void> LiveSession::motor_here() {
+Result<void> LiveSession::toggle_motor_by_key() {
   ServoLoop* loop = loop_.get();
   if (!loop) return not_running();
   if (!cuts()) return invalid_value("no device has a tool with a motor", "", "");
@@ -395,7 +395,7 @@ Result<std::string> LiveSession::curves(const std::string& learner) const {
   return stores_runs() ? parts_.training->curves(learner) : LiveHost::curves(learner);
 }
 
-Result<void> LiveSession::task_here() {
+Result<void> LiveSession::begin_or_end_task_by_key() {
   if (parts_.training == nullptr)
     return refusal("there is no task to start", "", "start palpate explore with --task");
   if (!loop_.get()) return not_running();

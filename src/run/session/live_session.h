@@ -53,13 +53,13 @@ struct LiveSessionParts {
   PointerDriver* pointer = nullptr;
   bool recording = false;
   Modality modality = Modality::kUnknown;  ///< Modality that the scene declares
-  bool asks_here = false;        ///< Whether an operator at this machine sees question() and answers it
+  bool has_operator = false;     ///< Whether an operator at this machine sees question() and answers it
   Training* training = nullptr;  ///< Tasks of the session; null if there are none. Outlives the session.
   // steps that tests replace
-  MethodChoice::NewFields new_fields = with_rebuilt_fields;
-  MethodChoice::MoreMethods more_methods = ready_for;
-  LawChoice::Prepare other_law = measured_under_law;
-  TissueThread::Solve solve_tissue = solve_yield_frame;
+  MethodChoice::NewFields rebuild_fields = with_rebuilt_fields;
+  MethodChoice::MoreMethods prepare_methods = ready_for;
+  LawChoice::Prepare prepare_law = measured_under_law;
+  TissueThread::Solve solve_tissue = solve_tissue_frame;
   /// Warning text: the model's soft tissue is solved in coarser cells than the scene requests because this
   /// machine is too slow. Empty if it is not.
   std::string coarser_tissue = {};
@@ -104,15 +104,15 @@ class LiveSession final : public LiveHost {
     return cutter_.sweeps(version, first, largest);
   }
   std::shared_ptr<const Bricks<LabelId>> labels() const override;
-  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
-    return law_.yielded(device);
+  std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const override {
+    return law_.deformation(device);
   }
   std::shared_ptr<const Bricks<LabelId>> visible_labels() const override { return visible_labels_.of(*this); }
   std::optional<ViewedNavigation> navigation() const override;
-  Result<Grant> set(const SettingsRequest& request) override;
-  Result<Grant> set(const TissueRequest& request) override;
+  Result<RequestOutcome> set(const SettingsRequest& request) override;
+  Result<RequestOutcome> set(const TissueRequest& request) override;
   /// A stroke whose last sweeps have not been removed yet is undone or redone shortly afterwards.
-  Result<Grant> set(const StrokeRequest& request) override;
+  Result<RequestOutcome> set(const StrokeRequest& request) override;
   std::vector<LateAnswer> read_answers() override { return consent_.read_answers(); }
   void forget(const ViewerIdentity& viewer) override { consent_.forget(viewer); }
   void emergency_stop(const ViewerIdentity& by) override { stop_.stop(requested_by(by)); }
@@ -140,7 +140,7 @@ class LiveSession final : public LiveHost {
   /// @param stop  number of the stop that was displayed to the operator
   /// Errors: those of a viewer's rearm; kUsage for a pointer, whose force is given back in the page.
   Result<void> rearm_here(std::uint32_t stop);
-  void pause_here();
+  void pause_by_key();
   /// Pending request of a viewer that needs consent here.
   std::optional<ConsentQuestion> question() { return consent_.question(); }
   void answer_here(std::uint64_t question, bool agreed) { consent_.answer(question, agreed); }
@@ -152,7 +152,7 @@ class LiveSession final : public LiveHost {
   std::optional<std::uint32_t> current_stop() const { return stop_.current(); }
   void next_method() { method_.choose_next(); }
   /// Toggles the burrs' motors. Errors: kBadInput if no device has a burr.
-  Result<void> motor_here();
+  Result<void> toggle_motor_by_key();
   /// Errors: those of a viewer's StrokeRequest.
   Result<void> stroke_here(StrokeAction action);
   /// Cutter::request_by_script
@@ -161,7 +161,7 @@ class LiveSession final : public LiveHost {
   /// Whether a teacher has ended the session.
   bool is_over() const { return is_over_; }
   /// Errors: those of Training::begin_or_end; kUsage if the session has no tasks.
-  Result<void> task_here();
+  Result<void> begin_or_end_task_by_key();
   /// Model version to which the script's last stroke change or law change led; see
   /// HandCommands::stroke_version and law_version.
   std::optional<std::uint32_t> script_stroke_version() const { return cutter_.script_version(); }
@@ -189,7 +189,7 @@ class LiveSession final : public LiveHost {
   double most_force_N() const;
   bool needs_consent(bool could_increase_force) const;
   template <class Request>
-  Result<Grant> ask(const Request& request, std::string what);
+  Result<RequestOutcome> ask(const Request& request, std::string what);
   /// Stroke request with the number of strokes begun when it was made.
   struct LastStrokeRequest : StrokeRequest {
     std::uint32_t strokes = 0;

@@ -110,9 +110,9 @@ class Viewed : public ::testing::Test {
                                    Modality::kMr,
                                    asks_here_,
                                    nullptr,
-                                   new_fields_,
-                                   more_methods_,
-                                   other_law_,
+                                   rebuild_fields_,
+                                   prepare_methods_,
+                                   prepare_law_,
                                    solve_tissue_});
     auto loop =
         ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
@@ -209,10 +209,10 @@ class Viewed : public ::testing::Test {
   std::list<RecordingEvent> reported_;
   bool every_method_ = true;  // false: the trilinear method and the proxy only
   bool proxy_alone_ = false;  // true: no direct method and no field
-  decltype(LiveSessionParts::new_fields) new_fields_ = with_rebuilt_fields;
-  decltype(LiveSessionParts::more_methods) more_methods_ = with_methods;
-  decltype(LiveSessionParts::other_law) other_law_ = measured_under_law;
-  decltype(LiveSessionParts::solve_tissue) solve_tissue_ = solve_yield_frame;
+  decltype(LiveSessionParts::rebuild_fields) rebuild_fields_ = with_rebuilt_fields;
+  decltype(LiveSessionParts::prepare_methods) prepare_methods_ = with_methods;
+  decltype(LiveSessionParts::prepare_law) prepare_law_ = measured_under_law;
+  decltype(LiveSessionParts::solve_tissue) solve_tissue_ = solve_tissue_frame;
   std::optional<ElasticConstants> shell_;  // constants of the shell's elastic laws
   std::vector<Tool> tools_{Tool()};
   std::shared_ptr<const Model> model_;
@@ -452,7 +452,7 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
 TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
   // fields are not generated before this thread has made its other requests
   std::atomic<bool> may_be_made{false};
-  new_fields_ = [&](const Model& model, const Model& made, const Progress& progress) {
+  rebuild_fields_ = [&](const Model& model, const Model& made, const Progress& progress) {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return with_rebuilt_fields(model, made, progress);
   };
@@ -489,7 +489,7 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   every_method_ = false;
   std::atomic<bool> may_be_made{false};
   std::atomic<int> made{0};
-  more_methods_ = [&](auto model, auto methods, const Progress& progress) {
+  prepare_methods_ = [&](auto model, auto methods, const Progress& progress) {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     ++made;
     return with_methods(std::move(model), methods, progress);
@@ -538,7 +538,7 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
 TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
   every_method_ = false;
   std::atomic<bool> may_be_made{false};
-  more_methods_ = [&](auto model, auto methods, const Progress& progress) {
+  prepare_methods_ = [&](auto model, auto methods, const Progress& progress) {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return with_methods(std::move(model), methods, progress);
   };
@@ -574,7 +574,7 @@ TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
 TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
   every_method_ = false;
   std::atomic<int> tries{0};
-  more_methods_ = [&](auto model, auto methods, const Progress& progress) {
+  prepare_methods_ = [&](auto model, auto methods, const Progress& progress) {
     if (++tries == 1) throw std::bad_alloc();
     return with_methods(std::move(model), methods, progress);
   };
@@ -601,8 +601,8 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   shell_ = ElasticConstants{60, 0.45};
   std::atomic<bool> may_be_made{false};
   std::atomic<int> made{0};
-  other_law_ = [&](const Model& model, TissueLaw law, std::size_t devices,
-                   const Progress& progress) -> Result<MeasuredCells> {
+  prepare_law_ = [&](const Model& model, TissueLaw law, std::size_t devices,
+                     const Progress& progress) -> Result<MeasuredCells> {
     while (!may_be_made && !progress.stopped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     ++made;
     auto under = measured_under_law(model, law, devices, progress);
@@ -622,7 +622,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
     request.law = law;
     return live_->set(request);
   };
-  ASSERT_EQ(apply_law("elastic").value(), Grant::kDone);
+  ASSERT_EQ(apply_law("elastic").value(), RequestOutcome::kDone);
   EXPECT_EQ(live_->state().law, "layers");
   EXPECT_EQ(live_->state().law_awaited, "elastic");
   // returning to the previous law cancels the request
@@ -643,7 +643,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   EXPECT_EQ(changes().back().version, live_->state().model_version);
   EXPECT_EQ(law_of(changes().back()), TissueLaw::kElastic);
   // the solver thread runs, and the tick renders its solution
-  ASSERT_TRUE(soon([&] { return latest().yield_frame > 3 && live_->yielded(0) != nullptr; }));
+  ASSERT_TRUE(soon([&] { return latest().yield_frame > 3 && live_->deformation(0) != nullptr; }));
   EXPECT_GT(sent_N(latest()), 0.01);
   EXPECT_EQ(latest().device[0].flags & kFlagInside, 0u);
 
@@ -665,13 +665,13 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   EXPECT_EQ(made, before + 1);
   ASSERT_TRUE(apply_law("layers").ok());
   ASSERT_TRUE(soon([&] { return live_->state().law == "layers"; }));
-  EXPECT_TRUE(soon([&] { return live_->yielded(0) == nullptr; }));
+  EXPECT_TRUE(soon([&] { return live_->deformation(0) == nullptr; }));
 }
 
 TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
   shell_ = ElasticConstants{20, 0.45};
   int tries = 0;
-  other_law_ = [&](const Model& model, TissueLaw law, std::size_t devices, const Progress& progress) {
+  prepare_law_ = [&](const Model& model, TissueLaw law, std::size_t devices, const Progress& progress) {
     if (++tries == 1) throw std::bad_alloc();
     return measured_under_law(model, law, devices, progress);
   };
@@ -702,7 +702,7 @@ TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
   shell_ = ElasticConstants{60, 0.45};
   std::atomic<bool> is_full{false};
   std::atomic<int> refused{0};
-  solve_tissue_ = [&](YieldSolver& solver, const Model& model, const TickRecord& tick) {
+  solve_tissue_ = [&](SoftTissueSolver& solver, const Model& model, const TickRecord& tick) {
     solver.solve(model, tick);
     // the solver is left as after half a frame
     if (is_full && ++refused > 0) throw std::bad_alloc();
@@ -713,7 +713,7 @@ TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
   ASSERT_EQ(error_of(elastic).what, "no error");
   ASSERT_TRUE(soon([&] { return live_->state().law == "elastic"; }));
   press(1);
-  ASSERT_TRUE(soon([&] { return live_->yielded(0) != nullptr && latest().device[0].contact_N[0] > 0; }));
+  ASSERT_TRUE(soon([&] { return live_->deformation(0) != nullptr && latest().device[0].contact_N[0] > 0; }));
   // a solution takes some frames to settle
   const std::uint32_t frame = latest().yield_frame;
   ASSERT_TRUE(soon([&] { return latest().yield_frame >= frame + 20; }));
@@ -725,7 +725,7 @@ TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
   EXPECT_EQ(live_->state().law_failure->where, "elastic");
   EXPECT_THAT(live_->state().law_failure->what, HasSubstr("memory ran out"));
   EXPECT_EQ(live_->state().law, "elastic");
-  EXPECT_TRUE(soon([&] { return live_->yielded(0) == nullptr; }));
+  EXPECT_TRUE(soon([&] { return live_->deformation(0) == nullptr; }));
   // 3 mm of tissue on bone are stiffer than a half-space of it
   EXPECT_TRUE(soon([&] {
     const double N = latest().device[0].contact_N[0];
@@ -735,7 +735,7 @@ TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
   ASSERT_TRUE(soon([&] { return refused >= 2; })) << "it is tried again";
 
   is_full = false;
-  ASSERT_TRUE(soon([&] { return !live_->state().law_failure && live_->yielded(0) != nullptr; }));
+  ASSERT_TRUE(soon([&] { return !live_->state().law_failure && live_->deformation(0) != nullptr; }));
   EXPECT_TRUE(soon([&] { return std::abs(latest().device[0].contact_N[0] / solved_N - 1) < 0.01; }))
       << latest().device[0].contact_N[0] << " N after " << solved_N;
 
@@ -779,7 +779,7 @@ TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
 // loop and without a new version of the model
 TEST_F(Viewed, ASessionOfTheProxyAloneMakesTheFieldOnDemand) {
   proxy_alone_ = true;
-  more_methods_ = [](auto model, auto methods, const Progress& progress) {
+  prepare_methods_ = [](auto model, auto methods, const Progress& progress) {
     return prepared_for(std::move(model), methods, {}, progress);
   };
   start(true, {}, std::numeric_limits<double>::infinity(), true);
@@ -824,7 +824,7 @@ TEST_F(Viewed, ASessionOfTheProxyAloneMakesTheFieldForItsPresentStiffness) {
 TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
   using Made = Result<std::shared_ptr<const Model>>;
   std::atomic<int> tries{0};
-  new_fields_ = [&](const Model& model, const Model& made, const Progress& progress) -> Made {
+  rebuild_fields_ = [&](const Model& model, const Model& made, const Progress& progress) -> Made {
     switch (++tries) {
       case 1:
         throw std::bad_alloc();
@@ -881,7 +881,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
 // a script's method that cannot be prepared is replaced by the proxy
 TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
   std::atomic<int> tries{0};
-  new_fields_ = [&](const auto&...) -> Result<std::shared_ptr<const Model>> {
+  rebuild_fields_ = [&](const auto&...) -> Result<std::shared_ptr<const Model>> {
     ++tries;
     throw std::bad_alloc();
   };
@@ -955,7 +955,7 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
     SCOPED_TRACE(words);
     const auto granted = live_->set(wish);
     ASSERT_TRUE(granted.ok());
-    EXPECT_EQ(*granted, Grant::kRequested);
+    EXPECT_EQ(*granted, RequestOutcome::kAwaitingConsent);
     ASSERT_TRUE(live_->question());
     EXPECT_EQ(live_->question()->text, words);
     // declined: nothing has changed
@@ -981,7 +981,7 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
 
   // a request for the current value changes nothing and needs no consent
   const auto same = live_->set(wishes[0].first);
-  EXPECT_TRUE(same.ok() && *same == Grant::kDone);
+  EXPECT_TRUE(same.ok() && *same == RequestOutcome::kDone);
   EXPECT_FALSE(live_->question());
   // and an invalid request is refused immediately
   SettingsRequest wild;
@@ -998,7 +998,7 @@ TEST_F(Viewed, TissuesWaitForConsentToo) {
   request.changes[&ContactProperties::stiffness_N_per_mm] = 0.5;
   request.changes[&ContactProperties::static_friction] = 0.4;
   const auto granted = live_->set(request);
-  ASSERT_TRUE(granted.ok() && *granted == Grant::kRequested);
+  ASSERT_TRUE(granted.ok() && *granted == RequestOutcome::kAwaitingConsent);
   EXPECT_EQ(live_->question()->text,
             "viewer 5 wants to change cartilage's stiffness from 0.75 to 0.5 N/mm, and change its static "
             "friction from 0.1 to 0.4");
@@ -1041,21 +1041,21 @@ TEST_F(Viewed, WhileItIsStoppedOnlyMoreNeedsConsent) {
   request.max_force_N = 2;
   request.friction = false;
   request.paused = true;
-  EXPECT_EQ(*live_->set(request), Grant::kDone);
+  EXPECT_EQ(*live_->set(request), RequestOutcome::kDone);
   EXPECT_EQ(live_->state().max_force_N, 2);
   const auto wants = [&](const auto& set) {
     SettingsRequest more;
     set(more);
     return *live_->set(more);
   };
-  EXPECT_EQ(wants([](auto& r) { r.max_force_N = 2.5; }), Grant::kRequested);
-  EXPECT_EQ(wants([](auto& r) { r.friction = true; }), Grant::kRequested);
-  EXPECT_EQ(wants([](auto& r) { r.paused = false; }), Grant::kRequested);
+  EXPECT_EQ(wants([](auto& r) { r.max_force_N = 2.5; }), RequestOutcome::kAwaitingConsent);
+  EXPECT_EQ(wants([](auto& r) { r.friction = true; }), RequestOutcome::kAwaitingConsent);
+  EXPECT_EQ(wants([](auto& r) { r.paused = false; }), RequestOutcome::kAwaitingConsent);
   TissueRequest stiffer;
   stiffer.changes[&ContactProperties::stiffness_N_per_mm] = 1.6;
-  EXPECT_EQ(*live_->set(stiffer), Grant::kRequested);
+  EXPECT_EQ(*live_->set(stiffer), RequestOutcome::kAwaitingConsent);
   stiffer.changes[&ContactProperties::stiffness_N_per_mm] = 1.4;
-  EXPECT_EQ(*live_->set(stiffer), Grant::kDone);
+  EXPECT_EQ(*live_->set(stiffer), RequestOutcome::kDone);
   EXPECT_EQ(live_->state().max_force_N, 2);
 }
 
@@ -1064,7 +1064,7 @@ TEST_F(Viewed, AViewerThatGoesTakesItsWishAlong) {
   SettingsRequest request;
   request.by = {6, true};
   request.paused = true;
-  ASSERT_EQ(*live_->set(request), Grant::kRequested);
+  ASSERT_EQ(*live_->set(request), RequestOutcome::kAwaitingConsent);
   live_->forget(request.by);
   EXPECT_FALSE(live_->question());
   EXPECT_TRUE(live_->read_answers().empty());
@@ -1179,7 +1179,7 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
   live_->stop_here();
   EXPECT_EQ(error_in(live_->rearm_here(99)).where, "stop") << "which is told to nobody";
   EXPECT_EQ(error_in(live_->rearm_here(stopped())).what, "no error");
-  live_->pause_here();
+  live_->pause_by_key();
   live_->next_method();
 
   using Kind = RecordingEvent::Kind;

@@ -60,7 +60,7 @@ std::optional<double> frame_s(const Model& model, const Point<Patient>& at, std:
   for (std::size_t d = 0; d < devices; ++d)
     for (int axis = 0; axis < 3; ++axis)
       tick.device[d].tip_patient_mm[static_cast<std::size_t>(axis)] = at[axis];
-  YieldSolver solver;
+  SoftTissueSolver solver;
   if (!solver.solve(model, tick).spot[0].is_known()) return std::nullopt;
   std::array<double, kFrames> times_s;
   for (double& time_s : times_s) {
@@ -99,7 +99,7 @@ MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_
   std::snprintf(reported, sizeof reported,
                 "soft tissue is solved in cells of %.3g mm instead of %.3g: with these a solution takes %.3g "
                 "ms on this machine, but one is due every %.3g",
-                yield_cell_mm(*coarser), yield_cell_mm(*model), 1e3 * *made_s, 1e3 * kYieldFrame_s);
+                solver_cell_mm(*coarser), solver_cell_mm(*model), 1e3 * *made_s, 1e3 * kSolverFrame_s);
   return {std::move(coarser), reported};
 }
 

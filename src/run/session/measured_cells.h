@@ -28,7 +28,7 @@ struct MeasuredCells {
 /// @param max_frame_s   processor time available per frame; by default three quarters of the frame period,
 ///                      which leaves some to other threads
 MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t devices,
-                                  double max_frame_s = 0.75 * kYieldFrame_s);
+                                  double max_frame_s = 0.75 * kSolverFrame_s);
 
 /// Switches a model to another law (under_law; surfaces prepared earlier are taken from the cache) and, if
 /// that law is elastic, chooses the cell size as above, ignoring the factor of `model`. Takes seconds if the

@@ -27,7 +27,7 @@ TEST(MeasuredCells, AreCoarserWhereAFrameTakesTooLong) {
   const MeasuredCells none_is_fast_enough = with_measured_cells(model, 1, 0);
   EXPECT_EQ(none_is_fast_enough.model->tissue_coarsened, 2);
   EXPECT_EQ(none_is_fast_enough.model->content_hash, model->content_hash);
-  EXPECT_EQ(yield_cell_mm(*none_is_fast_enough.model), 2 * yield_cell_mm(*model));
+  EXPECT_EQ(solver_cell_mm(*none_is_fast_enough.model), 2 * solver_cell_mm(*model));
   EXPECT_THAT(none_is_fast_enough.reported, HasSubstr("cells of 2 mm instead of 1"));
 }
 

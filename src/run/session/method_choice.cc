@@ -37,12 +37,12 @@ Error made_for_others() {
                  "restore the initial stiffness of the tissues, or use inward ramps in the scene");
 }
 
-MethodChoice::MethodChoice(LiveModel& model, SessionLoop& loop, NewFields new_fields,
-                           MoreMethods more_methods, Wake wake)
+MethodChoice::MethodChoice(LiveModel& model, SessionLoop& loop, NewFields rebuild_fields,
+                           MoreMethods prepare_methods, Wake wake)
     : model_(model),
       loop_(loop),
-      new_fields_(std::move(new_fields)),
-      more_methods_(std::move(more_methods)),
+      rebuild_fields_(std::move(rebuild_fields)),
+      prepare_methods_(std::move(prepare_methods)),
       wake_(std::move(wake)),
       choosable_(choosable_methods(model.current(model.lock()))),
       first_(model.versions(model.lock()).current) {}
@@ -122,7 +122,7 @@ Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method
   if (!fields_ || !fields_match(*of.current, *fields_)) {
     fields_ = of.prepared;
     if (!fields_match(*of.current, *of.prepared)) {
-      auto made = new_fields_(*of.current, *of.prepared, progress);
+      auto made = rebuild_fields_(*of.current, *of.prepared, progress);
       if (!made) return made.error();
       fields_ = *std::move(made);
     }
@@ -132,7 +132,7 @@ Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method
     if (auto allowed = allow_memory(memory_of_force_field(*fields_, method), std::string(name_of(method)));
         !allowed)
       return allowed.error();
-  auto more = more_methods_(fields_, {&method, 1}, progress);
+  auto more = prepare_methods_(fields_, {&method, 1}, progress);
   if (more) fields_ = *more;
   return more;
 } catch (const std::exception& why) {

@@ -34,7 +34,7 @@ class MethodChoice final : public PreparedChoice {
   using Wake = std::function<Result<void>(const LiveModel::Lock& lock)>;
 
   /// @param model, loop  outlive this object
-  MethodChoice(LiveModel& model, SessionLoop& loop, NewFields new_fields, MoreMethods more_methods,
+  MethodChoice(LiveModel& model, SessionLoop& loop, NewFields rebuild_fields, MoreMethods prepare_methods,
                Wake wake);
 
   /// Whether viewers may choose the method; one that does not suit the volume or the tool is excluded.
@@ -70,8 +70,8 @@ class MethodChoice final : public PreparedChoice {
 
   LiveModel& model_;
   SessionLoop& loop_;
-  const NewFields new_fields_;
-  const MoreMethods more_methods_;
+  const NewFields rebuild_fields_;
+  const MoreMethods prepare_methods_;
   const Wake wake_;
   const std::array<bool, kForceMethods.size()> choosable_;
   const std::shared_ptr<const Model> first_;  // model that the session began with

@@ -170,7 +170,7 @@ class Playback final : public PlaybackHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
            const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest,
-           YieldIndex yields, std::unique_ptr<const PlayedTask> task, std::shared_ptr<SharedPlan> plan)
+           SolutionIndex yields, std::unique_ptr<const PlayedTask> task, std::shared_ptr<SharedPlan> plan)
       : header_(recording.head().header),
         model_(std::move(model)),
         scene_(std::move(scene)),
@@ -193,7 +193,8 @@ class Playback final : public PlaybackHost {
       auto read = source.read_at(row, 1, progress);
       return read && !read->empty() ? std::optional(read->front()) : std::nullopt;
     };
-    yields_ = std::make_unique<PlayedYields>(model_, std::move(yields), edits_.cuts, edits_.laws, tick_at);
+    solutions_ =
+        std::make_unique<PlayedSolutions>(model_, std::move(yields), edits_.cuts, edits_.laws, tick_at);
   }
 
   const ViewedScene& scene() const override { return scene_; }
@@ -204,11 +205,11 @@ class Playback final : public PlaybackHost {
     const int direction = !position_.playing() ? 0 : position_.speed() > 0 ? 1 : -1;
     if (auto tick = blocks_.tick_at(at_s, direction, position_.from_s())) shown_ = *tick;
     const bool is_deformable = is_elastic(edits_.laws.at(shown_.model_version));
-    if (yields_ != nullptr) {
+    if (solutions_ != nullptr) {
       constexpr double kNear_s = 0.25;
       const double speed = position_.playing() ? std::max(1.0, std::abs(position_.speed())) : 1.0;
-      const auto near = static_cast<std::uint32_t>(kNear_s * speed / kYieldFrame_s);
-      is_deformable ? yields_->want(shown_.yield_frame, near) : yields_->want(0, 0);
+      const auto near = static_cast<std::uint32_t>(kNear_s * speed / kSolverFrame_s);
+      is_deformable ? solutions_->want(shown_.yield_frame, near) : solutions_->want(0, 0);
     }
     stiffness_N_per_mm = {};
     // a direct method's stiffness depends on the stiffest tissue of the model, so none is reported
@@ -220,14 +221,14 @@ class Playback final : public PlaybackHost {
           device.label < model_->tissue_of_label.size() ? model_->tissue_of_label[device.label] : -1;
       if (device.label != 0 && tissue >= 0)
         stiffness_N_per_mm[d] = is_deformable && model_->tissues[static_cast<std::size_t>(tissue)].elastic
-                                    ? yielding_stiffness_N_per_mm(device)
+                                    ? deformable_stiffness_N_per_mm(device)
                                     : RenderedStiffness(device).by_proxy(
                                           tissues[static_cast<std::size_t>(tissue)].stiffness_N_per_mm);
     }
     return shown_;
   }
-  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
-    return yields_ != nullptr ? yields_->yielded(device) : nullptr;
+  std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const override {
+    return solutions_ != nullptr ? solutions_->deformation(device) : nullptr;
   }
   std::shared_ptr<const Bricks<LabelId>> visible_labels() const override { return visible_labels_.of(*this); }
   ViewedHealth health() const override {
@@ -323,7 +324,7 @@ class Playback final : public PlaybackHost {
   mutable PlaybackPosition position_;
   mutable TickRecord shown_;
   mutable TickBlocks blocks_;
-  std::unique_ptr<PlayedYields> yields_;  // null: no tissue deforms
+  std::unique_ptr<PlayedSolutions> solutions_;  // null: no tissue deforms
 };
 
 }  // namespace
@@ -365,8 +366,8 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   TickRecord first;
   std::vector<double> begins_s;
   Edits edits(*model);
-  const bool yields_first = is_elastic(model->tissue_law);
-  auto yields = std::make_unique<YieldIndex>(*model);
+  const bool deforms_first = is_elastic(model->tissue_law);
+  auto yields = std::make_unique<SolutionIndex>(*model);
   std::uint64_t row = 0;
   const auto observed = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
@@ -374,7 +375,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
         line.observe(part);
         nearest.observe(part.ticks, part.events);
         for (const RecordingEvent& event : part.events) edits.on_event(event);
-        if (yields_first) yields->observe(part, row);
+        if (deforms_first) yields->observe(part, row);
         if (played)
           if (auto known = played->observe(part); !known) return known;
         for (const TickRecord& tick : part.ticks) {
@@ -386,9 +387,9 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
       progress);
   if (!observed) return observed.error();
   // the recording switches to an elastic law later: scan it again, with the surfaces that this needs
-  if (!yields_first && edits.laws.any(is_elastic)) {
+  if (!deforms_first && edits.laws.any(is_elastic)) {
     if (auto ready = with_surfaces(); !ready) return ready.error();
-    yields = std::make_unique<YieldIndex>(*model);
+    yields = std::make_unique<SolutionIndex>(*model);
     row = 0;
     const auto found = recording.read(
         [&](const RecordingPart& part) -> Result<void> {

@@ -21,8 +21,8 @@ constexpr int kSolverPriority = 5;
 
 }  // namespace
 
-PlayedYields::PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts,
-                           LawHistory laws, TickAt tick_at)
+PlayedSolutions::PlayedSolutions(std::shared_ptr<const Model> model, SolutionIndex index, CutList cuts,
+                                 LawHistory laws, TickAt tick_at)
     : model_(std::move(model)),
       index_(std::move(index)),
       cuts_(std::move(cuts)),
@@ -32,7 +32,7 @@ PlayedYields::PlayedYields(std::shared_ptr<const Model> model, YieldIndex index,
   thread_ = std::thread([this] { run(); });
 }
 
-PlayedYields::~PlayedYields() {
+PlayedSolutions::~PlayedSolutions() {
   ending_ = true;
   {
     const std::lock_guard lock(mutex_);
@@ -41,7 +41,7 @@ PlayedYields::~PlayedYields() {
   thread_.join();
 }
 
-void PlayedYields::want(std::uint32_t number, std::uint32_t near) {
+void PlayedSolutions::want(std::uint32_t number, std::uint32_t near) {
   const std::lock_guard lock(mutex_);
   near_ = near;
   if (wanted_ == number) return;
@@ -49,13 +49,13 @@ void PlayedYields::want(std::uint32_t number, std::uint32_t near) {
   changed_.notify_all();
 }
 
-std::shared_ptr<const ViewedYield> PlayedYields::yielded(std::size_t device) const {
+std::shared_ptr<const ViewedDeformation> PlayedSolutions::deformation(std::size_t device) const {
   const std::lock_guard lock(mutex_);
   const std::uint32_t far = std::max(wanted_, done_) - std::min(wanted_, done_);
   return device < kMaxDevices && far <= near_ ? shown_[device] : nullptr;
 }
 
-void PlayedYields::run() {
+void PlayedSolutions::run() {
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kSolverPriority);
   std::unique_lock lock(mutex_);
   while (!ending_) {
@@ -77,16 +77,16 @@ void PlayedYields::run() {
   }
 }
 
-PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
+PlayedSolutions::Shown PlayedSolutions::solve(std::uint32_t number) {
   const Progress progress({}, &ending_);
   Shown shown;
   auto some = index_.up_to(number, kMaxOn);
   // continue from the last solution, or start a few solutions earlier
-  const auto last = std::ranges::find(some, solver_.frame().number, &YieldIndex::Solution::number);
+  const auto last = std::ranges::find(some, solver_.frame().number, &SolutionIndex::Solution::number);
   const bool continues = last != some.end() && last + 1 != some.end();
   some = some.last(continues ? static_cast<std::size_t>(some.end() - last) - 1
                              : std::min(some.size(), kLeadIn + 1));
-  for (const YieldIndex::Solution& solution : some) {
+  for (const SolutionIndex::Solution& solution : some) {
     const auto touchable = tick_at_(solution.row, progress);
     const auto model = touchable && !ending_ ? model_of(touchable->model_version) : nullptr;
     if (model == nullptr) return shown;
@@ -94,14 +94,14 @@ PlayedYields::Shown PlayedYields::solve(std::uint32_t number) {
       solver_.resume(*model, solution.number - 1, index_.boxes(solution));
     solver_.solve(*model, *touchable);
     if (solution.number != number) continue;
-    for (std::size_t d = 0; d < kMaxDevices; ++d) shown[d] = viewed_yield(solver_, *touchable, d);
+    for (std::size_t d = 0; d < kMaxDevices; ++d) shown[d] = viewed_deformation(solver_, *touchable, d);
   }
   return shown;
 }
 
 // Model with the labels and surfaces of that version, derived from the previous one if only more was cut.
 // Null if the version cannot be built or the thread is ending.
-std::shared_ptr<const Model> PlayedYields::model_of(std::uint32_t version) {
+std::shared_ptr<const Model> PlayedSolutions::model_of(std::uint32_t version) {
   const std::size_t by = cuts_.count(version);
   const std::vector<std::uint64_t>& undone_to = cuts_.undone_to(version);
   const TissueLaw law = laws_.at(version);

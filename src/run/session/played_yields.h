@@ -27,7 +27,7 @@ namespace palpate {
 ///
 /// During forward playback each solution continues from the previous one, as in the original run. At another
 /// position the solver starts kLeadIn solutions earlier. Thread-safe.
-class PlayedYields {
+class PlayedSolutions {
  public:
   /// Number of solutions before the requested one from which a new position starts. The first is solved to
   /// convergence, the others with as few iterations as in the run, so that a moving tool meets the same state
@@ -42,11 +42,11 @@ class PlayedYields {
   /// @param model  at the beginning of the recording, with the proxy's surfaces
   /// @param cuts   sweeps and stroke changes of the recording
   /// @throws std::system_error  if no thread can be created
-  PlayedYields(std::shared_ptr<const Model> model, YieldIndex index, CutList cuts, LawHistory laws,
-               TickAt tick_at);
-  ~PlayedYields();
-  PlayedYields(const PlayedYields&) = delete;
-  PlayedYields& operator=(const PlayedYields&) = delete;
+  PlayedSolutions(std::shared_ptr<const Model> model, SolutionIndex index, CutList cuts, LawHistory laws,
+                  TickAt tick_at);
+  ~PlayedSolutions();
+  PlayedSolutions(const PlayedSolutions&) = delete;
+  PlayedSolutions& operator=(const PlayedSolutions&) = delete;
 
   /// Requests a solution by its number; 0: none.
   /// @param near  until it is solved, the deformation of another position is shown if that is at most this
@@ -54,23 +54,23 @@ class PlayedYields {
   void want(std::uint32_t number, std::uint32_t near);
   /// Deformation around a device's tool at the requested position or near it; null if nothing is deformed, or
   /// nothing is solved yet.
-  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const;
+  std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const;
 
  private:
-  using Shown = std::array<std::shared_ptr<const ViewedYield>, kMaxDevices>;
+  using Shown = std::array<std::shared_ptr<const ViewedDeformation>, kMaxDevices>;
 
   void run();
   Shown solve(std::uint32_t number);
   std::shared_ptr<const Model> model_of(std::uint32_t version);
 
   const std::shared_ptr<const Model> model_;
-  const YieldIndex index_;
+  const SolutionIndex index_;
   const CutList cuts_;
   const LawHistory laws_;
   const TickAt tick_at_;
 
   // used by the solver's thread only
-  YieldSolver solver_;
+  SoftTissueSolver solver_;
   std::shared_ptr<const Model> cut_;  // model of the last request
   std::size_t cut_by_ = 0;            // number of sweeps applied to it
   std::vector<std::uint64_t> undone_to_;

@@ -72,7 +72,7 @@ ViewedRecording::Event shown(const RecordingEvent& event) {
       shown.kind = "rearm";
       break;
     case RecordingEvent::Kind::kSweep:
-    case RecordingEvent::Kind::kYield:
+    case RecordingEvent::Kind::kTissueSolution:
       break;
   }
   return shown;
@@ -95,7 +95,9 @@ void RecordingLine::observe(const RecordingEvent& event) {
   // a burr produces a hundred sweeps per second, each a model version too; tissue produces 64 solutions per
   // second
   const bool cut = event.kind == RecordingEvent::Kind::kModel && event.change.tissue == ModelChange::kCut;
-  if (cut || event.kind == RecordingEvent::Kind::kSweep || event.kind == RecordingEvent::Kind::kYield) return;
+  if (cut || event.kind == RecordingEvent::Kind::kSweep ||
+      event.kind == RecordingEvent::Kind::kTissueSolution)
+    return;
   const bool always = event.kind == RecordingEvent::Kind::kStop || event.kind == RecordingEvent::Kind::kRearm;
   // stops and rearms have a separate quota
   if (events_.size() >= (always ? 2 * kMaxEvents : kMaxEvents)) {

@@ -180,7 +180,7 @@ void CampaignSession::change() {
   request.rotation_wxyz = {std::cos(angle), 0, 0, std::sin(angle)};
   const Parameters before = loop_.parameters();
   const auto granted = live_.set(request);
-  if (!granted || *granted == Grant::kDone) return;
+  if (!granted || *granted == RequestOutcome::kDone) return;
   ++requested;
   EXPECT_TRUE(physical_);
   const Parameters after = loop_.parameters();
@@ -209,7 +209,7 @@ void CampaignSession::act() {
     case 4:
       return rearm();
     case 5:
-      return live_.pause_here();
+      return live_.pause_by_key();
     case 6:
       failure_ = below(5);
       troubled_ticks_ = 1 + below(3);

@@ -25,9 +25,9 @@ TickBlocks::~TickBlocks() {
 std::optional<TickRecord> TickBlocks::tick_at(double at_s, int direction, double from_s) {
   const std::size_t block = block_at(at_s);
   const std::lock_guard lock(mutex_);
-  if (block != wanted_ || direction != path_) {
+  if (block != wanted_ || direction != direction_) {
     wanted_ = block;
-    path_ = direction;
+    direction_ = direction;
     requested_changed_.notify_all();
   }
   const Block* ticks = find(block);
@@ -88,8 +88,8 @@ std::optional<TickRecord> TickBlocks::nearest_played(std::size_t block, int dire
 std::optional<std::size_t> TickBlocks::missing() const {
   if (failure_) return std::nullopt;
   if (!is_stored(wanted_)) return wanted_;
-  if (path_ > 0 && wanted_ + 1 < begins_s_.size() && !is_stored(wanted_ + 1)) return wanted_ + 1;
-  if (path_ < 0 && wanted_ > 0 && !is_stored(wanted_ - 1)) return wanted_ - 1;
+  if (direction_ > 0 && wanted_ + 1 < begins_s_.size() && !is_stored(wanted_ + 1)) return wanted_ + 1;
+  if (direction_ < 0 && wanted_ > 0 && !is_stored(wanted_ - 1)) return wanted_ - 1;
   return std::nullopt;
 }
 

@@ -68,7 +68,7 @@ class TickBlocks {
   std::condition_variable requested_changed_;
   std::list<Kept> stored_;  // most recently wanted first
   std::size_t wanted_ = 0;
-  int path_ = 0;
+  int direction_ = 0;
   std::optional<Error> failure_;
 
   std::atomic<bool> ending_{false};

@@ -19,11 +19,11 @@ constexpr int kPriority = 5;
 
 /// Samples a field for display.
 /// @param times  factor by which `unit_mm` is scaled
-std::shared_ptr<ViewedYield> viewed_field(const ElasticBox& box, const ElasticLayout& layout,
-                                          const ElasticField& unit_mm, double times) {
+std::shared_ptr<ViewedDeformation> viewed_field(const ElasticBox& box, const ElasticLayout& layout,
+                                                const ElasticField& unit_mm, double times) {
   // every second node suffices, since the displacement is smooth
   constexpr int kEvery = 2;
-  auto viewed = std::make_shared<ViewedYield>();
+  auto viewed = std::make_shared<ViewedDeformation>();
   for (std::size_t axis = 0; axis < 3; ++axis) {
     viewed->nodes[axis] = box.cells[axis] / kEvery + 1;
     viewed->first_patient_mm[axis] = box.corner[static_cast<int>(axis)];
@@ -48,9 +48,9 @@ std::shared_ptr<ViewedYield> viewed_field(const ElasticBox& box, const ElasticLa
 
 }  // namespace
 
-std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& tick,
-                                                std::size_t device) {
-  YieldField field;
+std::shared_ptr<const ViewedDeformation> viewed_deformation(const SoftTissueSolver& solver,
+                                                            const TickRecord& tick, std::size_t device) {
+  UnitDisplacementField field;
   if (device >= static_cast<std::size_t>(tick.devices) || tick.device[device].contact_label[0] == 0 ||
       !solver.field_of(device, field))
     return nullptr;
@@ -60,7 +60,7 @@ std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const
   return viewed;
 }
 
-void solve_yield_frame(YieldSolver& solver, const Model& model, const TickRecord& tick) {
+void solve_tissue_frame(SoftTissueSolver& solver, const Model& model, const TickRecord& tick) {
   solver.solve(model, tick);
 }
 
@@ -82,7 +82,7 @@ TissueThread::~TissueThread() {
 void TissueThread::run() {
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kPriority);
   constexpr auto kFrame =
-      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kYieldFrame_s));
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kSolverFrame_s));
   CpuExclusion cpus;
   Clock::time_point next = Clock::now();
   for (bool ending = false; !ending;) {
@@ -137,7 +137,7 @@ void TissueThread::solve_next() {
     move_mail(*model, tick);
   } else {
     solve_(solver_, *model, tick);
-    set_yield_logged(loop_, reported_, solver_.frame(), tick.tick);
+    set_solution_logged(loop_, reported_, solver_.frame(), tick.tick);
     published_ = solver_.frame().number;
     show(tick);
   }
@@ -150,7 +150,7 @@ void TissueThread::move_mail(const Model& model, const TickRecord& tick) {
   ++mail_frame_;
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     const ChainMail* const mail = mail_->of(d);
-    std::shared_ptr<ViewedYield> viewed;
+    std::shared_ptr<ViewedDeformation> viewed;
     if (mail != nullptr) {
       viewed = viewed_field(mail->box(), mail->layout(), mail->moved_mm(), 1);
       viewed->frame = mail_frame_;
@@ -167,13 +167,13 @@ void TissueThread::rest() {
 
 void TissueThread::show(const TickRecord& tick) {
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
-    auto viewed = viewed_yield(solver_, tick, d);
+    auto viewed = viewed_deformation(solver_, tick, d);
     const std::lock_guard lock(mutex_);
     shown_[d] = std::move(viewed);
   }
 }
 
-std::shared_ptr<const ViewedYield> TissueThread::yielded(std::size_t device) const {
+std::shared_ptr<const ViewedDeformation> TissueThread::deformation(std::size_t device) const {
   const std::lock_guard lock(mutex_);
   return shown_[device];
 }

@@ -30,7 +30,7 @@ class TissueThread {
  public:
   static constexpr std::chrono::seconds kRetry{1};
   /// Solves the next frame. May throw std::bad_alloc.
-  using Solve = std::function<void(YieldSolver& solver, const Model& model, const TickRecord& tick)>;
+  using Solve = std::function<void(SoftTissueSolver& solver, const Model& model, const TickRecord& tick)>;
 
   /// @param model   returns the current model version; called on this thread
   /// @param solve  replaced in tests only
@@ -41,7 +41,7 @@ class TissueThread {
   TissueThread& operator=(const TissueThread&) = delete;
 
   /// Deformation around a device's tool in the last frame; null: none. Thread-safe.
-  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const;
+  std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const;
   /// Whether memory ran out in the latest attempt. Thread-safe.
   bool is_out_of_memory() const { return is_out_of_memory_; }
   /// Number of times that memory ran out after an attempt that succeeded. Thread-safe.
@@ -60,7 +60,7 @@ class TissueThread {
   EventLog& reported_;
   const std::function<std::shared_ptr<const Model>()> model_;
   const Solve solve_;
-  YieldSolver solver_;
+  SoftTissueSolver solver_;
   std::uint32_t published_ = 0;  // number of the last frame passed to the loop
   std::optional<ChainMailTissue> mail_{std::in_place};
   std::uint32_t mail_frame_ = 0;
@@ -69,18 +69,18 @@ class TissueThread {
   std::atomic<bool> is_out_of_memory_{false};
   std::atomic<int> failures_{0};
   mutable std::mutex mutex_;  // guards the members below
-  std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> shown_;
+  std::array<std::shared_ptr<const ViewedDeformation>, kMaxDevices> shown_;
   bool ending_ = false;
   std::condition_variable ends_;
   std::thread thread_;
 };
 
-/// Default of TissueThread::Solve: YieldSolver::solve.
-void solve_yield_frame(YieldSolver& solver, const Model& model, const TickRecord& tick);
+/// Default of TissueThread::Solve: SoftTissueSolver::solve.
+void solve_tissue_frame(SoftTissueSolver& solver, const Model& model, const TickRecord& tick);
 
 /// Deformation field around a device's tool under the force with which it pressed in that tick; null if there
 /// is none.
-std::shared_ptr<const ViewedYield> viewed_yield(const YieldSolver& solver, const TickRecord& tick,
-                                                std::size_t device);
+std::shared_ptr<const ViewedDeformation> viewed_deformation(const SoftTissueSolver& solver,
+                                                            const TickRecord& tick, std::size_t device);
 
 }  // namespace palpate

@@ -62,8 +62,8 @@ class TwoToolsRun : public ::testing::Test {
   }
   // cuts as a session does, recording each sweep
   std::shared_ptr<const Model> cut(const std::shared_ptr<const Model>& model, const SessionState& state) {
-    EXPECT_TRUE(finished_cuts(state.hands[0].burr, 0).empty());
-    const std::vector<Cut> cuts = finished_cuts(state.hands[1].burr, 1);
+    EXPECT_TRUE(finished_cuts(state.device[0].burr, 0).empty());
+    const std::vector<Cut> cuts = finished_cuts(state.device[1].burr, 1);
     if (cuts.empty()) return model;
     const auto next = carved_by(*model, cuts)->applied_to(*model);
     for (const Cut& each : cuts) events_.push_back(sweep_event(each, next->version));

@@ -121,7 +121,7 @@ std::vector<ContactProperties> viewed_tissues(const Model& model) {
   return {model.tissues.begin(), model.tissues.end()};
 }
 
-double yielding_stiffness_N_per_mm(const DeviceTick& device) {
+double deformable_stiffness_N_per_mm(const DeviceTick& device) {
   return device.depth_mm > 0 ? device.unclamped_force_N * device.scale / device.depth_mm : 0;
 }
 

@@ -17,6 +17,6 @@ std::vector<ContactProperties> viewed_tissues(const Model& model);
 
 /// Secant stiffness of deforming tissue at the device: current force divided by current depth; N/mm. 0 at
 /// zero depth.
-double yielding_stiffness_N_per_mm(const DeviceTick& device);
+double deformable_stiffness_N_per_mm(const DeviceTick& device);
 
 }  // namespace palpate

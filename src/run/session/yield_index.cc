@@ -6,10 +6,10 @@
 
 namespace palpate {
 
-void YieldIndex::observe(const RecordingPart& part, std::uint64_t row) {
+void SolutionIndex::observe(const RecordingPart& part, std::uint64_t row) {
   for (const RecordingEvent& event : part.events) {
     if (event.kind == RecordingEvent::Kind::kModel) laws_.on_event(event.change);
-    if (event.kind == RecordingEvent::Kind::kYield && reported_.size() < kMaxPending)
+    if (event.kind == RecordingEvent::Kind::kTissueSolution && reported_.size() < kMaxPending)
       reported_.push_back({event.number, event.input_tick, event.frame_hash != RecordingEvent::kUnsolved});
   }
   // a solution is reported with ticks that follow its input tick
@@ -29,7 +29,7 @@ void YieldIndex::observe(const RecordingPart& part, std::uint64_t row) {
   before_row_ = row;
 }
 
-void YieldIndex::take(const Reported& reported, const TickRecord& input, std::uint64_t row) {
+void SolutionIndex::take(const Reported& reported, const TickRecord& input, std::uint64_t row) {
   const bool rises =
       solutions_.empty() || (reported.number > solutions_.back().number && row > solutions_.back().row);
   if (!rises || solutions_.size() >= kMaxSolutions) return;
@@ -42,13 +42,13 @@ void YieldIndex::take(const Reported& reported, const TickRecord& input, std::ui
   if (!boxes_.empty()) boxes = boxes_.back();
   const auto devices = static_cast<std::size_t>(std::clamp(input.devices, 0, kMaxDevices));
   const Model& model = model_of(input.model_version);
-  for (std::size_t d = 0; d < devices; ++d) boxes[d] = next_yield_box(model, input.device[d], boxes[d]);
+  for (std::size_t d = 0; d < devices; ++d) boxes[d] = next_solver_box(model, input.device[d], boxes[d]);
   if (boxes_.empty() || boxes_.back() != boxes) boxes_.push_back(boxes);
   solutions_.push_back({reported.number, static_cast<std::uint32_t>(boxes_.size() - 1), row});
 }
 
 // model that the solver used in that version; where the outermost surfaces lie does not depend on the law
-const Model& YieldIndex::model_of(std::uint32_t version) {
+const Model& SolutionIndex::model_of(std::uint32_t version) {
   const TissueLaw law = laws_.at(version);
   const double coarsened = laws_.coarsened_at(version);
   const auto is_by = [&](const Model& model) {
@@ -62,7 +62,8 @@ const Model& YieldIndex::model_of(std::uint32_t version) {
   return *other_;
 }
 
-std::span<const YieldIndex::Solution> YieldIndex::up_to(std::uint32_t number, std::size_t largest) const {
+std::span<const SolutionIndex::Solution> SolutionIndex::up_to(std::uint32_t number,
+                                                              std::size_t largest) const {
   const auto found = std::ranges::lower_bound(solutions_, number, {}, &Solution::number);
   if (found == solutions_.end() || found->number != number) return {};
   const std::size_t last = static_cast<std::size_t>(found - solutions_.begin()) + 1;

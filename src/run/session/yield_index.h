@@ -16,9 +16,9 @@ namespace palpate {
 
 /// Index of the tissue solutions of a recording: input row and solver boxes of each, collected in a single
 /// pass without solving. With it any solution can be solved again without all those before it.
-class YieldIndex {
+class SolutionIndex {
  public:
-  using Boxes = std::array<std::optional<YieldBox>, kMaxDevices>;
+  using Boxes = std::array<std::optional<SolverBox>, kMaxDevices>;
   struct Solution {
     std::uint32_t number = 0;  ///< ComplianceFrame::number, ascending
     std::uint32_t boxes = 0;   ///< Index for boxes()
@@ -30,7 +30,8 @@ class YieldIndex {
   /// @param model  at the beginning of the recording, with the proxy's surfaces; outlives the index. A box in
   /// a cut region is placed by the surface before the cut: it may differ by a few cells from the original box
   /// where a tool presses in a deep cut
-  explicit YieldIndex(const Model& model) : model_(&model), laws_(model.tissue_law, model.tissue_coarsened) {}
+  explicit SolutionIndex(const Model& model)
+      : model_(&model), laws_(model.tissue_law, model.tissue_coarsened) {}
 
   /// Adds the next part of the recording.
   /// @param row  row of its first tick

@@ -44,7 +44,7 @@ Script palpating() {
       .value();
 }
 
-class YieldRun : public ::testing::Test {
+class SolutionRun : public ::testing::Test {
  protected:
   void simulate_it() {
     const auto simulated = simulate(loaded_, palpating(), {}, folder_ / "run.h5");
@@ -57,7 +57,7 @@ class YieldRun : public ::testing::Test {
   std::vector<std::size_t> solutions() const {
     std::vector<std::size_t> indices;
     for (std::size_t n = 0; n < recording_.events.size(); ++n)
-      if (recording_.events[n].kind == EventKind::kYield) indices.push_back(n);
+      if (recording_.events[n].kind == EventKind::kTissueSolution) indices.push_back(n);
     return indices;
   }
 
@@ -66,21 +66,21 @@ class YieldRun : public ::testing::Test {
     return ready_for(loaded_.model, kProxyAlone).value();
   }
   // deformation that a live session published with each solution, in order
-  std::vector<std::shared_ptr<const ViewedYield>> live_yields(
+  std::vector<std::shared_ptr<const ViewedDeformation>> live_deformation(
       const std::function<std::shared_ptr<const Model>(std::uint32_t version)>& model_of) const {
-    std::vector<std::shared_ptr<const ViewedYield>> live;
-    YieldSolver solver;
+    std::vector<std::shared_ptr<const ViewedDeformation>> live;
+    SoftTissueSolver solver;
     for (const std::size_t row : solutions()) {
       const RecordingEvent& event = recording_.events[row];
       const auto tick = std::ranges::lower_bound(recording_.ticks, event.input_tick, {}, &TickRecord::tick);
       solver.solve(*model_of(tick->model_version), *tick);
-      live.push_back(viewed_yield(solver, *tick, 0));
+      live.push_back(viewed_deformation(solver, *tick, 0));
     }
     return live;
   }
   // Seeks to rows of the recording and waits for their deformation. Returns the largest node error divided by
   // the largest displacement there.
-  double max_off(PlaybackHost& playback, std::span<const std::shared_ptr<const ViewedYield>> live,
+  double max_off(PlaybackHost& playback, std::span<const std::shared_ptr<const ViewedDeformation>> live,
                  std::span<const std::size_t> rows) const {
     double worst = 0;
     std::array<double, kMaxDevices> N_per_mm{};
@@ -90,11 +90,12 @@ class YieldRun : public ::testing::Test {
       PlayRequest request;
       request.at_s = tick.time_s;
       EXPECT_TRUE(playback.play(request));
-      const ViewedYield* const requested = tick.yield_frame > 0 ? live[tick.yield_frame - 1].get() : nullptr;
-      std::shared_ptr<const ViewedYield> shown;
+      const ViewedDeformation* const requested =
+          tick.yield_frame > 0 ? live[tick.yield_frame - 1].get() : nullptr;
+      std::shared_ptr<const ViewedDeformation> shown;
       EXPECT_TRUE(testing::soon([&] {
         const bool is_there = playback.snapshot(N_per_mm).tick == tick.tick;
-        shown = playback.yielded(0);
+        shown = playback.deformation(0);
         return is_there && (requested == nullptr ? shown == nullptr
                                                  : shown != nullptr && shown->frame == requested->frame);
       }));
@@ -110,7 +111,7 @@ class YieldRun : public ::testing::Test {
       EXPECT_LT(off_mm, 0.01 * max_mm);
       worst = std::max(worst, off_mm / max_mm);
     }
-    EXPECT_EQ(playback.yielded(kMaxDevices), nullptr);
+    EXPECT_EQ(playback.deformation(kMaxDevices), nullptr);
     return worst;
   }
   // explores the scene and reads the recording; returns the largest displacement that viewers received
@@ -125,13 +126,13 @@ class YieldRun : public ::testing::Test {
       return std::shared_ptr<void>();
     };
     options.request = [&] {
-      if (const auto yielded = host->yielded(0)) {
+      if (const auto yielded = host->deformation(0)) {
         EXPECT_EQ(yielded->moved_mm.size(),
                   3u * static_cast<std::size_t>(yielded->nodes[0] * yielded->nodes[1] * yielded->nodes[2]));
         for (const float mm : yielded->moved_mm)
           moved_mm = std::max(moved_mm, static_cast<double>(std::abs(mm)));
       }
-      EXPECT_EQ(host->yielded(1), nullptr);
+      EXPECT_EQ(host->deformation(1), nullptr);
       return ExploreRequest::kNone;
     };
     const auto explored = explore(loaded, palpating(), options, folder_ / "live.h5");
@@ -158,7 +159,7 @@ class YieldRun : public ::testing::Test {
   Recording recording_;
 };
 
-TEST_F(YieldRun, AHandHoldsWhatItWasAskedForAndTheTissueGivesWay) {
+TEST_F(SolutionRun, AHandHoldsWhatItWasAskedForAndTheTissueGivesWay) {
   simulate_it();
   double deepest_mm = 0, sustained_N = 0;
   for (const TickRecord& tick : recording_.ticks) {
@@ -171,15 +172,15 @@ TEST_F(YieldRun, AHandHoldsWhatItWasAskedForAndTheTissueGivesWay) {
   EXPECT_LT(deepest_mm, 8);
 }
 
-TEST_F(YieldRun, EverySolutionIsARowAndTheRunReplays) {
+TEST_F(SolutionRun, EverySolutionIsARowAndTheRunReplays) {
   simulate_it();
   const auto rows = solutions();
   const double run_s = recording_.ticks.back().time_s;
-  EXPECT_NEAR(static_cast<double>(rows.size()) * kYieldFrame_s / run_s, 1, 0.05);
+  EXPECT_NEAR(static_cast<double>(rows.size()) * kSolverFrame_s / run_s, 1, 0.05);
   for (const std::size_t row : rows) {
     const RecordingEvent& event = recording_.events[row];
     // a solution is used from one frame after its input tick
-    EXPECT_EQ(event.tick, event.input_tick + ticks_of_yield_frame(1000) + 1);
+    EXPECT_EQ(event.tick, event.input_tick + ticks_of_solver_frame(1000) + 1);
   }
   EXPECT_EQ(recording_.ticks.back().yield_frame, rows.size());
   const auto result = replay(recording_, loaded_.model);
@@ -198,7 +199,7 @@ LoadedScene relaxing_ball(TissueLaw law) {
   return loaded;
 }
 
-class RelaxingRun : public YieldRun, public ::testing::WithParamInterface<TissueLaw> {};
+class RelaxingRun : public SolutionRun, public ::testing::WithParamInterface<TissueLaw> {};
 INSTANTIATE_TEST_SUITE_P(Laws, RelaxingRun, ::testing::Values(TissueLaw::kElastic, TissueLaw::kNeoHookean),
                          [](const auto& law) {
                            return std::string(law.param == TissueLaw::kElastic ? "Elastic" : "NeoHookean");
@@ -239,7 +240,7 @@ TEST_P(RelaxingRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays)
   EXPECT_FALSE(different->identical);
 }
 
-TEST_F(YieldRun, AChainMailIsFeltAsLayersToTheBit) {
+TEST_F(SolutionRun, AChainMailIsFeltAsLayersToTheBit) {
   std::vector<std::uint64_t> hashes[2];
   for (const TissueLaw law : {TissueLaw::kChainMail, TissueLaw::kLayers}) {
     const auto simulated = simulate(soft_ball(law), palpating(), {}, folder_ / "run.h5");
@@ -267,7 +268,7 @@ LoadedScene soft_ball_and_burr() {
   return loaded;
 }
 
-TEST_F(YieldRun, ABurrInTissueThatYieldsIsHeldByItsLimitsAndTheRunReplays) {
+TEST_F(SolutionRun, ABurrInTissueThatYieldsIsHeldByItsLimitsAndTheRunReplays) {
   const LoadedScene loaded = soft_ball_and_burr();
   const auto script = parse_script(
       "[[step]]\napproach = \"shell\"\n[[step]]\nmotor = true\n[[step]]\npress = 0.5\n"
@@ -296,7 +297,7 @@ TEST_F(YieldRun, ABurrInTissueThatYieldsIsHeldByItsLimitsAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-TEST_F(YieldRun, ANeoHookeanRunIsAnotherOneAndReplaysToo) {
+TEST_F(SolutionRun, ANeoHookeanRunIsAnotherOneAndReplaysToo) {
   simulate_it();
   const LoadedScene finite = soft_ball(TissueLaw::kNeoHookean);
   ASSERT_TRUE(simulate(finite, palpating(), {}, folder_ / "finite.h5").ok());
@@ -305,7 +306,7 @@ TEST_F(YieldRun, ANeoHookeanRunIsAnotherOneAndReplaysToo) {
   const auto frame_hash = [](const Recording& recording) {
     std::uint64_t last = 0;
     for (const RecordingEvent& event : recording.events)
-      if (event.kind == EventKind::kYield) last = event.frame_hash;
+      if (event.kind == EventKind::kTissueSolution) last = event.frame_hash;
     return last;
   };
   EXPECT_NE(frame_hash(*read), frame_hash(recording_));
@@ -315,7 +316,7 @@ TEST_F(YieldRun, ANeoHookeanRunIsAnotherOneAndReplaysToo) {
 }
 
 // the scene's law, then the other elastic law while the tool presses, and back
-TEST_F(YieldRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
+TEST_F(SolutionRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
   const Script changing =
       parse_script(
           "[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.8\n[[step]]\nhold = 0.4\n"
@@ -356,7 +357,7 @@ TEST_F(YieldRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
 }
 
 // from layers to an elastic law, to a chain mail, and back
-TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
+TEST_F(SolutionRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
   const LoadedScene layers = soft_ball(TissueLaw::kLayers);
   const Script changing =
       parse_script(
@@ -412,7 +413,7 @@ TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
     const bool is_deformable = is_elastic(laws.at(version));
     EXPECT_TRUE(testing::soon([&] {
       const bool is_there = (*playback)->snapshot(N_per_mm).tick == last->tick;
-      const auto shown = (*playback)->yielded(0);
+      const auto shown = (*playback)->deformation(0);
       return is_there &&
              (is_deformable ? shown != nullptr && shown->frame == last->yield_frame : shown == nullptr);
     }));
@@ -420,7 +421,7 @@ TEST_F(YieldRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
   }
 }
 
-TEST_F(YieldRun, AScriptThatCannotChangeTheLawSaysSoBeforeItBegins) {
+TEST_F(SolutionRun, AScriptThatCannotChangeTheLawSaysSoBeforeItBegins) {
   const auto error_of = [&](const LoadedScene& loaded, const std::string& law) {
     const Script script = parse_script("[[step]]\nlaw = \"" + law + "\"\n", "changing script").value();
     const auto simulated = simulate(loaded, script, {}, folder_ / "none.h5");
@@ -437,7 +438,7 @@ TEST_F(YieldRun, AScriptThatCannotChangeTheLawSaysSoBeforeItBegins) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "none.h5"));
 }
 
-TEST_F(YieldRun, OnTheRealClockAScriptChangesTheLawAndTheRunReplays) {
+TEST_F(SolutionRun, OnTheRealClockAScriptChangesTheLawAndTheRunReplays) {
   const Script changing =
       parse_script(
           "[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.6\n[[step]]\nhold = 0.3\n"
@@ -460,7 +461,7 @@ TEST_F(YieldRun, OnTheRealClockAScriptChangesTheLawAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
+TEST_F(SolutionRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
   const LoadedScene layers = soft_ball(TissueLaw::kLayers);
   LiveHost* host = nullptr;
   bool requested = false, seen = false, observed_before = false;
@@ -472,7 +473,7 @@ TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
     return std::shared_ptr<void>();
   };
   options.request = [&] {
-    const bool moved = host->yielded(0) != nullptr;
+    const bool moved = host->deformation(0) != nullptr;
     (requested ? seen : observed_before) |= moved;
     if (!std::exchange(requested, true)) {
       EXPECT_THAT(host->scene().laws,
@@ -482,7 +483,7 @@ TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
       request.law = "rubber";
       EXPECT_EQ(host->set(request).error().where, "law");
       request.law = "chainmail";
-      EXPECT_EQ(host->set(request).value(), Grant::kDone);
+      EXPECT_EQ(host->set(request).value(), RequestOutcome::kDone);
       EXPECT_EQ(host->state().law, "chainmail");
     }
     return ExploreRequest::kNone;
@@ -497,7 +498,7 @@ TEST_F(YieldRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-TEST_F(YieldRun, AReplayNamesASolutionThatIsAnotherOneOrMissing) {
+TEST_F(SolutionRun, AReplayNamesASolutionThatIsAnotherOneOrMissing) {
   simulate_it();
   const auto rows = solutions();
   Recording other = recording_;
@@ -520,7 +521,7 @@ TEST_F(YieldRun, AReplayNamesASolutionThatIsAnotherOneOrMissing) {
   EXPECT_THAT(result.error().message(), HasSubstr("a tick that is missing"));
 }
 
-TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
+TEST_F(SolutionRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
   // as on a machine too slow for the scene's own cell size; the replay knows the factor from the recording
   LoadedScene slow = loaded_;
   Model coarser = *loaded_.model;
@@ -536,7 +537,7 @@ TEST_F(YieldRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-TEST_F(YieldRun, OnTheRealClockAChainMailIsSeenAndNotRecorded) {
+TEST_F(SolutionRun, OnTheRealClockAChainMailIsSeenAndNotRecorded) {
   const LoadedScene mail = soft_ball(TissueLaw::kChainMail);
   const double moved_mm = observed_motion_mm(mail);
   // 0.8 mm deep, and viewers receive every second node
@@ -548,17 +549,17 @@ TEST_F(YieldRun, OnTheRealClockAChainMailIsSeenAndNotRecorded) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-TEST_F(YieldRun, AnyPlaceOfARecordingYieldsAsItDidInTheRun) {
+TEST_F(SolutionRun, AnyPlaceOfARecordingYieldsAsItDidInTheRun) {
   simulate_it();
   const auto model = ready_model();
-  const auto live = live_yields([&](std::uint32_t) { return model; });
+  const auto live = live_deformation([&](std::uint32_t) { return model; });
   EXPECT_GT(std::ranges::count_if(live, [](const auto& yield) { return yield != nullptr; }), 40);
   const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
   ASSERT_TRUE(opened) << opened.error().message();
   RecordProperty("max_off", std::to_string(max_off(**opened, live, some_rows())));
 }
 
-TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
+TEST_F(SolutionRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   simulate_it();
   // synthetic cut: beside the tool in the middle of the run, undone near its end
   const std::size_t half = recording_.ticks.size() / 2, late = 9 * recording_.ticks.size() / 10;
@@ -584,8 +585,9 @@ TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   const Cut cuts[] = {cut_of(sweep.sweep)};
   const auto less = next_version({whole, whole}, cut.change, cuts);
   ASSERT_TRUE(less) << less.error().message();
-  const auto live = live_yields([&](std::uint32_t version) { return version == 2 ? less->current : whole; });
-  const auto uncut = live_yields([&](std::uint32_t) { return whole; });
+  const auto live =
+      live_deformation([&](std::uint32_t version) { return version == 2 ? less->current : whole; });
+  const auto uncut = live_deformation([&](std::uint32_t) { return whole; });
   const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
   ASSERT_TRUE(opened) << opened.error().message();
   const std::vector<std::size_t> rows{half + 200, half - 100, half + 400, late + 60, half + 210};
@@ -595,7 +597,7 @@ TEST_F(YieldRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   EXPECT_NE(live[frame - 1]->moved_mm, uncut[frame - 1]->moved_mm);
 }
 
-TEST_F(YieldRun, WhatIsPlayedYieldsFromSolutionToSolution) {
+TEST_F(SolutionRun, WhatIsPlayedYieldsFromSolutionToSolution) {
   simulate_it();
   const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
   ASSERT_TRUE(opened) << opened.error().message();
@@ -611,7 +613,7 @@ TEST_F(YieldRun, WhatIsPlayedYieldsFromSolutionToSolution) {
     std::uint32_t last = 0, others = 0;
     EXPECT_TRUE(testing::soon([&] {
       const std::uint32_t number = playback.snapshot(N_per_mm).yield_frame;
-      const auto shown = playback.yielded(0);
+      const auto shown = playback.deformation(0);
       if (shown != nullptr) {
         // the deformation shown is at most a quarter of a second old
         EXPECT_LE(std::max(number, shown->frame) - std::min(number, shown->frame), 16u);
@@ -624,11 +626,11 @@ TEST_F(YieldRun, WhatIsPlayedYieldsFromSolutionToSolution) {
   }
 }
 
-TEST_F(YieldRun, ARecordingThatTellsOfOtherSolutionsIsShownAtRest) {
+TEST_F(SolutionRun, ARecordingThatTellsOfOtherSolutionsIsShownAtRest) {
   simulate_it();
   const std::size_t row = recording_.ticks.size() / 2;
   for (RecordingEvent& event : recording_.events)
-    if (event.kind == EventKind::kYield) event.input_tick = ~std::uint64_t{0};
+    if (event.kind == EventKind::kTissueSolution) event.input_tick = ~std::uint64_t{0};
   const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
   ASSERT_TRUE(opened) << opened.error().message();
   PlayRequest request;
@@ -637,10 +639,10 @@ TEST_F(YieldRun, ARecordingThatTellsOfOtherSolutionsIsShownAtRest) {
   std::array<double, kMaxDevices> N_per_mm{};
   EXPECT_TRUE(
       testing::soon([&] { return (*opened)->snapshot(N_per_mm).tick == recording_.ticks[row].tick; }));
-  EXPECT_EQ((*opened)->yielded(0), nullptr);
+  EXPECT_EQ((*opened)->deformation(0), nullptr);
 }
 
-TEST_F(YieldRun, FeltByAnotherMethodItReplaysToo) {
+TEST_F(SolutionRun, FeltByAnotherMethodItReplaysToo) {
   const Script script =
       parse_script("[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.3\n[[step]]\nhold = 0.2\n",
                    "trilinear")

@@ -25,7 +25,7 @@
 namespace palpate {
 namespace {
 
-constexpr timespec kLook{0, 1'000'000};
+constexpr timespec kPollInterval{0, 1'000'000};
 // upper bound of what one poll adds to the time without observations: if the whole machine stalled, the
 // session is not to blame
 constexpr std::int64_t kMaxPerCheck_ns = 5'000'000;
@@ -151,7 +151,7 @@ class Supervision {
   // false: the session is over
   bool check_heartbeat() {
     pollfd session{kSessionFile, POLLIN, 0};
-    const bool removed = ::ppoll(&session, 1, &kLook, nullptr) > 0;
+    const bool removed = ::ppoll(&session, 1, &kPollInterval, nullptr) > 0;
     const std::int64_t now_ns = monotonic_ns();
     if (block_.ended.load(std::memory_order_acquire)) return false;
     if (removed) {

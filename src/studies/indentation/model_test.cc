@@ -35,14 +35,14 @@ TEST(IndentationModel, IsHertzOnAHalfSpaceAndTheContactLawOfTheTick) {
   const ElasticConstants tissue{10, 0.45};
   const double modulus = contact_modulus_N_per_mm2(tissue);
   EXPECT_NEAR(indentation_force_N(tissue, TissueLaw::kElastic, setup, 0.02) /
-                  yield_force({0, {}, modulus}, 0.02, 4).force_N,
+                  soft_contact_force({0, {}, modulus}, 0.02, 4).force_N,
               1, 1e-3);
   EXPECT_EQ(indentation_force_N(tissue, TissueLaw::kElastic, setup, -1), 0);
   // the tick's law leaves out that a neo-Hookean body is up to 4 % softer
   ContactLaw stiff{0, {}, modulus};
   stiff.strain_stiffening = 15;
   EXPECT_NEAR(indentation_force_N({10, 0.45, 15}, TissueLaw::kExponential, setup, 1.5) /
-                  yield_force(stiff, 1.5, 4).force_N,
+                  soft_contact_force(stiff, 1.5, 4).force_N,
               1, 0.05);
 }
 

@@ -142,7 +142,7 @@ struct Drift {
   std::uint64_t loose = 0;  ///< Ticks in which it did not stick, so that its displacement is not drift
   void add(const ProxyState& proxy, const Point<Patient>& begun) {
     farthest_mm = std::max(farthest_mm, (proxy.position - begun).norm());
-    loose += !proxy.coupled || proxy.contacts == 0 || !proxy.sticking;
+    loose += !proxy.coupled || proxy.contact_count == 0 || !proxy.sticking;
   }
 };
 
@@ -180,7 +180,7 @@ void turn(const Model& plates, AccuracyRandom& random, long ticks, Drift& drift)
   for (double above_mm = kStickDepth_mm + 1; above_mm > 0; above_mm -= kLowered_mm)
     advance(aim + outward * above_mm);
   advance(aim);
-  const Point<Patient> begun = state.hands[0].proxy.position;
+  const Point<Patient> begun = state.device[0].proxy.position;
   for (long n = 0; n < ticks; ++n) {
     const double time_s = static_cast<double>(n) * kDt_s;
     if (n % kTicksATurn == 0)
@@ -188,7 +188,7 @@ void turn(const Model& plates, AccuracyRandom& random, long ticks, Drift& drift)
           Eigen::AngleAxisd(kTurn_rad * std::sin(2 * std::numbers::pi * time_s / kTurn_s), axis);
     const auto [along_mm, across_mm] = tremor_mm(time_s);
     advance(aim + along * along_mm + outward.cross(along) * across_mm);
-    drift.add(state.hands[0].proxy, begun);
+    drift.add(state.device[0].proxy, begun);
   }
 }
 

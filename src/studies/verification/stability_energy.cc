@@ -160,8 +160,8 @@ Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress) 
   return one_bone(labels, {ForceMethod::kTrilinear, ForceMethod::kProxy}, progress);
 }
 
-Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, TissueLaw law,
-                                                   const Progress& progress, const Relaxation& relaxation) {
+Result<std::shared_ptr<const Model>> soft_ball(double youngs_modulus_kPa, TissueLaw law,
+                                               const Progress& progress, const Relaxation& relaxation) {
   constexpr double kSpacing_mm = 1, kCore_mm = 5;
   GridGeometry grid;
   grid.dims = {41, 41, 41};
@@ -201,8 +201,8 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   SimulatedDevice plant(exploration.device, exploration.hand, exploration.delay_s);
   WorkspaceSettings workspace;
   // the gain scales a ball of 1 N/mm; deformable tissue has its own stiffness
-  const bool yields_by_itself = is_elastic(ball.tissue_law);
-  workspace.force_gain = yields_by_itself ? 1 : exploration.stiffness_N_per_mm;
+  const bool deforms_by_itself = is_elastic(ball.tissue_law);
+  workspace.force_gain = deforms_by_itself ? 1 : exploration.stiffness_N_per_mm;
   WorkspaceMapping mapping(plant.info(), workspace);
   Parameters parameters;
   parameters.method = exploration.method;
@@ -211,7 +211,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   parameters.max_force_N = std::min(exploration.device.continuous_force_N, kUserLimit_N);
   parameters.device[0] = device_parameters(plant.info(), workspace);
   parameters.device[0].delay_s = exploration.reported_s.value_or(exploration.delay_s);
-  if (yields_by_itself) parameters.device[0].max_stiffness_N_per_mm = exploration.stiffness_N_per_mm;
+  if (deforms_by_itself) parameters.device[0].max_stiffness_N_per_mm = exploration.stiffness_N_per_mm;
 
   PALPATE_CHECK(exploration.jitter == 0 || exploration.delay_s == 0);
   parameters.motor = exploration.cuts;
@@ -234,7 +234,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   Wrench sent;
   EnergyBalance result;
   std::shared_ptr<const Model> model = std::make_shared<const Model>(ball);
-  VirtualClockYieldSolver yields(exploration.rate_hz);
+  VirtualClockSoftTissueSolver yields(exploration.rate_hz);
   const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
   std::vector<double> positions_mm, forces_N;  // normal to the plane
   double energy_mJ = 0;
@@ -253,13 +253,13 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
                                    parameters.rotation_target;
     if (n == ticks_to_stop) {
       parameters.motor = false;
-      pressing_hand.press_deeper(ball.tools[0].radius_mm - state.hands[0].proxy.position.x());
+      pressing_hand.press_deeper(ball.tools[0].radius_mm - state.device[0].proxy.position.x());
     }
     if (exploration.cuts && n % ticks_a_cut == 0)
-      if (const auto cuts = finished_cuts(state.hands[0].burr, 0); !cuts.empty())
+      if (const auto cuts = finished_cuts(state.device[0].burr, 0); !cuts.empty())
         model = carved_by(*model, cuts)->applied_to(*model);
-    if (yields_by_itself && yields.advance(*model, n > 0 ? &record : nullptr))
-      parameters.yields = yields.frame();
+    if (deforms_by_itself && yields.advance(*model, n > 0 ? &record : nullptr))
+      parameters.compliance = yields.frame();
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(*model, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
 

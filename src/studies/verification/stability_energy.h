@@ -18,9 +18,9 @@ Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress =
 inline constexpr double kBallRadius_mm = 12;
 
 /// Deformable ball of the same size around a ball of bone of 5 mm, and a tool of 3 mm radius; for the proxy.
-Result<std::shared_ptr<const Model>> yielding_ball(double youngs_modulus_kPa, TissueLaw law,
-                                                   const Progress& progress = {},
-                                                   const Relaxation& relaxation = {});
+Result<std::shared_ptr<const Model>> soft_ball(double youngs_modulus_kPa, TissueLaw law,
+                                               const Progress& progress = {},
+                                               const Relaxation& relaxation = {});
 
 /// Random exploration of the ball through the real tick: the hand moves smoothly between random targets
 /// inside and outside the ball, at speeds of manual palpation. Friction and viscosity are off.

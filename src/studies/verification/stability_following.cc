@@ -58,7 +58,7 @@ class Presser {
     return state;
   }
   /// Records the last second.
-  void look(double force_N) {
+  void observe(double force_N) {
     const Vector<Device> out = on_device(1) - on_device(0);
     const double height_mm = out.dot(plant_.true_tip() - on_device(0));
     low_mm_ = std::min(low_mm_, height_mm);
@@ -138,8 +138,8 @@ std::array<PressResult, 2> run_following(const Model& wall, const Following& fol
     ++ticks;
     if (at_tick_s <= kPressing_s - kChecked_s) continue;
     follows.advance(at_tick_s);
-    owns.look(sent[0].force_N.norm());
-    follows.look(sent[1].force_N.norm());
+    owns.observe(sent[0].force_N.norm());
+    follows.observe(sent[1].force_N.norm());
   }
   return {owns.result(), follows.result()};
 }
@@ -159,7 +159,7 @@ PressResult press_alone(const Model& wall, const PressingDevice& pressing, bool 
     const DeviceState sensed = alone.state(now_s);
     tick(wall, parameters, {&sensed, 1}, tick_s, state, {&sent, 1}, record);
     alone.act(sent);
-    if (now_s > kPressing_s - kChecked_s) alone.look(sent.force_N.norm());
+    if (now_s > kPressing_s - kChecked_s) alone.observe(sent.force_N.norm());
   }
   return alone.result();
 }

@@ -76,7 +76,7 @@ TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
   parameters.max_force_N = 8;
   parameters.device[0].max_stiffness_N_per_mm = kHeld_N_per_mm;
   SessionState state;
-  state.hands[0].output.gain = 1;
+  state.device[0].output.gain = 1;
   TickRecord record;
   Wrench sent;
   const SurfaceTree& wall = *model.distances.structures()[0].tree;

@@ -106,7 +106,7 @@ class TurningHand {
   }
 
  private:
-  TurnedTool tool_at(const Eigen::Quaterniond& attitude) const {
+  RotatedTool tool_at(const Eigen::Quaterniond& attitude) const {
     return {tool_, Eigen::Quaterniond::Identity(), attitude};
   }
 
@@ -115,7 +115,7 @@ class TurningHand {
   }
   double clearance_mm(const Point<Patient>& at, const Eigen::Quaterniond& attitude) const {
     double min_mm = std::numeric_limits<double>::infinity();
-    const TurnedTool tool = tool_at(attitude);
+    const RotatedTool tool = tool_at(attitude);
     for (const ToolSphere& sphere : tool.spheres()) {
       // evaluates the outline of a shaft, not the row of spheres that represents it
       const int count = static_cast<int>(sphere.along_mm.norm() / kAlong_mm);

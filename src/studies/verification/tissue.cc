@@ -59,7 +59,7 @@ constexpr AtSpeed kFiniteSpeeds[] = {{20, 10, {}}, {50, {}, {}}};
 
 Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const std::string& prefix,
                           const Progress& progress, std::vector<Figure>& figures) {
-  const auto model = yielding_block(true, law);
+  const auto model = soft_block(true, law);
   if (!model) return model.error();
   for (const AtSpeed& speed : speeds) {
     char at[32];
@@ -78,7 +78,7 @@ Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const 
   figures.push_back({prefix + "at-rest/change", change_at_rest_N(*model), "N", 400, 0.02});
   figures.push_back(
       {prefix + "work-given-out", std::max(0.0, generated_work_percent(*model, 20)), "percent", 1, 2});
-  const auto plain = yielding_block(false, law);
+  const auto plain = soft_block(false, law);
   if (!plain) return plain.error();
   const OverNodule over = over_nodule(*model, *plain, 3);
   figures.push_back({prefix + "over-nodule/force", over.force_percent, "percent", 1, {}});
@@ -88,7 +88,7 @@ Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const 
 
 // tissue that is cut while it is pressed
 Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figures) {
-  const auto model = yielding_block(false);
+  const auto model = soft_block(false);
   if (!model) return model.error();
   const auto add = [&](const char* path, double speed_mm_s, const CutTissue& cut,
                        std::optional<double> max_change) {
@@ -117,8 +117,8 @@ Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figu
 // tissue that is pressed and held
 Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& figures) {
   constexpr Relaxation kSeries{{{{0.35, 0.25}, {0.25, 1.5}}}};
-  const auto elastic = yielding_block(false), relaxing = yielding_block(false, TissueLaw::kElastic, kSeries);
-  const auto nodule = yielding_block(true, TissueLaw::kElastic, kSeries);
+  const auto elastic = soft_block(false), relaxing = soft_block(false, TissueLaw::kElastic, kSeries);
+  const auto nodule = soft_block(true, TissueLaw::kElastic, kSeries);
   for (const auto* model : {&elastic, &relaxing, &nodule})
     if (!*model) return model->error();
   const RelaxationError pressed = press_relaxing(*relaxing, *elastic, kSeries, 6);
@@ -169,7 +169,7 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
                                      {"loose-grip", 0.15, 0.3, 80}};
   constexpr double kTime_s = 6;
   for (const Of& of : kBalls) {
-    const auto ball = yielding_ball(of.kPa, of.law, progress, of.relaxation);
+    const auto ball = soft_ball(of.kPa, of.law, progress, of.relaxation);
     if (!ball) return ball.error();
     for (const At& loop : std::span(kLoops).first(of.loops))
       for (const char* device : std::span(kOn).first(of.devices)) {

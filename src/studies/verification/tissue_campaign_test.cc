@@ -41,13 +41,13 @@ class CampaignTip {
   const TickRecord& at(const Eigen::Vector3d& tip) {
     constexpr std::uint64_t kCutEvery = 20;
     if (state_.tick % kCutEvery == 0)
-      if (const auto cuts = finished_cuts(state_.hands[0].burr, 0); !cuts.empty()) {
+      if (const auto cuts = finished_cuts(state_.device[0].burr, 0); !cuts.empty()) {
         model_ = carved_by(*model_, cuts)->applied_to(*model_);
         ++cut_;
       }
     const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
-    if (is_elastic(model_->tissue_law) ? yields_.advance(*model_, before) : yields_.rest())
-      parameters_.yields = yields_.frame();
+    if (is_elastic(model_->tissue_law) ? solver_.advance(*model_, before) : solver_.rest())
+      parameters_.compliance = solver_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * Point<Patient>(tip);
     Wrench wrench;
@@ -61,7 +61,7 @@ class CampaignTip {
     return next.ok();
   }
   void pause(bool paused) { parameters_.paused = paused; }
-  const ComplianceFrame& frame() const { return yields_.frame(); }
+  const ComplianceFrame& frame() const { return solver_.frame(); }
   int versions_cut() const { return cut_; }
 
  private:
@@ -70,7 +70,7 @@ class CampaignTip {
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
-  VirtualClockYieldSolver yields_{1000};
+  VirtualClockSoftTissueSolver solver_{1000};
 };
 
 std::shared_ptr<const Model> model_of(const Volume<LabelId>& labels, std::vector<Tissue> tissues,

@@ -20,7 +20,7 @@ constexpr int kTruthIterations = 200;
 constexpr double kTruthTolerance = 1e-6;
 
 double pressing_N(const LocalCompliance& spot) {
-  return yield_force(tissue_at(spot), kPressed_mm, kPresser_mm).force_N;
+  return soft_contact_force(tissue_at(spot), kPressed_mm, kPresser_mm).force_N;
 }
 
 double pressing_N(double compliance, double rho_mm, const PressurePatch& patch) {
@@ -46,7 +46,7 @@ struct CutFrame {
 
 CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function<CutFrame(int)>& cut) {
   const std::vector<ElasticMaterial> by_label = materials_of(model);
-  ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, yield_cell_mm(model));
+  ElasticBox box = elastic_box_of(model.labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, solver_cell_mm(model));
   box.cells = {kSolverSettings.cells_along, kSolverSettings.cells_across, kSolverSettings.cells_across};
   const Point<Patient> pressed(0, 0, 0);
   const Point<Patient> centre = pressed - Vector<Patient>(0, 0, kSolverSettings.depth_cells * box.cell_mm);
@@ -113,7 +113,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
 
 CutTissue mill_beside(const Model& model, double speed_mm_s) {
   constexpr double kFar_mm = 10, kDeep_mm = 3, kEdge_mm = 2.5;
-  const double step_mm = speed_mm_s * kYieldFrame_s;
+  const double step_mm = speed_mm_s * kSolverFrame_s;
   const Point<Patient> from(kEdge_mm + kHead_mm, -kFar_mm, kHead_mm - kDeep_mm);
   return cut_frame_by_frame(model, 1 + static_cast<int>(2 * kFar_mm / step_mm), [&](int frame) {
     CutFrame now;
@@ -126,7 +126,7 @@ CutTissue mill_beside(const Model& model, double speed_mm_s) {
 
 CutTissue trim_under(const Model& model, double speed_mm_s) {
   constexpr double kHalf_mm = 4, kDeep_mm = 4;
-  const double step_mm = speed_mm_s * kYieldFrame_s;
+  const double step_mm = speed_mm_s * kSolverFrame_s;
   return cut_frame_by_frame(model, 1 + static_cast<int>(kDeep_mm / step_mm), [&](int frame) {
     CutFrame now;
     if (frame == 0) return now;
@@ -142,11 +142,11 @@ CutTissue trim_under(const Model& model, double speed_mm_s) {
 
 Recentring slide_through_boxes(const Model& model, double speed_mm_s) {
   constexpr double kFar_mm = 16;
-  YieldSolver solver;
+  SoftTissueSolver solver;
   Recentring result;
   double last_N = 0;
   Point<Patient> corner;
-  const double step_mm = speed_mm_s * kYieldFrame_s;
+  const double step_mm = speed_mm_s * kSolverFrame_s;
   for (double x = -kFar_mm; x < kFar_mm; x += step_mm) {
     TickRecord tick;
     DeviceTick& device = tick.device[0];
@@ -158,7 +158,7 @@ Recentring slide_through_boxes(const Model& model, double speed_mm_s) {
     device.depth_mm = kPressed_mm;
     device.contact_N[0] = last_N;
     const LocalCompliance& spot = solver.solve(model, tick).spot[0];
-    YieldField field;
+    UnitDisplacementField field;
     if (!spot.is_known() || !solver.field_of(0, field)) continue;
     const double force_N = pressing_N(spot);
     const bool anew = last_N > 0 && !(field.box->corner == corner);

@@ -8,7 +8,7 @@
 /// Soft tissue that is cut while a sphere presses it (CarvedCells), and re-centred solution boxes.
 namespace palpate {
 
-/// Figures per frame, for the block of yielding_block() with a 3 mm sphere pressed 2 mm deep at its centre.
+/// Figures per frame, for the block of soft_block() with a 3 mm sphere pressed 2 mm deep at its centre.
 struct CutTissue {
   /// Maximum error of the compliance W with two iterations per frame, relative to the converged solution of
   /// the same cells.

@@ -9,7 +9,7 @@ namespace {
 
 // A part of the tests of cut tissue in `verify tissue`.
 TEST(TissueRemoval, ASolutionGoesAlongWithWhatIsCut) {
-  const auto model = yielding_block(false);
+  const auto model = soft_block(false);
   ASSERT_TRUE(model.ok());
   const CutTissue milled = mill_beside(**model, 40);
   EXPECT_GT(milled.frames, 25u);
@@ -19,7 +19,7 @@ TEST(TissueRemoval, ASolutionGoesAlongWithWhatIsCut) {
 }
 
 TEST(TissueRemoval, ABoxThatIsLaidAnewIsHardlyFelt) {
-  const auto model = yielding_block(false);
+  const auto model = soft_block(false);
   ASSERT_TRUE(model.ok());
   const Recentring slid = slide_through_boxes(**model, 50);
   EXPECT_GE(slid.boxes, 3u);

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kTickRate_hz = 1000, kTissueTool_mm = 3;
 constexpr int kBlockHalf_mm = 36, kPlateDeep_mm = 24;
-constexpr LabelId kYieldingLabel = 1, kNoduleLabel = 2, kPlateLabel = 3;
+constexpr LabelId kSoftLabel = 1, kNoduleLabel = 2, kPlateLabel = 3;
 // duration of the force ramp-in, and starting height above the surface
 constexpr double kTissueWait_s = 0.6, kBeginAbove_mm = 4;
 
@@ -54,7 +54,8 @@ class TissueTip {
 
  private:
   void tick(const std::function<void(const TickRecord&)>& observe) {
-    if (yields_.advance(*model_, state_.tick > 0 ? &record_ : nullptr)) parameters_.yields = yields_.frame();
+    if (virtual_solver_.advance(*model_, state_.tick > 0 ? &record_ : nullptr))
+      parameters_.compliance = virtual_solver_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * Point<Patient>(at_);
     Wrench wrench;
@@ -66,7 +67,7 @@ class TissueTip {
   Parameters parameters_;
   SessionState state_;
   TickRecord record_;
-  VirtualClockYieldSolver yields_{kTickRate_hz};
+  VirtualClockSoftTissueSolver virtual_solver_{kTickRate_hz};
   Eigen::Vector3d at_ = {0, 0, kBeginAbove_mm};
 };
 
@@ -84,7 +85,7 @@ class ConvergedForce {
     for (int n = 0; n < kSettling; ++n) {
       const LocalCompliance& spot = solver_.solve(*model_, still).spot[0];
       if (!spot.is_known()) return 0;
-      force_N = yield_force(tissue_at(spot), device.depth_mm, kTissueTool_mm).force_N;
+      force_N = soft_contact_force(tissue_at(spot), device.depth_mm, kTissueTool_mm).force_N;
       device.contact_N[0] = force_N;
     }
     return force_N;
@@ -92,7 +93,7 @@ class ConvergedForce {
 
  private:
   const std::shared_ptr<const Model> model_;
-  YieldSolver solver_;
+  SoftTissueSolver solver_;
 };
 
 /// Compares at intervals of several ticks.
@@ -141,8 +142,7 @@ double left_of(const Relaxation& relaxation, double time_s) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law,
-                                                    const Relaxation& relaxation) {
+Result<std::shared_ptr<const Model>> soft_block(bool nodule, TissueLaw law, const Relaxation& relaxation) {
   GridGeometry grid;
   grid.dims = {2 * kBlockHalf_mm, 2 * kBlockHalf_mm, kPlateDeep_mm + 9};
   grid.spacing_mm = Eigen::Vector3d::Ones();
@@ -158,12 +158,12 @@ Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law,
         labels.at(i, j, k) = p.z() > 0                ? LabelId{0}
                              : p.z() < -kPlateDeep_mm ? kPlateLabel
                              : hard                   ? kNoduleLabel
-                                                      : kYieldingLabel;
+                                                      : kSoftLabel;
       }
   ModelParts parts;
   parts.labels = label_bricks(labels);
   for (const auto& [label, name] :
-       {std::pair(kYieldingLabel, "soft tissue"), {kNoduleLabel, "nodule"}, {kPlateLabel, "plate"}})
+       {std::pair(kSoftLabel, "soft tissue"), {kNoduleLabel, "nodule"}, {kPlateLabel, "plate"}})
     parts.segments.push_back({label, name, {}, 0, label});
   Tissue soft, hard, plate;
   soft.name = "soft tissue";

@@ -6,14 +6,15 @@
 #include "palpate/base/result.h"
 #include "palpate/contact/haptics.h"
 
-/// Force of the tick on soft tissue that is solved asynchronously (YieldSolver), along prescribed tool paths.
+/// Force of the tick on soft tissue that is solved asynchronously (SoftTissueSolver), along prescribed tool
+/// paths.
 namespace palpate {
 
 /// Block of 10 kPa on a plate 24 mm below its surface z = 0, with voxels of 1 mm; optionally with a nodule 8
 /// mm wide and 10 times as stiff, 5 mm deep at x = y = 0. Ready for the proxy, with a tool of 3 mm radius.
 /// @param relaxation  of block and nodule
-Result<std::shared_ptr<const Model>> yielding_block(bool nodule, TissueLaw law = TissueLaw::kElastic,
-                                                    const Relaxation& relaxation = {});
+Result<std::shared_ptr<const Model>> soft_block(bool nodule, TissueLaw law = TissueLaw::kElastic,
+                                                const Relaxation& relaxation = {});
 
 /// Error of the tick's force relative to that of the converged solution at the same position.
 struct TickError {
@@ -35,7 +36,7 @@ double generated_work_percent(const std::shared_ptr<const Model>& model, double 
 struct OverNodule {
   double force_percent, stiffness_percent;
 };
-/// @param nodule,plain  yielding_block with and without a nodule, with the same law
+/// @param nodule,plain  soft_block with and without a nodule, with the same law
 OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::shared_ptr<const Model>& plain,
                        double depth_mm);
 

@@ -17,7 +17,7 @@ class TissueTick : public ::testing::Test {
     plain_.reset();
   }
   static std::shared_ptr<const Model> block(bool nodule, TissueLaw law) {
-    auto made = yielding_block(nodule, law);
+    auto made = soft_block(nodule, law);
     PALPATE_CHECK(made.ok());
     return *std::move(made);
   }
@@ -61,7 +61,7 @@ TEST_F(TissueTick, OverSomethingHardItIsHarder) {
 
 TEST_F(TissueTick, WhatRelaxesIsWhatItsSeriesLeavesOfTheSameTissue) {
   constexpr Relaxation kSeries{{{{0.5, 0.2}, {}}}};
-  const auto elastic = yielding_block(false), relaxing = yielding_block(false, TissueLaw::kElastic, kSeries);
+  const auto elastic = soft_block(false), relaxing = soft_block(false, TissueLaw::kElastic, kSeries);
   ASSERT_TRUE(elastic.ok() && relaxing.ok());
   const RelaxationError off = press_relaxing(*relaxing, *elastic, kSeries, 1.2);
   EXPECT_GT(off.samples, 100);

@@ -89,7 +89,7 @@ class Fitter {
 
   // iterates to convergence
   Fit settle(const Transform<Patient, Tracker>& start, bool by_field) const {
-    Fit fit = look(start, by_field);
+    Fit fit = fit_from(start, by_field);
     for (int turn = 0; turn < kMaxTurns; ++turn) {
       // damping keeps unconstrained directions unchanged
       const Matrix6d damped = fit.information + kDamping * Matrix6d::Identity();
@@ -101,7 +101,7 @@ class Fitter {
                     : Eigen::Matrix3d::Identity();
       const Eigen::Vector3d shift = step.head<3>();
       const Transform<Patient, Patient> moved(rotation, fit.middle - rotation * fit.middle + shift);
-      fit = look(moved * fit.X, by_field);
+      fit = fit_from(moved * fit.X, by_field);
       if (shift.norm() < 1e-5 && angle * fit.radius_mm < 1e-5) break;
     }
     return fit;
@@ -121,7 +121,7 @@ class Fitter {
     return {std::copysign(std::sqrt(square), height_mm), height_mm, outward};
   }
 
-  Fit look(const Transform<Patient, Tracker>& X, bool by_field) const {
+  Fit fit_from(const Transform<Patient, Tracker>& X, bool by_field) const {
     Fit fit;
     fit.X = X;
     std::vector<Eigen::Vector3d> at;

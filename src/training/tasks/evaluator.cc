@@ -10,14 +10,14 @@ namespace palpate {
 namespace {
 
 constexpr std::size_t kMaxEvents = 10000;
-constexpr double kTouch_N = 0.2;     // minimum force for coverage and answers
-constexpr double kRest_mm = 1.5;     // radius within which a contact point counts as at rest
-constexpr double kSweep_mm = 2;      // distance over which a contact has to move before it covers a surface
+constexpr double kMinTouch_N = 0.2;     // minimum force for coverage and answers
+constexpr double kRestRadius_mm = 1.5;  // radius within which a contact point counts as at rest
+constexpr double kMinStroke_mm = 2;  // distance over which a contact has to move before it covers a surface
 constexpr double kMaxForce_N = 1e6;  // larger values are invalid
 constexpr double kCheckInterval_s = 0.1;  // minimum interval between evaluations of the removed volume
 
 /// Fraction of an interval, interpolated linearly from a to b, that is above a threshold.
-double part_above(double a, double b, double threshold) {
+double fraction_above(double a, double b, double threshold) {
   const bool first = a > threshold, last = b > threshold;
   if (first && last) return 1;
   if (!first && !last) return 0;
@@ -28,7 +28,7 @@ double part_above(double a, double b, double threshold) {
 /// Mean excess over a threshold in an interval that is interpolated linearly.
 double mean_excess(double a, double b, double threshold) {
   const double over_a = std::max(0.0, a - threshold), over_b = std::max(0.0, b - threshold);
-  return 0.5 * (over_a + over_b) * part_above(a, b, threshold);
+  return 0.5 * (over_a + over_b) * fraction_above(a, b, threshold);
 }
 
 double sum_of(const VolumesByLabel& volumes) {
@@ -45,12 +45,12 @@ Eigen::Vector3d vector_of(const std::array<double, 3>& v) {
 
 TaskEvaluator::TaskEvaluator(TaskInScene task)
     : task_(std::move(task)),
-      forces_(task_.forces.size()),
-      protections_(task_.protections.size()),
-      metrics_(task_.metrics.size()),
+      force_meters_(task_.forces.size()),
+      protection_meters_(task_.protections.size()),
+      metric_meters_(task_.metrics.size()),
       step_s_(task_.file.steps.size()),
-      sweeps_(task_.file.steps.size()),
-      step_was_met_(task_.file.steps.size()),
+      coverage_strokes_(task_.file.steps.size()),
+      step_condition_held_(task_.file.steps.size()),
       done_(task_.file.steps.size()),
       hash_(kHashSeed) {
   hash_word(hash_, task_.file.text_hash);
@@ -70,8 +70,8 @@ void TaskEvaluator::ForceMeter::observe(double force_N, double dt_s,
     if (force_N > 0 || last_N > 0) contact_s += dt_s;
     impulse_Ns += 0.5 * (force_N + last_N) * dt_s;
     if (band_N) {
-      const double in_s =
-          dt_s * (part_above(last_N, force_N, (*band_N)[0]) - part_above(last_N, force_N, (*band_N)[1]));
+      const double in_s = dt_s * (fraction_above(last_N, force_N, (*band_N)[0]) -
+                                  fraction_above(last_N, force_N, (*band_N)[1]));
       in_band_s += in_s;
       const bool inside = force_N >= (*band_N)[0] && force_N <= (*band_N)[1];
       unbroken_s = inside ? unbroken_s + in_s : 0;
@@ -79,7 +79,7 @@ void TaskEvaluator::ForceMeter::observe(double force_N, double dt_s,
     }
     if (limit_N) {
       excess_Ns += mean_excess(last_N, force_N, *limit_N) * dt_s;
-      above_s += part_above(last_N, force_N, *limit_N) * dt_s;
+      above_s += fraction_above(last_N, force_N, *limit_N) * dt_s;
     }
   }
   peak_N = std::max(peak_N, force_N);
@@ -164,7 +164,7 @@ Result<void> TaskEvaluator::observe(const TickRecord& tick) {
   const Eigen::Vector3d tip_mm = vector_of(device.tip_patient_mm);
   constexpr double kFar_mm = 1e6;
   if (tip_mm.allFinite() && tip_mm.cwiseAbs().maxCoeff() < kFar_mm) {
-    if (!tip_known_) corners_mm_.push_back(tip_mm);
+    if (!tip_known_) waypoints_mm_.push_back(tip_mm);
     tip_known_ = true;
     tip_mm_ = tip_mm;
   }
@@ -221,23 +221,23 @@ TaskEvaluator::Removal TaskEvaluator::removal() const {
 }
 
 void TaskEvaluator::update_forces(const TickRecord& tick, double dt_s) {
-  for (std::size_t n = 0; n < forces_.size(); ++n) {
+  for (std::size_t n = 0; n < force_meters_.size(); ++n) {
     const TaskForce& force = task_.file.forces[n];
     const double now_N = force_on(task_.forces[n]);
-    if (force.limit_N && now_N > *force.limit_N && !(forces_[n].last_N > *force.limit_N))
+    if (force.limit_N && now_N > *force.limit_N && !(force_meters_[n].last_N > *force.limit_N))
       add_event(TaskEvent::Kind::kOverLimit, n, tick, now_N);
-    forces_[n].observe(now_N, dt_s, force.band_N, force.limit_N);
+    force_meters_[n].observe(now_N, dt_s, force.band_N, force.limit_N);
   }
-  for (std::size_t n = 0; n < protections_.size(); ++n) {
+  for (std::size_t n = 0; n < protection_meters_.size(); ++n) {
     const double limit_N = task_.file.protections[n].limit_N;
     const double now_N = force_on(task_.protections[n]);
-    if (now_N > limit_N && !(protections_[n].last_N > limit_N))
+    if (now_N > limit_N && !(protection_meters_[n].last_N > limit_N))
       add_event(TaskEvent::Kind::kProtected, n, tick, now_N);
-    protections_[n].observe(now_N, dt_s, {}, limit_N);
+    protection_meters_[n].observe(now_N, dt_s, {}, limit_N);
   }
-  for (std::size_t n = 0; n < metrics_.size(); ++n)
+  for (std::size_t n = 0; n < metric_meters_.size(); ++n)
     if (info_of(task_.file.metrics[n].metric).of_structures)
-      metrics_[n].observe(force_on(task_.metrics[n]), dt_s, {}, {});
+      metric_meters_[n].observe(force_on(task_.metrics[n]), dt_s, {}, {});
 }
 
 bool TaskEvaluator::is_on_step(const Contact& contact, const TaskStep& step) const {
@@ -256,17 +256,17 @@ double TaskEvaluator::force_on_step(const TaskStep& step) const {
 }
 
 // Covers the patches along the path of a touch. It begins where the touch did once the strongest contact has
-// moved by kSweep_mm: a press at one place sweeps nothing.
+// moved by kMinStroke_mm: a press at one place sweeps nothing.
 void TaskEvaluator::sweep(std::size_t step) {
   const TaskStep& requested = task_.file.steps[step];
   const auto counts = [&](const Contact& contact) {
-    return contact.force_N >= kTouch_N && is_on_step(contact, requested);
+    return contact.force_N >= kMinTouch_N && is_on_step(contact, requested);
   };
   const Contact* strongest = nullptr;
   for (std::size_t c = 0; c < contact_count_; ++c)
     if (counts(contacts_[c]) && (strongest == nullptr || contacts_[c].force_N > strongest->force_N))
       strongest = &contacts_[c];
-  Sweep& sweep = sweeps_[step];
+  CoverageStroke& sweep = coverage_strokes_[step];
   if (strongest == nullptr) {
     sweep = {};
     return;
@@ -275,32 +275,37 @@ void TaskEvaluator::sweep(std::size_t step) {
   SurfacePatches& patches = task_.regions[requested.region].patches;
   if (!sweep.moving) {
     const Eigen::Vector3d displacement = strongest->position_mm - sweep.started_mm;
-    if (displacement.norm() < kSweep_mm) return;
+    if (displacement.norm() < kMinStroke_mm) return;
     sweep.moving = true;
-    constexpr int kParts = 4;  // no farther apart than SurfacePatches::kWithin_mm
-    for (int part = 0; part < kParts; ++part) patches.cover(sweep.started_mm + displacement * part / kParts);
+    constexpr int kSamples = 4;  // no farther apart than SurfacePatches::kWithin_mm
+    for (int part = 0; part < kSamples; ++part)
+      patches.cover(sweep.started_mm + displacement * part / kSamples);
   }
   for (std::size_t c = 0; c < contact_count_; ++c)
     if (counts(contacts_[c])) patches.cover(contacts_[c].position_mm);
 }
 
-bool TaskEvaluator::is_spent_for(const TaskStep& step) const {
-  return step.kind == StepKind::kTouch && spent_ && spent_->region != step.region;
+bool TaskEvaluator::belongs_to_completed_touch(const TaskStep& step) const {
+  return step.kind == StepKind::kTouch && last_completed_touch_ &&
+         last_completed_touch_->region != step.region;
 }
 
 // progress of a kCover or kRemove step; empty for other kinds
-std::optional<TaskEvaluator::Share> TaskEvaluator::required_share(const TaskStep& step) const {
+std::optional<TaskEvaluator::StepProgress> TaskEvaluator::progress_of(const TaskStep& step) const {
   if (step.kind == StepKind::kRemove)
-    return Share{removed_mm3_[step.region], step.coverage * task_.plan->planned_mm3[step.region]};
+    return StepProgress{removed_mm3_[step.region], step.coverage * task_.plan->planned_mm3[step.region]};
   if (step.kind != StepKind::kCover) return std::nullopt;
   const SurfacePatches& patches = task_.regions[step.region].patches;
-  return Share{static_cast<double>(patches.covered()), step.coverage * static_cast<double>(patches.count())};
+  return StepProgress{static_cast<double>(patches.covered()),
+                      step.coverage * static_cast<double>(patches.count())};
 }
 
 void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
   const Contact* const strongest = strongest_contact();
-  if (spent_ && (strongest == nullptr || (strongest->position_mm - spent_->position_mm).norm() > kRest_mm))
-    spent_.reset();
+  if (last_completed_touch_ &&
+      (strongest == nullptr ||
+       (strongest->position_mm - last_completed_touch_->position_mm).norm() > kRestRadius_mm))
+    last_completed_touch_.reset();
   for (std::size_t n = 0; n < done_.size(); ++n) {
     const TaskStep& step = task_.file.steps[n];
     const double force_N = step.kind == StepKind::kRemove ? 0 : force_on_step(step);
@@ -308,36 +313,36 @@ void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
     if (step.kind == StepKind::kCover) sweep(n);
     if (done_[n] || (task_.file.ordered && n > 0 && !done_[n - 1])) continue;
     bool done = false;
-    if (const auto share = required_share(step)) {
-      done = share->part >= share->requested;
+    if (const auto achieved_share = progress_of(step)) {
+      done = achieved_share->part >= achieved_share->requested;
     } else {
-      const bool encountered =
+      const bool condition_holds =
           step.kind == StepKind::kVisit
               ? tip_known_ && task_.regions[step.region].bounds(tip_mm_)
-              : !is_spent_for(step) && force_N >= step.force_N[0] && force_N <= step.force_N[1];
-      step_s_[n] = encountered ? step_s_[n] + (step_was_met_[n] ? dt_s : 0) : 0;
-      step_was_met_[n] = encountered;
+              : !belongs_to_completed_touch(step) && force_N >= step.force_N[0] && force_N <= step.force_N[1];
+      step_s_[n] = condition_holds ? step_s_[n] + (step_condition_held_[n] ? dt_s : 0) : 0;
+      step_condition_held_[n] = condition_holds;
       // tolerance for rounding of the accumulated time
-      constexpr double kCrumb_s = 1e-9;
-      done = encountered && step_s_[n] >= step.seconds - kCrumb_s;
+      constexpr double kRounding_s = 1e-9;
+      done = condition_holds && step_s_[n] >= step.seconds - kRounding_s;
     }
     if (!done) continue;
     done_[n] = true;
     if (step.kind == StepKind::kTouch && strongest != nullptr)
-      spent_ = SpentTouch{strongest->position_mm, step.region};
-    corners_mm_.push_back(tip_mm_);
+      last_completed_touch_ = CompletedTouch{strongest->position_mm, step.region};
+    waypoints_mm_.push_back(tip_mm_);
     add_event(TaskEvent::Kind::kStepDone, n, tick, force_N);
   }
 }
 
 void TaskEvaluator::update_answer(const DeviceTick& device, double dt_s) {
   const Contact* const strongest = strongest_contact();
-  const bool touching = strongest != nullptr && strongest->force_N >= kTouch_N;
+  const bool touching = strongest != nullptr && strongest->force_N >= kMinTouch_N;
   if (!touching) {
     resting_ = false;
     return;
   }
-  if (!resting_ || (strongest->position_mm - anchor_mm_).norm() > kRest_mm) {
+  if (!resting_ || (strongest->position_mm - anchor_mm_).norm() > kRestRadius_mm) {
     resting_ = true;
     anchor_mm_ = strongest->position_mm;
     rest_s_ = 0;
@@ -351,11 +356,11 @@ void TaskEvaluator::update_answer(const DeviceTick& device, double dt_s) {
   answer_normal_ = normal.normalized();
 }
 
-double TaskEvaluator::straight_mm() const {
+double TaskEvaluator::shortest_path_mm() const {
   double straight = 0;
-  for (std::size_t n = 1; n < corners_mm_.size(); ++n)
-    straight += (corners_mm_[n] - corners_mm_[n - 1]).norm();
-  return corners_mm_.empty() ? 0 : straight + (tip_mm_ - corners_mm_.back()).norm();
+  for (std::size_t n = 1; n < waypoints_mm_.size(); ++n)
+    straight += (waypoints_mm_[n] - waypoints_mm_[n - 1]).norm();
+  return waypoints_mm_.empty() ? 0 : straight + (tip_mm_ - waypoints_mm_.back()).norm();
 }
 
 double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
@@ -372,29 +377,30 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
     case Metric::kPathLength:
       return motion_.path_mm();
     case Metric::kEconomy:
-      return motion_.path_mm() > 0 ? straight_mm() / motion_.path_mm() : kNotKnown;
+      return motion_.path_mm() > 0 ? shortest_path_mm() / motion_.path_mm() : kNotKnown;
     case Metric::kSmoothness:
       return motion_.smoothness();
     case Metric::kMeanForce:
-      return metrics_[n].contact_s > 0 ? metrics_[n].impulse_Ns / metrics_[n].contact_s : kNotKnown;
+      return metric_meters_[n].contact_s > 0 ? metric_meters_[n].impulse_Ns / metric_meters_[n].contact_s
+                                             : kNotKnown;
     case Metric::kPeakForce:
-      return metrics_[n].peak_N > 0 ? metrics_[n].peak_N : kNotKnown;
+      return metric_meters_[n].peak_N > 0 ? metric_meters_[n].peak_N : kNotKnown;
     case Metric::kForceInBand: {
       double in_s = 0, contact_s = 0;
-      for (std::size_t f = 0; f < forces_.size(); ++f) {
+      for (std::size_t f = 0; f < force_meters_.size(); ++f) {
         if (!task_.file.forces[f].band_N) continue;
-        in_s += forces_[f].in_band_s;
-        contact_s += forces_[f].contact_s;
+        in_s += force_meters_[f].in_band_s;
+        contact_s += force_meters_[f].contact_s;
       }
       return contact_s > 0 ? in_s / contact_s : kNotKnown;
     }
     case Metric::kLongestInBand: {
       double longest = 0;
-      for (const ForceMeter& force : forces_) longest = std::max(longest, force.longest_s);
+      for (const ForceMeter& force : force_meters_) longest = std::max(longest, force.longest_s);
       return longest;
     }
     case Metric::kExcessImpulse:
-      return sum(forces_, &ForceMeter::excess_Ns);
+      return sum(force_meters_, &ForceMeter::excess_Ns);
     case Metric::kCoverage: {
       std::size_t covered = 0, count = 0;
       std::vector<bool> counted(task_.regions.size());
@@ -407,7 +413,7 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
       return count ? static_cast<double>(covered) / static_cast<double>(count) : kNotKnown;
     }
     case Metric::kProtectedTime:
-      return sum(protections_, &ForceMeter::above_s);
+      return sum(protection_meters_, &ForceMeter::above_s);
     case Metric::kStepsDone:
       return static_cast<double>(std::count(done_.begin(), done_.end(), true)) /
              static_cast<double>(done_.size());
@@ -463,7 +469,7 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
 double TaskEvaluator::share_of_step(std::size_t n) const {
   if (done_[n]) return 1;
   const TaskStep& step = task_.file.steps[n];
-  const auto [part, requested] = required_share(step).value_or(Share{step_s_[n], step.seconds});
+  const auto [part, requested] = progress_of(step).value_or(StepProgress{step_s_[n], step.seconds});
   return requested > 0 ? std::clamp(part / requested, 0.0, 1.0) : 0;
 }
 

@@ -39,7 +39,7 @@ bool ScopeVisibility::is_visible(const TickRecord& tick, const Eigen::Vector3d& 
   const auto in_patient = [&](const Eigen::Vector3d& of_tool) {
     return tool_in_patient(X_WorldPatient_, tick, device, of_tool);
   };
-  const Vector<Patient> view_direction = in_patient(appearance_of(optics_));
+  const Vector<Patient> view_direction = in_patient(view_direction_of(optics_));
   const Point<Patient> eye = tip_outside_at(device) + in_patient(camera_of(optics_));
   const Vector<Patient> displacement = Point<Patient>(position_mm) - eye;
   const double far_mm = displacement.norm();

@@ -52,7 +52,7 @@ TEST(HeldToLook, LooksThereWithItsShaftToTheSideThatIsAskedFor) {
     const Vector<World> view_direction(some_direction(random)), upper(some_direction(random));
     const Eigen::Quaterniond rotation = attitude_looking_along(optics, view_direction, upper);
     EXPECT_NEAR(rotation.norm(), 1, 1e-12);
-    EXPECT_LT((rotation * appearance_of(optics) - view_direction.eigen()).norm(), 1e-12);
+    EXPECT_LT((rotation * view_direction_of(optics) - view_direction.eigen()).norm(), 1e-12);
     // the shaft is as close to that side as its angle to the viewing direction allows
     const Eigen::Vector3d shaft = rotation * Eigen::Vector3d::UnitZ();
     const Eigen::Vector3d across =
@@ -63,7 +63,7 @@ TEST(HeldToLook, LooksThereWithItsShaftToTheSideThatIsAskedFor) {
   // looking straight away from that side, any rotation is valid
   const Eigen::Quaterniond down =
       attitude_looking_along({30, 8}, Vector<World>(0, 0, -1), Vector<World>(0, 0, 1));
-  EXPECT_LT((down * appearance_of({30, 8}) + Eigen::Vector3d::UnitZ()).norm(), 1e-12);
+  EXPECT_LT((down * view_direction_of({30, 8}) + Eigen::Vector3d::UnitZ()).norm(), 1e-12);
 }
 
 TEST(ScopeVisibility, SeesARoundFieldWhateverWayPatientAndScopeAreTurned) {

@@ -23,8 +23,8 @@ Connection::Connection(std::shared_ptr<HttpConnection> http, Hub& hub)
     : http_(std::move(http)),
       hub_(hub),
       turn_(hub.timer()),
-      since_(Clock::now()),
-      close_by_(since_ + kFirstHeadWithin) {}
+      last_progress_(Clock::now()),
+      close_by_(last_progress_ + kFirstHeadWithin) {}
 
 void Connection::begin() {
   if (!http_->is_tls()) return read();
@@ -37,12 +37,12 @@ void Connection::begin() {
 
 void Connection::read() {
   if (closed_) return;
-  about_ = About::kSilent;
+  phase_ = Phase::kAwaitingRequest;
   // its string views end with the next read
   request_ = {};
   http_->read_head([self = shared_from_this()](HttpConnection::Head outcome) {
     if (self->closed_) return;
-    self->about_ = About::kTaking;
+    self->phase_ = Phase::kSending;
     if (outcome != HttpConnection::Head::kRead) return self->read_failed(outcome);
     self->serve();
   });
@@ -66,7 +66,7 @@ void Connection::serve() {
   }
 
   // the volume or picture may have to be generated first
-  about_ = About::kMaking;
+  phase_ = Phase::kGenerating;
   extend_deadline(kGenerationTimeout);
   if (auto* picture = std::get_if<PictureRequest>(&answer)) {
     hub_.request_picture(std::move(picture->key), weak_from_this(),
@@ -119,14 +119,14 @@ void Connection::become_viewer() {
 }
 
 void Connection::extend_deadline(Clock::duration within) {
-  since_ = Clock::now();
-  close_by_ = since_ + within;
+  last_progress_ = Clock::now();
+  close_by_ = last_progress_ + within;
 }
 
 bool Connection::begin_answer(HttpAnswer answer, bool keep_alive) {
   answer_ = std::move(answer);
   head_ = hub_.site().head_of(answer_, request_, keep_alive);
-  about_ = About::kTaking;
+  phase_ = Phase::kSending;
   consumed_bytes_ = written_bytes_ = 0;
   extend_deadline(kWriteTimeout);
   return request_.method != "HEAD" && answer_.status != 304;
@@ -189,8 +189,9 @@ void Connection::linger() {
 void Connection::check(Clock::time_point now) {
   if (now < close_by_) return;
   // browsers open connections that they may never use, and keep used ones open: not worth a log line
-  if (about_ == About::kSilent && http_->has_started()) hub_.log().add(http_->peer(), "no request in time");
-  if (about_ == About::kTaking && !answer_.text().empty())
+  if (phase_ == Phase::kAwaitingRequest && http_->has_started())
+    hub_.log().add(http_->peer(), "no request in time");
+  if (phase_ == Phase::kSending && !answer_.text().empty())
     hub_.log().add(http_->peer(), "receives its answer too slowly");
   close();
 }

@@ -27,14 +27,14 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void close();
 
   /// Current activity, in the order in which connections are dropped when there are too many.
-  enum class About : std::uint8_t {
-    kSilent,  ///< Waiting for a request
-    kTaking,  ///< Sending an answer
-    kMaking,  ///< Waiting for an answer to be generated
+  enum class Phase : std::uint8_t {
+    kAwaitingRequest,  ///< Waiting for a request
+    kSending,          ///< Sending an answer
+    kGenerating,       ///< Waiting for an answer to be generated
   };
-  About about() const { return about_; }
+  Phase phase() const { return phase_; }
   /// Time of the last progress.
-  Clock::time_point since() const { return since_; }
+  Clock::time_point last_progress() const { return last_progress_; }
   /// Address of the other side.
   const std::string& peer() const { return http_->peer(); }
   /// Whether a volume is being sent.
@@ -62,12 +62,12 @@ class Connection : public std::enable_shared_from_this<Connection> {
   HttpRequest request_;
   HttpAnswer answer_;
   std::string head_;
-  About about_ = About::kSilent;
+  Phase phase_ = Phase::kAwaitingRequest;
   bool closed_ = false;
   std::size_t consumed_bytes_ = 0, written_bytes_ = 0;  // bytes of the answer
   std::string_view volume_left_;
   std::unique_ptr<Timer> turn_;
-  Clock::time_point since_, close_by_;
+  Clock::time_point last_progress_, close_by_;
 };
 
 }  // namespace palpate::server

@@ -32,12 +32,12 @@ class Refusing : public testing::FakeHost {
  public:
   Refusing() { store_runs(); }
   using FakeHost::change;
-  Result<Grant> set(const SettingsRequest& request) override {
+  Result<RequestOutcome> set(const SettingsRequest& request) override {
     if (request.paused) return FakeHost::set(request);
     return with_canary();
   }
-  Result<Grant> set(const TissueRequest&) override { return with_canary(); }
-  Result<Grant> set(const StrokeRequest&) override { return with_canary(); }
+  Result<RequestOutcome> set(const TissueRequest&) override { return with_canary(); }
+  Result<RequestOutcome> set(const StrokeRequest&) override { return with_canary(); }
   Result<void> rearm(const RearmRequest&) override { return with_canary(); }
   Result<void> claim_pointer(bool, const ViewerIdentity&) override { return with_canary(); }
   Result<void> train(const TaskRequest&) override { return with_canary(); }

@@ -13,14 +13,14 @@
 namespace palpate::server {
 namespace {
 
-constexpr auto kSweepPeriod = std::chrono::milliseconds(100);
+constexpr auto kHousekeepingPeriod = std::chrono::milliseconds(100);
 // deformation is smooth in time at that rate, and its message may be as long as a hundred poses
-constexpr auto kYieldPeriod = std::chrono::microseconds(66'600);
+constexpr auto kDeformationPeriod = std::chrono::microseconds(66'600);
 // numbers to be read by a person need no higher rate
 constexpr auto kNavigationPeriod = std::chrono::milliseconds(100);
 // the force display guides the user to hold a force within a band
 constexpr auto kTrainingPeriod = std::chrono::milliseconds(50);
-constexpr auto kGoodbyeWithin = std::chrono::milliseconds(200);
+constexpr auto kShutdownTimeout = std::chrono::milliseconds(200);
 constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMaxPoses_hz));
 
@@ -36,21 +36,21 @@ Right right_for(const Request& request) {
     visit_settings([&](const auto& setting) {
       is_haptic = is_haptic || (setting.is_haptic && settings->*setting.change);
     });
-    return is_haptic ? Right::kFeel : Right::kHand;
+    return is_haptic ? Right::kChangeContact : Right::kOperateTool;
   }
-  if (std::holds_alternative<TissueRequest>(request.what)) return Right::kFeel;
+  if (std::holds_alternative<TissueRequest>(request.what)) return Right::kChangeContact;
   if (std::holds_alternative<PlanRequest>(request.what)) return Right::kPlan;
   if (std::holds_alternative<PlayRequest>(request.what)) return Right::kPlay;
   if (std::holds_alternative<LessonRequest>(request.what)) return Right::kLesson;
-  return Right::kHand;
+  return Right::kOperateTool;
 }
 
-Result<Grant> granted(const Result<void>& done) {
-  return done ? Result<Grant>(Grant::kDone) : done.error();
+Result<RequestOutcome> outcome_of(const Result<void>& done) {
+  return done ? Result<RequestOutcome>(RequestOutcome::kDone) : done.error();
 }
 
 // refusal of a request that only a running session can carry out
-Error takes_no_requests(ViewerHost& host) {
+Error read_only_error(ViewerHost& host) {
   if (host.playback() != nullptr)
     return {ErrorKind::kUsage, "this is a recording: what was felt cannot be changed", "",
             "palpate explore feels the scene anew"};
@@ -71,21 +71,21 @@ Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, P
       count_viewers_(std::move(count_viewers)),
       loop_(loop),
       pose_timer_(loop.timer()),
-      sweep_timer_(loop.timer()) {
+      housekeeping_timer_(loop.timer()) {
   if (site.redaction() != nullptr) redacted_steps_.emplace(site.redaction()->scene());
 }
 
 Hub::~Hub() = default;
 
 void Hub::begin() {
-  wait_for_sweep();
+  schedule_housekeeping();
 }
 
 void Hub::end() {
   ended_ = true;
   pose_timer_->cancel();
   // viewers that have not closed by then are dropped
-  sweep_timer_->wait_until(Clock::now() + kGoodbyeWithin, [this] { loop_.stop(); });
+  housekeeping_timer_->wait_until(Clock::now() + kShutdownTimeout, [this] { loop_.stop(); });
   for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->close();
   for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->end(kGoingAway, "");
   if (viewers_.empty()) loop_.stop();
@@ -108,28 +108,28 @@ void Hub::add(std::shared_ptr<Viewer> viewer) {
 void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
   if (viewers_.erase(viewer) == 0) return;
   if (viewer->welcomed() && live_ != nullptr) live_->forget(viewer->identity());
-  if (pointer_ == viewer.get()) {
-    pointer_ = nullptr;
+  if (tip_holder_ == viewer.get()) {
+    tip_holder_ = nullptr;
     (void)live_->claim_pointer(false, viewer->identity());
   }
   if (viewer->welcomed()) count();
   if (ended_ && viewers_.empty()) loop_.stop();
 }
 
-bool Hub::one_loads_alone() const {
-  return welcomed_ <= 1 &&
-         std::count_if(connections_.begin(), connections_.end(),
-                       [](const auto& connection) { return connection->is_loading(); }) <= kDownloadsOfOne;
+bool Hub::has_single_downloader() const {
+  return welcomed_ <= 1 && std::count_if(connections_.begin(), connections_.end(),
+                                         [](const auto& connection) { return connection->is_loading(); }) <=
+                               kDownloadsPerViewer;
 }
 
 DownloadPace::Turn Hub::next_part(std::size_t left_bytes) {
-  return downloads_.next(left_bytes, one_loads_alone(), Clock::now());
+  return downloads_.next(left_bytes, has_single_downloader(), Clock::now());
 }
 
 void Hub::make_room_for_connection() {
   if (connections_.empty() || connections_.size() + viewers_.size() < kMaxConnections) return;
   const auto rank = [](const auto& connection) {
-    return std::pair(connection->about(), connection->since());
+    return std::pair(connection->phase(), connection->last_progress());
   };
   const auto oldest =
       std::min_element(connections_.begin(), connections_.end(),
@@ -142,8 +142,8 @@ void Hub::drop_oldest_unauthenticated() {
   // a viewer that is closing occupies a place while it waits for the close frame
   const auto ending =
       std::find_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->is_ending(); });
-  if (viewers_.size() >= kMaxViewers + kMaxSilent && ending != viewers_.end())
-    std::shared_ptr(*ending)->gone();
+  if (viewers_.size() >= kMaxViewers + kMaxUnauthenticated && ending != viewers_.end())
+    std::shared_ptr(*ending)->remove_from_hub();
   std::shared_ptr<Viewer> oldest;
   std::size_t silent = 0;
   for (const auto& viewer : viewers_) {
@@ -151,7 +151,7 @@ void Hub::drop_oldest_unauthenticated() {
     ++silent;
     if (!oldest || viewer->hello_by() < oldest->hello_by()) oldest = viewer;
   }
-  if (silent >= kMaxSilent) oldest->end(kTryAgainLater, "too many viewers: a silent one is closed");
+  if (silent >= kMaxUnauthenticated) oldest->end(kTryAgainLater, "too many viewers: a silent one is closed");
 }
 
 bool Hub::make_room_for_viewer(Role role) {
@@ -163,7 +163,7 @@ bool Hub::make_room_for_viewer(Role role) {
     if (has_reserved_slot(viewer->who().role)) continue;
     ++looking;
     // the viewer that moves the tip is not dropped
-    if (viewer.get() == pointer_) continue;
+    if (viewer.get() == tip_holder_) continue;
     if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
   }
   if (!has_reserved_slot(role) && looking >= kMaxViewers - kReservedForControl) return false;
@@ -203,15 +203,15 @@ void Hub::welcome(Viewer& viewer) {
   publish_state();
   // the learner whose turn it is gets a free pointer
   const std::string& learner = viewer.who().learner;
-  if (!pointer_ && viewer.who().role == Role::kLearner && learner == state_.lesson.learner) {
-    pass_pointer(&viewer);
+  if (!tip_holder_ && viewer.who().role == Role::kLearner && learner == state_.lesson.learner) {
+    pass_tip(&viewer);
     publish_state();
   }
-  viewer.show_state();
+  viewer.notify_state();
   // a late viewer gets the current data, not what was last sent to others
-  if (viewer.receives_yields()) publish_yields(Clock::now());
+  if (viewer.receives_deformation()) publish_deformation(Clock::now());
   if (viewer.receives_training()) publish_training(Clock::now());
-  viewer.show_training();
+  viewer.notify_training();
   if (std::exchange(posing_, true)) return;
   next_pose_ = Clock::now();
   wait_for_poses();
@@ -224,29 +224,31 @@ void Hub::count() {
 }
 
 std::string Hub::answer(Viewer& viewer, const Request& request) {
-  const auto granted = grant(viewer, request);
-  if (!granted) return refused_json(request.id, granted.error());
-  return *granted == Grant::kRequested ? consent_request_json(request.id) : done_json(request.id);
+  const auto outcome = execute(viewer, request);
+  if (!outcome) return refused_json(request.id, outcome.error());
+  return *outcome == RequestOutcome::kAwaitingConsent ? consent_request_json(request.id)
+                                                      : done_json(request.id);
 }
 
-Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
+Result<RequestOutcome> Hub::execute(Viewer& viewer, const Request& request) {
   // every viewer may stop
   if (std::holds_alternative<StopRequest>(request.what)) {
     host_.emergency_stop(viewer.identity());
-    return Grant::kDone;
+    return RequestOutcome::kDone;
   }
   if (const auto* refusal = std::get_if<Error>(&request.what)) return *refusal;
   const Right right = right_for(request);
   if (!may(viewer.who().role, right, !host_.scene().tasks.empty()))
     return lacks_right(viewer.who().role, right);
-  if (right == Right::kHand)
-    if (const auto own = check_hand(viewer); !own) return own.error();
-  if (const auto* play = std::get_if<PlayRequest>(&request.what)) return granted(grant_play(*play));
-  if (const auto* plan = std::get_if<PlanRequest>(&request.what)) return granted(host_.change(*plan));
-  if (const auto* lesson = std::get_if<LessonRequest>(&request.what)) return granted(grant_lesson(*lesson));
+  if (right == Right::kOperateTool)
+    if (const auto allowed = check_hand(viewer); !allowed) return allowed.error();
+  if (const auto* play = std::get_if<PlayRequest>(&request.what)) return outcome_of(execute_play(*play));
+  if (const auto* plan = std::get_if<PlanRequest>(&request.what)) return outcome_of(host_.change(*plan));
+  if (const auto* lesson = std::get_if<LessonRequest>(&request.what))
+    return outcome_of(execute_lesson(*lesson));
   if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
-    return granted(grant_pointer(viewer, *pointer));
-  if (live_ == nullptr) return takes_no_requests(host_);
+    return outcome_of(execute_pointer(viewer, *pointer));
+  if (live_ == nullptr) return read_only_error(host_);
   const auto set = [&](auto requested) {
     requested.by = viewer.identity();
     requested.id = request.id;
@@ -255,8 +257,9 @@ Result<Grant> Hub::grant(Viewer& viewer, const Request& request) {
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return set(*settings);
   if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return set(*tissue);
   if (const auto* stroke = std::get_if<StrokeRequest>(&request.what)) return set(*stroke);
-  if (const auto* task = std::get_if<TaskRequest>(&request.what)) return granted(grant_task(viewer, *task));
-  return granted(grant_rearm(viewer, std::get<RearmRequest>(request.what)));
+  if (const auto* task = std::get_if<TaskRequest>(&request.what))
+    return outcome_of(execute_task(viewer, *task));
+  return outcome_of(execute_rearm(viewer, std::get<RearmRequest>(request.what)));
 }
 
 // a learner may only do what is recorded as his or her own run
@@ -274,30 +277,30 @@ Result<void> Hub::check_hand(const Viewer& viewer) const {
 }
 
 // the viewer that moves the tip is the one being assessed; a teacher may begin a task without it
-Result<void> Hub::grant_task(Viewer& viewer, TaskRequest request) {
+Result<void> Hub::execute_task(Viewer& viewer, TaskRequest request) {
   const Who& who = viewer.who();
-  if (pointer_ && pointer_ != &viewer && !may(who.role, Right::kLesson, true))
+  if (tip_holder_ && tip_holder_ != &viewer && !may(who.role, Right::kLesson, true))
     return Error{ErrorKind::kUsage, "only the viewer that moves the tip can start and end a task", "",
                  "ask that viewer, or wait until the tip is released"};
   request.learner = who.learner;
   return live_->train(request);
 }
 
-Result<void> Hub::grant_lesson(const LessonRequest& request) {
-  if (auto fine = check_pointer(request); !fine) return fine;
+Result<void> Hub::execute_lesson(const LessonRequest& request) {
+  if (auto allowed = check_pointer(request); !allowed) return allowed;
   if (request.learner || request.task || request.end) {
     if (live_ == nullptr)
       return Error{ErrorKind::kUsage, "there is no session here that a lesson could be of", "", ""};
-    if (auto taught = live_->teach(request); !taught) return taught;
+    if (auto accepted = live_->teach(request); !accepted) return accepted;
   }
-  names_ = request.names.value_or(names_);
+  are_hidden_names_shown_ = request.names.value_or(are_hidden_names_shown_);
   publish_state();
   // whoever is named gets the pointer, and a viewer that is no longer permitted loses it
   const std::string& named = request.pointer ? *request.pointer : request.learner.value_or("");
   if (request.pointer || !named.empty())
-    pass_pointer(page_of(named));
-  else if (pointer_ && !check_hand(*pointer_))
-    pass_pointer(nullptr);
+    pass_tip(viewer_of_learner(named));
+  else if (tip_holder_ && !check_hand(*tip_holder_))
+    pass_tip(nullptr);
   publish_state();
   return {};
 }
@@ -315,7 +318,7 @@ Result<void> Hub::check_pointer(const LessonRequest& request) const {
     return Error{ErrorKind::kUsage,
                  is_run ? "the run in progress is another learner's" : "the lesson is another learner's",
                  "pointer", is_run ? "end it first" : "choose that learner for the lesson first"};
-  if (!request.pointer->empty() && page_of(*request.pointer) == nullptr)
+  if (!request.pointer->empty() && viewer_of_learner(*request.pointer) == nullptr)
     return Error{ErrorKind::kUsage, "no page of that learner is connected", "pointer",
                  "let the learner open the page and enter the token"};
   return {};
@@ -323,21 +326,21 @@ Result<void> Hub::check_pointer(const LessonRequest& request) const {
 
 // Makes a viewer, or nobody (null), the one that moves the tip. It is released first, so that the force fades
 // out under the old hand before it rises under the new one.
-void Hub::pass_pointer(const Viewer* to) {
-  if (pointer_ == to) return;
-  if (pointer_) (void)live_->claim_pointer(false, pointer_->identity());
-  pointer_ = nullptr;
+void Hub::pass_tip(const Viewer* to) {
+  if (tip_holder_ == to) return;
+  if (tip_holder_) (void)live_->claim_pointer(false, tip_holder_->identity());
+  tip_holder_ = nullptr;
   if (to != nullptr && host_.scene().input == "pointer" && live_->claim_pointer(true, to->identity()))
-    pointer_ = to;
+    tip_holder_ = to;
 }
 
 // Page of a learner: the one that has the pointer, or the one that came last; null: none is open.
-const Viewer* Hub::page_of(const std::string& learner) const {
+const Viewer* Hub::viewer_of_learner(const std::string& learner) const {
   const Viewer* found = nullptr;
   for (const auto& viewer : viewers_) {
     if (!viewer->welcomed() || viewer->is_ending()) continue;
     if (viewer->who().role != Role::kLearner || viewer->who().learner != learner) continue;
-    if (viewer.get() == pointer_) return pointer_;
+    if (viewer.get() == tip_holder_) return tip_holder_;
     if (found == nullptr || viewer->identity().number > found->identity().number) found = viewer.get();
   }
   return found;
@@ -346,34 +349,34 @@ const Viewer* Hub::page_of(const std::string& learner) const {
 std::vector<ListedLearner> Hub::listed_learners() const {
   std::vector<ListedLearner> listed;
   for (std::string& learner : site_.access().learners()) {
-    const Viewer* const page = page_of(learner);
-    listed.push_back({std::move(learner), page != nullptr, page != nullptr && page == pointer_});
+    const Viewer* const page = viewer_of_learner(learner);
+    listed.push_back({std::move(learner), page != nullptr, page != nullptr && page == tip_holder_});
   }
   return listed;
 }
 
 // the force is given back only to the viewer that moves the tip
-Result<void> Hub::grant_rearm(Viewer& viewer, RearmRequest request) {
-  if (host_.scene().input == "pointer" && pointer_ != &viewer)
+Result<void> Hub::execute_rearm(Viewer& viewer, RearmRequest request) {
+  if (host_.scene().input == "pointer" && tip_holder_ != &viewer)
     return Error{ErrorKind::kUsage, "only the viewer that moves the tip can rearm the force", "",
-                 pointer_ ? "ask that viewer, or wait until the tip is released"
-                          : "take the pointer first (Touch), then rearm"};
+                 tip_holder_ ? "ask that viewer, or wait until the tip is released"
+                             : "take the pointer first (Touch), then rearm"};
   request.by = viewer.identity();
   return live_->rearm(request);
 }
 
-Result<void> Hub::grant_pointer(Viewer& viewer, const PointerRequest& request) {
-  if (pointer_ && pointer_ != &viewer)
+Result<void> Hub::execute_pointer(Viewer& viewer, const PointerRequest& request) {
+  if (tip_holder_ && tip_holder_ != &viewer)
     return Error{ErrorKind::kUsage, "another viewer moves the tip", "take", "wait until the tip is released"};
   // releasing the pointer without having it changes nothing
-  if (!request.take && !pointer_) return {};
-  if (live_ == nullptr) return takes_no_requests(host_);
+  if (!request.take && !tip_holder_) return {};
+  if (live_ == nullptr) return read_only_error(host_);
   if (auto used = live_->claim_pointer(request.take, viewer.identity()); !used) return used;
-  pointer_ = request.take ? &viewer : nullptr;
+  tip_holder_ = request.take ? &viewer : nullptr;
   return {};
 }
 
-Result<void> Hub::grant_play(const PlayRequest& request) {
+Result<void> Hub::execute_play(const PlayRequest& request) {
   if (PlaybackHost* const playback = host_.playback()) return playback->play(request);
   return Error{ErrorKind::kUsage, "a session runs: there is no recording to be looked at", "",
                "palpate replay RECORDING --view shows one"};
@@ -381,19 +384,19 @@ Result<void> Hub::grant_play(const PlayRequest& request) {
 
 void Hub::move_pointer(const Viewer& viewer, const TipMessage& tip) {
   // a viewer that has just lost the pointer may not know yet
-  if (pointer_ == &viewer) live_->move_pointer(tip.target);
+  if (tip_holder_ == &viewer) live_->move_pointer(tip.target);
 }
 
 std::uint32_t Hub::holder() const {
-  return pointer_ ? pointer_->identity().number : 0;
+  return tip_holder_ ? tip_holder_->identity().number : 0;
 }
 
 std::string Hub::state_for(const Viewer& viewer) const {
   const Redaction* redaction = redaction_of(viewer);
-  return state_json(
-      redaction != nullptr ? redaction->of(state_) : state_,
-      {viewer.identity().number, viewer.who(), holder(), welcomed_, names_, redaction != nullptr,
-       viewer.who().role == Role::kTeacher ? listed_learners() : std::vector<ListedLearner>()});
+  return state_json(redaction != nullptr ? redaction->of(state_) : state_,
+                    {viewer.identity().number, viewer.who(), holder(), welcomed_, are_hidden_names_shown_,
+                     redaction != nullptr,
+                     viewer.who().role == Role::kTeacher ? listed_learners() : std::vector<ListedLearner>()});
 }
 
 std::string Hub::welcome_for(const Who& who) const {
@@ -426,19 +429,19 @@ std::shared_ptr<const std::string> Hub::published_debriefing(const Viewer& viewe
 void Hub::update_redaction() {
   const auto& tasks = host_.scene().tasks;
   const auto chosen = std::ranges::find(tasks, state_.lesson.task, &ViewedTask::name);
-  site_.set_redaction_active(!names_ && (chosen == tasks.end() || chosen->quiz));
+  site_.set_redaction_active(!are_hidden_names_shown_ && (chosen == tasks.end() || chosen->quiz));
 }
 
-std::string Hub::sweeps_after(SentSweeps& had) const {
+std::string Hub::sweeps_after(SentSweeps& sent) const {
   constexpr std::size_t kMaxAtOnce = 200;
-  had.count = std::min(had.count, state_.sweeps);
+  sent.count = std::min(sent.count, state_.sweeps);
   const std::vector<SweepRecord> next = host_.sweeps(
-      state_.model_version, had.count, std::min<std::uint64_t>(kMaxAtOnce, state_.sweeps - had.count));
+      state_.model_version, sent.count, std::min<std::uint64_t>(kMaxAtOnce, state_.sweeps - sent.count));
   // tells the viewer to drop the sweeps beyond `count`
-  if (next.empty() && had.shown == had.count) return {};
-  std::string text = sweeps_json(had.count, next);
-  had.count += next.size();
-  had.shown = had.count;
+  if (next.empty() && sent.shown == sent.count) return {};
+  std::string text = sweeps_json(sent.count, next);
+  sent.count += next.size();
+  sent.shown = sent.count;
   return text;
 }
 
@@ -461,23 +464,23 @@ void Hub::publish_state() {
     for (const auto& viewer : viewers_) viewer->truncate_sweeps(in_common);
   update_redaction();
   // complete state, as for a teacher
-  StateReader whoever;
-  whoever.holder = holder();
-  whoever.viewers = welcomed_;
-  whoever.names = names_;
-  whoever.learners = listed_learners();
-  std::string text = state_json(state_, whoever), redacted_text;
+  StateRecipient recipient;
+  recipient.holder = holder();
+  recipient.viewers = welcomed_;
+  recipient.names = are_hidden_names_shown_;
+  recipient.learners = listed_learners();
+  std::string text = state_json(state_, recipient), redacted_text;
   const Redaction* const redaction = active_redaction();
-  whoever.redacted = redaction != nullptr;
-  whoever.learners.clear();
-  if (redaction != nullptr) redacted_text = state_json(redaction->of(state_), whoever);
+  recipient.redacted = redaction != nullptr;
+  recipient.learners.clear();
+  if (redaction != nullptr) redacted_text = state_json(redaction->of(state_), recipient);
   const bool is_new = text != last_state_, is_new_redacted = redacted_text != last_redacted_state_;
   last_state_ = std::move(text);
   last_redacted_state_ = std::move(redacted_text);
   // message timing carries information, too: a redacted viewer gets no message for changes that it must not
   // see
   for (const auto& viewer : viewers_)
-    if (is_new_redacted || (is_new && redaction_of(*viewer) == nullptr)) viewer->show_state();
+    if (is_new_redacted || (is_new && redaction_of(*viewer) == nullptr)) viewer->notify_state();
 }
 
 void Hub::publish_plan() {
@@ -485,7 +488,7 @@ void Hub::publish_plan() {
   if (plan == plan_) return;
   plan_ = std::move(plan);
   reported_plan_ = plan_ ? std::make_shared<const std::string>(plan_json(*plan_)) : nullptr;
-  for (const auto& viewer : viewers_) viewer->show_plan();
+  for (const auto& viewer : viewers_) viewer->notify_plan();
 }
 
 // ---- poses
@@ -501,24 +504,24 @@ void Hub::wait_for_poses() {
     }
     // schedule the next one first, whatever happens in this one
     wait_for_poses();
-    show_pose();
+    publish_due();
   });
 }
 
-void Hub::publish_yields(Clock::time_point now) {
-  next_yields_ = now + kYieldPeriod;
-  for (std::size_t device = 0; device < yields_.size(); ++device) {
-    LastPublished& found = yields_[device];
-    auto yield = host_.yielded(device);
-    if (found.message && yield == found.yield) continue;
-    found.yield = std::move(yield);
-    YieldMessage next(device, found.yield.get());
+void Hub::publish_deformation(Clock::time_point now) {
+  next_deformation_ = now + kDeformationPeriod;
+  for (std::size_t device = 0; device < deformations_.size(); ++device) {
+    LastPublished& found = deformations_[device];
+    auto deformation = host_.deformation(device);
+    if (found.message && deformation == found.deformation) continue;
+    found.deformation = std::move(deformation);
+    DeformationMessage next(device, found.deformation.get());
     if (found.message && next.is_indistinguishable_from(*found.message)) continue;
     found.reported = {found.reported.number + 1, next.rests(),
                       std::make_shared<const std::string>(next.bytes())};
     found.message = std::move(next);
   }
-  for (const auto& viewer : viewers_) viewer->show_yields();
+  for (const auto& viewer : viewers_) viewer->notify_deformation();
 }
 
 void Hub::publish_training(Clock::time_point now) {
@@ -541,7 +544,7 @@ void Hub::publish_training(Clock::time_point now) {
   training_ = std::move(text);
   redacted_training_ = std::move(redacted_text);
   for (const auto& viewer : viewers_)
-    if (redaction_of(*viewer) != nullptr ? is_new_redacted : is_new) viewer->show_training();
+    if (redaction_of(*viewer) != nullptr ? is_new_redacted : is_new) viewer->notify_training();
 }
 
 void Hub::publish_navigation(Clock::time_point now) {
@@ -552,10 +555,10 @@ void Hub::publish_navigation(Clock::time_point now) {
   std::string text = navigation_json(*navigation);
   if (reported_navigation_ && text == *reported_navigation_) return;
   reported_navigation_ = std::make_shared<const std::string>(std::move(text));
-  for (const auto& viewer : viewers_) viewer->show_navigation();
+  for (const auto& viewer : viewers_) viewer->notify_navigation();
 }
 
-void Hub::show_pose() {
+void Hub::publish_due() {
   const Clock::time_point now = Clock::now();
   if (now >= next_navigation_ && std::any_of(viewers_.begin(), viewers_.end(), [](const auto& viewer) {
         return viewer->receives_navigation();
@@ -564,9 +567,10 @@ void Hub::show_pose() {
   if (now >= next_training_ && std::any_of(viewers_.begin(), viewers_.end(),
                                            [](const auto& viewer) { return viewer->receives_training(); }))
     publish_training(now);
-  if (now >= next_yields_ && std::any_of(viewers_.begin(), viewers_.end(),
-                                         [](const auto& viewer) { return viewer->receives_yields(); }))
-    publish_yields(now);
+  if (now >= next_deformation_ && std::any_of(viewers_.begin(), viewers_.end(), [](const auto& viewer) {
+        return viewer->receives_deformation();
+      }))
+    publish_deformation(now);
   const auto due = [&](const auto& viewer) { return viewer->is_due(now); };
   if (std::none_of(viewers_.begin(), viewers_.end(), due)) return;
   std::array<double, kMaxDevices> stiffness_N_per_mm{};
@@ -592,21 +596,22 @@ void Hub::show_pose() {
     const NearMessage& its_near = redaction != nullptr ? redacted->near : near;
     const bool reports_distances =
         redaction != nullptr ? redacted->reports_distances : host_.scene().reports_distances();
-    viewer->show(redaction != nullptr ? redacted->pose : pose, reports_distances ? &its_near : nullptr, now);
+    viewer->enqueue_pose(redaction != nullptr ? redacted->pose : pose,
+                         reports_distances ? &its_near : nullptr, now);
   }
 }
 
 // ---- periodic work
 
-void Hub::wait_for_sweep() {
-  sweep_timer_->wait_until(Clock::now() + kSweepPeriod, [this] {
+void Hub::schedule_housekeeping() {
+  housekeeping_timer_->wait_until(Clock::now() + kHousekeepingPeriod, [this] {
     if (ended_) return;
-    wait_for_sweep();
-    sweep();
+    schedule_housekeeping();
+    run_housekeeping();
   });
 }
 
-void Hub::sweep() {
+void Hub::run_housekeeping() {
   const Clock::time_point now = Clock::now();
   for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->check(now);
   for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->check(now);

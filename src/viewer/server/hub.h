@@ -43,9 +43,9 @@ class Hub {
   /// Places reserved for viewers with control or a teacher's role.
   static constexpr std::size_t kReservedForControl = 2;
   /// Maximum number of WebSockets before their hello, when their role is not known yet.
-  static constexpr std::size_t kMaxSilent = 16;
+  static constexpr std::size_t kMaxUnauthenticated = 16;
   /// A single viewer downloads scan and labels concurrently.
-  static constexpr std::ptrdiff_t kDownloadsOfOne = 2;
+  static constexpr std::ptrdiff_t kDownloadsPerViewer = 2;
 
   /// @param loop, host, site, volumes, pictures  outlive the hub
   /// @param pictures  null: no pictures of the volume are rendered
@@ -110,9 +110,11 @@ class Hub {
   /// Memory for the ticks of a bundle while it is made.
   std::span<BundledTick> bundle_scratch() { return bundle_scratch_; }
   /// Message with the next sweeps for a viewer, and marks them as sent; empty: no more.
-  std::string sweeps_after(SentSweeps& had) const;
+  std::string sweeps_after(SentSweeps& sent) const;
   /// Latest deformation around a device.
-  const PublishedYield& published_yield(std::size_t device) const { return yields_[device].reported; }
+  const PublishedDeformation& published_deformation(std::size_t device) const {
+    return deformations_[device].reported;
+  }
   /// Latest plan; null if there is none, and for a redacted viewer: the plan's author may have known what is
   /// hidden.
   std::shared_ptr<const std::string> published_plan(const Viewer& viewer) const;
@@ -127,28 +129,28 @@ class Hub {
 
  private:
   static std::uint64_t sweeps_in_common(const ViewedState& before, const ViewedState& now);
-  bool one_loads_alone() const;
-  Result<Grant> grant(Viewer& viewer, const Request& request);
-  Result<void> grant_rearm(Viewer& viewer, RearmRequest request);
-  Result<void> grant_task(Viewer& viewer, TaskRequest request);
-  Result<void> grant_lesson(const LessonRequest& request);
+  bool has_single_downloader() const;
+  Result<RequestOutcome> execute(Viewer& viewer, const Request& request);
+  Result<void> execute_rearm(Viewer& viewer, RearmRequest request);
+  Result<void> execute_task(Viewer& viewer, TaskRequest request);
+  Result<void> execute_lesson(const LessonRequest& request);
   Result<void> check_hand(const Viewer& viewer) const;
   Result<void> check_pointer(const LessonRequest& request) const;
-  void pass_pointer(const Viewer* to);
-  const Viewer* page_of(const std::string& learner) const;
+  void pass_tip(const Viewer* to);
+  const Viewer* viewer_of_learner(const std::string& learner) const;
   std::vector<ListedLearner> listed_learners() const;
   void update_redaction();
   void answer_late();
-  Result<void> grant_pointer(Viewer& viewer, const PointerRequest& request);
-  Result<void> grant_play(const PlayRequest& request);
+  Result<void> execute_pointer(Viewer& viewer, const PointerRequest& request);
+  Result<void> execute_play(const PlayRequest& request);
   void count();
   void wait_for_poses();
-  void show_pose();
-  void publish_yields(Clock::time_point now);
+  void publish_due();
+  void publish_deformation(Clock::time_point now);
   void publish_plan();
   void publish_navigation(Clock::time_point now);
-  void wait_for_sweep();
-  void sweep();
+  void schedule_housekeeping();
+  void run_housekeeping();
 
   ViewerHost& host_;
   LiveHost* const live_;  ///< The host as a running session; null if it is none
@@ -160,7 +162,7 @@ class Hub {
   const std::function<void(int)> count_viewers_;
 
   EventLoop& loop_;
-  const std::unique_ptr<Timer> pose_timer_, sweep_timer_;
+  const std::unique_ptr<Timer> pose_timer_, housekeeping_timer_;
   Clock::time_point next_pose_{};
   std::set<std::shared_ptr<Connection>> connections_;
   std::set<std::shared_ptr<Viewer>> viewers_;
@@ -170,21 +172,21 @@ class Hub {
   /// Number of the viewer that moves the tip; 0: none.
   std::uint32_t holder() const;
 
-  const Viewer* pointer_ = nullptr;  ///< Viewer that moves the tip; may be null
+  const Viewer* tip_holder_ = nullptr;  ///< Viewer that moves the tip; may be null
   ViewedState state_;
   std::string last_state_, last_redacted_state_;  ///< Last messages: as a teacher receives them, and redacted
   std::optional<RedactedSteps> redacted_steps_;
-  TickRecord redacted_tick_;  ///< Last redacted tick
-  bool names_ = false;        ///< Whether learners are shown what a quiz hides
+  TickRecord redacted_tick_;             ///< Last redacted tick
+  bool are_hidden_names_shown_ = false;  ///< Whether learners are shown what a quiz hides
   ViewedHealth health_;
   std::vector<BundledTick> bundle_scratch_ = std::vector<BundledTick>(kMaxBundledTicks);
   struct LastPublished {
-    std::shared_ptr<const ViewedYield> yield;
-    std::optional<YieldMessage> message;  ///< Message published last
-    PublishedYield reported;
+    std::shared_ptr<const ViewedDeformation> deformation;
+    std::optional<DeformationMessage> message;  ///< Message published last
+    PublishedDeformation reported;
   };
-  std::array<LastPublished, kMaxDevices> yields_;
-  Clock::time_point next_yields_{};
+  std::array<LastPublished, kMaxDevices> deformations_;
+  Clock::time_point next_deformation_{};
   std::shared_ptr<const ViewedPlan> plan_;
   std::shared_ptr<const std::string> reported_plan_;
   std::shared_ptr<const std::string> reported_navigation_;

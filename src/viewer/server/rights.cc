@@ -9,25 +9,25 @@ constexpr May kNo = May::kNo, kYes = May::kYes, kFree = May::kWithoutTasks;
 
 // columns in the order of Role: view, control, learner, teacher
 constexpr std::array kRights{
-    RightInfo{Right::kLook,
+    RightInfo{Right::kObserve,
               "look",
               "look on",
               "sees scan, structures, poses, the state of the session, the plan and runs in progress",
               {kYes, kYes, kYes, kYes}},
     RightInfo{Right::kStop, "stop", "stop the force", "stops the force", {kYes, kYes, kYes, kYes}},
-    RightInfo{Right::kUnseen,
+    RightInfo{Right::kSeeHidden,
               "unseen",
               "see what a quiz hides",
               "sees names and the structures to find during a quiz",
               {kYes, kYes, kNo, kYes}},
-    RightInfo{Right::kHand,
+    RightInfo{Right::kOperateTool,
               "hand",
               "operate the tool",
               "operates the tool: takes the tip, starts and ends runs of tasks, rearms, pauses, runs a "
               "burr's motor, undoes and redoes its strokes, turns the object",
               {kNo, kYes, kYes, kYes}},
     RightInfo{
-        Right::kFeel,
+        Right::kChangeContact,
         "feel",
         "change what is felt",
         "changes contact settings: method, law, force limit, tissues, [switches](flags.md#switches) of this "

@@ -24,11 +24,11 @@ struct Who {
 };
 
 enum class Right : std::uint8_t {
-  kLook,
+  kObserve,
   kStop,
-  kUnseen,
-  kHand,
-  kFeel,
+  kSeeHidden,
+  kOperateTool,
+  kChangeContact,
   kPlan,
   kPlay,
   kLesson,

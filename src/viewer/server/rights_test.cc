@@ -94,14 +94,14 @@ TEST(Rights, TheTableOfTheDocsIsTheServers) {
 TEST(Rights, EveryCellIsKeptByTheServer) {
   const std::map<Right, std::vector<Json>> kMessages{
       {Right::kStop, {{{"type", "stop"}}}},
-      {Right::kHand,
+      {Right::kOperateTool,
        {{{"type", "pointer"}, {"take", true}},
         {{"type", "set"}, {"paused", true}},
         {{"type", "set"}, {"motor", true}},
         {{"type", "set"}, {"rotation_wxyz", {1, 0, 0, 0}}},
         {{"type", "task"}, {"begin", "hold"}},
         {{"type", "task"}, {"end", true}}}},
-      {Right::kFeel,
+      {Right::kChangeContact,
        {{{"type", "set"}, {"method", "trilinear"}},
         {{"type", "set"}, {"law", "elastic"}},
         {{"type", "set"}, {"friction", false}},
@@ -140,10 +140,11 @@ TEST(Rights, EveryCellIsKeptByTheServer) {
 }
 
 TEST(Rights, ARefusalSaysWhichRoleIsNeeded) {
-  EXPECT_EQ(lacks_right(Role::kLearner, Right::kFeel).what,
+  EXPECT_EQ(lacks_right(Role::kLearner, Right::kChangeContact).what,
             "where there are tasks only a viewer with control or a teacher may change what is felt");
-  EXPECT_EQ(lacks_right(Role::kLearner, Right::kFeel).remedy, "connect with a token for control or teacher");
-  EXPECT_EQ(lacks_right(Role::kView, Right::kHand).what,
+  EXPECT_EQ(lacks_right(Role::kLearner, Right::kChangeContact).remedy,
+            "connect with a token for control or teacher");
+  EXPECT_EQ(lacks_right(Role::kView, Right::kOperateTool).what,
             "only a viewer with control, a learner or a teacher may operate the tool");
   EXPECT_EQ(lacks_right(Role::kLearner, Right::kLesson).what, "only a teacher may lead the lesson");
 }

@@ -52,14 +52,14 @@ Json volume_json(const ViewedScene& scene, const VolumeFacts& facts) {
 }
 
 // originator of the stop from the point of view of the viewer that receives it
-const char* who_stopped(const ViewedState& state, std::uint32_t reader) {
+const char* who_stopped(const ViewedState& state, std::uint32_t recipient) {
   switch (state.stopped_by) {
     case StoppedBy::kSession:
       return "palpate";
     case StoppedBy::kKey:
       return "key";
     case StoppedBy::kViewer:
-      return state.stopped_by_viewer == reader ? "you" : "viewer";
+      return state.stopped_by_viewer == recipient ? "you" : "viewer";
   }
   return "palpate";
 }
@@ -163,21 +163,21 @@ void add_who(Json& json, const Who& who, bool has_tasks, bool stores_runs) {
 }
 
 // the learner is disclosed to teachers and to that learner only
-Json lesson_json(const ViewedState::Lesson& lesson, const StateReader& reader) {
-  const bool is_reported = reader.who.role == Role::kTeacher ||
-                           (reader.who.role == Role::kLearner && reader.who.learner == lesson.learner);
+Json lesson_json(const ViewedState::Lesson& lesson, const StateRecipient& recipient) {
+  const bool is_reported = recipient.who.role == Role::kTeacher ||
+                           (recipient.who.role == Role::kLearner && recipient.who.learner == lesson.learner);
   Json learners;
-  if (reader.who.role == Role::kTeacher) {
+  if (recipient.who.role == Role::kTeacher) {
     learners = Json::array();
-    for (const ListedLearner& listed : reader.learners)
+    for (const ListedLearner& listed : recipient.learners)
       learners.push_back(
           {{"learner", shown(listed.learner)}, {"here", listed.is_here}, {"pointer", listed.has_pointer}});
   }
   return {{"learner", is_reported && !lesson.learner.empty() ? shown(lesson.learner) : Json()},
-          {"of_another", reader.who.role == Role::kLearner && !lesson.is_for(reader.who.learner)},
+          {"of_another", recipient.who.role == Role::kLearner && !lesson.is_for(recipient.who.learner)},
           {"task", lesson.task.empty() ? Json() : shown(lesson.task)},
-          {"names", reader.names},
-          {"redacted", reader.redacted},
+          {"names", recipient.names},
+          {"redacted", recipient.redacted},
           {"learners", std::move(learners)},
           {"over", lesson.is_over}};
 }
@@ -246,7 +246,7 @@ std::string scene_json(const ViewedScene& scene, const ViewedState& state, const
   return text_of(json);
 }
 
-std::string state_json(const ViewedState& state, const StateReader& reader) {
+std::string state_json(const ViewedState& state, const StateRecipient& recipient) {
   Json json;
   json["type"] = "state";
   visit_settings(
@@ -259,7 +259,7 @@ std::string state_json(const ViewedState& state, const StateReader& reader) {
   json["motor_is_on"] = state.motor_is_on;
   json["emergency_stop"] = state.stop.has_value();
   json["stop"] = state.stop ? Json(*state.stop) : Json();
-  json["stopped_by"] = state.stop ? Json(who_stopped(state, reader.number)) : Json();
+  json["stopped_by"] = state.stop ? Json(who_stopped(state, recipient.number)) : Json();
   json["model_version"] = state.model_version;
   json["strokes"] = {{"undo", state.strokes_to_undo}, {"redo", state.strokes_to_redo}};
   json["removed"] = Json::array();
@@ -272,11 +272,11 @@ std::string state_json(const ViewedState& state, const StateReader& reader) {
   json["armed"] = state.armed;
   json["recording"] = state.recording;
   json["playback"] = state.playback ? playback_json(*state.playback) : Json();
-  json["viewers"] = reader.viewers;
-  const bool is_holder = reader.holder != 0 && reader.holder == reader.number;
+  json["viewers"] = recipient.viewers;
+  const bool is_holder = recipient.holder != 0 && recipient.holder == recipient.number;
   json["pointer"] = is_holder;
-  json["pointer_by"] = reader.holder == 0 ? Json() : Json(is_holder ? "you" : "viewer");
-  json["lesson"] = lesson_json(state.lesson, reader);
+  json["pointer_by"] = recipient.holder == 0 ? Json() : Json(is_holder ? "you" : "viewer");
+  json["lesson"] = lesson_json(state.lesson, recipient);
   return text_of(json);
 }
 

@@ -35,7 +35,7 @@ struct ListedLearner {
 };
 
 /// Receiver of a state message, with the values that depend on it.
-struct StateReader {
+struct StateRecipient {
   std::uint32_t number = 0;  ///< ViewerIdentity::number; 0: none
   Who who{Role::kTeacher, {}};
   std::uint32_t holder = 0;                  ///< Number of the viewer that moves the tip; 0: none
@@ -44,7 +44,7 @@ struct StateReader {
   bool redacted = false;                     ///< Whether this receiver is not shown it
   std::vector<ListedLearner> learners = {};  ///< Sent to a teacher only
 };
-std::string state_json(const ViewedState& state, const StateReader& reader);
+std::string state_json(const ViewedState& state, const StateRecipient& reader);
 
 /// Rounded to 0.01 mm.
 std::string navigation_json(const ViewedNavigation& navigation);

@@ -9,7 +9,7 @@
 namespace palpate::server {
 namespace {
 
-StateReader reader(std::uint32_t number, std::uint32_t holder, int viewers) {
+StateRecipient reader(std::uint32_t number, std::uint32_t holder, int viewers) {
   return {number, {Role::kControl, {}}, holder, viewers, false, false};
 }
 

@@ -65,12 +65,12 @@ class Site {
   bool stores_runs() const;
   /// Switches the redaction on or off; initially on. On while a quiz is possible and its solution has not
   /// been shown.
-  void set_redaction_active(bool is_laid) { is_redacted_ = is_laid; }
+  void set_redaction_active(bool active) { redaction_active_ = active; }
   /// Redaction for learners while it is on; null: none.
   const Redaction* redaction() const { return redaction_; }
   /// Redaction that applies to a viewer; null: none.
   const Redaction* redaction_of(const Who& who) const {
-    return is_redacted_ && !may(who.role, Right::kUnseen, true) ? redaction_ : nullptr;
+    return redaction_active_ && !may(who.role, Right::kSeeHidden, true) ? redaction_ : nullptr;
   }
 
   /// Status line and header.
@@ -95,7 +95,7 @@ class Site {
   Access access_;
   const VolumeFacts facts_;
   const Redaction* const redaction_;
-  bool is_redacted_ = true;
+  bool redaction_active_ = true;
 };
 
 /// "Not Found" for 404.

@@ -129,12 +129,12 @@ class FakeHost : public LiveHost {
       next.push_back({0, {static_cast<double>(n), 0, 0}, {0, 1, 0}, 2});
     return next;
   }
-  std::shared_ptr<const ViewedYield> yielded(std::size_t device) const override {
+  std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const override {
     const std::lock_guard lock(mutex_);
-    ++yields_requested;
+    ++deformation_requested;
     return yields_.at(device);
   }
-  void yield(std::size_t device, std::shared_ptr<const ViewedYield> yield) {
+  void yield(std::size_t device, std::shared_ptr<const ViewedDeformation> yield) {
     const std::lock_guard lock(mutex_);
     yields_.at(device) = std::move(yield);
   }
@@ -171,20 +171,20 @@ class FakeHost : public LiveHost {
     state_.sweeps += count;
     ++state_.model_version;
   }
-  Result<Grant> set(const SettingsRequest& request) override {
+  Result<RequestOutcome> set(const SettingsRequest& request) override {
     const std::lock_guard lock(mutex_);
     requested_by_ = request.by;
     if (asks_) {
       requested_.push_back({request.by, request.id, {}});
-      return Grant::kRequested;
+      return RequestOutcome::kAwaitingConsent;
     }
     if (request.max_force_N && *request.max_force_N > 3)
       return Error{ErrorKind::kUsage, "is above what this device may give", "max_force_N", "ask for less"};
     if (request.method) state_.method = find_force_method(*request.method).value_or(state_.method);
     apply_changes(request, state_);
-    return Grant::kDone;
+    return RequestOutcome::kDone;
   }
-  Result<Grant> set(const StrokeRequest& request) override {
+  Result<RequestOutcome> set(const StrokeRequest& request) override {
     const std::lock_guard lock(mutex_);
     requested_by_ = request.by;
     const bool undo = request.action == StrokeAction::kUndo;
@@ -193,9 +193,9 @@ class FakeHost : public LiveHost {
     if (from == 0) return Error{ErrorKind::kUsage, "there is no such stroke", "", ""};
     --from;
     ++to;
-    return Grant::kDone;
+    return RequestOutcome::kDone;
   }
-  Result<Grant> set(const TissueRequest& request) override {
+  Result<RequestOutcome> set(const TissueRequest& request) override {
     const std::lock_guard lock(mutex_);
     requested_by_ = request.by;
     if (static_cast<std::size_t>(request.tissue) >= state_.tissues.size())
@@ -203,7 +203,7 @@ class FakeHost : public LiveHost {
     ContactProperties& tissue = state_.tissues[request.tissue];
     tissue = request.changes.applied_to(tissue);
     ++state_.model_version;
-    return Grant::kDone;
+    return RequestOutcome::kDone;
   }
   std::vector<LateAnswer> read_answers() override {
     const std::lock_guard lock(mutex_);
@@ -337,7 +337,7 @@ class FakeHost : public LiveHost {
   /// Call before the server starts.
   ViewedScene& edit_scene() { return scene_; }
 
-  mutable std::atomic<int> snapshots{0}, yields_requested{0};
+  mutable std::atomic<int> snapshots{0}, deformation_requested{0};
   std::atomic<bool> pointer_claimed{false};
   TickHistory history;
 
@@ -345,7 +345,7 @@ class FakeHost : public LiveHost {
   ViewedScene scene_;
   mutable std::mutex mutex_;
   ViewedState state_;
-  std::array<std::shared_ptr<const ViewedYield>, kMaxDevices> yields_;
+  std::array<std::shared_ptr<const ViewedDeformation>, kMaxDevices> yields_;
   DeviceTick near_;
   std::optional<ViewedNavigation> navigation_;
   std::shared_ptr<const ViewedPlan> plan_;

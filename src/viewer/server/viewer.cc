@@ -9,9 +9,9 @@ namespace {
 
 static_assert(WebSocket::kMaxMessage_bytes == kMaxMessage_bytes);
 
-constexpr auto kHelloWithin = std::chrono::seconds(5);
-constexpr auto kReadWithin = std::chrono::seconds(10);
-constexpr auto kLeaveWithin = std::chrono::seconds(2);
+constexpr auto kHelloTimeout = std::chrono::seconds(5);
+constexpr auto kWriteTimeout = std::chrono::seconds(10);
+constexpr auto kCloseTimeout = std::chrono::seconds(2);
 constexpr double kMaxMessages_each_second = 250;
 // maximum number of queued answers; further requests are ignored
 constexpr std::size_t kMaxAnswers = 32;
@@ -21,8 +21,8 @@ constexpr std::uint16_t kTokenRefused = 4401, kProtocolUnknown = 4406, kNoHello 
                         kTooManyGuesses = 4429;
 
 // message for tissue at rest
-PublishedYield message_at_rest(std::size_t device) {
-  return {0, true, std::make_shared<const std::string>(YieldMessage(device, nullptr).bytes())};
+PublishedDeformation message_at_rest(std::size_t device) {
+  return {0, true, std::make_shared<const std::string>(DeformationMessage(device, nullptr).bytes())};
 }
 
 }  // namespace
@@ -33,17 +33,17 @@ Viewer::Viewer(std::shared_ptr<WebSocket> socket, std::string peer, const Addres
       peer_(std::move(peer)),
       from_(from),
       messages_(kMaxMessages_each_second, kMaxMessages_each_second, Clock::now()),
-      hello_by_(Clock::now() + kHelloWithin) {}
+      hello_by_(Clock::now() + kHelloTimeout) {}
 
 void Viewer::begin() {
   reading_ = true;
   // control frames count as messages, since each costs an answer; the socket does not keep this viewer alive
   const auto on_control = [viewer = weak_from_this()] {
-    if (const auto self = viewer.lock()) self->too_many();
+    if (const auto self = viewer.lock()) self->exceeds_rate_limit();
   };
   socket_->accept(on_control, [self = shared_from_this()](bool ok) {
     self->reading_ = false;
-    if (!ok) return self->gone();
+    if (!ok) return self->remove_from_hub();
     self->open_ = true;
     self->read();
   });
@@ -55,28 +55,28 @@ void Viewer::read() {
   if (reading_ || ending_ || removed_) return;
   socket_->read([self = shared_from_this()](WebSocket::Read outcome, std::string_view text) {
     self->reading_ = false;
-    self->take_whole(text, outcome);
+    self->on_message(text, outcome);
     self->read();
   });
   // set only after read() succeeded: if it throws (out of memory), the next periodic check retries
   reading_ = true;
 }
 
-bool Viewer::too_many() {
+bool Viewer::exceeds_rate_limit() {
   if (messages_.take(Clock::now())) return false;
   end(kPolicyError, "too many messages");
   return true;
 }
 
 // an internal error closes the viewer instead of leaving it without a pending read
-void Viewer::take_whole(std::string_view text, WebSocket::Read outcome) try {
+void Viewer::on_message(std::string_view text, WebSocket::Read outcome) try {
   const auto message = parse_viewer_message(text);
   // a stop is carried out before anything that might end this viewer
   const bool stop = welcomed_ && is_stop(message);
   if (stop) take(std::get<Request>(*message));
   if (outcome == WebSocket::Read::kBinary) return end(kUnknownData, "a binary message");
   if (outcome != WebSocket::Read::kText) return read_failed(outcome);
-  if (!too_many() && !stop) take(message);
+  if (!exceeds_rate_limit() && !stop) take(message);
 } catch (const std::exception&) {
   end(kInternalError, "an internal server error");
 }
@@ -84,14 +84,14 @@ void Viewer::take_whole(std::string_view text, WebSocket::Read outcome) try {
 void Viewer::read_failed(WebSocket::Read outcome) {
   if (!ending_ && outcome == WebSocket::Read::kMalformed)
     hub_.log().add(peer_, "a frame that is malformed or too long");
-  gone();
+  remove_from_hub();
 }
 
 void Viewer::take(const std::optional<ViewerMessage>& message) {
   if (!message) return end(kBadPayload, "a message that is malformed");
   const auto* hello = std::get_if<Hello>(&*message);
   if ((hello != nullptr) == welcomed_) return end(kPolicyError, "a message out of turn");
-  if (hello) return greet(*hello);
+  if (hello) return handle_hello(*hello);
   if (const auto* tip = std::get_if<TipMessage>(&*message)) return hub_.move_pointer(*this, *tip);
   take(std::get<Request>(*message));
 }
@@ -111,7 +111,7 @@ void Viewer::take(const Request& request) {
   hub_.publish_state();
 }
 
-void Viewer::greet(const Hello& hello) {
+void Viewer::handle_hello(const Hello& hello) {
   if (hello.protocol != kProtocol) return end(kProtocolUnknown, "another version of the protocol");
   auto admitted = hub_.site().access().admit(hello.token, from_, Clock::now());
   if (admitted.too_many_guesses) return end(kTooManyGuesses, "a token after too many wrong ones");
@@ -119,7 +119,7 @@ void Viewer::greet(const Hello& hello) {
   if (!hub_.make_room_for_viewer(admitted.who->role)) return end(kTryAgainLater, "too many viewers");
   who_ = *std::move(admitted.who);
   welcomed_ = true;
-  receives_yields_ = hello.yielded;
+  receives_deformation_ = hello.yielded;
   receives_training_ = hello.task;
   receives_near_ = hello.near;
   receives_plan_ = hello.plan;
@@ -139,37 +139,37 @@ void Viewer::send(std::string text) {
   write_next();
 }
 
-void Viewer::show_state() {
+void Viewer::notify_state() {
   if (!welcomed_) return;
   state_due_ = true;
   write_next();
 }
 
-void Viewer::show_yields() {
-  if (welcomed_ && receives_yields_) write_next();
+void Viewer::notify_deformation() {
+  if (welcomed_ && receives_deformation_) write_next();
 }
 
-void Viewer::show_training() {
+void Viewer::notify_training() {
   if (!welcomed_ || !receives_training_) return;
   training_due_ = true;
   write_next();
 }
 
-void Viewer::show_plan() {
+void Viewer::notify_plan() {
   if (welcomed_ && receives_plan_) write_next();
 }
 
-void Viewer::show_navigation() {
+void Viewer::notify_navigation() {
   if (welcomed_ && receives_navigation_) write_next();
 }
 
 bool Viewer::is_due(Clock::time_point now) const {
   // round to the nearest period
-  constexpr auto kHalfTurn = std::chrono::microseconds(static_cast<int>(0.5e6 / kMaxPoses_hz));
-  return welcomed_ && !ending_ && now + kHalfTurn >= next_pose_;
+  constexpr auto kHalfPosePeriod = std::chrono::microseconds(static_cast<int>(0.5e6 / kMaxPoses_hz));
+  return welcomed_ && !ending_ && now + kHalfPosePeriod >= next_pose_;
 }
 
-void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_point now) {
+void Viewer::enqueue_pose(const PoseMessage& pose, const NearMessage* near, Clock::time_point now) {
   // a viewer behind its rate does not catch up
   next_pose_ = std::max(next_pose_ + pose_period_, now);
   pose_ = pose;
@@ -186,44 +186,44 @@ void Viewer::show(const PoseMessage& pose, const NearMessage* near, Clock::time_
 void Viewer::write_next() {
   if (writing_ || ending_ || removed_) return;
   if (!answers_.empty()) {
-    text_out_ = std::move(answers_.front());
+    text_in_flight_ = std::move(answers_.front());
     answers_.pop_front();
-    write(text_out_, false);
+    write(text_in_flight_, false);
   } else if (std::exchange(state_due_, false)) {
-    text_out_ = hub_.state_for(*this);
-    write(text_out_, false);
+    text_in_flight_ = hub_.state_for(*this);
+    write(text_in_flight_, false);
   } else if (next_plan()) {
-    write(text_out_, false);
+    write(text_in_flight_, false);
   } else if (!(pose_due_ && pose_is_next_) && next_navigation()) {
     pose_is_next_ = true;
-    write(text_out_, false);
+    write(text_in_flight_, false);
   } else if (!(pose_due_ && pose_is_next_) && next_training()) {
     pose_is_next_ = true;
-    write(text_out_, false);
+    write(text_in_flight_, false);
   } else if (!(pose_due_ && pose_is_next_) && next_sweeps()) {
     pose_is_next_ = true;
-    write(text_out_, false);
-  } else if (!(pose_due_ && pose_is_next_) && next_yield()) {
+    write(text_in_flight_, false);
+  } else if (!(pose_due_ && pose_is_next_) && next_deformation()) {
     pose_is_next_ = true;
-    write(*yield_out_, true);
+    write(*deformation_message_, true);
   } else if (!(pose_due_ && pose_is_next_) && next_ticks()) {
     pose_is_next_ = true;
-    write(bundle_out_, true);
+    write(bundle_in_flight_, true);
   } else if (std::exchange(near_due_, false)) {
-    near_out_ = *near_;
-    write(near_out_.bytes(), true);
+    near_in_flight_ = *near_;
+    write(near_in_flight_.bytes(), true);
   } else if (std::exchange(pose_due_, false)) {
     pose_is_next_ = false;
-    pose_out_ = pose_;
-    write(pose_out_.bytes(), true);
+    pose_in_flight_ = pose_;
+    write(pose_in_flight_.bytes(), true);
   }
 }
 
 // sweeps and poses are sent alternately
 bool Viewer::next_sweeps() {
-  std::string text = welcomed_ ? hub_.sweeps_after(sweeps_had_) : std::string();
+  std::string text = welcomed_ ? hub_.sweeps_after(sweeps_sent_) : std::string();
   if (text.empty()) return false;
-  text_out_ = std::move(text);
+  text_in_flight_ = std::move(text);
   return true;
 }
 
@@ -236,66 +236,68 @@ bool Viewer::next_ticks() {
     ticks_sent_.next = history.count();
     return false;
   }
-  return next_bundle(history, ticks_sent_, hub_.bundle_scratch(), bundle_out_);
+  return next_bundle(history, ticks_sent_, hub_.bundle_scratch(), bundle_in_flight_);
 }
 
 // rarely changes
 bool Viewer::next_plan() {
   if (!welcomed_ || !receives_plan_) return false;
   const auto reported = hub_.published_plan(*this);
-  if (plan_had_ == reported) return false;
-  plan_had_ = reported;
-  if (!plan_had_) return false;
-  text_out_ = *plan_had_;
+  if (plan_sent_ == reported) return false;
+  plan_sent_ = reported;
+  if (!plan_sent_) return false;
+  text_in_flight_ = *plan_sent_;
   return true;
 }
 
 // alternates with poses
 bool Viewer::next_navigation() {
-  if (!welcomed_ || !receives_navigation_ || navigation_had_ == hub_.published_navigation()) return false;
-  navigation_had_ = hub_.published_navigation();
-  text_out_ = *navigation_had_;
+  if (!welcomed_ || !receives_navigation_ || navigation_sent_ == hub_.published_navigation()) return false;
+  navigation_sent_ = hub_.published_navigation();
+  text_in_flight_ = *navigation_sent_;
   return true;
 }
 
 // the debriefing precedes the message that the run is over; alternates with poses
 bool Viewer::next_training() {
   if (!welcomed_ || !receives_training_) return false;
-  if (auto reported = hub_.published_debriefing(*this); debriefing_had_ != reported) {
-    debriefing_had_ = std::move(reported);
-    if (debriefing_had_) {
-      text_out_ = *debriefing_had_;
+  if (auto reported = hub_.published_debriefing(*this); debriefing_sent_ != reported) {
+    debriefing_sent_ = std::move(reported);
+    if (debriefing_sent_) {
+      text_in_flight_ = *debriefing_sent_;
       return true;
     }
   }
   if (!std::exchange(training_due_, false) || hub_.published_training(*this).empty()) return false;
-  text_out_ = hub_.published_training(*this);
+  text_in_flight_ = hub_.published_training(*this);
   return true;
 }
 
 // latest message of one device; alternates with poses
-bool Viewer::next_yield() {
-  if (!welcomed_ || !receives_yields_ || Clock::now() < no_yield_before_) return false;
-  for (std::size_t n = 0; n < yields_had_.size(); ++n) {
-    const std::size_t device = std::exchange(next_yielding_, (next_yielding_ + 1) % kMaxDevices);
+bool Viewer::next_deformation() {
+  if (!welcomed_ || !receives_deformation_ || Clock::now() < no_deformation_before_) return false;
+  for (std::size_t n = 0; n < deformations_sent_.size(); ++n) {
+    const std::size_t device =
+        std::exchange(next_deformed_device_, (next_deformed_device_ + 1) % kMaxDevices);
     // the deformation of tissue reveals its structure
     const bool is_redacted = hub_.redaction_of(*this) != nullptr;
-    if (is_redacted && yields_had_[device] == 0) continue;
-    const PublishedYield published = is_redacted ? message_at_rest(device) : hub_.published_yield(device);
-    const std::uint64_t had = std::exchange(yields_had_[device], published.number);
+    if (is_redacted && deformations_sent_[device] == 0) continue;
+    const PublishedDeformation published =
+        is_redacted ? message_at_rest(device) : hub_.published_deformation(device);
+    const std::uint64_t last_sent = std::exchange(deformations_sent_[device], published.number);
     // a viewer that has received nothing assumes tissue at rest
-    if (had == published.number || (had == 0 && published.rests)) continue;
-    yield_out_ = published.bytes;
-    yield_is_out_ = true;
+    if (last_sent == published.number || (last_sent == 0 && published.rests)) continue;
+    deformation_message_ = published.bytes;
+    deformation_in_flight_ = true;
     return true;
   }
   return false;
 }
 
 // on a slow connection, poses have priority
-void Viewer::defer_yields() {
+void Viewer::defer_deformation() {
   const Clock::time_point now = Clock::now();
-  no_yield_before_ = now + 2 * (now - write_started_);
+  no_deformation_before_ = now + 2 * (now - write_started_);
 }
 
 void Viewer::write(std::string_view bytes, bool binary) {
@@ -304,16 +306,16 @@ void Viewer::write(std::string_view bytes, bool binary) {
   socket_->write(bytes, binary, [self = shared_from_this()](bool ok) {
     self->writing_ = false;
     if (!ok) return self->write_failed();
-    if (std::exchange(self->yield_is_out_, false)) self->defer_yields();
+    if (std::exchange(self->deformation_in_flight_, false)) self->defer_deformation();
     self->write_next();
   });
 }
 
 // a pending read may still receive the viewer's reason for closing: allow it some time
 void Viewer::write_failed() {
-  if (!reading_) return gone();
+  if (!reading_) return remove_from_hub();
   if (std::exchange(ending_, true)) return;
-  end_by_ = Clock::now() + kLeaveWithin;
+  end_by_ = Clock::now() + kCloseTimeout;
 }
 
 // ---- the end
@@ -322,25 +324,25 @@ void Viewer::end(std::uint16_t code, std::string_view fault) {
   if (removed_ || std::exchange(ending_, true)) return;
   if (!fault.empty()) hub_.log().add(peer_, fault);
   // a WebSocket cannot send a close frame before it is open
-  if (!open_) return gone();
-  end_by_ = Clock::now() + kLeaveWithin;
-  socket_->close(code, [self = shared_from_this()] { self->gone(); });
+  if (!open_) return remove_from_hub();
+  end_by_ = Clock::now() + kCloseTimeout;
+  socket_->close(code, [self = shared_from_this()] { self->remove_from_hub(); });
 }
 
 void Viewer::check(Clock::time_point now) {
   if (ending_) {
-    if (now >= end_by_) gone();
+    if (now >= end_by_) remove_from_hub();
   } else if (!welcomed_ && now >= hello_by_) {
     end(kNoHello, "no hello");
-  } else if (writing_ && now >= write_started_ + kReadWithin) {
+  } else if (writing_ && now >= write_started_ + kWriteTimeout) {
     hub_.log().add(peer_, "receives nothing");
-    gone();
+    remove_from_hub();
   } else if (open_) {
     read();
   }
 }
 
-void Viewer::gone() {
+void Viewer::remove_from_hub() {
   if (std::exchange(removed_, true)) return;
   socket_->drop();
   hub_.remove(shared_from_this());

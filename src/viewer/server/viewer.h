@@ -41,9 +41,9 @@ inline constexpr std::uint16_t kGoingAway = 1001, kTryAgainLater = 1013;
 ///    near_        latest distances, the same; sent before the pose of the same tick
 ///    ticks_sent_  position in the session's history; the next bundle is made when it is sent
 ///    training_due_, debriefing_due_  progress of a run, and the last debriefing; the same
-///    plan_had_    text of the plan sent last; the hub has the latest
-///    navigation_had_  text of the tracked tip's error estimate sent last; the same
-///    yields_had_  number of the deformation message sent last, per device; the hub has the latest
+///    plan_sent_    text of the plan sent last; the hub has the latest
+///    navigation_sent_  text of the tracked tip's error estimate sent last; the same
+///    deformations_sent_  number of the deformation message sent last, per device; the hub has the latest
 ///
 /// One write is pending at a time. A viewer that reads slowly therefore only loses its own updates; the
 /// kernel's send buffer of its connection is small, so that what does arrive is recent.
@@ -60,59 +60,60 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   /// Whether a pose is due at this viewer's own rate.
   bool is_due(Clock::time_point now) const;
   /// @param near  distances of the same tick; null: the scene has none
-  void show(const PoseMessage& pose, const NearMessage* near, Clock::time_point now);
-  void show_state();
+  void enqueue_pose(const PoseMessage& pose, const NearMessage* near, Clock::time_point now);
+  void notify_state();
   /// Announces that a new deformation may be available.
-  void show_yields();
+  void notify_deformation();
   /// Announces new progress of a run.
-  void show_training();
+  void notify_training();
   /// Announces a new error estimate of a tracked tip.
-  void show_navigation();
+  void notify_navigation();
   /// Announces a changed plan.
-  void show_plan();
+  void notify_plan();
   /// Queues an answer.
   void send(std::string text);
   /// Closes the connection with a close code, and logs the reason.
   void end(std::uint16_t code, std::string_view fault);
   /// Leaves the hub, with or without a close frame.
-  void gone();
+  void remove_from_hub();
 
   bool welcomed() const { return welcomed_; }
   /// Whether the viewer has not said hello, and still may.
   bool is_silent() const { return !welcomed_ && !ending_ && !removed_; }
   bool is_ending() const { return ending_; }
-  bool receives_yields() const { return receives_yields_ && !ending_; }
+  bool receives_deformation() const { return receives_deformation_ && !ending_; }
   bool receives_training() const { return receives_training_ && !ending_; }
   bool receives_navigation() const { return receives_navigation_ && !ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
   const Who& who() const { return who_; }
   /// Invalidates the received sweeps beyond `count`, after an undo.
-  void truncate_sweeps(std::uint64_t count) { sweeps_had_.count = std::min(sweeps_had_.count, count); }
+  void truncate_sweeps(std::uint64_t count) { sweeps_sent_.count = std::min(sweeps_sent_.count, count); }
   /// Sets the viewer's number, unique within this server.
   void set_number(std::uint32_t number) { number_ = number; }
   ViewerIdentity identity() const {
-    return {number_, may(who_.role, Right::kHand, true), who_.learner, may(who_.role, Right::kLesson, true)};
+    return {number_, may(who_.role, Right::kOperateTool, true), who_.learner,
+            may(who_.role, Right::kLesson, true)};
   }
 
  private:
   void read();
   void read_failed(WebSocket::Read outcome);
-  void take_whole(std::string_view text, WebSocket::Read outcome);
+  void on_message(std::string_view text, WebSocket::Read outcome);
   void take(const std::optional<ViewerMessage>& message);
   void take(const Request& request);
-  void greet(const Hello& hello);
+  void handle_hello(const Hello& hello);
   void write_next();
   bool next_sweeps();
   bool next_ticks();
-  bool next_yield();
+  bool next_deformation();
   bool next_training();
   bool next_plan();
   bool next_navigation();
-  void defer_yields();
+  void defer_deformation();
   /// @param bytes  have to stay valid until the write has finished
   void write(std::string_view bytes, bool binary);
   void write_failed();
-  bool too_many();
+  bool exceeds_rate_limit();
 
   std::shared_ptr<WebSocket> socket_;
   Hub& hub_;
@@ -131,27 +132,28 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::deque<std::string> answers_;
   bool has_dropped_requests_ = false;  // has ignored requests for want of room for answers
   bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
-  SentSweeps sweeps_had_;
-  bool receives_yields_ = false, yield_is_out_ = false;
-  std::array<std::uint64_t, kMaxDevices> yields_had_{};  ///< PublishedYield::number; 0: none shown
-  std::size_t next_yielding_ = 0;                        ///< next device in round-robin order
-  Clock::time_point no_yield_before_{};
-  std::shared_ptr<const std::string> yield_out_;
+  SentSweeps sweeps_sent_;
+  bool receives_deformation_ = false, deformation_in_flight_ = false;
+  std::array<std::uint64_t, kMaxDevices>
+      deformations_sent_{};               ///< PublishedDeformation::number; 0: none shown
+  std::size_t next_deformed_device_ = 0;  ///< next device in round-robin order
+  Clock::time_point no_deformation_before_{};
+  std::shared_ptr<const std::string> deformation_message_;
   bool receives_plan_ = false;
-  std::shared_ptr<const std::string> plan_had_;
+  std::shared_ptr<const std::string> plan_sent_;
   bool receives_navigation_ = false;
-  std::shared_ptr<const std::string> navigation_had_;
+  std::shared_ptr<const std::string> navigation_sent_;
   bool receives_training_ = false, training_due_ = false;
-  std::shared_ptr<const std::string> debriefing_had_;
+  std::shared_ptr<const std::string> debriefing_sent_;
   std::uint64_t sequence_ = 0;
-  PoseMessage pose_, pose_out_;
+  PoseMessage pose_, pose_in_flight_;
   bool receives_near_ = false, near_due_ = false;
   std::optional<NearMessage> near_;
-  NearMessage near_out_;
+  NearMessage near_in_flight_;
   bool receives_ticks_ = false, ticks_due_ = false;
   SentTicks ticks_sent_;
-  std::string bundle_out_;
-  std::string text_out_;
+  std::string bundle_in_flight_;
+  std::string text_in_flight_;
 };
 
 }  // namespace palpate::server

@@ -16,14 +16,14 @@ namespace {
 constexpr int kSameSteps = 2;
 
 // whether the grid is valid and has a displacement per node
-bool is_grid(const ViewedYield& yield) {
+bool is_grid(const ViewedDeformation& yield) {
   std::size_t nodes = 1;
   for (const int along : yield.nodes) {
-    if (along < 2 || along > YieldMessage::kMaxNodes_axis) return false;
+    if (along < 2 || along > DeformationMessage::kMaxNodes_axis) return false;
     nodes *= static_cast<std::size_t>(along);
   }
   const auto finite = [](double value) { return std::isfinite(value); };
-  return nodes <= YieldMessage::kMaxNodes && yield.moved_mm.size() == 3 * nodes &&
+  return nodes <= DeformationMessage::kMaxNodes && yield.moved_mm.size() == 3 * nodes &&
          std::all_of(yield.moved_mm.begin(), yield.moved_mm.end(), finite) &&
          std::all_of(yield.first_patient_mm.begin(), yield.first_patient_mm.end(), finite) &&
          std::all_of(yield.axes.begin(), yield.axes.end(), finite) && finite(yield.spacing_mm) &&
@@ -32,7 +32,7 @@ bool is_grid(const ViewedYield& yield) {
 
 }  // namespace
 
-YieldMessage::YieldMessage(std::size_t device, const ViewedYield* yield)
+DeformationMessage::DeformationMessage(std::size_t device, const ViewedDeformation* yield)
     : device_(static_cast<std::uint16_t>(device)) {
   if (yield == nullptr) return;
   frame_ = yield->frame;
@@ -44,7 +44,7 @@ YieldMessage::YieldMessage(std::size_t device, const ViewedYield* yield)
 }
 
 // returns false if no node has to be sent
-bool YieldMessage::take(const ViewedYield& yield) {
+bool DeformationMessage::take(const ViewedDeformation& yield) {
   const int width = yield.nodes[0], height = yield.nodes[1], depth = yield.nodes[2];
   const auto at = [&](int i, int j, int k) {
     return &yield.moved_mm[3 * (static_cast<std::size_t>(i) +
@@ -81,7 +81,7 @@ bool YieldMessage::take(const ViewedYield& yield) {
   return true;
 }
 
-bool YieldMessage::is_indistinguishable_from(const YieldMessage& other) const {
+bool DeformationMessage::is_indistinguishable_from(const DeformationMessage& other) const {
   if (rests() && other.rests()) return true;
   return nodes_ == other.nodes_ && first_mm_ == other.first_mm_ && axes_ == other.axes_ &&
          spacing_mm_ == other.spacing_mm_ && step_mm_ == other.step_mm_ && lo_ == other.lo_ &&
@@ -90,7 +90,7 @@ bool YieldMessage::is_indistinguishable_from(const YieldMessage& other) const {
                     [](int one, int another) { return std::abs(one - another) <= kSameSteps; });
 }
 
-std::string YieldMessage::bytes() const {
+std::string DeformationMessage::bytes() const {
   std::string bytes(kHead_bytes + 2 * steps_.size(), '\0');
   WireWriter out(bytes.data());
   for (const char c : std::string_view("PLPY")) out.whole(static_cast<std::uint8_t>(c));

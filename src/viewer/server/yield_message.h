@@ -13,7 +13,7 @@ namespace palpate::server {
 
 /// Binary message with the deformation around a device's tool, in the layout of
 /// docs/reference/viewer-messages.md: the bounding box of the displaced nodes, quantised to integer steps.
-class YieldMessage {
+class DeformationMessage {
  public:
   static constexpr std::size_t kHead_bytes = 96;
   /// Limits of a grid, per axis and in total; larger grids are not sent.
@@ -25,16 +25,16 @@ class YieldMessage {
   static constexpr float kStep_mm = 0.001f;
 
   /// @param yield  null: no deformation; equivalent to a field none of whose nodes has to be sent
-  YieldMessage(std::size_t device, const ViewedYield* yield);
+  DeformationMessage(std::size_t device, const ViewedDeformation* yield);
 
   /// Whether there is no deformation.
   bool rests() const { return steps_.empty(); }
   /// Whether the two messages are visually indistinguishable.
-  bool is_indistinguishable_from(const YieldMessage& other) const;
+  bool is_indistinguishable_from(const DeformationMessage& other) const;
   std::string bytes() const;
 
  private:
-  bool take(const ViewedYield& yield);
+  bool take(const ViewedDeformation& yield);
 
   std::uint16_t device_;
   std::uint32_t frame_ = 0;
@@ -48,7 +48,7 @@ class YieldMessage {
 };
 
 /// Latest deformation message of one device, shared by the viewers.
-struct PublishedYield {
+struct PublishedDeformation {
   std::uint64_t number = 0;  ///< Changes with each message; 0: none yet
   bool rests = true;
   std::shared_ptr<const std::string> bytes;

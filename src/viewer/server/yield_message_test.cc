@@ -23,8 +23,8 @@ using palpate::testing::TestServer;
 using palpate::testing::TestViewer;
 
 // grid at rest except for a box, each node of which has a distinct displacement
-ViewedYield yield_of(std::array<int, 3> nodes, std::array<int, 3> lo, std::array<int, 3> size) {
-  ViewedYield yield;
+ViewedDeformation deformation_of(std::array<int, 3> nodes, std::array<int, 3> lo, std::array<int, 3> size) {
+  ViewedDeformation yield;
   yield.frame = 77;
   yield.nodes = nodes;
   yield.first_patient_mm = {-10.5, 20.25, 30};
@@ -46,9 +46,9 @@ std::array<int, 3> three(std::string_view bytes, std::size_t at) {
 }
 
 // every offset as in the document
-TEST(YieldMessage, StandsWhereTheDocumentSays) {
-  const ViewedYield yield = yield_of({6, 5, 4}, {1, 2, 1}, {3, 2, 2});
-  const YieldMessage message(2, &yield);
+TEST(DeformationMessage, StandsWhereTheDocumentSays) {
+  const ViewedDeformation yield = deformation_of({6, 5, 4}, {1, 2, 1}, {3, 2, 2});
+  const DeformationMessage message(2, &yield);
   EXPECT_FALSE(message.rests());
   const std::string bytes = message.bytes();
   ASSERT_EQ(bytes.size(), 96u + 2 * 3 * 12);
@@ -76,54 +76,54 @@ TEST(YieldMessage, StandsWhereTheDocumentSays) {
                       yield.moved_mm[3 * static_cast<std::size_t>(i + 6 * (j + 5 * k)) + c], 0.0006);
 }
 
-TEST(YieldMessage, WhatIsFarMovedHasWiderSteps) {
-  ViewedYield yield = yield_of({3, 3, 3}, {1, 1, 1}, {1, 1, 1});
+TEST(DeformationMessage, WhatIsFarMovedHasWiderSteps) {
+  ViewedDeformation yield = deformation_of({3, 3, 3}, {1, 1, 1}, {1, 1, 1});
   yield.moved_mm[3 * 13] = -120;
-  const std::string bytes = YieldMessage(0, &yield).bytes();
+  const std::string bytes = DeformationMessage(0, &yield).bytes();
   EXPECT_EQ(number_at<std::int16_t>(bytes, 96), -32767);
   EXPECT_NEAR(number_at<std::int16_t>(bytes, 96) * number_at<float>(bytes, 88), -120, 0.002);
 }
 
-TEST(YieldMessage, WhatIsNoGridOrMovesNothingIsAtRest) {
-  const ViewedYield fine = yield_of({4, 4, 4}, {1, 1, 1}, {2, 2, 2});
-  const std::string rest = YieldMessage(1, nullptr).bytes();
+TEST(DeformationMessage, WhatIsNoGridOrMovesNothingIsAtRest) {
+  const ViewedDeformation fine = deformation_of({4, 4, 4}, {1, 1, 1}, {2, 2, 2});
+  const std::string rest = DeformationMessage(1, nullptr).bytes();
   ASSERT_EQ(rest.size(), 96u);
   EXPECT_EQ(three(rest, 16), (std::array{0, 0, 0}));
   EXPECT_EQ(three(rest, 28), (std::array{0, 0, 0}));
   const auto expect_rest = [&](auto&& change) {
-    ViewedYield yield = fine;
+    ViewedDeformation yield = fine;
     change(yield);
-    const YieldMessage message(1, &yield);
+    const DeformationMessage message(1, &yield);
     EXPECT_TRUE(message.rests());
     EXPECT_EQ(message.bytes().size(), 96u);
-    EXPECT_TRUE(message.is_indistinguishable_from(YieldMessage(1, nullptr)));
+    EXPECT_TRUE(message.is_indistinguishable_from(DeformationMessage(1, nullptr)));
   };
-  expect_rest([](ViewedYield& yield) { yield.moved_mm.assign(yield.moved_mm.size(), 0.004f); });
-  expect_rest([](ViewedYield& yield) { yield.moved_mm.pop_back(); });
-  expect_rest([](ViewedYield& yield) { yield.moved_mm[5] = std::numeric_limits<float>::quiet_NaN(); });
-  expect_rest([](ViewedYield& yield) { yield.moved_mm[5] = std::numeric_limits<float>::infinity(); });
-  expect_rest([](ViewedYield& yield) { yield.first_patient_mm[1] = kNotKnown; });
-  expect_rest([](ViewedYield& yield) { yield.axes[4] = kNotKnown; });
-  expect_rest([](ViewedYield& yield) { yield.spacing_mm = 0; });
-  expect_rest([](ViewedYield& yield) { yield.nodes = {1, 8, 8}; });
-  expect_rest([](ViewedYield& yield) { yield = yield_of({65, 2, 2}, {1, 1, 1}, {1, 1, 1}); });
-  expect_rest([](ViewedYield& yield) { yield = yield_of({33, 32, 32}, {1, 1, 1}, {1, 1, 1}); });
-  const ViewedYield largest = yield_of({32, 32, 32}, {0, 0, 0}, {32, 32, 32});
-  EXPECT_EQ(YieldMessage(0, &largest).bytes().size(), 96u + 6 * 32768);
+  expect_rest([](ViewedDeformation& yield) { yield.moved_mm.assign(yield.moved_mm.size(), 0.004f); });
+  expect_rest([](ViewedDeformation& yield) { yield.moved_mm.pop_back(); });
+  expect_rest([](ViewedDeformation& yield) { yield.moved_mm[5] = std::numeric_limits<float>::quiet_NaN(); });
+  expect_rest([](ViewedDeformation& yield) { yield.moved_mm[5] = std::numeric_limits<float>::infinity(); });
+  expect_rest([](ViewedDeformation& yield) { yield.first_patient_mm[1] = kNotKnown; });
+  expect_rest([](ViewedDeformation& yield) { yield.axes[4] = kNotKnown; });
+  expect_rest([](ViewedDeformation& yield) { yield.spacing_mm = 0; });
+  expect_rest([](ViewedDeformation& yield) { yield.nodes = {1, 8, 8}; });
+  expect_rest([](ViewedDeformation& yield) { yield = deformation_of({65, 2, 2}, {1, 1, 1}, {1, 1, 1}); });
+  expect_rest([](ViewedDeformation& yield) { yield = deformation_of({33, 32, 32}, {1, 1, 1}, {1, 1, 1}); });
+  const ViewedDeformation largest = deformation_of({32, 32, 32}, {0, 0, 0}, {32, 32, 32});
+  EXPECT_EQ(DeformationMessage(0, &largest).bytes().size(), 96u + 6 * 32768);
 }
 
-TEST(YieldMessage, WhatTremblesLooksLikeBefore) {
-  const ViewedYield before = yield_of({4, 4, 4}, {1, 1, 1}, {2, 2, 2});
-  ViewedYield now = before;
+TEST(DeformationMessage, WhatTremblesLooksLikeBefore) {
+  const ViewedDeformation before = deformation_of({4, 4, 4}, {1, 1, 1}, {2, 2, 2});
+  ViewedDeformation now = before;
   now.frame = 78;
   now.moved_mm[3 * 21] += 0.0015f;
-  EXPECT_TRUE(YieldMessage(0, &now).is_indistinguishable_from(YieldMessage(0, &before)));
+  EXPECT_TRUE(DeformationMessage(0, &now).is_indistinguishable_from(DeformationMessage(0, &before)));
   now.moved_mm[3 * 21] += 0.01f;
-  EXPECT_FALSE(YieldMessage(0, &now).is_indistinguishable_from(YieldMessage(0, &before)));
+  EXPECT_FALSE(DeformationMessage(0, &now).is_indistinguishable_from(DeformationMessage(0, &before)));
   now = before;
   now.first_patient_mm[2] += 2.5;
-  EXPECT_FALSE(YieldMessage(0, &now).is_indistinguishable_from(YieldMessage(0, &before)));
-  EXPECT_FALSE(YieldMessage(0, nullptr).is_indistinguishable_from(YieldMessage(0, &before)));
+  EXPECT_FALSE(DeformationMessage(0, &now).is_indistinguishable_from(DeformationMessage(0, &before)));
+  EXPECT_FALSE(DeformationMessage(0, nullptr).is_indistinguishable_from(DeformationMessage(0, &before)));
 }
 
 // Next deformation message, skipping poses and texts; empty if there is none within `poses` poses.
@@ -135,35 +135,35 @@ std::string yield_message(TestViewer& viewer, int poses = 1000) {
   return "";
 }
 
-std::shared_ptr<const ViewedYield> shared(ViewedYield yield) {
-  return std::make_shared<const ViewedYield>(std::move(yield));
+std::shared_ptr<const ViewedDeformation> shared(ViewedDeformation yield) {
+  return std::make_shared<const ViewedDeformation>(std::move(yield));
 }
 
 TEST(Viewer, HowTissueYieldsComesWhereItIsAnotherWayAndToOneThatComesLate) {
   TestServer test;
-  const ViewedYield pressed = yield_of({4, 4, 4}, {1, 1, 1}, {2, 2, 2});
+  const ViewedDeformation pressed = deformation_of({4, 4, 4}, {1, 1, 1}, {2, 2, 2});
   TestViewer first(test.port()), other(test.port());
   other.greet({{"poses_hz", 120}});
   EXPECT_EQ(yield_message(other, 10), "");
-  EXPECT_EQ(test.host.yields_requested, 0) << "nobody wants it";
+  EXPECT_EQ(test.host.deformation_requested, 0) << "nobody wants it";
   first.greet({{"poses_hz", 120}, {"yielded", true}});
   EXPECT_EQ(yield_message(first, 30), "") << "nothing has yielded";
   test.host.yield(1, shared(pressed));
-  EXPECT_EQ(yield_message(first), YieldMessage(1, &pressed).bytes());
+  EXPECT_EQ(yield_message(first), DeformationMessage(1, &pressed).bytes());
   // the same deformation in another frame
-  ViewedYield again = pressed;
+  ViewedDeformation again = pressed;
   again.frame = 78;
   test.host.yield(1, shared(again));
   EXPECT_EQ(yield_message(first, 30), "");
   TestViewer late(test.port());
   late.greet({{"poses_hz", 120}, {"yielded", true}});
-  EXPECT_EQ(yield_message(late), YieldMessage(1, &pressed).bytes());
+  EXPECT_EQ(yield_message(late), DeformationMessage(1, &pressed).bytes());
   EXPECT_EQ(yield_message(late, 30), "");
   // both devices, then none
   test.host.yield(0, shared(again));
-  EXPECT_EQ(yield_message(late), YieldMessage(0, &again).bytes());
+  EXPECT_EQ(yield_message(late), DeformationMessage(0, &again).bytes());
   test.host.yield(1, nullptr);
-  EXPECT_EQ(yield_message(late), YieldMessage(1, nullptr).bytes());
+  EXPECT_EQ(yield_message(late), DeformationMessage(1, nullptr).bytes());
   EXPECT_EQ(yield_message(other, 10), "") << "one that did not ask";
 }
 
@@ -173,7 +173,7 @@ TEST(Viewer, ASlowViewerIsToldOfTheNewestTissue) {
   TestViewer slow(test.port(), "", false, 4096), other(test.port());
   for (TestViewer* viewer : {&slow, &other}) viewer->greet({{"yielded", true}});
   // more than the kernel's buffers hold
-  ViewedYield yield = yield_of({20, 20, 20}, {0, 0, 0}, {20, 20, 20});
+  ViewedDeformation yield = deformation_of({20, 20, 20}, {0, 0, 0}, {20, 20, 20});
   constexpr int kReported = 6;
   for (int n = 0; n < kReported; ++n) {
     yield.frame = static_cast<std::uint32_t>(n);

@@ -4,7 +4,7 @@ import { complain } from "../base/announce.js";
 import type { Vec3 } from "../base/geometry.js";
 import { Displacement } from "../drawing/displacement.js";
 import type { Scene, Sweep } from "../protocol/messages.js";
-import type { Nodes, Yield } from "../protocol/yields.js";
+import type { Nodes, DeformationMessage } from "../protocol/yields.js";
 import type { AnySlicer } from "../section/slicer.js";
 import type { Session } from "../state/session.js";
 import type { Concealed } from "../training/quiz.js";
@@ -29,7 +29,7 @@ export class VoxelChanges {
   );
   // reports that are not applied yet
   private sweeps: [first: number, sweeps: Sweep[]][] = [];
-  private yields: Yield[] = [];
+  private yields: DeformationMessage[] = [];
   private displacement: Displacement | null = null; // as displayed
   private isDeformationDue = false; // deformation has changed since it was last displayed
   private isDeforming = false; // the volume's renderer is receiving a deformation
@@ -116,7 +116,7 @@ export class VoxelChanges {
 
   // ---- deformation
 
-  addYield(received: Yield): void {
+  addDeformation(received: DeformationMessage): void {
     this.yields.push(received);
     this.isDeformationDue = true;
   }

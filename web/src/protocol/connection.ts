@@ -1,9 +1,20 @@
 // WebSocket connection: reconnects with exponential backoff, holds the age of the latest pose.
 
 import { batch, signal } from "@preact/signals-core";
-import type { Refusal, Request, Right, Role, State, Plan, Tracked, Sweep, Debriefing, TaskRun } from "./messages.js";
+import type {
+  Refusal,
+  Request,
+  Right,
+  Role,
+  State,
+  Plan,
+  Tracked,
+  Sweep,
+  Debriefing,
+  TaskProgress,
+} from "./messages.js";
 import { decodeNear, isNear, type Near } from "./near.js";
-import { decodeYield, isYield, type Yield } from "./yields.js";
+import { decodeDeformation, isDeformation, type DeformationMessage } from "./yields.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
 import { transport, type Socket } from "./transport.js";
 import { words } from "../words/words.js";
@@ -45,7 +56,7 @@ export interface Listener {
   /** Burr sweeps, which replace all from number `first` on. */
   onCut(first: number, sweeps: Sweep[]): void;
   /** Deformation of tissue around a device; reported in full on each connection. */
-  onYield(received: Yield): void;
+  onDeformation(received: DeformationMessage): void;
   /** Distances of each tool, sent before the first pose that they apply to; reported again on each connection. */
   onNear(near: Near[]): void;
   /** The plan; reported again on each connection. */
@@ -53,7 +64,7 @@ export interface Listener {
   /** Registration error of a tracked tool; reported again on each connection. */
   onTracked(tracked: Tracked): void;
   /** Progress of a run of a task. */
-  onTask(run: TaskRun): void;
+  onTask(run: TaskProgress): void;
   /** Results of a finished run. */
   onDebriefing(debriefing: Debriefing): void;
 }
@@ -200,7 +211,7 @@ export class Connection {
     if (typeof data !== "string") {
       try {
         if (isNear(data)) return this.listener.onNear(decodeNear(data));
-        if (isYield(data)) return this.listener.onYield(decodeYield(data));
+        if (isDeformation(data)) return this.listener.onDeformation(decodeDeformation(data));
         const pose = decodePose(data);
         this.poseAt_ms = this.heard_ms;
         // a reset on welcome would retry a server with undecodable poses four times a second
@@ -240,7 +251,7 @@ export class Connection {
         this.listener.onTracked(message as Tracked);
         break;
       case "task":
-        this.listener.onTask(message as TaskRun);
+        this.listener.onTask(message as TaskProgress);
         break;
       case "debriefing":
         this.listener.onDebriefing(message as Debriefing);

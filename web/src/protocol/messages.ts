@@ -269,7 +269,7 @@ export interface TaskEvent {
   force_N: number;
 }
 /** Progress of a run of a task. */
-export interface TaskRun {
+export interface TaskProgress {
   phase: "none" | "running" | "keeping" | "over";
   run: number;
   task: string | null;

@@ -19,7 +19,7 @@ export interface Nodes {
 }
 
 /** Displacements of material points around one device's tool, at nodes in the undeformed configuration. */
-export interface Yield {
+export interface DeformationMessage {
   device: number;
   frame: number; // number of the solver frame
   nodes: Nodes | null; // null: no deformation
@@ -27,15 +27,15 @@ export interface Yield {
 }
 
 /** Whether a binary message reports deformation, not a pose. */
-export const isYield = (message: ArrayBuffer): boolean =>
+export const isDeformation = (message: ArrayBuffer): boolean =>
   message.byteLength >= 4 && new DataView(message).getUint32(0, true) === MAGIC;
 
 /** @throws WireError for anything but a complete message of this version */
-export function decodeYield(message: ArrayBuffer): Yield {
+export function decodeDeformation(message: ArrayBuffer): DeformationMessage {
   const refuse = (): never => {
-    throw new WireError(words.noYield(String(message.byteLength)));
+    throw new WireError(words.noDeformation(String(message.byteLength)));
   };
-  if (message.byteLength < HEAD_BYTES || !isYield(message)) refuse();
+  if (message.byteLength < HEAD_BYTES || !isDeformation(message)) refuse();
   const view = new DataView(message);
   if (view.getUint16(4, true) !== PROTOCOL) throw new WireVersion(words.someOtherVersion(String(PROTOCOL)));
   const three = (at: number, read: (at: number) => number, bytes: number) =>

@@ -2,7 +2,7 @@
 // inverse, from displayed positions to positions at rest, which is computed here.
 
 import { apply, column, invert, type Affine, type Vec3 } from "../base/geometry.js";
-import type { Nodes, Yield } from "../protocol/yields.js";
+import type { Nodes, DeformationMessage } from "../protocol/yields.js";
 
 /** Number of nodes beyond a grid over which the displacement at its border fades to zero. */
 const FADES_OVER = 3;
@@ -123,10 +123,10 @@ class Field {
 
 /** Deformation by all devices, from the latest report of each. */
 export class Deformation {
-  private readonly latest: (Yield | undefined)[] = [];
+  private readonly latest: (DeformationMessage | undefined)[] = [];
   private seen: Field[] = []; // fields of the latest call of displaced()
 
-  receive(received: Yield): void {
+  receive(received: DeformationMessage): void {
     this.latest[received.device] = received;
   }
   /** Discards everything; each connection reports again in full. */

@@ -2,7 +2,7 @@
 // both. Panels and pictures follow by reading it.
 
 import { batch, computed, effect, signal, untracked, type Signal } from "@preact/signals-core";
-import type { Debriefing, DeviceTool, Scene, State, TaskRun, Tracked } from "../protocol/messages.js";
+import type { Debriefing, DeviceTool, Scene, State, TaskProgress, Tracked } from "../protocol/messages.js";
 import { add, rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "../base/geometry.js";
 import { store, recall, recallScene } from "./local_storage.js";
 import type { Near, NearStructure } from "../protocol/near.js";
@@ -75,7 +75,7 @@ export class Session {
   readonly age_ms = signal(Infinity);
   readonly near = signal<Near[]>([]); // indexed by device number; empty: not reported
   readonly tracked = signal<Tracked | null>(null); // registration error of a tracked tool; null: no such tool
-  readonly run = signal<TaskRun | null>(null); // progress of the latest run of a task
+  readonly run = signal<TaskProgress | null>(null); // progress of the latest run of a task
   readonly debriefing = signal<Debriefing | null>(null); // results of the latest run
 
   // ---- display

@@ -9,7 +9,7 @@ import type {
   TaskEvent,
   TaskForce,
   TaskMetric,
-  TaskRun,
+  TaskProgress,
   TaskScope,
   TaskStep,
 } from "../protocol/messages.js";
@@ -42,7 +42,7 @@ export class Training {
   private readonly closedRun = signal(0); // number of the run whose results were closed
   private readonly viewedStep = signal(-1); // step whose region the camera shows; -1: none
   private shownTasks = ""; // key of the tasks in the menu
-  private before: TaskRun | null = null; // report before the current one
+  private before: TaskProgress | null = null; // report before the current one
   private announcedEvents = 0; // number of events of the run that were announced
   private liveRun = 0;
   private warning = { text: "", until_ms: -Infinity };
@@ -83,7 +83,7 @@ export class Training {
     session.onFigures(() => this.draw());
   }
 
-  get run(): TaskRun | null {
+  get run(): TaskProgress | null {
     return this.session.run.value;
   }
   get debriefing(): Debriefing | null {
@@ -127,7 +127,7 @@ export class Training {
     byId<HTMLSelectElement>("task").value = this.task?.name ?? "";
   }
   /** Takes over a report of a run; null: another connection, whose session may count runs from 1 again. */
-  private publish(run: TaskRun | null): void {
+  private publish(run: TaskProgress | null): void {
     const { before } = this;
     this.before = run;
     if (!run) return this.beginAnew();
@@ -272,9 +272,9 @@ export class Training {
     const isOthersTurn = session.state.value?.lesson.of_another === true;
     const isAllowed = connection.allows("hand") && !isOthersTurn;
     // whoever leads a lesson needs no control of the device
-    const isOthers = session.state.value?.pointer_by === "viewer" && !connection.allows("lesson");
+    const isTipHeldByOther = session.state.value?.pointer_by === "viewer" && !connection.allows("lesson");
     for (const id of ["task-begin", "task-end", "task-again"])
-      byId<HTMLButtonElement>(id).disabled = !isAllowed || isOthers || this.run?.phase === "keeping";
+      byId<HTMLButtonElement>(id).disabled = !isAllowed || isTipHeldByOther || this.run?.phase === "keeping";
     const areRunsSaved = connection.allows("own_runs") || this.run?.keeps === true;
     const note = this.isPlayed
       ? words.taskPlayed
@@ -282,7 +282,7 @@ export class Training {
         ? words.taskWatch
         : isOthersTurn
           ? words.lessonOfAnother
-          : isOthers
+          : isTipHeldByOther
             ? words.taskOthers
             : areRunsSaved
               ? words.taskStored
@@ -467,7 +467,7 @@ export class Training {
     }
   }
 
-  private showRun(task: Task, run: TaskRun): void {
+  private showRun(task: Task, run: TaskProgress): void {
     const remaining =
       task.time_limit_s === null ? "" : ` · ${words.timeLeft(seconds(Math.max(0, task.time_limit_s - run.time_s)))}`;
     write(
@@ -496,7 +496,7 @@ export class Training {
       bar.setAttribute("aria-valuetext", said.textContent ?? "");
     });
   }
-  private warningOf(task: Task, run: TaskRun): string[] {
+  private warningOf(task: Task, run: TaskProgress): string[] {
     const over = task.forces.flatMap(({ labels, limit_N }, n) =>
       limit_N !== null && (run.forces_N[n] ?? 0) > limit_N
         ? [words.isOver(this.namesOf(labels), quantity(limit_N, "N"))]

@@ -323,20 +323,20 @@ export class VolumeRenderer {
 
   /**
    * Requests a picture.
-   * @param isYielding  the picture is dropped if another one is requested before it is complete
+   * @param isDeformed  the picture is dropped if another one is requested before it is complete
    * @returns null if it was dropped or the context was lost
    */
-  draw(view: View, isYielding: boolean): Promise<Drawn | null> {
+  draw(view: View, isDeformed: boolean): Promise<Drawn | null> {
     const id = this.nextId++;
     if (this.isDead) return Promise.resolve(null);
     return new Promise((done) => {
       const isDrawn = (drawn: Drawn | null) => {
-        if (isYielding) this.givingWay -= 1;
+        if (isDeformed) this.givingWay -= 1;
         done(drawn);
       };
-      if (isYielding) this.givingWay += 1;
+      if (isDeformed) this.givingWay += 1;
       this.drawings.set(id, { view, done: isDrawn });
-      this.post({ type: "draw", id, view, isYielding });
+      this.post({ type: "draw", id, view, isDeformed });
     });
   }
 

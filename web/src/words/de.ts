@@ -57,7 +57,7 @@ export const de: Words = {
   shortPose: (bytes) => `unvollständige Posennachricht mit ${bytes} Bytes`,
   noPose: "keine Posennachricht: Sie beginnt nicht mit PLPT",
   noNear: (bytes) => `unvollständige Nachricht über Abstände, ${bytes} Bytes`,
-  noYield: (bytes) => `unvollständige Nachricht über Gewebeverformung, ${bytes} Bytes`,
+  noDeformation: (bytes) => `unvollständige Nachricht über Gewebeverformung, ${bytes} Bytes`,
   parts: {
     language: "Sprache",
     training: "Aufgaben",

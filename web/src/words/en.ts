@@ -55,7 +55,7 @@ export const en = {
   shortPose: (bytes: string) => `truncated pose message of ${bytes} bytes`,
   noPose: "not a pose message: it does not begin with PLPT",
   noNear: (bytes: string) => `incomplete message of distances, ${bytes} bytes`,
-  noYield: (bytes: string) => `incomplete message of tissue deformation, ${bytes} bytes`,
+  noDeformation: (bytes: string) => `incomplete message of tissue deformation, ${bytes} bytes`,
   parts: {
     language: "language",
     training: "tasks",
