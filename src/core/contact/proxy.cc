@@ -472,7 +472,7 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   }
   layer.punctured = still_open(surfaces, spheres, tick.hand, layer);
 
-  // attitude
+  // rotation
   const Eigen::Quaterniond attitude_before = layer.attitude;
   const Vector<Patient> tip_moved = tick.tip_moved();
   result.spring.last_spring_mm = (layer.position - (tip - tip_moved)) * layer.stretch_fraction;

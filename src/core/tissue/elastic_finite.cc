@@ -70,14 +70,14 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
   for (std::size_t n = 0; n < u.size(); ++n)
     if (k.free(n)) load += static_cast<double>(force_N.values[n]) * force_N.values[n];
   double scale = std::sqrt(load) + s.constrained_norm(displacement_mm);
-  const auto part = [&] {
+  const auto relative_residual = [&] {
     const double norm = std::sqrt(dot(s.r, s.r));
     return scale > 0 ? norm / scale : norm;
   };
 
   solution.min_volume = update_residual(u);
   scale += constraints.norm(s.q);
-  solution.residual = part();
+  solution.residual = relative_residual();
   while (solution.residual > settings.tolerance && solution.steps < settings.max_steps) {
     // Solves T step = r by conjugate gradients, truncated where the tangent T is not positive definite.
     std::fill(s.step.begin(), s.step.end(), 0.0f);
@@ -126,7 +126,7 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
     }
     u = s.tried;
     solution.min_volume = least;
-    solution.residual = part();
+    solution.residual = relative_residual();
     ++solution.steps;
   }
   solution.converged = solution.residual <= settings.tolerance;

@@ -94,23 +94,23 @@ ElasticCell ElasticGrid::cell(int i, int j, int k) const {
 }
 
 bool ElasticGrid::set_cells(const CellBox& cells, const std::function<ElasticCell(int, int, int)>& made) {
-  bool other = false;
+  bool topology_changed = false;
   for_each_cell(cells, [&](int i, int j, int k) {
     const ElasticCell cell = made(i, j, k);
     const std::size_t n = layout_.cell(i, j, k);
-    other = other || (cell.mu > 0) != (mu_[n] > 0);
+    topology_changed = topology_changed || (cell.mu > 0) != (mu_[n] > 0);
     fill_[n] = cell.fill;
     mu_[n] = cell.mu;
     lambda_[n] = cell.lambda;
     stiffening_[n] = cell.stiffening;
   });
   set_springs(cells);
-  return set_nodes(cells) || other;
+  return set_nodes(cells) || topology_changed;
 }
 
 // a node is held if any of its cells is rigid, and exists if any is soft
 bool ElasticGrid::set_nodes(const CellBox& cells) {
-  bool other = false;
+  bool topology_changed = false;
   for_each_node(cells, [&](int i, int j, int k) {
     std::uint8_t bits = kNoNode;
     for_each_corner(i - 1, j - 1, k - 1, [&](int a, int b, int c) {
@@ -120,10 +120,10 @@ bool ElasticGrid::set_nodes(const CellBox& cells) {
       if (mu_[n] == 0 && fill_[n] > 0) bits |= kFixed;
     });
     std::uint8_t& constraints = constraints_[node_number(i, j, k)];
-    other = other || constraints != bits;
+    topology_changed = topology_changed || constraints != bits;
     constraints = bits;
   });
-  return other;
+  return topology_changed;
 }
 
 ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int samples) : ElasticGrid(box) {
@@ -134,16 +134,18 @@ ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int 
       return material(box.patient((Eigen::Vector3d(i, j, k) + Eigen::Vector3d(x, y, z)) * box.cell_mm));
     };
     const ElasticMaterial middle = at(0.5, 0.5, 0.5);
-    bool alike = true;
-    for (int corner = 0; corner < 8 && alike; ++corner) {
+    bool is_uniform = true;
+    for (int corner = 0; corner < 8 && is_uniform; ++corner) {
       // inside the cell, not on its boundary
       const auto end = [corner](int axis) { return (corner >> axis & 1) != 0 ? 0.999 : 0.001; };
-      alike = at(end(0), end(1), end(2)) == middle;
+      is_uniform = at(end(0), end(1), end(2)) == middle;
     }
-    const int along = alike ? 1 : samples;
-    for_each_cell({{0, 0, 0}, {along, along, along}}, [&](int a, int b, int c) {
-      const ElasticMaterial here =
-          alike ? middle : at((a + 0.5) / along, (b + 0.5) / along, (c + 0.5) / along);
+    const int samples_per_axis = is_uniform ? 1 : samples;
+    for_each_cell({{0, 0, 0}, {samples_per_axis, samples_per_axis, samples_per_axis}}, [&](int a, int b,
+                                                                                           int c) {
+      const ElasticMaterial here = is_uniform ? middle
+                                              : at((a + 0.5) / samples_per_axis, (b + 0.5) / samples_per_axis,
+                                                   (c + 0.5) / samples_per_axis);
       PALPATE_CHECK(check_elastic_material(here).ok());
       mixture.add(here);
     });

@@ -253,36 +253,37 @@ void neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base, c
   const D d;
   const std::size_t row = static_cast<std::size_t>(cells.layout.row);
   const V per_edge = hn::Set(d, 1 / (4 * cell_mm)), one = hn::Set(d, 1.0f);
-  for_each_vector(
-      cells, displacement, force,
-      [&](const NodeRows& rows, std::size_t i, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
-        V base_x[8], base_y[8], base_z[8];
-        transform(base, rows, i, base_x);
-        transform(base, rows, row + i, base_y);
-        transform(base, rows, 2 * row + i, base_z);
-        const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell);
-        const Matrix f = deformation(base_x, base_y, base_z, per_edge), c = cofactors(f);
-        const V bulk = hn::Add(lambda, mu);
-        const V s = hn::Sub(hn::Mul(bulk, hn::Sub(determinant(f, c), one)), mu);
-        Matrix g;
-        V change = hn::Zero(d);
-        V* const component[3] = {x, y, z};
-        for (int a = 0; a < 3; ++a)
-          for (int n = 0; n < 3; ++n) {
-            g.at[a][n] = component[n][1 << a];
-            change = hn::Add(change, hn::Mul(c.at[a][n], g.at[a][n]));
-          }
-        const V pressure = hn::Mul(bulk, change);
-        for (int a = 0; a < 3; ++a) {
-          const int b = (a + 1) % 3, e = (a + 2) % 3;
-          for (int n = 0; n < 3; ++n) {
-            const V turned = hn::Add(cross_part(g.at[b], f.at[e], n), cross_part(f.at[b], g.at[e], n));
-            component[n][1 << a] =
-                hn::Add(hn::Add(hn::Mul(mu, g.at[a][n]), hn::Mul(pressure, c.at[a][n])), hn::Mul(s, turned));
-          }
-        }
-        hourglass_forces(mu, x, y, z);
-      });
+  for_each_vector(cells, displacement, force,
+                  [&](const NodeRows& rows, std::size_t i, std::size_t cell, V* x, V* y, V* z) HWY_ATTR {
+                    V base_x[8], base_y[8], base_z[8];
+                    transform(base, rows, i, base_x);
+                    transform(base, rows, row + i, base_y);
+                    transform(base, rows, 2 * row + i, base_z);
+                    const V mu = hn::Load(d, cells.mu + cell), lambda = hn::Load(d, cells.lambda + cell);
+                    const Matrix f = deformation(base_x, base_y, base_z, per_edge), c = cofactors(f);
+                    const V bulk = hn::Add(lambda, mu);
+                    const V s = hn::Sub(hn::Mul(bulk, hn::Sub(determinant(f, c), one)), mu);
+                    Matrix g;
+                    V change = hn::Zero(d);
+                    V* const component[3] = {x, y, z};
+                    for (int a = 0; a < 3; ++a)
+                      for (int n = 0; n < 3; ++n) {
+                        g.at[a][n] = component[n][1 << a];
+                        change = hn::Add(change, hn::Mul(c.at[a][n], g.at[a][n]));
+                      }
+                    const V pressure = hn::Mul(bulk, change);
+                    for (int a = 0; a < 3; ++a) {
+                      const int b = (a + 1) % 3, e = (a + 2) % 3;
+                      for (int n = 0; n < 3; ++n) {
+                        const V cofactor_change =
+                            hn::Add(cross_part(g.at[b], f.at[e], n), cross_part(f.at[b], g.at[e], n));
+                        component[n][1 << a] =
+                            hn::Add(hn::Add(hn::Mul(mu, g.at[a][n]), hn::Mul(pressure, c.at[a][n])),
+                                    hn::Mul(s, cofactor_change));
+                      }
+                    }
+                    hourglass_forces(mu, x, y, z);
+                  });
 }
 
 // e^x by Cody and Waite's reduction and a Taylor polynomial: no library function is bit-identical everywhere.
@@ -316,17 +317,18 @@ HWY_INLINE Stiffened stiffened(V mu, V lambda, V b, V per_edge, const Matrix& f,
   Stiffened to;
   to.per_mu = hn::Div(one, hn::Max(mu, hn::Set(d, 1e-30f)));
   const V s = hn::Sub(hn::Mul(bulk, change), mu);
-  V squares = hn::Set(d, -3.0f), unseen = hn::Zero(d);
+  V squares = hn::Set(d, -3.0f), hourglass_energy = hn::Zero(d);
   for (int a = 0; a < 3; ++a)
     for (int n = 0; n < 3; ++n) {
       to.stress[a][n] = hn::Add(hn::Mul(mu, f.at[a][n]), hn::Mul(s, c.at[a][n]));
       squares = hn::Add(squares, hn::Mul(f.at[a][n], f.at[a][n]));
     }
   for (const int m : {3, 5, 6, 7})
-    for (const V* const component : {x, y, z}) unseen = hn::Add(unseen, hn::Mul(component[m], component[m]));
-  unseen = hn::Mul(hn::Mul(unseen, hn::Set(d, kHourglass)), hn::Mul(per_edge, per_edge));
+    for (const V* const component : {x, y, z})
+      hourglass_energy = hn::Add(hourglass_energy, hn::Mul(component[m], component[m]));
+  hourglass_energy = hn::Mul(hn::Mul(hourglass_energy, hn::Set(d, kHourglass)), hn::Mul(per_edge, per_edge));
   const V volumetric = hn::Mul(hn::Mul(bulk, to.per_mu), hn::Mul(change, change));
-  const V energy = hn::Add(hn::Add(hn::Sub(squares, hn::Add(change, change)), volumetric), unseen);
+  const V energy = hn::Add(hn::Add(hn::Sub(squares, hn::Add(change, change)), volumetric), hourglass_energy);
   to.factor = exponential_of(hn::Mul(b, energy));
   return to;
 }
@@ -378,28 +380,29 @@ void exponential_tangent(const Cells& cells, float cell_mm, const float* base, c
           }
         // hourglass modes: q = kHourglass mu w
         const V stiff = hn::Mul(mu, hn::Set(d, kHourglass));
-        V unseen = hn::Zero(d);
+        V hourglass_energy = hn::Zero(d);
         for (const int m : {3, 5, 6, 7})
-          for (int n = 0; n < 3; ++n) unseen = hn::Add(unseen, hn::Mul(base_of[n][m], component[n][m]));
-        work = hn::Add(work, hn::Mul(hn::Mul(stiff, unseen), per_edge));
+          for (int n = 0; n < 3; ++n)
+            hourglass_energy = hn::Add(hourglass_energy, hn::Mul(base_of[n][m], component[n][m]));
+        work = hn::Add(work, hn::Mul(hn::Mul(stiff, hourglass_energy), per_edge));
         // dx, with work = sum q . dw / 4 h
-        const V steeper = hn::Mul(hn::Mul(hn::Add(b, b), q.per_mu), hn::Mul(work, per_edge));
+        const V exponent_change = hn::Mul(hn::Mul(hn::Add(b, b), q.per_mu), hn::Mul(work, per_edge));
         const V pressure = hn::Mul(bulk, change);
         for (int a = 0; a < 3; ++a) {
           const int next = (a + 1) % 3, last = (a + 2) % 3;
           for (int n = 0; n < 3; ++n) {
-            const V turned =
+            const V cofactor_change =
                 hn::Add(cross_part(g.at[next], f.at[last], n), cross_part(f.at[next], g.at[last], n));
-            const V neo_hookean =
-                hn::Add(hn::Add(hn::Mul(mu, g.at[a][n]), hn::Mul(pressure, c.at[a][n])), hn::Mul(s, turned));
-            component[n][1 << a] =
-                hn::Mul(q.factor, hn::Add(neo_hookean, hn::Mul(steeper, hn::Mul(edges, q.stress[a][n]))));
+            const V neo_hookean = hn::Add(hn::Add(hn::Mul(mu, g.at[a][n]), hn::Mul(pressure, c.at[a][n])),
+                                          hn::Mul(s, cofactor_change));
+            component[n][1 << a] = hn::Mul(
+                q.factor, hn::Add(neo_hookean, hn::Mul(exponent_change, hn::Mul(edges, q.stress[a][n]))));
           }
         }
         for (const int m : {3, 5, 6, 7})
           for (int n = 0; n < 3; ++n)
-            component[n][m] =
-                hn::Mul(hn::Mul(q.factor, stiff), hn::Add(component[n][m], hn::Mul(steeper, base_of[n][m])));
+            component[n][m] = hn::Mul(hn::Mul(q.factor, stiff),
+                                      hn::Add(component[n][m], hn::Mul(exponent_change, base_of[n][m])));
       });
 }
 

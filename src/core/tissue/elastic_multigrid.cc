@@ -10,7 +10,7 @@ namespace {
 
 /// Grids with at most this number of free values are factorised.
 constexpr std::size_t kMaxFactorized = 400;
-constexpr int kDegree = 3;
+constexpr int kChebyshevDegree = 3;
 /// The smoother damps eigenvalues between this fraction of the greatest and the greatest.
 constexpr double kSmoothedFrom = 0.1;
 /// Power iterations for the greatest eigenvalue, and safety factor on their result.
@@ -25,7 +25,7 @@ std::size_t node_number(const ElasticLayout& layout, int i, int j, int k) {
 
 // fine nodes along an axis that coarse node `coarse` interpolates, with weights
 template <class Visit>
-void for_each_moved(int coarse, int cells, const Visit& visit) {
+void for_each_interpolated(int coarse, int cells, const Visit& visit) {
   for (int n = std::max(0, 2 * coarse - 1); n <= std::min(cells, 2 * coarse + 1); ++n)
     visit(n, n == 2 * coarse ? 1.0f : 0.5f);
 }
@@ -39,8 +39,8 @@ void restrict_to(const ElasticLayout& fine, const ElasticValues& from, const Ela
     for (int j = 0; j <= coarse.cells[1]; ++j)
       for (int c = 0; c < 3; ++c) {
         std::fill(scratch.begin(), scratch.end(), 0.0f);
-        for_each_moved(k, fine.cells[2], [&](int z, float along_z) {
-          for_each_moved(j, fine.cells[1], [&](int y, float along_y) {
+        for_each_interpolated(k, fine.cells[2], [&](int z, float along_z) {
+          for_each_interpolated(j, fine.cells[1], [&](int y, float along_y) {
             const float weight = along_z * along_y;
             const float* p = from.data() + fine.node(0, y, z, c);
             for (int i = 0; i < fine.row; ++i) row[i] += weight * p[i];
@@ -185,9 +185,9 @@ void Operator::average(const Operator& finer, const CellBox& box) {
       if (layout_.contains_cell(x, y, z) && mu_[layout_.cell(x, y, z)] > 0) constraints = 0;
     }
     float springs[3] = {};
-    for_each_moved(k, fine.cells[2], [&](int z, float along_z) {
-      for_each_moved(j, fine.cells[1], [&](int y, float along_y) {
-        for_each_moved(i, fine.cells[0], [&](int x, float along_x) {
+    for_each_interpolated(k, fine.cells[2], [&](int z, float along_z) {
+      for_each_interpolated(j, fine.cells[1], [&](int y, float along_y) {
+        for_each_interpolated(i, fine.cells[0], [&](int x, float along_x) {
           constraints = static_cast<std::uint8_t>(
               constraints | (finer.constraints_[node_number(fine, x, y, z)] & ElasticGrid::kFixed));
           for (int c = 0; c < 3; ++c)
@@ -315,7 +315,7 @@ Multigrid::Multigrid(Operator finest) {
   levels_.emplace_back(std::move(finest));
   while (levels_.back().k.free_values() > kMaxFactorized && levels_.back().k.can_be_coarser())
     levels_.emplace_back(levels_.back().k.coarser());
-  for (Level& level : levels_) level.most = kPowerMargin * max_eigenvalue(level);
+  for (Level& level : levels_) level.max_eigenvalue = kPowerMargin * max_eigenvalue(level);
   factorize();
   row_.assign(static_cast<std::size_t>(2) * levels_.front().k.layout().row + 2 * ElasticLayout::kLanes, 0.0f);
 }
@@ -328,7 +328,7 @@ void Multigrid::follow(const CellBox& changed) {
     Level& level = levels_[n];
     if (n > 0) box = level.k.follow(levels_[n - 1].k, box);
     Level near(level.k.part(box.grown(kAround).clipped(level.k.layout().cells)));
-    level.most = std::max(level.most, kPowerMargin * max_eigenvalue(near));
+    level.max_eigenvalue = std::max(level.max_eigenvalue, kPowerMargin * max_eigenvalue(near));
   }
   factorize();
 }
@@ -395,8 +395,9 @@ void Multigrid::smooth(Level& level, const ElasticValues& b, ElasticValues& x, b
   float* const d = level.step.data();
   float* const p = x.data();
   const float* const product = level.product.data();
-  // Chebyshev iteration over [kSmoothedFrom, 1] most (Saad, Iterative Methods, algorithm 12.1)
-  const double midpoint = level.most * (1 + kSmoothedFrom) / 2, half = level.most * (1 - kSmoothedFrom) / 2;
+  // Chebyshev iteration over [kSmoothedFrom, 1] max_eigenvalue (Saad, Iterative Methods, algorithm 12.1)
+  const double midpoint = level.max_eigenvalue * (1 + kSmoothedFrom) / 2,
+               half = level.max_eigenvalue * (1 - kSmoothedFrom) / 2;
   const double sigma = midpoint / half;
   double rho = 1 / sigma;
   if (!from_zero) level.k.apply(x, level.product);
@@ -406,7 +407,7 @@ void Multigrid::smooth(Level& level, const ElasticValues& b, ElasticValues& x, b
     d[n] = first * inverse[n] * r[n];
     p[n] = from_zero ? d[n] : p[n] + d[n];
   }
-  for (int degree = 1; degree < kDegree; ++degree) {
+  for (int degree = 1; degree < kChebyshevDegree; ++degree) {
     level.k.apply(level.step, level.product);
     const double next = 1 / (2 * sigma - rho);
     const float momentum = static_cast<float>(next * rho), add = static_cast<float>(2 * next / half);

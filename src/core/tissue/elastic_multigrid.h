@@ -94,7 +94,7 @@ class Multigrid {
   struct Level {
     explicit Level(Operator with);
     Operator k;
-    double most = 0;  ///< Upper bound of the eigenvalues of the scaled K
+    double max_eigenvalue = 0;  ///< Upper bound of the eigenvalues of the scaled K
     ElasticValues x, b, residual, step, product;
   };
 

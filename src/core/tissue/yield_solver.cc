@@ -317,16 +317,15 @@ struct SoftTissueSolver::Region {
 
 void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, double depth_mm,
                                                  bool is_first_solve, LocalCompliance& spot) {
-  // factors of max_indentation_ratio after a failure and after a success; maximum ratio of the displacements
-  // of consecutive frames by which the last correction is extrapolated; relative change of depth below which
-  // the tool is at rest
-  constexpr double kReductionAfterFailure = 0.7, kGrowthAfterSuccess = 1.1, kMaxExtrapolation = 2,
-                   kAtRestTolerance = 0.05;
-  NeoHookeanBody& f = *neo_hookean;
+  constexpr double kReductionAfterFailure = 0.7;  // factor of the attempted indentation ratio
+  constexpr double kGrowthAfterSuccess = 1.1;     // factor of max_indentation_ratio
+  constexpr double kMaxExtrapolation = 2;         // maximum ratio of the displacements of consecutive frames
+  constexpr double kAtRestTolerance = 0.05;       // relative change of depth below which the tool is at rest
+  NeoHookeanBody& body = *neo_hookean;
   const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRestTolerance * mm; };
-  const bool at_rest = f.depth_mm > 0 && is_as_deep(f.depth_mm);
-  f.depth_mm = std::max(depth_mm, 0.0);
-  if (f.failed_mm > 0 && !is_as_deep(f.failed_mm)) f.failed_mm = 0;
+  const bool at_rest = body.depth_mm > 0 && is_as_deep(body.depth_mm);
+  body.depth_mm = std::max(depth_mm, 0.0);
+  if (body.failed_mm > 0 && !is_as_deep(body.failed_mm)) body.failed_mm = 0;
   const ConstrainedMeans surface = patch.columns(kSolverSettings.min_load_fraction);
 
   // displacement of the patch at the predicted depth, by the last published contact law
@@ -335,71 +334,71 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
   tissue.surroundings_mm_per_N = spot.surroundings_mm_per_N;
   tissue.poissons_ratio = spot.poissons_ratio;
   tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
-  tissue.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
-  tissue.reference_force_N = f.reference_force_N;
+  tissue.stiffening_mm_per_N2 = body.stiffening_mm_per_N2;
+  tissue.reference_force_N = body.reference_force_N;
   const double expected_N = soft_contact_force(tissue, depth_mm, radius_mm).force_N;
   const double expected_mm =
-      w * expected_N - stiffening_depth_mm(f.stiffening_mm_per_N2, f.reference_force_N, expected_N);
+      w * expected_N - stiffening_depth_mm(body.stiffening_mm_per_N2, body.reference_force_N, expected_N);
   const double indentation_mm =
-      std::clamp(expected_mm, kSolverSettings.min_indentation * rho_mm, f.max_indentation_ratio * rho_mm);
+      std::clamp(expected_mm, kSolverSettings.min_indentation * rho_mm, body.max_indentation_ratio * rho_mm);
   const double s = indentation_mm / w;
 
   // initial guess: the previous correction, which grows with the square of the displacement
   const double growth =
-      f.indentation_mm > 0 ? std::min(indentation_mm / f.indentation_mm, kMaxExtrapolation) : 0;
-  const auto by = static_cast<float>(growth * growth), force_by = static_cast<float>(s);
-  for (float& value : f.excess_response_mm.values) value *= by;
-  for (float& value : f.correction_mm.values) value *= by;
-  surface.project_out(f.correction_mm.values);
-  for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
-    f.u_mm.values[n] = force_by * unit_mm.values[n] + f.correction_mm.values[n];
+      body.indentation_mm > 0 ? std::min(indentation_mm / body.indentation_mm, kMaxExtrapolation) : 0;
+  const auto correction_scale = static_cast<float>(growth * growth), load_scale = static_cast<float>(s);
+  for (float& value : body.excess_response_mm.values) value *= correction_scale;
+  for (float& value : body.correction_mm.values) value *= correction_scale;
+  surface.project_out(body.correction_mm.values);
+  for (std::size_t n = 0; n < body.u_mm.values.size(); ++n)
+    body.u_mm.values[n] = load_scale * unit_mm.values[n] + body.correction_mm.values[n];
 
   // load_N is the patch's load of 1 N, here scaled to s; it only matters at nodes of the patch that are not
   // constrained, because their column bears less than min_load_fraction
-  for (float& value : load_N.values) value *= force_by;
+  for (float& value : load_N.values) value *= load_scale;
   FiniteSettings settings;
   settings.max_steps = kSolverSettings.finite_steps;
   settings.max_iterations =
       is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.finite_iterations;
   settings.min_volume = kSolverSettings.min_volume;
-  const FiniteSolution found = solver.solve_neo_hookean(load_N, f.u_mm, settings, surface);
-  solver.finite_forces(f.u_mm, f.force_N);
-  const double force_N = internal::elastic::dot(unit_mm.values, f.force_N.values) / w;
+  const FiniteSolution solution = solver.solve_neo_hookean(load_N, body.u_mm, settings, surface);
+  solver.finite_forces(body.u_mm, body.force_N);
+  const double force_N = internal::elastic::dot(unit_mm.values, body.force_N.values) / w;
   const double relative_stiffening = (force_N - s) / force_N;
-  if (!(found.min_volume >= kSolverSettings.min_volume) || found.stuck ||
+  if (!(solution.min_volume >= kSolverSettings.min_volume) || solution.stuck ||
       !(std::abs(relative_stiffening) <= kSoftTissueSettings.max_stiffening) || !(force_N > 0)) {
-    const double less =
+    const double reduced_ratio =
         std::max(kReductionAfterFailure * indentation_mm / rho_mm, kSolverSettings.min_indentation);
-    if (at_rest && f.reference_force_N > 0) {
+    if (at_rest && body.reference_force_N > 0) {
       // The previous result stays in effect, and no greater displacement is attempted until the tool moves:
       // otherwise the force on a resting tool would oscillate with every attempt.
-      spot.reference_force_N = f.reference_force_N;
-      spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2;
-      f.indentation_mm = indentation_mm;
-      f.failed_mm = depth_mm;
+      spot.reference_force_N = body.reference_force_N;
+      spot.stiffening_mm_per_N2 = body.stiffening_mm_per_N2;
+      body.indentation_mm = indentation_mm;
+      body.failed_mm = depth_mm;
     } else {
       // falls back to the linear law; the next attempt is shallower and starts from the linear solution
-      f.forget();
+      body.forget();
     }
-    f.max_indentation_ratio = less;
+    body.max_indentation_ratio = reduced_ratio;
     return;
   }
-  for (std::size_t n = 0; n < f.u_mm.values.size(); ++n)
-    f.correction_mm.values[n] = f.u_mm.values[n] - force_by * unit_mm.values[n];
-  f.indentation_mm = indentation_mm;
-  if (f.failed_mm == 0)
-    f.max_indentation_ratio =
-        std::min(kGrowthAfterSuccess * f.max_indentation_ratio, kSolverSettings.max_indentation);
+  for (std::size_t n = 0; n < body.u_mm.values.size(); ++n)
+    body.correction_mm.values[n] = body.u_mm.values[n] - load_scale * unit_mm.values[n];
+  body.indentation_mm = indentation_mm;
+  if (body.failed_mm == 0)
+    body.max_indentation_ratio =
+        std::min(kGrowthAfterSuccess * body.max_indentation_ratio, kSolverSettings.max_indentation);
 
   // K (y - F u1) = f(u) - F J^T: the response to the forces that exceed those of the linear body under F
-  patch.add(-force_N, f.force_N);
-  solver.solve(f.force_N, f.excess_response_mm,
+  patch.add(-force_N, body.force_N);
+  solver.solve(body.force_N, body.excess_response_mm,
                is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.tangential_iterations,
                kTolerance);
-  spot.reference_force_N = f.reference_force_N = force_N;
-  spot.stiffening_mm_per_N2 = f.stiffening_mm_per_N2 = w * relative_stiffening / force_N;
+  spot.reference_force_N = body.reference_force_N = force_N;
+  spot.stiffening_mm_per_N2 = body.stiffening_mm_per_N2 = w * relative_stiffening / force_N;
   spot.stiffening_slope =
-      (spot.slope_per_N * (0.5 * force_N * (force_N - s)) + patch.change(f.excess_response_mm) * s) *
+      (spot.slope_per_N * (0.5 * force_N * (force_N - s)) + patch.change(body.excess_response_mm) * s) *
       (3 / (force_N * force_N * force_N));
   if (!spot.stiffening_slope.all_finite()) spot.stiffening_slope = {};
 }

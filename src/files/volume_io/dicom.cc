@@ -447,7 +447,8 @@ class SegmentPixels {
           if (value > 0 && 2 * value >= coding.most) take(v, segment);
           break;
         case SegmentCoding::Kind::kLabels:
-          if (value != 0 && value != coding.nothing && value + coding.number_offset < std::int64_t{kNumbers})
+          if (value != 0 && value != coding.nothing &&
+              value + coding.number_offset < std::int64_t{kLabelValues})
             take(v, static_cast<int>(value) + coding.number_offset);
           break;
       }
@@ -469,7 +470,7 @@ class SegmentPixels {
 template <class ShouldContinue>
 Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const ShouldContinue& should_continue) {
   const DicomSegmentation& segmentation = segments.declared;
-  std::vector<int> index_of_number(kNumbers, -1);
+  std::vector<int> index_of_number(kLabelValues, -1);
   for (std::size_t n = 0; n < segmentation.segments.size(); ++n)
     index_of_number[static_cast<std::size_t>(segmentation.segments[n].number)] = static_cast<int>(n);
   SegmentOverlapPairs meetings;
@@ -510,7 +511,7 @@ Result<DicomSegmentation> read_segmentation_file(DicomLibrary& library, const fs
   std::erase_if(declared->segments, [](const DicomSegment& segment) { return is_background(segment); });
   std::set<int> numbers;
   for (const DicomSegment& segment : declared->segments)
-    if (segment.number < 1 || segment.number >= static_cast<int>(kNumbers) ||
+    if (segment.number < 1 || segment.number >= static_cast<int>(kLabelValues) ||
         !numbers.insert(segment.number).second)
       return bad_input("", "has a SegmentNumber (0062,0004) that is 0 or repeated", "export it again");
   return declared;
@@ -534,8 +535,9 @@ Result<Segments> inspect_segments(DicomLibrary& library, const std::vector<fs::p
   }
   segments.declared = join_segmentations(std::move(parts));
   const DicomSegmentation& segmentation = segments.declared;
-  if (std::ranges::any_of(segmentation.segments,
-                          [](const auto& segment) { return segment.number >= static_cast<int>(kNumbers); }))
+  if (std::ranges::any_of(segmentation.segments, [](const auto& segment) {
+        return segment.number >= static_cast<int>(kLabelValues);
+      }))
     return bad_input("", "has more segments than label numbers", "read fewer of its files at a time");
   auto grid = lay_segments(segmentation);
   if (!grid) return grid.error();
@@ -543,7 +545,7 @@ Result<Segments> inspect_segments(DicomLibrary& library, const std::vector<fs::p
   segments.frames_at.resize(static_cast<std::size_t>(segments.grid.geometry.dims[2]));
   for (std::size_t n = 0; n < segmentation.frames.size(); ++n)
     segments.frames_at[static_cast<std::size_t>(segments.grid.slice_of_frame[n])].push_back(n);
-  segments.layer_of_number.assign(kNumbers, 0);
+  segments.layer_of_number.assign(kLabelValues, 0);
   segments.file = labels_in_slices(segments.grid.geometry, named);
   if (auto found = find_overlaps(library, segments, should_continue); !found) return found.error();
   auto& notes = segments.file.notes;
@@ -653,7 +655,7 @@ Result<Structures> inspect_structures(DicomLibrary& library, const fs::path& nam
   if (!opened) return opened.error();
   auto declared = library.read_structures(opened->name_for_libraries());
   if (!declared) return declared.error();
-  if (declared->size() >= kNumbers)
+  if (declared->size() >= kLabelValues)
     return bad_input("", "has more structures than label numbers", "export fewer of them");
   for (DicomStructure& structure : *declared) {
     left_out += structure.left_out;

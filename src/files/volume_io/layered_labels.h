@@ -20,7 +20,7 @@
 namespace palpate::volume_io {
 
 /// Number of label values, including background.
-constexpr std::size_t kNumbers = 65536;
+constexpr std::size_t kLabelValues = 65536;
 
 /// Pairs of segment indices that share a voxel, and the number of voxels with more than one segment.
 struct SegmentOverlapPairs {

@@ -1,5 +1,8 @@
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <string_view>
 
 #include "volume_io/headers.h"
 #include "volume_io/label_text.h"
@@ -142,8 +145,8 @@ class Parser {
 
   Result<NrrdHeader> parse() {
     using Step = Result<void> (Parser::*)();
-    for (const Step step : {&Parser::axes, &Parser::remove_layer_axis, &Parser::geometry, &Parser::voxels,
-                            &Parser::parse_offsets})
+    for (const Step step : {&Parser::parse_axes, &Parser::remove_layer_axis, &Parser::check_geometry,
+                            &Parser::parse_value_type, &Parser::parse_offsets})
       if (auto done = (this->*step)(); !done) return done.error();
     header_.segment_fields = std::move(lines_.segment_fields);
     header_.voxels.offset = lines_.end;
@@ -161,7 +164,7 @@ class Parser {
     return bad_input(source_, std::move(what), std::move(remedy));
   }
 
-  Result<void> axes() {
+  Result<void> parse_axes() {
     const std::string* dimension = field("dimension");
     const std::string* sizes = field("sizes");
     if (dimension == nullptr || sizes == nullptr) return bad("its header lacks the dimension or the sizes");
@@ -182,10 +185,9 @@ class Parser {
     if (kinds == nullptr) return {};
     const auto names = split_spaces(*kinds);
     if (names.size() != header_.axes.size()) return bad("its kinds do not agree with its dimension");
-    static const std::map<std::string, int> kNonLayerKinds{
-        {"domain", 0}, {"space", 0}, {"time", 0}, {"none", 0}, {"???", 0}};
+    static constexpr std::array<std::string_view, 5> kNonLayerKinds{"domain", "space", "time", "none", "???"};
     for (std::size_t a = 0; a < names.size(); ++a) {
-      if (kNonLayerKinds.count(lower_case(names[a])) != 0) continue;
+      if (std::ranges::find(kNonLayerKinds, lower_case(names[a])) != kNonLayerKinds.end()) continue;
       if (header_.has_layer_axis || (a != 0 && a + 1 != names.size()))
         return bad("holds several values for each voxel in a way that is not supported",
                    "give one value for each voxel, or segmentation layers as the first axis");
@@ -201,7 +203,7 @@ class Parser {
     return {};
   }
 
-  Result<void> geometry() {
+  Result<void> check_geometry() {
     if (const std::string* spacings = field("spacings")) {
       const auto parts = split_spaces(*spacings);
       if (parts.size() != header_.axes.size() + header_.has_layer_axis)
@@ -220,10 +222,10 @@ class Parser {
                          ", but only millimetres are supported",
                      "convert it to millimetres");
     }
-    return directions();
+    return check_directions();
   }
 
-  Result<void> directions() {
+  Result<void> check_directions() {
     const std::string* text = field("spacedirections");
     if (text == nullptr) return {};
     const auto vectors = parse_vectors(*text);
@@ -254,7 +256,7 @@ class Parser {
     return {};
   }
 
-  Result<void> voxels() {
+  Result<void> parse_value_type() {
     const std::string* type = field("type");
     const std::string* encoding = field("encoding");
     if (type == nullptr || encoding == nullptr) return bad("its header lacks the type or the encoding");
