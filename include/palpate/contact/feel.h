@@ -85,8 +85,9 @@ struct ProxySettings {
   double initial_reach_mm = 1000;
   int max_initial_steps = 64, max_initial_searches = 4;
 
-  /// Substep length along surfaces. Between end points at most substep_penetration_mm below it, a surface
-  /// whose distance field has unit slope can rise by at most half of it.
+  /// Maximum length of a substep in contact. If both ends of a substep are at most substep_penetration_mm
+  /// deep and the distance field has unit slope, the penetration between them exceeds that by at most half of
+  /// the substep's length. 0.004 mm are a margin.
   constexpr double substep_mm() const { return 2 * (max_penetration_mm - substep_penetration_mm) - 0.004; }
 
   template <class Visit>

@@ -25,9 +25,8 @@ inline double contact_modulus_N_per_mm2(const ElasticConstants& constants) {
 
 /// Local compliance of a point on the surface of soft tissue under a circular patch of pressure p ~ sqrt(1 -
 /// r^2 / rho^2).
-/// Centre of the patch on the undeformed surface, patient frame.
 struct LocalCompliance {
-  Point<Patient> at;
+  Point<Patient> at;  ///< Centre of the patch on the undeformed surface
   /// W: displacement of the patch along its normal per unit force. 0: unknown.
   double compliance_mm_per_N = 0;
   Vector<Patient> slope_per_N;   ///< grad W along the surface; mm/N per mm

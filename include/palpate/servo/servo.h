@@ -110,8 +110,9 @@ struct SessionState {
 
 /// One servo tick. Does not allocate, lock, log or throw, and makes no system call.
 ///
-/// Without a usable duration, as without devices or a model that is prepared for the trilinear method, there
-/// is no tick: all wrenches are zero, the state is unchanged, and every device has kFlagNotFinite.
+/// The tick is refused if `dt_s` is negative or not finite, the number of devices is not 1 ... kMaxDevices,
+/// `wrenches` has another length, or the model is prepared neither for the proxy nor for the trilinear
+/// method. Then all wrenches are zero, the state is unchanged, and every device has kFlagNotFinite.
 /// @param devices   1 ... kMaxDevices states; `wrenches` has the same length
 /// @param dt_s      duration since the last tick; finite, at least 0
 /// @param wrenches  receives the wrench to send to each device

@@ -19,11 +19,11 @@
 /// servo loop. The result depends only on the ticks, and only weakly on their rate.
 ///
 /// The force on a set of structures is the sum of the normal forces of the contacts with them, as sent to the
-/// device: the contact model's forces times the device's force gain, scaled down in common if their sum
-/// exceeds the magnitude of the force that was sent. A force that was limited, faded out or withheld counts
-/// as what was sent of it, and no figure exceeds the force limit. If the outermost contact is with one of the
-/// structures, contacts beneath it are included: a meniscus that is pressed against the cartilage below it
-/// bears the whole load. Forces are interpolated linearly between ticks.
+/// device: the contact model's forces times the device's force gain, all scaled by one factor so that their
+/// sum does not exceed the magnitude of the force that was sent. A force that was limited, faded out or
+/// withheld is therefore counted as sent, and no figure exceeds the force limit. If the outermost contact is
+/// with one of the structures, contacts beneath it are included: a meniscus that is pressed against the
+/// cartilage below it bears the whole load. Forces are interpolated linearly between ticks.
 namespace palpate {
 
 /// An event in a run.

@@ -166,8 +166,8 @@ class ElasticGrid {
                                        const Bricks<std::uint8_t>* removed = nullptr);
 
   /// Replaces some cells in place, with the constraints of their nodes and the springs there; the result is
-  /// the same as constructing all of them. Constraints added by hold() to their nodes are removed. Does not
-  /// allocate.
+  /// the same as constructing all of them. Constraints that constrain() added to their nodes are removed.
+  /// Does not allocate.
   /// @param made  returns the new material of a cell; called once for each in a fixed order
   /// @returns whether the set of soft cells or of held nodes has changed
   bool set_cells(const CellBox& cells, const std::function<ElasticCell(int, int, int)>& made);

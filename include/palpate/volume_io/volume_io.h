@@ -115,7 +115,7 @@ struct PlacementOptions {
   /// anatomy.
   bool scan_is_cropped = false;
 };
-/// Sets the placing for the whole process, as palpate/base/reading.h does for limits; settings of a scene
+/// Sets the placement for the whole process, as palpate/base/reading.h does for limits; settings of a scene
 /// take precedence.
 void set_placement_options(const PlacementOptions& placement_options);
 const PlacementOptions& placement_options();
@@ -239,7 +239,7 @@ enum class Doubtful { kRefused, kWarnedOf };
 /// @param scan_grid  grid of the scan, on which the contours of a DICOM structure set are rasterised;
 ///                   required for such a file. Surfaces are rasterised on it too, or on a grid of their own
 ///                   if null. Other label maps have their own grid.
-/// @param placement_options    values that it leaves unset are those of placing()
+/// @param placement_options    values that it leaves unset are those of placement_options()
 /// @param scan       file of the scan, which does not count as another label map in the folder
 Result<LabelFile> read_labels(
     const std::filesystem::path& file, const std::optional<std::filesystem::path>& names = {},

@@ -10,8 +10,7 @@ namespace palpate {
 /// ProxySettings::skin_mm.
 /// @param proxy  position of the tip's proxy
 /// @return maximum displacement, in any direction, that reaches no surface; infinite if there are
-/// constraints,
-///         which then bound the substep
+///         constraints, which then bound the substep
 double gather_constraints(PairSet& pairs, const Point<Patient>& proxy, ContactConstraints& constraints);
 
 /// Adds the tangent plane of every pair that penetrates by more than ProxySettings::substep_penetration_mm at

@@ -42,8 +42,8 @@
 namespace palpate {
 namespace {
 
-// upper bound of the distance by which push_out() moves a proxy, e.g. after a change to a larger tool: every
-// projection step has its maximum length
+// Reach of push_out(): the distance if every projection step has its maximum length. It is used when a proxy
+// starts inside a surface, e.g. after a change to a larger tool.
 constexpr double kMaxPushOut_mm = kProxySettings.max_corrections * kProxySettings.substep_mm();
 
 /// Inputs of a tick that all layers share.
@@ -64,7 +64,7 @@ struct UpdateInputs {
   int layer;
   Point<Patient> tip;
   double max_mm;                   ///< Maximum path length
-  DisplacementLimit limit;         ///< Displacement limit without the distance that static friction releases
+  DisplacementLimit limit;         ///< Before a release by static friction extends it (take_friction)
   Vector<Patient> last_spring_mm;  ///< Spring vector of the last tick, tip to proxy
   bool friction;                   ///< Whether friction is rendered
   bool has_capsules;
@@ -386,10 +386,10 @@ void centre_capsule_contacts(ProxyLayer& layer, UpdateWorkspace& work) {
   }
 }
 
-// Limits the change of the spring's stretch to the displacement limit. The target is the layer's fraction of
-// the distance to the proxy if there is a contact or the proxy slips through free space, otherwise zero. A
-// spring that is still stretched without a contact keeps the first contact of the last tick, with the normal
-// along the spring, so that its stiffness and structure are defined.
+// Rate-limits the stretch of the spring. The target is stretch_fraction times the distance to the proxy while
+// there is a contact or the proxy slips through free space, otherwise zero. If contact has ended but the rate
+// limit keeps the spring stretched, the first contact of the last tick is kept, with its normal along the
+// spring, because stiffness and structure are those of a contact.
 // @param through_free_space   the proxy is at the displacement limit without a contact
 // @param first_contact_before  first contact of the last tick
 void limit_stretch(const UpdateInputs& in, const UpdateProgress& progress, bool through_free_space,
@@ -436,14 +436,14 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
     record_vertex(in, layer, layer.position);
     is_moving =
         !moves_freely(in, layer, progress, work) && advance_substeps(in, start, layer, cache, progress, work);
-    // also while the proxy is still advancing, because a single tick at zero force is perceptible
+    // This is done even if the proxy has not finished moving: one tick at zero force would be felt.
     const bool is_blocked = is_blocked_without_contact(in, layer);
     through_free_space = is_slipping(layer, progress) && is_blocked;
     if (!progress.wedged && !through_free_space && is_blocked)
       add_blocking_contact(in, layer, progress, work);
   }
   layer.sticking = progress.friction.sticking;
-  // contacts from the last tick have been centred
+  // contacts kept from the last tick are already centred
   if (progress.contacts_updated) centre_capsule_contacts(layer, work);
   limit_stretch(in, progress, through_free_space, first_contact_before, layer);
   return {progress.wedged, is_moving || is_slipping(layer, progress), false};
@@ -586,8 +586,8 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   slip.left_N -= state.release.fade(slip.left_N);
   state.tip = hand.tip;
   state.stiffness_N_per_mm = 0;
-  // whether the covering layer still constrains the tool; for the outermost layer, whether the tool has not
-  // returned to free space
+  // Whether the current layer constrains the tool: the outermost one until the tool has returned to free
+  // space, the others while the covering layer does. Once one layer does not, no layer within it does.
   bool is_constrained = !has_withdrawn(surfaces, spheres, hand, state);
   if (!is_constrained) state.compliance = {};
   for (int n = 0; n < layer_count(surfaces); ++n) {

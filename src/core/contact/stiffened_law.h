@@ -9,7 +9,7 @@ namespace palpate {
 /// force is linear in the depth.
 SoftContactForce stiffened_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
                                  double max_N_per_mm);
-/// yield_aside() of such tissue.
+/// tangential_coefficients() of such tissue.
 TangentialCoefficients stiffened_lateral(const ContactLaw& tissue, double force_N, double radius_mm,
                                          double max_N_per_mm);
 /// complementary_mJ() of such tissue.

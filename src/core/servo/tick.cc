@@ -65,15 +65,16 @@ Wrench blended(const Wrench& requested, bool changed, double dt_s, SessionState:
                           session.requested.torque_Nmm - requested.torque_Nmm};
     session.blend_elapsed_s = 0;
   }
-  // The blend already advances in the tick of the change, so that a change in every tick delays the force but
-  // does not freeze it; by at most a tenth, so that a late tick does not complete it.
+  // The blend already advances in the tick of the change; otherwise a change in every tick would freeze the
+  // force. This first advance is limited to a tenth of blend_s, so that a late tick cannot skip the blend.
   const double blend_dt_s = changed ? std::min(dt_s, 0.1 * kOutputSettings.blend_s) : dt_s;
   session.blend_elapsed_s = std::min(kOutputSettings.blend_s, session.blend_elapsed_s + blend_dt_s);
   session.requested = requested;
   if (session.blend_elapsed_s >= kOutputSettings.blend_s) return requested;
   const double remaining_fraction = 1 - session.blend_elapsed_s / kOutputSettings.blend_s;
   const double fade_weight =
-      remaining_fraction * std::sqrt(remaining_fraction);  // from 1 to 0, with zero slope at 0
+      remaining_fraction *
+      std::sqrt(remaining_fraction);  // (remaining fraction)^1.5: falls from 1 to 0 and ends with zero slope
   session.requested.force_N += session.difference.force_N * fade_weight;
   session.requested.torque_Nmm += session.difference.torque_Nmm * fade_weight;
   return session.requested;
@@ -124,9 +125,9 @@ ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const Ou
   return change;
 }
 
-// Damper along the force during recovery from a short dropout, as a factor for the force: 0 ... 2, and 1 at
-// any other time. The operator's hand, without support during the dropout, has accelerated towards the
-// surface. The damper stops it sooner than the contact stiffness alone and prevents a rebound.
+// Factor, 0 ... 2, by which a damper along the force changes the force while it returns after a short
+// dropout; 1 otherwise. During the dropout the unsupported hand has accelerated towards the surface. The
+// damper stops it sooner than the contact stiffness alone and prevents a rebound.
 double recovery_damping_factor(const DeviceParameters& own, const Vector<World>& velocity_mm_s,
                                const SessionState::DeviceSession& session, const OutputRequest& request) {
   const double force_N = request.requested.force_N.norm();
@@ -143,8 +144,8 @@ double recovery_damping_factor(const DeviceParameters& own, const Vector<World>&
 }
 
 // Passivity: reduces the requested force so that it returns no more energy than the operator has put in.
-// @param max_factor  factor of the recovery damper, 0 ... 1; of it and the controller's, the smaller applies,
-//                    not the product
+// @param max_factor  upper bound of the factor, 0 ... 1, from the recovery damper; the two factors are not
+//                    multiplied
 void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const RenderedContact& contact,
                      double max_factor, SessionState::DeviceSession& session, OutputRequest& request,
                      DeviceTick& out) {
@@ -332,7 +333,8 @@ void refuse(const Model& model, const Parameters& parameters, std::span<const De
 // digest of everything that selects the force computation; a new value starts a blend
 std::uint64_t force_source_digest(const Model& model, const Parameters& parameters, std::size_t devices) {
   std::uint64_t digest = kHashSeed;
-  // local edits are excluded: removal of material takes effect without a blend
+  // Each local edit increments both the version and the edits, so that their difference identifies the model
+  // without its local edits: removal of material takes effect without a blend.
   hash_word(digest, model.version - model.edits);
   const ForceMethod method = model.rendered_method(parameters.method);
   hash_word(digest, static_cast<std::uint64_t>(method) << 8 | blended_switch_bits(parameters));
@@ -342,6 +344,7 @@ std::uint64_t force_source_digest(const Model& model, const Parameters& paramete
     hash_double(digest, parameters.device[d].max_stiffness_N_per_mm);
     hash_double(digest, parameters.device[d].max_damping_N_s_per_mm);
   }
+  // 0 is reserved for the state before the first tick
   return hash_finish(digest) | 1;
 }
 

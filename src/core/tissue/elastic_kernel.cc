@@ -15,9 +15,15 @@
 // Neo-Hookean (Smith et al. 2018, without the barrier): energy mu / 2 (F : F - 3) - mu (J - 1) + (lambda +
 // mu) / 2 (J - 1)^2,
 //
-//     F = I + G / 4 h,  J = det F,  C = dJ / dF, whose columns are cross products of F's
-//     p / 4 h         = mu F + s C,   s = (lambda + mu) (J - 1) - mu
+//     F = I + G / (4 h),  J = det F,  C = dJ / dF (cofactor matrix), whose columns are cross products of F's
+//     p / (4 h)       = mu F + s C,   s = (lambda + mu) (J - 1) - mu
 //     dp              = mu dG + (lambda + mu) (C : dG) C + s dC
+//
+// Stiffening (Fung 1967; Demiray 1972), exponent b: U is the energy above plus that of the hourglass modes,
+// and q its p; energy mu / (2 b) (exp(x) - 1) with x = 2 b U / mu,
+//
+//     p               = exp(x) q
+//     dp              = exp(x) (dq + q dx)
 //
 // Cells are processed in rows along x. A cell contributes to the nodes at its left and right corners; a node
 // sums the contributions of the cells before and after it. Both halves of a row are stored first and then
@@ -307,7 +313,7 @@ HWY_INLINE V exponential_of(V x) {
 struct Stiffened {
   V factor;
   V per_mu;        ///< 1 / mu; finite where there is no tissue
-  V stress[3][3];  ///< q / 4 h of the modes x, y, z: [mode][component]
+  V stress[3][3];  ///< q / (4 h) of the modes x, y, z: [mode][component]
 };
 
 HWY_INLINE Stiffened stiffened(V mu, V lambda, V b, V per_edge, const Matrix& f, const Matrix& c, V volume,
@@ -385,7 +391,7 @@ void exponential_tangent(const Cells& cells, float cell_mm, const float* base, c
           for (int n = 0; n < 3; ++n)
             hourglass_energy = hn::Add(hourglass_energy, hn::Mul(base_of[n][m], component[n][m]));
         work = hn::Add(work, hn::Mul(hn::Mul(stiff, hourglass_energy), per_edge));
-        // dx, with work = sum q . dw / 4 h
+        // dx = 2 b / mu dU, with work = sum of q . dw / (4 h)
         const V exponent_change = hn::Mul(hn::Mul(hn::Add(b, b), q.per_mu), hn::Mul(work, per_edge));
         const V pressure = hn::Mul(bulk, change);
         for (int a = 0; a < 3; ++a) {

@@ -10,6 +10,7 @@ namespace {
 
 /// Grids with at most this number of free values are factorised.
 constexpr std::size_t kMaxFactorized = 400;
+/// Degree of the smoother's Chebyshev polynomial.
 constexpr int kChebyshevDegree = 3;
 /// The smoother damps eigenvalues between this fraction of the greatest and the greatest.
 constexpr double kSmoothedFrom = 0.1;
@@ -333,7 +334,8 @@ void Multigrid::follow(const CellBox& changed) {
   factorize();
 }
 
-// lower bound of the greatest eigenvalue of the diagonally scaled K, by power iteration; at least 1
+// lower bound of the greatest eigenvalue of the diagonally scaled K, by power iteration; 1 if no value is
+// free
 double Multigrid::max_eigenvalue(Level& level) {
   // fixed pseudo-random start vector, which contains all modes
   std::uint32_t state = 12345;

@@ -76,7 +76,8 @@ std::optional<OnSurface> expected_contact(const Model& model, const DeviceTick& 
   return find_surface(model, position + (displacement - normal * displacement.dot(normal)));
 }
 
-// Replaces the surroundings of a spot by those of a thin layer, by the more the fewer cells it is thick.
+// Blends the compliance of a spot's surroundings towards that of a thin layer on a rigid base. The weight of
+// the layer's value falls from 1 to 0 as its thickness rises from thin_layer_cells to resolved_layer_cells.
 void support_by_layer(const SupportedLayer& layer, double cell_mm, LocalCompliance& spot) {
   const double at_layer_mm_per_N =
       layer_base_mm_per_N(layer.thickness_mm, spot.modulus_N_per_mm2, spot.poissons_ratio);
@@ -128,9 +129,9 @@ double expected_depth_mm(const DeviceTick& device, const OnSurface& contact, dou
   return current_depth_mm + std::min(predicted_increase_mm, kSolverSettings.max_lead_mm);
 }
 
-// Contact radius at a predicted depth: sqrt(R d) (Hertz). While in contact, at most the radius implied by
-// the force, (3 F R / 4 E*)^(1/3), scaled from the current depth in proportion to sqrt(d): the part of the
-// depth by which the surroundings yield does not widen the contact.
+// Contact radius at a predicted depth d. Without contact sqrt(R d) (Hertz). In contact the radius of the
+// current force, (3 F R / (4 E*))^(1/3), times sqrt(d / current depth), but at most sqrt(R d): the
+// displacement of the surroundings is part of the depth but does not enlarge the contact.
 // @param force_N  SoftTissueSolver::displacing_force_N
 double radius_at_depth_mm(const DeviceTick& device, double force_N, double depth_mm, double radius_mm,
                           double modulus_N_per_mm2) {
@@ -187,10 +188,14 @@ std::optional<SolverBox> next_solver_box(const Model& model, const DeviceTick& d
 /// u = s u1.
 ///
 /// With E(s) the energy of the body, the patch bears the force F = E'(s) / W at a displacement of s W.
-/// E'(s) = u1 . f(u), summed over all nodes. A deviation e from equilibrium causes an error of F of second
-/// order only: its means under the patch are 0, so u1 . K e = J e = 0.
+/// E'(s) = u1 . f(u), summed over all nodes. A deviation e from equilibrium has zero means under the patch,
+/// J e = 0. Because K u1 = J^T, u1 . K e = J e = 0 as well, so that e changes F only to second order.
 ///
-/// Moving the patch along the surface changes J, thereby u1, and E by s (dJ) y, where K y = f(u).
+/// Moving the patch along the surface changes J, thereby u1. At a constant s, E then changes by s (dJ) y,
+/// where K y = f(u). The law's tangential force, F^2 / 2 grad W - F^3 / 3 grad C, is minus the change of E at
+/// a constant depth s W, i.e. minus s (dJ) y - F s grad W. With (dJ) u1 = grad W / 2 it follows that
+///
+///     F^3 / 3 grad C = F (F - s) / 2 grad W + s (dJ) (y - F u1)
 struct SoftTissueSolver::NeoHookeanBody {
   ElasticField correction_mm;       ///< u - s u1; its means under the patch are 0
   ElasticField excess_response_mm;  ///< y - F u1: response of the linear body to the excess forces

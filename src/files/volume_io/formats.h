@@ -23,7 +23,7 @@ class OtherFiles {
   void add(OtherFile other, std::filesystem::path file) {
     entries_.emplace_back(std::move(other), std::move(file));
   }
-  /// Path of a file if it is known; otherwise an Error, and asked() returns the request.
+  /// Path of a file if it is known; otherwise an Error, and requested() returns the request.
   Result<std::filesystem::path> find(const OtherFile& requested);
   const std::optional<OtherFile>& requested() const { return requested_; }
 

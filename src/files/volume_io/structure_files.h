@@ -74,9 +74,8 @@ Result<LabelReader> open_sliced_files(
     const char* too_large);
 
 /// Starts a process that reads the files as one structure each.
-/// @param inspect    called in that process with the `should_continue` of lay_out(), which it must call, and
-/// with a
-///                   reference to the completed fraction of its work, 0 ... 1, which it must update
+/// @param inspect    called in that process; it must call `should_continue` regularly and set `share` to the
+///                   completed fraction of its work, 0 ... 1
 /// @param too_large  remedy if the data do not fit into memory
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,

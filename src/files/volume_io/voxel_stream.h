@@ -15,7 +15,7 @@ Result<std::string> read_front(const std::filesystem::path& file, Encoding encod
 class VoxelSink {
  public:
   virtual ~VoxelSink() = default;
-  /// Buffer for the next values, at least kPieceValues of any type, valid until put().
+  /// Buffer for the next values, at least kPieceValues of any type, valid until commit().
   virtual std::span<std::byte> buffer() = 0;
   /// Appends `bytes` bytes of whole values from the buffer.
   virtual void commit(std::size_t bytes) = 0;

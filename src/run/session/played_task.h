@@ -20,7 +20,7 @@ class PlayedTask {
 
   /// Errors: those of TaskEvaluator::observe().
   Result<void> observe(const RecordingPart& part);
-  /// Called after the whole recording was passed to see().
+  /// Called after the whole recording was passed to observe().
   /// @param is_whole  whether the recording is complete
   /// Errors: kBadInput if no tick belongs to the run.
   Result<void> finish(bool is_whole);

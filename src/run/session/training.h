@@ -18,7 +18,7 @@
 
 namespace palpate {
 
-/// Tasks of a live session (palpate/session/training.h). Thread-safe, except that see() is called by the
+/// Tasks of a live session (palpate/session/training.h). Thread-safe, except that observe() is called by the
 /// recorder's thread only.
 class Training {
  public:

@@ -10,6 +10,8 @@ namespace palpate {
 namespace {
 
 constexpr std::size_t kMaxEvents = 10000;
+// kMinTouch_N, kRestRadius_mm and kMinStroke_mm are palpate's own definitions, not taken from a study
+// (docs/reference/metrics.md, "What was covered, and touched")
 constexpr double kMinTouch_N = 0.2;     // minimum force for coverage and answers
 constexpr double kRestRadius_mm = 1.5;  // radius within which a contact point counts as at rest
 constexpr double kMinStroke_mm = 2;  // distance over which a contact has to move before it covers a surface
@@ -110,8 +112,8 @@ void TaskEvaluator::read_contacts(const TickRecord& tick) {
   double requested_N = 0;
   for (std::size_t n = 0; n < contact_count_; ++n) requested_N += contacts_[n].force_N;
   requested_N *= device.force_gain;
-  // less by more than rounding errors, so that a force at the device's limit is not above an equal limit of a
-  // task
+  // Relative margin above rounding errors: a force clamped to the device's limit must not exceed an equal
+  // limit of a task.
   const double sent_N = (1 - 1e-12) * vector_of(device.force_N).norm();
   const double fraction = requested_N <= sent_N ? 1 : sent_N / requested_N;
   const double gain = device.force_gain * fraction;
@@ -255,8 +257,8 @@ double TaskEvaluator::force_on_step(const TaskStep& step) const {
   return force_N;
 }
 
-// Covers the patches along the path of a touch. It begins where the touch did once the strongest contact has
-// moved by kMinStroke_mm: a press at one place sweeps nothing.
+// Covers the patches along the path of a touch. Coverage begins retroactively at the first contact point,
+// once the strongest contact has moved by kMinStroke_mm; a stationary press covers nothing.
 void TaskEvaluator::sweep(std::size_t step) {
   const TaskStep& requested = task_.file.steps[step];
   const auto counts = [&](const Contact& contact) {

@@ -14,7 +14,7 @@ namespace palpate::server {
 namespace {
 
 constexpr auto kHousekeepingPeriod = std::chrono::milliseconds(100);
-// deformation is smooth in time at that rate, and its message may be as long as a hundred poses
+// 15 Hz suffices for a smooth deformation, whose message can be as long as a hundred poses.
 constexpr auto kDeformationPeriod = std::chrono::microseconds(66'600);
 // numbers to be read by a person need no higher rate
 constexpr auto kNavigationPeriod = std::chrono::milliseconds(100);
@@ -425,7 +425,7 @@ std::shared_ptr<const std::string> Hub::published_debriefing(const Viewer& viewe
   return is_own ? debriefing_ : nullptr;
 }
 
-// the redaction depends on the task that may be begun; if several may, one quiz suffices
+// Active while the selected task is a quiz and, because any task may then be begun, while none is selected.
 void Hub::update_redaction() {
   const auto& tasks = host_.scene().tasks;
   const auto chosen = std::ranges::find(tasks, state_.lesson.task, &ViewedTask::name);
@@ -448,7 +448,7 @@ std::string Hub::sweeps_after(SentSweeps& sent) const {
 // length of the common prefix of both sweep lists
 std::uint64_t Hub::sweeps_in_common(const ViewedState& before, const ViewedState& now) {
   std::uint64_t smallest = std::min(before.sweeps, now.sweeps);
-  // limited by every undo between the two, whichever list is the later
+  // each undo between the two states shortens the common prefix to the length that it left
   const auto &more = before.undone_to.size() > now.undone_to.size() ? before : now,
              &less = &more == &before ? now : before;
   for (std::size_t n = less.undone_to.size(); n < more.undone_to.size(); ++n)

@@ -23,17 +23,18 @@ struct Who {
   std::string learner;  ///< Pseudonym of the token, for a learner
 };
 
+/// Permission; right_infos() describes the requests that it covers.
 enum class Right : std::uint8_t {
-  kObserve,
-  kStop,
-  kSeeHidden,
-  kOperateTool,
-  kChangeContact,
-  kPlan,
-  kPlay,
-  kLesson,
-  kOwnRuns,
-  kAllRuns,
+  kObserve,        ///< See the scan, structures, poses, state, plan and runs in progress
+  kStop,           ///< Stop the force
+  kSeeHidden,      ///< See names and the structures to find during a quiz
+  kOperateTool,    ///< Move the tip, begin and end runs, rearm, pause, turn the object, cut
+  kChangeContact,  ///< Change contact settings: method, law, force limit, tissues
+  kPlan,           ///< Change and save the plan
+  kPlay,           ///< Control the playback of a recording
+  kLesson,         ///< Choose the learner and the task of the next runs, show names, end the session
+  kOwnRuns,        ///< See the learning curves of the learner's own runs
+  kAllRuns,        ///< See the learning curves of all learners
 };
 /// Permission of a role.
 enum class May : std::uint8_t {
@@ -44,7 +45,7 @@ enum class May : std::uint8_t {
 struct RightInfo {
   Right right;
   std::string_view name;  ///< Name in messages
-  std::string_view deed;  ///< Verb phrase after "may": "take the hand"
+  std::string_view deed;  ///< Verb phrase after "may": "operate the tool"
   std::string_view about;
   std::array<May, kRoles.size()> may;  ///< In the order of Role
 };

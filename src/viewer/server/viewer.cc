@@ -183,6 +183,8 @@ void Viewer::enqueue_pose(const PoseMessage& pose, const NearMessage* near, Cloc
   write_next();
 }
 
+// Priority: answers, state, plan; then navigation, training, sweeps, deformation and ticks, at most one of
+// these between two poses; then the distances, before the pose of their tick, and the pose.
 void Viewer::write_next() {
   if (writing_ || ending_ || removed_) return;
   if (!answers_.empty()) {

@@ -38,11 +38,11 @@ inline constexpr std::uint16_t kGoingAway = 1001, kTryAgainLater = 1013;
 ///    answers_     texts, in order; when the queue is full, only stop requests are carried out
 ///    state_due_   the state is serialised when it is sent
 ///    pose_        latest pose; replaces one not sent yet
-///    near_        latest distances, the same; sent before the pose of the same tick
+///    near_        latest distances; replace those not sent yet; sent before the pose of the same tick
 ///    ticks_sent_  position in the session's history; the next bundle is made when it is sent
-///    training_due_, debriefing_due_  progress of a run, and the last debriefing; the same
+///    training_due_, debriefing_due_  progress of a run, and the last debriefing; serialised when sent
 ///    plan_sent_    text of the plan sent last; the hub has the latest
-///    navigation_sent_  text of the tracked tip's error estimate sent last; the same
+///    navigation_sent_  text of the tracked tip's error estimate sent last; the hub has the latest
 ///    deformations_sent_  number of the deformation message sent last, per device; the hub has the latest
 ///
 /// One write is pending at a time. A viewer that reads slowly therefore only loses its own updates; the
