@@ -10,7 +10,7 @@ namespace {
 static_assert(WebSocket::kMaxMessage_bytes == kMaxMessage_bytes);
 
 constexpr auto kHelloTimeout = std::chrono::seconds(5);
-constexpr auto kWriteTimeout = std::chrono::seconds(10);
+constexpr auto kSendTimeout = std::chrono::seconds(10);
 constexpr auto kCloseTimeout = std::chrono::seconds(2);
 constexpr double kMaxMessages_each_second = 250;
 // maximum number of queued answers; further requests are ignored
@@ -336,7 +336,7 @@ void Viewer::check(Clock::time_point now) {
     if (now >= end_by_) remove_from_hub();
   } else if (!welcomed_ && now >= hello_by_) {
     end(kNoHello, "no hello");
-  } else if (writing_ && now >= write_started_ + kWriteTimeout) {
+  } else if (writing_ && now >= write_started_ + kSendTimeout) {
     hub_.log().add(peer_, "receives nothing");
     remove_from_hub();
   } else if (open_) {
