@@ -34,19 +34,22 @@ macro(palpate_debian_package component name section summary description)
 endmacro()
 set(palpate_same_library "libpalpate1 (= ${PROJECT_VERSION})")
 palpate_debian_package(program palpate science "haptic rendering of segmented MRI and CT scans"
-  "Computes the forces on a tool that touches a segmented scan, from the voxels themselves, for haptic devices, simulated hands \
-and a mouse in a web page.\nFor research and education, not for clinical use." "${palpate_same_library}")
+  "Computes the forces on a tool that touches a segmented scan, from the\nvoxels themselves, for haptic devices, simulated hands \
+and a mouse in a\nweb page. For research and education, not for clinical use." "${palpate_same_library}")
 palpate_debian_package(library libpalpate1 libs "haptic rendering of segmented scans, C library"
-  "The shared library by which programs in C, and in languages that call C, compute forces on tools that touch segmented scans.")
+  "The shared library by which programs in C, and in languages that call C,\ncompute forces on tools that touch segmented scans.")
 palpate_debian_package(development libpalpate-dev libdevel "haptic rendering of segmented scans, development files"
-  "Headers, CMake and pkg-config files of the C library, and the core as static libraries for C++20."
+  "Headers, CMake and pkg-config files of the C library, and the core as\nstatic libraries for C++20."
   "${palpate_same_library}" libeigen3-dev libhwy-dev pkg-config)
 palpate_debian_package(python python3-palpate python "haptic rendering of segmented scans, Python package"
   "NumPy arrays in, forces, simulated palpations and recordings out." "${palpate_same_library}" python3 python3-numpy)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
-set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS_POLICY ">=")
+# shared library and its trigger, as Debian's policy asks; CPack's GENERATE_SHLIBS knows no trigger
+set(palpate_control ${PROJECT_BINARY_DIR}/generated/control)
+file(WRITE ${palpate_control}/shlibs "libpalpate ${PROJECT_VERSION_MAJOR} libpalpate1 (>= ${PROJECT_VERSION})\n")
+file(WRITE ${palpate_control}/triggers "activate-noawait ldconfig\n")
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_CONTROL_EXTRA ${palpate_control}/shlibs ${palpate_control}/triggers)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS python3-h5py)
 

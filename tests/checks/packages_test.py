@@ -19,7 +19,7 @@ sys.dont_write_bytecode = True
 BUILD = pathlib.Path(sys.argv[1]).resolve()
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 DEBS = ("palpate", "libpalpate1", "libpalpate-dev", "python3-palpate")
-SCENE = "knee-phantom:spacing=3"
+SCENE = "knee-phantom:spacing=2"
 # Debian's Python, which has NumPy
 PYTHON = "/usr/bin/python3"
 # read the libraries that are loaded, and the hash of a run
@@ -105,21 +105,29 @@ class Packages(unittest.TestCase):
         self.assertEqual(self.run_hash(tree / "usr/bin/palpate"), self.hash)
         self.assertEqual(run("readelf", "--symbols", "--wide", tree / "usr/bin/palpate").count(".symtab"), 0)
 
-    def test_lintian_has_no_errors(self):
+    def test_lintian_has_no_errors_and_no_warnings(self):
         self.skip_unless("lintian")
-        run("lintian", "--fail-on", "error", *self.debs.values())
+        # CPack writes maintainer scripts that call ldconfig for every package with a library
+        run("lintian", "--fail-on", "error,warning", "--suppress-tags",
+            "pkg-config-unavailable-for-cross-compilation,maintscript-calls-ldconfig", *self.debs.values())
 
     def test_they_install_and_leave_nothing_in_a_bare_system(self):
         self.skip_unless("mmdebstrap")
+        if subprocess.run(["unshare", "--user", "--map-root-user", "true"], stderr=subprocess.DEVNULL, check=False).returncode:
+            self.skipTest("user namespaces are forbidden here")
         before, after = self.root / "before.txt", self.root / "after.txt"
         listing = "cd \"$1\" && find usr etc var/lib -xdev | grep -v -e '^var/lib/dpkg' -e '^var/lib/apt' | sort >"
         names = " ".join(f"/debs/{path.name}" for path in self.debs.values())
-        script = " && ".join(["palpate --version", f"palpate simulate {SCENE} --seed 1 | tee /tmp/run.txt", f"grep -q {self.hash} /tmp/run.txt",
-                              f"python3 -c 'import palpate as pp; print(pp.simulate(\"{SCENE}\", seed=1))'", "! command -v cc"])
+        (self.out / "use.sh").write_text(f"""palpate --version
+palpate simulate {SCENE} --seed 1 | tee /tmp/run.txt
+grep -q {self.hash} /tmp/run.txt
+python3 -c 'import palpate as pp; print(format(pp.simulate("{SCENE}", seed=1).hash, "016x"))' | grep -q {self.hash}
+! command -v cc
+""")
         run("mmdebstrap", "--mode=unshare", "--variant=apt", f"--customize-hook=copy-in {self.out} /",
             "--customize-hook=mv \"$1/out\" \"$1/debs\"", f"--customize-hook={listing} {before}",
             f"--customize-hook=chroot \"$1\" sh -c 'apt-get update && apt-get install --yes --no-install-recommends {names}'",
-            f"--customize-hook=chroot \"$1\" sh -c \"{script}\"",
+            "--customize-hook=chroot \"$1\" sh -e /debs/use.sh",
             f"--customize-hook=chroot \"$1\" sh -c 'apt-get purge --yes --autoremove {' '.join(DEBS)}'",
             f"--customize-hook={listing} {after}", "bookworm", "/dev/null")
         left = set(after.read_text().splitlines()) - set(before.read_text().splitlines())
@@ -159,7 +167,9 @@ class Packages(unittest.TestCase):
         self.assertIn("palpate 1", run(home / "bin/palpate", "--version", env=self.environment))
         self.assertEqual(self.run_hash(home / "bin/palpate"), self.hash)
         licences = next(site.glob("palpate-*.dist-info")) / "licenses"
-        self.assertTrue({"palpate", "uplot", "libhdf5-103"} <= {path.name for path in licences.iterdir()})
+        names = {path.name for path in licences.iterdir()}
+        self.assertTrue({"palpate", "uplot"} <= names, names)
+        self.assertTrue(any(name.startswith("libhdf5-103") for name in names), names)
         used = max(int(minor) for path in (site / "palpate").rglob("*") if path.is_file() and path.read_bytes()[:4] == b"\x7fELF"
                    for minor in re.findall(r"GLIBC_2\.(\d+)", run("objdump", "-T", path)))
         self.assertIn(f"manylinux_2_{used}_", wheel.name)
