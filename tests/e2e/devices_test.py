@@ -208,6 +208,14 @@ class Plugins(cli.PalpateTest):
                 if fault:
                     self.assertFalse(any(any(force) for force in columns["force_N"][-100:]))
 
+    @cli.long
+    def test_its_recording_replays_to_the_hash_of_every_tick(self):
+        recording = self.folder / "press.h5"
+        self.succeed("explore", "knee-phantom:spacing=3", "--device", self.device, "--no-viewer", "--seconds", "2", "-o", recording,
+                     env={**os.environ, "PALPATE_TEST_PLUGIN": "press"})
+        self.assertTrue(any(any(force) for force in cli.device_columns(recording, "force_N")["force_N"]))
+        self.succeed("replay", recording)
+
 
 class Arming(cli.PalpateTest):
     """A device that pushes, as far as palpate can tell: 3D Systems' library is a stand-in."""

@@ -1,4 +1,5 @@
-/* A plug-in for tests: an arm on a spring, pushed 2 mm in x. PALPATE_TEST_PLUGIN is what goes wrong: nothing; in loading "fails",
+/* A plug-in for tests: an arm on a spring, pushed 2 mm in x, or with PALPATE_TEST_PLUGIN "press" moved down from 60 mm above
+   the middle to 20 mm below it in a second. Otherwise PALPATE_TEST_PLUGIN is what goes wrong: nothing; in loading "fails",
    "count", "axes" or "moves"; in connecting "absent"; after half a second of reads "crash", "hang", "nan", "size", "exit" or "read".
    The force that acts is in the file PALPATE_TEST_PLUGIN_FORCE, as a double. */
 #define _GNU_SOURCE
@@ -13,20 +14,20 @@
 #include "palpate_driver.h"
 
 enum { kReadsBeforeFault = 500 };
-static const char* fault;
+static const char* mode;
 static volatile double* acting_N;
 static int reads;
 static volatile uintptr_t nowhere;
 
-static int is_fault(const char* name) {
-  return strcmp(fault, name) == 0;
+static int is_mode(const char* name) {
+  return strcmp(mode, name) == 0;
 }
 
 static int32_t open_arm(void* context, int32_t may_move, plp_driver_device* devices, char* error,
                         uint32_t error_size) {
   (void)context;
   (void)may_move;
-  if (is_fault("absent")) {
+  if (is_mode("absent")) {
     strncpy(error, "no arm answers on the bus", error_size - 1);
     return -1;
   }
@@ -39,14 +40,15 @@ static int32_t read_arm(void* context, plp_driver_sample* samples) {
   ++reads;
   samples[0].tip_mm[0] = -2 - *acting_N;
   samples[0].buttons = 1;
+  if (is_mode("press")) samples[0].tip_mm[2] = 60 - 0.08 * (reads < 1000 ? reads : 1000);
   if (reads < kReadsBeforeFault) return 0;
   /* not raise(): the signal is blocked on this thread, and what the processor reports is not */
-  if (is_fault("crash")) *(volatile int*)nowhere = 1;
-  if (is_fault("exit")) _exit(3);
-  if (is_fault("nan")) samples[0].tip_mm[1] = NAN;
-  if (is_fault("size")) samples[0].size = 8;
-  while (is_fault("hang")) usleep(1000);
-  return is_fault("read") && reads < 2 * kReadsBeforeFault ? -1 : 0;
+  if (is_mode("crash")) *(volatile int*)nowhere = 1;
+  if (is_mode("exit")) _exit(3);
+  if (is_mode("nan")) samples[0].tip_mm[1] = NAN;
+  if (is_mode("size")) samples[0].size = 8;
+  while (is_mode("hang")) usleep(1000);
+  return is_mode("read") && reads < 2 * kReadsBeforeFault ? -1 : 0;
 }
 
 static int32_t write_arm(void* context, const plp_driver_command* commands) {
@@ -69,21 +71,21 @@ PLP_DRIVER_EXPORT int32_t plp_driver_v1(plp_driver* driver) {
   const char* const file = getenv("PALPATE_TEST_PLUGIN_FORCE");
   static double nowhere;
   acting_N = &nowhere;
-  fault = getenv("PALPATE_TEST_PLUGIN");
-  if (fault == NULL) fault = "";
-  if (is_fault("fails")) return -1;
+  mode = getenv("PALPATE_TEST_PLUGIN");
+  if (mode == NULL) mode = "";
+  if (is_mode("fails")) return -1;
   if (file != NULL) {
     const int open_file = open(file, O_RDWR | O_CLOEXEC);
     void* const memory = mmap(NULL, sizeof(double), PROT_READ | PROT_WRITE, MAP_SHARED, open_file, 0);
     if (memory == MAP_FAILED) return -1;
     acting_N = memory;
   }
-  driver->device_count = is_fault("count") ? 9 : 1;
+  driver->device_count = is_mode("count") ? 9 : 1;
   driver->devices[0].peak_force_N = 3;
   driver->devices[0].stiffness_N_per_mm = 2;
   driver->devices[0].buttons = 1;
-  driver->devices[0].moves_by_itself = is_fault("moves");
-  if (is_fault("axes")) driver->devices[0].axes[0] = 2;
+  driver->devices[0].moves_by_itself = is_mode("moves");
+  if (is_mode("axes")) driver->devices[0].axes[0] = 2;
   driver->open = open_arm;
   driver->read = read_arm;
   driver->write = write_arm;
