@@ -62,7 +62,7 @@ cpack_add_component(c GROUP development)
 install(FILES ${PROJECT_SOURCE_DIR}/data/system/60-palpate-haptics.rules DESTINATION lib/udev/rules.d COMPONENT program)
 
 # what the packages are made of
-add_custom_target(palpate_packaged DEPENDS palpate palpate-verify palpate_c palpate_dicom)
+add_custom_target(palpate_packaged DEPENDS palpate palpate-verify palpate_c palpate_dicom palpate_ros2_dds)
 foreach(module ${core_modules})
   get_target_property(palpate_type palpate_${module} TYPE)
   if(palpate_type STREQUAL STATIC_LIBRARY)

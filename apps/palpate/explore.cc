@@ -101,7 +101,7 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
 // servers of a session, which end with it
 struct Servers {
   std::unique_ptr<ViewerServer> viewers;
-  std::unique_ptr<OpenIgtLinkServer> openigtlink;
+  Publishers publishers;
 };
 
 // function that starts the requested servers; empty without one
@@ -109,7 +109,7 @@ struct Servers {
 std::function<Result<std::shared_ptr<void>>(LiveHost&)> viewers_of(const ExploreArguments& options,
                                                                    Console& console, ViewerFaultQueue& faults,
                                                                    std::string& address) {
-  if (options.no_viewer && !options.serving.openigtlink) return {};
+  if (options.no_viewer && !options.serving.publishes()) return {};
   return [&](LiveHost& host) -> Result<std::shared_ptr<void>> {
     auto servers = std::make_shared<Servers>();
     if (!options.no_viewer) {
@@ -120,7 +120,7 @@ std::function<Result<std::shared_ptr<void>>(LiveHost&)> viewers_of(const Explore
     }
     auto published = publish(host, options.serving, console, faults);
     if (!published) return published.error();
-    servers->openigtlink = *std::move(published);
+    servers->publishers = *std::move(published);
     return std::shared_ptr<void>(std::move(servers));
   };
 }
@@ -438,7 +438,7 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
     training.have_to_fit = true;
     // a person starts the task when ready, from the page or by a key
     training.begins_at_once = options.devices.front() == kSimulatedHand || options.no_viewer;
-  } else if (!loaded.data_set.empty() && !options.no_viewer && !options.serving.openigtlink) {
+  } else if (!loaded.data_set.empty() && !options.no_viewer && !options.serving.publishes()) {
     // a published session has no tasks: a receiver would see what a task hides
     for (const EmbeddedFile& file : embedded_tasks()) {
       auto task = parse_task(file.text, std::string(file.name));

@@ -43,6 +43,34 @@ void add_serving_options(CLI::App& verb, ServingOptions& options) {
           "Numeric address of this machine to publish on, without access control; default: 127.0.0.1")
       ->needs("--openigtlink")
       ->type_name("ADDRESS");
+  verb.add_option_function<int>(
+          "--ros2",
+          [&options](int domain) {
+            if (!options.ros2) options.ros2.emplace();
+            options.ros2->domain = domain;
+          },
+          "Publish tool, force and distances to nodes of ROS 2 in this domain (ROS_DOMAIN_ID, usually 0)")
+      ->check(whole_between(0, 101))
+      ->type_name("DOMAIN");
+  verb.add_option_function<std::string>(
+          "--ros2-interface",
+          [&options](const std::string& interface) {
+            if (!options.ros2) options.ros2.emplace();
+            options.ros2->interface = interface;
+          },
+          "Network interface, by name or address, to publish on, without access control; default: loopback")
+      ->needs("--ros2")
+      ->type_name("INTERFACE");
+  verb.add_option_function<double>(
+          "--ros2-rate",
+          [&options](double rate_hz) {
+            if (!options.ros2) options.ros2.emplace();
+            options.ros2->rate_hz = rate_hz;
+          },
+          "Rate of the published poses and forces, Hz; default: 250")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->needs("--ros2")
+      ->type_name("HZ");
 }
 
 void ViewerFaultQueue::enqueue(const std::string& line) {
@@ -81,15 +109,25 @@ Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptio
   return server;
 }
 
-Result<std::unique_ptr<OpenIgtLinkServer>> publish(const ViewerHost& host, const ServingOptions& options,
-                                                   Console& console, ViewerFaultQueue& faults) {
-  if (!options.openigtlink) return std::unique_ptr<OpenIgtLinkServer>();
-  OpenIgtLinkOptions settings = *options.openigtlink;
-  settings.log = [&faults](const std::string& fault) { faults.enqueue(fault); };
-  auto server = OpenIgtLinkServer::start(host, settings);
-  if (server)
+Result<Publishers> publish(ViewerHost& host, const ServingOptions& options, Console& console,
+                           ViewerFaultQueue& faults) {
+  Publishers publishers;
+  if (options.openigtlink) {
+    OpenIgtLinkOptions settings = *options.openigtlink;
+    settings.log = [&faults](const std::string& fault) { faults.enqueue(fault); };
+    auto server = OpenIgtLinkServer::start(host, settings);
+    if (!server) return server.error();
     console.note("OpenIGTLink at " + settings.address + " port " + std::to_string((*server)->port()));
-  return server;
+    publishers.openigtlink = *std::move(server);
+  }
+  if (options.ros2) {
+    auto publisher = Ros2Publisher::start(host, *options.ros2);
+    if (!publisher) return publisher.error();
+    console.note("ROS 2 in domain " + std::to_string(options.ros2->domain) + " on " +
+                 (options.ros2->interface.empty() ? "loopback" : options.ros2->interface));
+    publishers.ros2 = *std::move(publisher);
+  }
+  return publishers;
 }
 
 }  // namespace palpate::app

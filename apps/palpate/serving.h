@@ -9,6 +9,7 @@
 #include <string>
 
 #include "palpate/openigtlink_server/openigtlink_server.h"
+#include "palpate/ros2/ros2_publisher.h"
 #include "palpate/server/viewer_server.h"
 #include "verb.h"
 
@@ -19,6 +20,10 @@ struct ServingOptions {
   std::optional<int> port;  ///< Port; empty: kViewerPort, or the next free one
   ViewerServerOptions viewers;
   std::optional<OpenIgtLinkOptions> openigtlink;  ///< Empty: not published by OpenIGTLink
+  std::optional<Ros2Options> ros2;                ///< Empty: not published to ROS 2
+
+  /// Whether programs receive the session that have no role in it.
+  bool publishes() const { return openigtlink || ros2; }
 };
 void add_serving_options(CLI::App& verb, ServingOptions& options);
 
@@ -41,9 +46,14 @@ class ViewerFaultQueue {
 /// @param faults  must outlive the server
 Result<std::unique_ptr<ViewerServer>> serve(ViewerHost& host, const ServingOptions& options, Console& console,
                                             ViewerFaultQueue& faults);
-/// Starts publishing by OpenIGTLink, if requested; null: not requested.
-/// @param faults  must outlive the server
-Result<std::unique_ptr<OpenIgtLinkServer>> publish(const ViewerHost& host, const ServingOptions& options,
-                                                   Console& console, ViewerFaultQueue& faults);
+/// Publishers of a session, those that were requested.
+struct Publishers {
+  std::unique_ptr<OpenIgtLinkServer> openigtlink;
+  std::unique_ptr<Ros2Publisher> ros2;
+};
+/// Starts publishing as requested.
+/// @param faults  must outlive the publishers
+Result<Publishers> publish(ViewerHost& host, const ServingOptions& options, Console& console,
+                           ViewerFaultQueue& faults);
 
 }  // namespace palpate::app

@@ -312,9 +312,10 @@ class PlaybackHost;
 class TickHistory;
 
 /// Session or recording as seen by its viewers: what there is to be looked at. A host that is neither a
-/// LiveHost nor a PlaybackHost can only be looked at and stopped. scene(), snapshot(), state() and labels()
-/// are called on any thread, every other member on the server's unless stated otherwise; none may wait for
-/// the servo, and none may take longer than copying one tick's data (milliseconds).
+/// LiveHost nor a PlaybackHost can only be looked at and stopped. scene(), snapshot(), health(), state(),
+/// labels() and emergency_stop() are called on any thread, every other member on the server's unless stated
+/// otherwise; none may wait for the servo, and none may take longer than copying one tick's data
+/// (milliseconds).
 class ViewerHost {
  public:
   virtual ~ViewerHost() = default;

@@ -1,0 +1,262 @@
+#include "ros2/dds_session.h"
+
+#include <dds/dds.h>
+
+#include <array>
+#include <new>
+
+#include "messages.h"
+
+namespace palpate::ros2 {
+namespace {
+
+constexpr dds_duration_t kMaxBlocking = DDS_MSECS(1);
+constexpr std::int32_t kShortHistory = 1, kDiagnosticHistory = 10;
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+
+using Entity = dds_entity_t;
+
+struct DeleteQos {
+  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
+};
+using Qos = std::unique_ptr<dds_qos_t, DeleteQos>;
+
+enum class Delivery { kBestEffort, kReliable, kTransientLocal };
+Qos qos_of(Delivery delivery, std::int32_t history) {
+  Qos qos(dds_create_qos());
+  if (qos == nullptr) throw std::bad_alloc();
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, history);
+  dds_qset_reliability(
+      qos.get(), delivery == Delivery::kBestEffort ? DDS_RELIABILITY_BEST_EFFORT : DDS_RELIABILITY_RELIABLE,
+      kMaxBlocking);
+  dds_qset_durability(qos.get(), delivery == Delivery::kTransientLocal ? DDS_DURABILITY_TRANSIENT_LOCAL
+                                                                       : DDS_DURABILITY_VOLATILE);
+  return qos;
+}
+
+// Text in double quotes as the value of an attribute.
+std::string attribute(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"')
+      quoted += "&quot;";
+    else if (c == '&')
+      quoted += "&amp;";
+    else if (c == '<')
+      quoted += "&lt;";
+    else
+      quoted += c;
+  }
+  return quoted + "\"";
+}
+
+// Configuration of Cyclone DDS, which replaces that of the environment (CYCLONEDDS_URI).
+std::string configuration(const DdsOptions& options) {
+  std::string general, discovery;
+  if (options.interface.empty()) {
+    // loopback has no multicast: participants are found at the first ports of this machine
+    general =
+        "<Interfaces><NetworkInterface name=\"lo\"/></Interfaces><AllowMulticast>false</AllowMulticast>";
+    discovery =
+        "<Peers><Peer address=\"127.0.0.1\"/></Peers><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>";
+  } else {
+    const bool is_address = options.interface.find_first_of(".:") != std::string::npos;
+    general = std::string("<Interfaces><NetworkInterface ") + (is_address ? "address=" : "name=") +
+              attribute(options.interface) + "/></Interfaces>";
+  }
+  return "<CycloneDDS><Domain id=\"any\"><General>" + general +
+         "</General><Discovery><ParticipantIndex>auto</ParticipantIndex>" + discovery +
+         "</Discovery></Domain></CycloneDDS>";
+}
+
+builtin_interfaces_msg_dds__Time_ time_of(std::int64_t stamp_ns) {
+  return {static_cast<std::int32_t>(stamp_ns / kSecond_ns),
+          static_cast<std::uint32_t>(stamp_ns % kSecond_ns)};
+}
+// Cyclone's structs have members without const, which it does not write to.
+char* text_of(const std::string& text) {
+  return const_cast<char*>(text.c_str());
+}
+std_msgs_msg_dds__Header_ header_of(std::int64_t stamp_ns, const char* frame) {
+  return {time_of(stamp_ns), const_cast<char*>(frame)};
+}
+geometry_msgs_msg_dds__Vector3_ vector_of(const std::array<double, 3>& v) {
+  return {v[0], v[1], v[2]};
+}
+geometry_msgs_msg_dds__Quaternion_ quaternion_of(const std::array<double, 4>& xyzw) {
+  return {xyzw[0], xyzw[1], xyzw[2], xyzw[3]};
+}
+geometry_msgs_msg_dds__Pose_ pose_of(const PoseSample& pose) {
+  return {{pose.position_m[0], pose.position_m[1], pose.position_m[2]}, quaternion_of(pose.orientation_xyzw)};
+}
+template <class Sequence, class Element>
+Sequence sequence_of(std::vector<Element>& elements) {
+  const auto size = static_cast<std::uint32_t>(elements.size());
+  return {size, size, elements.data(), false};
+}
+
+class Session final : public DdsSession {
+ public:
+  ~Session() override {
+    // the domain takes its participants, writers and readers along
+    if (domain_ > 0) dds_delete(domain_);
+  }
+
+  // Returns the reason for a failure; empty: none.
+  std::string open(const DdsOptions& options) {
+    const auto silent = [](void*, const dds_log_data_t*) {};
+    dds_set_log_sink(silent, nullptr);
+    dds_set_trace_sink(silent, nullptr);
+    const auto number = static_cast<dds_domainid_t>(options.domain);
+    domain_ = dds_create_domain(number, configuration(options).c_str());
+    if (domain_ < 0) return failure("domain", domain_);
+    const Qos qos(dds_create_qos());
+    // by which ROS 2 recognises a participant that belongs to no security enclave
+    constexpr std::string_view kEnclave = "enclave=/;";
+    dds_qset_userdata(qos.get(), kEnclave.data(), kEnclave.size());
+    participant_ = dds_create_participant(number, qos.get(), nullptr);
+    if (participant_ < 0) return failure("participant", participant_);
+
+    hands_.resize(options.hands);
+    for (std::size_t n = 0; n < options.hands; ++n) {
+      const std::string prefix = "rt/palpate/hand" + std::to_string(n + 1) + "/";
+      Hand& hand = hands_[n];
+      hand.frame = "palpate/hand" + std::to_string(n + 1);
+      constexpr auto kPose = Delivery::kBestEffort;
+      hand.measured_cp = writer(geometry_msgs_msg_dds__PoseStamped__desc, prefix + "measured_cp", kPose);
+      hand.measured_cv = writer(geometry_msgs_msg_dds__TwistStamped__desc, prefix + "measured_cv", kPose);
+      hand.measured_cf = writer(geometry_msgs_msg_dds__WrenchStamped__desc, prefix + "measured_cf", kPose);
+      hand.setpoint_cp = writer(geometry_msgs_msg_dds__PoseStamped__desc, prefix + "setpoint_cp", kPose);
+      hand.distances = writer(palpate_msgs_msg_dds__Distances__desc, prefix + "distances", kPose);
+    }
+    // listeners of ROS 2's tf2 ask for reliable delivery
+    tf_ = writer(tf2_msgs_msg_dds__TFMessage__desc, "rt/tf", Delivery::kReliable);
+    tf_static_ = writer(tf2_msgs_msg_dds__TFMessage__desc, "rt/tf_static", Delivery::kTransientLocal);
+    scene_ = writer(std_msgs_msg_dds__String__desc, "rt/palpate/scene", Delivery::kTransientLocal);
+    diagnostics_ = writer(diagnostic_msgs_msg_dds__DiagnosticArray__desc, "rt/diagnostics",
+                          Delivery::kReliable, kDiagnosticHistory);
+    if (options.has_virtual_time)
+      clock_ = writer(rosgraph_msgs_msg_dds__Clock__desc, "rt/clock", Delivery::kBestEffort);
+    // a reader that asks for reliable delivery gets nothing from a writer without
+    for (std::size_t n = 0; n < stops_.size(); ++n) {
+      const Entity topic =
+          dds_create_topic(participant_, &std_msgs_msg_dds__Empty__desc, "rt/palpate/stop", nullptr, nullptr);
+      const Qos delivery = qos_of(n == 0 ? Delivery::kReliable : Delivery::kBestEffort, kShortHistory);
+      stops_[n] = checked(dds_create_reader(participant_, topic, delivery.get(), nullptr));
+    }
+    return fault_;
+  }
+
+  void publish(std::size_t n, std::int64_t stamp_ns, const HandSample& sample) override {
+    Hand& hand = hands_[n];
+    const std_msgs_msg_dds__Header_ header = header_of(stamp_ns, kPatientFrame);
+    const geometry_msgs_msg_dds__PoseStamped_ tool{header, pose_of(sample.tool)},
+        proxy{header, pose_of(sample.proxy)};
+    dds_write(hand.measured_cp, &tool);
+    dds_write(hand.setpoint_cp, &proxy);
+    const geometry_msgs_msg_dds__TwistStamped_ twist{
+        header, {vector_of(sample.velocity_m_s), vector_of(sample.angular_velocity_rad_s)}};
+    dds_write(hand.measured_cv, &twist);
+    const geometry_msgs_msg_dds__WrenchStamped_ wrench{
+        header, {vector_of(sample.force_N), vector_of(sample.torque_Nm)}};
+    dds_write(hand.measured_cf, &wrench);
+
+    std::vector<char*> names;
+    std::vector<double> distances;
+    for (const auto& [name, distance_m] : sample.distances) {
+      names.push_back(text_of(name));
+      distances.push_back(distance_m);
+    }
+    const palpate_msgs_msg_dds__Distances_ near{header,
+                                                sequence_of<dds_sequence_string>(names),
+                                                sequence_of<dds_sequence_double>(distances),
+                                                text_of(sample.no_go),
+                                                sample.no_go_depth_m,
+                                                sample.no_go_N};
+    dds_write(hand.distances, &near);
+    publish_transform(tf_, header, hand.frame, sample.tool);
+  }
+
+  void publish_clock(std::int64_t time_ns) override {
+    const rosgraph_msgs_msg_dds__Clock_ clock{time_of(time_ns)};
+    dds_write(clock_, &clock);
+  }
+
+  void publish(std::int64_t stamp_ns, const Diagnosis& diagnosis) override {
+    std::vector<diagnostic_msgs_msg_dds__KeyValue_> values;
+    for (const auto& [key, value] : diagnosis.values) values.push_back({text_of(key), text_of(value)});
+    std::string name = "palpate: session";
+    std::vector<diagnostic_msgs_msg_dds__DiagnosticStatus_> status{
+        {static_cast<std::uint8_t>(diagnosis.level), name.data(), text_of(diagnosis.message),
+         const_cast<char*>(""), sequence_of<dds_sequence_diagnostic_msgs_msg_dds__KeyValue_>(values)}};
+    const diagnostic_msgs_msg_dds__DiagnosticArray_ array{
+        header_of(stamp_ns, ""),
+        sequence_of<dds_sequence_diagnostic_msgs_msg_dds__DiagnosticStatus_>(status)};
+    dds_write(diagnostics_, &array);
+  }
+
+  void publish_scene(std::int64_t stamp_ns, const std::string& text,
+                     const PoseSample& patient_in_base) override {
+    const std_msgs_msg_dds__String_ scene{text_of(text)};
+    dds_write(scene_, &scene);
+    publish_transform(tf_static_, header_of(stamp_ns, kBaseFrame), kPatientFrame, patient_in_base);
+  }
+
+  bool read_stop() override {
+    bool stop = false;
+    for (const Entity reader : stops_) {
+      std::array<void*, 1> samples{};
+      std::array<dds_sample_info_t, 1> infos{};
+      while (dds_take(reader, samples.data(), infos.data(), infos.size(), infos.size()) > 0) {
+        stop = stop || infos[0].valid_data;
+        dds_return_loan(reader, samples.data(), 1);
+        samples = {};
+      }
+    }
+    return stop;
+  }
+
+ private:
+  struct Hand {
+    std::string frame;
+    Entity measured_cp = 0, measured_cv = 0, measured_cf = 0, setpoint_cp = 0, distances = 0;
+  };
+
+  static std::string failure(const char* what, dds_return_t code) {
+    return std::string(what) + ": " + dds_strretcode(-code);
+  }
+  // Notes the first failure.
+  Entity checked(Entity entity) {
+    if (entity < 0 && fault_.empty()) fault_ = failure("topic", entity);
+    return entity;
+  }
+  Entity writer(const dds_topic_descriptor_t& type, const std::string& name, Delivery delivery,
+                std::int32_t history = kShortHistory) {
+    const Entity topic = checked(dds_create_topic(participant_, &type, name.c_str(), nullptr, nullptr));
+    const Qos qos = qos_of(delivery, history);
+    return checked(dds_create_writer(participant_, topic, qos.get(), nullptr));
+  }
+  static void publish_transform(Entity writer, const std_msgs_msg_dds__Header_& header,
+                                const std::string& child, const PoseSample& pose) {
+    std::vector<geometry_msgs_msg_dds__TransformStamped_> transforms{
+        {header, text_of(child), {vector_of(pose.position_m), quaternion_of(pose.orientation_xyzw)}}};
+    const tf2_msgs_msg_dds__TFMessage_ message{
+        sequence_of<dds_sequence_geometry_msgs_msg_dds__TransformStamped_>(transforms)};
+    dds_write(writer, &message);
+  }
+
+  Entity domain_ = 0, participant_ = 0;
+  std::vector<Hand> hands_;
+  Entity tf_ = 0, tf_static_ = 0, scene_ = 0, diagnostics_ = 0, clock_ = 0;
+  std::array<Entity, 2> stops_{};
+  std::string fault_;  // first failure of open()
+};
+
+}  // namespace
+}  // namespace palpate::ros2
+
+palpate::ros2::DdsSession* palpate_ros2_open(const palpate::ros2::DdsOptions& options, std::string& fault) {
+  auto session = std::make_unique<palpate::ros2::Session>();
+  fault = session->open(options);
+  return fault.empty() ? session.release() : nullptr;
+}

@@ -1,0 +1,378 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastrtps/utils/IPLocator.h>
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/Topic.hpp>
+#include <fastdds/dds/topic/TopicDataType.hpp>
+#include <fastdds/dds/topic/TypeSupport.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "palpate/base/check.h"
+#include "palpate/ros2/ros2_publisher.h"
+#include "server/test_host.h"
+
+// Every topic, received by Fast DDS under the names by which ROS 2 subscribes. The messages are decoded here,
+// byte by byte, from the .msg files of ROS 2: nothing of what encoded them is used.
+namespace palpate {
+namespace {
+
+namespace dds = eprosima::fastdds::dds;
+using ::testing::HasSubstr;
+using Bytes = std::vector<unsigned char>;
+
+constexpr auto kPatience = std::chrono::seconds(20);
+constexpr std::uint32_t kMaxMessage_bytes = 1 << 16;
+
+/// A type that is received and sent as the bytes of its encoding.
+class RawType : public dds::TopicDataType {
+ public:
+  explicit RawType(const std::string& name) {
+    setName(name.c_str());
+    m_typeSize = kMaxMessage_bytes;
+    m_isGetKeyDefined = false;
+  }
+  bool serialize(void* data, eprosima::fastrtps::rtps::SerializedPayload_t* payload) override {
+    const Bytes& bytes = *static_cast<const Bytes*>(data);
+    std::memcpy(payload->data, bytes.data(), bytes.size());
+    payload->length = static_cast<std::uint32_t>(bytes.size());
+    return true;
+  }
+  bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t* payload, void* data) override {
+    static_cast<Bytes*>(data)->assign(payload->data, payload->data + payload->length);
+    return true;
+  }
+  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
+    return [data] { return static_cast<std::uint32_t>(static_cast<const Bytes*>(data)->size()); };
+  }
+  void* createData() override { return new Bytes; }
+  void deleteData(void* data) override { delete static_cast<Bytes*>(data); }
+  bool getKey(void*, eprosima::fastrtps::rtps::InstanceHandle_t*, bool) override { return false; }
+};
+
+/// Reads little-endian CDR.
+class Cdr {
+ public:
+  explicit Cdr(Bytes bytes) : bytes_(std::move(bytes)) {
+    PALPATE_CHECK(bytes_.size() >= kHeader && bytes_[1] == 1);
+  }
+  template <class T>
+  T read() {
+    at_ = kHeader + (at_ - kHeader + sizeof(T) - 1) / sizeof(T) * sizeof(T);
+    PALPATE_CHECK(at_ + sizeof(T) <= bytes_.size());
+    T value;
+    std::memcpy(&value, &bytes_[at_], sizeof value);
+    at_ += sizeof value;
+    return value;
+  }
+  std::string text() {
+    const auto size = read<std::uint32_t>();
+    PALPATE_CHECK(size > 0 && at_ + size <= bytes_.size() && bytes_[at_ + size - 1] == 0);
+    const std::string text(reinterpret_cast<const char*>(&bytes_[at_]), size - 1);
+    at_ += size;
+    return text;
+  }
+  template <std::size_t N>
+  std::array<double, N> numbers() {
+    std::array<double, N> numbers{};
+    for (double& number : numbers) number = read<double>();
+    return numbers;
+  }
+  std::int64_t time_ns() {
+    const auto seconds = read<std::int32_t>();
+    return seconds * std::int64_t{1'000'000'000} + read<std::uint32_t>();
+  }
+
+ private:
+  static constexpr std::size_t kHeader = 4;
+  Bytes bytes_;
+  std::size_t at_ = kHeader;
+};
+
+/// A participant of Fast DDS, as a node of ROS 2 is.
+class Node {
+ public:
+  explicit Node(int domain) {
+    // loopback alone, as with ROS_LOCALHOST_ONLY=1
+    dds::DomainParticipantQos qos = dds::PARTICIPANT_QOS_DEFAULT;
+    const auto loopback = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+    loopback->interfaceWhiteList = {"127.0.0.1"};
+    qos.transport().use_builtin_transports = false;
+    qos.transport().user_transports = {loopback};
+    eprosima::fastrtps::rtps::Locator_t peer;
+    eprosima::fastrtps::rtps::IPLocator::setIPv4(peer, 127, 0, 0, 1);
+    qos.wire_protocol().builtin.initialPeersList.push_back(peer);
+    participant_ = factory().create_participant(static_cast<dds::DomainId_t>(domain), qos);
+    PALPATE_CHECK(participant_ != nullptr);
+    subscriber_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
+    publisher_ = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
+  }
+  ~Node() {
+    participant_->delete_contained_entities();
+    factory().delete_participant(participant_);
+  }
+  Node(const Node&) = delete;
+  Node& operator=(const Node&) = delete;
+
+  // As ROS 2 does: a subscriber to poses asks for best effort, all others for reliable delivery.
+  dds::DataReader* subscribe(const std::string& name, const std::string& type, bool reliable,
+                             bool late = false) {
+    dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
+    qos.reliability().kind = reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
+    qos.durability().kind = late ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
+    return subscriber_->create_datareader(topic(name, type), qos);
+  }
+  dds::DataWriter* advertise(const std::string& name, const std::string& type, bool reliable) {
+    dds::DataWriterQos qos = dds::DATAWRITER_QOS_DEFAULT;
+    qos.reliability().kind = reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
+    return publisher_->create_datawriter(topic(name, type), qos);
+  }
+  // The next message of a reader; empty without one in time.
+  static std::optional<Bytes> next(dds::DataReader* reader) {
+    const auto until = std::chrono::steady_clock::now() + kPatience;
+    while (std::chrono::steady_clock::now() < until) {
+      Bytes bytes;
+      dds::SampleInfo info;
+      if (reader->take_next_sample(&bytes, &info) == ReturnCode_t::RETCODE_OK) {
+        if (info.valid_data) return bytes;
+      } else {
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+      }
+    }
+    return {};
+  }
+
+ private:
+  static dds::DomainParticipantFactory& factory() { return *dds::DomainParticipantFactory::get_instance(); }
+  dds::Topic* topic(const std::string& name, const std::string& type) {
+    dds::TypeSupport(new RawType(type)).register_type(participant_);
+    if (auto* known = dynamic_cast<dds::Topic*>(participant_->lookup_topicdescription(name))) return known;
+    return participant_->create_topic(name, type, dds::TOPIC_QOS_DEFAULT);
+  }
+
+  dds::DomainParticipant* participant_ = nullptr;
+  dds::Subscriber* subscriber_ = nullptr;
+  dds::Publisher* publisher_ = nullptr;
+};
+
+std::string message_type(const std::string& package, const std::string& name) {
+  return package + "::msg::dds_::" + name + "_";
+}
+std::int64_t now_ns() {
+  using namespace std::chrono;
+  return duration_cast<nanoseconds>(system_clock::now().time_since_epoch()).count();
+}
+
+template <std::size_t N>
+void expect_near(const std::array<double, N>& numbers, const std::array<double, N>& expected) {
+  for (std::size_t n = 0; n < N; ++n) EXPECT_NEAR(numbers[n], expected[n], 1e-12) << n;
+}
+
+class FastDds : public ::testing::Test {
+ protected:
+  FastDds() : node_(domain_) {
+    DeviceTick touching;
+    touching.label = 1;
+    touching.force_N = {0.5, -0.25, 1};
+    touching.proxy_patient_mm = {1, 2, 4};
+    touching.velocity_patient_mm_s = {10, 20, 30};
+    touching.torque_Nmm = {100, 0, -50};
+    touching.near_label = {2};
+    touching.near_mm = {7};
+    host_.bring_near(touching);
+    Ros2Options options;
+    options.domain = domain_;
+    auto started = Ros2Publisher::start(host_, options);
+    PALPATE_CHECK(started.ok());
+    publisher_ = *std::move(started);
+  }
+  Cdr receive(const std::string& topic, const std::string& package, const std::string& name, bool reliable,
+              bool late = false) {
+    auto bytes = Node::next(node_.subscribe(topic, message_type(package, name), reliable, late));
+    PALPATE_CHECK(bytes.has_value());
+    return Cdr(*std::move(bytes));
+  }
+  // Checks a header: its stamp is of now, its frame the patient's.
+  static void expect_header(Cdr& message) {
+    EXPECT_NEAR(static_cast<double>(message.time_ns()), static_cast<double>(now_ns()), 5e9);
+    EXPECT_EQ(message.text(), "patient_lps");
+  }
+
+  // tests of other processes use other domains
+  const int domain_ = 1 + ::getpid() % 100;
+  testing::FakeHost host_;
+  std::unique_ptr<Ros2Publisher> publisher_;
+  Node node_;
+};
+
+TEST_F(FastDds, PoseTwistAndWrenchArrive) {
+  Cdr pose = receive("rt/palpate/hand1/measured_cp", "geometry_msgs", "PoseStamped", false);
+  expect_header(pose);
+  expect_near(pose.numbers<3>(), {0.001, 0.002, 0.003});
+  const std::array<double, 4> orientation = pose.numbers<4>();
+  EXPECT_NEAR(
+      std::hypot(std::hypot(orientation[0], orientation[1]), std::hypot(orientation[2], orientation[3])), 1,
+      1e-12);
+
+  Cdr proxy = receive("rt/palpate/hand1/setpoint_cp", "geometry_msgs", "PoseStamped", false);
+  expect_header(proxy);
+  expect_near(proxy.numbers<3>(), {0.001, 0.002, 0.004});
+
+  Cdr twist = receive("rt/palpate/hand1/measured_cv", "geometry_msgs", "TwistStamped", false);
+  expect_header(twist);
+  expect_near(twist.numbers<3>(), {0.01, 0.02, 0.03});
+
+  // in the host's scene World's x, y, z are the patient's x, z, -y
+  Cdr wrench = receive("rt/palpate/hand1/measured_cf", "geometry_msgs", "WrenchStamped", false);
+  expect_header(wrench);
+  expect_near(wrench.numbers<3>(), {0.5, -1, -0.25});
+  expect_near(wrench.numbers<3>(), {0.1, 0.05, 0});
+}
+
+TEST_F(FastDds, DistancesArrive) {
+  Cdr near = receive("rt/palpate/hand1/distances", "palpate_msgs", "Distances", false);
+  expect_header(near);
+  EXPECT_EQ(near.read<std::uint32_t>(), 1u);
+  EXPECT_EQ(near.text(), "tibia");
+  EXPECT_EQ(near.read<std::uint32_t>(), 1u);
+  EXPECT_DOUBLE_EQ(near.read<double>(), 0.007);
+  EXPECT_EQ(near.text(), "");
+}
+
+TEST_F(FastDds, TransformsArriveAndTheStaticOneLate) {
+  Cdr tf = receive("rt/tf", "tf2_msgs", "TFMessage", true);
+  EXPECT_EQ(tf.read<std::uint32_t>(), 1u);
+  expect_header(tf);
+  EXPECT_EQ(tf.text(), "palpate/hand1");
+  expect_near(tf.numbers<3>(), {0.001, 0.002, 0.003});
+
+  Cdr fixed = receive("rt/tf_static", "tf2_msgs", "TFMessage", true, true);
+  EXPECT_EQ(fixed.read<std::uint32_t>(), 1u);
+  fixed.time_ns();
+  EXPECT_EQ(fixed.text(), "patient");
+  EXPECT_EQ(fixed.text(), "patient_lps");
+  expect_near(fixed.numbers<3>(), {0, 0, 0});
+  expect_near(fixed.numbers<4>(), {0, 0, std::sqrt(0.5), std::sqrt(0.5)});
+
+  Cdr scene = receive("rt/palpate/scene", "std_msgs", "String", true, true);
+  EXPECT_THAT(scene.text(), HasSubstr("\"femur\""));
+}
+
+TEST_F(FastDds, DiagnosticsTellRateAndStop) {
+  Cdr array = receive("rt/diagnostics", "diagnostic_msgs", "DiagnosticArray", true);
+  array.time_ns();
+  array.text();
+  EXPECT_EQ(array.read<std::uint32_t>(), 1u);
+  EXPECT_EQ(array.read<std::uint8_t>(), 0);
+  EXPECT_EQ(array.text(), "palpate: session");
+  EXPECT_EQ(array.text(), "force enabled");
+  EXPECT_EQ(array.text(), "");
+  EXPECT_GE(array.read<std::uint32_t>(), 3u);
+  EXPECT_EQ(array.text(), "rate, Hz");
+  EXPECT_EQ(array.text(), "999");
+}
+
+// by a writer that delivers reliably, as ROS 2's publishers do by default, and by one that does not
+TEST_F(FastDds, AMessageAtStopStopsTheForce) {
+  publisher_.reset();
+  for (const bool reliable : {true, false}) {
+    testing::FakeHost host;
+    Ros2Options options;
+    options.domain = domain_;
+    const auto publisher = Ros2Publisher::start(host, options);
+    ASSERT_TRUE(publisher.ok());
+    dds::DataWriter* const writer =
+        node_.advertise("rt/palpate/stop", message_type("std_msgs", "Empty"), reliable);
+    Bytes empty{0, 1, 0, 0, 0};
+    const auto until = std::chrono::steady_clock::now() + kPatience;
+    while (!host.state().stop && std::chrono::steady_clock::now() < until) {
+      writer->write(&empty);
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    EXPECT_TRUE(host.state().stop.has_value()) << (reliable ? "reliable" : "best effort");
+  }
+}
+
+// virtual time of a recording
+TEST(Ros2Publisher, ARecordingPublishesItsClock) {
+  const int domain = 1 + ::getpid() % 100;
+  struct Recording : testing::FakeRecording {
+    TickRecord snapshot(std::array<double, kMaxDevices>& /*stiffness_N_per_mm*/) const override {
+      TickRecord tick;
+      tick.time_s = 2.5;
+      return tick;
+    }
+  } host;
+  Ros2Options options;
+  options.domain = domain;
+  const auto publisher = Ros2Publisher::start(host, options);
+  ASSERT_TRUE(publisher.ok());
+  Node node(domain);
+  auto clock = Node::next(node.subscribe("rt/clock", message_type("rosgraph_msgs", "Clock"), false));
+  ASSERT_TRUE(clock.has_value());
+  EXPECT_EQ(Cdr(*clock).time_ns(), 2'500'000'000);
+}
+
+// the program's simulated hand touches the knee
+TEST(Ros2Publisher, ASessionOfTheProgramIsReceived) {
+  const int domain = 1 + ::getpid() % 100;
+  const std::string command =
+      std::string(PALPATE_PROGRAM) +
+      " --quiet explore knee-phantom:spacing=3 --no-viewer --seconds 8 --repeat --ros2 " +
+      std::to_string(domain) + " >/dev/null 2>&1";
+  const std::unique_ptr<FILE, int (*)(FILE*)> program(::popen(command.c_str(), "r"), &::pclose);
+  ASSERT_NE(program, nullptr);
+  Node node(domain);
+  dds::DataReader* const wrenches =
+      node.subscribe("rt/palpate/hand1/measured_cf", message_type("geometry_msgs", "WrenchStamped"), false);
+  std::int64_t previous_ns = 0;
+  double largest_N = 0;
+  for (int n = 0; n < 2000 && largest_N < 0.1; ++n) {
+    auto bytes = Node::next(wrenches);
+    ASSERT_TRUE(bytes.has_value()) << n;
+    Cdr wrench(*std::move(bytes));
+    const std::int64_t stamp_ns = wrench.time_ns();
+    ASSERT_GT(stamp_ns, previous_ns);
+    previous_ns = stamp_ns;
+    EXPECT_EQ(wrench.text(), "patient_lps");
+    const auto force_N = wrench.numbers<3>();
+    largest_N = std::max(largest_N, std::hypot(force_N[0], force_N[1], force_N[2]));
+  }
+  EXPECT_GT(largest_N, 0.1);
+}
+
+TEST(Ros2Publisher, RefusesWhatItCannotDo) {
+  testing::FakeHost host;
+  Ros2Options options;
+  options.interface = "no_such_if0";
+  EXPECT_EQ(Ros2Publisher::start(host, options).error().kind, ErrorKind::kUnavailable);
+  options = {};
+  options.domain = 102;
+  EXPECT_EQ(Ros2Publisher::start(host, options).error().kind, ErrorKind::kBadInput);
+  options = {};
+  options.rate_hz = std::nan("");
+  EXPECT_EQ(Ros2Publisher::start(host, options).error().kind, ErrorKind::kBadInput);
+  host.edit_scene().tasks.emplace_back();
+  EXPECT_EQ(Ros2Publisher::start(host, {}).error().kind, ErrorKind::kUsage);
+}
+
+}  // namespace
+}  // namespace palpate
