@@ -31,7 +31,7 @@ NO_FILE = ("linux-vdso",)
 
 def stem(soname):
     """'libITKCommon-5.2.so.1' -> 'libITKCommon'; 'libldap-2.5.so.0' keeps its release, as the list does."""
-    name = re.sub(r"\.so(\.[0-9.]+)?$", "", os.path.basename(soname))
+    name = re.sub(r"\.so(\.[0-9.]+(debian)?)?$", "", os.path.basename(soname))
     return re.sub(r"-5\.\d+$", "", name) if name.startswith(("libITK", "libitk")) else name
 
 
