@@ -27,7 +27,8 @@ struct OwnDevice {
 };
 constexpr OwnDevice kOwn[] = {
     {kSimulatedHand, "a simulated hand and device that follow a script; always available"},
-    {kPointer, "a viewer's mouse, pen or finger, through the page; always available"}};
+    {kPointer, "a viewer's mouse, pen or finger, through the page; always available"},
+    {kRos2Hand, "a hand that a node of ROS 2 moves (explore --ros2); always available"}};
 
 int print_json(const DeviceRegistry& known) {
   auto rows = Json::array();

@@ -58,6 +58,9 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
     return Error{ErrorKind::kUsage,
                  "the pointer is moved in the viewer, and --no-viewer turns the viewer off", "--device",
                  "leave out --no-viewer"};
+  if (options.devices.front() == kRos2Hand && !options.serving.ros2)
+    return Error{ErrorKind::kUsage, "a hand of ROS 2 is moved by a node, and the session is not published",
+                 "--device", "give --ros2 DOMAIN, too"};
   if (options.navigation && std::ranges::find(options.devices, kTracker) == options.devices.end())
     return Error{ErrorKind::kUsage, "the options of a tracked tool need a tracker", "--registration",
                  "give --device tracker"};
@@ -512,7 +515,7 @@ int explore_target(ExploreArguments options, Console& console) {
   if (!touchable && (options.script || options.no_viewer)) return console.fail(touchable.error());
   if (!touchable) console.note("nothing in the scene can be felt yet: it is only shown in the page");
   if (!touchable) options.devices = {kPointer};
-  const bool pointer = options.devices.front() == kPointer;
+  const bool pointer = options.devices.front() == kPointer || options.devices.front() == kRos2Hand;
   const auto script = script_of(options.script);
   if (!script) return console.fail(script.error());
   note_rendered_stiffness(*loaded, console);
@@ -572,11 +575,12 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
   add_source_options(*verb, options.source)->required();
   verb->add_option("-s,--script", options.script,
                    "Palpation script (TOML); default: one planned for the scene");
-  verb->add_option("--device", options.devices,
-                   "Device to feel with: simulated (a hand that follows the script), pointer (moved by a "
-                   "viewer in the page), the name of a device (palpate devices), or plugin=FILE (a driver of "
-                   "yours, docs/guide/plug-ins.md); may be repeated, up to 4 "
-                   "devices; default: simulated")
+  verb->add_option(
+          "--device", options.devices,
+          "Device to feel with: simulated (a hand that follows the script), pointer (moved by a "
+          "viewer in the page), ros2 (moved by a node, with --ros2), the name of a device (palpate "
+          "devices), or plugin=FILE (a driver of yours, docs/guide/plug-ins.md); may be repeated, up to "
+          "4 devices; default: simulated")
       ->allow_extra_args(false);
   add_device_options(*verb, options.about_devices);
   add_stream_options(*verb, options.about_devices.stream);

@@ -311,6 +311,48 @@ TEST_F(FastDds, AMessageAtStopStopsTheForce) {
   }
 }
 
+Bytes pose_bytes(const std::string& frame, const std::array<double, 3>& position_m) {
+  Bytes bytes{0, 1, 0, 0};
+  const auto add = [&bytes](const void* data, std::size_t size) {
+    const auto* const first = static_cast<const unsigned char*>(data);
+    bytes.insert(bytes.end(), first, first + size);
+  };
+  const std::array<std::uint32_t, 3> head{5, 6, static_cast<std::uint32_t>(frame.size() + 1)};
+  add(head.data(), sizeof head);
+  add(frame.c_str(), frame.size() + 1);
+  while ((bytes.size() - 4) % 8 != 0) bytes.push_back(0);
+  add(position_m.data(), sizeof position_m);
+  const std::array<double, 4> orientation_xyzw{0, 0, 0, 1};
+  add(orientation_xyzw.data(), sizeof orientation_xyzw);
+  return bytes;
+}
+
+TEST(Ros2Publisher, ANodeMovesTheTipOfItsSessionAlone) {
+  const int domain = 1 + ::getpid() % 100;
+  for (const char* input : {"ros2", "pointer"}) {
+    testing::FakeHost host;
+    host.edit_scene().input = input;
+    Ros2Options options;
+    options.domain = domain;
+    const auto publisher = Ros2Publisher::start(host, options);
+    ASSERT_TRUE(publisher.ok());
+    Node node(domain);
+    dds::DataWriter* const writer =
+        node.advertise("rt/palpate/hand1/servo_cp", message_type("geometry_msgs", "PoseStamped"), true);
+    Bytes elsewhere = pose_bytes("patient", {9, 9, 9}), here = pose_bytes("patient_lps", {0.01, -0.02, 0.03});
+    const bool moves = std::string(input) == "ros2";
+    const auto until = std::chrono::steady_clock::now() + (moves ? kPatience : std::chrono::seconds(1));
+    while (!host.pointer() && std::chrono::steady_clock::now() < until) {
+      writer->write(&elsewhere);
+      writer->write(&here);
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    ASSERT_EQ(host.pointer().has_value(), moves) << input;
+    EXPECT_EQ(host.pointer_claimed, moves);
+    if (moves) expect_near(host.pointer()->tip_patient_mm, {10, -20, 30});
+  }
+}
+
 // virtual time of a recording
 TEST(Ros2Publisher, ARecordingPublishesItsClock) {
   const int domain = 1 + ::getpid() % 100;
@@ -336,7 +378,7 @@ TEST(Ros2Publisher, ASessionOfTheProgramIsReceived) {
   const int domain = 1 + ::getpid() % 100;
   const std::string command =
       std::string(PALPATE_PROGRAM) +
-      " --quiet explore knee-phantom:spacing=3 --no-viewer --seconds 8 --repeat --ros2 " +
+      " --quiet explore knee-phantom:spacing=3 --no-viewer --seconds 5 --repeat --ros2 " +
       std::to_string(domain) + " >/dev/null 2>&1";
   const std::unique_ptr<FILE, int (*)(FILE*)> program(::popen(command.c_str(), "r"), &::pclose);
   ASSERT_NE(program, nullptr);

@@ -9,7 +9,8 @@
 
 /// Publishes a session to nodes of ROS 2, without ROS 2: by DDS, under the topic and type names that its
 /// middleware uses, with the names of CRTK (collaborative robotics toolkit). docs/guide/ros2.md lists the
-/// topics. Nothing that a node sends changes the session, except that it can stop the force.
+/// topics. A node can stop the force, and move the tip of a session whose input is "ros2"; nothing else that
+/// it sends changes the session.
 namespace palpate {
 
 struct Ros2Options {

@@ -150,7 +150,8 @@ struct ViewedScene {
   std::vector<std::string> laws;     ///< Tissue laws that can be chosen; none without soft tissue
   std::string device_name;
   bool simulated = true;
-  std::string input = "script";  ///< Source of the tip's motion: "script", "pointer", "device", "recording"
+  std::string input =
+      "script";  ///< Source of the tip's motion: "script", "pointer", "ros2", "device", "recording"
   /// Ratings of the first device; kNotKnown: unknown.
   double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, max_stiffness_N_per_mm = kNotKnown;
   ValueRange max_force_range{};  ///< Range of the user's force limit; N

@@ -53,11 +53,14 @@ struct ConsentQuestion {
 inline constexpr const char* kSimulatedHand = "simulated";  ///< Simulated device that follows a script
 /// Tip moved by a viewer; its force is displayed but not rendered
 inline constexpr const char* kPointer = "pointer";
+/// Tip moved by a node of ROS 2, the only device of its session; its force is published but not rendered
+inline constexpr const char* kRos2Hand = "ros2";
 
-/// Valid device names of a session: the two above and those of `known`.
+/// Valid device names of a session: the three above and those of `known`.
 std::vector<std::string> device_names(const DeviceRegistry& known);
 /// Checks whether a session can use these devices. Errors: kUsage for an unknown name (the message lists the
-/// known ones), a duplicate, more than kMaxDevices, a simulated hand that is not the first, or an empty list.
+/// known ones), a duplicate, more than kMaxDevices, a simulated hand that is not the first, a hand of
+/// ROS 2 beside another device, or an empty list.
 Result<void> check_devices(const std::vector<std::string>& names, const DeviceRegistry& known);
 
 /// Options of explore().

@@ -79,12 +79,14 @@ class GuidedSource : public TipSource {
   const std::vector<HoldRequest> requested_;
 };
 
+/// Tip moved by messages: of a viewer (kPointer), or of a node (kRos2Hand).
 class PointerSource final : public GuidedSource {
  public:
-  explicit PointerSource(const RunSetup& setup) : GuidedSource(setup), driver_(resting_above(setup)) {}
+  PointerSource(const RunSetup& setup, const char* name)
+      : GuidedSource(setup), name_(name), driver_(resting_above(setup)) {}
   DeviceDriver& driver() override { return driver_; }
-  const char* name() const override { return "pointer"; }
-  std::string devices() const override { return kPointer; }
+  const char* name() const override { return name_; }
+  std::string devices() const override { return name_; }
   PointerDriver* pointer() override { return &driver_; }
 
  private:
@@ -102,6 +104,7 @@ class PointerSource final : public GuidedSource {
         .to_device(Point<World>(0, 0, top_mm + kClear_mm));
   }
 
+  const char* const name_;
   PointerDriver driver_;
 };
 
@@ -172,7 +175,9 @@ Result<std::unique_ptr<TipSource>> script_source(const RunSetup& setup, bool rep
 
 Result<std::unique_ptr<TipSource>> source_of(const std::string& name, const RunSetup& setup,
                                              const ExploreOptions& options, const Progress& progress) {
-  if (name == kPointer) return std::unique_ptr<TipSource>(std::make_unique<PointerSource>(setup));
+  for (const char* by_messages : {kPointer, kRos2Hand})
+    if (name == by_messages)
+      return std::unique_ptr<TipSource>(std::make_unique<PointerSource>(setup, by_messages));
   if (name == kSimulatedHand) {
     progress.report("finding surfaces", 0);
     auto source = script_source(setup, options.repeat);
@@ -208,7 +213,7 @@ void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& opt
 }  // namespace
 
 std::vector<std::string> device_names(const DeviceRegistry& known) {
-  std::vector<std::string> names{kSimulatedHand, kPointer};
+  std::vector<std::string> names{kSimulatedHand, kPointer, kRos2Hand};
   for (const DeviceVendor& vendor : known.all()) names.push_back(vendor.name);
   return names;
 }
@@ -228,6 +233,8 @@ Result<void> check_devices(const std::vector<std::string>& names, const DeviceRe
     if (std::find(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(n), names[n]) !=
         names.begin() + static_cast<std::ptrdiff_t>(n))
       return fault("'" + names[n] + "' is named twice", "name each device once");
+    if (names.size() > 1 && names[n] == kRos2Hand)
+      return fault("the hand of ROS 2 is the only device of its session", "leave out the others");
     if (n > 0 && names[n] == kSimulatedHand)
       return fault("the simulated hand must be the first device", "give 'simulated' first");
   }

@@ -16,7 +16,7 @@ class TipSource {
  public:
   virtual ~TipSource() = default;
   virtual DeviceDriver& driver() = 0;
-  /// "script", "pointer" or "device"; of several sources "pointer" if there is one
+  /// "script", "pointer", "ros2" or "device"; of several sources "pointer" if there is one
   virtual const char* name() const = 0;
   /// Names of the devices for a recording: "premium-1.5, pointer"
   virtual std::string devices() const = 0;

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <new>
+#include <string_view>
 
 #include "messages.h"
 
@@ -138,12 +139,12 @@ class Session final : public DdsSession {
     if (options.has_virtual_time)
       clock_ = writer(rosgraph_msgs_msg_dds__Clock__desc, "rt/clock", Delivery::kBestEffort);
     // a reader that asks for reliable delivery gets nothing from a writer without
-    for (std::size_t n = 0; n < stops_.size(); ++n) {
-      const Entity topic =
-          dds_create_topic(participant_, &std_msgs_msg_dds__Empty__desc, "rt/palpate/stop", nullptr, nullptr);
-      const Qos delivery = qos_of(n == 0 ? Delivery::kReliable : Delivery::kBestEffort, kShortHistory);
-      stops_[n] = checked(dds_create_reader(participant_, topic, delivery.get(), nullptr));
-    }
+    stops_ = {reader(std_msgs_msg_dds__Empty__desc, "rt/palpate/stop", Delivery::kReliable),
+              reader(std_msgs_msg_dds__Empty__desc, "rt/palpate/stop", Delivery::kBestEffort)};
+    // asks for best effort, which every writer offers
+    if (options.has_servo_cp)
+      servo_cp_ = reader(geometry_msgs_msg_dds__PoseStamped__desc, "rt/palpate/hand1/servo_cp",
+                         Delivery::kBestEffort);
     return fault_;
   }
 
@@ -204,16 +205,19 @@ class Session final : public DdsSession {
 
   bool read_stop() override {
     bool stop = false;
-    for (const Entity reader : stops_) {
-      std::array<void*, 1> samples{};
-      std::array<dds_sample_info_t, 1> infos{};
-      while (dds_take(reader, samples.data(), infos.data(), infos.size(), infos.size()) > 0) {
-        stop = stop || infos[0].valid_data;
-        dds_return_loan(reader, samples.data(), 1);
-        samples = {};
-      }
-    }
+    for (const Entity reader : stops_) take(reader, [&stop](const void*) { stop = true; });
     return stop;
+  }
+
+  std::optional<std::array<double, 3>> read_servo_cp() override {
+    std::optional<std::array<double, 3>> latest;
+    if (servo_cp_ == 0) return latest;
+    take(servo_cp_, [&latest](const void* sample) {
+      const auto& pose = *static_cast<const geometry_msgs_msg_dds__PoseStamped_*>(sample);
+      if (pose.header.frame_id != nullptr && std::string_view(pose.header.frame_id) == kPatientFrame)
+        latest = {pose.pose.position.x, pose.pose.position.y, pose.pose.position.z};
+    });
+    return latest;
   }
 
  private:
@@ -236,6 +240,22 @@ class Session final : public DdsSession {
     const Qos qos = qos_of(delivery, history);
     return checked(dds_create_writer(participant_, topic, qos.get(), nullptr));
   }
+  Entity reader(const dds_topic_descriptor_t& type, const char* name, Delivery delivery) {
+    const Entity topic = checked(dds_create_topic(participant_, &type, name, nullptr, nullptr));
+    const Qos qos = qos_of(delivery, kShortHistory);
+    return checked(dds_create_reader(participant_, topic, qos.get(), nullptr));
+  }
+  // Calls use(sample) for each message that a reader has received.
+  template <class Use>
+  static void take(Entity reader, const Use& use) {
+    std::array<void*, 1> samples{};
+    std::array<dds_sample_info_t, 1> infos{};
+    while (dds_take(reader, samples.data(), infos.data(), infos.size(), infos.size()) > 0) {
+      if (infos[0].valid_data) use(samples[0]);
+      dds_return_loan(reader, samples.data(), 1);
+      samples = {};
+    }
+  }
   static void publish_transform(Entity writer, const std_msgs_msg_dds__Header_& header,
                                 const std::string& child, const PoseSample& pose) {
     std::vector<geometry_msgs_msg_dds__TransformStamped_> transforms{
@@ -249,6 +269,7 @@ class Session final : public DdsSession {
   std::vector<Hand> hands_;
   Entity tf_ = 0, tf_static_ = 0, scene_ = 0, diagnostics_ = 0, clock_ = 0;
   std::array<Entity, 2> stops_{};
+  Entity servo_cp_ = 0;
   std::string fault_;  // first failure of open()
 };
 

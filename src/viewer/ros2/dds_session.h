@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -18,6 +20,7 @@ struct DdsOptions {
   std::string interface;  ///< Name or address; empty: loopback
   std::size_t hands = 1;
   bool has_virtual_time = false;  ///< Whether /clock is published
+  bool has_servo_cp = false;      ///< Whether the first hand is moved by servo_cp
 };
 
 /// Severity of a DiagnosticStatus.
@@ -43,6 +46,9 @@ class DdsSession {
                              const PoseSample& patient_in_base) = 0;
   /// Whether a message has arrived at /palpate/stop since the last call.
   virtual bool read_stop() = 0;
+  /// Latest position that has arrived at servo_cp of the first hand since the last call, in the patient; m.
+  /// Messages in other frames are ignored.
+  virtual std::optional<std::array<double, 3>> read_servo_cp() = 0;
 };
 
 }  // namespace palpate::ros2

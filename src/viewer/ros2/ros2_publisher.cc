@@ -26,6 +26,8 @@ constexpr const char* kLibrary = "libpalpate_ros2.so";
 constexpr std::array<double, 2> kRates_hz{1, 1000};
 // The ports of higher domains are among those that Linux assigns to clients, from 32768 on.
 constexpr int kMaxDomain = 101;
+// ViewedScene::input of a session whose tip a node moves
+constexpr const char* kRos2Input = "ros2";
 constexpr auto kDiagnosisPeriod = std::chrono::seconds(1);
 
 std::int64_t now_ns() {
@@ -81,6 +83,7 @@ class Publisher final : public Ros2Publisher {
       // without memory nodes miss a sample, and the session continues
       try {
         if (session_->read_stop()) host_.emergency_stop({});
+        move_hand();
         const std::int64_t stamp_ns = publish_tick(has_virtual_time);
         if (!std::exchange(is_scene_published, true))
           session_->publish_scene(stamp_ns, scene_text(host_.scene()), patient_in_base());
@@ -90,6 +93,18 @@ class Publisher final : public Ros2Publisher {
       } catch (const std::bad_alloc&) {
       }
     }
+  }
+
+  // Moves the tip to where a node commands it to be. With this input nothing but this thread moves it.
+  void move_hand() {
+    const auto tip_m = session_->read_servo_cp();
+    LiveHost* const live = host_.live();
+    if (!tip_m || live == nullptr) return;
+    if (!is_tip_claimed_) is_tip_claimed_ = live->claim_pointer(true, {}).ok();
+    PointerTarget target;
+    for (std::size_t axis = 0; axis < 3; ++axis) target.tip_patient_mm[axis] = kMetre_mm * (*tip_m)[axis];
+    // a position that is not finite, or out of the workspace, is ignored
+    live->move_pointer(target);
   }
 
   // Publishes the latest tick unless it has been already; returns its time stamp.
@@ -117,6 +132,7 @@ class Publisher final : public Ros2Publisher {
   std::mutex mutex_;  // guards ended_
   std::condition_variable wake_;
   bool ended_ = false;
+  bool is_tip_claimed_ = false;
   std::thread thread_;  // last: it uses the members above
 };
 
@@ -154,8 +170,8 @@ Result<std::unique_ptr<Ros2Publisher>> Ros2Publisher::start(ViewerHost& host, co
   if (options.domain < 0 || options.domain > kMaxDomain)
     return Error{ErrorKind::kBadInput, "the domain is outside 0 to 101", "ROS 2",
                  "give the ROS_DOMAIN_ID of the nodes"};
-  auto session = open_session(
-      {options.domain, options.interface, host.scene().tools.size(), host.playback() != nullptr});
+  auto session = open_session({options.domain, options.interface, host.scene().tools.size(),
+                               host.playback() != nullptr, host.scene().input == kRos2Input});
   if (!session) return session.error();
   try {
     return std::unique_ptr<Ros2Publisher>(std::make_unique<Publisher>(host, options, *std::move(session)));

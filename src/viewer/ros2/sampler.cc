@@ -9,8 +9,6 @@
 namespace palpate::ros2 {
 namespace {
 
-constexpr double kMetre_mm = 1000;
-
 Eigen::Vector3d vector_of(const std::array<double, 3>& numbers) {
   return {numbers[0], numbers[1], numbers[2]};
 }

@@ -19,6 +19,8 @@ struct PoseSample {
   std::array<double, 4> orientation_xyzw{0, 0, 0, 1};
 };
 
+inline constexpr double kMetre_mm = 1000;
+
 /// One device in one tick. NaN: unknown.
 struct HandSample {
   PoseSample tool;   ///< Tip and orientation of the tool: measured_cp

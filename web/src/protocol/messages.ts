@@ -86,7 +86,7 @@ export interface Scene {
   device: {
     name: string;
     simulated: boolean;
-    input: "script" | "pointer" | "device" | "recording";
+    input: "script" | "pointer" | "ros2" | "device" | "recording";
     peak_force_N: number | null;
     continuous_force_N: number | null;
     max_stiffness_N_per_mm: number | null;
