@@ -1,5 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
@@ -8,7 +10,6 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -373,21 +374,41 @@ TEST(Ros2Publisher, ARecordingPublishesItsClock) {
   EXPECT_EQ(Cdr(*clock).time_ns(), 2'500'000'000);
 }
 
-// the program's simulated hand touches the knee
+/// palpate with a simulated hand, until it is interrupted.
+class Program {
+ public:
+  explicit Program(int domain) : id_(::fork()) {
+    const std::string text = std::to_string(domain);
+    if (id_ == 0) {
+      ::execl(PALPATE_PROGRAM, PALPATE_PROGRAM, "--quiet", "explore", "knee-phantom:spacing=3", "--no-viewer",
+              "--repeat", "--ros2", text.c_str(), nullptr);
+      ::_exit(127);
+    }
+    PALPATE_CHECK(id_ > 0);
+  }
+  ~Program() {
+    ::kill(id_, SIGINT);
+    int status = 0;
+    ::waitpid(id_, &status, 0);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+  }
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+
+ private:
+  const pid_t id_;
+};
+
+// the simulated hand touches the knee
 TEST(Ros2Publisher, ASessionOfTheProgramIsReceived) {
   const int domain = 1 + ::getpid() % 100;
-  const std::string command =
-      std::string(PALPATE_PROGRAM) +
-      " --quiet explore knee-phantom:spacing=3 --no-viewer --seconds 5 --repeat --ros2 " +
-      std::to_string(domain) + " >/dev/null 2>&1";
-  const std::unique_ptr<FILE, int (*)(FILE*)> program(::popen(command.c_str(), "r"), &::pclose);
-  ASSERT_NE(program, nullptr);
+  const Program program(domain);
   Node node(domain);
   dds::DataReader* const wrenches =
       node.subscribe("rt/palpate/hand1/measured_cf", message_type("geometry_msgs", "WrenchStamped"), false);
   std::int64_t previous_ns = 0;
   double largest_N = 0;
-  for (int n = 0; n < 2000 && largest_N < 0.1; ++n) {
+  for (int n = 0; n < 20'000 && largest_N < 0.1; ++n) {
     auto bytes = Node::next(wrenches);
     ASSERT_TRUE(bytes.has_value()) << n;
     Cdr wrench(*std::move(bytes));

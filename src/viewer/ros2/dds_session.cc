@@ -3,6 +3,7 @@
 #include <dds/dds.h>
 
 #include <array>
+#include <atomic>
 #include <new>
 #include <string_view>
 
@@ -90,6 +91,20 @@ geometry_msgs_msg_dds__Quaternion_ quaternion_of(const std::array<double, 4>& xy
 geometry_msgs_msg_dds__Pose_ pose_of(const PoseSample& pose) {
   return {{pose.position_m[0], pose.position_m[1], pose.position_m[2]}, quaternion_of(pose.orientation_xyzw)};
 }
+/// Writer of a topic, and the number of its readers: without any, nothing is encoded.
+struct Topic {
+  Entity writer = 0;
+  std::atomic<std::uint32_t> readers{0};
+
+  template <class Message>
+  void write(const Message& message) const {
+    if (readers.load(std::memory_order_relaxed) > 0) dds_write(writer, &message);
+  }
+};
+void count_readers(Entity, const dds_publication_matched_status_t status, void* topic) {
+  static_cast<Topic*>(topic)->readers.store(status.current_count, std::memory_order_relaxed);
+}
+
 template <class Sequence, class Element>
 Sequence sequence_of(std::vector<Element>& elements) {
   const auto size = static_cast<std::uint32_t>(elements.size());
@@ -118,20 +133,24 @@ class Session final : public DdsSession {
     participant_ = dds_create_participant(number, qos.get(), nullptr);
     if (participant_ < 0) return failure("participant", participant_);
 
-    hands_.resize(options.hands);
+    hands_ = std::vector<Hand>(options.hands);
     for (std::size_t n = 0; n < options.hands; ++n) {
       const std::string prefix = "rt/palpate/hand" + std::to_string(n + 1) + "/";
       Hand& hand = hands_[n];
       hand.frame = "palpate/hand" + std::to_string(n + 1);
-      constexpr auto kPose = Delivery::kBestEffort;
-      hand.measured_cp = writer(geometry_msgs_msg_dds__PoseStamped__desc, prefix + "measured_cp", kPose);
-      hand.measured_cv = writer(geometry_msgs_msg_dds__TwistStamped__desc, prefix + "measured_cv", kPose);
-      hand.measured_cf = writer(geometry_msgs_msg_dds__WrenchStamped__desc, prefix + "measured_cf", kPose);
-      hand.setpoint_cp = writer(geometry_msgs_msg_dds__PoseStamped__desc, prefix + "setpoint_cp", kPose);
-      hand.distances = writer(palpate_msgs_msg_dds__Distances__desc, prefix + "distances", kPose);
+      advertise(hand.measured_cp, geometry_msgs_msg_dds__PoseStamped__desc, prefix + "measured_cp",
+                Delivery::kBestEffort);
+      advertise(hand.measured_cv, geometry_msgs_msg_dds__TwistStamped__desc, prefix + "measured_cv",
+                Delivery::kBestEffort);
+      advertise(hand.measured_cf, geometry_msgs_msg_dds__WrenchStamped__desc, prefix + "measured_cf",
+                Delivery::kBestEffort);
+      advertise(hand.setpoint_cp, geometry_msgs_msg_dds__PoseStamped__desc, prefix + "setpoint_cp",
+                Delivery::kBestEffort);
+      advertise(hand.distances, palpate_msgs_msg_dds__Distances__desc, prefix + "distances",
+                Delivery::kBestEffort);
     }
     // listeners of ROS 2's tf2 ask for reliable delivery
-    tf_ = writer(tf2_msgs_msg_dds__TFMessage__desc, "rt/tf", Delivery::kReliable);
+    advertise(tf_, tf2_msgs_msg_dds__TFMessage__desc, "rt/tf", Delivery::kReliable);
     tf_static_ = writer(tf2_msgs_msg_dds__TFMessage__desc, "rt/tf_static", Delivery::kTransientLocal);
     scene_ = writer(std_msgs_msg_dds__String__desc, "rt/palpate/scene", Delivery::kTransientLocal);
     diagnostics_ = writer(diagnostic_msgs_msg_dds__DiagnosticArray__desc, "rt/diagnostics",
@@ -153,14 +172,14 @@ class Session final : public DdsSession {
     const std_msgs_msg_dds__Header_ header = header_of(stamp_ns, kPatientFrame);
     const geometry_msgs_msg_dds__PoseStamped_ tool{header, pose_of(sample.tool)},
         proxy{header, pose_of(sample.proxy)};
-    dds_write(hand.measured_cp, &tool);
-    dds_write(hand.setpoint_cp, &proxy);
+    hand.measured_cp.write(tool);
+    hand.setpoint_cp.write(proxy);
     const geometry_msgs_msg_dds__TwistStamped_ twist{
         header, {vector_of(sample.velocity_m_s), vector_of(sample.angular_velocity_rad_s)}};
-    dds_write(hand.measured_cv, &twist);
+    hand.measured_cv.write(twist);
     const geometry_msgs_msg_dds__WrenchStamped_ wrench{
         header, {vector_of(sample.force_N), vector_of(sample.torque_Nm)}};
-    dds_write(hand.measured_cf, &wrench);
+    hand.measured_cf.write(wrench);
 
     std::vector<char*> names;
     std::vector<double> distances;
@@ -174,8 +193,8 @@ class Session final : public DdsSession {
                                                 text_of(sample.no_go),
                                                 sample.no_go_depth_m,
                                                 sample.no_go_N};
-    dds_write(hand.distances, &near);
-    publish_transform(tf_, header, hand.frame, sample.tool);
+    hand.distances.write(near);
+    if (tf_.readers > 0) publish_transform(tf_.writer, header, hand.frame, sample.tool);
   }
 
   void publish_clock(std::int64_t time_ns) override {
@@ -223,7 +242,7 @@ class Session final : public DdsSession {
  private:
   struct Hand {
     std::string frame;
-    Entity measured_cp = 0, measured_cv = 0, measured_cf = 0, setpoint_cp = 0, distances = 0;
+    Topic measured_cp, measured_cv, measured_cf, setpoint_cp, distances;
   };
 
   static std::string failure(const char* what, dds_return_t code) {
@@ -235,10 +254,10 @@ class Session final : public DdsSession {
     return entity;
   }
   Entity writer(const dds_topic_descriptor_t& type, const std::string& name, Delivery delivery,
-                std::int32_t history = kShortHistory) {
+                std::int32_t history = kShortHistory, const dds_listener_t* listener = nullptr) {
     const Entity topic = checked(dds_create_topic(participant_, &type, name.c_str(), nullptr, nullptr));
     const Qos qos = qos_of(delivery, history);
-    return checked(dds_create_writer(participant_, topic, qos.get(), nullptr));
+    return checked(dds_create_writer(participant_, topic, qos.get(), listener));
   }
   Entity reader(const dds_topic_descriptor_t& type, const char* name, Delivery delivery) {
     const Entity topic = checked(dds_create_topic(participant_, &type, name, nullptr, nullptr));
@@ -256,6 +275,14 @@ class Session final : public DdsSession {
       samples = {};
     }
   }
+  // Creates the writer of a topic whose readers are counted.
+  void advertise(Topic& topic, const dds_topic_descriptor_t& type, const std::string& name,
+                 Delivery delivery) {
+    dds_listener_t* const listener = dds_create_listener(&topic);
+    dds_lset_publication_matched(listener, count_readers);
+    topic.writer = writer(type, name, delivery, kShortHistory, listener);
+    dds_delete_listener(listener);
+  }
   static void publish_transform(Entity writer, const std_msgs_msg_dds__Header_& header,
                                 const std::string& child, const PoseSample& pose) {
     std::vector<geometry_msgs_msg_dds__TransformStamped_> transforms{
@@ -267,7 +294,8 @@ class Session final : public DdsSession {
 
   Entity domain_ = 0, participant_ = 0;
   std::vector<Hand> hands_;
-  Entity tf_ = 0, tf_static_ = 0, scene_ = 0, diagnostics_ = 0, clock_ = 0;
+  Topic tf_;
+  Entity tf_static_ = 0, scene_ = 0, diagnostics_ = 0, clock_ = 0;
   std::array<Entity, 2> stops_{};
   Entity servo_cp_ = 0;
   std::string fault_;  // first failure of open()
