@@ -203,6 +203,9 @@ struct Model {
   std::vector<LabelId> label_of_surface;
   /// Felt structures that a burr should spare, with their surfaces before any removal. Empty without a burr.
   std::vector<ProtectedStructure> protected_structures;
+  /// Voxels of bone too thin for its surface to state how much of it is ahead of a burr
+  /// (palpate/tissue/thin_voxels.h). null: none, or no tool is a burr.
+  std::shared_ptr<const Bricks<std::uint8_t>> thin_voxels;
   /// Structures whose distance to the tool is reported in every tick.
   ReportedDistances reported_distances;
   /// Regions that the tool is pushed out of; at most kMaxNoGo.

@@ -9,8 +9,10 @@
 
 #include "palpate/contact/haptics.h"
 #include "palpate/device/telemetry.h"
+#include "palpate/tissue/cutting_energy.h"
 #include "palpate/tissue/stroke_history.h"
 #include "palpate/tissue/sweep.h"
+#include "palpate/tissue/swept_samples.h"
 
 /// Material removal. A surface is carved from its prepared form without smoothing it again: the volume that
 /// the tool's head swept is subtracted, and distances nearby are updated.
@@ -77,6 +79,18 @@ struct Cut {
 Cut cut_of(const SweepRecord& sweep);
 SweepRecord plain(const Cut& cut);
 
+/// Thick bone, which a burr's law measures by its surface, and thin bone, which it measures by its voxels
+/// (Model::thin_voxels); index of an array.
+enum BoneClass : std::size_t { kThick, kThin, kBoneClasses };
+
+/// Material that the sweeps of a burr were the first to cover, counted in sample points of the voxels
+/// (SweptSamples). Volume and cutting energy are those of the structures in the innermost layer of contact,
+/// on which a burr's motor works (palpate/tissue/removal.h); softer structures around them are not counted.
+struct CarvedMaterial {
+  std::uint64_t sweeps = 0;  ///< Number of sweeps
+  std::array<double, kBoneClasses> volume_mm3{}, energy_mJ{};
+};
+
 /// All material removed from a model's surfaces and labels. Instances are immutable values, like
 /// CarvedSurface. Contains the states before and after the last kMaxUndoneStrokes strokes, which share all
 /// unchanged data.
@@ -106,7 +120,10 @@ class Carving {
   bool records_fractions() const { return records_fractions_; }
 
   /// Number of sweeps of a device's burr that have been applied since the start, including undone ones.
-  std::uint64_t sweeps(std::size_t device) const { return sweeps_[device]; }
+  std::uint64_t sweeps(std::size_t device) const { return carved_[device].sweeps; }
+  /// Material that a device's burr has removed since the start, including what was restored by an undo. It
+  /// depends on the sweeps and their order alone, not on the number of versions.
+  const CarvedMaterial& carved(std::size_t device) const { return carved_[device]; }
   /// Model::content_hash after this removal.
   /// @param uncut  Model::hash_before_removal, which is returned if nothing was removed
   std::uint64_t content_hash(std::uint64_t uncut) const;
@@ -120,12 +137,14 @@ class Carving {
     std::vector<std::shared_ptr<const CarvedSurface>> surfaces;  // null: nothing removed from it
     std::shared_ptr<const Bricks<LabelId>> labels;
     std::shared_ptr<const Bricks<std::uint8_t>> taken;
+    SweptSamples swept;      // in labels with a cutting energy
     std::uint64_t hash = 0;  // digest of all cuts applied, in order; 0: none
   };
   struct Stroke {
     std::shared_ptr<const Left> before, after;  // after: set by the first undo
   };
   void take(std::span<const Cut> cuts);
+  void count(const Cut& cut);
   void take_parts(const Sweep& sweep);
 
   // Prepared surfaces: those of the model by index, then those that distances are measured to but that have
@@ -134,10 +153,12 @@ class Carving {
   std::size_t tracked_surfaces_ = 0;  // number of made_ that are surfaces of the model
   std::vector<int> made_of_tracked_;  // index into made_ for each structure of Model::distances; -1: not cut
   std::shared_ptr<const Bricks<LabelId>> original_labels_;
-  std::vector<bool> is_cut_;  // by label
+  std::vector<bool> is_cut_;                                 // by label
+  CuttingEnergy cutting_energy_;                             // of the original labels
+  std::shared_ptr<const Bricks<std::uint8_t>> thin_voxels_;  // may be null
   bool records_fractions_ = false;
   std::vector<std::shared_ptr<const Surface>> stored_;  // surfaces of protected structures
-  std::array<std::uint64_t, kMaxDevices> sweeps_{};
+  std::array<CarvedMaterial, kMaxDevices> carved_{};
   Left left_;
   StrokeHistory<Stroke> strokes_;
 };

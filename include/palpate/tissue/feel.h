@@ -34,10 +34,20 @@ struct CuttingSettings {
   /// Displacement of a surface from which on the normal is entirely recomputed, because the prepared normal
   /// describes removed material.
   double stale_normal_mm = 0.25;
+  /// Diameter of a ball that must fit into bone for its surface to measure the material ahead; thinner bone
+  /// is measured by its voxels, which are sampled at a distance ahead of the burr's surface.
+  double thick_mm = 2.4, thin_lookahead_mm = 0.02;
+  /// Energy account of a burr: volume beyond what the motor has paid for up to which nothing is charged, and
+  /// largest volume that is credited when it was paid for in excess; in thick bone within the error of its
+  /// sampling, and in thin bone.
+  double thick_uncharged_mm3 = 1, thick_credited_mm3 = 0.3, thin_uncharged_mm3 = 0.05,
+         thin_credited_mm3 = 0.2;
   /// Pose age from which on a motor stands still.
   double motor_timeout_s = 10e-3;
   /// Number of sampling directions, spread evenly over a ball's projection.
   int directions = 64;
+  /// The same in thin bone, where they turn from tick to tick.
+  int thin_directions = 128;
   /// Number of sampling points around the lateral surface of a cylinder or cone; half of them face forwards.
   int lateral_samples = 128;
   /// Maximum number of iterations per tick that place the head outside protected structures.
@@ -58,8 +68,15 @@ struct CuttingSettings {
     of("recovery_mm", recovery_mm);
     of("surface_error_mm", surface_error_mm);
     of("stale_normal_mm", stale_normal_mm);
+    of("thick_mm", thick_mm);
+    of("thin_lookahead_mm", thin_lookahead_mm);
+    of("thick_uncharged_mm3", thick_uncharged_mm3);
+    of("thick_credited_mm3", thick_credited_mm3);
+    of("thin_uncharged_mm3", thin_uncharged_mm3);
+    of("thin_credited_mm3", thin_credited_mm3);
     of("motor_timeout_s", motor_timeout_s);
     of("directions", directions);
+    of("thin_directions", thin_directions);
     of("lateral_samples", lateral_samples);
     of("max_iterations", max_iterations);
   }

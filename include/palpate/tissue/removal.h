@@ -27,6 +27,9 @@ struct Burr {
   /// Protected structures; the head stays out of those with ProtectedStructure::kept.
   std::span<const ProtectedStructure> spared = {};
   std::uint32_t stroke = 0;  ///< Stroke number of its sweeps
+  /// Model whose surfaces are cut; its voxels measure thin bone (Model::thin_voxels). null: only surfaces
+  /// count.
+  const Model* model = nullptr;
   double length_mm = 0;  ///< Distance from the first ball's centre to the last one's, along `axis`; 0: a ball
   double end_radius_mm = 0;  ///< Radius of the last ball, above 0; unused for a ball
 
@@ -60,6 +63,15 @@ struct BurrState {
   std::uint64_t first = 0;  ///< Number of the first sweep stored here, counted from the start
   int sweeps = 0;
   std::array<Sweep, kMaxSweeps> sweep;
+  /// Motor work spent on each of these sweeps.
+  std::array<std::array<double, kBoneClasses>, kMaxSweeps> paid_mJ{};
+  /// Energy account. Material removed by sweeps up to the last settlement (settle_burr); difference between
+  /// its energy and the work spent on it that is not charged yet, negative for a credit; and the debt, which
+  /// the motor works off before the burr advances, with the specific energy of what it was for.
+  CarvedMaterial settled;
+  std::array<double, kBoneClasses> balance_mJ{};
+  double owed_mJ = 0, owed_mJ_per_mm3 = 0;
+  std::uint64_t thin_ticks = 0;  ///< Number of ticks in which thin bone was measured
 
   std::span<const Sweep> pending() const { return {sweep.data(), static_cast<std::size_t>(sweeps)}; }
 };
@@ -96,6 +108,13 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
 /// @param hand  pose to whose attitude `burr.axis` belongs
 void rebase_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
                  std::uint64_t carved, const ProxyState& proxy, BurrState& state);
+
+/// Settles the energy account for sweeps that have been carved: what their material's cutting energy exceeds
+/// the work spent on them becomes a debt, which the motor works off before the burr advances. Overlaps and
+/// protected voxels cost nothing. In bone thick enough for its surface the difference is within the tolerance
+/// of the account (CuttingSettings), and nothing is charged. Must be called before rebase_burr.
+/// @param carved  of the burr, since the start
+void settle_burr(const CarvedMaterial& carved, BurrState& state);
 
 /// Number of complete sweeps since the start; these can be carved from a surface.
 std::uint64_t finished_sweeps(const BurrState& state);

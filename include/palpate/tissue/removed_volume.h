@@ -1,17 +1,16 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
-#include <unordered_map>
-#include <utility>
 #include <vector>
 
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/stroke_history.h"
+#include "palpate/tissue/swept_samples.h"
 
 namespace palpate {
 
@@ -32,10 +31,10 @@ class RemovedVolume {
   std::map<LabelId, double> by_label_mm3() const;
 
   // ---- sample points
-  static constexpr int kSamples = 64;  ///< Points per voxel, each a bit of the `samples` below
-  /// Position of sample point `n` of a voxel.
-  /// @param n  0 ... kSamples - 1
-  static Point<Voxel> sample_point(int i, int j, int k, int n);
+  static constexpr int kSamples = SweptSamples::kSamples;
+  static Point<Voxel> sample_point(int i, int j, int k, int n) {
+    return SweptSamples::sample_point(i, j, k, n);
+  }
   static double sample_mm3(const GridGeometry& grid) { return grid.spacing_mm.prod() / kSamples; }
   const GridGeometry& geometry() const { return labels_->geometry(); }
   /// Whether a label counts: it is felt and not protected.
@@ -43,24 +42,23 @@ class RemovedVolume {
   /// Calls visit(i, j, k, label, places) for every voxel with swept points, in no particular order.
   template <class Visit>
   void for_each_swept(const Visit& visit) const {
-    for (const auto& [index, samples] : swept_) {
-      if (samples == 0) continue;
-      const auto [i, j, k] = voxel_at(index);
-      visit(i, j, k, labels_->at(i, j, k), samples);
-    }
+    left_.swept.for_each(
+        [&](int i, int j, int k, std::uint64_t samples) { visit(i, j, k, labels_->at(i, j, k), samples); });
   }
 
  private:
-  // points that a stroke was the first to sweep, with the voxel's index
-  using Stroke = std::vector<std::pair<std::size_t, std::uint64_t>>;
-  void add(const Sweep& sweep, Stroke& stroke);
-  std::array<int, 3> voxel_at(std::size_t index) const;
-  LabelId label_of(std::size_t voxel) const;
+  struct Left {
+    SweptSamples swept;
+    std::map<LabelId, std::uint64_t> sample_counts;  // number of swept points
+  };
+  struct Stroke {
+    Left before;
+    std::optional<Left> after;  // set by the first undo
+  };
 
   std::shared_ptr<const Bricks<LabelId>> labels_;
-  std::vector<bool> is_cut_;                              // by label
-  std::unordered_map<std::size_t, std::uint64_t> swept_;  // swept points by voxel index
-  std::map<LabelId, std::uint64_t> sample_counts_;        // number of swept points
+  std::vector<bool> is_cut_;  // by label
+  Left left_;
   StrokeHistory<Stroke> strokes_;
 };
 

@@ -68,6 +68,11 @@ void hash_burr(HashOfWords& hash, const BurrState& burr) {
            static_cast<std::uint64_t>(burr.full));
   if (burr.began_axis_mm != Vector<Patient>()) hash_point(hash, burr.began_axis_mm);
   hash.add(burr.first);
+  // only burrs in thin bone have a debt
+  if (burr.owed_mJ > 0 || burr.thin_ticks > 0) {
+    hash.add(burr.balance_mJ[kThick], burr.balance_mJ[kThin], burr.owed_mJ, burr.owed_mJ_per_mm3);
+    hash.add(burr.thin_ticks);
+  }
   for (const Sweep& sweep : burr.pending()) {
     hash_point(hash, sweep.from);
     hash_point(hash, sweep.to);

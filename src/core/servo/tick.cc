@@ -116,7 +116,8 @@ struct RenderedContact {
 ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const OutputRequest& request,
                             SessionState::DeviceSession& session) {
   const bool lost = (request.faults & kFlagJump) != 0 || (request.off && session.output.gain == 0);
-  const std::uint64_t carved = model.carving != nullptr ? model.carving->sweeps(in.number) : 0;
+  const CarvedMaterial carved =
+      model.carving != nullptr ? model.carving->carved(in.number) : CarvedMaterial();
   const ProxyChange change{session.proxy_version != model.version, in.surfaces.before, in.surfaces.layers,
                            session.pushed_directly && !lost, carved};
   if (lost) session.reset_contact();

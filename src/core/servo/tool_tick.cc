@@ -20,6 +20,7 @@ std::optional<Burr> burr_of(const TickContext& tick, const DeviceContext& contex
               motor.max_press_N,
               tick.model.protected_structures,
               motor.stroke,
+              &tick.model,
               tool.burr->length_mm,
               tool.burr->end_radius_mm};
 }
@@ -40,7 +41,10 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
   ProxyState& proxy = session.proxy;
   const std::optional<Burr> burr = burr_of(tick, context, motor);
   if (burr) {
-    if (change.surfaces) rebase_burr(surfaces, *burr, posed_tool.pose(), change.carved, proxy, session.burr);
+    if (change.surfaces) {
+      settle_burr(change.carved, session.burr);
+      rebase_burr(surfaces, *burr, posed_tool.pose(), change.carved.sweeps, proxy, session.burr);
+    }
     posed_tool.set_first(burr->head(session.burr.inset_mm));
   }
   const unsigned coupled_before = coupled_layers(proxy);

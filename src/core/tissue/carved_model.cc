@@ -1,10 +1,12 @@
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 
 #include "palpate/base/check.h"
 #include "palpate/base/hash.h"
 #include "palpate/tissue/carving.h"
+#include "palpate/tissue/thin_voxels.h"
 #include "tissue/swept_voxels.h"
 
 namespace palpate {
@@ -74,8 +76,10 @@ SweepRecord plain(const Cut& cut) {
 Carving::Carving(const Model& model)
     : original_labels_(model.labels),
       is_cut_(labels_that_are_cut(model)),
-      records_fractions_(is_moving(model.tissue_law)) {
-  left_.labels = model.labels;
+      cutting_energy_(model),
+      thin_voxels_(model.thin_voxels),
+      records_fractions_(is_moving(model.tissue_law)),
+      left_{{}, model.labels, nullptr, SweptSamples(model.labels->geometry()), 0} {
   for (const ProtectedStructure& structure : model.protected_structures)
     if (structure.is_protected) stored_.push_back(structure.surface);
   for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
@@ -122,7 +126,7 @@ void Carving::take(std::span<const Cut> cuts) {
   for (const Cut& cut : cuts) {
     PALPATE_CHECK(cut.device < kMaxDevices);
     const Sweep& sweep = sweeps.emplace_back(cut.sweep);
-    ++sweeps_[cut.device];
+    count(cut);
     hash_word(hash, cut.device);
     for (int axis = 0; axis < 3; ++axis) {
       hash_double(hash, sweep.from[axis]);
@@ -147,6 +151,20 @@ void Carving::take(std::span<const Cut> cuts) {
     CarvedSurface then = now.with(sweeps);
     if (left != nullptr || then.surface() != made_[s])
       left = std::make_shared<const CarvedSurface>(std::move(then));
+  }
+}
+
+// adds a sweep to its device's account
+void Carving::count(const Cut& cut) {
+  CarvedMaterial& carved = carved_[cut.device];
+  ++carved.sweeps;
+  const double sample_mm3 = original_labels_->geometry().spacing_mm.prod() / SweptSamples::kSamples;
+  for (const auto& [i, j, k, samples] :
+       left_.swept.add(cut.sweep, *original_labels_, cutting_energy_.has_energy())) {
+    const double mm3 = std::popcount(samples) * sample_mm3;
+    const BoneClass bone = thin_voxels_ != nullptr && thin_voxels_->at(i, j, k) == kThinBone ? kThin : kThick;
+    carved.volume_mm3[bone] += mm3;
+    carved.energy_mJ[bone] += mm3 * cutting_energy_.mJ_per_mm3(original_labels_->at(i, j, k));
   }
 }
 

@@ -20,6 +20,7 @@
 #include "base/test_seed.h"
 #include "contact/test_model.h"
 #include "palpate/tissue/carving.h"
+#include "palpate/tissue/removed_volume.h"
 #include "tissue/test_surfaces.h"
 
 namespace palpate {
@@ -416,6 +417,42 @@ TEST(CarvedModel, WhatWasBeneathBelongsToWhomItsLabelsSay) {
   EXPECT_EQ(owner(*next, -6, 0), 1);
   EXPECT_EQ(owner(*next, -6, 1.5), 1);
   EXPECT_EQ(owner(*next, -6, 4.5), 0) << "bone, through the shell";
+}
+
+TEST(CarvedModel, TheAccountIsOfTheVoxelsThatSweepsWereTheFirstToCover) {
+  Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
+  const double mJ_per_mm3 = model.tissues[0].cutting_energy_mJ_per_mm3;
+  const std::vector<Cut> cuts{{0, {{-3, 0, 20}, {3, 0, 20}, 2, 0}},
+                              {1, {{-2, 0, 19}, {2, 0, 19}, 2, 0}},
+                              {0, {{0, -3, 19}, {0, 3, 19}, 2, 1}}};
+  const auto at_once = Carving(model).with(cuts);
+  auto one_by_one = std::make_shared<const Carving>(model);
+  for (const Cut& cut : cuts) one_by_one = one_by_one->with({&cut, 1});
+  RemovedVolume removed(model);
+  removed.add(cuts);
+  const double bone_mm3 = removed.by_label_mm3().at(testing::kBone);
+  ASSERT_GT(bone_mm3, 10);
+  double all_mm3 = 0;
+  for (const std::size_t device : {0, 1}) {
+    const CarvedMaterial &all = at_once->carved(device), &parts = one_by_one->carved(device);
+    EXPECT_EQ(all.sweeps, device == 0 ? 2u : 1u);
+    EXPECT_EQ(all.volume_mm3, parts.volume_mm3);
+    EXPECT_EQ(all.energy_mJ, parts.energy_mJ);
+    EXPECT_NEAR(all.energy_mJ[kThick], all.volume_mm3[kThick] * mJ_per_mm3, 1e-6);
+    EXPECT_EQ(all.volume_mm3[kThin], 0);
+    all_mm3 += all.volume_mm3[kThick];
+  }
+  EXPECT_NEAR(all_mm3, bone_mm3, 1e-6);
+  // what an undo restores has to be paid for again
+  const double first_mm3 = at_once->carved(0).volume_mm3[kThick];
+  Cut again = cuts[2];
+  again.sweep.stroke = 2;
+  const auto repeated = at_once->undone()->with({&again, 1});
+  EXPECT_EQ(at_once->undone()->carved(0).volume_mm3[kThick], first_mm3);
+  const Carving first = *Carving(model).with(std::span(cuts).first(2));
+  EXPECT_NEAR(repeated->carved(0).volume_mm3[kThick] - first_mm3,
+              first_mm3 - first.carved(0).volume_mm3[kThick], 1e-6);
+  EXPECT_GT(repeated->carved(0).volume_mm3[kThick], first_mm3 + 1);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "palpate/base/check.h"
 #include "palpate/tissue/feel.h"
+#include "palpate/tissue/thin_voxels.h"
 
 namespace palpate {
 namespace {
@@ -87,6 +88,7 @@ struct Front {
   double area_mm2 = 0;
   double edge_mm_per_s = 0;      // mean over the area
   double energy_mJ_per_mm3 = 0;  // mean over the area
+  double thin_part = 0;          // fraction of the energy that is of thin bone
 };
 
 /// Samples the material around a burr's head.
@@ -96,7 +98,12 @@ class MaterialSampler {
   /// @param at    position of the head in that layer
   MaterialSampler(std::span<const ContactSurface> surfaces, const BurrTool& burr, const ToolSphere& head,
                   const ProxyLayer& layer, int number, const Point<Patient>& at, const BurrState& state)
-      : surfaces_(surfaces), burr_(*burr), spindle_(burr.spindle(head)), head_(head), at_(at) {
+      : surfaces_(surfaces),
+        burr_(*burr),
+        spindle_(burr.spindle(head)),
+        head_(head),
+        at_(at),
+        turn_rad_(static_cast<double>(state.thin_ticks % kTurns) * kGoldenAngle) {
     const double near_mm = burr_.widest_mm() + kCuttingSettings.lookahead_mm;
     for (std::size_t s = 0; s < surfaces.size() && count_ < near_.size(); ++s) {
       const ContactSurface& surface = surfaces[s];
@@ -109,6 +116,10 @@ class MaterialSampler {
       near_[count_++] = static_cast<int>(s);
     }
     if (count_ == 0) return;
+    // thin voxels are those of the innermost layer
+    if (burr_.model != nullptr && burr_.model->thin_voxels != nullptr &&
+        std::ranges::none_of(surfaces, [&](const ContactSurface& one) { return one.layer > number; }))
+      voxels_ = burr_.model;
     // most recent sweeps first: the burr is most likely inside these
     const std::span<const Sweep> pending = state.pending();
     for (auto sweep = pending.rbegin(); sweep != pending.rend(); ++sweep)
@@ -118,10 +129,21 @@ class MaterialSampler {
   Front along(const HeadDisplacement& displacement) const {
     if (count_ == 0) return {};
     Sum sum;
-    const bool is_ball = head_.along_mm == Vector<Patient>();
-    for (std::size_t end = 0; end < (is_ball ? 1 : 2); ++end)
-      if (displacement.part[end] > 0) add_end(end, displacement, sum);
-    if (!is_ball) add_side(displacement, sum);
+    for_directions(displacement, kCuttingSettings.directions, kCuttingSettings.lateral_samples, 0,
+                   [&](const Point<Patient>& centre, const Vector<Patient>& direction, double radius_mm,
+                       double share_mm2) {
+                     add(before(centre + direction * (radius_mm + kCuttingSettings.lookahead_mm), kCounts_mm),
+                         direction, radius_mm, share_mm2, sum);
+                   });
+    if (voxels_ == nullptr) return front_of(sum);
+    // other directions in every tick: along a wall, the same ones would meet the same share of it all the way
+    for_directions(displacement, kCuttingSettings.thin_directions, kCuttingSettings.thin_directions,
+                   turn_rad_,
+                   [&](const Point<Patient>& centre, const Vector<Patient>& direction, double radius_mm,
+                       double share_mm2) {
+                     add(thin_before(centre + direction * (radius_mm + kCuttingSettings.thin_lookahead_mm)),
+                         direction, radius_mm, share_mm2, sum);
+                   });
     return front_of(sum);
   }
 
@@ -139,8 +161,31 @@ class MaterialSampler {
           sample_central_differences(surface.surface->position(), centre).gradient.normalized();
       // between voxels the edge may read closer than it is
       const double radius_mm = head_.radius_at_mm(contact.axis_fraction);
-      add(centre - outward * surface.clearance_error_mm, -outward, radius_mm,
-          std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions, 0, sum);
+      const Point<Patient> start = centre - outward * surface.clearance_error_mm;
+      add(before(start + -outward * (radius_mm + kCuttingSettings.lookahead_mm), 0), -outward, radius_mm,
+          std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions, sum);
+    }
+    return front_of(sum);
+  }
+
+  /// The same for a burr in contact with thin bone that no sampling direction meets.
+  /// @param displacement  only its part into the contact counts
+  Front thin_contact_front(const ProxyLayer& layer, const HeadDisplacement& displacement) const {
+    if (count_ == 0 || voxels_ == nullptr) return {};
+    Sum sum;
+    for (int n = 0; n < layer.contact_count; ++n) {
+      const ProxyContact& contact = layer.contacts[static_cast<std::size_t>(n)];
+      const Point<Patient> centre = at_ + head_.along_mm * contact.axis_fraction;
+      const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
+      const Vector<Patient> inward =
+          -sample_central_differences(surface.surface->position(), centre).gradient.normalized();
+      const double radius_mm = head_.radius_at_mm(contact.axis_fraction);
+      const double share_mm2 = std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions;
+      const double into = std::max(inward.dot(displacement.along[0]), inward.dot(displacement.along[1]));
+      if (!(into > 0)) continue;
+      Material material = owned(contact.surface, centre + inward * radius_mm);
+      material.bone = kThin;
+      add(material, inward, radius_mm, share_mm2 * into, sum);
     }
     return front_of(sum);
   }
@@ -148,39 +193,55 @@ class MaterialSampler {
  private:
   // sums over sampling points: area, and area-weighted edge speed and energy
   struct Sum {
-    double area_mm2 = 0, speed = 0, energy = 0;
+    double area_mm2 = 0, speed = 0, energy = 0, thin_energy = 0;
   };
   struct Material {
     double part = 0;    // fraction that counts, 0 ... 1
     double energy = 0;  // mJ/mm3
+    BoneClass bone = kThick;
   };
 
   Front front_of(const Sum& sum) const {
     if (!(sum.area_mm2 > 0)) return {};
     const double turns_mm_per_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
-    return {sum.area_mm2, turns_mm_per_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2};
+    return {sum.area_mm2, turns_mm_per_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2,
+            sum.thin_energy > 0 ? sum.thin_energy / sum.energy : 0};
   }
 
-  // samples the hemisphere of one end, except where the rest of the head covers it
-  void add_end(std::size_t end, const HeadDisplacement& displacement, Sum& sum) const {
+  // Calls run(centre, direction, radius_mm, share_mm2) for directions ahead, where share_mm2 is the area of
+  // the head that each represents, projected along the displacement.
+  // @param turn_rad  of the directions about the displacement, and about the axis
+  template <class Run>
+  void for_directions(const HeadDisplacement& displacement, int of_end, int of_side, double turn_rad,
+                      const Run& run) const {
+    const bool is_ball = head_.along_mm == Vector<Patient>();
+    for (std::size_t end = 0; end < (is_ball ? 1 : 2); ++end)
+      if (displacement.part[end] > 0) for_end(end, displacement, of_end, turn_rad, run);
+    if (!is_ball) for_side(displacement, of_side, turn_rad, run);
+  }
+
+  // the hemisphere of one end, except where the rest of the head covers it
+  template <class Run>
+  void for_end(std::size_t end, const HeadDisplacement& displacement, int directions, double turn_rad,
+               const Run& run) const {
     const double along_row = end == 0 ? 0 : 1, radius_mm = head_.radius_at_mm(along_row);
     const Vector<Patient>& ahead = displacement.along[end];
     const Vector<Patient> side = perpendicular(ahead), up = ahead.cross(side);
-    const double share_mm2 =
-        std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions * displacement.part[end];
-    for (int n = 0; n < kCuttingSettings.directions; ++n) {
+    const double share_mm2 = std::numbers::pi * radius_mm * radius_mm / directions * displacement.part[end];
+    for (int n = 0; n < directions; ++n) {
       // Vogel's spiral: points evenly spread over a disc
-      const double r = std::sqrt((n + 0.5) / kCuttingSettings.directions), turn = n * kGoldenAngle;
+      const double r = std::sqrt((n + 0.5) / directions), turn = n * kGoldenAngle + turn_rad;
       const Vector<Patient> direction =
           ahead * std::sqrt(1 - r * r) + side * (r * std::cos(turn)) + up * (r * std::sin(turn));
       // only the end that extends farther in this direction
       if ((head_.along_mm.dot(direction) + head_.widens_mm > 0) != (end == 1)) continue;
-      add(at_ + head_.along_mm * along_row, direction, radius_mm, share_mm2, kCounts_mm, sum);
+      run(at_ + head_.along_mm * along_row, direction, radius_mm, share_mm2);
     }
   }
 
-  // samples the lateral surface, which is straight along the axis
-  void add_side(const HeadDisplacement& displacement, Sum& sum) const {
+  // the lateral surface, which is straight along the axis
+  template <class Run>
+  void for_side(const HeadDisplacement& displacement, int samples, double turn_rad, const Run& run) const {
     const double length_mm = head_.along_mm.norm(), slope = head_.widens_mm / length_mm;
     if (!(std::abs(slope) < 1)) return;
     const double cosine = std::sqrt(1 - slope * slope);
@@ -188,33 +249,33 @@ class MaterialSampler {
                           up = axis.cross(side);
     const std::array paths{displacement.along[0] * displacement.part[0],
                            displacement.along[1] * displacement.part[1]};
-    for (int n = 0; n < kCuttingSettings.lateral_samples; ++n) {
+    for (int n = 0; n < samples; ++n) {
       // spiral with even spacing along and around the axis
-      const double part = (n + 0.5) / kCuttingSettings.lateral_samples, turn = n * kGoldenAngle;
+      const double part = (n + 0.5) / samples, turn = n * kGoldenAngle + turn_rad;
       const Vector<Patient> direction =
           axis * -slope + (side * std::cos(turn) + up * std::sin(turn)) * cosine;
       const double ahead = direction.dot(paths[0] * (1 - part) + paths[1] * part);
       if (!(ahead > 0)) continue;
       const double radius_mm = head_.radius_at_mm(part);
-      const double share_mm2 =
-          2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / kCuttingSettings.lateral_samples;
-      add(at_ + head_.along_mm * part, direction, radius_mm, share_mm2 * ahead, kCounts_mm, sum);
+      const double share_mm2 = 2 * std::numbers::pi * radius_mm * cosine * cosine * length_mm / samples;
+      run(at_ + head_.along_mm * part, direction, radius_mm, share_mm2 * ahead);
     }
   }
 
-  // @param counts_mm  depth in material at which a point begins to count
-  void add(const Point<Patient>& centre, const Vector<Patient>& direction, double radius_mm, double share_mm2,
-           double counts_mm, Sum& sum) const {
-    const Material material =
-        before(centre + direction * (radius_mm + kCuttingSettings.lookahead_mm), counts_mm);
+  void add(const Material& material, const Vector<Patient>& direction, double radius_mm, double share_mm2,
+           Sum& sum) const {
     if (!(material.part > 0)) return;
     const double area_mm2 = share_mm2 * material.part;
     sum.area_mm2 += area_mm2;
     sum.speed += area_mm2 * spindle_.cross(direction).norm() * (radius_mm / burr_.radius_mm);
     sum.energy += area_mm2 * material.energy;
+    if (material.bone == kThin) sum.thin_energy += area_mm2 * material.energy;
   }
 
+  // material at a point by the surfaces
+  // @param counts_mm  depth in material at which a point begins to count
   Material before(const Point<Patient>& position, double counts_mm) const {
+    if (voxels_ != nullptr && thinness(voxel_at(position)) != kNoThinBone) return {};
     double min_mm = std::numeric_limits<double>::infinity();
     int surface = -1;
     for (std::size_t n = 0; n < count_; ++n) {
@@ -229,7 +290,14 @@ class MaterialSampler {
       min_mm = std::max(min_mm, swept_[n]->depth_mm(position));
       if (!(min_mm < 0)) return {};
     }
-    double cut = 0, energy = 0;  // shares of structures that are not protected
+    Material material = owned(surface, position);
+    if (counts_mm > 0) material.part *= std::clamp(-min_mm / counts_mm - 1, 0.0, 1.0);
+    return material;
+  }
+
+  // share of the structures at a point of a surface that are not protected, and their mean energy
+  Material owned(int surface, const Point<Patient>& position) const {
+    double cut = 0, energy = 0;
     for (const OwnerShare& share : owners_at(surfaces_, surface, position).all()) {
       const ContactSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
       if (structure.is_protected) continue;
@@ -237,8 +305,28 @@ class MaterialSampler {
       energy += share.part * structure.cutting_energy_mJ_per_mm3;
     }
     if (!(cut > 0)) return {};
-    const double deep = counts_mm > 0 ? std::clamp(-min_mm / counts_mm - 1, 0.0, 1.0) : 1;
-    return {cut * deep, energy / cut};
+    return {cut, energy / cut, kThick};
+  }
+
+  // material at a point by the voxels, in thin bone
+  Material thin_before(const Point<Patient>& position) const {
+    const std::array<int, 3> voxel = voxel_at(position);
+    if (thinness(voxel) != kThinBone) return {};
+    const Tissue* const tissue = voxels_->tissue_of(voxels_->labels->at(voxel[0], voxel[1], voxel[2]));
+    // removed
+    if (tissue == nullptr) return {};
+    for (std::size_t n = 0; n < swept_count_; ++n)
+      if (swept_[n]->depth_mm(position) >= 0) return {};
+    return {1, tissue->cutting_energy_mJ_per_mm3, kThin};
+  }
+  std::array<int, 3> voxel_at(const Point<Patient>& position) const {
+    const Point<Voxel> voxel = voxels_->labels->X_VoxelPatient() * position;
+    return {static_cast<int>(std::lround(voxel.x())), static_cast<int>(std::lround(voxel.y())),
+            static_cast<int>(std::lround(voxel.z()))};
+  }
+  // value of Model::thin_voxels
+  std::uint8_t thinness(const std::array<int, 3>& voxel) const {
+    return voxels_->thin_voxels->anywhere(voxel[0], voxel[1], voxel[2]);
   }
   static Vector<Patient> perpendicular(const Vector<Patient>& to) {
     const Eigen::Vector3d away = to.eigen().cwiseAbs();
@@ -247,6 +335,7 @@ class MaterialSampler {
     return to.cross(Vector<Patient>(Eigen::Vector3d::Unit(smallest))).normalized();
   }
 
+  static constexpr std::uint64_t kTurns = 1 << 20;  // number of ticks until the directions repeat
   static constexpr double kGoldenAngle = 2 * std::numbers::pi * (2 - std::numbers::phi);
   std::span<const ContactSurface> surfaces_;
   const Burr& burr_;
@@ -257,6 +346,8 @@ class MaterialSampler {
   std::size_t count_ = 0;
   std::array<std::optional<SweptShape>, kMaxSweeps> swept_;
   std::size_t swept_count_ = 0;
+  const Model* voxels_ = nullptr;  // with thin bone in this layer; null: none
+  double turn_rad_ = 0;
 };
 
 // appends a path to the sweeps, or extends the last one; false if the capacity is exhausted
@@ -275,6 +366,7 @@ bool sweep(const BurrTool& burr, const HeadPose& from, const HeadPose& to, BurrS
   }
   if (state.sweeps == kMaxSweeps) return false;
   state.began_axis_mm = burr.head(from.attitude).along_mm;
+  state.paid_mJ[static_cast<std::size_t>(state.sweeps)] = {};
   state.sweep[static_cast<std::size_t>(state.sweeps++)] = {
       from.at, to.at, burr->radius_mm, burr->stroke, axis_mm, burr.is_ball() ? 0 : burr->end_radius_mm};
   state.closed = false;
@@ -336,6 +428,16 @@ class FeedVolume {
  private:
   double front_mm2_, grows_mm_;
 };
+
+// spends work on the debt; returns what it took
+double pay_debt(double work_mJ, BurrState& state) {
+  if (!(state.owed_mJ > 0)) return 0;
+  const double paid_mJ = std::min(work_mJ, state.owed_mJ);
+  state.owed_mJ -= paid_mJ;
+  state.work_mJ += paid_mJ;
+  state.removed_mm3 += paid_mJ / state.owed_mJ_per_mm3;
+  return paid_mJ;
+}
 
 // moves a layer's proxy and updates force and stored energy
 void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer, ProxyForce& force,
@@ -400,6 +502,27 @@ double Burr::widest_mm() const {
   return length_mm > 0 ? std::max(radius_mm, end_radius_mm) : radius_mm;
 }
 
+void settle_burr(const CarvedMaterial& carved, BurrState& state) {
+  const std::uint64_t end = std::min(carved.sweeps, state.first + static_cast<std::uint64_t>(state.sweeps));
+  if (end <= state.first) return;
+  constexpr std::array kUncharged_mm3{kCuttingSettings.thick_uncharged_mm3,
+                                      kCuttingSettings.thin_uncharged_mm3};
+  constexpr std::array kCredited_mm3{kCuttingSettings.thick_credited_mm3, kCuttingSettings.thin_credited_mm3};
+  for (std::size_t bone = 0; bone < kBoneClasses; ++bone) {
+    double& balance_mJ = state.balance_mJ[bone];
+    const double mJ = carved.energy_mJ[bone] - state.settled.energy_mJ[bone];
+    const double mm3 = carved.volume_mm3[bone] - state.settled.volume_mm3[bone];
+    balance_mJ += mJ;
+    for (std::size_t n = 0; n < end - state.first; ++n) balance_mJ -= state.paid_mJ[n][bone];
+    if (mm3 > 0) state.owed_mJ_per_mm3 = mJ / mm3;
+    balance_mJ = std::max(balance_mJ, -kCredited_mm3[bone] * state.owed_mJ_per_mm3);
+    if (balance_mJ <= kUncharged_mm3[bone] * state.owed_mJ_per_mm3) continue;
+    state.owed_mJ += balance_mJ;
+    balance_mJ = 0;
+  }
+  state.settled = carved;
+}
+
 ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
                          ProxyState& proxy, BurrState& state, const ProxyOptions& options) {
   const BurrTool burr_tool(burr, hand);
@@ -417,10 +540,11 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   const FeedVolume feed_volume(state.front_mm2, burr.widest_mm());
   const double mJ_per_N = in_material ? burr.grip * state.edge_mm_per_s * options.dt_s : 0;
   const double pressed_N = state.pressed_N, energy = state.energy_mJ_per_mm3;
+  // the debt comes first
+  const double spendable_mJ = std::max(0.0, state.unspent_work_mJ + mJ_per_N * pressed_N - state.owed_mJ);
   state.inset_mm = state.penetration_mm;
   if (in_material) {
-    const double feed_mm =
-        feed_volume.feed_mm((state.unspent_work_mJ + mJ_per_N * pressed_N) / state.energy_mJ_per_mm3);
+    const double feed_mm = feed_volume.feed_mm(spendable_mJ / state.energy_mJ_per_mm3);
     state.inset_mm =
         std::min(state.penetration_mm + std::min(feed_mm, kCuttingSettings.max_feed_mm),
                  std::max(state.penetration_mm, kCuttingSettings.max_inset_fraction * burr.thinnest_mm()));
@@ -465,7 +589,8 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   // burr by max_feed_mm in one tick.
   if (in_material) {
     const double now_N = std::min(result.force_N.norm(), burr.max_press_N);
-    const double work_mJ = mJ_per_N * 0.5 * (pressed_N + now_N);
+    const double done_mJ = mJ_per_N * 0.5 * (pressed_N + now_N);
+    const double work_mJ = done_mJ - pay_debt(done_mJ, state);
     const double unspent_work_mJ = std::min(state.unspent_work_mJ + work_mJ,
                                             energy * feed_volume.volume_mm3(kCuttingSettings.max_feed_mm));
     state.work_mJ += std::max(0.0, unspent_work_mJ - state.unspent_work_mJ);
@@ -479,9 +604,10 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   const HeadDisplacement displacement(moved, moved + turned);
   if (was_in == is_in && displacement.length_mm > kCuttingSettings.at_rest_mm) {
     const HeadPose middle = burr_tool.partway(from, to, 0.5);
-    const Front swept =
-        MaterialSampler(surfaces, burr_tool, burr_tool.head(middle.attitude), layer, is_in, middle.at, state)
-            .along(displacement);
+    const MaterialSampler between(surfaces, burr_tool, burr_tool.head(middle.attitude), layer, is_in,
+                                  middle.at, state);
+    Front swept = between.along(displacement);
+    if (!(swept.area_mm2 > 0)) swept = between.thin_contact_front(layer, displacement);
     const double cost_mJ = swept.area_mm2 * displacement.length_mm * swept.energy_mJ_per_mm3;
     if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
       // motion through material is limited by the motor's work and by the capacity for sweeps
@@ -498,10 +624,16 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
       }
       state.removed_mm3 += swept.area_mm2 * displacement.length_mm * part;
       state.unspent_work_mJ -= cost_mJ * part;
+      if (part > 0) {
+        auto& paid_mJ = state.paid_mJ[static_cast<std::size_t>(state.sweeps - 1)];
+        paid_mJ[kThin] += cost_mJ * part * swept.thin_part;
+        paid_mJ[kThick] += cost_mJ * part * (1 - swept.thin_part);
+      }
     }
   }
   state.pressed_N = std::min(result.force_N.norm(), burr.max_press_N);
   state.penetration_mm = std::min(state.inset_mm, penetration_mm(surfaces, burr_tool, proxy));
+  if (burr.model != nullptr && burr.model->thin_voxels != nullptr) ++state.thin_ticks;
 
   const Vector<Patient> push = result.force_N * -1.0;
   if (!(push.norm() > 0)) return result;
@@ -509,6 +641,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
                               layer.position, state);
   Front front = ahead.along({push, push});
   if (!(front.area_mm2 > 0)) front = ahead.edge_contact_front(layer);
+  if (!(front.area_mm2 > 0)) front = ahead.thin_contact_front(layer, {push, push});
   state.front_mm2 = front.area_mm2;
   state.edge_mm_per_s = front.edge_mm_per_s;
   state.energy_mJ_per_mm3 = front.energy_mJ_per_mm3;
@@ -520,6 +653,7 @@ void rebase_burr(std::span<const ContactSurface> surfaces, const Burr& burr, con
   const auto removed = static_cast<int>(
       std::min<std::uint64_t>(carved > state.first ? carved - state.first : 0, state.sweeps));
   std::move(state.sweep.begin() + removed, state.sweep.begin() + state.sweeps, state.sweep.begin());
+  std::move(state.paid_mJ.begin() + removed, state.paid_mJ.begin() + state.sweeps, state.paid_mJ.begin());
   state.first += static_cast<std::uint64_t>(removed);
   state.sweeps -= removed;
   if (removed > 0) state.full = false;

@@ -478,6 +478,46 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
   EXPECT_EQ(finished_sweeps(burr.state_), all);
 }
 
+TEST(Removal, ADebtIsWorkedOffBeforeTheBurrAdvances) {
+  GuidedBurr burr;
+  burr.lead_to(Point<Patient>(0, 0, 1.5), 50);
+  const double mJ_per_mm3 = burr.surfaces_[0].cutting_energy_mJ_per_mm3;
+  const std::uint64_t count = finished_sweeps(burr.state_);
+  ASSERT_GT(count, 0u);
+  double paid_mm3 = 0;
+  for (std::uint64_t n = 0; n < count; ++n) paid_mm3 += burr.state_.paid_mJ[n][kThick] / mJ_per_mm3;
+  EXPECT_GT(paid_mm3, 0);
+  EXPECT_LE(paid_mm3, burr.state_.removed_mm3);
+  // within the tolerance of the account nothing is charged
+  CarvedMaterial carved{count, {paid_mm3 + 0.99 * kCuttingSettings.thick_uncharged_mm3, 0}, {}};
+  carved.energy_mJ[kThick] = carved.volume_mm3[kThick] * mJ_per_mm3;
+  BurrState tolerated = burr.state_;
+  settle_burr(carved, tolerated);
+  EXPECT_EQ(tolerated.owed_mJ, 0);
+  // thin bone removed with it is charged in full
+  constexpr double kThin_mm3 = 0.5;
+  carved.volume_mm3[kThin] = kThin_mm3;
+  carved.energy_mJ[kThin] = kThin_mm3 * mJ_per_mm3;
+  settle_burr(carved, burr.state_);
+  EXPECT_NEAR(burr.state_.owed_mJ, kThin_mm3 * mJ_per_mm3, 1e-9);
+  settle_burr(carved, burr.state_);
+  EXPECT_NEAR(burr.state_.owed_mJ, kThin_mm3 * mJ_per_mm3, 1e-9) << "settled twice";
+
+  const double work_mJ = burr.state_.work_mJ, removed_mm3 = burr.state_.removed_mm3;
+  const Point<Patient> at = burr.proxy_.position;
+  int ticks = 0;
+  for (; burr.state_.owed_mJ > 0 && ticks < 1000; ++ticks) {
+    EXPECT_LT((burr.proxy_.position - at).norm(), 1e-3) << ticks;
+    burr.lead_to(burr.tip_, 1);
+  }
+  EXPECT_EQ(burr.state_.owed_mJ, 0);
+  EXPECT_GT(ticks, 5);
+  EXPECT_GE(burr.state_.work_mJ - work_mJ, kThin_mm3 * mJ_per_mm3);
+  EXPECT_GE(burr.state_.removed_mm3 - removed_mm3, kThin_mm3 - 1e-9);
+  burr.lead_to(burr.tip_, 50);
+  EXPECT_LT(burr.proxy_.position.z(), at.z() - 0.01) << "then it cuts again";
+}
+
 TEST(Removal, ASweepIsFinishedInTimeHoweverSlowItGrows) {
   GuidedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.9), 100);

@@ -5,6 +5,7 @@
 #include <atomic>
 
 #include "verification/removal_plants.h"
+#include "verification/removal_thin.h"
 #include "verification/removal_volumes.h"
 
 namespace palpate {
@@ -47,6 +48,16 @@ TEST(CuttingPlants, GiveNothingOutAndDoNotSwing) {
                              << *figure.limit;
   }
   EXPECT_EQ(limits, 20);
+}
+
+// a part of `palpate verify removal`
+TEST(ThinBone, CostsWhatIsLost) {
+  const auto figures = thin_bone_figures({.all = false, .cut_s = 0.2}, {});
+  ASSERT_TRUE(figures.ok());
+  EXPECT_EQ(figures->size(), 2);
+  for (const Figure& figure : *figures)
+    EXPECT_TRUE(figure.ok()) << figure.name << ": " << figure.value << " " << figure.unit << ", limit "
+                             << *figure.limit;
 }
 
 TEST(RemovalFigures, CanBeInterrupted) {

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include "palpate/contact/haptics.h"
+
+namespace palpate {
+
+/// Specific cutting energy of a model's voxels, for the energy account of a burr. It covers the structures in
+/// the innermost layer of contact that can be cut: a burr works on those, and softer structures around them
+/// are displaced.
+class CuttingEnergy {
+ public:
+  explicit CuttingEnergy(const Model& model);
+
+  /// Whether each possible label is in the account.
+  const std::vector<bool>& has_energy() const { return *has_energy_; }
+  /// Specific energy of a voxel, mJ/mm3.
+  /// @param label  of the voxel before any removal; has an energy
+  double mJ_per_mm3(LabelId label) const { return (*energy_of_label_)[label]; }
+
+ private:
+  std::shared_ptr<const std::vector<bool>> has_energy_;
+  std::shared_ptr<const std::vector<double>> energy_of_label_;  // mJ/mm3, up to the highest label in use
+};
+
+}  // namespace palpate
