@@ -44,7 +44,7 @@ import manual
 import prepared
 import printed
 
-PHANTOMS = "knee-phantom|shell-phantom|skull-phantom|gland-phantom|palpation-block|palpation-dome|abdominal-wall"
+PHANTOMS = "knee-phantom|shell-phantom|skull-phantom|gland-phantom|palpation-block|palpation-dome|abdominal-wall|temporal-bone"
 COARSE = "spacing=2"
 # a temple of 2 mm has to be thicker than a voxel's diagonal
 FINER = "spacing=1.15"

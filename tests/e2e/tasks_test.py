@@ -30,7 +30,7 @@ class Tasks(cli.PalpateTest):
         tasks = json.loads(self.succeed("task", "list", "--json").stdout)
         names = {task["name"] for task in tasks}
         self.assertLessEqual({"meniscus-probing", "diagnostic-round", "hold-steady", "trace-an-edge", "find-the-nodule", "scope-and-probe", "bone-to-plan",
-                              "find-the-softened-cartilage"}, names)
+                              "find-the-softened-cartilage", "cortical-mastoidectomy"}, names)
         self.assertIn("Hold a force steady", self.succeed("task", "list").stdout)
         own = self.folder / "own.toml"
         own.write_text(self.succeed("task", "show", TASK).stdout, encoding="utf-8")
@@ -42,6 +42,8 @@ class Tasks(cli.PalpateTest):
         self.assertRegex(soft, r"^knee-phantom:seed=7,lesion=[\d.]+,lesion-in=\w+_cartilage,lesion-at=[0-3],visible=no\n$")
         # a plan is one patient's
         self.assertEqual(self.succeed("task", "draw", "bone-to-plan", "--seed", 7).stdout, "knee-phantom:burr=4\n")
+        # but for one of whole structures, which every patient has
+        self.assertEqual(self.succeed("task", "draw", "cortical-mastoidectomy", "--seed", 7).stdout, "temporal-bone:seed=7\n")
         self.assertIn("mm3", self.succeed("plan", "show", "femur-pocket", "--scene", f"knee-phantom:burr=4,spacing={cli.KNEE_MM}").stdout)
 
     def test_scores_a_run_keeps_it_and_forgets_it(self):
@@ -230,6 +232,15 @@ class Tasks(cli.PalpateTest):
         # few seeds, for every run of the tests; trainees.py does twenty of every task
         areas, _ = trainees.areas_of(TASK, 3, pathlib.Path(self.folder), 2, f"knee-phantom:spacing={cli.KNEE_MM}")
         self.assertEqual(trainees.faults_of(TASK, areas), [])
+
+    @cli.long
+    def test_a_beginner_at_the_mastoid_is_told_from_an_expert(self):
+        # two patients; e2e.mastoidectomy has twenty
+        areas, values = trainees.areas_of("cortical-mastoidectomy", 2, pathlib.Path(self.folder), 2)
+        self.assertEqual(trainees.faults_of("cortical-mastoidectomy", areas), [])
+        for score in values["expert"]:
+            self.assertEqual(score["steps_done"], 1)
+            self.assertEqual(score["protected_removed"], 0)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,8 @@ Exit code 1 where one is not told, or is told by what it should not be.
 
 import argparse
 import concurrent.futures
+import functools
+import gzip
 import json
 import math
 import os
@@ -23,8 +25,9 @@ TOLD_BY = {"heavy": "excess_impulse", "shaky": "smoothness", "incomplete": "step
 # at the menisci the limit of 8.5 N is more than the simulated device gives
 HEAVY_AT_THE_MENISCI = "peak_force of medial_meniscus, lateral_meniscus"
 TOLD_BY_OWN = {"meniscus-probing": {"heavy": HEAVY_AT_THE_MENISCI}, "scope-and-probe": {"incomplete": "unseen_time"},
-               "bone-to-plan": {"heavy": "depth_past_plan", "incomplete": "removed_in_plan"}}
-MORE_IS_BETTER = {"smoothness", "steps_done", "economy", "coverage", "force_in_band", "longest_in_band", "removed_in_plan"}
+               "bone-to-plan": {"heavy": "depth_past_plan", "incomplete": "removed_in_plan"},
+               "cortical-mastoidectomy": {"heavy": "force_near of facial_nerve", "incomplete": "hidden_time"}}
+MORE_IS_BETTER = {"smoothness", "steps_done", "economy", "coverage", "force_in_band", "longest_in_band", "removed_in_plan", "bone_left", "burr_distance"}
 LEAST_AREA = 0.95
 # amplitude of tremor at 8 to 12 Hz, mm: what a hand has, and a hand that shakes
 STEADY_MM, SHAKY_MM = 0.03, 0.25
@@ -114,16 +117,77 @@ def pocket(draw, kind):
             then + [{"leave": True}]]
 
 
+BURR_MM = 2.5  # radius
+SPINE_MM = 11  # the suprameatal spine, to which places are relative, is at x = 11 mm
+
+
+@functools.lru_cache
+def anatomy(data_set):
+    """{structure: positions of its voxels, mm from the spine, as LPS}: what a surgeon sees in the scan before an operation."""
+    import numpy
+    with tempfile.TemporaryDirectory() as folder:
+        palpate("data", "fetch", data_set, "-o", folder)
+        head, data = next(pathlib.Path(folder).glob("*.seg.nrrd")).read_bytes().split(b"\n\n", 1)
+    field = dict(line.replace(":=", ": ").split(": ", 1) for line in head.decode().splitlines() if ": " in line or ":=" in line)
+    labels = numpy.frombuffer(gzip.decompress(data) if field["encoding"].startswith("gz") else data,
+                              {"unsigned char": "u1", "uint8": "u1", "unsigned short": "<u2", "uint16": "<u2"}[field["type"]])
+    labels = labels.reshape([int(size) for size in field["sizes"].split()][::-1])
+    origin = numpy.array([float(x) for x in field["space origin"].strip("()").split(",")])
+    spacing = numpy.array([max(abs(float(x)) for x in axis.strip("()").split(",")) for axis in field["space directions"].split()])
+    names = {int(field[f"Segment{n}_LabelValue"]): field[f"Segment{n}_Name"] for n in range(64) if f"Segment{n}_Name" in field}
+    return {name: numpy.argwhere(labels == label)[:, ::-1] * spacing + origin - [SPINE_MM, 0, 0] for label, name in names.items()}
+
+
+def beside(structure, place, gap_mm):
+    """Where the burr's centre is when its head, coming from `place`, is `gap_mm` before a structure."""
+    import numpy
+    place = numpy.array(place, float)
+    away = place - structure
+    nearest = away[numpy.linalg.norm(away, axis=1).argmin()]
+    return [round(float(x), 3) for x in place - nearest + nearest / numpy.linalg.norm(nearest) * (BURR_MM + gap_mm)]
+
+
+def mastoid(draw, kind):
+    """A cavity is drilled in layers, then the bone over the sinus is thinned, and the nerve is approached gently. A heavy hand presses on towards
+    the nerve. Who does not widen the opening drills under its edge, unseen."""
+    within, parts = draw["within"], anatomy(draw["data_set"])
+    force_N, speed = within(2.0, 2.4), within(12, 15)
+    mill = lambda place, force=force_N, fast=speed: {"mill": [round(float(x), 3) for x in (place[0] + SPINE_MM, *place[1:])], "force": force, "speed": fast}
+    y, z = 7 + within(-0.4, 0.4), -4 + within(-0.6, 0.6)
+    steps = [{"approach": "mastoid_cortex", "nearest": [1 + SPINE_MM, y, z], "from": [1, 0, 0], "speed": draw["speed"]}, {"motor": True}]
+    if kind == "incomplete":
+        # a keyhole, and from its bottom to all sides
+        steps += [mill([x, y, z]) for x in (0, -3, -6.5)]
+        steps += [mill([-6.5, y + a, z + b]) for a, b in ((4.5, 0), (0, 0), (0, -7), (0, 0), (1, 5), (0, 0))]
+    else:
+        behind = min(beside(parts["sigmoid_sinus"], [-3.5, 4, z], 1.5)[1], y + 4)
+        for depth, x in enumerate((0.8, -1.4, -3.4)):
+            for row, up in enumerate((-4, -0.5, 3)):
+                ends = [4 + 0.4 * depth, behind - 0.4 * depth]
+                steps += [mill([x, end, z + up * (1 - 0.15 * depth)]) for end in (ends if row % 2 == 0 else ends[::-1])]
+        cavity, deep = [-3.4, y, z], [-5.5, 6, -2]
+        steps += [mill(cavity), mill(beside(parts["sigmoid_sinus"], cavity, within(1.0, 1.4)), 1.0, 6), mill(cavity), mill(deep)]
+        if kind == "heavy":
+            steps += [mill(beside(parts["facial_nerve"], deep, within(0.3, 0.7)), 3.0, 15), mill(deep)]
+        else:
+            steps += [mill(beside(parts["facial_nerve"], deep, within(2.0, 2.4)), within(0.4, 0.55), 5), mill(deep)]
+    return [steps + [mill([-3, y, z]), mill([5, y, z], force_N, 30), {"motor": False}, {"leave": True}]]
+
+
 # task: what is done, most force of the session, N
 TASKS = {"meniscus-probing": (meniscus, 9), "diagnostic-round": (round_of_seven, 6), "hold-steady": (hold_steady, 6),
          "trace-an-edge": (trace, 6), "find-the-nodule": (nodule, 4),
-         "find-the-softened-cartilage": (softened, 6), "scope-and-probe": (watched, 6), "bone-to-plan": (pocket, 6)}
+         "find-the-softened-cartilage": (softened, 6), "scope-and-probe": (watched, 6), "bone-to-plan": (pocket, 6),
+         "cortical-mastoidectomy": (mastoid, 6)}
+# what is to be found, or the patient, is drawn each time; otherwise four knees, so that what was prepared is found again
+COARSER = {"cortical-mastoidectomy": ",spacing=0.6"}  # which is sooner cut
+DRAWN_EACH_TIME = {"find-the-nodule", "find-the-softened-cartilage", "cortical-mastoidectomy"}
 
 
-def script_text(task, kind, seed):
-    """The script by which a trainee of that kind does a task."""
+def script_text(task, kind, seed, data_set=None):
+    """The script by which a trainee of that kind does a task, in a data set where that matters."""
     drawn = random.Random(f"{task} {kind} {seed}")
-    draw = {"random": drawn, "speed": round(drawn.uniform(35, 50), 3),
+    draw = {"random": drawn, "data_set": data_set, "speed": round(drawn.uniform(35, 50), 3),
             "places": [[round(side * drawn.uniform(12, 25), 3), -20, round(drawn.uniform(-20, 20), 3)] for side in (-1, 1)],
             "within": lambda low, high: round(drawn.uniform(low, high), 3)}
     lines = ['device = "premium-1.5"', f"tremor = {SHAKY_MM if kind == 'shaky' else STEADY_MM}", f"seed = {drawn.randrange(1, 10**6)}"]
@@ -144,7 +208,7 @@ def recording_of(task, kind, seed, folder, data_set):
     """What a trainee did, recorded."""
     name = folder / f"{task}-{kind}-{seed}"
     script, recording = name.with_suffix(".toml"), name.with_suffix(".h5")
-    script.write_text(script_text(task, kind, seed), encoding="utf-8")
+    script.write_text(script_text(task, kind, seed, data_set), encoding="utf-8")
     palpate("simulate", data_set, "--script", script, "-o", recording, "--max-force", TASKS[task][1])
     return recording
 
@@ -166,8 +230,8 @@ def area(better, worse, more_is_better):
 def areas_of(task, seeds, folder, workers, data_set=None):
     """{kind: {metric: area}} and the values. @param data_set  for every run; else as the seed draws it"""
     jobs = [(kind, seed) for kind in ("expert", *KINDS) for seed in range(seeds)]
-    # of four knees, so that what was prepared is found again; what is to be found is drawn each time
-    data_sets = [data_set or palpate("task", "draw", task, "--seed", seed if task.startswith("find-") else seed % 4).strip() for seed in range(seeds)]
+    data_sets = [data_set or palpate("task", "draw", task, "--seed", seed if task in DRAWN_EACH_TIME else seed % 4).strip() + COARSER.get(task, "")
+                 for seed in range(seeds)]
     found = {}
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
         recordings = dict(zip(jobs, pool.map(lambda job: recording_of(task, *job, folder, data_sets[job[1]]), jobs)))

@@ -86,6 +86,7 @@ class ScriptedHand {
   bool press(const PlannedStep& step, const TickRecord& tick, double dt_s);
   bool hold(const PlannedStep& step, const TickRecord& tick, double dt_s);
   bool slide(const PlannedStep& step, const TickRecord& tick, double dt_s);
+  bool mill(const PlannedStep& step, const TickRecord& tick, double dt_s);
   bool rotate(const PlannedStep& step, const TickRecord& tick, double dt_s, Eigen::Quaterniond& target);
   bool change_stroke(const PlannedStep& step, const TickRecord& tick, double dt_s, HandCommands& commands);
   bool lead_scope(const PlannedStep& step, const TickRecord& tick, double dt_s, HandCommands& commands);
@@ -153,7 +154,8 @@ class ScriptedHand {
   double target_N_ = 0;
   double touch_N_ = 0;  ///< Force that ends the approach (touch_of_approach)
   double off_s_ = 0, over_s_ = 0, stuck_s_ = 0;
-  double settled_s_ = 0, longest_s_ = 0, slid_mm_ = 0, sum_Ns_ = 0;
+  double settled_s_ = 0, longest_s_ = 0, sum_Ns_ = 0;
+  double slid_mm_ = 0;      // distance covered by a slide; length of a milled line
   Point<Patient> contact_;  // contact point of a slide in the previous tick
   Point<World> retreat_start_;
   // time since the end of the way out was reached; duration of releasing the contact

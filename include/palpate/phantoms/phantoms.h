@@ -11,10 +11,10 @@
 #include "palpate/volume/volume.h"
 
 /// Generated phantoms, composed of geometric primitives (palpate/phantoms/primitives.h): a knee, a hollow
-/// shell, a skull, a gland in front of a jaw, and three for palpation of deformable tissue: a block and a
-/// dome with nodules, and an abdominal wall. Each has parameters. A phantom is referred to by a name with its
-/// parameters, "knee-phantom:lesion=6,side=right", wherever the name of a data set is accepted.
-/// docs/reference/phantom.md shows them and documents every key.
+/// shell, a skull, a gland in front of a jaw, three for palpation of deformable tissue (a block and a dome
+/// with nodules, and an abdominal wall), and a temporal bone to drill. Each has parameters. A phantom is
+/// referred to by a name with its parameters, "knee-phantom:lesion=6,side=right", wherever the name of a data
+/// set is accepted. docs/reference/phantom.md shows them and documents every key.
 namespace palpate {
 
 /// Generated volume: labels and a simulated scan, on one grid aligned with the patient's axes.
@@ -33,12 +33,12 @@ struct PhantomSettings {
   std::uint64_t scan_seed = 1;  ///< Seed of the scan noise.
 };
 
-enum class KneeSide : std::uint8_t { kLeft, kRight };
+enum class BodySide : std::uint8_t { kLeft, kRight };
 
 /// Knee in extension, with the structures, names and label numbers of the SPL knee atlas.
 struct KneeParameters {
   PhantomSettings settings{};
-  KneeSide side = KneeSide::kLeft;
+  BodySide side = BodySide::kLeft;
   double size = 1;                              ///< Scale of all dimensions except those in mm below.
   double lesion_mm = 0;                         ///< Radius of a lesion; 0: none.
   std::string lesion_in = "femur";              ///< Structure that contains the lesion.
@@ -113,11 +113,22 @@ struct AbdomenParameters {
   bool rib = true;
 };
 
-using PhantomParameters = std::variant<KneeParameters, ShellParameters, SkullParameters, GlandParameters,
-                                       BlockParameters, DomeParameters, AbdomenParameters>;
+/// Temporal bone: a mastoid with cortex and air cells between ear canal, sigmoid sinus and dura, with facial
+/// nerve and ossicles, as it is drilled in a mastoidectomy.
+struct TemporalBoneParameters {
+  PhantomSettings settings{.spacing_mm = {0.4, 0.4, 0.4}};
+  BodySide side = BodySide::kLeft;
+  double cells_mm = 3;    ///< Mean diameter of the air cells; 0: a mastoid without cells.
+  double cortex_mm = 2;   ///< Thickness of the cortex over the air cells.
+  double plate_mm = 1.2;  ///< Thickness of the plates of bone over dura and sigmoid sinus.
+};
+
+using PhantomParameters =
+    std::variant<KneeParameters, ShellParameters, SkullParameters, GlandParameters, BlockParameters,
+                 DomeParameters, AbdomenParameters, TemporalBoneParameters>;
 
 /// Names of the data sets that are phantoms: "knee-phantom", "shell-phantom", "skull-phantom",
-/// "gland-phantom", "palpation-block", "palpation-dome", "abdominal-wall".
+/// "gland-phantom", "palpation-block", "palpation-dome", "abdominal-wall", "temporal-bone".
 const std::vector<std::string>& phantom_names();
 /// True if a name is one of these, with or without parameters, which are not checked.
 bool is_phantom_name(std::string_view name);

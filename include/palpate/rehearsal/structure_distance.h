@@ -47,7 +47,9 @@ class StructureDistance {
 /// Distances of every structure that has a voxel, in the order of Model::segments, before any removal. Uses
 /// the model's surface if present, and otherwise prepares one.
 /// @param model  a model with labels
+/// @param only   structures by LabelId; empty: all
 /// Errors: those of prepare_surfaces.
-Result<std::vector<StructureDistance>> structure_distances(const Model& model, const Progress& progress = {});
+Result<std::vector<StructureDistance>> structure_distances(const Model& model, const Progress& progress = {},
+                                                           const std::vector<bool>& only = {});
 
 }  // namespace palpate

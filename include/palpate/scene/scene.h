@@ -323,6 +323,12 @@ struct SlideStep {
   double distance_mm = 5;
   double speed_mm_s = 10;
 };
+/// Guides a running burr in a straight line to a point, through what it cuts.
+struct MillStep {
+  Point<Patient> to;      ///< Centre of the head at the end
+  double force_N = 1;     ///< Greatest force with which the hand pulls
+  double speed_mm_s = 8;  ///< Speed of the hand where nothing resists
+};
 /// Rotates the object by an angle, commanded at 10 Hz, while the hand stays.
 struct RotateStep {
   Eigen::Vector3d axis_world{0, 0, 1};
@@ -359,8 +365,8 @@ struct LeaveStep {
 };
 /// A step of a script: one of the actions above.
 using ScriptStep = std::variant<ApproachStep, PressStep, HoldStep, SlideStep, RotateStep, MethodStep,
-                                LeaveStep, MotorStep, StrokeStep, LawStep, ScopeStep>;
-/// Whether a step (press, hold, slide, leave) requires the contact made by a preceding approach.
+                                LeaveStep, MotorStep, StrokeStep, LawStep, ScopeStep, MillStep>;
+/// Whether a step (press, hold, slide, mill, leave) requires the contact made by a preceding approach.
 bool needs_contact(const ScriptStep& step);
 
 /// A parsed script: the motion of a simulated hand, step by step.

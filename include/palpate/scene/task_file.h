@@ -63,6 +63,14 @@ enum class Metric : std::uint8_t {
   kProtectedRemoved,
   /// Maximum distance of removed tissue outside the plan's shapes from the nearest of them, mm.
   kDepthPastPlan,
+  /// Smallest distance of removed tissue from the structures, mm; negative: into them.
+  kBoneLeft,
+  /// Smallest distance of a running burr's head from the structures, mm; negative: into them.
+  kBurrDistance,
+  /// Greatest normal force while a running burr's head is within TaskMetric::within_mm of the structures, N.
+  kForceNear,
+  /// Time of contact of a running burr that the task's microscope does not see, s.
+  kHiddenTime,
 };
 /// Description of a metric, for documentation and reports.
 struct MetricInfo {
@@ -75,8 +83,11 @@ struct MetricInfo {
   std::string_view formula;   ///< Definition in words
   std::string_view source;    ///< Publication
   std::string_view validity;  ///< Evidence that it discriminates experts from novices
+  /// Preposition between the title and the structures
+  std::string_view relation = "on";
+  bool needs_structures = false;  ///< Whether a [[metric]] must name structures
 };
-inline constexpr std::size_t kMetricCount = 19;
+inline constexpr std::size_t kMetricCount = 23;
 /// Descriptions of all metrics, in the order of Metric
 const std::array<MetricInfo, kMetricCount>& metric_infos();
 inline const MetricInfo& info_of(Metric metric) {
@@ -139,6 +150,7 @@ struct TaskProtected {
 struct TaskMetric {
   Metric metric = Metric::kTime;
   std::vector<LabelReference> structures;   ///< Structures evaluated; empty: as in MetricInfo::formula
+  double within_mm = 2;                     ///< Distance from the structures, for kForceNear
   std::optional<double> at_least, at_most;  ///< Bounds of the band; neither: shown but not graded
   std::string basis;                        ///< Origin of the band
   int line = 0;
@@ -155,6 +167,12 @@ struct TaskAnswer {
 /// Declares that the second device holds a scope.
 struct TaskScope {
   ScopeOptics optics;
+  int line = 0;
+};
+/// Operating microscope, by which hidden cutting is measured.
+struct TaskMicroscope {
+  Vector<Patient> from{0, -1, 0};  ///< Unit direction from the patient to the microscope
+  double tilt_deg = 25;            ///< Angle by which it may be tilted in any direction
   int line = 0;
 };
 /// A parameter of the data set that is drawn at random from the seed.
@@ -186,6 +204,7 @@ struct TaskFile {
   std::vector<TaskMetric> metrics;
   std::optional<TaskAnswer> answer;
   std::optional<TaskScope> scope;
+  std::optional<TaskMicroscope> microscope;
   std::optional<PlanFile> plan;  ///< Plan whose regions are to be removed
   std::vector<TaskDraw> draws;
   std::string source;
@@ -204,9 +223,9 @@ Result<TaskFile> load_task(const std::string& name_or_file);
 /// The files of data/tasks/, compiled in: "meniscus-probing.toml", ...
 const std::vector<EmbeddedFile>& embedded_tasks();
 
-/// Data set with the parameters drawn from the seed: "palpation-block:seed=5,diameter=8.5". For a task with a
-/// plan the data set is unchanged, because a plan belongs to one patient. Empty if the task names no data
-/// set.
+/// Data set with the parameters drawn from the seed: "palpation-block:seed=5,diameter=8.5". For a task whose
+/// plan has positions the data set is unchanged, because such a plan belongs to one patient. Empty if the
+/// task names no data set.
 std::string drawn_data_set(const TaskFile& task, std::uint64_t seed);
 
 /// Every key of a task file as Markdown tables (key, value, default, unit, range, meaning); generated from

@@ -12,6 +12,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/recording/recording.h"
+#include "palpate/tasks/burr_meters.h"
 #include "palpate/tasks/motion.h"
 #include "palpate/tasks/task.h"
 
@@ -170,6 +171,7 @@ class TaskEvaluator {
   void update_answer(const DeviceTick& device, double dt_s);
   void update_visibility(const TickRecord& tick, double dt_s);
   void update_removal(const TickRecord& tick);
+  void update_burr(const TickRecord& tick, double dt_s);
   Removal removal() const;
   void add_event(TaskEvent::Kind kind, std::size_t part, const TickRecord& tick, double force_N);
   double value_of(std::size_t metric, const Removal& removal) const;
@@ -204,6 +206,10 @@ class TaskEvaluator {
   std::vector<double> removed_mm3_;
   bool removal_changed_ = true;
   double next_check_s_ = 0;
+  // burr: one for each metric of a burr near structures
+  std::vector<std::optional<BurrNearStructures>> burr_meters_;
+  bool hidden_ = false;
+  double hidden_s_ = 0, next_look_s_ = 0;
 };
 
 /// Range of tick numbers of a recording, for a run that was started and ended while recording.

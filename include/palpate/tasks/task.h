@@ -11,6 +11,7 @@
 #include "palpate/rehearsal/plan_in_scene.h"
 #include "palpate/rehearsal/removal_follower.h"
 #include "palpate/scene/task_file.h"
+#include "palpate/tasks/burr_meters.h"
 #include "palpate/tasks/scope_visibility.h"
 
 /// A task with its structures, regions and answer resolved in a scene.
@@ -62,6 +63,8 @@ struct TaskPlan {
   PlanInScene plan;
   std::vector<double> planned_mm3;  ///< Removable volume of each region
   RemovalFollower untouched;
+  Tool tool;  ///< Tool of the first device
+  Transform<World, Patient> X_WorldPatient;
 };
 
 /// A task file with everything it names resolved in a scene.
@@ -75,6 +78,9 @@ struct TaskInScene {
   std::optional<Eigen::Vector3d> answer_mm;  ///< Centroid of the structures to be found
   std::vector<bool> answer_labels;           ///< Structures to be found, by LabelId
   std::optional<ScopeVisibility> sight;
+  /// Distances of the structures of each metric that needs them, in the order of file.metrics; else null
+  std::vector<StructureDistances> distances;
+  std::optional<MicroscopeView> microscope;
   std::optional<TaskPlan> plan;
 };
 

@@ -39,6 +39,8 @@ class RemovedVolume {
   const GridGeometry& geometry() const { return labels_->geometry(); }
   /// Whether a label counts: it is felt and not protected.
   bool counts(LabelId label) const { return is_cut_[label]; }
+  /// Swept points of a voxel; 0 outside the volume.
+  std::uint64_t swept_samples(int i, int j, int k) const { return left_.swept.at(i, j, k); }
   /// Calls visit(i, j, k, label, places) for every voxel with swept points, in no particular order.
   template <class Visit>
   void for_each_swept(const Visit& visit) const {

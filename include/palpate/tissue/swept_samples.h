@@ -37,6 +37,8 @@ class SweptSamples {
 
   /// Position of sample point `n` of a voxel, 0 ... kSamples - 1.
   static Point<Voxel> sample_point(int i, int j, int k, int n);
+  /// Covered points of a voxel; 0 outside the grid.
+  std::uint64_t at(int i, int j, int k) const;
   /// Calls visit(i, j, k, samples) for every voxel with covered points.
   template <class Visit>
   void for_each(const Visit& visit) const {
@@ -52,6 +54,8 @@ class SweptSamples {
   static constexpr int kEdge = 8;  // voxels of a block along each axis
   using Block = std::array<std::uint64_t, std::size_t{kEdge} * kEdge * kEdge>;
 
+  std::size_t block_of(int i, int j, int k) const;
+  static std::size_t index_in_block(int i, int j, int k);
   std::array<int, 3> voxel_at(std::size_t block, std::size_t n) const;
   std::uint64_t* samples_of(int i, int j, int k);
 

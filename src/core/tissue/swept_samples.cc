@@ -27,17 +27,29 @@ std::array<int, 3> SweptSamples::voxel_at(std::size_t block, std::size_t n) cons
           voxel(block / (columns * rows), n / (kEdge * kEdge))};
 }
 
-std::uint64_t* SweptSamples::samples_of(int i, int j, int k) {
+std::size_t SweptSamples::block_of(int i, int j, int k) const {
   const std::size_t columns = blocks_along(dims_[0], kEdge), rows = blocks_along(dims_[1], kEdge);
-  const std::size_t number =
-      static_cast<std::size_t>(i / kEdge) +
-      columns * (static_cast<std::size_t>(j / kEdge) + rows * static_cast<std::size_t>(k / kEdge));
-  std::shared_ptr<Block>& block = blocks_[number];
+  return static_cast<std::size_t>(i / kEdge) +
+         columns * (static_cast<std::size_t>(j / kEdge) + rows * static_cast<std::size_t>(k / kEdge));
+}
+
+std::size_t SweptSamples::index_in_block(int i, int j, int k) {
+  return static_cast<std::size_t>((k % kEdge * kEdge + j % kEdge) * kEdge + i % kEdge);
+}
+
+std::uint64_t SweptSamples::at(int i, int j, int k) const {
+  if (i < 0 || j < 0 || k < 0 || i >= dims_[0] || j >= dims_[1] || k >= dims_[2]) return 0;
+  const auto found = blocks_.find(block_of(i, j, k));
+  return found == blocks_.end() ? 0 : (*found->second)[index_in_block(i, j, k)];
+}
+
+std::uint64_t* SweptSamples::samples_of(int i, int j, int k) {
+  std::shared_ptr<Block>& block = blocks_[block_of(i, j, k)];
   if (block == nullptr)
     block = std::make_shared<Block>(Block{});
   else if (block.use_count() > 1)
     block = std::make_shared<Block>(*block);
-  return &(*block)[static_cast<std::size_t>((k % kEdge * kEdge + j % kEdge) * kEdge + i % kEdge)];
+  return &(*block)[index_in_block(i, j, k)];
 }
 
 std::vector<SweptSamples::VoxelSamples> SweptSamples::add(const Sweep& sweep, const Bricks<LabelId>& labels,

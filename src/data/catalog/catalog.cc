@@ -82,6 +82,10 @@ const std::vector<CatalogEntry>& catalog() {
       phantom("palpation-block", "block of soft tissue on a plate, with nodules to find"),
       phantom("palpation-dome", "dome of soft tissue, like a breast, with nodules to find"),
       phantom("abdominal-wall", "skin, fat and muscle over the firm edge of a liver and a rib"),
+      phantom(
+          "temporal-bone",
+          "mastoid with air cells, facial nerve, sigmoid sinus and dura, to be drilled, with a synthetic CT "
+          "image"),
       knee_atlas(),
       head()};
   return kEntries;

@@ -38,14 +38,17 @@ TEST(Catalog, EntriesAreComplete) {
     EXPECT_EQ(*find_entry(entry.name), &entry);
   }
   EXPECT_THAT(names, ElementsAre("abdominal-wall", "gland-phantom", "head", "knee-atlas", "knee-phantom",
-                                 "palpation-block", "palpation-dome", "shell-phantom", "skull-phantom"));
+                                 "palpation-block", "palpation-dome", "shell-phantom", "skull-phantom",
+                                 "temporal-bone"));
 }
 
 TEST(Catalog, UnknownNameListsTheKnownOnes) {
   for (const auto& error : {find_entry("knee").error(), locate("knee").error(), fetch("knee", {}).error()}) {
     EXPECT_EQ(error.kind, ErrorKind::kBadInput);
-    EXPECT_THAT(error.remedy, HasSubstr("knee-phantom, shell-phantom, skull-phantom, gland-phantom, "
-                                        "palpation-block, palpation-dome, abdominal-wall, knee-atlas, head"));
+    EXPECT_THAT(error.remedy,
+                HasSubstr("knee-phantom, shell-phantom, skull-phantom, gland-phantom, "
+                          "palpation-block, palpation-dome, abdominal-wall, temporal-bone, knee-atlas, "
+                          "head"));
   }
 }
 

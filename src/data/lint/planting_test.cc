@@ -462,7 +462,7 @@ LintCase knee_case(unsigned seed) {
   KneeParameters parameters;
   parameters.settings.spacing_mm = Eigen::Vector3d::Constant(0.9);
   parameters.settings.seed = seed;
-  parameters.side = seed % 2 == 0 ? KneeSide::kLeft : KneeSide::kRight;
+  parameters.side = seed % 2 == 0 ? BodySide::kLeft : BodySide::kRight;
   auto phantom = make_phantom(PhantomParameters(parameters));
   PALPATE_CHECK(phantom.ok());
   const float brightest = *std::ranges::max_element(phantom->scan.voxels());

@@ -58,7 +58,7 @@ PhantomField field_of(const KneeParameters& knee) {
 PhantomPlan plan_of(const KneeParameters& knee) {
   PhantomPlan plan;
   plan.field = field_of(knee);
-  plan.mirrored = knee.side == KneeSide::kRight;
+  plan.mirrored = knee.side == BodySide::kRight;
   plan.parts = knee_phantom_parts(knee_shape(knee.settings.seed));
   if (knee.defect_mm > 0) add_defect(plan.parts, knee, plan.field.scale);
   if (knee.lesion_mm > 0) add_lesion(plan.parts, knee, plan.field.scale);

@@ -92,7 +92,7 @@ void visit(KneeParameters& p, PhantomKeyVisitor& v) {
   visit_scan_seed(p.settings, v);
   visit_seed(p.settings, v);
   choice(v, {"side", "", "A right knee is the mirror image of the left one."}, kSides, p.side,
-         KneeSide::kLeft, KneeSide::kRight);
+         BodySide::kLeft, BodySide::kRight);
   v.number({"size", "", "Scale of the anatomy: 0.6 a small child, 1.15 a large adult."}, 0.5, 1.3, p.size);
   visit_spacing(p.settings, v);
   choice(v, {"visible", "", "Whether the scan shows `lesion`; labels always do."}, kAnswers, p.visible, true,
@@ -209,6 +209,22 @@ void visit(AbdomenParameters& p, PhantomKeyVisitor& v) {
   visit_spacing(p.settings, v);
 }
 
+void visit(TemporalBoneParameters& p, PhantomKeyVisitor& v) {
+  v.number({"cells", "mm", "Mean diameter of the air cells, at least three voxels; 0: none."}, 0, 6,
+           p.cells_mm);
+  v.number({"cortex", "mm", "Cortex over the air cells; at least the diagonal of a voxel."}, 0.5, 6,
+           p.cortex_mm);
+  visit_islands(p.settings, v);
+  visit_noise(p.settings, v);
+  v.number({"plate", "mm", "Plates of bone over dura and sigmoid sinus; at least the diagonal of a voxel."},
+           0.4, 4, p.plate_mm);
+  visit_scan_seed(p.settings, v);
+  visit_seed(p.settings, v);
+  choice(v, {"side", "", "A right temporal bone is the mirror image of the left one."}, kSides, p.side,
+         BodySide::kLeft, BodySide::kRight);
+  visit_spacing(p.settings, v);
+}
+
 }  // namespace
 
 void visit_keys(PhantomParameters& parameters, PhantomKeyVisitor& visitor) {
@@ -216,16 +232,16 @@ void visit_keys(PhantomParameters& parameters, PhantomKeyVisitor& visitor) {
 }
 
 const std::vector<PhantomParameters>& mean_phantoms() {
-  static const std::vector<PhantomParameters> kMean{KneeParameters{},   ShellParameters{}, SkullParameters{},
-                                                    GlandParameters{},  BlockParameters{}, DomeParameters{},
-                                                    AbdomenParameters{}};
+  static const std::vector<PhantomParameters> kMean{
+      KneeParameters{},  ShellParameters{}, SkullParameters{},   GlandParameters{},
+      BlockParameters{}, DomeParameters{},  AbdomenParameters{}, TemporalBoneParameters{}};
   return kMean;
 }
 
 const std::vector<std::string>& phantom_names() {
-  static const std::vector<std::string> kNames{"knee-phantom",  "shell-phantom",   "skull-phantom",
-                                               "gland-phantom", "palpation-block", "palpation-dome",
-                                               "abdominal-wall"};
+  static const std::vector<std::string> kNames{"knee-phantom",   "shell-phantom",   "skull-phantom",
+                                               "gland-phantom",  "palpation-block", "palpation-dome",
+                                               "abdominal-wall", "temporal-bone"};
   return kNames;
 }
 

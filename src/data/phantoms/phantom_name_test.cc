@@ -18,7 +18,7 @@ TEST(PhantomName, ParametersAreRead) {
       "scan-seed=9");
   ASSERT_TRUE(parsed.ok()) << parsed.error().message();
   const auto& knee = std::get<KneeParameters>(*parsed);
-  EXPECT_EQ(knee.side, KneeSide::kRight);
+  EXPECT_EQ(knee.side, BodySide::kRight);
   EXPECT_EQ(knee.settings.spacing_mm, Eigen::Vector3d(0.28, 0.3, 1));
   EXPECT_EQ(knee.size, 0.7);
   EXPECT_EQ(knee.settings.seed, 12u);
@@ -97,6 +97,9 @@ TEST(PhantomName, FaultsAreNamedWithTheWayOut) {
   EXPECT_THAT(message("shell-phantom:radius=5,thickness=5"), HasSubstr("no cavity"));
   EXPECT_THAT(message("skull-phantom:temporal=7"), HasSubstr("thicker than the rest"));
   EXPECT_THAT(message("gland-phantom:skin=0.5"), HasSubstr("`skin` of 0.5 mm"));
+  EXPECT_THAT(message("temporal-bone:plate=0.6"), HasSubstr("`plate` of 0.6 mm"));
+  EXPECT_THAT(message("temporal-bone:cortex=0.6"), HasSubstr("`cortex` of 0.6 mm"));
+  EXPECT_THAT(message("temporal-bone:cells=1"), HasSubstr("too small for voxels of 0.4 mm"));
 }
 
 TEST(PhantomName, WhatIsTooLargeIsRefusedBeforeMemoryIsTaken) {

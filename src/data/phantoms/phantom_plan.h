@@ -64,6 +64,7 @@ PhantomField field_of(const GlandParameters& gland);
 PhantomField field_of(const BlockParameters& block);
 PhantomField field_of(const DomeParameters& dome);
 PhantomField field_of(const AbdomenParameters& abdomen);
+PhantomField field_of(const TemporalBoneParameters& bone);
 
 PhantomPlan plan_of(const KneeParameters& knee);
 PhantomPlan plan_of(const ShellParameters& shell);
@@ -72,6 +73,7 @@ PhantomPlan plan_of(const GlandParameters& gland);
 PhantomPlan plan_of(const BlockParameters& block);
 PhantomPlan plan_of(const DomeParameters& dome);
 PhantomPlan plan_of(const AbdomenParameters& abdomen);
+PhantomPlan plan_of(const TemporalBoneParameters& bone);
 
 /// Segments of a plan's labels, in ascending order.
 std::vector<Segment> segments_of(const PhantomPlan& plan);

@@ -146,6 +146,17 @@ Result<void> check_together(const PhantomParameters& all, const AbdomenParameter
   return {};
 }
 
+Result<void> check_together(const PhantomParameters& all, const TemporalBoneParameters& bone) {
+  const double widest_mm = bone.settings.spacing_mm.maxCoeff();
+  if (bone.cells_mm > 0 && bone.cells_mm < 3 * widest_mm)
+    return refused(
+        all,
+        "`cells` of " + millimetres(bone.cells_mm) + " are too small for voxels of " + millimetres(widest_mm),
+        "their diameter is at least three voxels, or 0 for none");
+  if (auto closed = check_thickness(all, "cortex", bone.cortex_mm); !closed) return closed;
+  return check_thickness(all, "plate", bone.plate_mm);
+}
+
 Result<void> check_voxels(const PhantomParameters& parameters, const PhantomField& field) {
   const Eigen::Vector3d& spacing_mm = settings_of(parameters).spacing_mm;
   const double volume_mm3 = field.extent_mm.cwiseProduct(field.scale).prod();

@@ -507,6 +507,99 @@ TEST(Phantoms, TheGlandTouchesTheJawAndTheLayersTouchEachOther) {
   EXPECT_LE(longest, 26);
 }
 
+// ---- the temporal bone --------------------------------------------------------------------------
+
+// distance between the nearest voxel centres of two structures, mm
+double apart_mm(const Phantom& phantom, const std::string& a, const std::string& b) {
+  const auto X = labels_of(phantom).geometry().X_PatientVoxel();
+  const auto voxels_of = [&](const std::string& name) {
+    const LabelId label = statistics(phantom).at(name).id;
+    std::vector<Eigen::Vector3d> at;
+    const auto& dims = labels_of(phantom).geometry().dims;
+    for (int k = 0; k < dims[2]; ++k)
+      for (int j = 0; j < dims[1]; ++j)
+        for (int i = 0; i < dims[0]; ++i) {
+          if (labels_of(phantom).at(i, j, k) != label) continue;
+          bool border = false;
+          for (const auto& [x, y, z] :
+               {std::array{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}})
+            border |= labels_of(phantom).at_or(i + x, j + y, k + z, 0) != label;
+          if (border) at.push_back((X * Point<Voxel>(i, j, k)).eigen());
+        }
+    return at;
+  };
+  const auto first = voxels_of(a), second = voxels_of(b);
+  double min_mm2 = 1e9;
+  for (const Eigen::Vector3d& p : first)
+    for (const Eigen::Vector3d& q : second) min_mm2 = std::min(min_mm2, (p - q).squaredNorm());
+  return std::sqrt(min_mm2);
+}
+
+// the published spread of each dimension (docs/reference/temporal-bone.md), for any patient
+TEST(TemporalBone, ItsDimensionsAreThoseOfPublications) {
+  std::set<std::uint64_t> hashes;
+  for (const int seed : {0, 1, 2, 3, 4, 5}) {
+    const std::string name = "temporal-bone:spacing=0.8,plate=1.4,seed=" + std::to_string(seed);
+    SCOPED_TRACE(name);
+    const Phantom phantom = made(name);
+    const auto found = statistics(phantom);
+    ASSERT_EQ(found.size(), 9u);
+    for (const char* one : {"temporal_bone", "dura", "sigmoid_sinus", "facial_nerve"})
+      EXPECT_EQ(found.at(one).components, 1) << one;
+    // centres of voxels are half a voxel inside each surface
+    constexpr double kVoxel_mm = 0.8;
+    // by micro-CT (10.1186/s40463-019-0324-0): canal to sinus 13.7 with 3.4, nerve to sinus 7.2 with 1.8 mm
+    const double canal_mm = apart_mm(phantom, "ear_canal_wall", "sigmoid_sinus");
+    EXPECT_GT(canal_mm, 13.7 - 1.6 - 3.4 - kVoxel_mm);
+    EXPECT_LT(canal_mm, 15.3 - 1.6 + 2.7 + kVoxel_mm);
+    const double nerve_mm = apart_mm(phantom, "facial_nerve", "sigmoid_sinus");
+    EXPECT_GT(nerve_mm, 7.2 - 2 * 1.8 - kVoxel_mm);
+    EXPECT_LT(nerve_mm, 8.1 + 2 * 2.3 + kVoxel_mm);
+    // plates close what the cavity would open
+    EXPECT_GT(apart_mm(phantom, "mastoid_cells", "sigmoid_sinus"), 1.4 - kVoxel_mm / 2);
+    EXPECT_GT(apart_mm(phantom, "mastoid_cells", "dura"), 1.4 - kVoxel_mm / 2);
+    EXPECT_GT(apart_mm(phantom, "mastoid_cells", "facial_nerve"), 1.2 - kVoxel_mm / 2);
+    EXPECT_GT(apart_mm(phantom, "mastoid_cortex", "sigmoid_sinus"), 1.4 - kVoxel_mm / 2);
+    std::uint64_t hash = kHashSeed;
+    hash_bytes(hash, labels_of(phantom).voxels().data(),
+               labels_of(phantom).voxels().size() * sizeof(LabelId));
+    hashes.insert(hash_finish(hash));
+  }
+  EXPECT_EQ(hashes.size(), 6u) << "every seed is another patient";
+}
+
+TEST(TemporalBone, CellsAreAirInBoneAndCanBeLeftOut) {
+  const Phantom cellular = made("temporal-bone"), dense = made("temporal-bone:cells=0");
+  const double septa_mm3 = volume_mm3(cellular, "mastoid_cells"),
+               all_mm3 = volume_mm3(dense, "mastoid_cells");
+  // mean air volume 4 mL, 1.3 to 10.8, of the whole mastoid
+  EXPECT_GT(all_mm3 - septa_mm3, 1300);
+  EXPECT_LT(all_mm3 - septa_mm3, 10800);
+  EXPECT_GT(septa_mm3, 0.2 * all_mm3);
+  for (const char* same : {"dura", "sigmoid_sinus", "facial_nerve", "ossicles", "mastoid_cortex"})
+    EXPECT_EQ(volume_mm3(cellular, same), volume_mm3(dense, same)) << same;
+  // CT values: air in the cells, bone in the septa
+  const auto& scan = cellular.scan.voxels();
+  std::size_t air = 0;
+  for (std::size_t v = 0; v < scan.size(); ++v)
+    air += labels_of(cellular).voxels()[v] == 0 && labels_of(dense).voxels()[v] != 0 && scan[v] < -500;
+  EXPECT_GT(static_cast<double>(air) * std::pow(0.4, 3), 0.5 * (all_mm3 - septa_mm3));
+}
+
+TEST(TemporalBone, ARightOneIsTheMirrorImageOfTheLeft) {
+  const std::string odd = "temporal-bone:spacing=1.1,plate=2,seed=4,noise=0.3,cells=4";
+  const Phantom left = made(odd), right = made(odd + ",side=right");
+  const GridGeometry& grid = labels_of(left).geometry();
+  EXPECT_NEAR(grid.centre().x(), 0, 1e-12);
+  std::size_t wrong = 0;
+  for (int k = 0; k < grid.dims[2]; ++k)
+    for (int j = 0; j < grid.dims[1]; ++j)
+      for (int i = 0; i < grid.dims[0]; ++i)
+        wrong += labels_of(left).at(i, j, k) != labels_of(right).at(grid.dims[0] - 1 - i, j, k);
+  EXPECT_EQ(wrong, 0u);
+  EXPECT_GT(statistics(left).at("mastoid_cortex").centroid.x(), 0) << "lateral is to the left";
+}
+
 // ---- all phantoms ---------------------------------------------------------------------------------
 
 TEST(Phantoms, AnyCombinationIsAValidLabelMapWithSurfaces) {

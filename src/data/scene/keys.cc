@@ -948,7 +948,30 @@ const ScriptKeys& script_key_tables() {
              .unit = "mm",
              .max = 30,
              .meaning = "Distance from the scope's tip back along its shaft to the camera. Must equal that "
-                        "of the task."}}}}};
+                        "of the task."}}},
+          {"mill",
+           "Guides a running burr in a straight line to a point, whatever it cuts or touches on the way. "
+           "Needs an approach and `motor = true` before.",
+           {{.name = "mill",
+             .type = kPoint,
+             .unit = "mm",
+             .min = -1e6,
+             .max = 1e6,
+             .meaning = "LPS: the centre of the burr's head at the end."},
+            {.name = "force",
+             .type = kNumber,
+             .default_text = "1",
+             .unit = "N",
+             .min = 0.01,
+             .max = 20,
+             .meaning = "Greatest force with which the hand pulls."},
+            {.name = "speed",
+             .type = kNumber,
+             .default_text = "8",
+             .unit = "mm/s",
+             .min = 0.1,
+             .max = 200,
+             .meaning = "Speed of the hand where nothing resists."}}}}};
   return keys;
 }
 

@@ -921,8 +921,9 @@ TEST_F(LoadScene, WritesWholeFiles) {
 }
 
 TEST(EmbeddedScene, EveryOneParses) {
-  for (const char* name : {"knee", "knee-phantom", "knee-atlas", "head", "shell-phantom", "skull-phantom",
-                           "gland-phantom", "palpation-block", "palpation-dome", "abdominal-wall"}) {
+  for (const char* name :
+       {"knee", "knee-phantom", "knee-atlas", "head", "shell-phantom", "skull-phantom", "gland-phantom",
+        "palpation-block", "palpation-dome", "abdominal-wall", "temporal-bone"}) {
     const auto text = embedded_scene(name);
     ASSERT_TRUE(text.has_value()) << name;
     const auto scene = parse_scene(*text, name);
@@ -953,7 +954,7 @@ TEST(EmbeddedScene, KneeHasItsJointFeltAndTheRestShown) {
 // every soft tissue has a modulus in case the law is changed, and scenes with an elastic law use it
 TEST(EmbeddedScene, WhatIsSoftSaysWhatItIsMadeOf) {
   for (const std::string name : {"knee", "head", "skull-phantom", "gland-phantom", "palpation-block",
-                                 "palpation-dome", "abdominal-wall"}) {
+                                 "palpation-dome", "abdominal-wall", "temporal-bone"}) {
     SCOPED_TRACE(name);
     std::string text(*embedded_scene(name));
     if (name == "knee") text += *embedded_scene("lesion-in-knee");

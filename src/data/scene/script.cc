@@ -94,6 +94,14 @@ ScriptStep read_slide(const TableReader& reader, Problems&) {
   return step;
 }
 
+ScriptStep read_mill(const TableReader& reader, Problems&) {
+  MillStep step;
+  if (const auto to = reader.point("mill")) step.to = Point<Patient>(*to);
+  step.force_N = reader.number("force").value_or(step.force_N);
+  step.speed_mm_s = reader.number("speed").value_or(step.speed_mm_s);
+  return step;
+}
+
 ScriptStep read_rotate(const TableReader& reader, Problems&) {
   RotateStep step;
   step.degrees = reader.number("rotate").value_or(step.degrees);
@@ -152,9 +160,9 @@ ScriptStep read_leave(const TableReader& reader, Problems& problems) {
 
 using ReadStep = ScriptStep (*)(const TableReader&, Problems&);
 // in the order of script_key_tables().actions
-constexpr std::array<ReadStep, 11> kReadStep{read_approach, read_press,  read_hold,  read_slide,
+constexpr std::array<ReadStep, 12> kReadStep{read_approach, read_press,  read_hold,  read_slide,
                                              read_rotate,   read_method, read_leave, read_motor,
-                                             read_stroke,   read_law,    read_scope};
+                                             read_stroke,   read_law,    read_scope, read_mill};
 
 std::string action_names() {
   std::string names;
@@ -250,7 +258,8 @@ void read_steps(const TableReader& top, Script& script, Problems& problems) {
 
 bool needs_contact(const ScriptStep& step) {
   return std::holds_alternative<PressStep>(step) || std::holds_alternative<HoldStep>(step) ||
-         std::holds_alternative<SlideStep>(step) || std::holds_alternative<LeaveStep>(step);
+         std::holds_alternative<SlideStep>(step) || std::holds_alternative<MillStep>(step) ||
+         std::holds_alternative<LeaveStep>(step);
 }
 
 bool has_scope(const Script& script) {

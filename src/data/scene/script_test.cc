@@ -261,6 +261,8 @@ INSTANTIATE_TEST_SUITE_P(
     Order, ParseScriptError,
     testing::Values(BadScript{"[[step]]\npress = 1\n", 1, "press without contact", "approach"},
                     BadScript{"[[step]]\nhold = 1\n", 1, "hold without contact", "approach"},
+                    BadScript{"[[step]]\nmill = [1, 2, 3]\n", 1, "mill without contact", "approach"},
+                    BadScript{APPROACH "[[step]]\nmill = [1, 2]\n", 4, "not three numbers", ""},
                     BadScript{"[[step]]\nslide = 1\n", 1, "slide without contact", "approach"},
                     BadScript{"[[step]]\nleave = true\n", 1, "leave without contact", "approach"},
                     BadScript{APPROACH "[[step]]\nleave = true\n[[step]]\nhold = 1\n", 5,

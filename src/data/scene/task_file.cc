@@ -12,6 +12,14 @@
 namespace palpate {
 namespace {
 
+/// Unit vector of a named direction or of a vector.
+std::optional<Vector<Patient>> unit_direction(const TableReader& reader, std::string_view key) {
+  const auto direction = reader.direction(key);
+  if (!direction) return std::nullopt;
+  const auto* vector = std::get_if<Eigen::Vector3d>(&*direction);
+  return vector ? Vector<Patient>(*vector).normalized() : direction_named(std::get<std::string>(*direction));
+}
+
 void read_regions(const TableReader& top, TaskFile& task, Problems& problems) {
   for (const TomlTable* table : limited_tables(top, "region", kMaxTaskParts, "split the task", problems)) {
     const TableReader reader(table, task_key_tables().region, problems);
@@ -24,11 +32,7 @@ void read_regions(const TableReader& top, TaskFile& task, Problems& problems) {
     region.radius_mm = reader.number("radius");
     if (const auto half = reader.choice("half")) region.half = direction_named(*half);
     if (const auto point = reader.point("plane_point")) region.plane_point = Point<Patient>(*point);
-    if (const auto normal = reader.direction("plane_normal")) {
-      const auto* vector = std::get_if<Eigen::Vector3d>(&*normal);
-      region.plane_normal =
-          vector ? Vector<Patient>(*vector).normalized() : direction_named(std::get<std::string>(*normal));
-    }
+    region.plane_normal = unit_direction(reader, "plane_normal");
     if (reader.has("point") && reader.has("landmark"))
       problems.add(reader.line("landmark"), "a region with both point and landmark", "keep one of them");
     if ((reader.has("point") || reader.has("landmark")) != reader.has("radius"))
@@ -182,6 +186,12 @@ std::string missing_for(Metric metric, const TaskFile& task) {
       return task.plan ? "" : "a plan";
     case Metric::kProtectedRemoved:
       return !task.plan ? "a plan" : task.protections.empty() ? "a [[protected]]" : "";
+    case Metric::kBoneLeft:
+    case Metric::kBurrDistance:
+    case Metric::kForceNear:
+      return task.plan ? "" : "a plan";
+    case Metric::kHiddenTime:
+      return !task.plan ? "a plan" : task.microscope ? "" : "a [microscope]";
     default:
       return "";
   }
@@ -200,6 +210,7 @@ void read_metrics(const TableReader& top, TaskFile& task, Problems& problems) {
     if (!reader.has("name"))
       problems.add_missing(reader.line(), "a [[metric]] without a name", "add name = \"...\"");
     metric.structures = structures_of(reader, "a [[metric]]", false, problems);
+    metric.within_mm = reader.number("within").value_or(metric.within_mm);
     metric.at_least = reader.number("at_least");
     metric.at_most = reader.number("at_most");
     metric.basis = reader.text("basis").value_or("");
@@ -212,6 +223,11 @@ void read_metrics(const TableReader& top, TaskFile& task, Problems& problems) {
       metric.metric = found->metric;
       if (reader.has("structures") && !found->of_structures)
         problems.add(reader.line("structures"), *name + " is not of single structures", "remove structures");
+      if (!reader.has("structures") && found->needs_structures)
+        problems.add_missing(reader.line("name"), *name + " without structures",
+                             "add structures = [\"...\"]");
+      if (reader.has("within") && metric.metric != Metric::kForceNear)
+        problems.add(reader.line("within"), "within is only for force_near", "remove it");
       if (const std::string missing = missing_for(metric.metric, task); !missing.empty())
         problems.add(reader.line("name"), *name + " of a task without " + missing, "add " + missing);
     }
@@ -312,6 +328,13 @@ Result<TaskFile> parse_task(std::string_view text, const std::string& source,
     task.scope->optics.lean_deg = reader.number("optics").value_or(task.scope->optics.lean_deg);
     task.scope->optics.back_mm = reader.number("back").value_or(task.scope->optics.back_mm);
   }
+  if (const TomlTable* table = top.table("microscope")) {
+    const TableReader reader(table, task_key_tables().microscope, problems);
+    task.microscope.emplace();
+    task.microscope->line = table->line;
+    task.microscope->from = unit_direction(reader, "from").value_or(task.microscope->from);
+    task.microscope->tilt_deg = reader.number("tilt").value_or(task.microscope->tilt_deg);
+  }
   read_plan_of_task(top, beside, task, problems);
   task.text_hash = hash_finish(task.text_hash);
   read_regions(top, task, problems);
@@ -346,7 +369,12 @@ Result<TaskFile> load_task(const std::string& name_or_file) {
 }
 
 std::string drawn_data_set(const TaskFile& task, std::uint64_t seed) {
-  if (task.data_set.empty() || task.plan) return task.data_set;
+  const bool has_positions =
+      task.plan && !(task.plan->trajectories.empty() &&
+                     std::ranges::all_of(task.plan->regions, [](const PlanRegion& region) {
+                       return region.shape == PlanShape::kStructures;
+                     }));
+  if (task.data_set.empty() || has_positions) return task.data_set;
   const bool has_parameters = task.data_set.find(':') != std::string::npos;
   std::string text = task.data_set + (has_parameters ? "," : ":") + "seed=" + std::to_string(seed);
   std::mt19937_64 random(seed * 0x9e3779b97f4a7c15ull + 1);

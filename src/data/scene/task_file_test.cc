@@ -169,6 +169,11 @@ TEST(LoadTask, TakesOffByAPlanBesideIt) {
   EXPECT_THAT(wrong("coverage = 0.9", "seconds = 1"), HasSubstr("seconds is not for a step"));
   EXPECT_THAT(wrong("removed_in_plan", "protected_removed"), HasSubstr("without a [[protected]]"));
   EXPECT_THAT(wrong("removed_in_plan", "unseen_time"), HasSubstr("without a [scope]"));
+  EXPECT_THAT(wrong("removed_in_plan", "hidden_time"), HasSubstr("without a [microscope]"));
+  EXPECT_THAT(wrong("removed_in_plan", "bone_left"), HasSubstr("bone_left without structures"));
+  EXPECT_THAT(wrong("\"removed_in_plan\"", "\"burr_distance\"\nstructures = [1]\nwithin = 2"),
+              HasSubstr("within is only for force_near"));
+  EXPECT_THAT(wrong("plan = ", "[microscope]\ntilt = 80\n#"), HasSubstr("tilt = 80 is outside"));
   test::write_text(folder / "hole.toml",
                    "title = \"Keep away\"\n[[keep_away]]\nstructures = [1]\ndistance = 2\n");
   EXPECT_THAT(wrong("title", "title"), HasSubstr("removes nothing"));
@@ -184,6 +189,15 @@ TEST(LoadPlan, KnowsItsOwnByName) {
     ASSERT_TRUE(plan.ok()) << plan.error().message();
     EXPECT_FALSE(plan->regions.empty()) << file.name;
   }
+}
+
+TEST(LoadTask, APlanOfWholeStructuresHoldsForEveryPatient) {
+  const auto task = load_task("cortical-mastoidectomy");
+  ASSERT_TRUE(task.ok()) << task.error().message();
+  EXPECT_EQ(drawn_data_set(*task, 7), "temporal-bone:seed=7");
+  ASSERT_TRUE(task->microscope);
+  EXPECT_EQ(task->microscope->from, Vector<Patient>(1, 0, 0));
+  EXPECT_EQ(task->microscope->tilt_deg, 25);
 }
 
 TEST(ParseTask, DrawsBySeedWithinTheRange) {

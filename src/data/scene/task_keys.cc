@@ -63,6 +63,7 @@ TaskKeys declared_task_keys() {
             {.name = "metric", .type = kTables, .meaning = "Metrics: at least one."},
             {.name = "answer", .type = kTable, .meaning = "Structure that the trainee must find."},
             {.name = "scope", .type = kTable, .meaning = "The second device holds a scope."},
+            {.name = "microscope", .type = kTable, .meaning = "View by which hidden cutting is measured."},
             {.name = "plan",
              .type = kText,
              .meaning = "A plan (docs/guide/rehearsal.md), whose regions are to be removed: a file next to "
@@ -169,7 +170,15 @@ TaskKeys declared_task_keys() {
       .metric = {"[[metric]]",
                  "A metric. It counts if it has a bound.",
                  {{.name = "name", .type = kChoice, .choices = metric_names(), .meaning = "Required."},
-                  structures_key("For `mean_force` and `peak_force`: structures measured. Default: all."),
+                  structures_key("For `mean_force` and `peak_force`: structures measured; default: all. For "
+                                 "`bone_left`, `burr_distance` and `force_near`: required."),
+                  {.name = "within",
+                   .type = kNumber,
+                   .default_text = "2",
+                   .unit = "mm",
+                   .min = 0,
+                   .max = 50,
+                   .meaning = "For `force_near`: distance from the structures."},
                   {.name = "at_least",
                    .type = kNumber,
                    .min = -1e9,
@@ -209,6 +218,21 @@ TaskKeys declared_task_keys() {
                   .unit = "mm",
                   .max = 30,
                   .meaning = "Distance from its tip back along the shaft to the camera."}}},
+      .microscope = {"[microscope]",
+                     "Operating microscope (docs/reference/metrics.md).",
+                     {{.name = "from",
+                       .type = kDirection,
+                       .default_text = "\"anterior\"",
+                       .min = -1e6,
+                       .max = 1e6,
+                       .choices = direction_names(),
+                       .meaning = "Side of the patient on which it is; or a direction in LPS."},
+                      {.name = "tilt",
+                       .type = kNumber,
+                       .default_text = "25",
+                       .unit = "degrees",
+                       .max = 60,
+                       .meaning = "Angle by which it may be tilted in any direction."}}},
       .drawn = {
           "[[drawn]]",
           "A parameter of the data set, drawn uniformly with the seed; `seed` itself is always included.",
@@ -240,7 +264,7 @@ std::string task_keys() {
   const TaskKeys& keys = task_key_tables();
   std::string text = table_markdown(keys.top);
   for (const TableSpec* table : {&keys.region, &keys.step, &keys.force, &keys.protection, &keys.metric,
-                                 &keys.answer, &keys.scope, &keys.drawn})
+                                 &keys.answer, &keys.scope, &keys.microscope, &keys.drawn})
     text += "\n" + table_markdown(*table);
   return text;
 }
@@ -313,6 +337,32 @@ const std::array<MetricInfo, kMetricCount>& metric_infos() {
        "greatest distance of removed volume from the nearest of the plan's shapes, if it lies outside all of "
        "them",
        "palpate's own", "not validated here"},
+      {Metric::kBoneLeft, "bone_left", "Bone left", "mm", true, true,
+       "smallest distance of removed volume from the structures' surface before any removal; negative: the "
+       "depth to which they were cut",
+       "palpate's own; that the sinus is skeletonised is an item of the Melbourne Mastoidectomy Scale",
+       "items as rated: ten surgical trainees struggled with those on the sinus; this distance: not "
+       "validated "
+       "here",
+       "over", true},
+      {Metric::kBurrDistance, "burr_distance", "Smallest distance of the running burr", "mm", true, true,
+       "smallest distance of the running burr's head from the structures' surface before any removal; "
+       "negative: inside",
+       "Sewell et al. 2008 (10.3109/10929080801957712): distances to structures in a mastoidectomy",
+       "experts used more caution near structures than residents (7 and 7 persons, "
+       "10.1097/mao.0000000000001398); this distance: not validated here",
+       "to", true},
+      {Metric::kForceNear, "force_near", "Peak force of the running burr", "N", false, true,
+       "greatest normal force sent while the running burr's head is within `within` of the structures",
+       "Sewell et al. 2008 (10.3109/10929080801957712): forces by the distance to structures",
+       "experts used higher forces than residents, and more caution near structures (7 and 7 persons, "
+       "10.1097/mao.0000000000001398); this force: not validated here",
+       "near", true},
+      {Metric::kHiddenTime, "hidden_time", "Cutting time out of the microscope's view", "s", false, false,
+       "time in which the running burr touches something and no line of sight from it to the microscope, "
+       "within its tilt, is free of tissue that is left",
+       "Sewell et al. 2008 (10.3109/10929080801957712): bone removed without being seen",
+       "not validated here"},
   }};
   return infos;
 }
@@ -326,7 +376,7 @@ std::string readable_metric_name(std::string_view stored) {
   if (of == std::string_view::npos) return text;
   std::string structures(stored.substr(of + kOf.size()));
   std::ranges::replace(structures, '_', ' ');
-  return text + " on " + structures;
+  return text + " " + std::string(info->relation) + " " + structures;
 }
 
 std::string metric_table() {

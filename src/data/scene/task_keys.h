@@ -5,7 +5,7 @@
 namespace palpate {
 
 struct TaskKeys {
-  TableSpec top, region, step, force, protection, metric, answer, scope, drawn;
+  TableSpec top, region, step, force, protection, metric, answer, scope, microscope, drawn;
 };
 const TaskKeys& task_key_tables();
 

@@ -64,6 +64,10 @@ struct StepText {
     return line("slide", shortest_number(s.distance_mm)) + line("direction", array(s.direction.eigen())) +
            line("speed", shortest_number(s.speed_mm_s));
   }
+  std::string operator()(const MillStep& s) const {
+    return line("mill", array(s.to.eigen())) + line("force", shortest_number(s.force_N)) +
+           line("speed", shortest_number(s.speed_mm_s));
+  }
   std::string operator()(const RotateStep& s) const {
     return line("rotate", shortest_number(s.degrees)) + line("axis", array(s.axis_world)) +
            line("seconds", shortest_number(s.seconds));

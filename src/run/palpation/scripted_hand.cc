@@ -48,6 +48,8 @@ constexpr double kExitPathInSigmas = 4, kExitPath_mm = 1, kFree_N = 0.02, kFollo
 constexpr double kRelease_s = 5;
 constexpr double kWithdrawing_mm_s = 60, kRelease_mm = 0.3;
 constexpr double kSteppingBack_mm_s = 100, kStepBack_mm = 5;
+// distance from its end at which a milled line is complete
+constexpr double kMilled_mm = 0.4;
 // spacing of the corners recorded during a slide
 constexpr double kTrail_mm = 1;
 // threshold of a direction's tangential component below which sliding is impossible
@@ -338,6 +340,7 @@ bool ScriptedHand::run_step(const PlannedStep& step, const TickRecord& tick, dou
     bool operator()(const PressStep&) { return hand.press(step, tick, dt_s); }
     bool operator()(const HoldStep&) { return hand.hold(step, tick, dt_s); }
     bool operator()(const SlideStep&) { return hand.slide(step, tick, dt_s); }
+    bool operator()(const MillStep&) { return hand.mill(step, tick, dt_s); }
     bool operator()(const RotateStep&) { return hand.rotate(step, tick, dt_s, commands.rotation_target); }
     bool operator()(const MethodStep& change) { return hand.change_method(change, tick, dt_s, commands); }
     bool operator()(const MotorStep& motor) { return hand.switch_motor(motor, tick, dt_s, commands); }
@@ -539,6 +542,33 @@ bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& tick, double
   intention_ += along.normalized() * (speed_mm_s * dt_s);
   if (step_time_s_ < action.distance_mm / speed_mm_s + kPatience_s) return false;
   return fail(step, tick, text_of("it advanced %.1f mm", slid_mm_));
+}
+
+// The intended position advances along the line, not farther ahead of the tip than the force allows. The step
+// is done when the head has arrived.
+bool ScriptedHand::mill(const PlannedStep& step, const TickRecord& tick, double dt_s) {
+  const auto& action = std::get<MillStep>(step.action);
+  if (!cutting_) return fail(step, tick, "the motor is not running");
+  const Transform<World, Patient> X = X_WorldPatient(tick);
+  const Point<World> end = X * action.to;
+  const double left_mm = (point<Patient>(tick.device[0].proxy_patient_mm) - action.to).norm();
+  if (left_mm < kMilled_mm) {
+    // outside, the way that was milled is not needed for the withdrawal
+    if (free_space_.reachable(action.to)) approach_path_.clear();
+    approach_path_.push_back(action.to);
+    return true;
+  }
+  const Vector<World> way = end - intention_;
+  const double length_mm = way.norm(), step_mm = action.speed_mm_s * dt_s;
+  intention_ = length_mm > step_mm ? intention_ + way * (step_mm / length_mm) : end;
+  const double lead_mm =
+      (1e3 * (limited(action.force_N, tick) + device_.coulomb_N) / hand_.stiffness_N_per_m) *
+      tick.device[0].scale;
+  const Vector<World> ahead = intention_ - tip_of(tick);
+  if (ahead.norm() > lead_mm) intention_ = tip_of(tick) + ahead * (lead_mm / ahead.norm());
+  slid_mm_ = step_time_s_ > 0 ? slid_mm_ : left_mm;
+  if (step_time_s_ < slid_mm_ / action.speed_mm_s + kPatience_s) return false;
+  return fail(step, tick, text_of("it is still %.1f mm away", left_mm));
 }
 
 bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& tick, double dt_s,
@@ -745,6 +775,7 @@ std::string ScriptedHand::named(const PlannedStep& step) const {
     std::string operator()(const SlideStep& s) const {
       return text_of("slide of %.1f mm on ", s.distance_mm) + structure;
     }
+    std::string operator()(const MillStep& s) const { return "milling to " + position_text(s.to); }
     std::string operator()(const RotateStep& s) const { return text_of("turn by %.0f degrees", s.degrees); }
     std::string operator()(const MethodStep&) const { return "change of the method"; }
     std::string operator()(const LawStep&) const { return "change of soft tissue's law"; }

@@ -119,6 +119,30 @@ TEST(Simulate, ARotatedObjectIsStillHeld) {
   EXPECT_GE(result->holds[0].held_s, 1.5);
 }
 
+TEST(Simulate, MillsInAStraightLineToAPoint) {
+  const auto milled = [](const std::string& motor) {
+    const Script script = parse_script("[[step]]\napproach = \"ball\"\nlandmark = \"anterior\"\n" + motor +
+                                           "[[step]]\nmill = [0, -13, 0]\nforce = 2\nspeed = 10\n"
+                                           "[[step]]\nmill = [3, -13, 0]\nforce = 2\n"
+                                           "[[step]]\nmotor = false\n[[step]]\nleave = true\n",
+                                       "milling script")
+                              .value();
+    SimulationOptions options;
+    options.max_force_N = 3;
+    return simulate(testing::loaded_burr(), script, options, "").value();
+  };
+  const SimulationResult result = milled("[[step]]\nmotor = true\n");
+  EXPECT_TRUE(result.problems.empty()) << result.problems.front();
+  EXPECT_LE(result.max_force_N, 3);
+  // the head of 2 mm radius has come 4 mm deep, and 3 mm to the side from there
+  ASSERT_EQ(result.removed.size(), 1u);
+  EXPECT_GT(result.removed[0].volume_mm3, 40);
+  EXPECT_LT(result.removed[0].volume_mm3, 120);
+  const SimulationResult still = milled("");
+  ASSERT_EQ(still.problems.size(), 1u);
+  EXPECT_NE(still.problems[0].find("the motor is not running"), std::string::npos) << still.problems[0];
+}
+
 TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
   const LoadedScene loaded = testing::loaded_burr();
   const Script script =

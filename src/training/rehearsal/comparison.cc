@@ -65,7 +65,7 @@ class RunMeter {
     see_turn(device);
     const MeterInput now{
         {tick.tick, time_s_ - started_s_, tip_of(tool_, device)},
-        head_of(model_, tool_, tick, device),
+        head_of(model_.X_WorldPatient, tool_, tick, device),
         dt_s,
         part,
         &device,

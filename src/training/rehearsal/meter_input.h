@@ -1,7 +1,7 @@
 #pragma once
 
 #include "palpate/rehearsal/comparison.h"
-#include "rehearsal/tool_head.h"
+#include "palpate/rehearsal/tool_head.h"
 
 namespace palpate {
 

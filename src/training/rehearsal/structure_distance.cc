@@ -97,8 +97,12 @@ double StructureDistance::to_edge_cuts_mm(const Eigen::Vector3d& at) const {
   return std::sqrt(min_mm2);
 }
 
-Result<std::vector<StructureDistance>> structure_distances(const Model& model, const Progress& progress) {
-  const std::vector<bool> has_voxel = labels_with_voxels(model);
+Result<std::vector<StructureDistance>> structure_distances(const Model& model, const Progress& progress,
+                                                           const std::vector<bool>& only) {
+  std::vector<bool> has_voxel = labels_with_voxels(model);
+  if (!only.empty())
+    for (std::size_t label = 0; label < has_voxel.size(); ++label)
+      has_voxel[label] = has_voxel[label] && label < only.size() && only[label];
   std::map<LabelId, std::shared_ptr<const Surface>> surfaces;
   for (std::size_t n = 0; n < model.label_of_surface.size() && n < model.surfaces.size(); ++n)
     if (model.surfaces[n].surface != nullptr)

@@ -59,6 +59,10 @@ TaskEvaluator::TaskEvaluator(TaskInScene task)
   if (!task_.plan) return;
   removed_ = task_.plan->untouched;
   removed_mm3_.resize(task_.plan->planned_mm3.size());
+  for (std::size_t n = 0; n < task_.metrics.size(); ++n) {
+    burr_meters_.emplace_back();
+    if (task_.distances[n]) burr_meters_[n].emplace(task_.distances[n], task_.file.metrics[n].within_mm);
+  }
 }
 
 void TaskEvaluator::on_event(const RecordingEvent& event) {
@@ -173,6 +177,7 @@ Result<void> TaskEvaluator::observe(const TickRecord& tick) {
   if (tip_known_) motion_.observe(tick.time_s, tip_mm_, contact_count_ > 0);
   if (task_.sight) update_visibility(tick, dt_s);
   if (removed_ && removal_changed_ && tick.time_s - started_s_ >= next_check_s_) update_removal(tick);
+  if (task_.plan) update_burr(tick, dt_s);
   update_forces(tick, dt_s);
   update_steps(tick, dt_s);
   if (task_.answer_mm) update_answer(device, dt_s);
@@ -207,6 +212,30 @@ void TaskEvaluator::update_removal(const TickRecord& tick) {
     removed_mm3_[n] = sum_of(removed.in_plan.of_regions[n]);
   removal_changed_ = false;
   next_check_s_ = tick.time_s - started_s_ + kCheckInterval_s;
+}
+
+void TaskEvaluator::update_burr(const TickRecord& tick, double dt_s) {
+  const DeviceTick& device = tick.device[0];
+  const Tool& tool = task_.plan->tool;
+  const bool runs = tool.motor_is_on((tick.switches & kSwitchMotor) != 0, device.buttons);
+  const ToolHead head = head_of(task_.plan->X_WorldPatient, tool, tick, device);
+  const bool is_valid =
+      head.from.all_finite() && head.to.all_finite() && (device.flags & kFlagNotFinite) == 0;
+  if (runs && is_valid)
+    for (std::optional<BurrNearStructures>& meter : burr_meters_)
+      if (meter) meter->observe(head, touch_N());
+  if (!task_.microscope) return;
+  // a line of sight hardly changes within this time
+  constexpr double kLookInterval_s = 0.01;
+  const bool cuts = runs && is_valid && (device.flags & kFlagContact) != 0;
+  const bool was_hidden = hidden_;
+  if (!cuts) {
+    hidden_ = false;
+  } else if (tick.time_s >= next_look_s_) {
+    hidden_ = !task_.microscope->is_visible(head, removed_->removed());
+    next_look_s_ = tick.time_s + kLookInterval_s;
+  }
+  hidden_s_ += 0.5 * (static_cast<double>(was_hidden) + static_cast<double>(hidden_)) * dt_s;
 }
 
 TaskEvaluator::Removal TaskEvaluator::removal() const {
@@ -434,6 +463,14 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
       return removal.protected_mm3;
     case Metric::kDepthPastPlan:
       return removal.past_plan_mm;
+    case Metric::kBoneLeft:
+      return removed_ ? bone_left_mm(*task_.distances[n], removed_->removed()) : kNotKnown;
+    case Metric::kBurrDistance:
+      return burr_meters_[n]->nearest_mm();
+    case Metric::kForceNear:
+      return burr_meters_[n]->peak_N();
+    case Metric::kHiddenTime:
+      return hidden_s_;
   }
   return kNotKnown;
 }

@@ -562,6 +562,20 @@ region = "sphere"
 coverage = 0.08
 [[protected]]
 structures = ["ball"]
+[microscope]
+from = "superior"
+[[metric]]
+name = "bone_left"
+structures = ["ball"]
+[[metric]]
+name = "burr_distance"
+structures = ["ball"]
+[[metric]]
+name = "force_near"
+structures = ["ball"]
+within = 1
+[[metric]]
+name = "hidden_time"
 [[metric]]
 name = "removed_in_plan"
 [[metric]]
@@ -628,6 +642,38 @@ TEST_F(TakeOff, VolumesAndDepthAreThoseOfGeometryAtEveryRate) {
     ASSERT_TRUE(made.done[0]);
     EXPECT_EQ(made.events[0].tick, static_cast<std::uint64_t>(rate_hz / 2));
   }
+}
+
+// The running burr of 2 mm radius stands 3 mm above the surface, then 1 mm deep in it for 0.3 s, then in the
+// middle of the ball, where nothing was removed, for 0.2 s.
+TEST_F(TakeOff, ARunningBurrIsMeasuredNearStructuresAndWhereItIsHidden) {
+  for (const double rate_hz : kRates_Hz) {
+    const auto told = [&](std::uint8_t switches) {
+      Recording recording = run(rate_hz);
+      recording.events.clear();
+      for (TickRecord& tick : recording.ticks) {
+        const double t = tick.time_s;
+        tick.switches = switches;
+        const double z = t < 0.2 ? 20 : t < 0.5 ? 16 : 0;
+        tick.device[0].proxy_patient_mm = {0, 0, z};
+        if (t < 0.2 || t >= 0.7) continue;
+        tick.device[0].flags = kFlagContact;
+        touch(tick.device[0], 0, testing::kBone, t < 0.5 ? 1.5 : 0.5);
+      }
+      return score(recording);
+    };
+    const TaskScore running = told(kSwitchMotor);
+    EXPECT_NEAR(value(running, Metric::kBurrDistance), -17, 0.2) << rate_hz;
+    EXPECT_NEAR(value(running, Metric::kForceNear), 1.5, 1e-9);
+    EXPECT_NEAR(value(running, Metric::kHiddenTime), 0.2, 0.011) << "a look every 10 ms";
+    EXPECT_TRUE(std::isnan(value(running, Metric::kBoneLeft))) << "nothing was removed";
+    const TaskScore still = told(0);
+    EXPECT_TRUE(std::isnan(value(still, Metric::kBurrDistance)));
+    EXPECT_EQ(value(still, Metric::kForceNear), 0);
+    EXPECT_EQ(value(still, Metric::kHiddenTime), 0);
+  }
+  // of a ball of 4 mm, 6 mm beside the middle and 3 above
+  EXPECT_LT(value(score(run(1000)), Metric::kBoneLeft), -4);
 }
 
 TEST_F(TakeOff, WhatIsToldAfterItsTicksDoesNotCount) {

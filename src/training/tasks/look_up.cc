@@ -114,7 +114,7 @@ Result<TaskPlan> resolve_task_plan(const TaskFile& task, const Model& model, con
   if (!plan) return plan.error();
   const auto planned = planned_volumes(*plan, model, progress);
   if (!planned) return planned.error();
-  TaskPlan found{*std::move(plan), {}, RemovalFollower(model)};
+  TaskPlan found{*std::move(plan), {}, RemovalFollower(model), model.tool_of(0), model.X_WorldPatient};
   for (std::size_t n = 0; n < found.plan.regions.size(); ++n) {
     double mm3 = 0;
     for (const auto& [label, part_mm3] : planned->of_regions[n]) mm3 += part_mm3;
@@ -226,7 +226,7 @@ Result<TaskInScene> resolve_task(const TaskFile& task, const Model& model, const
   const auto labels_of = [&](const std::vector<LabelReference>& structures, int line) {
     return labels_in_model(model, structures, task.where(line));
   };
-  TaskInScene found{task, {}, {}, {}, {}, {}, {}, {}, {}};
+  TaskInScene found{task, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
   for (std::size_t n = 0; n < task.regions.size(); ++n) {
     if (progress.stopped()) return Progress::interrupted();
     const TaskRegion& requested = task.regions[n];
@@ -285,6 +285,17 @@ Result<TaskInScene> resolve_task(const TaskFile& task, const Model& model, const
     if (!plan) return plan.error();
     found.plan = *std::move(plan);
   }
+  for (std::size_t n = 0; n < task.metrics.size(); ++n) {
+    found.distances.emplace_back();
+    if (!info_of(task.metrics[n].metric).needs_structures) continue;
+    auto distances = structure_distances(model, progress, found.metrics[n]);
+    if (!distances) return distances.error();
+    if (distances->empty())
+      return Error{ErrorKind::kBadInput, "the structures of a metric have no voxel",
+                   task.where(task.metrics[n].line), "give others"};
+    found.distances[n] = std::make_shared<const std::vector<StructureDistance>>(*std::move(distances));
+  }
+  if (task.microscope) found.microscope.emplace(*task.microscope, model);
   return found;
 }
 

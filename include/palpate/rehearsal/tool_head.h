@@ -25,15 +25,14 @@ inline Point<Patient> tip_of(const Tool& tool, const DeviceTick& device) {
   return {at[0], at[1], at[2]};
 }
 
-inline ToolHead head_of(const Model& model, const Tool& tool, const TickRecord& tick,
-                        const DeviceTick& device) {
+inline ToolHead head_of(const Transform<World, Patient>& X_WorldPatient, const Tool& tool,
+                        const TickRecord& tick, const DeviceTick& device) {
   const Point<Patient> tip = tip_of(tool, device);
   const bool has_ball = std::any_of(tool.points_mm.begin(), tool.points_mm.end(),
                                     [](const Eigen::Vector3d& point) { return point.norm() < 1e-9; });
   ToolHead head{tip, tip, has_ball ? tool.radius_mm : 0, has_ball ? tool.radius_mm : 0};
   if (tool.burr && tool.burr->length_mm > 0) {
-    head.to =
-        tip + tool_in_patient(model.X_WorldPatient, tick, device, tool.burr->spindle * tool.burr->length_mm);
+    head.to = tip + tool_in_patient(X_WorldPatient, tick, device, tool.burr->spindle * tool.burr->length_mm);
     head.end_radius_mm = tool.burr->end_radius_mm;
   }
   return head;
