@@ -32,6 +32,8 @@ Result<Scene> scene_of_phantom(const std::string& name, const PhantomParameters&
   if (!scene) return scene;
   if (const NoduleParameters* nodules = nodule_parameters(parameters))
     set_stiffness_of_nodules(nodules->stiffness, *scene);
+  if (const auto* bone = std::get_if<TemporalBoneParameters>(&parameters))
+    scene->side = bone->side == BodySide::kLeft ? Side::kLeft : Side::kRight;
   if (name.find(':') != std::string::npos)
     for (TissueSettings& tissue : scene->tissues) tissue.optional = true;
   return scene;
