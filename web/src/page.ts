@@ -89,8 +89,9 @@ export class Page {
   readonly captures: CaptureButtons;
   readonly later = new Part("later", async () => {
     const { session, requests, history, permissions, volume, sections } = this;
-    const { Bookmarks, LoopPlots, StructuresPanel } = await import("./panels/later.js");
+    const { Bookmarks, BurrControls, LoopPlots, StructuresPanel } = await import("./panels/later.js");
     new LoopPlots(session);
+    new BurrControls(session, this.connection);
     new Bookmarks({ session, history, volume, sections, turn: (rotation) => this.turn(rotation) });
     return new StructuresPanel(session, requests, history, permissions);
   });

@@ -266,6 +266,8 @@ const tool = {
   cuts: options.tool === "burr",
   burr: options.tool === "burr" ? options.burr : null,
   shaver: false,
+  revolutions_per_s: options.tool === "burr" ? 1000 : 0,
+  flutes: options.tool === "burr" ? 8 : 0,
   points_mm: [[0, 0, 0]],
   capsules:
     isRamp || options.shaft === "yes"
@@ -373,6 +375,7 @@ const state = {
   passivity: true,
   paused: false,
   motor: false,
+  vibration: false,
   motor_is_on: false,
   strokes: { undo: 0, redo: 0 },
   removed: [],

@@ -19,6 +19,8 @@ const pressed = (other: Partial<DevicePose> = {}): DevicePose => ({
   stiffness: 2,
   flags: Flag.contact,
   buttons: 0,
+  cuttingForce: 0,
+  cuttingEnergy: 0,
   label: 1,
   path: [{ label: 1, depth: 0.5, share: 1 }],
   contacts: [],

@@ -25,6 +25,8 @@ function written(devices: number): DataView {
     view.setUint32(at + 88, Flag.contact | Flag.stale, true);
     view.setUint32(at + 92, 3, true);
     view.setUint16(at + 96, 60001, true);
+    view.setUint16(at + 98, 1250, true);
+    view.setFloat32(at + 100, 80, true);
     for (let n = 0; n < 2; n++) {
       view.setUint16(at + 104 + 12 * n, 60001 + n, true);
       view.setFloat32(at + 108 + 12 * n, 1.5 + n, true);
@@ -70,6 +72,8 @@ test("a pose is decoded as specified by the protocol", () => {
     flags,
     buttons,
     label,
+    cuttingForce,
+    cuttingEnergy,
   } = pose.devices[1]!;
   assert.deepEqual(
     [...tip, ...proxy, ...normal, ...orientation, ...force, requestedForce, forceLimit, heat, depth, speed, stiffness],
@@ -78,6 +82,7 @@ test("a pose is decoded as specified by the protocol", () => {
   assert.equal(flags, Flag.contact | Flag.stale);
   assert.equal(buttons, 3);
   assert.equal(label, 60001);
+  assert.deepEqual([cuttingForce, cuttingEnergy], [1.25, 80]);
   assert.deepEqual(pose.devices[1]!.path, [
     { label: 60001, depth: 1.5, share: 0.25 },
     { label: 60002, depth: 2.5, share: 0.75 },

@@ -111,6 +111,8 @@ struct BurrSettings {
   double length_mm = 0;
   double end_radius_mm = 0;  ///< As Burr::end_radius_mm
   bool shaver = false;       ///< Whether it is a shaver for soft tissue; affects the name only
+  int flutes = 8;            ///< Number of cutting edges around the head; at least 1
+  bool irrigation = true;    ///< Whether the head is cooled; otherwise the heating of the bone is estimated
 };
 
 /// Geometry of the instrument: spheres and capsules fixed in the tip's frame. A point tool is one sphere of

@@ -25,6 +25,7 @@ enum TickSwitch : std::uint8_t {
   kSwitchEmergencyStop = 1u << 3,  ///< Not a setting: the emergency stop has requests of its own
   kSwitchPassivity = 1u << 4,
   kSwitchMotor = 1u << 5,
+  kSwitchVibration = 1u << 6,
 };
 
 /// Settings changed by a request. Bits of RecordingEvent::changed.
@@ -39,6 +40,7 @@ enum SettingBit : std::uint16_t {
   /// Pointer taken or released by a viewer, alternately, since one viewer has it at a time; not a setting
   kSettingPointer = 1u << 7,
   kSettingMotor = 1u << 8,
+  kSettingVibration = 1u << 9,
 };
 
 /// Settings that are on or off.
@@ -50,10 +52,12 @@ struct Switches {
   bool paused = false;  ///< Fade the forces out and keep them off
   /// Motor switch of cutting tools, combined (or) with the pedal; the motor stops while no force is sent
   bool motor = false;
+  /// Render the vibration and the tangential kick of a running burr (palpate/servo/burr_rendering.h)
+  bool vibration = false;
 };
 /// Requested states of some switches.
 struct SwitchChanges {
-  std::optional<bool> friction, viscosity, passivity, paused, motor;
+  std::optional<bool> friction, viscosity, passivity, paused, motor, vibration;
 };
 
 /// All settings that a tick reads.
@@ -90,7 +94,7 @@ struct SwitchInfo {
 };
 
 /// All switches.
-inline constexpr std::array<SwitchInfo, 5> kSwitches{
+inline constexpr std::array<SwitchInfo, 6> kSwitches{
     {{.value = &Switches::friction,
       .change = &SwitchChanges::friction,
       .name = "friction",
@@ -140,6 +144,16 @@ inline constexpr std::array<SwitchInfo, 5> kSwitches{
       .changed = kSettingMotor,
       .is_haptic = false,
       .is_blended = false,
+      .restricted = true},
+     {.value = &Switches::vibration,
+      .change = &SwitchChanges::vibration,
+      .name = "vibration",
+      .about = "the vibration and the kick of a running burr are rendered",
+      .consent = {"switch the burr's vibration off", "switch the burr's vibration on"},
+      .recorded = kSwitchVibration,
+      .changed = kSettingVibration,
+      .is_haptic = true,
+      .is_blended = true,
       .restricted = true}}};
 
 /// Whether the table lists all switches, each with texts, and with bits of its own.

@@ -52,6 +52,8 @@ enum TickFlag : std::uint32_t {
   kFlagTurnHeld = 1u << 21,       ///< The object rotated slower than commanded, to limit the work on the hand
   kFlagNoGo = 1u << 22,           ///< The tool is closer to a no-go region than its keep_away distance
   kFlagRelease = 1u << 23,        ///< The tool left the layer around a structure, whose force fades out
+  /// A cutting burr broke through: set from that tick on for kBurrRenderingSettings.break_through_s
+  kFlagBreakThrough = 1u << 24,
 };
 /// Faults: they set the force to zero at once; it returns by the ramp.
 inline constexpr std::uint32_t kFaultFlags =
@@ -129,6 +131,13 @@ struct DeviceTick {
   double energy_mJ = 0;          ///< Energy that the hand has put in and not got back (passivity observer)
   double damping_N_s_per_m = 0;  ///< Damping along the force, added by the passivity controller
   double turned_mJ = 0;          ///< Work that the turning object has done on the hand since the run began
+  double cutting_N = 0;          ///< Press force of a burr while it cuts, in the patient; 0: it cuts nothing
+  /// Mean specific cutting energy of the material ahead of a burr while it cuts; 0: it cuts nothing
+  double cutting_energy_mJ_per_mm3 = 0;
+  double vibration_hz = 0;  ///< Frequency of a burr's rendered vibration; 0: none is rendered
+  double vibration_N = 0;   ///< Amplitude of that vibration
+  double kick_N = 0;        ///< Force of a burr's kick along the direction in which it would roll; signed
+  double bone_rise_K = 0;   ///< Estimated temperature rise of the bone at a burr without irrigation
   std::array<double, 3> tip_patient_mm{};
   /// Position of the proxy in the outermost layer; for a burr, in the layer in which it cuts, which is the
   /// position of its head. By a direct method, the tip.

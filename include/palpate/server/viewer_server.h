@@ -92,12 +92,14 @@ struct ViewedTool {
   };
   std::vector<Capsule> capsules;  ///< Head of a burr that is not a ball
   bool shaver = false;            ///< Whether a cutting tool is called a shaver rather than a burr
+  double revolutions_per_s = 0;   ///< Rotation rate of a burr while its motor runs; 0: not a burr
+  int flutes = 0;                 ///< Number of a burr's cutting edges; 0: not a burr
 };
 /// Calls `of(name, value)` for every member of a tool as viewers get it. Messages and the page's types are
 /// derived from it; a member that it does not bind fails to compile.
 template <class Visit>
 void visit_fields(const ViewedTool& tool, Visit&& of) {
-  const auto& [name, radius_mm, cuts, burr, points_mm, capsules, shaver] = tool;
+  const auto& [name, radius_mm, cuts, burr, points_mm, capsules, shaver, revolutions_per_s, flutes] = tool;
   of("name", name);
   of("radius_mm", radius_mm);
   of("cuts", cuts);
@@ -105,6 +107,8 @@ void visit_fields(const ViewedTool& tool, Visit&& of) {
   of("points_mm", points_mm);
   of("capsules", capsules);
   of("shaver", shaver);
+  of("revolutions_per_s", revolutions_per_s);
+  of("flutes", flutes);
 }
 template <class Visit>
 void visit_fields(const ViewedTool::Capsule& capsule, Visit&& of) {

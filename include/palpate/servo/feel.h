@@ -95,9 +95,56 @@ struct RotationSettings {
   }
 };
 
+/// Vibration, kick, break-through and heating of a burr (docs/decisions/0091-vibration-of-a-burr.md).
+struct BurrRenderingSettings {
+  /// Upper end of the band in which vibration is rendered: the hand is most sensitive around 200 Hz, and a tick
+  /// of 1 ms renders a period in five steps.
+  double max_hz = 200;
+  /// The same in periods per tick, for longer ticks.
+  double max_cycles_per_tick = 0.25;
+  /// Run-out of the cutting edges, an assumption.
+  double runout_mm = 1e-3;
+  /// Largest amplitude of the vibration and largest force of a kick, at the device.
+  double max_vibration_N = 0.15, max_kick_N = 0.3;
+  /// Time constant of the mean press force: a kick follows changes that are faster.
+  double kick_s = 0.03;
+  /// Thinnest sine of the angle between spindle and contact normal at which the edges have a direction.
+  double min_sine = 0.05;
+  /// Press force from which on a burr can break through, in the patient.
+  double min_press_N = 0.02;
+  /// Free distance ahead of the head's foremost point that counts as a break-through, and the spacing at which
+  /// it is sampled, from CuttingSettings::lookahead_mm on.
+  double free_mm = 0.5, free_step_mm = 0.2;
+  /// Time for which a break-through is reported, so that viewers with 10 poses per second notice it.
+  double break_through_s = 0.1;
+  /// Bone: thermal conductivity, heat capacity by volume, and the fraction of the motor's work that heats the
+  /// bone rather than chips, tool and air (an assumption).
+  double conductivity_W_per_m_K = 0.54, capacity_mJ_per_mm3_K = 2.5, heat_fraction = 0.1;
+
+  template <class Visit>
+  constexpr void visit(Visit&& of) const {
+    of("max_hz", max_hz);
+    of("max_cycles_per_tick", max_cycles_per_tick);
+    of("runout_mm", runout_mm);
+    of("max_vibration_N", max_vibration_N);
+    of("max_kick_N", max_kick_N);
+    of("kick_s", kick_s);
+    of("min_sine", min_sine);
+    of("min_press_N", min_press_N);
+    of("free_mm", free_mm);
+    of("free_step_mm", free_step_mm);
+    of("break_through_s", break_through_s);
+    of("conductivity_W_per_m_K", conductivity_W_per_m_K);
+    of("capacity_mJ_per_mm3_K", capacity_mJ_per_mm3_K);
+    of("heat_fraction", heat_fraction);
+  }
+};
+
 inline constexpr OutputSettings kOutputSettings;
 inline constexpr RotationSettings kRotationSettings;
-static_assert(names_every_member<OutputSettings>() && names_every_member<RotationSettings>());
+inline constexpr BurrRenderingSettings kBurrRenderingSettings;
+static_assert(names_every_member<OutputSettings>() && names_every_member<RotationSettings>() &&
+              names_every_member<BurrRenderingSettings>());
 
 /// Calls `of(group, name, value)` for every setting; the value is a double or an int.
 template <class Visit>
@@ -116,6 +163,7 @@ void visit_haptic_settings(Visit&& of) {
   group("cutting", kCuttingSettings);
   group("output", kOutputSettings);
   group("turning", kRotationSettings);
+  group("burr", kBurrRenderingSettings);
 }
 
 /// All settings in the format of a recording's header: one line "group.name value" each. Numbers are written

@@ -15,6 +15,7 @@
 #include "palpate/device/settings.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/device/workspace.h"
+#include "palpate/servo/burr_rendering.h"
 #include "palpate/servo/feel.h"
 #include "palpate/tissue/removal.h"
 
@@ -57,6 +58,7 @@ struct SessionState {
     CouplingState coupling;
     TissuePress press;  ///< Contact with deformable tissue in the last tick; unset with a single device
     BurrState burr;     ///< Default-constructed unless the tool is a burr
+    BurrRenderingState burr_rendering;
     // last requested force after blending, and the offset to the previous source's force, which is fading out
     Wrench requested;
     Wrench difference;

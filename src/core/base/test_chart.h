@@ -13,10 +13,11 @@ namespace palpate::test {
 /// SVG line chart over a common horizontal axis: tests draw the figures of the documentation.
 class Chart {
  public:
-  /// @param first, last  range of the horizontal axis; the vertical one begins at 0
+  /// @param first, last       range of the horizontal axis
+  /// @param largest, smallest range of the vertical axis
   Chart(const std::string& title, const std::string& across, const std::string& up, double first, double last,
-        double largest)
-      : first_(first), last_(last), most_(largest) {
+        double largest, double smallest = 0)
+      : first_(first), last_(last), most_(largest), least_(smallest) {
     svg_ << "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"760\" height=\"340\" viewBox=\"0 0 760 340\" "
             "role=\"img\">\n<title>"
          << title
@@ -60,10 +61,12 @@ class Chart {
   double x(double value) const {
     return std::round(10 * (kLeft + (kRight - kLeft) * (value - first_) / (last_ - first_))) / 10;
   }
-  double y(double value) const { return std::round(10 * (kBottom - (kBottom - kTop) * value / most_)) / 10; }
+  double y(double value) const {
+    return std::round(10 * (kBottom - (kBottom - kTop) * (value - least_) / (most_ - least_))) / 10;
+  }
 
   std::ostringstream svg_;
-  double first_, last_, most_;
+  double first_, last_, most_, least_;
   int named_ = 0;
 };
 

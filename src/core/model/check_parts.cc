@@ -12,7 +12,7 @@ namespace {
 
 // greatest distance of a tool's parts from its tip
 constexpr double kMaxToolReach_mm = 1000;
-constexpr int kMaxPedal = 31;
+constexpr int kMaxPedal = 31, kMaxFlutes = 100;
 
 template <class... Parts>
 Error bad_part(const std::string& member, const char* remedy, const Parts&... parts) {
@@ -63,6 +63,8 @@ Result<void> check_burr(const Tool& tool, const std::string& where) {
   if (!is_amount(burr.revolutions_per_s) || burr.revolutions_per_s == 0 || !is_amount(burr.grip))
     return bad_part(where, "give finite numbers above 0", "a burr of ", burr.revolutions_per_s,
                     " revolutions per second with a grip of ", burr.grip);
+  if (burr.flutes < 1 || burr.flutes > kMaxFlutes)
+    return bad_part(where, "give 1 to 100 flutes", "a burr of ", burr.flutes, " flutes");
   if (!(std::abs(burr.spindle.norm() - 1) < 1e-3))
     return bad_part(where, "give a unit vector", "a burr whose spindle has the length ", burr.spindle.norm());
   if (burr.pedal < -1 || burr.pedal > kMaxPedal)

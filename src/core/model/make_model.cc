@@ -62,8 +62,9 @@ void hash_value(std::uint64_t& hash, const ToolCapsule& capsule) {
 }
 void hash_value(std::uint64_t& hash, const BurrSettings& burr) {
   // whether it is called a shaver affects only the name
-  const auto& [revolutions_per_s, grip, spindle, pedal, length_mm, end_radius_mm, shaver] = burr;
-  hash_values(hash, revolutions_per_s, grip, spindle, pedal, length_mm, end_radius_mm);
+  const auto& [revolutions_per_s, grip, spindle, pedal, length_mm, end_radius_mm, shaver, flutes,
+               irrigation] = burr;
+  hash_values(hash, revolutions_per_s, grip, spindle, pedal, length_mm, end_radius_mm, flutes, irrigation);
 }
 void hash_value(std::uint64_t& hash, const Tool& tool) {
   const auto& [name, points_mm, radius_mm, capsules, burr] = tool;

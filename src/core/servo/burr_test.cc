@@ -12,65 +12,18 @@
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/nearest.h"
+#include "servo/test_guided_burr.h"
 
 /// Tests of a burr in the complete tick.
 namespace palpate {
 namespace {
 
+using testing::burr_model;
+using testing::GuidedSession;
 using testing::kBone;
 using testing::kBoneRadius_mm;
-
-constexpr double kBurrRadius_mm = 2, kBurrTick_s = 1e-3;
-
-Model burr_model() {
-  Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
-  model.tools[0].radius_mm = kBurrRadius_mm;
-  model.tools[0].burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
-  return model;
-}
-
-/// A single device moved by the test, and a session that carves.
-struct GuidedSession {
-  std::shared_ptr<const Model> model = std::make_shared<const Model>(burr_model());
-  std::shared_ptr<const Carving> carving = std::make_shared<const Carving>(*model);
-  Parameters parameters;
-  SessionState state;
-  TickRecord record;
-  Wrench wrench;
-  DeviceState device;
-
-  GuidedSession() {
-    parameters.method = ForceMethod::kProxy;
-    parameters.motor = true;
-    parameters.viscosity = false;
-    parameters.max_force_N = 10;
-    state.device[0].output.gain = 1;
-    device.tip = above(5);
-    tick_once();
-  }
-  // tip position at which the burr's surface is `clear_mm` above the ball
-  Point<World> above(double clear_mm, double x_mm = 0) const {
-    const double r = kBoneRadius_mm + kBurrRadius_mm + clear_mm;
-    return model->X_WorldPatient * Point<Patient>(x_mm, 0, std::sqrt(r * r - x_mm * x_mm));
-  }
-  void tick_once() { tick(*model, parameters, {&device, 1}, kBurrTick_s, state, {&wrench, 1}, record); }
-  void lead_to(const Point<World>& to, int ticks) {
-    const Vector<World> step = (to - device.tip) / ticks;
-    for (int n = 0; n < ticks; ++n) {
-      device.tip += step;
-      tick_once();
-    }
-  }
-  const BurrState& burr() const { return state.device[0].burr; }
-  // carves as a session does; returns false if there were no new cuts
-  bool carve() {
-    const std::vector<Cut> cuts = finished_cuts(burr(), 0);
-    if (cuts.empty()) return false;
-    carving = carving->with(cuts);
-    model = carving->applied_to(*model);
-    return true;
-  }
-};
+using testing::kBurrRadius_mm;
+using testing::kBurrTick_s;
 
 TEST(BurrTick, AMotorThatIsOffLeavesABall) {
   GuidedSession off, ball;

@@ -5,6 +5,7 @@
 #include "palpate/direct/direct_methods.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/carving.h"
+#include "servo/burr_tick.h"
 #include "servo/output_stage.h"
 #include "servo/surface_matching.h"
 #include "servo/tick_record.h"
@@ -220,12 +221,19 @@ void count_strokes(const Model& model, const Parameters& parameters, std::span<c
 
 // contact of the tool by the selected method, or by another if the model is not prepared for it
 ToolContact touch(const SharedInputs& shared, const DeviceInputs& in, const DeviceContext& context,
-                  const OutputRequest& request, SessionState::DeviceSession& session) {
+                  const OutputRequest& request, SessionState::DeviceSession& session, DeviceTick& out) {
   const Model& model = shared.tick.model;
   if (model.rendered_method(shared.tick.method) == ForceMethod::kProxy) {
     const ProxyChange change = prepare_contact(model, in, request, session);
     const MotorState motor = motor_of(shared, in, context.tool, request, session.output);
-    return advance_tool(shared.tick, context, change, motor, session);
+    const BurrBefore before = before_cutting(session);
+    ToolContact tool = advance_tool(shared.tick, context, change, motor, session);
+    if (context.tool.burr)
+      render_burr(shared.tick, context,
+                  {before, motor.runs, shared.parameters.vibration,
+                   next_limit_N(in.own.limits, in.max_force_N, shared.tick.dt_s, session.output)},
+                  tool, session, out);
+    return tool;
   }
   session.reset_contact();
   const ToolContact tool = touch_directly(shared.tick, context);
@@ -253,7 +261,7 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in,
                               tip,
                               follow_tip(in.state, tip, tick.dt_s, jumped, session),
                               in.number};
-  ToolContact tool = touch(shared, in, context, request, session);
+  ToolContact tool = touch(shared, in, context, request, session, out);
   keep_away(tick, context, tool, out);
   out.flags |= tool.flags;
   request.requested = blended(tool.requested, shared.changed || tool.released, tick.dt_s, session);

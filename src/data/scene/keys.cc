@@ -545,6 +545,18 @@ SceneKeys declared_keys() {
              .min = 0.05,
              .max = 2,
              .meaning = "For a burr: ratio of the force along the cutting edges to the normal force."},
+            {.name = "flutes",
+             .type = kWhole,
+             .default_text = "8",
+             .min = 1,
+             .max = 100,
+             .meaning = "For a burr: number of its cutting edges, which determines the vibration. Default for a "
+                        "shaver: 2."},
+            {.name = "irrigation",
+             .type = kFlag,
+             .default_text = "true",
+             .meaning = "For a burr: whether it is cooled. Otherwise the temperature rise of the bone is "
+                        "estimated and recorded."},
             {.name = "pedal",
              .type = kWhole,
              .min = 0,

@@ -282,6 +282,7 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
   constexpr double kSecondsPerMinute = 60;
   // resection rate of tendon and meniscus is best at 5.5 mm and 2000 to 2500 1/min (docs/guide/burr.md)
   constexpr double kShaver_mm = 5.5, kShaverSpeed_per_min = 2500, kBurr_mm = 4;
+  constexpr int kShaverFlutes = 2;
   const std::string kind = is_shaver ? "shaver" : "burr";
   for (const char* key : {"points", "radius", "capsule"})
     if (reader.has(key))
@@ -291,6 +292,7 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
   if (is_shaver) {
     if (!reader.has("name")) tool.name = kind;
     burr.revolutions_per_s = kShaverSpeed_per_min / kSecondsPerMinute;
+    burr.flutes = kShaverFlutes;
   }
   const std::string shape = std::string(reader.choice("shape").value_or("ball"));
   if (is_shaver && shape == "cone")
@@ -303,6 +305,8 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
                    "leave this out, or write shape = \"cylinder\" or shape = \"cone\"");
   if (const auto speed = reader.number("speed")) burr.revolutions_per_s = *speed / kSecondsPerMinute;
   burr.grip = reader.number("grip").value_or(burr.grip);
+  if (const auto flutes = reader.integer("flutes")) burr.flutes = static_cast<int>(*flutes);
+  burr.irrigation = reader.flag("irrigation").value_or(burr.irrigation);
   if (const auto pedal = reader.integer("pedal")) burr.pedal = static_cast<int>(*pedal);
   if (const auto spindle = reader.point("spindle")) {
     constexpr double kLeast = 1e-3;
@@ -316,7 +320,8 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
 }
 
 void read_parts(const TableReader& reader, const TableSpec& capsule, Tool& tool, Problems& problems) {
-  for (const char* key : {"shape", "diameter", "length", "tip_diameter", "speed", "spindle", "grip", "pedal"})
+  for (const char* key : {"shape", "diameter", "length", "tip_diameter", "speed", "spindle", "grip", "flutes",
+                          "irrigation", "pedal"})
     if (reader.has(key))
       problems.add(reader.line(key), std::string("`") + key + "` is a key of burrs",
                    "add kind = \"burr\" or kind = \"shaver\", or leave this out");

@@ -63,6 +63,8 @@ std::string_view name_of(TickFlag flag) {
       return "no-go region";
     case kFlagRelease:
       return "release";
+    case kFlagBreakThrough:
+      return "break-through";
   }
   return {};
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 
@@ -23,6 +24,8 @@ struct Column {
   const char* frame;    ///< Frame of the axes, or "-"
   const char* meaning;  ///< Description, ASCII
   std::string (*bits)() = nullptr;  ///< List of the meanings of its bits or numbers
+  /// Minor version of the format that added the column: absent from older recordings, where it reads as 0.
+  std::uint32_t since_minor = 0;
   std::size_t row_bytes() const { return size_of(number) * width; }
   /// Description stored with the data set.
   std::string description() const { return bits == nullptr ? meaning : meaning + (": " + bits()); }

@@ -239,10 +239,18 @@ class DataSet {
   std::array<hsize_t, 2> dims_{0, 1}, chunk_{1, 1};
 };
 
-// a column and its data set
+// a column and its data set, which a recording older than the column lacks
 struct StoredColumn {
   const Column* column;
-  DataSet data_set;
+  std::optional<DataSet> data_set;
+
+  // an absent column reads as 0
+  void read_rows(hsize_t first, hsize_t count, void* values) const {
+    if (data_set)
+      data_set->read_rows(hdf5_type(column->number), first, count, values);
+    else
+      std::memset(values, 0, static_cast<std::size_t>(count) * column->row_bytes());
+  }
 };
 
 void check_format(hid_t file) {
@@ -326,7 +334,12 @@ void open_columns(hid_t file, const std::string& group_name, std::span<const Col
                   const std::optional<RowRange>& range, Unpacking& unpacking,
                   std::vector<StoredColumn>& opened) {
   const Handle group = open_group(file, group_name);
+  const auto minor = Attribute(file, "format_minor").number<std::uint32_t>(H5T_STD_U32LE);
   for (const Column& column : columns) {
+    if (column.since_minor > minor) {
+      opened.push_back({&column, {}});
+      continue;
+    }
     DataSet data_set(group.get(), group_name, column.name);
     data_set.require_type(hdf5_type(column.number));
     data_set.require_shape(column.width == 1 ? 1 : 2, column.width);
@@ -336,11 +349,13 @@ void open_columns(hid_t file, const std::string& group_name, std::span<const Col
 }
 
 std::uint64_t common_rows(const std::vector<StoredColumn>& columns, bool complete) {
-  std::uint64_t rows = columns.front().data_set.rows();
+  // the first column of every group is as old as the format
+  std::uint64_t rows = columns.front().data_set->rows();
   for (const StoredColumn& column : columns) {
+    if (!column.data_set) continue;
     // in an incomplete recording some columns may be longer than others
-    if (complete) column.data_set.require_rows(rows);
-    rows = std::min<std::uint64_t>(rows, column.data_set.rows());
+    if (complete) column.data_set->require_rows(rows);
+    rows = std::min<std::uint64_t>(rows, column.data_set->rows());
   }
   return rows;
 }
@@ -368,12 +383,12 @@ class EventQueue {
     waiting_.assign(static_cast<std::size_t>(count), {});
     next_ = 0;
     std::vector<std::byte> values;
-    for (const auto& [column, data_set] : columns_) {
-      const std::size_t width = column->row_bytes();
+    for (const StoredColumn& stored : columns_) {
+      const std::size_t width = stored.column->row_bytes();
       values.resize(waiting_.size() * width);
-      data_set.read_rows(hdf5_type(column->number), read_, count, values.data());
+      stored.read_rows(read_, count, values.data());
       for (std::size_t row = 0; row < waiting_.size(); ++row)
-        std::memcpy(reinterpret_cast<std::byte*>(&waiting_[row]) + column->offset,
+        std::memcpy(reinterpret_cast<std::byte*>(&waiting_[row]) + stored.column->offset,
                     values.data() + row * width, width);
     }
     read_ += count;
@@ -398,7 +413,7 @@ std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string
   const auto found =
       std::ranges::find_if(columns, [&](const StoredColumn& stored) { return stored.column->name == name; });
   std::vector<T> values(static_cast<std::size_t>(count));
-  found->data_set.read_rows(hdf5_type(found->column->number), first, count, values.data());
+  found->read_rows(first, count, values.data());
   return values;
 }
 
@@ -427,9 +442,9 @@ bool send_parts(const std::vector<StoredColumn>& columns, const RowRange& rows, 
     for (; of_these.size() == kBlockRows; of_these = events.take(last_tick))
       if (!send_events(target, of_these, 0)) return false;
     if (!send_events(target, of_these, static_cast<std::uint32_t>(count))) return false;
-    for (const auto& [column, data_set] : columns) {
-      buffer.assign(static_cast<std::size_t>(count) * column->row_bytes(), std::byte{0});
-      data_set.read_rows(hdf5_type(column->number), first, count, buffer.data());
+    for (const StoredColumn& stored : columns) {
+      buffer.assign(static_cast<std::size_t>(count) * stored.column->row_bytes(), std::byte{0});
+      stored.read_rows(first, count, buffer.data());
       if (!target.write(buffer)) return false;
     }
   }

@@ -19,7 +19,7 @@ inline constexpr const char* kFormat = "palpate recording";
 /// Readers keep reading every format from 6 on (docs/reference/versions.md).
 inline constexpr std::uint32_t kFormatMajor = 6;
 /// Incremented when something is added that older readers can ignore.
-inline constexpr std::uint32_t kFormatMinor = 0;
+inline constexpr std::uint32_t kFormatMinor = 1;
 
 inline constexpr const char* kVirtualClock = "virtual";
 inline constexpr const char* kRealClock = "real";

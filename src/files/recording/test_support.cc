@@ -57,6 +57,13 @@ std::string first_difference(const DeviceTick& a, const DeviceTick& b) {
   if (bits(a.energy_mJ) != bits(b.energy_mJ)) return "energy_mJ";
   if (bits(a.damping_N_s_per_m) != bits(b.damping_N_s_per_m)) return "damping_N_s_per_m";
   if (bits(a.turned_mJ) != bits(b.turned_mJ)) return "turned_mJ";
+  if (bits(a.cutting_N) != bits(b.cutting_N)) return "cutting_N";
+  if (bits(a.cutting_energy_mJ_per_mm3) != bits(b.cutting_energy_mJ_per_mm3))
+    return "cutting_energy_mJ_per_mm3";
+  if (bits(a.vibration_hz) != bits(b.vibration_hz)) return "vibration_hz";
+  if (bits(a.vibration_N) != bits(b.vibration_N)) return "vibration_N";
+  if (bits(a.kick_N) != bits(b.kick_N)) return "kick_N";
+  if (bits(a.bone_rise_K) != bits(b.bone_rise_K)) return "bone_rise_K";
   if (!same(a.tip_patient_mm, b.tip_patient_mm)) return "tip_patient_mm";
   if (!same(a.proxy_patient_mm, b.proxy_patient_mm)) return "proxy_patient_mm";
   if (!same(a.normal_patient, b.normal_patient)) return "normal_patient";
@@ -135,6 +142,12 @@ DeviceTick random_device(RandomBits& random) {
                          &device.energy_mJ,
                          &device.damping_N_s_per_m,
                          &device.turned_mJ,
+                         &device.cutting_N,
+                         &device.cutting_energy_mJ_per_mm3,
+                         &device.vibration_hz,
+                         &device.vibration_N,
+                         &device.kick_N,
+                         &device.bone_rise_K,
                          &device.no_go_depth_mm,
                          &device.no_go_N})
     *number = random.number();

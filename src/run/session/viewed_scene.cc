@@ -58,8 +58,12 @@ std::array<double, 3> coordinates_of(const auto& point) {
 
 ViewedTool viewed_tool(const Tool& tool) {
   ViewedTool viewed{tool.name, tool.radius_mm, tool.burr.has_value(), {}, {}, {}};
-  if (tool.burr) viewed.burr = burr_shape(tool);
-  viewed.shaver = tool.burr && tool.burr->shaver;
+  if (tool.burr) {
+    viewed.burr = burr_shape(tool);
+    viewed.shaver = tool.burr->shaver;
+    viewed.revolutions_per_s = tool.burr->revolutions_per_s;
+    viewed.flutes = tool.burr->flutes;
+  }
   for (const Eigen::Vector3d& point : tool.points_mm) viewed.points_mm.push_back(coordinates_of(point));
   for (const ToolCapsule& capsule : tool.capsules)
     viewed.capsules.push_back({coordinates_of(capsule.from_mm), coordinates_of(capsule.to_mm),

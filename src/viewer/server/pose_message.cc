@@ -17,6 +17,11 @@ std::uint32_t counted(std::uint64_t count) {
       std::min<std::uint64_t>(count, std::numeric_limits<std::uint32_t>::max()));
 }
 
+std::uint16_t cutting_mN(double cutting_N) {
+  constexpr double kMost = std::numeric_limits<std::uint16_t>::max();
+  return static_cast<std::uint16_t>(std::lround(std::clamp(1e3 * cutting_N, 0.0, kMost)));
+}
+
 double norm(const std::array<double, 3>& v) {
   return std::hypot(v[0], v[1], v[2]);
 }
@@ -36,8 +41,8 @@ void write_device(WireWriter& out, const DeviceTick& device, double stiffness_N_
   out.whole(device.flags);
   out.whole(device.buttons);
   out.whole(device.label);
-  out.whole(std::uint16_t{0});
-  out.whole(std::uint32_t{0});
+  out.whole(cutting_mN(device.cutting_N));
+  out.real32(device.cutting_energy_mJ_per_mm3);
   for (std::size_t n = 0; n < device.path_label.size(); ++n) {
     out.whole(device.path_label[n]);
     out.whole(std::uint16_t{0});

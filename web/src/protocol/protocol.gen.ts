@@ -11,6 +11,7 @@ export interface Settings {
   passivity: boolean;
   paused: boolean;
   motor: boolean;
+  vibration: boolean;
   max_force_N: number;
   rotation_wxyz: Quaternion;
 }
@@ -21,6 +22,7 @@ export const SETTING_NAMES = [
   "passivity",
   "paused",
   "motor",
+  "vibration",
   "max_force_N",
   "rotation_wxyz",
 ] as const;
@@ -29,6 +31,7 @@ export const HAPTIC_SWITCHES = [
   "friction",
   "viscosity",
   "passivity",
+  "vibration",
 ] as const;
 
 /** Properties of a tissue that may change during a session, as in `tissue`. */
@@ -63,6 +66,8 @@ export interface DeviceTool {
   points_mm: Vec3[];
   capsules: Capsule[];
   shaver: boolean;
+  revolutions_per_s: number;
+  flutes: number;
 }
 
 /** Numbers of each tick in a bundle (`PLPB`). */

@@ -32,6 +32,7 @@ export const Flag = {
   turnHeld: 1 << 21,
   noGo: 1 << 22,
   release: 1 << 23,
+  breakThrough: 1 << 24,
 } as const;
 
 /** Contribution of one structure along the penetration path. */
@@ -65,6 +66,8 @@ export interface DevicePose {
   flags: number;
   buttons: number;
   label: number; // label in contact; 0: none
+  cuttingForce: number; // press force of a burr while it cuts, N; 0: it cuts nothing
+  cuttingEnergy: number; // mean specific cutting energy of the material ahead, mJ/mm^3
   path: PathPart[]; // contributions to the force, outermost structure first
   contacts: Contact[]; // sorted by layer, outermost first, then by decreasing force
 }
@@ -129,6 +132,8 @@ export function decodePose(message: ArrayBuffer): Pose {
       flags: u32(at + 88),
       buttons: u32(at + 92),
       label: view.getUint16(at + 96, true),
+      cuttingForce: view.getUint16(at + 98, true) / 1e3,
+      cuttingEnergy: f32(at + 100),
       path: Array.from({ length: MOST_PATH_PARTS }, (_, n) => at + 104 + 12 * n)
         .map((there) => ({ label: view.getUint16(there, true), depth: f32(there + 4), share: f32(there + 8) }))
         .filter(({ label }) => label !== 0),

@@ -1,0 +1,187 @@
+#include "palpate/servo/burr_rendering.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "palpate/device/rendered_stiffness.h"
+#include "palpate/tissue/feel.h"
+#include "servo/burr_tick.h"
+
+namespace palpate {
+namespace {
+
+constexpr const BurrRenderingSettings& kRendering = kBurrRenderingSettings;
+
+// whether a point is in material of one layer that is neither removed nor swept
+bool is_material(const std::vector<ContactSurface>& surfaces, const ProxyLayer& layer, int number,
+                 const BurrState& burr, const Point<Patient>& at) {
+  bool inside = false;
+  for (std::size_t s = 0; s < surfaces.size() && !inside; ++s) {
+    const ContactSurface& surface = surfaces[s];
+    if (surface.layer != number || surface.surface == nullptr || layer.punctured[s]) continue;
+    inside = !surface.surface->is_beyond(at, 0) && surface.surface->distance_mm(at) < 0;
+  }
+  if (!inside) return false;
+  for (const Sweep& sweep : burr.pending())
+    if (SweptShape(sweep).depth_mm(at) > 0) return false;
+  return true;
+}
+
+// Foremost point of a head in a direction; the first ball's centre is at `at`.
+Point<Patient> foremost(const ToolSphere& head, const Point<Patient>& at, const Vector<Patient>& ahead) {
+  const double end = head.along_mm.dot(ahead) + head.widens_mm > 0 ? 1 : 0;
+  return at + head.along_mm * end + ahead * head.radius_at_mm(end);
+}
+
+// direction in which the hand presses the head, unit; zero without contact
+Vector<Patient> push_of(const SessionState::DeviceSession& session) {
+  const Vector<Patient>& pulled = session.coupling.multiplier_mm;
+  const double length_mm = pulled.norm();
+  return length_mm > 0 ? pulled / -length_mm : Vector<Patient>();
+}
+
+// Whether the material directly ahead of the head ended in this tick, while the hand pressed.
+bool breaks_through(const std::vector<ContactSurface>& surfaces, const ToolSphere& head,
+                    const BurrBefore& before, const SessionState::DeviceSession& session) {
+  const BurrState& burr = session.burr;
+  if (!(before.front_mm2 > 0) || before.pressed_N < kRendering.min_press_N) return false;
+  if (before.push == Vector<Patient>()) return false;
+  const int number = std::max(burr.layer, 0);
+  const ProxyLayer& layer = session.proxy.layer(number);
+  const double lookahead_mm = kCuttingSettings.lookahead_mm;
+  const Point<Patient> was = foremost(head, before.at, before.push) + before.push * lookahead_mm;
+  if (!is_material(surfaces, layer, number, burr, was)) return false;
+  Vector<Patient> push = push_of(session);
+  if (push == Vector<Patient>()) push = before.push;
+  const Point<Patient> is = foremost(head, layer.position, push);
+  for (double ahead_mm = lookahead_mm; ahead_mm <= lookahead_mm + kRendering.free_mm;
+       ahead_mm += kRendering.free_step_mm)
+    if (is_material(surfaces, layer, number, burr, is + push * ahead_mm)) return false;
+  return true;
+}
+
+// Unit direction in which the head would roll on the surface, World; transverse to the spindle where it is
+// pressed along it.
+Vector<World> rolling_direction(const TickContext& tick, const DeviceContext& context,
+                                const Vector<World>& force_N, double& sine) {
+  const Vector<Patient> spindle = context.in_patient(tick, context.tool.burr->spindle);
+  // seen from the handle the head turns clockwise
+  const Vector<World> rotation = tick.X_WorldPatient * (spindle * -1.0);
+  const Vector<World> across = rotation.cross(force_N.normalized());
+  sine = across.norm();
+  if (sine >= kRendering.min_sine) return across / sine;
+  int smallest = 0;
+  rotation.eigen().cwiseAbs().minCoeff(&smallest);
+  return rotation.cross(Vector<World>(Eigen::Vector3d::Unit(smallest))).normalized();
+}
+
+}  // namespace
+
+double vibration_hz(const BurrSettings& burr, double dt_s) {
+  const double band_hz = std::min(kRendering.max_hz, kRendering.max_cycles_per_tick / dt_s);
+  const double edges_hz = burr.revolutions_per_s * burr.flutes;
+  if (edges_hz <= band_hz) return edges_hz;
+  return burr.revolutions_per_s / std::ceil(burr.revolutions_per_s / band_hz);
+}
+
+double vibration_amplitude_N(const BurrSettings& burr, const BurrState& state, double hz) {
+  const bool cuts = state.front_mm2 > 0 && state.edge_mm_per_s > 0 && state.energy_mJ_per_mm3 > 0 &&
+                    std::isfinite(state.energy_mJ_per_mm3);
+  if (!cuts || !(hz > 0)) return 0;
+  const double cutting_N = burr.grip * state.pressed_N;
+  const double feed_mm_per_s = cutting_N * state.edge_mm_per_s / (state.energy_mJ_per_mm3 * state.front_mm2);
+  // an edge's passing, or a revolution of which the rendered frequency is a sub-harmonic
+  const double real_hz = std::max(hz, burr.revolutions_per_s);
+  const double depth_mm = feed_mm_per_s / real_hz;
+  return cutting_N * kRendering.runout_mm / (kRendering.runout_mm + depth_mm);
+}
+
+double bone_rise_K(double rise_K, double radius_mm, double work_mJ, double dt_s) {
+  const double conductivity_mW_per_mm_K = kRendering.conductivity_W_per_m_K;
+  const double resistance_K_per_mW = 1 / (2 * std::numbers::pi * conductivity_mW_per_mm_K * radius_mm);
+  const double time_s =
+      radius_mm * radius_mm * kRendering.capacity_mJ_per_mm3_K / conductivity_mW_per_mm_K;
+  const double heated_K = kRendering.heat_fraction * work_mJ * resistance_K_per_mW / time_s;
+  return std::max(0.0, rise_K * std::exp(-dt_s / time_s) + heated_K);
+}
+
+BurrBefore before_cutting(const SessionState::DeviceSession& session) {
+  const BurrState& burr = session.burr;
+  return {session.proxy.layer(std::max(burr.layer, 0)).position, push_of(session), burr.front_mm2,
+          burr.pressed_N, burr.work_mJ};
+}
+
+void render_burr(const TickContext& tick, const DeviceContext& context, const BurrConditions& conditions,
+                 ToolContact& contact, SessionState::DeviceSession& session, DeviceTick& out) {
+  const BurrSettings& settings = *context.tool.burr;
+  const BurrState& burr = session.burr;
+  BurrRenderingState& state = session.burr_rendering;
+  const double dt_s = tick.dt_s;
+
+  // load and break-through
+  const bool cuts = conditions.runs && burr.front_mm2 > 0 && std::isfinite(burr.energy_mJ_per_mm3);
+  if (cuts) {
+    out.cutting_N = burr.pressed_N;
+    out.cutting_energy_mJ_per_mm3 = burr.energy_mJ_per_mm3;
+  }
+  const Burr head{context.tool.radius_mm,
+                  settings.revolutions_per_s,
+                  context.in_patient(tick, settings.spindle),
+                  settings.grip,
+                  0,
+                  {},
+                  0,
+                  settings.length_mm,
+                  settings.end_radius_mm};
+  state.break_through_s = std::max(0.0, state.break_through_s - dt_s);
+  if (conditions.runs && breaks_through(tick.model.surfaces, head.head(0), conditions.before, session))
+    state.break_through_s = kRendering.break_through_s;
+  if (state.break_through_s > 0) contact.flags |= kFlagBreakThrough;
+
+  // temperature
+  if (!settings.irrigation) {
+    const double work_mJ = std::max(0.0, burr.work_mJ - conditions.before.work_mJ);
+    state.bone_rise_K = bone_rise_K(state.bone_rise_K, head.widest_mm(), work_mJ, dt_s);
+    out.bone_rise_K = state.bone_rise_K;
+  }
+
+  // vibration: the frequency is that of the motor's start, so that late ticks do not change it
+  if (!conditions.runs || !conditions.vibrates || !(dt_s > 0)) {
+    state.frequency_hz = state.phase = state.mean_N = 0;
+    return;
+  }
+  if (!(state.frequency_hz > 0)) state.frequency_hz = vibration_hz(settings, dt_s);
+  state.phase += state.frequency_hz * dt_s;
+  state.phase -= std::floor(state.phase);
+  const double pressed_N = cuts ? burr.pressed_N : 0;
+  state.mean_N += (pressed_N - state.mean_N) * (1 - std::exp(-dt_s / kRendering.kick_s));
+
+  const Vector<World>& contact_N = contact.requested.force_N;
+  const double force_N = contact_N.norm();
+  if (!(force_N > 0) || !std::isfinite(force_N)) return;
+  const DeviceParameters& own = context.device;
+  const double step_mm =
+      own.position_step_mm > 0 ? own.position_step_mm : kPassivitySettings.default_step_mm;
+  double allowed_N = std::max(0.0, conditions.limit_N - force_N);
+  allowed_N = std::min(allowed_N, std::max(0.0, session.passivity.energy_mJ) / (2 * step_mm));
+  const auto limited = [&](double wanted_N, double max_N) {
+    const double most_N = std::min(allowed_N, max_N);
+    const double force = std::clamp(wanted_N, -most_N, most_N);
+    allowed_N -= std::abs(force);
+    return force;
+  };
+  double sine = 0;
+  const Vector<World> along = rolling_direction(tick, context, contact_N, sine);
+  out.vibration_hz = state.frequency_hz;
+  out.vibration_N = limited(own.force_gain * vibration_amplitude_N(settings, burr, state.frequency_hz),
+                            kRendering.max_vibration_N);
+  out.kick_N = limited(own.force_gain * settings.grip * sine * (pressed_N - state.mean_N),
+                       kRendering.max_kick_N);
+  const double wave = std::sin(2 * std::numbers::pi * state.phase);
+  contact.requested.force_N += along * (out.vibration_N * wave + out.kick_N);
+}
+
+}  // namespace palpate
