@@ -97,8 +97,8 @@ struct RotationSettings {
 
 /// Vibration, kick, break-through and heating of a burr (docs/decisions/0091-vibration-of-a-burr.md).
 struct BurrRenderingSettings {
-  /// Upper end of the band in which vibration is rendered: the hand is most sensitive around 200 Hz, and a tick
-  /// of 1 ms renders a period in five steps.
+  /// Upper end of the band in which vibration is rendered: the hand is most sensitive around 200 Hz, and a
+  /// tick of 1 ms renders a period in five steps.
   double max_hz = 200;
   /// The same in periods per tick, for longer ticks.
   double max_cycles_per_tick = 0.25;
@@ -112,8 +112,8 @@ struct BurrRenderingSettings {
   double min_sine = 0.05;
   /// Press force from which on a burr can break through, in the patient.
   double min_press_N = 0.02;
-  /// Free distance ahead of the head's foremost point that counts as a break-through, and the spacing at which
-  /// it is sampled, from CuttingSettings::lookahead_mm on.
+  /// Free distance ahead of the head's foremost point that counts as a break-through, and the spacing at
+  /// which it is sampled, from CuttingSettings::lookahead_mm on.
   double free_mm = 0.5, free_step_mm = 0.2;
   /// Time for which a break-through is reported, so that viewers with 10 poses per second notice it.
   double break_through_s = 0.1;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "palpate/device/rendered_stiffness.h"
 #include "palpate/tissue/feel.h"
@@ -38,29 +39,39 @@ Point<Patient> foremost(const ToolSphere& head, const Point<Patient>& at, const 
 
 // direction in which the hand presses the head, unit; zero without contact
 Vector<Patient> push_of(const SessionState::DeviceSession& session) {
-  const Vector<Patient>& pulled = session.coupling.multiplier_mm;
-  const double length_mm = pulled.norm();
-  return length_mm > 0 ? pulled / -length_mm : Vector<Patient>();
+  const ProxyLayer& layer = session.proxy.layer(std::max(session.burr.layer, 0));
+  const Vector<Patient> pressed_mm = session.proxy.tip - layer.position;
+  const double length_mm = pressed_mm.norm();
+  return layer.coupled && length_mm > 0 ? pressed_mm / length_mm : Vector<Patient>();
 }
 
-// Whether the material directly ahead of the head ended in this tick, while the hand pressed.
+// Updates whether a burr is about to break through: material is directly ahead of the head's foremost point,
+// and ends within free_mm. Returns whether that material ended in this tick, while the hand pressed.
 bool breaks_through(const std::vector<ContactSurface>& surfaces, const ToolSphere& head,
-                    const BurrBefore& before, const SessionState::DeviceSession& session) {
+                    const BurrBefore& before, SessionState::DeviceSession& session) {
   const BurrState& burr = session.burr;
-  if (!(before.front_mm2 > 0) || before.pressed_N < kRendering.min_press_N) return false;
-  if (before.push == Vector<Patient>()) return false;
   const int number = std::max(burr.layer, 0);
   const ProxyLayer& layer = session.proxy.layer(number);
-  const double lookahead_mm = kCuttingSettings.lookahead_mm;
-  const Point<Patient> was = foremost(head, before.at, before.push) + before.push * lookahead_mm;
-  if (!is_material(surfaces, layer, number, burr, was)) return false;
   Vector<Patient> push = push_of(session);
   if (push == Vector<Patient>()) push = before.push;
-  const Point<Patient> is = foremost(head, layer.position, push);
-  for (double ahead_mm = lookahead_mm; ahead_mm <= lookahead_mm + kRendering.free_mm;
-       ahead_mm += kRendering.free_step_mm)
-    if (is_material(surfaces, layer, number, burr, is + push * ahead_mm)) return false;
-  return true;
+  // a hand that withdraws leaves its own pocket
+  const bool advances = (layer.position - before.at).dot(push) >= -kCuttingSettings.at_rest_mm;
+  const bool pressed = before.front_mm2 > 0 && before.pressed_N >= kRendering.min_press_N;
+  const bool was_thin = std::exchange(session.burr_rendering.is_wall_thin, false);
+  if (push == Vector<Patient>() || !advances || !pressed) return false;
+  const Point<Patient> foot = foremost(head, layer.position, push);
+  const auto is_material_at = [&](double ahead_mm) {
+    return is_material(surfaces, layer, number, burr, foot + push * ahead_mm);
+  };
+  const double lookahead_mm = kCuttingSettings.lookahead_mm;
+  const bool touches = is_material_at(lookahead_mm);
+  // without a thin wall nothing can end
+  if (!touches && !was_thin) return false;
+  const int samples = static_cast<int>(std::floor(kRendering.free_mm / kRendering.free_step_mm));
+  int material = 0;
+  for (int n = 1; n <= samples; ++n) material += is_material_at(lookahead_mm + n * kRendering.free_step_mm);
+  session.burr_rendering.is_wall_thin = touches && material < samples;
+  return !touches && material == 0;
 }
 
 // Unit direction in which the head would roll on the surface, World; transverse to the spindle where it is
@@ -102,8 +113,7 @@ double vibration_amplitude_N(const BurrSettings& burr, const BurrState& state, d
 double bone_rise_K(double rise_K, double radius_mm, double work_mJ, double dt_s) {
   const double conductivity_mW_per_mm_K = kRendering.conductivity_W_per_m_K;
   const double resistance_K_per_mW = 1 / (2 * std::numbers::pi * conductivity_mW_per_mm_K * radius_mm);
-  const double time_s =
-      radius_mm * radius_mm * kRendering.capacity_mJ_per_mm3_K / conductivity_mW_per_mm_K;
+  const double time_s = radius_mm * radius_mm * kRendering.capacity_mJ_per_mm3_K / conductivity_mW_per_mm_K;
   const double heated_K = kRendering.heat_fraction * work_mJ * resistance_K_per_mW / time_s;
   return std::max(0.0, rise_K * std::exp(-dt_s / time_s) + heated_K);
 }
@@ -163,8 +173,7 @@ void render_burr(const TickContext& tick, const DeviceContext& context, const Bu
   const double force_N = contact_N.norm();
   if (!(force_N > 0) || !std::isfinite(force_N)) return;
   const DeviceParameters& own = context.device;
-  const double step_mm =
-      own.position_step_mm > 0 ? own.position_step_mm : kPassivitySettings.default_step_mm;
+  const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivitySettings.default_step_mm;
   double allowed_N = std::max(0.0, conditions.limit_N - force_N);
   allowed_N = std::min(allowed_N, std::max(0.0, session.passivity.energy_mJ) / (2 * step_mm));
   const auto limited = [&](double wanted_N, double max_N) {
@@ -178,8 +187,8 @@ void render_burr(const TickContext& tick, const DeviceContext& context, const Bu
   out.vibration_hz = state.frequency_hz;
   out.vibration_N = limited(own.force_gain * vibration_amplitude_N(settings, burr, state.frequency_hz),
                             kRendering.max_vibration_N);
-  out.kick_N = limited(own.force_gain * settings.grip * sine * (pressed_N - state.mean_N),
-                       kRendering.max_kick_N);
+  out.kick_N =
+      limited(own.force_gain * settings.grip * sine * (pressed_N - state.mean_N), kRendering.max_kick_N);
   const double wave = std::sin(2 * std::numbers::pi * state.phase);
   contact.requested.force_N += along * (out.vibration_N * wave + out.kick_N);
 }

@@ -40,8 +40,8 @@ double component(const std::vector<double>& signal, double hz, double dt_s) {
   return 2 * std::abs(sum) / static_cast<double>(signal.size());
 }
 
-/// A burr that is guided into the bone, once with and once without vibration: the path is the same, and so the
-/// forces differ by what is rendered.
+/// A burr that is guided into the bone, once with and once without vibration: the path is the same, and so
+/// the forces differ by what is rendered.
 struct Drilling {
   double speed_mm_per_s = 2, rate_hz = 1000, energy_mJ_per_mm3 = 100, max_force_N = 10, time_s = 1.5;
   BurrSettings burr = burr_of(60000, 8);
@@ -133,8 +133,7 @@ TEST(BurrVibration, AmplitudeFollowsTheCuttingForceAndTheDepthOfCut) {
     const double amplitude_N = vibration_amplitude_N(burr, state, hz);
     // independently: the volume that a revolution removes, or an edge, over the area ahead
     const double power_mW = burr.grip * state.pressed_N * state.edge_mm_per_s;
-    const double cuts_per_s =
-        hz == burr.revolutions_per_s * burr.flutes ? hz : burr.revolutions_per_s;
+    const double cuts_per_s = hz == burr.revolutions_per_s * burr.flutes ? hz : burr.revolutions_per_s;
     const double depth_mm = power_mW / state.energy_mJ_per_mm3 / cuts_per_s / state.front_mm2;
     const double law_N = burr.grip * state.pressed_N / (1 + depth_mm / kBurrRenderingSettings.runout_mm);
     ASSERT_NEAR(amplitude_N, law_N, 1e-12);
@@ -154,8 +153,11 @@ TEST(BurrVibration, SpectrumHasItsPeakAtTheStatedFrequency) {
     int flutes;
     double rate_hz, hz;
   };
-  for (const Case& tested : {Case{2500, 2, 1000, 250.0 / 3}, {1200, 8, 1000, 160}, {10000, 8, 1000, 500.0 / 3},
-                             {60000, 8, 1000, 200}, {60000, 8, 4000, 200}}) {
+  for (const Case& tested : {Case{2500, 2, 1000, 250.0 / 3},
+                             {1200, 8, 1000, 160},
+                             {10000, 8, 1000, 500.0 / 3},
+                             {60000, 8, 1000, 200},
+                             {60000, 8, 4000, 200}}) {
     SCOPED_TRACE(std::to_string(tested.per_min) + "/min, " + std::to_string(tested.flutes) + " flutes, " +
                  std::to_string(tested.rate_hz) + " Hz");
     Drilling drilling;
@@ -268,22 +270,24 @@ TEST(BurrKick, RollsTheHeadClockwiseSeenFromTheHandle) {
   }
 }
 
-TEST(BurrKick, ThereIsNoneAlongTheSpindle) {
+TEST(BurrKick, ThereIsLittleAlongTheSpindle) {
+  // friction tilts the contact's force, by an angle whose tangent is 0.2 at most
   Drilling drilling;
   drilling.burr.spindle = {0, 0, 1};
   drilling.speed_mm_per_s = 20;
   drilling.time_s = 0.1;
   drilling.run();
-  for (const DeviceTick& tick : drilling.ticks) ASSERT_LT(std::abs(tick.kick_N), 0.02);
+  for (const DeviceTick& tick : drilling.ticks) ASSERT_LT(std::abs(tick.kick_N), 0.05);
 }
 
-// drills towards a cavity whose roof is `wall_mm` thick, and returns the delay from the tick in which the foot
-// of the head is free to the first one that reports it, in ms; -1: reported before
-double report_delay_ms(double wall_mm, double speed_mm_per_s) {
-  GuidedSession guided;
+// drills towards a cavity whose roof is `wall_mm` thick, and returns the delay from the tick in which the
+// foot of the head is free to the first one that reports it, in ms; -1: reported before
+double report_delay_ms(const Model& model, double wall_mm, double speed_mm_per_s) {
+  GuidedSession guided(model);
   constexpr double kCavity_mm = 4;
   const double roof_mm = kBoneRadius_mm - wall_mm;
-  const std::vector<Cut> cavity{{1, {{-2, 0, roof_mm - kCavity_mm}, {2, 0, roof_mm - kCavity_mm}, kCavity_mm}}};
+  const std::vector<Cut> cavity{
+      {1, {{-2, 0, roof_mm - kCavity_mm}, {2, 0, roof_mm - kCavity_mm}, kCavity_mm}}};
   guided.carving = guided.carving->with(cavity);
   guided.model = guided.carving->applied_to(*guided.model);
   guided.lead_to(guided.above(0.2), 100);
@@ -300,11 +304,12 @@ double report_delay_ms(double wall_mm, double speed_mm_per_s) {
 }
 
 TEST(BurrBreakThrough, IsReportedWithinTenMilliseconds) {
-  for (const double wall_mm : {0.6, 1.0, 2.0})
-    for (const double speed_mm_per_s : {1.0, 3.0, 10.0}) {
-      const double delay_ms = report_delay_ms(wall_mm, speed_mm_per_s);
-      // between voxels the roof of the cavity is read up to a tenth of a millimetre lower
-      EXPECT_LE(delay_ms, 10 + 100 / speed_mm_per_s) << wall_mm << " mm, " << speed_mm_per_s << " mm/s";
+  const Model model = burr_model(0.5);
+  for (const double wall_mm : {0.6, 2.0})
+    for (const double speed_mm_per_s : {1.0, 10.0}) {
+      const double delay_ms = report_delay_ms(model, wall_mm, speed_mm_per_s);
+      // between voxels the roof of the cavity reads up to a twentieth of a millimetre lower
+      EXPECT_LE(delay_ms, 10 + 50 / speed_mm_per_s) << wall_mm << " mm, " << speed_mm_per_s << " mm/s";
       EXPECT_GE(delay_ms, -1);
     }
 }

@@ -7,11 +7,11 @@ namespace palpate {
 
 /// State of a burr before the tick advances it.
 struct BurrBefore {
-  Point<Patient> at;       ///< Position of the head in the layer in which it cut
-  Vector<Patient> push;    ///< Direction in which the hand pressed the head, unit; zero: no contact
-  double front_mm2 = 0;    ///< BurrState::front_mm2
-  double pressed_N = 0;    ///< BurrState::pressed_N
-  double work_mJ = 0;      ///< BurrState::work_mJ
+  Point<Patient> at;     ///< Position of the head in the layer in which it cut
+  Vector<Patient> push;  ///< Direction in which the hand pressed the head, unit; zero: no contact
+  double front_mm2 = 0;  ///< BurrState::front_mm2
+  double pressed_N = 0;  ///< BurrState::pressed_N
+  double work_mJ = 0;    ///< BurrState::work_mJ
 };
 BurrBefore before_cutting(const SessionState::DeviceSession& session);
 

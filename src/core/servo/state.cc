@@ -114,7 +114,8 @@ void hash_device(HashOfWords& hash, const SessionState::DeviceSession& session) 
   // only burrs have this state
   if (session.burr.open_s > 0) hash_burr(hash, session.burr);
   if (const BurrRenderingState& burr = session.burr_rendering; burr.is_used())
-    hash.add(burr.frequency_hz, burr.phase, burr.mean_N, burr.break_through_s, burr.bone_rise_K);
+    hash.add(burr.frequency_hz, burr.phase, burr.mean_N, burr.break_through_s, burr.bone_rise_K,
+             burr.is_wall_thin);
   hash_wrench(hash, session.requested);
   hash_wrench(hash, session.difference);
   const PassivityState& passivity = session.passivity;

@@ -13,8 +13,8 @@ namespace palpate::testing {
 
 inline constexpr double kBurrRadius_mm = 2, kBurrTick_s = 1e-3;
 
-inline Model burr_model() {
-  Model model = with_exact_surfaces(ball_model({1, 1, 1}));
+inline Model burr_model(double spacing_mm = 1) {
+  Model model = with_exact_surfaces(ball_model({spacing_mm, spacing_mm, spacing_mm}));
   model.tools[0].radius_mm = kBurrRadius_mm;
   model.tools[0].burr = BurrSettings{.spindle = Eigen::Vector3d(1, 0, 0)};
   return model;
@@ -22,15 +22,16 @@ inline Model burr_model() {
 
 /// A single device moved by the test, and a session that carves.
 struct GuidedSession {
-  std::shared_ptr<const Model> model = std::make_shared<const Model>(burr_model());
-  std::shared_ptr<const Carving> carving = std::make_shared<const Carving>(*model);
+  std::shared_ptr<const Model> model;
+  std::shared_ptr<const Carving> carving;
   Parameters parameters;
   SessionState state;
   TickRecord record;
   Wrench wrench;
   DeviceState device;
 
-  GuidedSession() {
+  explicit GuidedSession(const Model& guided = burr_model())
+      : model(std::make_shared<const Model>(guided)), carving(std::make_shared<const Carving>(guided)) {
     parameters.method = ForceMethod::kProxy;
     parameters.motor = true;
     parameters.viscosity = false;

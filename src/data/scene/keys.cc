@@ -550,8 +550,9 @@ SceneKeys declared_keys() {
              .default_text = "8",
              .min = 1,
              .max = 100,
-             .meaning = "For a burr: number of its cutting edges, which determines the vibration. Default for a "
-                        "shaver: 2."},
+             .meaning =
+                 "For a burr: number of its cutting edges, which determines the vibration. Default for a "
+                 "shaver: 2."},
             {.name = "irrigation",
              .type = kFlag,
              .default_text = "true",
