@@ -68,6 +68,20 @@ testsOf(page, "a knee that is milled by a ball", () => {
     assert.deepEqual(places.map(isThere), [false, false, true]);
   });
 
+  test("sessions with a burr show the switch of its vibration, off, and the button of its sound", async () => {
+    const box = page.byId("vibration") as unknown as HTMLInputElement;
+    assert.deepEqual([box.checked, box.parentElement!.hidden], [false, false]);
+    const button = page.byId("burr-sound");
+    assert.deepEqual(
+      [button.hidden, button.getAttribute("aria-pressed"), button.textContent],
+      [false, "false", "Sound"],
+    );
+    box.click();
+    await page.wait("vibration is on", () => page.viewer.state.vibration === true && box.checked);
+    box.click();
+    await page.wait("vibration is off", () => page.viewer.state.vibration === false && !box.checked);
+  });
+
   test("strokes are undone and redone by buttons and keys", async () => {
     await isSwitched(true);
     await isSwitched(false);

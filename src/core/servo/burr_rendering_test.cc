@@ -271,13 +271,18 @@ TEST(BurrKick, RollsTheHeadClockwiseSeenFromTheHandle) {
 }
 
 TEST(BurrKick, ThereIsLittleAlongTheSpindle) {
-  // friction tilts the contact's force, by an angle whose tangent is 0.2 at most
-  Drilling drilling;
-  drilling.burr.spindle = {0, 0, 1};
-  drilling.speed_mm_per_s = 20;
-  drilling.time_s = 0.1;
-  drilling.run();
-  for (const DeviceTick& tick : drilling.ticks) ASSERT_LT(std::abs(tick.kick_N), 0.05);
+  const auto largest_N = [](const Eigen::Vector3d& spindle) {
+    Drilling drilling;
+    drilling.burr.spindle = spindle;
+    drilling.speed_mm_per_s = 5;
+    drilling.time_s = 0.1;
+    drilling.run();
+    double kick_N = 0;
+    for (const DeviceTick& tick : drilling.ticks) kick_N = std::max(kick_N, std::abs(tick.kick_N));
+    return kick_N;
+  };
+  // between voxels of 1 mm the normal is some degrees off
+  EXPECT_LT(largest_N({0, 0, 1}), 0.25 * largest_N({1, 0, 0}));
 }
 
 // drills towards a cavity whose roof is `wall_mm` thick, and returns the delay from the tick in which the
@@ -378,12 +383,12 @@ TEST(BurrVibration, WaveformAndSpectrumAreDrawn) {
     return list;
   }();
   const std::array<std::string, 3> kinds{"after", "before", "after second"};
-  test::Chart wave("Force across the press direction", "ms", "N", 0, 60, 0.2, -0.2);
-  test::Chart spectrum("Its spectrum", "Hz", "N", 0, 300, 0.2);
+  test::Chart wave("Force across the press direction", "ms", "N", 0, 60, 0.1, -0.1);
+  test::Chart spectrum("Its spectrum", "Hz", "N", 0, 300, 0.1);
   for (const double ms : {0.0, 20.0, 40.0, 60.0}) wave.tick_across(ms);
-  for (const double force_N : {-0.2, -0.1, 0.0, 0.1, 0.2}) wave.tick_up(force_N);
+  for (const double force_N : {-0.1, -0.05, 0.0, 0.05, 0.1}) wave.tick_up(force_N);
   for (const double hz : {0.0, 100.0, 200.0, 300.0}) spectrum.tick_across(hz);
-  for (const double force_N : {0.0, 0.1, 0.2}) spectrum.tick_up(force_N);
+  for (const double force_N : {0.0, 0.05, 0.1}) spectrum.tick_up(force_N);
   for (std::size_t n = 0; n < drawn.size(); ++n) {
     Drilling drilling = drawn[n].second;
     const std::vector<double> signal = drilling.rendered_N(1);

@@ -32,7 +32,7 @@ TEST(Feel, TheTextSaysHowAnotherVersionDiffers) {
             "output.blend_s not there, here 0.1");
   EXPECT_EQ(first_haptic_difference(text + "output.wind_s 3\n"), "output.wind_s 3, here not there");
   // text of a recording's header
-  EXPECT_LT(text.size(), 4000u);
+  EXPECT_LT(text.size(), 8000u);
   for (const char byte : text) EXPECT_TRUE(byte == '\n' || (byte >= ' ' && byte <= '~'));
 }
 

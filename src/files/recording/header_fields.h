@@ -24,7 +24,7 @@ inline constexpr std::uint32_t kFormatMinor = 1;
 inline constexpr const char* kVirtualClock = "virtual";
 inline constexpr const char* kRealClock = "real";
 
-inline constexpr std::size_t kMaxText = 4096;  ///< Maximum size of a header text; bytes
+inline constexpr std::size_t kMaxText = 8192;  ///< Maximum size of a header text; bytes
 inline constexpr std::size_t kMaxScript = std::size_t{16} << 20;
 inline constexpr std::size_t kMaxStructures = 65536;
 inline constexpr std::size_t kMaxNames =

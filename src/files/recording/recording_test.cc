@@ -494,14 +494,14 @@ TEST(Recording, RefusesHeadersThatWouldNotComeBack) {
   EXPECT_THAT(refusal([](auto& h) { h.rate_hz = 0; }), HasSubstr("rate"));
   EXPECT_THAT(refusal([](auto& h) { h.rate_hz = std::nan(""); }), HasSubstr("rate"));
   EXPECT_THAT(refusal([](auto& h) { h.clock = "sundial"; }), HasSubstr("virtual or real"));
-  EXPECT_THAT(refusal([](auto& h) { h.scene_title = std::string(4097, 'x'); }),
+  EXPECT_THAT(refusal([](auto& h) { h.scene_title = std::string(8193, 'x'); }),
               HasSubstr("scene_title is longer"));
   EXPECT_THAT(refusal([](auto& h) { h.script_text = std::string("a\0b", 3); }),
               HasSubstr("script contains a zero"));
-  EXPECT_THAT(refusal([](auto& h) { h.structures[0].name = std::string(4097, 'x'); }),
+  EXPECT_THAT(refusal([](auto& h) { h.structures[0].name = std::string(8193, 'x'); }),
               HasSubstr("name of a structure"));
   EXPECT_THAT(refusal([](auto& h) { h.structures.resize(65537); }), HasSubstr("structures do not fit"));
-  EXPECT_EQ(refusal([](auto& h) { h.scene_title = std::string(4096, 'x'); }), "accepted");
+  EXPECT_EQ(refusal([](auto& h) { h.scene_title = std::string(8192, 'x'); }), "accepted");
 }
 
 TEST(Recording, HoldsTheLongestHeaderAndTheEmptiest) {
@@ -511,7 +511,7 @@ TEST(Recording, HoldsTheLongestHeaderAndTheEmptiest) {
        {&longest.palpate_version, &longest.commit, &longest.build_type, &longest.compiler,
         &longest.simd_target, &longest.started_utc, &longest.data_set, &longest.scene_title, &longest.device,
         &longest.hand, &longest.scheduler, &longest.feel, &longest.task.name, &longest.task.seed})
-    *text = std::string(4096, 'w');
+    *text = std::string(8192, 'w');
   longest.script_text = std::string(3'000'000, 's');
   for (int i = 0; i < 500; ++i)
     longest.structures.push_back({static_cast<LabelId>(i), std::string(70, 'n'), "t", {}});

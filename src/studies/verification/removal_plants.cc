@@ -20,6 +20,8 @@ constexpr CuttingPlant kCuttingPlants[] = {{"premium-1.5", "light-grip"},
                                            {"touch", "light-grip"},
                                            {"touch", "firm-grip"}};
 
+}  // namespace
+
 Result<Model> wall_for_burr(const Progress& progress) {
   const auto wall = flat_wall(progress);
   if (!wall) return wall.error();
@@ -28,8 +30,6 @@ Result<Model> wall_for_burr(const Progress& progress) {
   model.tools[0].burr = BurrSettings{.spindle = Eigen::Vector3d(0, 1, 0)};
   return model;
 }
-
-}  // namespace
 
 Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, const Progress& progress) {
   const auto wall = wall_for_burr(progress);

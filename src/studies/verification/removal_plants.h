@@ -3,9 +3,13 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
+#include "palpate/contact/haptics.h"
 #include "palpate/verification/verification.h"
 
 namespace palpate {
+
+/// Plane of bone of 1 N/mm, and a ball burr of 4 mm. Errors: kInterrupted.
+Result<Model> wall_for_burr(const Progress& progress = {});
 
 /// Durations for which each hand explores, presses, and presses until the burr has almost reached its target
 /// depth.

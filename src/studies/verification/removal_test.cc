@@ -4,9 +4,11 @@
 
 #include <atomic>
 
+#include "palpate/stability/stability.h"
 #include "verification/removal_plants.h"
 #include "verification/removal_thin.h"
 #include "verification/removal_volumes.h"
+#include "verification/stability_energy.h"
 
 namespace palpate {
 namespace {
@@ -58,6 +60,33 @@ TEST(ThinBone, CostsWhatIsLost) {
   for (const Figure& figure : *figures)
     EXPECT_TRUE(figure.ok()) << figure.name << ": " << figure.value << " " << figure.unit << ", limit "
                              << *figure.limit;
+}
+
+// every simulated hand on every simulated device: what the world gives out is what an encoder step hides, at most
+TEST(CuttingPlants, AVibratingBurrGivesNothingOut) {
+  const auto wall = wall_for_burr();
+  ASSERT_TRUE(wall.ok());
+  for (const PlantDevice& device : known_plant_devices()) {
+    const auto stiffness = recommended_stiffness_N_per_mm(device, 1000, 0, {});
+    ASSERT_TRUE(stiffness.ok());
+    for (const PlantHand& hand : known_plant_hands())
+      for (const double revolutions_per_min : {60000.0, 2500.0})
+        for (const bool presses : {false, true}) {
+          Model model = *wall;
+          model.tools[0].burr->revolutions_per_s = revolutions_per_min / 60;
+          if (revolutions_per_min < 10000) model.tools[0].burr->flutes = 2;
+          Exploration exploration{device, hand};
+          exploration.stiffness_N_per_mm = *stiffness;
+          exploration.flat = exploration.cuts = exploration.vibrates = true;
+          exploration.presses = presses;
+          exploration.time_s = 2;
+          const EnergyBalance balance = explore_energy(model, exploration);
+          const double hidden_mJ = balance.largest_force_N * 2 * device.encoder_step_m * 1e3;
+          EXPECT_LE(-balance.min_mJ, hidden_mJ)
+              << device.name << " " << hand.name << " " << revolutions_per_min << (presses ? " presses" : "");
+          EXPECT_GT(balance.last_mJ, 0);
+        }
+  }
 }
 
 TEST(RemovalFigures, CanBeInterrupted) {

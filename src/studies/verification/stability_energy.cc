@@ -215,6 +215,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
 
   PALPATE_CHECK(exploration.jitter == 0 || exploration.delay_s == 0);
   parameters.motor = exploration.cuts;
+  parameters.vibration = exploration.vibrates;
   RandomHand random_hand(exploration.seed, exploration.flat);
   PressingHand pressing_hand(
       kPressed_N * (1 / exploration.stiffness_N_per_mm + 1e3 / exploration.hand.stiffness_N_per_m) -

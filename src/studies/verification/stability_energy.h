@@ -38,6 +38,8 @@ struct Exploration {
   bool presses = false;
   /// The tool is a burr with its motor running; swept tissue is removed every 20 ms.
   bool cuts = false;
+  /// The burr's vibration and kick are rendered.
+  bool vibrates = false;
   /// For a pressing hand: time at which the motor stops; the hand then presses with 1 N on the bottom of the
   /// hole. At time_s or later: it does not stop.
   double motor_stops_s = 1e9;

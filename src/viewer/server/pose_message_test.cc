@@ -39,6 +39,9 @@ TickRecord full_tick(int devices) {
     device.flags = 0x80000001u + static_cast<std::uint32_t>(d);
     device.buttons = 0x11223344;
     device.label = static_cast<std::uint16_t>(0xfe00 + d);
+    // the second device's force is above what its field can hold
+    device.cutting_N = d == 1 ? 100 : 1.25;
+    device.cutting_energy_mJ_per_mm3 = base + 29;
     for (std::size_t n = 0; n < device.path_label.size(); ++n) {
       device.path_label[n] = static_cast<std::uint16_t>(100 * (d + 1) + static_cast<int>(n));
       device.path_depth_mm[n] = base + 30 + static_cast<double>(n);
@@ -112,8 +115,8 @@ TEST(PoseMessage, EveryDeviceStandsWhereTheDocumentSays) {
       EXPECT_EQ(number_at<std::uint32_t>(bytes, at + 88), 0x80000001u + d);
       EXPECT_EQ(number_at<std::uint32_t>(bytes, at + 92), 0x11223344u);
       EXPECT_EQ(number_at<std::uint16_t>(bytes, at + 96), 0xfe00 + d);
-      EXPECT_EQ(number_at<std::uint16_t>(bytes, at + 98), 0);
-      EXPECT_EQ(number_at<std::uint32_t>(bytes, at + 100), 0u);
+      EXPECT_EQ(number_at<std::uint16_t>(bytes, at + 98), d == 1 ? 65535 : 1250);
+      EXPECT_EQ(number_at<float>(bytes, at + 100), base + 29);
       for (std::size_t n = 0; n < 6; ++n) {
         const std::size_t there = at + 104 + 12 * n;
         EXPECT_EQ(number_at<std::uint16_t>(bytes, there), 100 * (d + 1) + static_cast<int>(n));
