@@ -52,7 +52,7 @@ class Sender {
 class Receiver {
  public:
   /// Default limit for the length of a text; bytes.
-  static constexpr std::size_t kMostText = 8192;
+  static constexpr std::size_t kMostText = 4096;
 
   /// @param complaint  prefix of the errors that fail() reports
   Receiver(ByteSource& source, std::string complaint) : source_(source), complaint_(std::move(complaint)) {}

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <string>
+#include <type_traits>
 #include <utility>
 
 #include "palpate/device/device.h"
@@ -14,7 +16,6 @@ namespace {
 
 using reader::Receiver;
 using reader::Sender;
-static_assert(Receiver::kMostText == kMaxText);
 
 constexpr const char* kDamaged = "the recording is damaged: ";
 
@@ -44,8 +45,8 @@ void receive_structures(Receiver& in, std::vector<RecordingHeader::Structure>& s
   for (std::uint32_t i = 0; i < count && in.ok(); ++i) {
     RecordingHeader::Structure structure{};
     in.get(structure.label);
-    in.get(structure.name);
-    in.get(structure.tissue);
+    in.get(structure.name, kMaxText);
+    in.get(structure.tissue, kMaxText);
     in.get(structure.colour.r);
     in.get(structure.colour.g);
     in.get(structure.colour.b);
@@ -61,7 +62,7 @@ RecordingSummary receive_summary(Receiver& in) {
   std::uint32_t count = 0;
   in.get(count);
   if (count > kMaxProblems) in.fail("it lists too many troubles");
-  for (std::uint32_t i = 0; i < count && in.ok(); ++i) in.get(summary.problems.emplace_back());
+  for (std::uint32_t i = 0; i < count && in.ok(); ++i) in.get(summary.problems.emplace_back(), kMaxText);
   return summary;
 }
 
@@ -80,7 +81,12 @@ void receive_methods(Receiver& in, std::vector<RecordingHead::AppliedMethod>& me
 RecordingHead receive_accepted(Receiver& in) {
   RecordingHead head;
   RecordingHeader& header = head.header;
-  visit_header(header, [&](const char*, auto& value) { in.get(value); });
+  visit_header(header, [&](const char*, auto& value) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::string>)
+      in.get(value, kMaxText);
+    else
+      in.get(value);
+  });
   in.get(header.script_text, kMaxScript);
   receive_structures(in, header.structures);
   bool complete = false;

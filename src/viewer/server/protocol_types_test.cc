@@ -23,6 +23,9 @@ namespace {
 constexpr const char* type_of(bool /*value*/) {
   return "boolean";
 }
+constexpr const char* type_of(int /*value*/) {
+  return "number";
+}
 constexpr const char* type_of(double /*value*/) {
   return "number";
 }
