@@ -97,12 +97,15 @@ test("without a surface the tip is lifted once, and comes back", () => {
   assert.ok(back.at(-1)!.into);
 });
 
-test("in a section the outline next to the cursor is pressed along the plane, on the side of the contact", () => {
+test("in a section the outline next to the cursor is pressed along the surface's normal, on the side of the contact", () => {
   const { stroke: made } = stroke();
   const plane = { right: [1, 0, 0] as Vec3, down: [0, 0, 1] as Vec3 };
   // a millimetre inside of the ball, and in its middle
   const edge = made.outlineNear(add(MIDDLE, [9, 0, 0]), plane)!;
   assert.ok(Math.abs(length(sub(edge.at, MIDDLE)) - 10) < VOXEL_MM && dot(edge.into, [-1, 0, 0]) > 0.95);
+  // a plane that cuts the ball at an angle: along the plane, a press would slide off
+  const oblique = made.outlineNear(add(MIDDLE, [5, 8, 0]), plane)!;
+  assert.ok(dot(oblique.into, normalize(sub(MIDDLE, oblique.at))) > 0.95, `${oblique.into} is not the normal`);
   assert.equal(made.outlineNear(MIDDLE, plane), null);
   assert.equal(made.outlineNear(add(MIDDLE, [12, 0, 0]), plane), null);
   // in the middle of the wall, which is 3 mm thick

@@ -14,6 +14,7 @@ import {
   add,
   anatomicalPlane,
   cross,
+  dot,
   length,
   normalize,
   scale,
@@ -320,8 +321,9 @@ class Subject {
             // along the outline, half a millimetre inside
             next: (_, place, angle, mm) => {
               if (!place) return null;
-              const along = scale(cross(normal, place.into), Math.sin(angle) < 0 && angle < 0 ? -mm : mm);
-              const p = sub(add(add(place.at, scale(place.into, 0.5)), along), at);
+              const inPlane = normalize(sub(place.into, scale(normal, dot(place.into, normal))));
+              const along = scale(cross(normal, inPlane), Math.sin(angle) < 0 && angle < 0 ? -mm : mm);
+              const p = sub(add(add(place.at, scale(inPlane, 0.5)), along), at);
               return [
                 5 * (p[0] * plane.right[0] + p[1] * plane.right[1] + p[2] * plane.right[2]),
                 5 * (p[0] * plane.down[0] + p[1] * plane.down[1] + p[2] * plane.down[2]),

@@ -58,9 +58,18 @@ function inward(isTouchable: IsTouchable, at: Vec3, voxel_mm: number, directions
   return normalize(sum);
 }
 
+/** Position of a tip in front of a surface, free of contact: closer to it in a gap; null: there is none. */
+function inFrontOf(isTouchable: IsTouchable, surface: Vec3, into: Vec3): Vec3 | null {
+  for (let off_mm = OUTSIDE_MM; off_mm > 0.25; off_mm /= 2) {
+    const p = sub(surface, scale(into, off_mm));
+    if (!isTouchable(p)) return p;
+  }
+  return null;
+}
+
 /** Path of the tip, free of contact, to a position in front of a surface: waypoints. */
 export function pathTo(isTouchable: IsTouchable, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
-  const outside = sub(surface, scale(into, OUTSIDE_MM));
+  const outside = inFrontOf(isTouchable, surface, into) ?? sub(surface, scale(into, OUTSIDE_MM));
   // leaves_mm: initial path length within which the tip may be in contact
   const isFree = (a: Vec3, b: Vec3, leaves_mm = 0) => {
     const far = length(sub(b, a));
@@ -161,7 +170,8 @@ export class Stroke {
     }
     found.sort((a, b) => a.cost - b.cost);
     const points = found.slice(0, point ? 12 : 1).map(({ at, direction }) => {
-      const into = inward(isTouchable, at, volumes.voxelSize, directions, direction);
+      // the surface's own normal: a press along the plane slides on a surface that the plane cuts at an angle
+      const into = inward(isTouchable, at, volumes.voxelSize, SPHERE, direction);
       return { at, into, from: into };
     });
     return points.find(({ into }) => !point || dot(into, point.into) > 0.2) ?? points[0] ?? null;
@@ -216,13 +226,9 @@ export class Stroke {
     if (length(sub(hover, this.end)) > 1e-3 && this.isFree(hover)) addStep(hover);
     return steps;
   }
-  /** Position in front of a surface point; closer to it in a gap. */
+  /** Position in front of a surface point. */
   private outside({ at, into }: SurfacePoint): Vec3 {
-    for (let off_mm = OUTSIDE_MM; off_mm > 0.25; off_mm /= 2) {
-      const p = sub(at, scale(into, this.radius_mm + off_mm));
-      if (!this.isTouchable(p)) return p;
-    }
-    return at;
+    return inFrontOf(this.isTouchable, sub(at, scale(into, this.radius_mm)), into) ?? at;
   }
   /** Whether the straight path to a position is free of contact. */
   private isFree(to: Vec3): boolean {
