@@ -326,8 +326,11 @@ class AsTheTutorialSays(FourWindows):
         self.assertTrue(all(learner in self.page.run(f"return {curves}") for learner in LEARNERS))
         self.page.click("#curves-close")
 
-        # 5. the end, said by every page; the results can still be read
-        self.page.click("#lesson-end")
+        # 5. the end, said by every page, during a run, which is scored; the results can still be read
+        self.at("L043")
+        self.begin()
+        self.assertGreater(self.press("medial_meniscus"), 0.05)
+        self.at("Teacher").click("#lesson-end")
         self.page.click("#lesson-end")
         self.until(lambda: self.session.poll() is not None, "the session ends")
         self.assertEqual(self.session.returncode, 0, self.printed())
@@ -335,7 +338,13 @@ class AsTheTutorialSays(FourWindows):
             self.at(name).wait("palpateViewer.link === 'over'")
             self.says("#link-text", "The teacher has ended the lesson")
         self.assertEqual(self.at("L041").run("return document.querySelectorAll('#figures tbody tr').length"), 8)
-        for number in (1, 2, 3, 4):
+        last = self.at("L043") and self.debriefed()
+        self.assertEqual((last["end"], last["kept"]), ("session", 4))
+        self.assertIn("Improve this first: complete the step", self.text("#improve"))
+        for shown in ("#verdict", "#improve", "#run-plots canvas", "#figures", "#task-again"):
+            self.assertTrue(self.page.run("return document.querySelector(arguments[0]).checkVisibility()", shown), shown)
+        self.says("#task-note", "The teacher has ended the lesson")
+        for number in (1, 2, 3, 4, 5):
             self.assertIn(f"run {number}", self.printed())
         self.assertRegex(self.printed(), r"ticks \d+")
         listed = self.shell(self.block("palpate records list "))
@@ -343,7 +352,7 @@ class AsTheTutorialSays(FourWindows):
             self.assertIn(learner, listed)
         self.assertEqual(sorted(set(os.listdir(self.folder)) & {"class", "lesson.h5", "learners.html"}), ["learners.html", "lesson.h5"])
         begun = [run["started_utc"] for run in self.recorded()]
-        self.assertEqual(len(set(begun)), 3, "each run has its own start")
+        self.assertEqual(len(set(begun)), 4, "each run has its own start")
         self.assertEqual(begun, sorted(begun))
         self.check_scores()
         self.close_windows()

@@ -663,8 +663,8 @@ class Explore(cli.PalpateTest):
         for line in [*roles.values(), "x no-token-at-all-of-ours"]:
             for path in ("", "api/scene", "api/curves", f"api/labels/{hash_of}", f"api/scan/{hash_of}", "api/scan/none", "api/nothing", "../CANARYLESS"):
                 wire += http_get(control.address, path, line.split()[1])
-        # the session ends with the lesson, and may close the connection before the answer
-        viewers["teacher"].send({"type": "lesson", "end": True, "id": 1})
+        # the session ends with the lesson, after the answer
+        self.assertEqual(viewers["teacher"].ask(type="lesson", end=True)["type"], "done")
         out, error = process.communicate(timeout=300)
         wire.append(bytes(viewers["teacher"].wire))
         self.assertTrue(any(b"CANARYLEARNER" in data for data in wire), "the teacher is told whose the runs are")

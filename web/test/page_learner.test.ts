@@ -45,5 +45,6 @@ testsOf(page, "a learner's page", () => {
     await page.wait("the state of the connection", () => page.byId("link").dataset.link === "over");
     await page.wait("its text", () => /The teacher has ended the lesson/.test(page.text("link-text")));
     assert.doesNotMatch(page.text("spoken"), /lost/);
+    await page.wait("why no run can begin", () => /The teacher has ended the lesson/.test(page.text("task-note")));
   });
 });

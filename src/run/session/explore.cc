@@ -388,7 +388,8 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   auto recorder = Recorder::start((*loop)->ring(), recording, header, on_tick, &live.log());
   if (!recorder) return recorder.error();
 
-  // however the session ends, viewers are disconnected before the loop and the watch are destroyed
+  // However the session ends, viewers are disconnected before the loop and the watch are destroyed. They stay
+  // connected while finish() scores a run in progress, and receive its results.
   struct EndOfViewing {
     std::shared_ptr<void>& viewers;
     LiveSession& live;
@@ -410,8 +411,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   ExploreResult result;
   result.problems = setup->problems;
   watch_until_over(session, options, progress, status, result);
-  viewers.reset();
-  live.end();
+  live.close();
   finish(session, result);
   return result;
 }

@@ -43,11 +43,20 @@ void LiveSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
   law_.begin();
 }
 
-void LiveSession::end() {
+void LiveSession::close() {
+  is_closed_ = true;
   preparation_.end();
   cutter_.end();
   law_.end();
+}
+
+void LiveSession::end() {
+  close();
   loop_.disconnect();
+}
+
+ServoLoop* LiveSession::commanded_loop() const {
+  return is_closed_ ? nullptr : loop_.get();
 }
 
 // ---- state published to viewers
@@ -209,7 +218,7 @@ Result<RequestOutcome> LiveSession::ask(const Request& request, std::string what
     return refusal("the request cannot be confirmed while a device may give force", "",
                    "start palpate in a terminal, where the operator can accept it");
   consent_.ask(request.by, request.id, std::move(what), [this, request]() -> Result<void> {
-    ServoLoop* loop = loop_.get();
+    ServoLoop* loop = commanded_loop();
     if (!loop) return not_running();
     const Lock lock = model_.lock();
     // the state may have changed while the question was pending
@@ -220,7 +229,7 @@ Result<RequestOutcome> LiveSession::ask(const Request& request, std::string what
 }
 
 Result<RequestOutcome> LiveSession::set(const SettingsRequest& request) {
-  ServoLoop* loop = loop_.get();
+  ServoLoop* loop = commanded_loop();
   if (!loop) return not_running();
   const Lock lock = model_.lock();
   const Parameters now = loop->parameters();
@@ -245,7 +254,7 @@ Result<void> LiveSession::apply(const Lock& lock, const SettingsRequest& request
 }
 
 Result<RequestOutcome> LiveSession::set(const TissueRequest& request) {
-  ServoLoop* loop = loop_.get();
+  ServoLoop* loop = commanded_loop();
   if (!loop) return not_running();
   const Lock lock = model_.lock();
   const auto change = check(lock, request, loop->parameters());
@@ -268,7 +277,7 @@ Result<void> LiveSession::apply(const Lock& lock, const TissueRequest& request, 
 }
 
 Result<RequestOutcome> LiveSession::set(const StrokeRequest& request) {
-  ServoLoop* loop = loop_.get();
+  ServoLoop* loop = commanded_loop();
   if (!loop) return not_running();
   const Lock lock = model_.lock();
   const LastStrokeRequest answer{request, loop->strokes()};
@@ -296,13 +305,13 @@ Result<void> LiveSession::rearm_here(std::uint32_t stop) {
 }
 
 void LiveSession::pause_by_key() {
-  if (ServoLoop* loop = loop_.get())
+  if (ServoLoop* loop = commanded_loop())
     change_logged(*loop, loop_.log(), {Asker::kKey},
                   [](Parameters& parameters) { parameters.paused = !parameters.paused; });
 }
 
 Result<void> LiveSession::toggle_motor_by_key() {
-  ServoLoop* loop = loop_.get();
+  ServoLoop* loop = commanded_loop();
   if (!loop) return not_running();
   if (!cuts()) return invalid_value("no device has a tool with a motor", "", "");
   change_logged(*loop, loop_.log(), {Asker::kKey},
@@ -311,7 +320,7 @@ Result<void> LiveSession::toggle_motor_by_key() {
 }
 
 Result<void> LiveSession::stroke_here(StrokeAction action) {
-  ServoLoop* loop = loop_.get();
+  ServoLoop* loop = commanded_loop();
   if (!loop) return not_running();
   const Lock lock = model_.lock();
   const LastStrokeRequest request{{action, {}, 0}, loop->strokes()};
@@ -325,7 +334,7 @@ Result<void> LiveSession::claim_pointer(bool take, const ViewerIdentity& by) {
   if (!parts_.pointer)
     return refusal("the tip is moved by the " + parts_.input + " here", "take",
                    "start palpate explore with --device pointer");
-  ServoLoop* loop = loop_.get();
+  ServoLoop* loop = commanded_loop();
   if (take && !loop) return not_running();
   const bool was_taken = pointer_claimed_.exchange(take);
   if (!take) parts_.pointer->release();
@@ -342,7 +351,7 @@ void LiveSession::set_tip_holder(const std::optional<ViewerIdentity>& holder) {
 }
 
 void LiveSession::move_pointer(const std::optional<PointerTarget>& target) {
-  const ServoLoop* loop = loop_.get();
+  const ServoLoop* loop = commanded_loop();
   if (!pointer_claimed_.load() || !loop) return;
   if (!target) return parts_.pointer->release();
   // pose of the object as currently rendered
@@ -377,7 +386,7 @@ std::shared_ptr<const ViewedDebriefing> LiveSession::debriefing() const {
 Result<void> LiveSession::train(const TaskRequest& request) {
   if (parts_.training == nullptr) return LiveHost::train(request);
   // the evaluator gets ticks only while the loop runs
-  if (!loop_.get()) return not_running();
+  if (commanded_loop() == nullptr) return not_running();
   return request.begin ? parts_.training->begin(*request.begin, request.learner) : parts_.training->end_run();
 }
 
@@ -398,7 +407,7 @@ Result<std::string> LiveSession::curves(const std::string& learner) const {
 Result<void> LiveSession::begin_or_end_task_by_key() {
   if (parts_.training == nullptr)
     return refusal("there is no task to start", "", "start palpate explore with --task");
-  if (!loop_.get()) return not_running();
+  if (commanded_loop() == nullptr) return not_running();
   return parts_.training->begin_or_end();
 }
 

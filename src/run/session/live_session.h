@@ -90,7 +90,9 @@ class LiveSession final : public LiveHost {
   /// Connects the session to the running loop, which must use the model and parameters of LiveSessionParts.
   /// @param loop, watch  outlive the session
   void begin(ServoLoop& loop, const ExploreWatch& watch);
-  /// Ends the worker threads and disconnects the loop and the watch, which may then be destroyed.
+  /// Refuses requests from now on and ends the worker threads. Viewers still observe the loop and the watch.
+  void close();
+  /// close(), and disconnects the loop and the watch, which may then be destroyed. No viewer may be connected.
   void end();
 
   // ---- interface for viewers
@@ -184,6 +186,8 @@ class LiveSession final : public LiveHost {
 
  private:
   ViewedScene make_scene() const;
+  /// Loop that requests may command; null before begin() and after close().
+  ServoLoop* commanded_loop() const;
   bool physical() const;
   bool cuts() const;
   double most_force_N() const;
@@ -220,7 +224,7 @@ class LiveSession final : public LiveHost {
   PreparationThread preparation_;
   double highest_max_force_N_;  // guarded by the model's lock
   Consent consent_;
-  std::atomic<bool> pointer_claimed_{false}, is_over_{false};
+  std::atomic<bool> pointer_claimed_{false}, is_over_{false}, is_closed_{false};
 
   mutable std::mutex health_mutex_;  // guards the members below
   mutable RateMeter rate_;

@@ -16,6 +16,7 @@ constexpr int kLowestPriority = 19;
 }  // namespace
 
 Result<void> PreparationThread::wake(const LiveModel::Lock& /*held*/) try {
+  if (ending_) return {};
   if (!thread_.joinable()) thread_ = std::thread([this] { run(); });
   woken_.notify_one();
   return {};

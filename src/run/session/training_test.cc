@@ -164,6 +164,29 @@ TEST_F(LiveTask, IsTheScoreOfItsRecordingBitForBit) {
   }
 }
 
+TEST_F(LiveTask, ARunThatEndsWithTheSessionIsDebriefedToItsViewers) {
+  TrainingOptions training;
+  training.tasks = {{"ball", ball_task("recording")}};
+  training.begins_at_once = training.have_to_fit = true;
+  std::shared_ptr<const ViewedDebriefing> seen;
+  std::optional<Error> refused;
+  const ExploreResult result = run(training, [&](LiveHost& host) {
+    // the viewers' end waits for this
+    for (int n = 0; n < 1000 && seen == nullptr; ++n) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      seen = host.debriefing();
+    }
+    TaskRequest again;
+    again.begin = "ball";
+    if (const auto begun = host.train(again); !begun) refused = begun.error();
+  });
+  ASSERT_NE(seen, nullptr);
+  EXPECT_EQ(seen->end, "session");
+  ASSERT_EQ(result.runs.size(), 1u);
+  EXPECT_EQ(result.runs[0].run.end, RunEnd::kSession);
+  ASSERT_TRUE(refused);
+}
+
 TEST_F(LiveTask, BegunAndEndedMeanwhileIsTheScoreOfItsTicks) {
   const TaskFile task = ball_task("recording");
   TrainingOptions training;

@@ -21,6 +21,8 @@ constexpr auto kNavigationPeriod = std::chrono::milliseconds(100);
 // the force display guides the user to hold a force within a band
 constexpr auto kTrainingPeriod = std::chrono::milliseconds(50);
 constexpr auto kShutdownTimeout = std::chrono::milliseconds(200);
+// with viewers that still receive answers and results, over a slow network, too
+constexpr auto kDeliveryTimeout = std::chrono::seconds(1);
 constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMaxPoses_hz));
 
@@ -85,9 +87,13 @@ void Hub::end() {
   ended_ = true;
   pose_timer_->cancel();
   // viewers that have not closed by then are dropped
-  housekeeping_timer_->wait_until(Clock::now() + kShutdownTimeout, [this] { loop_.stop(); });
+  const Clock::duration timeout = welcomed_ > 0 ? kDeliveryTimeout : kShutdownTimeout;
+  housekeeping_timer_->wait_until(Clock::now() + timeout, [this] { loop_.stop(); });
   for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->close();
-  for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->end(kGoingAway, "");
+  // the state in which the session ended, and the results of a run that ended with it
+  publish_state();
+  publish_training(Clock::now());
+  for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->finish(kGoingAway);
   if (viewers_.empty()) loop_.stop();
 }
 

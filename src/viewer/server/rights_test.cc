@@ -215,6 +215,24 @@ TEST(Rights, ALearnerDoesTasksAsHimOrHerselfAlone) {
   EXPECT_TRUE(school.test.host.ended());
 }
 
+// a session that ends while a run is in progress scores it while its viewers are still connected
+TEST(Rights, TheEndOfALessonIsAnsweredAndItsRunDebriefedBeforeTheClose) {
+  School school;
+  const auto teacher = school.comes(Role::kTeacher), one = school.comes(Role::kLearner, {{"task", true}});
+  EXPECT_EQ(requested(*one, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
+  teacher->send({{"type", "lesson"}, {"end", true}, {"id", 9}});
+  ASSERT_TRUE(soon([&] { return school.test.host.ended(); }));
+  TaskRequest end;
+  end.end = true;
+  ASSERT_TRUE(school.test.host.train(end).ok());
+  school.test.server.reset();
+  EXPECT_EQ(teacher->text("done")["id"], 9);
+  EXPECT_EQ(teacher->close_code(), 1001);
+  EXPECT_EQ(one->text("debriefing")["runs"], 4);
+  EXPECT_EQ(one->text("task")["phase"], "over");
+  EXPECT_EQ(one->close_code(), 1001);
+}
+
 /// Newest state of which something holds.
 Json state_when(TestViewer& viewer, const std::function<bool(const Json&)>& holds) {
   Json state = viewer.text("state");

@@ -218,6 +218,8 @@ void Viewer::write_next() {
     pose_is_next_ = false;
     pose_in_flight_ = pose_;
     write(pose_in_flight_.bytes(), true);
+  } else if (finish_code_) {
+    end(*finish_code_, "");
   }
 }
 
@@ -329,6 +331,11 @@ void Viewer::end(std::uint16_t code, std::string_view fault) {
   if (!open_) return remove_from_hub();
   end_by_ = Clock::now() + kCloseTimeout;
   socket_->close(code, [self = shared_from_this()] { self->remove_from_hub(); });
+}
+
+void Viewer::finish(std::uint16_t code) {
+  finish_code_ = code;
+  write_next();
 }
 
 void Viewer::check(Clock::time_point now) {

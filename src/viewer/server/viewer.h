@@ -74,6 +74,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void send(std::string text);
   /// Closes the connection with a close code, and logs the reason.
   void end(std::uint16_t code, std::string_view fault);
+  /// Closes the connection with a close code once all pending output has been sent.
+  void finish(std::uint16_t code);
   /// Leaves the hub, with or without a close frame.
   void remove_from_hub();
 
@@ -125,6 +127,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
        writing_ = false;
   Who who_;
   std::uint32_t number_ = 0;
+  std::optional<std::uint16_t> finish_code_;  ///< Close code of finish(); empty until it is called
   Clock::time_point hello_by_, end_by_, write_started_;
   Clock::duration pose_period_{};
   Clock::time_point next_pose_{};

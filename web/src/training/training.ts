@@ -278,15 +278,17 @@ export class Training {
     const areRunsSaved = connection.allows("own_runs") || this.run?.keeps === true;
     const note = this.isPlayed
       ? words.taskPlayed
-      : connection.link.value === "connected" && !connection.allows("hand")
-        ? words.taskWatch
-        : isOthersTurn
-          ? words.lessonOfAnother
-          : isTipHeldByOther
-            ? words.taskOthers
-            : areRunsSaved
-              ? words.taskStored
-              : words.taskNotStored;
+      : connection.link.value === "over"
+        ? words.lessonOver
+        : connection.link.value === "connected" && !connection.allows("hand")
+          ? words.taskWatch
+          : isOthersTurn
+            ? words.lessonOfAnother
+            : isTipHeldByOther
+              ? words.taskOthers
+              : areRunsSaved
+                ? words.taskStored
+                : words.taskNotStored;
     write(byId("task-note"), note);
   }
 
