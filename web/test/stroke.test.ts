@@ -97,7 +97,7 @@ test("without a surface the tip is lifted once, and comes back", () => {
   assert.ok(back.at(-1)!.into);
 });
 
-test("in a section the outline next to the cursor is pressed along the surface's normal, on the side of the contact", () => {
+test("in a section the outline is pressed along the surface's normal, on the side of the contact", () => {
   const { stroke: made } = stroke();
   const plane = { right: [1, 0, 0] as Vec3, down: [0, 0, 1] as Vec3 };
   // a millimetre inside of the ball, and in its middle

@@ -141,7 +141,7 @@ export class SectionView {
     this.touching = new Touching(
       session,
       pointer,
-      // an outline next to the cursor, which is pressed on along the plane
+      // an outline next to the cursor
       (at, stroke) => stroke.outlineNear(this.patientAt(at), this.plane),
       (at) => this.patientAt(at),
       () =>
@@ -552,7 +552,7 @@ export class SectionView {
           session.plans.drop();
         },
       };
-      if (this.moveTipByKey(event.key)) return event.preventDefault();
+      if (this.moveTipByKey(event)) return event.preventDefault();
       const action = actions[event.key];
       if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();
@@ -600,11 +600,11 @@ export class SectionView {
   }
 
   /**
-   * Moves the tip by an arrow or page key if this viewer has the pointer or may take it; the tip is held until the key
-   * is released.
+   * Moves the tip by an arrow or page key if this viewer has the pointer or may take it; with Shift, along the outline,
+   * with the chosen force. The tip is held until the key is released.
    * @returns whether the key has moved the tip
    */
-  private moveTipByKey(key: string): boolean {
+  private moveTipByKey({ key, shiftKey }: KeyboardEvent): boolean {
     const { right, down } = this.plane;
     const directions: Record<string, Vec3> = {
       ArrowLeft: scale(right, -1),
@@ -618,14 +618,25 @@ export class SectionView {
     const tip = this.pointer.position?.at ?? this.session.pose.value?.devices[0]?.tip;
     const isTouching = this.session.tool.value === "touch" && this.pointer.isAvailable;
     if (!direction || !tip || !isTouching || this.pointers.size > 0) return false;
-    const to = this.nearContact(
-      add(this.steeredTip.value ?? tip, scale(direction, KEY_STEP_PIXELS * this.view.value.mmPerPixel)),
-    );
-    if (!this.byKeys) this.pointer.hold([], false);
+    if (this.byKeys && this.touching.isOn !== shiftKey) this.release();
+    const from = this.steeredTip.value ?? tip;
+    const step_mm = KEY_STEP_PIXELS * this.view.value.mmPerPixel;
+    if (shiftKey) this.strokeTo(add(from, scale(this.touching.stroke?.along(direction) ?? direction, step_mm)));
+    else this.moveFreelyTo(this.nearContact(add(from, scale(direction, step_mm))));
     this.byKeys = true;
+    return true;
+  }
+  private moveFreelyTo(to: Vec3): void {
+    if (!this.byKeys) this.pointer.hold([], false);
     this.holdAt(to);
     this.pointer.move({ at: to, into: null });
-    return true;
+  }
+  /** Strokes to the outline next to a position, from which the next step goes on; the plane contains it at once. */
+  private strokeTo(to: Vec3): void {
+    this.holdAt(to);
+    this.plane = this.currentPlane();
+    this.touching.step(this.pixelOf(to));
+    this.steeredTip.value = this.touching.stroke?.point?.at ?? to;
   }
 
   /** Handles the movement of a pressed pointer, from canvas position `before` to `at`. */

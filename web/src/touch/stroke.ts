@@ -21,6 +21,8 @@ const STEP_MM = 1.5;
 /** Distance between cursor positions that are tested at least, and the number of times that a gap is halved; pixels. */
 const DRAG_PIXELS = 8;
 const HALVINGS = 4;
+/** Component of a direction along a surface below which a key does not stroke over it. */
+const LEAST_ALONG = 0.3;
 /** Time for which the contact may be farther than FARTHEST_MM from its target, while it follows. */
 const CAUGHT_MS = 150;
 
@@ -175,6 +177,13 @@ export class Stroke {
       return { at, into, from: into };
     });
     return points.find(({ into }) => !point || dot(into, point.into) > 0.2) ?? points[0] ?? null;
+  }
+
+  /** Unit direction along the surface in contact that is nearest to a direction; 0 across the surface. */
+  along(direction: Vec3): Vec3 {
+    if (!this.point) return direction;
+    const along = sub(direction, scale(this.point.into, dot(direction, this.point.into)));
+    return length(along) < LEAST_ALONG ? [0, 0, 0] : normalize(along);
   }
 
   /** Path of the tip to a press. */

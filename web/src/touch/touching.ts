@@ -15,11 +15,15 @@ const WHEEL_FACTOR = 1.15;
 export const PRESS_N: [number, number] = [0.1, 3];
 
 type Position = [number, number];
+/** Properties of a pointer event that a press depends on. */
+type Pressing = Pick<PointerEvent, "pointerType" | "pressure">;
+/** Press by a key, which has no pressure of its own. */
+const KEY: Pressing = { pointerType: "", pressure: 0 };
 
 const strokes = new Part("stroke", () => import("./stroke.js"));
 
 export class Touching {
-  private stroke: Stroke | null = null;
+  stroke: Stroke | null = null; // stroke of the current press
   private hadSurface = true; // the latest movement was over a surface
 
   /**
@@ -55,7 +59,7 @@ export class Touching {
     return this.stroke !== null;
   }
 
-  press(event: PointerEvent, at: Position): void {
+  press(event: Pressing, at: Position): void {
     const { session, pointer } = this;
     const device = session.pose.peek()?.devices[0];
     if (!device) return;
@@ -84,14 +88,24 @@ export class Touching {
     if (!stroke) return;
     this.setPressure(event);
     const passed = event.getCoalescedEvents?.() ?? [];
-    for (const each of passed.length > 0 ? passed : [event]) {
-      this.cursor = [this.cursor[1], at(each)];
-      const [[x, y], [to_x, to_y]] = this.cursor;
-      this.pointer.follow(
-        stroke.follow((share) => this.pick(this.cursorAt(share), stroke), Math.hypot(to_x - x, to_y - y)),
-      );
-    }
+    for (const each of passed.length > 0 ? passed : [event]) this.moveCursor(stroke, at(each));
     this.report(false);
+  }
+  /**
+   * Moves the cursor of keys, which presses at its first position.
+   * @param at  canvas pixels
+   */
+  step(at: Position): void {
+    if (!this.stroke) return this.press(KEY, at);
+    this.moveCursor(this.stroke, at);
+    this.report(false);
+  }
+  private moveCursor(stroke: Stroke, to: Position): void {
+    const [x, y] = this.cursor[1];
+    this.cursor = [[x, y], to];
+    this.pointer.follow(
+      stroke.follow((share) => this.pick(this.cursorAt(share), stroke), Math.hypot(to[0] - x, to[1] - y)),
+    );
   }
   /** Changes the chosen force: more with the wheel towards the user. */
   wheel(deltaY: number): void {
@@ -117,7 +131,7 @@ export class Touching {
     return [x + share * (to_x - x), y + share * (to_y - y)];
   }
   /** A pen at half pressure presses with the chosen force. */
-  private setPressure({ pointerType, pressure }: PointerEvent): void {
+  private setPressure({ pointerType, pressure }: Pressing): void {
     this.pointer.pressure = pointerType === "pen" && pressure > 0 ? 2 * pressure : 1;
   }
   /** Reports that the tip is lifted, or why a press touches nothing. */

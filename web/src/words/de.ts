@@ -3,7 +3,8 @@
 import type { Words } from "./en.js";
 
 const IN_SECTION =
-  "Pfeiltasten: Schicht wechseln, beim Tasten die Spitze bewegen; Plus und Minus: Zoom; Pos1: zurücksetzen.";
+  "Pfeiltasten: Schicht wechseln, beim Tasten die Spitze bewegen, mit Umschalt über den Umriss; " +
+  "Plus und Minus: Zoom; Pos1: zurücksetzen.";
 
 export const de: Words = {
   // header
@@ -674,7 +675,7 @@ export const de: Words = {
     [
       "tasten, dann Rad oder `Bild ↑` `Bild ↓`",
       "Spitze tiefer hinein und zurück; auch ein zweiter Finger am Schieber; " +
-        "Pfeiltasten führen sie, solange Tasten gewählt ist",
+        "Pfeiltasten führen sie, solange Tasten gewählt ist, mit Umschalt über den Umriss",
     ],
     ["`1` bis `6`", "Anordnung wechseln"],
     [

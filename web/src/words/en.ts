@@ -1,7 +1,8 @@
 // Texts of the page in English. Other languages have the same type, so that a missing message does not compile.
 // Parameters of messages are texts. In messages of the help, `X` is a key.
 
-const IN_SECTION = "Arrow keys: change the slice, or move the tip while touching; plus and minus: zoom; Home: reset.";
+const IN_SECTION =
+  "Arrow keys: change the slice, or move the tip (Shift: along the outline); plus and minus: zoom; Home: reset.";
 
 export const en = {
   // header
@@ -668,7 +669,8 @@ export const en = {
     ["Alt and drag", "in the volume: rotate the palpated object; also Alt and arrow keys"],
     [
       "touch, then wheel or `Page ↑` `Page ↓`",
-      "move the tip deeper and back; also a second finger on the slider; arrow keys move it while Touch is selected",
+      "move the tip deeper and back; also a second finger on the slider; " +
+        "arrow keys move it while Touch is selected (Shift: along the outline)",
     ],
     ["`1` to `6`", "layout"],
     [
