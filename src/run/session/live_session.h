@@ -92,7 +92,8 @@ class LiveSession final : public LiveHost {
   void begin(ServoLoop& loop, const ExploreWatch& watch);
   /// Refuses requests from now on and ends the worker threads. Viewers still observe the loop and the watch.
   void close();
-  /// close(), and disconnects the loop and the watch, which may then be destroyed. No viewer may be connected.
+  /// close(), and disconnects the loop and the watch, which may then be destroyed. No viewer may be
+  /// connected.
   void end();
 
   // ---- interface for viewers

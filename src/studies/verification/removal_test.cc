@@ -62,7 +62,8 @@ TEST(ThinBone, CostsWhatIsLost) {
                              << *figure.limit;
 }
 
-// every simulated hand on every simulated device: what the world gives out is what an encoder step hides, at most
+// every simulated hand on every simulated device: what the world gives out is what an encoder step hides, at
+// most
 TEST(CuttingPlants, AVibratingBurrGivesNothingOut) {
   const auto wall = wall_for_burr();
   ASSERT_TRUE(wall.ok());
