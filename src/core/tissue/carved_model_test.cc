@@ -422,9 +422,9 @@ TEST(CarvedModel, WhatWasBeneathBelongsToWhomItsLabelsSay) {
 TEST(CarvedModel, TheAccountIsOfTheVoxelsThatSweepsWereTheFirstToCover) {
   Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
   const double mJ_per_mm3 = model.tissues[0].cutting_energy_mJ_per_mm3;
-  const std::vector<Cut> cuts{{0, {{-3, 0, 20}, {3, 0, 20}, 2, 0}},
-                              {1, {{-2, 0, 19}, {2, 0, 19}, 2, 0}},
-                              {0, {{0, -3, 19}, {0, 3, 19}, 2, 1}}};
+  const std::vector<Cut> cuts{{0, {{-3, 0, 17}, {3, 0, 17}, 2, 0}},
+                              {1, {{-2, 0, 16}, {2, 0, 16}, 2, 0}},
+                              {0, {{0, -3, 16}, {0, 3, 16}, 2, 1}}};
   const auto at_once = Carving(model).with(cuts);
   auto one_by_one = std::make_shared<const Carving>(model);
   for (const Cut& cut : cuts) one_by_one = one_by_one->with({&cut, 1});

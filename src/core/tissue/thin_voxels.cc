@@ -29,7 +29,7 @@ class InnermostSurfaces {
         surfaces_.push_back(surface.surface.get());
   }
 
-  // whether a ball of the given radius, or of half of the range of the distances, covers a point
+  // whether a ball covers a point; a smaller one where the range of the distances does not reach its centre
   bool has_ball_around(const Point<Patient>& at, double radius_mm) const {
     for (const Surface* const surface : surfaces_) {
       const SignedField& position = surface->position();
@@ -49,28 +49,34 @@ class InnermostSurfaces {
   std::vector<const Surface*> surfaces_;
 };
 
+// calls visit(i, j, k) for a voxel and its neighbours within the grid, while it returns true
+template <class Visit>
+void for_neighbours(const GridGeometry& grid, int i, int j, int k, const Visit& visit) {
+  for (int c = std::max(k - 1, 0); c <= std::min(k + 1, grid.dims[2] - 1); ++c)
+    for (int b = std::max(j - 1, 0); b <= std::min(j + 1, grid.dims[1] - 1); ++b)
+      for (int a = std::max(i - 1, 0); a <= std::min(i + 1, grid.dims[0] - 1); ++a)
+        if (!visit(a, b, c)) return;
+}
+
 // marks voxels without energy next to thin ones, unless they are next to thick ones too
 void mark_surroundings(const Bricks<LabelId>& labels, const CuttingEnergy& energy,
                        Volume<std::uint8_t>& thin) {
   const GridGeometry& grid = labels.geometry();
-  const auto is_thick = [&](int i, int j, int k) {
-    return energy.has_energy()[labels.at(i, j, k)] && thin.at(i, j, k) == kNoThinBone;
-  };
-  const auto any_around = [&](int i, int j, int k, const auto& holds) {
-    for (int c = std::max(k - 1, 0); c <= std::min(k + 1, grid.dims[2] - 1); ++c)
-      for (int b = std::max(j - 1, 0); b <= std::min(j + 1, grid.dims[1] - 1); ++b)
-        for (int a = std::max(i - 1, 0); a <= std::min(i + 1, grid.dims[0] - 1); ++a)
-          if (holds(a, b, c)) return true;
-    return false;
+  const auto has_energy = [&](int i, int j, int k) { return energy.has_energy()[labels.at(i, j, k)]; };
+  const auto mark = [&](int i, int j, int k) {
+    if (has_energy(i, j, k) || thin.at(i, j, k) == kBesideThinBone) return true;
+    bool beside_thick = false;
+    for_neighbours(grid, i, j, k, [&](int a, int b, int c) {
+      beside_thick = has_energy(a, b, c) && thin.at(a, b, c) == kNoThinBone;
+      return !beside_thick;
+    });
+    if (!beside_thick) thin.at(i, j, k) = kBesideThinBone;
+    return true;
   };
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0]; ++i) {
-        if (energy.has_energy()[labels.at(i, j, k)]) continue;
-        const auto is_thin = [&](int a, int b, int c) { return thin.at(a, b, c) == kThinBone; };
-        if (any_around(i, j, k, is_thin) && !any_around(i, j, k, is_thick))
-          thin.at(i, j, k) = kBesideThinBone;
-      }
+      for (int i = 0; i < grid.dims[0]; ++i)
+        if (thin.at(i, j, k) == kThinBone) for_neighbours(grid, i, j, k, mark);
 }
 
 }  // namespace

@@ -104,7 +104,7 @@ Result<std::shared_ptr<const Model>> thin_model(const ThinStructure& structure, 
 }
 
 struct Account {
-  double paid_mm3 = 0, lost_mm3 = 0;  ///< Volume by the motor's work, and of the voxels removed
+  double paid_mm3 = 0, lost_mm3 = 0;  ///< Volume by the motor's work and debt, and of the voxels removed
 };
 
 /// A hand of 100 g with a damping of 10 N s/m that presses with 2 N and is moved sideways.
@@ -139,7 +139,9 @@ class ThinBoneHand {
     state_.closed = true;
     carve();
     const auto volumes = removed_.by_label_mm3();
-    return {state_.removed_mm3, volumes.empty() ? 0 : volumes.begin()->second};
+    // a debt is paid before the next cut
+    const double paid_mm3 = state_.removed_mm3 + state_.owed_mJ / kEnergy_mJ_per_mm3;
+    return {paid_mm3, volumes.empty() ? 0 : volumes.begin()->second};
   }
 
  private:
@@ -185,6 +187,7 @@ Result<std::vector<Figure>> thin_bone_figures(const ThinBone& which, const Progr
           for (const double along_mm_s : {0.0, 5.0}) {
             if (progress.stopped()) return Progress::interrupted();
             if (!which.all && (rate_hz != 1000 || along_mm_s == 0)) continue;
+            if (rate_hz != 1000 && voxel_mm != 0.3) continue;
             const Account account = ThinBoneHand(*model, rate_hz, along_mm_s).run(which.cut_s);
             // nothing removed is a burr that rests on the structure without cutting it
             const double off = account.lost_mm3 > 0 ? account.paid_mm3 / account.lost_mm3 - 1 : 1;
