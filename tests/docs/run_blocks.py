@@ -48,6 +48,8 @@ PHANTOMS = "knee-phantom|shell-phantom|skull-phantom|gland-phantom|palpation-blo
 COARSE = "spacing=2"
 # a temple of 2 mm has to be thicker than a voxel's diagonal
 FINER = "spacing=1.15"
+# so has a plate of 1.2 mm
+FINEST = "spacing=0.65"
 # a busy machine compiles for some time
 MOST_S = 240
 # options of other programs that the manual names by themselves
@@ -63,6 +65,7 @@ for argument in "$@"; do
   if [[ $argument =~ ^({PHANTOMS})(:.*)?$ && $argument != *spacing=* && $all != *" --voxel "* && $all != " data fetch "* ]]; then
     coarse={COARSE}
     [[ $argument != skull-* ]] || coarse={FINER}
+    [[ $argument != temporal-* ]] || coarse={FINEST}
     argument=$argument$([[ $argument == *:* ]] && echo , || echo :)$coarse
   fi
   [[ $all != " data fetch "* ]] || argument=$(sed "s/spacing=[^,]*/{COARSE}/" <<<"$argument")
@@ -182,7 +185,7 @@ class Program:
 
 def masked(line):
     """A line of output without its figures, and without what made it quick."""
-    line = re.sub(rf"[:,_](?:{COARSE}|{FINER})\b", "", line)
+    line = re.sub(rf"[:,_](?:{COARSE}|{FINER}|{FINEST})\b", "", line)
     line = re.sub(r"\b[0-9a-f]{16}\b", "#", line)
     return " ".join(re.sub(r"-?\d+(?:[.,]\d+)*(?:e[+-]?\d+)?", "#", line).split())
 

@@ -61,7 +61,9 @@ TaskEvaluator::TaskEvaluator(TaskInScene task)
   removed_mm3_.resize(task_.plan->planned_mm3.size());
   for (std::size_t n = 0; n < task_.metrics.size(); ++n) {
     burr_meters_.emplace_back();
-    if (task_.distances[n]) burr_meters_[n].emplace(task_.distances[n], task_.file.metrics[n].within_mm);
+    const TaskMetric& metric = task_.file.metrics[n];
+    if (metric.metric == Metric::kBurrDistance || metric.metric == Metric::kForceNear)
+      burr_meters_[n].emplace(task_.distances[n], metric.within_mm);
   }
 }
 
