@@ -27,7 +27,7 @@ LIMIT_N = 2.0  # of the session; most trainees push harder
 
 
 class Scores(viewer_test.Viewer):
-    """A clumsy trainee does each task with the simulated hand; the recording is scored everywhere."""
+    """A clumsy trainee does each task with the simulated hand, and a bystander begins it and touches nothing; the recording is scored everywhere."""
 
     @classmethod
     def setUpClass(cls):
@@ -45,13 +45,16 @@ class Scores(viewer_test.Viewer):
         self.assertIn(done.returncode, codes, done.stderr)
         return done.stdout
 
+    def data_set_of(self, task):
+        data_set = self.palpate("task", "draw", task, "--seed", 1).strip()
+        if task.startswith("find-the-soft"):  # its place is too small for coarse voxels
+            return data_set
+        return data_set + ("," if ":" in data_set else ":") + "spacing=1.2"
+
     def recording_of(self, task):
         script, recording = self.folder / f"{task}.toml", self.folder / f"{task}.h5"
         script.write_text(trainees.script_text(task, "heavy", 1), encoding="utf-8")
-        data_set = self.palpate("task", "draw", task, "--seed", 1).strip()
-        if not task.startswith("find-the-soft"):  # its place is too small for coarse voxels
-            data_set += ("," if ":" in data_set else ":") + "spacing=1.2"
-        self.palpate("simulate", data_set, "--script", script, "-o", recording, "--max-force", LIMIT_N)
+        self.palpate("simulate", self.data_set_of(task), "--script", script, "-o", recording, "--max-force", LIMIT_N)
         return recording
 
     def shown_by_page(self, recording, task):
@@ -110,8 +113,36 @@ class Scores(viewer_test.Viewer):
                 self.assertAlmostEqual(shown / 100 if "%" in figure else shown, value, delta=0.006 * abs(value) + 0.001, msg=name)
 
 
+    def check_bystander(self, task):
+        """A run in the page during which nobody holds the tip."""
+        file, recording = self.folder / f"{task}-task.toml", self.folder / f"{task}-bystander.h5"
+        file.write_text(self.palpate("task", "show", task), encoding="utf-8")
+        self.server = viewer_test.Server("live")
+        self.server.command = lambda: [viewer_test.PROGRAM, "explore", self.data_set_of(task), "--device", "pointer", "--task", task, "-o", str(recording),
+                                       "--port", str(self.server.port)]
+        with self.server:
+            self.open_page()
+            self.page.wait("!document.getElementById('task-begin').disabled")
+            self.page.press("b")
+            self.page.wait(f"{TRAINING}.run?.phase === 'running' && {TRAINING}.run.time_s > 1")
+            self.page.press("b")
+            self.page.wait(f"{TRAINING}.view === 'debriefing'")
+            shown = self.page.run(f"return {TRAINING}.debriefing")
+            self.page.post("/url", {"url": "about:blank"})
+        ticks = shown["first_tick"], shown["last_tick"]
+        scored = json.loads(self.palpate("task", "score", recording, "--task", task, "--json", "--from-tick", ticks[0], "--to-tick", ticks[1]))["runs"][0]
+        stated = {metric["name"]: metric["value"] for metric in scored["metrics"]}
+        self.assertEqual([metric["value"] for metric in shown["metrics"]], list(stated.values()))
+        recomputed = second_scores.scores(recording, file, ticks)
+        self.assertEqual(second_scores.faults(recomputed, stated), [])
+        self.assertEqual({value for name, value in recomputed.items() if "force" in name} - {None, 0.0}, set(), "nothing was touched")
+
+
 def add_tests():
     for task in trainees.TASKS:
+        # next to a pointer, only a physical device can hold a scope
+        if task != "scope-and-probe":
+            setattr(Scores, "test_bystander_" + task.replace("-", "_"), lambda self, task=task: self.check_bystander(task))
         setattr(Scores, "test_" + task.replace("-", "_"), lambda self, task=task: self.check(task))
 
 

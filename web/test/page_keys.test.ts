@@ -6,7 +6,7 @@ import { openPage, testsOf } from "./page.js";
 
 const page = await openPage(["--scan", "sphere", "--input", "pointer"]);
 const KIND = "oblique";
-const RADIUS_MM = 10; // of the mock's sphere
+const RADIUS_MM = 10; // radius of the mock's sphere
 const section = page.byId(`picture-${KIND}`).querySelector<HTMLElement>(".stack")!;
 const middle = page.middleOf(0);
 const plane = () => page.viewer.plane(KIND) as { right: Vec3; down: Vec3; normal: Vec3 };

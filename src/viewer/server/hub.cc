@@ -21,7 +21,7 @@ constexpr auto kNavigationPeriod = std::chrono::milliseconds(100);
 // the force display guides the user to hold a force within a band
 constexpr auto kTrainingPeriod = std::chrono::milliseconds(50);
 constexpr auto kShutdownTimeout = std::chrono::milliseconds(200);
-// with viewers that still receive answers and results, over a slow network, too
+// for viewers that still receive answers and results, over a slow network, too
 constexpr auto kDeliveryTimeout = std::chrono::seconds(1);
 constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMaxPoses_hz));
@@ -86,15 +86,23 @@ void Hub::begin() {
 void Hub::end() {
   ended_ = true;
   pose_timer_->cancel();
-  // viewers that have not closed by then are dropped
-  const Clock::duration timeout = welcomed_ > 0 ? kDeliveryTimeout : kShutdownTimeout;
-  housekeeping_timer_->wait_until(Clock::now() + timeout, [this] { loop_.stop(); });
+  stop_later(Clock::now() + kDeliveryTimeout);
   for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->close();
   // the state in which the session ended, and the results of a run that ended with it
   publish_state();
   publish_training(Clock::now());
   for (const auto& viewer : std::vector(viewers_.begin(), viewers_.end())) viewer->finish(kGoingAway);
   if (viewers_.empty()) loop_.stop();
+}
+
+// drops viewers that have not closed soon after their last message, or not received it by `latest`
+void Hub::stop_later(Clock::time_point latest) {
+  housekeeping_timer_->wait_until(Clock::now() + kShutdownTimeout, [this, latest] {
+    const bool all_sent =
+        std::ranges::all_of(viewers_, [](const auto& viewer) { return viewer->is_ending(); });
+    if (all_sent || Clock::now() >= latest) return loop_.stop();
+    stop_later(latest);
+  });
 }
 
 // ---- connections

@@ -149,6 +149,7 @@ class Hub {
   void publish_deformation(Clock::time_point now);
   void publish_plan();
   void publish_navigation(Clock::time_point now);
+  void stop_later(Clock::time_point latest);
   void schedule_housekeeping();
   void run_housekeeping();
 
