@@ -137,15 +137,13 @@ void render_burr(const TickContext& tick, const DeviceContext& context, const Bu
     out.cutting_N = burr.pressed_N;
     out.cutting_energy_mJ_per_mm3 = burr.energy_mJ_per_mm3;
   }
-  const Burr head{context.tool.radius_mm,
-                  settings.revolutions_per_s,
-                  context.in_patient(tick, settings.spindle),
-                  settings.grip,
-                  0,
-                  {},
-                  0,
-                  settings.length_mm,
-                  settings.end_radius_mm};
+  const Burr head{.radius_mm = context.tool.radius_mm,
+                  .revolutions_per_s = settings.revolutions_per_s,
+                  .axis = context.in_patient(tick, settings.spindle),
+                  .grip = settings.grip,
+                  .max_press_N = 0,
+                  .length_mm = settings.length_mm,
+                  .end_radius_mm = settings.end_radius_mm};
   state.break_through_s = std::max(0.0, state.break_through_s - dt_s);
   if (conditions.runs && breaks_through(tick.model.surfaces, head.head(0), conditions.before, session))
     state.break_through_s = kRendering.break_through_s;

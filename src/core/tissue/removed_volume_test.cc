@@ -130,12 +130,12 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
   for (const auto& [label, mm3] : expected) EXPECT_NEAR(volumes.at(label), mm3, 1e-6 * mm3);
   // the samples of a voxel are those of the iteration, and none outside the volume
   std::size_t swept = 0;
-  removed.for_each_swept([&](int i, int j, int k, LabelId, std::uint64_t samples) {
-    EXPECT_EQ(removed.swept_samples(i, j, k), samples);
+  once.for_each_swept([&](int i, int j, int k, LabelId, std::uint64_t samples) {
+    EXPECT_EQ(once.swept_samples(i, j, k), samples);
     ++swept;
   });
   EXPECT_GT(swept, 0u);
-  for (const int beyond : {-1, 1000}) EXPECT_EQ(removed.swept_samples(beyond, 2, 2), 0u);
+  for (const int beyond : {-1, 1000}) EXPECT_EQ(once.swept_samples(beyond, 2, 2), 0u);
 }
 
 TEST(RemovedVolume, WhatIsUndoneCountsNoMore) {
