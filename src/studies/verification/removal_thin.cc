@@ -20,7 +20,7 @@ namespace palpate {
 namespace {
 
 constexpr LabelId kThinBone = 1;
-constexpr double kHalf_mm = 5, kDepth_mm = 4, kEnergy_mJ_per_mm3 = 100;
+constexpr double kSampleHalf_mm = 5, kSampleDepth_mm = 4, kSampleEnergy_mJ_per_mm3 = 100;
 
 /// Whether a point of a structure, in its own axes, is bone.
 using IsBone = std::function<bool(const Eigen::Vector3d&)>;
@@ -69,8 +69,8 @@ std::vector<ThinStructure> thin_structures() {
 Result<std::shared_ptr<const Model>> thin_model(const ThinStructure& structure, double voxel_mm,
                                                 double turned_rad, const Progress& progress) {
   GridGeometry grid;
-  const int half = static_cast<int>(std::ceil((kHalf_mm + 1) / voxel_mm));
-  const int below = static_cast<int>(std::ceil(kDepth_mm / voxel_mm)) + 3;
+  const int half = static_cast<int>(std::ceil((kSampleHalf_mm + 1) / voxel_mm));
+  const int below = static_cast<int>(std::ceil(kSampleDepth_mm / voxel_mm)) + 3;
   grid.dims = {2 * half, 2 * half, below + 4};
   grid.spacing_mm = Eigen::Vector3d::Constant(voxel_mm);
   grid.origin = Point<Patient>((0.5 - half) * voxel_mm, (0.5 - half) * voxel_mm, (0.5 - below) * voxel_mm);
@@ -82,8 +82,8 @@ Result<std::shared_ptr<const Model>> thin_model(const ThinStructure& structure, 
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
         const Eigen::Vector3d p = (X_PatientVoxel * Point<Voxel>(i, j, k)).eigen();
-        if (std::abs(p.x()) < kHalf_mm && std::abs(p.y()) < kHalf_mm && p.z() < 0 && p.z() > -kDepth_mm &&
-            structure.is_bone(axes * p))
+        if (std::abs(p.x()) < kSampleHalf_mm && std::abs(p.y()) < kSampleHalf_mm && p.z() < 0 &&
+            p.z() > -kSampleDepth_mm && structure.is_bone(axes * p))
           labels.at(i, j, k) = kThinBone;
       }
   ModelParts parts;
@@ -92,7 +92,7 @@ Result<std::shared_ptr<const Model>> thin_model(const ThinStructure& structure, 
   Tissue bone;
   bone.name = "bone";
   bone.stiffness_N_per_mm = 2;
-  bone.cutting_energy_mJ_per_mm3 = kEnergy_mJ_per_mm3;
+  bone.cutting_energy_mJ_per_mm3 = kSampleEnergy_mJ_per_mm3;
   parts.tissues = {bone};
   parts.tissue_of_label = {-1, 0};
   parts.tools[0].radius_mm = 2;
@@ -140,7 +140,7 @@ class ThinBoneHand {
     carve();
     const auto volumes = removed_.by_label_mm3();
     // a debt is paid before the next cut
-    const double paid_mm3 = state_.removed_mm3 + state_.owed_mJ / kEnergy_mJ_per_mm3;
+    const double paid_mm3 = state_.removed_mm3 + state_.owed_mJ / kSampleEnergy_mJ_per_mm3;
     return {paid_mm3, volumes.empty() ? 0 : volumes.begin()->second};
   }
 
