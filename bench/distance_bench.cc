@@ -52,7 +52,7 @@ void measure(const char* what, const Distances& distances, const std::vector<Poi
     all_ns += static_cast<double>(ticks.back());
     sum_mm += reported[0].distance_mm;
     for (std::size_t s = 0; s < distances.structures().size(); ++s)
-      near += distances.at_least_mm(s, box_of_tool(point, position)) <= kReach_mm;
+      near += distances.lower_bound_mm(s, box_of_tool(point, position)) <= kReach_mm;
   }
   std::size_t bytes = 0, pieces = 0;
   for (const TrackedStructure& structure : distances.structures()) {

@@ -152,7 +152,7 @@ Result<nlohmann::json> run(const Options& options) {
     const double MB = bytes_of(surface) / 1e6;
     std::printf("%-28s %9.1f %9.1f %12.2f %14.2f %14.2f %14.2f\n", segments[n].name.c_str(),
                 static_cast<double>(surface.workings.distance.geometry().voxel_count()) / 1e6, MB,
-                surface.surface.steepest(), median(patch_ms), median(again_ms), median(labels_ms));
+                surface.surface.max_gradient(), median(patch_ms), median(again_ms), median(labels_ms));
     report["dirty_ms"][segments[n].name] = {
         {"patch", median(patch_ms)}, {"version", median(again_ms)}, {"labels", median(labels_ms)}};
     report["MB"][segments[n].name] = MB;

@@ -16,7 +16,7 @@
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/elastic_contact.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 namespace palpate::bench {
 namespace {
@@ -271,9 +271,9 @@ nlohmann::json corners(int rounds) {
   constexpr int kTicks = 4000;
   const auto layers = corner(TissueLaw::kLayers), elastic = corner(TissueLaw::kElastic);
   PALPATE_CHECK(layers.ok() && elastic.ok());
-  CornerTip spring(**layers), yielding(**elastic);
-  const auto times = medians_s({[&] { spring.run(kTicks); }, [&] { yielding.run(kTicks); }}, rounds);
-  const double points = static_cast<double>(yielding.points()) / kTicks;
+  CornerTip spring(**layers), deformable(**elastic);
+  const auto times = medians_s({[&] { spring.run(kTicks); }, [&] { deformable.run(kTicks); }}, rounds);
+  const double points = static_cast<double>(deformable.points()) / kTicks;
   std::printf("a tick of four spheres %8.2f us   with springs %.2f us   in a corner, in %.1f places\n",
               1e6 * times[1] / kTicks, 1e6 * times[0] / kTicks, points);
   return {
@@ -282,26 +282,26 @@ nlohmann::json corners(int rounds) {
 
 nlohmann::json ticks(int rounds) {
   constexpr int kTicks = 20'000;
-  const auto spring = plane(TissueLaw::kLayers), yielding = plane(TissueLaw::kElastic);
-  PALPATE_CHECK(spring.ok() && yielding.ok());
+  const auto spring = plane(TissueLaw::kLayers), deformable = plane(TissueLaw::kElastic);
+  PALPATE_CHECK(spring.ok() && deformable.ok());
   ComplianceFrame frame;
   frame.number = 1;
   frame.spot[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
   ComplianceFrame finite = frame;
   finite.spot[0].reference_force_N = 0.15;
   finite.spot[0].stiffening_mm_per_N2 = 2;
-  finite.spot[0].stiffening_slope = Vector<Patient>(1, 0, 0);
+  finite.spot[0].stiffening_gradient = Vector<Patient>(1, 0, 0);
   const ToolSphere sphere{{}, 3};
   // four lying shafts with six contacts each
   std::vector<ToolSphere> shafts;
   for (int n = 0; n < 4; ++n) shafts.push_back({{0, 2.5 * n, 0}, 1, {5, 0, 0}});
-  const auto slide = [&](const Model& model, const ComplianceFrame* yields,
+  const auto slide = [&](const Model& model, const ComplianceFrame* compliance,
                          std::span<const ToolSphere> tool) {
     ProxyState state;
     for (int n = 0; n < kTicks; ++n) {
       const double down = std::max(0.0, 4 - 0.01 * n);
       const Point<Patient> tip(6 * std::sin(1e-3 * n), 6 * std::cos(1e-3 * n), tool[0].radius_mm - 2 + down);
-      advance_proxy(model.surfaces, tool, tip, state, {.compliance = yields});
+      advance_proxy(model.surfaces, tool, tip, state, {.compliance = compliance});
     }
   };
   const auto times =
@@ -309,12 +309,12 @@ nlohmann::json ticks(int rounds) {
                    slide(**spring, nullptr, {&sphere, 1});
                  },
                  [&] {
-                   slide(**yielding, &frame, {&sphere, 1});
+                   slide(**deformable, &frame, {&sphere, 1});
                  },
                  [&] {
-                   slide(**yielding, &finite, {&sphere, 1});
+                   slide(**deformable, &finite, {&sphere, 1});
                  },
-                 [&] { slide(**spring, nullptr, shafts); }, [&] { slide(**yielding, &frame, shafts); }},
+                 [&] { slide(**spring, nullptr, shafts); }, [&] { slide(**deformable, &frame, shafts); }},
                 rounds);
   std::printf("a sphere's contact     %8.1f ns   with a spring %.1f ns   %+.1f ns\n", 1e9 * times[1] / kTicks,
               1e9 * times[0] / kTicks, 1e9 * (times[1] - times[0]) / kTicks);

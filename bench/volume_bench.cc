@@ -276,7 +276,7 @@ nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& option
     for (int j = 0; j < kSide; ++j)
       for (int i = 0; i < kSide; ++i) cut.at(box.first[0] + i, box.first[1] + j, box.first[2] + k) = 0;
   const auto whole_bricks = label_bricks(labels), cut_bricks = label_bricks(cut);
-  std::vector<double> all_ms, first_ms, box_ms, share;
+  std::vector<double> all_ms, first_ms, box_ms, fraction;
   for (int n = 0; n < options.boxes; ++n) {
     const auto begin = std::chrono::steady_clock::now();
     auto renderer = VolumeRenderer::make(*whole_bricks, appearances, options.threads);
@@ -292,15 +292,15 @@ nlohmann::json change_boxes(const Volume<LabelId>& labels, const Options& option
     }
     first_ms.push_back(changes_ms.front());
     box_ms.push_back(median({changes_ms.begin() + 1, changes_ms.end()}));
-    share.push_back(all_ms.back() / box_ms.back());
+    fraction.push_back(all_ms.back() / box_ms.back());
   }
   std::printf(
       "\nprepared whole %.1f ms, a box of %d^3 %.2f ms, 1/%.1f; the first one %.2f ms (medians of %d)\n",
-      median(all_ms), kSide, median(box_ms), median(share), median(first_ms), options.boxes);
+      median(all_ms), kSide, median(box_ms), median(fraction), median(first_ms), options.boxes);
   return {{"whole_ms", median(all_ms)},
           {"box_ms", median(box_ms)},
           {"first_box_ms", median(first_ms)},
-          {"ratio", median(share)}};
+          {"ratio", median(fraction)}};
 }
 
 // ---- run --------------------------------------------------------------------------------------------------

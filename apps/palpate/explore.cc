@@ -415,11 +415,11 @@ void print_tip_error(const ViewedNavigation& navigation) {
 
 // limits the number of warnings, because a repeating script causes the same trouble in each repetition
 void warn_of_problems(std::vector<std::string> problems, const std::string& declared, Console& console) {
-  constexpr std::size_t kMost = 10;
+  constexpr std::size_t kMaxWarnings = 10;
   std::erase_if(problems, [&](const std::string& one) { return declared.find(one) != std::string::npos; });
-  for (std::size_t i = 0; i < std::min(kMost, problems.size()); ++i) console.warn()(problems[i]);
-  if (problems.size() > kMost)
-    console.warn()("and " + std::to_string(problems.size() - kMost) + " more like these");
+  for (std::size_t i = 0; i < std::min(kMaxWarnings, problems.size()); ++i) console.warn()(problems[i]);
+  if (problems.size() > kMaxWarnings)
+    console.warn()("and " + std::to_string(problems.size() - kMaxWarnings) + " more like these");
 }
 
 // "knee-phantom" of "knee-phantom:side=right"
@@ -452,7 +452,7 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
   }
   training.learner = options.learner;
   if (!options.stores_runs) return training;
-  training.over = [file = options.records](const TaskFile& task, const TaskRun& run) {
+  training.store_run = [file = options.records](const TaskFile& task, const TaskRun& run) {
     auto stored = add_run_with_history(file, run.learner, task, {{}, *run.header, run.score, run.run_hash});
     if (stored) return *std::move(stored);
     RunHistory none;

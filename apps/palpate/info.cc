@@ -14,7 +14,7 @@
 #include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/surfaces.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "palpate/volume_io/identifiers.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation.h"
@@ -137,10 +137,11 @@ std::string ranges(const std::vector<int>& numbers) {
 
 // "a, b, c", cut where it would fill the screen
 std::string joined(const std::vector<std::string>& texts) {
-  constexpr std::size_t kMost = 24;
+  constexpr std::size_t kMaxListed = 24;
   std::string text;
-  for (std::size_t n = 0; n < std::min(texts.size(), kMost); ++n) text += (n == 0 ? "" : ", ") + texts[n];
-  if (texts.size() > kMost) text += " and " + std::to_string(texts.size() - kMost) + " more";
+  for (std::size_t n = 0; n < std::min(texts.size(), kMaxListed); ++n)
+    text += (n == 0 ? "" : ", ") + texts[n];
+  if (texts.size() > kMaxListed) text += " and " + std::to_string(texts.size() - kMaxListed) + " more";
   return text;
 }
 

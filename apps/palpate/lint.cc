@@ -15,7 +15,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/rendering/rendering.h"

@@ -25,7 +25,7 @@ constexpr auto kPollInterval = std::chrono::milliseconds(30);
 constexpr std::size_t kMaxWaiting = 4096;
 // minimum rotation between successive poses of a pivot calibration
 constexpr double kAnotherPose_rad = 1 * std::numbers::pi / 180;
-constexpr std::size_t kEnoughPoses = 200, kFewestPoses = 6;
+constexpr std::size_t kEnoughPoses = 200, kMinPoses = 6;
 constexpr double kEnoughTurn_deg = 15;
 // minimum distance between traced points, and their number
 constexpr double kTraceStep_mm = 1;
@@ -106,7 +106,7 @@ Result<std::vector<ToolMarkers>> collect_pivot(const TrackerSettings& settings, 
     std::this_thread::sleep_for(kPollInterval);
   }
   console.live("");
-  if (poses.size() < kFewestPoses) return Progress::interrupted();
+  if (poses.size() < kMinPoses) return Progress::interrupted();
   return poses;
 }
 

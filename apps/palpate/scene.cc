@@ -197,7 +197,7 @@ void note_without_preset(const Scene& scene, Console& console) {
 
 /// Warns if the law deforms tissue but no tissue is deformable.
 void warn_if_nothing_deforms(const Scene& scene, Console& console) {
-  if (scene.yielding.law == TissueLaw::kLayers) return;
+  if (scene.deformation.law == TissueLaw::kLayers) return;
   if (std::none_of(scene.tissues.begin(), scene.tissues.end(),
                    [](const TissueSettings& tissue) { return tissue.touchable && tissue.elastic; }))
     console.warn()(
@@ -207,7 +207,7 @@ void warn_if_nothing_deforms(const Scene& scene, Console& console) {
 /// Warns of a stiffness that has no effect: deformable tissue is rendered from its modulus, and the
 /// stiffness given with its preset is used by the other laws only.
 void warn_of_ignored_stiffness(const Scene& scene, Console& console) {
-  if (!is_elastic(scene.yielding.law)) return;
+  if (!is_elastic(scene.deformation.law)) return;
   for (const TissueSettings& tissue : scene.tissues) {
     if (!tissue.touchable || !tissue.elastic) continue;
     const TissuePreset* preset = find_preset(tissue.preset);
@@ -408,8 +408,8 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
   std::size_t width = 6;
   for (const TissueSettings& tissue : scene.tissues) width = std::max(width, columns_of(tissue.name));
   const double factor = RenderedStiffness(scene.workspace).at_device(1);
-  const bool elastic = is_elastic(scene.yielding.law);
-  const bool stiffens = scene.yielding.law == TissueLaw::kExponential;
+  const bool elastic = is_elastic(scene.deformation.law);
+  const bool stiffens = scene.deformation.law == TissueLaw::kExponential;
   std::printf("\n%s  felt  N/mm   %s%sat most N  friction  structures  rests on\n",
               fitted("tissue", width).c_str(),
               stiffens  ? "E kPa  nu    stiffening  "
@@ -464,17 +464,17 @@ void print_preparation(const PreparationSettings& preparation, double width_mm) 
                 preparation.engine == GaussianEngine::kFourier ? "fourier" : "direct", bits);
 }
 
-void print_deformation(const DeformationSettings& yielding) {
-  if (yielding.law == TissueLaw::kLayers) return;
-  std::printf("tissue     %s", std::string(name_of(yielding.law, kTissueLaws)).c_str());
-  if (yielding.cell_mm) std::printf(", cells of %g mm", *yielding.cell_mm);
-  if (yielding.relaxation) std::printf(", presets relax");
+void print_deformation(const DeformationSettings& deformation) {
+  if (deformation.law == TissueLaw::kLayers) return;
+  std::printf("tissue     %s", std::string(name_of(deformation.law, kTissueLaws)).c_str());
+  if (deformation.cell_mm) std::printf(", cells of %g mm", *deformation.cell_mm);
+  if (deformation.relaxation) std::printf(", presets relax");
   std::printf("\n");
 }
 
 /// Prints the relaxation of each relaxing tissue: "muscle: 30 % in 0.5 s, 20 % in 5 s".
 void print_relaxations(const Scene& scene) {
-  if (!is_elastic(scene.yielding.law)) return;
+  if (!is_elastic(scene.deformation.law)) return;
   const char* title = "relaxes";
   for (const TissueSettings& tissue : scene.tissues) {
     if (!tissue.touchable || !tissue.elastic || !tissue.relaxation.relaxes()) continue;
@@ -603,7 +603,7 @@ int run_check(const std::string& file, Console& console) {
   std::printf("side       %s\n", side_text(*scene, *data).c_str());
   print_preparation(scene->preparation, *width_mm);
   std::printf("force      %s\n", std::string(name_of(scene->force.method)).c_str());
-  print_deformation(scene->yielding);
+  print_deformation(scene->deformation);
   print_relaxations(*scene);
   print_tool("tool", scene->tools[0]);
   if (scene->tools.size() > 1) print_tool("2nd tool", scene->tools[1]);

@@ -75,7 +75,7 @@ void add_serving_options(CLI::App& verb, ServingOptions& options) {
 
 void ViewerFaultQueue::enqueue(const std::string& line) {
   const std::lock_guard lock(mutex_);
-  if (lines_.size() < kMost) lines_.push_back(line);
+  if (lines_.size() < kMaxLines) lines_.push_back(line);
 }
 
 void ViewerFaultQueue::show_next(Console& console) {

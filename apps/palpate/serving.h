@@ -37,7 +37,7 @@ class ViewerFaultQueue {
   void show_next(Console& console);
 
  private:
-  static constexpr std::size_t kMost = 100;
+  static constexpr std::size_t kMaxLines = 100;
   std::mutex mutex_;
   std::deque<std::string> lines_;
 };

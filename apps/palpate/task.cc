@@ -21,7 +21,7 @@ struct TaskOptions {
   std::string task, learner;
   std::filesystem::path records;
   bool json = false;
-  double share = 0.9;
+  double fraction = 0.9;
   std::uint64_t seed = 1;
   TickRange ticks;
 };
@@ -119,7 +119,7 @@ int calibrate(const TaskOptions& options, Console& console) {
     const TaskMetric& metric = scorer.task().metrics[n];
     const MetricInfo& info = info_of(metric.metric);
     CalibrationOptions how;
-    how.share = options.share;
+    how.fraction = options.fraction;
     how.seed = options.seed;
     const auto found = cut_off((*experts)[n], (*novices)[n], info.more_is_better, how);
     Json row{{"name", metric_name(metric)}, {"unit", info.unit}};
@@ -280,7 +280,7 @@ void add_task(CLI::App& app, Run& run) {
   calibration->add_option("--novices", options->novices,
                           "Recordings of novices: cut-offs by contrasting groups");
   calibration
-      ->add_option("--share", options->share,
+      ->add_option("--share", options->fraction,
                    "Share of experts' runs that pass, without novices; default: 0.9")
       ->check(number_between(0.5, 0.99));
   calibration->add_flag("--json", options->json, "Print JSON instead of text");

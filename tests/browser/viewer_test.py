@@ -2886,7 +2886,7 @@ class WithSphere(Viewer):
         self.page.run("document.getElementById('outlines').click(); document.getElementById('follow').click()")
         rest, volume_at_rest = seen(), volume()
         self.server.get("mock/yield?at=1,0,2&mm=-0.5,1.5,2&wide=5&device=0")
-        self.page.wait("palpateViewer.yields")
+        self.page.wait("palpateViewer.isDeformed")
         now = seen()
         came = now[:, :3] + back(now[:, :3])
         radius = numpy.linalg.norm(came - (0.1, -0.05, 0.15), axis=1)
@@ -2922,7 +2922,7 @@ class WithSphere(Viewer):
         self.assertEqual(abs(seen() - coloured).max(), 0)
         # and so does the tissue
         self.server.get("mock/yield")
-        self.page.wait("!palpateViewer.yields")
+        self.page.wait("!palpateViewer.isDeformed")
         self.assertEqual(abs(seen() - rest).max(), 0)
         self.assertEqual(volume(), volume_at_rest)
 

@@ -11,7 +11,7 @@
 #include "contact_body.h"
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "soft_and_bone.h"
 
 /// Free air through the whole tick, with tissue solved on the virtual clock as in a session: a press to 8 N,
@@ -57,8 +57,8 @@ class DrivenSession {
 
   void move(const Vector<Patient>& step) {
     tip_ += step;
-    if (yields_.advance(*model_, state_.tick > 0 ? &record_ : nullptr))
-      parameters_.compliance = yields_.frame();
+    if (virtual_solver_.advance(*model_, state_.tick > 0 ? &record_ : nullptr))
+      parameters_.compliance = virtual_solver_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * tip_;
     tick(*model_, parameters_, {&device, 1}, 1 / kRate_hz, state_, {&sent_, 1}, record_);
@@ -77,7 +77,7 @@ class DrivenSession {
   SessionState state_;
   TickRecord record_;
   Wrench sent_;
-  VirtualClockSoftTissueSolver yields_{kRate_hz};
+  VirtualClockSoftTissueSolver virtual_solver_{kRate_hz};
   Point<Patient> tip_;
 };
 

@@ -32,7 +32,7 @@ constexpr bool kMenisciAlone = false;
 #endif
 constexpr int kKnees = 2, kStructures = kMenisciAlone ? 2 : 7;  // per knee: menisci; cartilages and patella
 constexpr double kMax_N = 8.5;
-constexpr double kFastest_mm = 0.5;  // a tick of 1 ms: half a metre a second
+constexpr double kMaxStep_mm = 0.5;  // a tick of 1 ms: half a metre a second
 constexpr double kWidest_mm = 3;     // the tool's radius
 constexpr double kEvery_mm = 0.01;
 // every tenth press beyond those is with a shaft, which is felt as a row of spheres
@@ -185,7 +185,7 @@ class Press {
     tip_ = first_touch(target, inward) - inward * chance.between(0.5, 2);
     follow();
     max_mm_ = chance.between(0.5, kMax_N) / touchable_.stiffness_N_per_mm;
-    const double speed_mm = chance.between(0.1, kFastest_mm);
+    const double speed_mm = chance.between(0.1, kMaxStep_mm);
     const Vector<Patient> lateral = inward.cross(chance.direction()).normalized();
     const Vector<Patient> push = (inward + lateral * chance.between(0, 0.6)).normalized() * speed_mm;
     double path_mm = 0;
@@ -209,7 +209,7 @@ class Press {
     const double far_mm = 150;
     double to_go_mm = far_mm, clearance_mm = 0;
     while ((clearance_mm = below_or_above(target - inward * to_go_mm)) > 0.01)
-      to_go_mm -= std::max(0.01, clearance_mm / touchable_.surface->steepest());
+      to_go_mm -= std::max(0.01, clearance_mm / touchable_.surface->max_gradient());
     return target - inward * to_go_mm;
   }
 
@@ -230,7 +230,7 @@ class Press {
     Vector<Patient> pressed = tip_ + displacement - state_.position;
     if (pressed.norm() > max_mm_) pressed = pressed * (max_mm_ / pressed.norm());
     Vector<Patient> step = state_.position + pressed - tip_;
-    if (step.norm() > kFastest_mm) step = step * (kFastest_mm / step.norm());
+    if (step.norm() > kMaxStep_mm) step = step * (kMaxStep_mm / step.norm());
     tip_ += step;
     follow();
   }

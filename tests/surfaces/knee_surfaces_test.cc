@@ -152,7 +152,7 @@ void expect_thin_tissue_survives(const std::string& name) {
         "%-26s %7zu voxels, %zu outside, %d components of %d, %zu strays; normal to gradient %4.1f median "
         "%4.1f p90 %4.1f p99 deg, %.4f %% beyond 90; steepest %.2f\n",
         tissue.c_str(), stored.voxels, stored.outside, components, labelled, s.strays.size(), percentile(0.5),
-        percentile(0.9), percentile(0.99), 100 * astray, s.surface.steepest());
+        percentile(0.9), percentile(0.99), 100 * astray, s.surface.max_gradient());
   }
 }
 

@@ -55,7 +55,7 @@ import { versionError } from "./words/errors.js";
 import { words } from "./words/words.js";
 
 /** Angle below which a rotation is ignored. */
-const LEAST_TURN_DEG = 0.05;
+const MIN_TURN_DEG = 0.05;
 const SECTIONS: PlaneKind[] = ["oblique", "axial", "sagittal", "coronal"];
 /** Layouts that the keys 1 to 6 choose. */
 const LAYOUT_KEYS: Layout[] = ["two", "five", "volume", "section", "inside", "scope"];
@@ -167,7 +167,7 @@ export class Page {
     // releases the pointer, because browsers may keep a page and its connection alive after navigation
     addEventListener("pagehide", () => connection.end());
     // timers of a hidden page do not run often enough to hold the tip
-    document.addEventListener("visibilitychange", () => document.hidden && pointer.withdraw());
+    document.addEventListener("visibilitychange", () => document.hidden && pointer.releaseByPause());
     addEventListener("pageshow", ({ persisted }) => {
       if (persisted) loading.reload();
     });
@@ -300,7 +300,7 @@ export class Page {
   /** Requests a rotation of the object, if this viewer may. */
   private turn(rotation: Quaternion): void {
     const now = this.session.pose.value?.rotation;
-    const isOther = now && angleOf_deg(multiply(rotation, conjugate(now))) > LEAST_TURN_DEG;
+    const isOther = now && angleOf_deg(multiply(rotation, conjugate(now))) > MIN_TURN_DEG;
     if (isOther && this.connection.allows("hand")) void this.requests.once({ type: "set", rotation_wxyz: rotation });
   }
   /** Moves the planes to a measure. */

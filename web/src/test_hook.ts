@@ -1,7 +1,7 @@
 // window.palpateViewer: access to the page for tests, in browsers under test only (navigator.webdriver). It changes
 // pictures, never the server's session, and no part of the page uses it.
 
-import type { Nodes } from "./protocol/yields.js";
+import type { Nodes } from "./protocol/deformation_message.js";
 import { dot, normalOf, type Vec3 } from "./base/geometry.js";
 import type { Page } from "./page.js";
 import type { ScopeFrame } from "./volume/scope.js";
@@ -73,8 +73,8 @@ export function openToTests(page: Page): void {
     displace: (nodes: Nodes | null) => voxels.displace(nodes),
     displaceBox: (lo: Vec3, size: Vec3, mm: number[]) => voxels.updateDisplacement(lo, size, mm),
     /** Whether tissue is deformed. */
-    get yields() {
-      return session.yields.value;
+    get isDeformed() {
+      return session.isDeformed.value;
     },
     /** Minimum frame interval without a graphics card. */
     set leastFrame_ms(ms: number) {

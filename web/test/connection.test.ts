@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { Connection, type Link } from "../src/protocol/connection.js";
-import type { DeformationMessage } from "../src/protocol/yields.js";
+import type { DeformationMessage } from "../src/protocol/deformation_message.js";
 import { Gone, isMemoryShort, Lasting, NoMemory, errorOf } from "../src/words/errors.js";
 
 /** Connection with simulated sockets and timers, and its messages. */
@@ -39,7 +39,7 @@ function connection() {
     window: { setTimeout: (f: () => void, ms: number) => timers.push({ f, ms }) },
   });
   const links: Link[] = [];
-  const yields: DeformationMessage[] = [];
+  const deformations: DeformationMessage[] = [];
   const tasks: number[] = [],
     nears: number[] = [],
     tracks: number[] = [];
@@ -52,7 +52,7 @@ function connection() {
       onToken() {},
       onAsked() {},
       onCut() {},
-      onDeformation: (one) => yields.push(one),
+      onDeformation: (one) => deformations.push(one),
       onNear: (near) => nears.push(near[0]!.noGo),
       onPlan: (plan) => tasks.push(100 + plan.version),
       onTracked: (tracked) => tracks.push(tracked.fre_mm),
@@ -65,7 +65,7 @@ function connection() {
     null,
   );
   made.open();
-  return { made, sockets, timers, sent, links, received, yields, tasks, nears, tracks, isAnswered };
+  return { made, sockets, timers, sent, links, received, deformations, tasks, nears, tracks, isAnswered };
 }
 const WELCOME = {
   data: JSON.stringify({ type: "welcome", role: "control", learner: null, may: ["look", "stop", "hand"], protocol: 3 }),
@@ -234,7 +234,7 @@ test("HTTP errors are permanent or temporary", () => {
 });
 
 test("deformation messages are decoded, and an invalid one ends the connection like an invalid pose", () => {
-  const { sockets, yields, received, links } = connection();
+  const { sockets, deformations, received, links } = connection();
   sockets[0]!.onmessage(WELCOME);
   const view = new DataView(new ArrayBuffer(96));
   "PLPY".split("").forEach((letter, i) => view.setUint8(i, letter.charCodeAt(0)));
@@ -242,14 +242,14 @@ test("deformation messages are decoded, and an invalid one ends the connection l
   view.setUint32(8, 96, true);
   sockets[0]!.onmessage({ data: view.buffer });
   assert.deepEqual(
-    yields.map(({ device, nodes }) => [device, nodes]),
+    deformations.map(({ device, nodes }) => [device, nodes]),
     [[0, null]],
   );
   view.setUint32(8, 97, true);
   sockets[0]!.onmessage({ data: view.buffer });
   assert.equal(received.problems, 1);
   assert.equal(links.at(-1), "lost");
-  assert.equal(yields.length, 1);
+  assert.equal(deformations.length, 1);
 });
 
 test("task runs are requested and delivered in order", () => {

@@ -79,10 +79,10 @@ test("voxels of felt structures are removed where a sweep contains their centres
     its = volumes(),
     before = its.structure.slice();
   cuts.receive(0, SWEEPS.slice(0, 1));
-  assert.ok(cuts.takeFrom(its, IS_FELT));
+  assert.ok(cuts.applyTo(its, IS_FELT));
   assert.deepEqual(its.structure, expected(SWEEPS.slice(0, 1)));
   cuts.receive(1, SWEEPS.slice(1));
-  const box = cuts.takeFrom(its, IS_FELT)!;
+  const box = cuts.applyTo(its, IS_FELT)!;
   assert.deepEqual(its.structure, expected(SWEEPS));
   assert.ok(its.structure.filter((place) => place === 0).length > 100);
   // sections show removed voxels as such
@@ -99,7 +99,7 @@ test("voxels of felt structures are removed where a sweep contains their centres
   for (let n = 0; n < before.length; n++) {
     if (its.structure[n] !== first[n]) assert.ok(isInside(n, box));
   }
-  assert.equal(cuts.takeFrom(its, IS_FELT), null, "nothing new");
+  assert.equal(cuts.applyTo(its, IS_FELT), null, "nothing new");
 });
 
 test("another session's cuts start from the intact volume", () => {
@@ -107,22 +107,22 @@ test("another session's cuts start from the intact volume", () => {
     its = volumes(),
     whole = its.structure.slice();
   cuts.receive(0, SWEEPS);
-  cuts.takeFrom(its, IS_FELT);
-  cuts.beginAnew();
-  assert.ok(cuts.takeFrom(its, IS_FELT));
+  cuts.applyTo(its, IS_FELT);
+  cuts.reset();
+  assert.ok(cuts.applyTo(its, IS_FELT));
   assert.deepEqual(its.structure, whole);
   assert.equal(its.removed.size, 0);
   cuts.receive(0, SWEEPS.slice(3));
-  cuts.takeFrom(its, IS_FELT);
+  cuts.applyTo(its, IS_FELT);
   assert.deepEqual(its.structure, expected(SWEEPS.slice(3)));
 });
 
 test("volumes that load later receive all earlier cuts", () => {
   const cuts = new Cuts();
   cuts.receive(0, SWEEPS);
-  cuts.takeFrom(volumes(), IS_FELT);
+  cuts.applyTo(volumes(), IS_FELT);
   const others = volumes();
-  cuts.takeFrom(others, IS_FELT);
+  cuts.applyTo(others, IS_FELT);
   assert.deepEqual(others.structure, expected(SWEEPS));
 });
 
@@ -170,7 +170,7 @@ test("voxels removed by undone sweeps are restored, and no others change", () =>
         its = volumes();
         seen = its.structure.slice();
       }
-      const box = cuts.takeFrom(its, isCut);
+      const box = cuts.applyTo(its, isCut);
       // reference: remaining sweeps, applied to an uncut volume
       const plain = expected(sweeps, isCut);
       assert.deepEqual(its.structure, plain, `seed ${began}, step ${step}`);
@@ -190,11 +190,11 @@ test("sweeps that follow unknown ones are ignored", () => {
   const cuts = new Cuts(),
     its = volumes();
   cuts.receive(0, SWEEPS.slice(0, 1));
-  cuts.takeFrom(its, IS_FELT);
+  cuts.applyTo(its, IS_FELT);
   cuts.receive(2, SWEEPS.slice(2));
-  assert.equal(cuts.takeFrom(its, IS_FELT), null);
+  assert.equal(cuts.applyTo(its, IS_FELT), null);
   assert.deepEqual(its.structure, expected(SWEEPS.slice(0, 1)));
   cuts.receive(1, SWEEPS.slice(1));
-  cuts.takeFrom(its, IS_FELT);
+  cuts.applyTo(its, IS_FELT);
   assert.deepEqual(its.structure, expected(SWEEPS));
 });

@@ -174,12 +174,12 @@ test("the table of measurements has points in LPS and unchanged names", () => {
 test("changes of the view are undone one by one, and automatic changes are kept", async () => {
   const history = new History();
   const seen = { zoom: 1, pan: [0, 0], window: 5 };
-  history.part(
+  history.register(
     "section",
     () => ({ zoom: seen.zoom, pan: seen.pan }),
     (to) => Object.assign(seen, to),
   );
-  history.part(
+  history.register(
     "window",
     () => seen.window,
     (to) => (seen.window = to),

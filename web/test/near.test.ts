@@ -318,6 +318,6 @@ test("a quiz hides names, and the distance to its target until the target pushes
     [{ region: 0, mm: -0.5, pushes: true }, true],
   );
   assert.equal(colour()[3], 255);
-  made.alike.value = { values: [1], as: 2 };
+  made.drawnAs.value = { values: [1], as: 2 };
   assert.equal(colour()[3], 0, "it looks as what lies around it");
 });

@@ -17,7 +17,7 @@ function pointer(isGranted = true) {
     beat: (() => void) | null = null;
   const sent: number[][] = [];
   const pressed: number[] = []; // forces of the messages
-  const lifts = { count: 0, withdraw: 0 };
+  const lifts = { count: 0, releaseByPause: 0 };
   const asked: object[] = [];
   performance.now = () => now;
   Object.assign(globalThis, {
@@ -32,7 +32,7 @@ function pointer(isGranted = true) {
   const session = new Session();
   session.pose.value = { devices: [{ tip: [0, 0, 0] }] } as unknown as Pose;
   session.state.value = { pointer: true } as State;
-  const permission = { device: { value: true } };
+  const permission = { operateTool: { value: true } };
   const device = new PointerDevice(
     session,
     {
@@ -48,7 +48,7 @@ function pointer(isGranted = true) {
       if (session.holding.value) beat!();
     }
   };
-  device.onReleasedByPause = () => (lifts.withdraw += 1);
+  device.onReleasedByPause = () => (lifts.releaseByPause += 1);
   /** Time passes without the page running. */
   const stall = (ms: number) => {
     now += ms;
@@ -125,7 +125,7 @@ test("stalls of 50 to 400 ms do not end a hold, 200 times", () => {
     at(time() + 100 * random() + 16);
   }
   assert.equal(session.holding.value, true, `seed ${seed}`);
-  assert.deepEqual(lifts, { count: 0, withdraw: 0 }, `seed ${seed}`);
+  assert.deepEqual(lifts, { count: 0, releaseByPause: 0 }, `seed ${seed}`);
   assert.deepEqual(sent.at(-1), [1, 0, 0]);
 });
 
@@ -135,11 +135,11 @@ test("after a longer stall, and when the page is hidden, the hold ends with a me
     device.hold([{ at: [1, 0, 0], into: [1, 0, 0] }], false);
     at(100);
     const before = sent.length;
-    if (ms === 0) device.withdraw();
+    if (ms === 0) device.releaseByPause();
     else stall(ms);
     at(time() + 16);
     assert.equal(session.holding.value, false);
-    assert.deepEqual(lifts, { count: 1, withdraw: 1 });
+    assert.deepEqual(lifts, { count: 1, releaseByPause: 1 });
     assert.deepEqual(sent.slice(before), [[-1, 0, 0]], "it leaves the surface, which would stay dented");
   }
 });
@@ -161,9 +161,9 @@ test("a press takes a pointer that no viewer has, and moves the tip once it is g
   assert.equal(device.isAvailable, false);
   session.state.value = pointerState(null);
   assert.equal(device.isAvailable, true);
-  permission.device.value = false;
+  permission.operateTool.value = false;
   assert.equal(device.isAvailable, false, "another learner's turn");
-  permission.device.value = true;
+  permission.operateTool.value = true;
   device.hold([{ at: [40, 0, 0], into: null }], false);
   at(400);
   assert.deepEqual(asked, [{ type: "pointer", take: true }]);

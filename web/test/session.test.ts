@@ -109,7 +109,7 @@ test("a tool in contact is drawn at the surface, deformed if it yields", () => {
     contacts: [{ position: [5, 0, 0] }],
   } as unknown as DevicePose;
   assert.deepEqual(made.toolAt(pressed), [4, 0, 0]);
-  made.movedAt.value = ([x]) => [-0.1 * x, 0, 0];
+  made.displacementAt.value = ([x]) => [-0.1 * x, 0, 0];
   assert.deepEqual(made.toolAt(pressed), [3.5, 0, 0], "as far as the tissue went where it is touched");
   assert.deepEqual(made.toolAt({ ...pressed, contacts: [] }), [3.6, 0, 0]);
   for (const flags of [0, Flag.contact | Flag.inside])

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { add, dot, length, normalize, scale, sub, type Vec3 } from "../src/base/geometry.js";
 import { Volumes } from "../src/protocol/scene.js";
-import { FARTHEST_MM, type Step } from "../src/state/pointer.js";
+import { MAX_DISTANCE_MM, type PathPoint } from "../src/state/pointer.js";
 import { Stroke, type SurfacePoint } from "../src/touch/stroke.js";
 
 const SIZE = 80;
@@ -31,8 +31,8 @@ const stroke = (tip: Vec3 = [20, 20, 39]) => {
 /** Surface under a cursor that looks down the z axis. */
 const under =
   (made: Stroke, from: Vec3, to: Vec3) =>
-  (share: number): SurfacePoint | null => {
-    const at = add(from, scale(sub(to, from), share));
+  (fraction: number): SurfacePoint | null => {
+    const at = add(from, scale(sub(to, from), fraction));
     return made.surfaceAlong({ from: [at[0], at[1], 60], into: [0, 0, -1] });
   };
 
@@ -69,7 +69,7 @@ test("over an edge the tip is lifted, moves where it is free, and is put down on
     const lifted = steps.filter(({ into }) => into === null);
     assert.ok(lifted.length >= 2, "it is lifted");
     assert.ok(steps.at(-1)!.into !== null && made.point !== null, "it is put down");
-    let last: Step = begun.at(-1)!;
+    let last: PathPoint = begun.at(-1)!;
     for (const step of steps) {
       const path = sub(step.at, last.at);
       if (length(path) > 1.5) {
@@ -120,7 +120,7 @@ test("in a section the outline is pressed along the surface's normal, on the sid
 test("a contact that is held back from the cursor is freed, and one that just follows is not", () => {
   const { stroke: made } = stroke();
   const target = made.begin(under(made, MIDDLE, MIDDLE)).at(-1)!;
-  const away = add(target.at, [FARTHEST_MM + 1, 0, -1]);
+  const away = add(target.at, [MAX_DISTANCE_MM + 1, 0, -1]);
   assert.equal(made.freed(0, target, target.at), null);
   assert.equal(made.freed(10, target, away), null);
   assert.equal(made.freed(100, target, away), null);

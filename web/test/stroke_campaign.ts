@@ -25,7 +25,7 @@ import {
 import { Connection } from "../src/protocol/connection.js";
 import { fetchScene, fetchVolumes } from "../src/protocol/scene.js";
 import { Flag } from "../src/protocol/wire.js";
-import { FARTHEST_MM, PointerDevice } from "../src/state/pointer.js";
+import { MAX_DISTANCE_MM, PointerDevice } from "../src/state/pointer.js";
 import { Session } from "../src/state/session.js";
 import { Stroke, type SurfacePoint } from "../src/touch/stroke.js";
 import { Touching } from "../src/touch/touching.js";
@@ -267,7 +267,7 @@ class Subject {
       passed.push((at = next));
       const before = place;
       place = find(at);
-      const isGap = !place || !before || length(sub(place.at, before.at)) > FARTHEST_MM;
+      const isGap = !place || !before || length(sub(place.at, before.at)) > MAX_DISTANCE_MM;
       away = isGap ? CROSSING_S * EVENTS_HZ : Math.max(0, away - 1);
     }
     return { cursors, places };
@@ -416,7 +416,7 @@ if (all.samples < 4 * Number(count)) {
 }
 assert.ok(all.touched >= 0.95 * all.samples, "contact");
 assert.ok(all.forced >= 0.95 * all.samples, "force");
-assert.ok(all.farthest_mm <= FARTHEST_MM, "distance");
+assert.ok(all.farthest_mm <= MAX_DISTANCE_MM, "distance");
 assert.equal(all.drops, 0, "drops");
 assert.ok(all.unreached <= 0.02 * Number(count), "presses without contact");
 process.exit(0);

@@ -99,7 +99,7 @@ function fieldOf(
 /** Reference: shares of structures in one texel, by the weight of every voxel. */
 function sharesBySums(dims: Vec3, structure: Uint8Array, factor: Vec3, place: Vec3): Map<number, number> {
   const count = dims.map((n, axis) => Math.ceil(n / factor[axis]!));
-  const shares = new Map<number, number>();
+  const fractions = new Map<number, number>();
   for (let n = 0; n < 27; n++) {
     const step = [n % 3, Math.floor(n / 3) % 3, Math.floor(n / 9)].map((x) => x - 1);
     const weight = step.reduce((product, x) => product * (x === 0 ? 0.5 : 0.25), 1);
@@ -111,9 +111,9 @@ function sharesBySums(dims: Vec3, structure: Uint8Array, factor: Vec3, place: Ve
       );
       if (v.every((x, axis) => x < dims[axis]!)) inside.push(structure[v[0]! + dims[0] * (v[1]! + dims[1] * v[2]!)]!);
     }
-    for (const one of inside) shares.set(one, (shares.get(one) ?? 0) + weight / inside.length);
+    for (const one of inside) fractions.set(one, (fractions.get(one) ?? 0) + weight / inside.length);
   }
-  return shares;
+  return fractions;
 }
 const FACTORS: Vec3[] = [
   [1, 1, 1],
@@ -147,10 +147,10 @@ test("texels equal direct sums over their neighbourhoods, in pieces, too", () =>
       for (let y = 0; y < field.dims[1]; y++)
         for (let x = 0; x < field.dims[0]; x++) {
           const [first, second, own, other] = field.texels.subarray(field.at(x, y, z), field.at(x, y, z) + 4);
-          const shares = sharesBySums(volume.dims, volume.structure, factor, [x, y, z]);
-          const covered = 1 - (shares.get(0) ?? 0);
+          const fractions = sharesBySums(volume.dims, volume.structure, factor, [x, y, z]);
+          const covered = 1 - (fractions.get(0) ?? 0);
           assert.ok(Math.abs((own! + other!) / 255 - covered) < 0.0021, `coverage at ${[x, y, z]} of factor ${factor}`);
-          const most = [...shares].filter(([structure]) => structure > 0).sort((a, b) => b[1] - a[1]);
+          const most = [...fractions].filter(([structure]) => structure > 0).sort((a, b) => b[1] - a[1]);
           if (most.length === 1) assert.deepEqual([first, own! > 0 || covered < 0.002], [most[0]![0], true]);
           // shares of two structures are exact; with more, the two largest ones absorb the others
           if (most.length === 2) {

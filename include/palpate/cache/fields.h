@@ -26,10 +26,10 @@ class FieldWriter {
   requires std::is_arithmetic_v<Plain>
   void put_values(std::span<const Plain> values) {
     // a shorter run costs more than it saves
-    constexpr std::size_t kMinRun = 4 + 16 / sizeof(Plain), kMost = 0x7fffffff;
+    constexpr std::size_t kMinRun = 4 + 16 / sizeof(Plain), kMaxRun = 0x7fffffff;
     std::size_t first = 0;  // first of the different values that are not written yet
     for (std::size_t at = 0; at < values.size();) {
-      const std::size_t end = std::min(values.size(), at + kMost);
+      const std::size_t end = std::min(values.size(), at + kMaxRun);
       std::size_t after = at + 1;
       while (after < end && same(values[after], values[at])) ++after;
       if (after - at >= kMinRun) {
@@ -37,7 +37,7 @@ class FieldWriter {
         put(static_cast<std::uint32_t>(2 * (after - at) + 1));
         put(values[at]);
         first = after;
-      } else if (after - first >= kMost) {
+      } else if (after - first >= kMaxRun) {
         append_difference(values.subspan(first, at - first));
         first = at;
       }

@@ -12,7 +12,7 @@
 
 #include "palpate/base/force_method.h"
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/geometry/geometry.h"
 #include "palpate/volume/volume.h"
 

@@ -25,7 +25,7 @@ struct DelayLine {
 /// @param dt_s     length of the last tick
 /// @param delay_s  delay from a command to its force
 /// @param line     updated
-Vector<World> follow_delay(const Vector<World>& sent_N, double dt_s, double delay_s, DelayLine& line);
+Vector<World> advance_delay_line(const Vector<World>& sent_N, double dt_s, double delay_s, DelayLine& line);
 
 /// Impulse along a direction of the commands that have not acted yet; N s.
 double pending_impulse_N_s(const DelayLine& line, const Vector<World>& along, double delay_s);

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 /// Colours of structures and tissues. Precedence: the scene's colour of a tissue, then the structure's colour
 /// from its label file, then the default grey of a tissue.

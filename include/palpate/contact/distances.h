@@ -54,7 +54,7 @@ class Distances {
   const std::vector<TrackedStructure>& structures() const { return structures_; }
   double reach_mm() const { return reach_mm_; }
   /// Lower bound of the distance of a structure to a tool, from the bounding boxes; 0 if they overlap.
-  double at_least_mm(std::size_t structure, const ToolBox& tool) const {
+  double lower_bound_mm(std::size_t structure, const ToolBox& tool) const {
     const Box& box = boxes_[structure];
     double beyond2 = 0;
     for (std::size_t axis = 0; axis < 3; ++axis) {

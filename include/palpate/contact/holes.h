@@ -34,11 +34,11 @@ struct Hole {
 /// throw.
 class Holes {
  public:
-  static constexpr std::size_t kMost = 32;  ///< Capacity
+  static constexpr std::size_t kCapacity = 32;  ///< Capacity
 
   std::span<const Hole> all() const { return {hole_.data(), count_}; }
   bool empty() const { return count_ == 0; }
-  /// Adds a hole. If there are kMost, the oldest is closed.
+  /// Adds a hole. If there are kCapacity, the oldest is closed.
   void add(const Hole& hole);
   /// Extends the holes around a tool part that has punctured a structure to its current centre.
   void extend(int structure, const Point<Patient>& centre);
@@ -48,7 +48,7 @@ class Holes {
   void hash_into(std::uint64_t& hash) const;
 
  private:
-  std::array<Hole, kMost> hole_;
+  std::array<Hole, kCapacity> hole_;
   std::size_t count_ = 0, oldest_ = 0;
 };
 

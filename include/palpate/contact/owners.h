@@ -11,24 +11,24 @@
 namespace palpate {
 
 /// Share of a structure in a point, 0 ... 1.
-struct OwnerShare {
+struct OwnerFraction {
   int structure = -1;
   double part = 0;
 };
 
 /// Shares of the structures in a point, largest first; their sum is 1.
-class OwnerShares {
+class OwnerFractions {
  public:
-  static constexpr std::size_t kMost = 8;  ///< Capacity
-  OwnerShares() = default;
+  static constexpr std::size_t kCapacity = 8;  ///< Capacity
+  OwnerFractions() = default;
   /// A point owned by one structure alone.
-  explicit OwnerShares(int structure) : count_(1) { share_[0] = {structure, 1}; }
-  std::span<const OwnerShare> all() const { return {share_.data(), count_}; }
-  int largest() const { return share_[0].structure; }
+  explicit OwnerFractions(int structure) : count_(1) { fraction_[0] = {structure, 1}; }
+  std::span<const OwnerFraction> all() const { return {fraction_.data(), count_}; }
+  int largest() const { return fraction_[0].structure; }
 
  private:
   friend class Owners;
-  std::array<OwnerShare, kMost> share_;
+  std::array<OwnerFraction, kCapacity> fraction_;
   std::size_t count_ = 0;
 };
 
@@ -49,13 +49,13 @@ class Owners {
   ///                            have voxels
   Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label);
 
-  /// Shares of the structures with outer voxels within R, at most kMost. If there are none, or `x` is not
+  /// Shares of the structures with outer voxels within R, at most kCapacity. If there are none, or `x` is not
   /// finite, a single structure has share 1.
-  OwnerShares at(const Point<Patient>& x) const;
+  OwnerFractions at(const Point<Patient>& x) const;
   /// Shares in a point beneath the original surface that was exposed by removal: those of the structures of
   /// the surrounding voxels by trilinear interpolation. As at() if there are none.
   /// @param labels  labels of which the surface was made
-  OwnerShares within(const Bricks<LabelId>& labels, const Point<Patient>& x) const;
+  OwnerFractions within(const Bricks<LabelId>& labels, const Point<Patient>& x) const;
   double reach_mm() const { return reach_mm_; }
   /// Identifies this object among all made in this process; at least 1.
   std::uint64_t number() const { return number_; }
@@ -77,7 +77,7 @@ class Owners {
   void spread(std::vector<Value>& of_block, const Join& join) const;
   double weight_of(std::size_t run, const std::array<float, 3>& point,
                    const std::array<float, 3>& per_reach) const;
-  static OwnerShares in_order(OwnerShares shares);
+  static OwnerFractions in_order(OwnerFractions fractions);
 
   std::uint64_t number_;
   std::vector<std::int16_t> structure_of_label_;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/contact/bounce.h"
+#include "palpate/contact/rebound.h"
 #include "palpate/geometry/geometry.h"
 
 /// Time-domain passivity observer and controller (Hannaford & Ryu 2002): the rendered environment returns no
@@ -14,9 +14,9 @@ struct PassivityState {
   double displacement_mm = 0, time_s = 0, speed_mm_s = 0;
   // direction along the force, with hysteresis: displacement within the dead band, and whether the tip last
   // moved along the force
-  double play_mm = 0;
+  double dead_band_mm = 0;
   bool moves_with_force = false;
-  BounceState bounce;
+  ReboundState rebound;
 };
 
 /// Inputs of control_passivity() for one tick.

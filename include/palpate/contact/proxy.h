@@ -9,10 +9,10 @@
 #include <span>
 #include <vector>
 
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 #include "palpate/contact/holes.h"
 #include "palpate/contact/owners.h"
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 #include "palpate/sampling/surface.h"
 
 /// God-object / proxy contact. A proxy of the tool tip is constrained to stay outside the surfaces while the
@@ -31,9 +31,9 @@ namespace palpate {
 /// total force is the stiffness integrated along the penetration path, as in the inward ramp
 /// (docs/decisions/archive/0011-inward-ramps.md), and each layer's force is that of a conservative spring.
 ///
-/// For a deformable structure the contact force at a depth is computed from the elastic solution (yield.h)
-/// instead of from a spring stiffness. A deformable structure belongs to the outermost of the layers that it
-/// touches; rigid structures within keep their whole stiffness.
+/// For a deformable structure the contact force at a depth is computed from the elastic solution
+/// (soft_contact.h) instead of from a spring stiffness. A deformable structure belongs to the outermost of
+/// the layers that it touches; rigid structures within keep their whole stiffness.
 struct ContactSurface : ContactProperties {
   /// Signed-distance surface. null: the structure is only touched through common surfaces.
   std::shared_ptr<const Surface> surface;
@@ -86,13 +86,13 @@ struct ProtectedStructure {
 /// Ownership of a surface point: on a common surface the shares of its structures at that point, otherwise
 /// the one structure with share 1.
 /// @param index  index into `surfaces`
-OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& at);
+OwnerFractions owners_at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& at);
 /// Cache of the last four owner lookups. A tool at rest on a few contacts looks up the same points in every
 /// tick.
 class OwnerCache {
  public:
   /// Cached owners_at().
-  OwnerShares at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& position);
+  OwnerFractions at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& position);
 
  private:
   struct Entry {
@@ -102,7 +102,7 @@ class OwnerCache {
     /// afterwards.
     bool cut = false;
     Point<Patient> position;
-    OwnerShares shares;
+    OwnerFractions fractions;
   };
   std::array<Entry, 4> entries_;
   std::size_t next_ = 0;
@@ -344,7 +344,7 @@ struct PathSegment {
   /// Length of the path within the structure; at a seam its share of that length, so that the depths add up
   /// to the whole path.
   double depth_mm = 0;
-  double share = 0;  ///< Fraction of the force, 0 ... 1
+  double fraction = 0;  ///< Fraction of the force, 0 ... 1
 };
 inline constexpr std::size_t kMaxPathSegments = 6;  ///< Capacity of ProxyResult::path
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "palpate/base/result.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 /// Permitted values of a tissue's parameters, in a scene and when changed at run time.
 namespace palpate {

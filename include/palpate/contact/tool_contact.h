@@ -5,7 +5,7 @@
 #include <span>
 
 #include "palpate/base/force_method.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/contact/proxy.h"
 #include "palpate/device/device.h"
 #include "palpate/device/device_parameters.h"
@@ -84,7 +84,7 @@ struct ContactPoint {
 struct PathStructure {
   LabelId label = 0;
   double depth_mm = 0;  ///< Length of the path within the structure; NaN: deeper than is measured
-  double share = 0;     ///< Fraction of the force, 0 ... 1
+  double fraction = 0;  ///< Fraction of the force, 0 ... 1
 };
 
 /// Contact of the whole tool: requested force with the device's gains applied, and its contacts.
@@ -128,7 +128,8 @@ class PosedTool {
 struct CouplingState {
   double stiffness_N_per_mm = 0;  ///< Filtered rendered stiffness. 0: no contact
   Vector<Patient> multiplier_mm;  ///< Vector from the tip to the proxy
-  VelocityWindow pull_velocity;   ///< Velocity of multiplier_mm, including free space; unused without damping
+  VelocityWindow
+      spring_velocity;  ///< Velocity of multiplier_mm, including free space; unused without damping
 };
 
 /// Options of advance_proxy() for a device in this tick.

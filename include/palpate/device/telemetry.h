@@ -182,7 +182,7 @@ struct TickRecord {
   double lateness_s = 0;  ///< Real clock: delay of the tick's start; not part of the hash
   double compute_s = 0;   ///< Real clock: time from reading the states to the commands; not part of the hash
   std::uint32_t model_version = 0;
-  std::uint32_t yield_frame = 0;  ///< Deformable tissue: newest solution (ComplianceFrame); 0: none yet
+  std::uint32_t solver_frame = 0;  ///< Deformable tissue: newest solution (ComplianceFrame); 0: none yet
   /// Number of parameter changes, and of stops and rearms, that the loop had taken into account. Not
   /// recorded: recordings contain the requests themselves (EventLog).
   std::uint32_t settings_number = 0, arming_number = 0;

@@ -10,7 +10,7 @@
 
 #include "palpate/base/result.h"
 #include "palpate/contact/elastic_constants.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/contact/relaxation.h"
 
 /// Measured indentation curves, the tissue that explains them, and the comparison of a tissue with them.

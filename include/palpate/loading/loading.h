@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/model/memory_forecast.h"
 #include "palpate/model/preparing.h"
 #include "palpate/recording/recording.h"
@@ -26,7 +26,7 @@ namespace palpate {
 struct LabelPlacement {
   std::uint64_t labelled = 0;  ///< Number of labelled voxels
   std::uint64_t inside = 0;    ///< Number of these with the centre within the scan's voxels
-  double share() const {
+  double fraction() const {
     return labelled == 0 ? 1 : static_cast<double>(inside) / static_cast<double>(labelled);
   }
 };

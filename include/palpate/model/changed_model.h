@@ -3,7 +3,7 @@
 #include <memory>
 #include <span>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/model/preparing.h"
 #include "palpate/tissue/carving.h"

@@ -10,7 +10,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/model/preparing.h"
 
 /// Builds a Model from labels.

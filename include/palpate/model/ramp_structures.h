@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/surfaces/ramps.h"
 
 namespace palpate {

@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 

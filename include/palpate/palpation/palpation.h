@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/loading/loading.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/recording/recording.h"
 
 namespace palpate {

@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/device.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/scene/scene.h"

@@ -81,7 +81,7 @@ class ScriptedHand {
   bool approach(const PlannedStep& step, const TickRecord& tick, double dt_s);
   double touch_of_approach() const;
   bool plan(const PlannedStep& step, const TickRecord& tick);
-  void advance_step(const PlannedStep& step, const TickRecord& tick, double dt_s);
+  void walk_to_site(const PlannedStep& step, const TickRecord& tick, double dt_s);
   bool touch(const PlannedStep& step, const TickRecord& tick, double dt_s);
   bool press(const PlannedStep& step, const TickRecord& tick, double dt_s);
   bool hold(const PlannedStep& step, const TickRecord& tick, double dt_s);
@@ -136,7 +136,7 @@ class ScriptedHand {
   std::size_t step_ = 0;
   // time since the step began, 0 in its first tick; time since the script began
   double step_time_s_ = 0, time_s_ = 0;
-  Point<World> intention_;
+  Point<World> commanded_;
   bool touching_ = false;             // an approach has made contact and nothing has failed since
   bool withdrawing_ = false;          // retreating after a failure
   std::vector<Point<Patient>> path_;  // remaining corners of the path, the last one first
@@ -145,15 +145,15 @@ class ScriptedHand {
   // state of an approach
   Approach phase_ = Approach::kPlan;
   std::size_t site_index_ = 0;
-  std::string refusal_;     // reason for abandoning the last place
-  bool elsewhere_ = false;  // whether the next place is tried after retreating
+  std::string refusal_;           // reason for abandoning the last place
+  bool tries_next_site_ = false;  // whether the next place is tried after retreating
   double phase_time_s_ = 0, contact_s_ = 0;
   // state of a contact
   Vector<World> inward_;    // pressing direction
   double requested_N_ = 0;  // force of the last press; 0: contact only
   double target_N_ = 0;
   double touch_N_ = 0;  ///< Force that ends the approach (touch_of_approach)
-  double off_s_ = 0, over_s_ = 0, stuck_s_ = 0;
+  double deviation_s_ = 0, over_s_ = 0, stuck_s_ = 0;
   double settled_s_ = 0, longest_s_ = 0, sum_Ns_ = 0;
   double slid_mm_ = 0;      // distance covered by a slide; length of a milled line
   Point<Patient> contact_;  // contact point of a slide in the previous tick

@@ -10,7 +10,7 @@
 #include "palpate/palpation/run_setup.h"
 #include "palpate/palpation/scope_hand.h"
 #include "palpate/palpation/scripted_hand.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 namespace palpate {
 
@@ -37,7 +37,7 @@ class VirtualRun {
   const Model& model() const { return *model_; }
   const ScriptedHand& hand() const { return hand_; }
   /// Commands of the script since the last call, each with the first tick to which it applies.
-  std::vector<RecordingEvent> receive_events() { return std::exchange(reported_, {}); }
+  std::vector<RecordingEvent> receive_events() { return std::exchange(events_, {}); }
 
  private:
   void cut();
@@ -60,7 +60,7 @@ class VirtualRun {
   double cut_s_ = 0;                                         // time of the last cut
   std::optional<StrokeAction> stroke_;                       // pending stroke request of the script
   std::optional<std::uint32_t> stroke_led_to_, law_led_to_;  // as in HandCommands
-  std::vector<RecordingEvent> reported_;
+  std::vector<RecordingEvent> events_;
   std::uint32_t reported_number_ = 0;
   VirtualClockSoftTissueSolver solver_;
   const Progress progress_;

@@ -52,7 +52,7 @@ class Sender {
 class Receiver {
  public:
   /// Default limit for the length of a text; bytes.
-  static constexpr std::size_t kMostText = 4096;
+  static constexpr std::size_t kMaxText_bytes = 4096;
 
   /// @param complaint  prefix of the errors that fail() reports
   Receiver(ByteSource& source, std::string complaint) : source_(source), complaint_(std::move(complaint)) {}
@@ -71,7 +71,7 @@ class Receiver {
     get(byte);
     value = byte != 0;
   }
-  void get(std::string& text, std::size_t largest = kMostText) {
+  void get(std::string& text, std::size_t largest = kMaxText_bytes) {
     std::uint32_t size = 0;
     get(size);
     if (size > largest) fail("one of its strings is too long");

@@ -51,8 +51,9 @@ struct RecordingHeader {
   std::string clock = "virtual";  ///< "virtual" or "real"
   std::string scheduler;          ///< Scheduling of the servo thread; empty on the virtual clock
   double tissue_coarsened = 1;    ///< Model::tissue_coarsened; 1 in older files without it
-  std::string feel;   ///< haptic_settings_text() (palpate/servo/feel.h); empty in older files without it
-  RecordedTask task;  ///< Empty in older files without it
+  std::string
+      feel;  ///< haptic_settings_text() (palpate/servo/settings_tables.h); empty in older files without it
+  RecordedTask task;        ///< Empty in older files without it
   std::string script_text;  ///< Text of the script
   struct Structure {
     LabelId label;
@@ -63,16 +64,16 @@ struct RecordingHeader {
 };
 
 /// Originator of an external command to a run.
-enum class Asker : std::uint8_t {
-  kSession,        ///< The session itself
-  kScript,         ///< The simulated hand's script
-  kKey,            ///< A key where palpate runs
-  kControlViewer,  ///< A viewer with permission to change things
-  kViewingViewer,  ///< A viewer that may only look and stop
-  kAgreedViewer,   ///< A viewer with permission, with consent given by a key where palpate runs
+enum class Originator : std::uint8_t {
+  kSession,            ///< The session itself
+  kScript,             ///< The simulated hand's script
+  kKey,                ///< A key where palpate runs
+  kControlViewer,      ///< A viewer with permission to change things
+  kViewingViewer,      ///< A viewer that may only look and stop
+  kViewerWithConsent,  ///< A viewer with permission, with consent given by a key where palpate runs
 };
 struct RequestedBy {
-  Asker asker = Asker::kSession;
+  Originator asker = Originator::kSession;
   std::uint32_t viewer = 0;  ///< Number of the viewer, from 1 in the order of their hellos; 0: none
 
   friend bool operator==(const RequestedBy&, const RequestedBy&) = default;
@@ -114,7 +115,7 @@ struct RecordingEvent {
 };
 
 /// Log of external commands on their way to the recorder. The servo cannot store events, so each tick only
-/// contains counters of the commands that it has acknowledged (TickRecord's model_version, yield_frame,
+/// contains counters of the commands that it has acknowledged (TickRecord's model_version, solver_frame,
 /// settings_number, arming_number), and the recorder determines each event's tick from them:
 ///
 ///    caller    append(): announced ── applied to the loop ── event stored ── announcement over

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 /// Escaping of text for markup, and captions for pictures of a patient.
 namespace palpate::markup {

@@ -11,7 +11,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/volume/bricks.h"
 
 /// Pictures of a model: oblique sections, and the force field of a method over a section.

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/recording/recording.h"
 #include "palpate/rendering/volume_marks.h"
 

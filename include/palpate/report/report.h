@@ -4,7 +4,7 @@
 #include <string>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/recording/recording.h"
 #include "palpate/rehearsal/comparison.h"
 #include "palpate/tasks/evaluator.h"

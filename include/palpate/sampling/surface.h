@@ -22,13 +22,13 @@ class Surface {
   /// @param position  distance in mm, interpolated trilinearly; its value outside the volume is at most the
   ///                  true distance there
   /// @param normal    distance in mm of which only the gradient is used
-  /// @param steepest  maximum slope of the position field anywhere, including its decrease to the value
+  /// @param max_gradient  maximum slope of the position field anywhere, including its decrease to the value
   ///                  outside; at least 1, the slope of an exact distance, is used
-  Surface(SignedField position, SignedField normal, double steepest);
+  Surface(SignedField position, SignedField normal, double max_gradient);
   /// A copy with a box of each field replaced (SignedField::with); the rest is shared. The bounding box used
   /// by is_beyond() is only enlarged, so is_beyond() stays conservative.
   Surface with(const PatchOf<std::int16_t>& position, const PatchOf<std::int16_t>& normal,
-               double steepest) const;
+               double max_gradient) const;
 
   /// Signed distance, mm; positive outside. If x is NaN, the value outside the volume.
   double distance_mm(const Point<Patient>& x) const { return sample_value(position_, x); }
@@ -53,11 +53,11 @@ class Surface {
   double outside_mm() const { return outside_mm_; }
   /// Lower bound of distance_mm(), the minimum over the surrounding block of cells, at a fraction of its
   /// cost.
-  double at_least_mm(const Point<Patient>& x) const;
+  double lower_bound_mm(const Point<Patient>& x) const;
 
   const SignedField& position() const { return position_; }
   const SignedField& normal() const { return normal_; }
-  double steepest() const { return steepest_; }
+  double max_gradient() const { return max_gradient_; }
   /// Equal for surfaces with equal content, independent of when they were prepared.
   std::uint64_t content_hash() const { return content_hash_; }
 
@@ -73,7 +73,7 @@ class Surface {
   // bounding box, in the patient frame, of all points with a position other than outside_mm_; read by every
   // tick
   Eigen::Array3d low_ = Eigen::Array3d::Zero(), high_ = Eigen::Array3d::Zero();
-  double steepest_ = 1, outside_mm_ = 0;
+  double max_gradient_ = 1, outside_mm_ = 0;
   SignedField position_, normal_;
   // minimum stored position of every block of cells; the eight blocks of a brick are consecutive, i fastest
   std::vector<std::int16_t> least_ = std::vector<std::int16_t>(8);

@@ -23,7 +23,7 @@ struct NearestSurfacePoint {
 namespace internal {
 
 /// Bounding cylinder of a piece of the surface.
-struct Disc {
+struct BoundingCylinder {
   std::array<float, 3> middle, normal;  ///< Centre, mm in the patient frame; unit axis
   float half_mm, radius_mm;             ///< Half height along the normal; radius
 };
@@ -31,7 +31,7 @@ struct Disc {
 /// brick's tree its disc's centre lies on the surface; in the tree above the bricks ~first is an index into
 /// of_top_.
 struct DiscNode {
-  Disc disc;
+  BoundingCylinder disc;
   std::int32_t first;
 };
 /// Tree of the surface pieces in one brick of voxels, root first.

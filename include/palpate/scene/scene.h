@@ -11,7 +11,7 @@
 #include <variant>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/contact/scope.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/device/workspace.h"
@@ -165,7 +165,7 @@ struct Scene {
   std::vector<TissueSettings> tissues;
   PreparationSettings preparation;
   ForceSettings force;
-  DeformationSettings yielding;
+  DeformationSettings deformation;
   std::vector<Tool> tools{Tool()};  ///< Tools as in Model::tools: [tool], then [second_tool] if present
   WorkspaceSettings workspace;      ///< Workspace mapping of every device; not part of the model
   std::optional<double> max_force_N;

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/scene/scene.h"
 
 namespace palpate {

@@ -89,8 +89,8 @@ struct ViewedTraining {
   std::uint32_t run = 0;  ///< Number within the session, from 1; 0: no run yet
   std::string task;
   double time_s = 0;
-  std::vector<bool> done;     ///< Per step: whether it is done
-  std::vector<double> share;  ///< Progress of each step, 0 ... 1
+  std::vector<bool> done;        ///< Per step: whether it is done
+  std::vector<double> fraction;  ///< Progress of each step, 0 ... 1
   std::vector<double> forces_N, protected_N;
   double touch_N = 0;
   bool unseen = false;  ///< Whether a structure outside the scope's view is in contact

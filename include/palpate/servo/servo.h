@@ -6,9 +6,9 @@
 #include <span>
 
 #include "palpate/contact/acting_force.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
+#include "palpate/contact/oscillation.h"
 #include "palpate/contact/passivity.h"
-#include "palpate/contact/swing.h"
 #include "palpate/contact/tool_contact.h"
 #include "palpate/device/device.h"
 #include "palpate/device/device_parameters.h"
@@ -16,7 +16,7 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/device/workspace.h"
 #include "palpate/servo/burr_rendering.h"
-#include "palpate/servo/feel.h"
+#include "palpate/servo/settings_tables.h"
 #include "palpate/tissue/removal.h"
 
 /// The tick: (Model, SessionState, DeviceStates, Parameters, dt) -> (SessionState, Wrenches).
@@ -64,7 +64,7 @@ struct SessionState {
     Wrench difference;
     double blend_elapsed_s = kOutputSettings.blend_s;
     PassivityState passivity;
-    OscillationState swing;
+    OscillationState oscillation;
     DelayLine delay;
     double turned_mJ = 0;  ///< Work that the turning object has done on this hand since the run began
     OutputState output;

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/scene/plan_file.h"
 #include "palpate/server/viewed_plan.h"
 

@@ -79,7 +79,7 @@ struct TrainingOptions {
   /// Stores a learner's finished run and returns the history from the records. Called on a separate thread,
   /// for one run at a time; may take long. Empty: runs are not stored. The history of a run that is not
   /// stored covers the session's own runs.
-  std::function<RunHistory(const TaskFile& task, const TaskRun& run)> over;
+  std::function<RunHistory(const TaskFile& task, const TaskRun& run)> store_run;
   /// Implements LiveHost::curves from the stored runs; empty: not available.
   std::function<Result<std::string>(const std::string& learner)> curves;
 };

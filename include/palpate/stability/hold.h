@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/simulated_device.h"
 
 /// Residual motion ("buzz") of a tip that a simulated hand holds still. See docs/results/between-bones.md and

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/device/workspace.h"
 #include "palpate/stability/stability.h"

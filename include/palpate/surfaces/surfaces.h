@@ -148,7 +148,7 @@ struct SurfacePatch {
   PatchOf<std::int16_t> distance, position;  ///< Boxes in the position's grid
   PatchOf<std::int16_t> broad, normal;       ///< Boxes in the normal's grid
   PatchOf<float> slopes;                     ///< Box in stretches of cells
-  double steepest = 1;                       ///< Greatest slope of the whole position
+  double max_gradient = 1;                   ///< Greatest slope of the whole position
 };
 
 /// Update of a surface after its labels changed inside `dirty` only. Reads only labels near it. The

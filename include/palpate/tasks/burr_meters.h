@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/rehearsal/structure_distance.h"
 #include "palpate/rehearsal/tool_head.h"
 #include "palpate/scene/task_file.h"

@@ -32,14 +32,14 @@ struct CutOff {
 
 /// Parameters of cut_off().
 struct CalibrationOptions {
-  double share = 0.9;  ///< Fraction of the experts' runs that should pass, 0.5 ... 0.99
+  double fraction = 0.9;  ///< Fraction of the experts' runs that should pass, 0.5 ... 0.99
   int resamples = 2000;
   std::uint64_t seed = 1;
 };
 /// Minimum number of runs per group for a meaningful interval.
 inline constexpr std::size_t kEnoughRuns = 10;
 
-/// Computes the pass threshold of a metric. Without novices it is the value that a fraction `share` of the
+/// Computes the pass threshold of a metric. Without novices it is the value that a fraction `fraction` of the
 /// experts' runs reaches (quantile by linear interpolation, definition 7 of Hyndman and Fan). With novices it
 /// follows the contrasting-groups method: the intersection, between the means, of normal densities fitted to
 /// both groups. The interval is a percentile bootstrap with `resamples` resamples of the runs.

@@ -101,7 +101,7 @@ class TaskEvaluator {
   const std::vector<bool>& done() const { return done_; }
   /// Progress of a step, 0 ... 1: fraction of the uninterrupted time, or of the required coverage or removal;
   /// 1 once completed.
-  double share_of_step(std::size_t step) const;
+  double fraction_of_step(std::size_t step) const;
   /// Forces in the last tick, N: on a [[force]], on a [[protected]], and the total contact force.
   double force_N(std::size_t force) const { return force_meters_[force].last_N; }
   double protected_N(std::size_t protection) const { return protection_meters_[protection].last_N; }
@@ -143,7 +143,7 @@ class TaskEvaluator {
   };
 
   /// Touch of the region of a kCover step: its contacts, without a break, of at least kMinTouch_N.
-  struct CoverageStroke {
+  struct CoverageTouch {
     bool touching = false;
     bool moving = false;  ///< Whether it has moved far enough along the surface to count
     Eigen::Vector3d started_mm = Eigen::Vector3d::Zero();
@@ -182,8 +182,8 @@ class TaskEvaluator {
   std::array<Contact, kMaxContactsReported> contacts_;
   std::size_t contact_count_ = 0;
   std::vector<ForceMeter> force_meters_, protection_meters_, metric_meters_;
-  std::vector<double> step_s_;                    // uninterrupted time of each step
-  std::vector<CoverageStroke> coverage_strokes_;  // one for each step; used by kCover
+  std::vector<double> step_s_;                   // uninterrupted time of each step
+  std::vector<CoverageTouch> coverage_touches_;  // one for each step; used by kCover
   std::optional<CompletedTouch> last_completed_touch_;
   std::vector<bool> step_condition_held_, done_;
   std::vector<Eigen::Vector3d> waypoints_mm_;  // tip positions at the start and where steps were completed
@@ -234,8 +234,8 @@ class RunReader {
  private:
   TaskEvaluator evaluator_;
   TickRange range_;
-  std::deque<RecordingEvent> reported_;  // not yet followed by a tick
-  bool has_last_ = false;                // the recording reaches the end of the range
+  std::deque<RecordingEvent> pending_events_;  // not yet followed by a tick
+  bool has_last_ = false;                      // the recording reaches the end of the range
 };
 
 /// Scores a recording against a task. Errors: those of reading it, of resolve_task() and of

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/contact/scope.h"
 #include "palpate/device/telemetry.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/rehearsal/plan_in_scene.h"
 #include "palpate/rehearsal/removal_follower.h"
 #include "palpate/scene/task_file.h"

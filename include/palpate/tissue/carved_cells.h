@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/tissue/elastic_grid.h"
 #include "palpate/tissue/elastic_solver.h"
 #include "palpate/tissue/label_cells.h"

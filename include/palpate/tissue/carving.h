@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/tissue/cutting_energy.h"
 #include "palpate/tissue/stroke_history.h"
@@ -65,7 +65,7 @@ class CarvedSurface {
   std::vector<std::shared_ptr<const Surface>> stored_;
   Bricks<std::int16_t> cut_;  ///< C, in units of the position's steps
   /// Greatest slope of each brick of the position that differs from the prepared one; 0: unchanged.
-  std::vector<double> steepest_;
+  std::vector<double> max_gradient_;
   double short_mm_ = 0;
 };
 

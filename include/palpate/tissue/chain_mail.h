@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/tissue/elastic_grid.h"
 
@@ -28,7 +28,8 @@ bool find_dent(const Model& model, const TickRecord& tick, std::size_t device, D
 /// 3D ChainMail (S. Gibson, "3D ChainMail: a fast algorithm for deforming volumetric objects", Symposium on
 /// Interactive 3D Graphics 1997). The nodes of cells are links. Two neighbours along an axis satisfy
 ///
-///     kLeast <= spacing along the axis <= kMost,     |offset along the others| <= kShear     (in cell edges)
+///     kMinStretch <= spacing along the axis <= kMaxStretch,     |offset along the others| <= kShear     (in
+///     cell edges)
 ///
 /// The tool moves its nodes, the deepest first. Each moved node pulls its neighbours by the least
 /// displacement that restores the bounds, these pull theirs, first in, first out, each at most once per move.
@@ -40,7 +41,7 @@ bool find_dent(const Model& model, const TickRecord& tick, std::size_t device, D
 /// Bit-identical on all machines; not thread-safe.
 class ChainMail {
  public:
-  static constexpr double kLeast = 0.5, kMost = 1.5, kShear = 0.5;
+  static constexpr double kMinStretch = 0.5, kMaxStretch = 1.5, kShear = 0.5;
 
   /// Starts at rest.
   explicit ChainMail(const ElasticGrid& grid);

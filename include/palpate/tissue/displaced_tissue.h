@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/tissue/displacement_field.h"
 #include "palpate/tissue/elastic_grid.h"

@@ -36,7 +36,7 @@ class PressurePatch {
   /// Displacement of the patch into the tissue, J u, mm.
   double displacement(const ElasticField& u_mm) const;
   /// Derivative of displacement() when the patch moves along the surface: (dJ) u, mm per mm, tangential.
-  Vector<Patient> change(const ElasticField& u_mm) const;
+  Vector<Patient> gradient_along_surface(const ElasticField& u_mm) const;
   /// Constraints that hold the patch in place without prescribing a pressure distribution: for each column of
   /// nodes along the axis nearest to `outward` and each component, the mean of the column's nodes weighted by
   /// their loads, which is the displacement of the surface between them.

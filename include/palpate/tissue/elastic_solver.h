@@ -41,7 +41,7 @@ class ConstrainedMeans {
 };
 
 /// Convergence of a neo-Hookean solution.
-struct FiniteSolution {
+struct NeoHookeanSolution {
   int steps = 0;       ///< Newton steps
   int iterations = 0;  ///< Conjugate gradient iterations in all steps
   /// As ElasticSolution::residual, with the norm of the initial constraint forces of the ConstrainedMeans
@@ -52,14 +52,14 @@ struct FiniteSolution {
   /// compressed one.
   double min_volume = 1;
   /// The line search of the last step failed: even the shortest step would have compressed a cell below
-  /// FiniteSettings::min_volume or not reduced the residual along the step.
-  bool stuck = false;
+  /// NeoHookeanSettings::min_volume or not reduced the residual along the step.
+  bool line_search_failed = false;
 };
 /// Limits of a neo-Hookean solution.
-struct FiniteSettings {
+struct NeoHookeanSettings {
   int max_steps = 1;
   int max_iterations = 8;   ///< Conjugate gradient iterations per step
-  double tolerance = 1e-3;  ///< FiniteSolution::residual at which Newton's method stops
+  double tolerance = 1e-3;  ///< NeoHookeanSolution::residual at which Newton's method stops
   /// Residual at which the conjugate gradients of a step stop, relative to the residual before the step.
   double step_tolerance = 0.1;
   /// A step that leaves a cell with less than this volume fraction is rejected, unless it increases the least
@@ -86,9 +86,10 @@ class ElasticSolver {
   /// bounds of the smoothers never decrease. Operators are updated in the box of the changed cells only; the
   /// coarsest grid is factorised again.
   /// @param cells  box passed to set_cells()
-  /// @param other  return value of set_cells(): the set of soft cells or of held nodes has changed. If true,
+  /// @param topology_changed  return value of set_cells(): the set of soft cells or of held nodes has
+  /// changed. If true,
   ///               loose parts are found again, which visits the whole grid
-  void change(const ElasticGrid& grid, const CellBox& cells, bool other);
+  void update_cells(const ElasticGrid& grid, const CellBox& cells, bool topology_changed);
   /// Sets the displacements of all held components to 0.
   void zero_constrained(ElasticField& displacement_mm) const;
 
@@ -105,10 +106,11 @@ class ElasticSolver {
   /// @param constraints  constraints in addition to the held components. They are projected out in every
   /// iteration,
   ///              so the operators need not be rebuilt
-  FiniteSolution solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
-                                   const FiniteSettings& settings, const ConstrainedMeans& constraints = {});
+  NeoHookeanSolution solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
+                                       const NeoHookeanSettings& settings,
+                                       const ConstrainedMeans& constraints = {});
   /// Nodal forces of the neo-Hookean body, like forces().
-  void finite_forces(const ElasticField& displacement_mm, ElasticField& force_N);
+  void neo_hookean_forces(const ElasticField& displacement_mm, ElasticField& force_N);
 
   /// Nodal forces K u everywhere: at held nodes the reaction, at free nodes the imbalance.
   void forces(const ElasticField& displacement_mm, ElasticField& force_N);

@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/tissue/carving.h"
 

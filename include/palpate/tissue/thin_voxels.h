@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
 
 namespace palpate {

@@ -12,15 +12,15 @@ namespace palpate {
 
 /// Minimum fraction of a segment's voxels inside another one for which it counts as nested in that one:
 /// contours of nested structures are drawn by hand and cross in places.
-inline constexpr double kNestedShare = 0.9;
+inline constexpr double kNestedFraction = 0.9;
 
 /// Two segments that share voxels.
 struct SegmentOverlap {
   LabelId smaller = 0, larger = 0;  ///< Ids in order of number of voxels; if equal, by name and then by id
   std::size_t voxels = 0;           ///< Number of shared voxels
-  double share = 0;                 ///< Shared fraction of the smaller segment's voxels, 0 ... 1
+  double fraction = 0;              ///< Shared fraction of the smaller segment's voxels, 0 ... 1
 
-  bool is_nested() const { return share >= kNestedShare; }
+  bool is_nested() const { return fraction >= kNestedFraction; }
 };
 
 /// All pairs of segments that share a voxel, ordered by `smaller`, then by `larger`.

@@ -7,7 +7,7 @@
 #include "c/guard.h"
 #include "c/model.h"
 #include "palpate/servo/servo.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 namespace palpate::c {
 

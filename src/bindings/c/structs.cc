@@ -9,7 +9,7 @@
 #include <type_traits>
 
 #include "c/guard.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/rendering/rendering.h"
 #include "palpate/rendering/volume_renderer.h"
 #include "palpate/servo/servo.h"

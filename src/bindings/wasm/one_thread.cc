@@ -69,11 +69,11 @@ void PreparationThread::end() {}
 
 TissueThread::TissueThread(ServoLoop& loop, EventLog& log,
                            std::function<std::shared_ptr<const Model>()> model, Solve solve)
-    : loop_(loop), reported_(log), model_(std::move(model)), solve_(std::move(solve)) {
+    : loop_(loop), log_(log), model_(std::move(model)), solve_(std::move(solve)) {
   PALPATE_CHECK(false);
 }
 TissueThread::~TissueThread() = default;
-std::shared_ptr<const ViewedDeformation> TissueThread::yielded(std::size_t /*device*/) const {
+std::shared_ptr<const ViewedDeformation> TissueThread::deformation(std::size_t /*device*/) const {
   return nullptr;
 }
 std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host) {

@@ -133,7 +133,7 @@ Result<void> WorkerSession::begin() {
   volumes_.emplace(server::volume_maker(scene.scan, scale_, scene.labels, facts.wide_labels));
   site_.emplace(live_, server::Access("localhost", kPort, false, {}, {}), facts);
   // a single page next to its server: downloads are not paced
-  const server::DownloadPace downloads(0, server::DownloadPace::Clock::now());
+  const server::DownloadRateLimiter downloads(0, server::DownloadRateLimiter::Clock::now());
   hub_.emplace(loop_, live_, *site_, *volumes_, nullptr, downloads, server::FaultLog({}), [](int) {});
   hub_->begin();
   return {};
@@ -166,7 +166,7 @@ int WorkerSession::get(std::string_view target, std::shared_ptr<const std::strin
     return body ? 200 : 503;
   }
   constexpr int kNotFound = 404;
-  auto* ready = std::get_if<server::HttpAnswer>(&answer);
+  auto* ready = std::get_if<server::HttpResponse>(&answer);
   if (ready == nullptr) return kNotFound;
   body = ready->body ? ready->body : std::make_shared<const std::string>(ready->fixed_body);
   return ready->status;

@@ -73,11 +73,11 @@ void describe_missing_path(Error& error, const std::filesystem::path& file, int 
 // Extension by which writers choose the format: ".nii.gz", ".seg.nrrd", ".h5". Limited in length, so that the
 // temporary's name fits wherever the target's does.
 std::string ending_of(const std::string& name) {
-  constexpr std::size_t kLongest = 12;
+  constexpr std::size_t kMaxEnding = 12;
   const auto last = name.rfind('.');
-  if (last == std::string::npos || last == 0 || name.size() - last > kLongest) return "";
+  if (last == std::string::npos || last == 0 || name.size() - last > kMaxEnding) return "";
   const auto before = name.rfind('.', last - 1);
-  const bool two = before != std::string::npos && before > 0 && name.size() - before <= kLongest;
+  const bool two = before != std::string::npos && before > 0 && name.size() - before <= kMaxEnding;
   return name.substr(two ? before : last);
 }
 

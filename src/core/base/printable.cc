@@ -26,8 +26,8 @@ Character first_character(std::string_view text) {
     code = code << 6 | (byte(n) & 0x3Fu);
   }
   // overlong encoding, half of a surrogate pair, or beyond U+10FFFF
-  constexpr std::array<char32_t, 5> kLeast{0, 0, 0x80, 0x800, 0x10000};
-  if (code < kLeast[length] || (code >= 0xD800 && code < 0xE000) || code > 0x10FFFF)
+  constexpr std::array<char32_t, 5> kMinCode{0, 0, 0x80, 0x800, 0x10000};
+  if (code < kMinCode[length] || (code >= 0xD800 && code < 0xE000) || code > 0x10FFFF)
     return {1, false, byte(0)};
   return {length, true, code};
 }

@@ -23,10 +23,10 @@ std::string utc_now() {
 }
 
 std::string utc_after(const std::string& utc, double after_s) {
-  constexpr double kLongest_s = 1e10;  // some 300 years
+  constexpr double kMax_s = 1e10;  // some 300 years
   std::tm parts{};
   const char* const end = strptime(utc.c_str(), kForm, &parts);
-  if (end == nullptr || *end != '\0' || !(after_s >= 0 && after_s < kLongest_s)) return utc;
+  if (end == nullptr || *end != '\0' || !(after_s >= 0 && after_s < kMax_s)) return utc;
   return utc_text(timegm(&parts) + static_cast<std::time_t>(std::floor(after_s)));
 }
 

@@ -12,7 +12,7 @@ double overlap_s(const DelayLine::Sample& sample, double age_s, double from_s, d
 
 }  // namespace
 
-Vector<World> follow_delay(const Vector<World>& sent_N, double dt_s, double delay_s, DelayLine& line) {
+Vector<World> advance_delay_line(const Vector<World>& sent_N, double dt_s, double delay_s, DelayLine& line) {
   if (!(delay_s > 0) || !(dt_s > 0)) {
     line.count = 0;
     line.dropped_older = dt_s > 0;

@@ -11,7 +11,7 @@ namespace {
 
 TEST(ActingForce, WithoutDelayEqualsTheCommand) {
   DelayLine line;
-  EXPECT_EQ(follow_delay(Vector<World>(1, 2, 3), 1e-3, 0, line), Vector<World>(1, 2, 3));
+  EXPECT_EQ(advance_delay_line(Vector<World>(1, 2, 3), 1e-3, 0, line), Vector<World>(1, 2, 3));
   EXPECT_EQ(line.count, 0);
   EXPECT_EQ(pending_impulse_N_s(line, Vector<World>(1, 0, 0), 0), 0);
 }
@@ -34,7 +34,8 @@ TEST(ActingForce, IsTheMeanActingForceForAnyTickLength) {
         delayed.pop_front();
       }
       for (const double later : delayed) pending += later * kFine_s;
-      const double reported = follow_delay(Vector<World>(0, sent, 0), fine * kFine_s, delay_s, line).y();
+      const double reported =
+          advance_delay_line(Vector<World>(0, sent, 0), fine * kFine_s, delay_s, line).y();
       ASSERT_NEAR(reported, acted, 1e-9) << n;
       ASSERT_NEAR(pending_impulse_N_s(line, Vector<World>(0, 1, 0), delay_s), pending, 1e-12) << n;
     }
@@ -53,7 +54,7 @@ TEST(ActingForce, ConstantForceIsPreservedWhenTheDelayChanges) {
       for (int n = 0; n < 1000; ++n) {
         const double dt_s = n % 50 == 49 ? 8 * tick_s : tick_s * part(random);
         const double delay_s = min_s + (n % 3 == 0 ? longer(random) : 0);
-        const Vector<World> acted = follow_delay(Vector<World>(0, 0, 2), dt_s, delay_s, line);
+        const Vector<World> acted = advance_delay_line(Vector<World>(0, 0, 2), dt_s, delay_s, line);
         // after the delay has passed
         if (time_s > min_s + 10e-3) {
           ASSERT_NEAR(acted.z(), 2, 1e-9) << n << ": " << delay_s << " s, tick of " << dt_s;
@@ -66,7 +67,7 @@ TEST(ActingForce, ConstantForceIsPreservedWhenTheDelayChanges) {
 TEST(ActingForce, FullDelayLineDropsTheOldest) {
   DelayLine line;
   for (int n = 0; n < 1000; ++n) {
-    const Vector<World> acted = follow_delay(Vector<World>(1, 0, 0), 1e-4, 20e-3, line);
+    const Vector<World> acted = advance_delay_line(Vector<World>(1, 0, 0), 1e-4, 20e-3, line);
     ASSERT_TRUE(acted.all_finite());
     if (n > 200) {
       ASSERT_NEAR(acted.x(), 1, 1e-9) << "what it still knows stands for that";

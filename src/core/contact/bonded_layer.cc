@@ -11,7 +11,7 @@ namespace {
 /// 4.2).
 constexpr double kHalfSpacePatch = 0.6;
 /// Upper bound of the root in surroundings_of_patch(): thinner layers count as rigid.
-constexpr double kMostSupported = 1e3;
+constexpr double kMaxPatchRatio = 1e3;
 constexpr int kMaxPatchSteps = 60;
 constexpr double kSamePatch = 1e-12;
 
@@ -54,7 +54,7 @@ PatchSurroundings surroundings_of_patch(double compliance_mm_per_N, double rho_m
   const LayerFactor patch = LayerFactor::under_patch(poissons_ratio);
   const double ratio = compliance_mm_per_N / half_space;
   // the factor falls monotonically from 1
-  double low = 0, high = kMostSupported;
+  double low = 0, high = kMaxPatchRatio;
   double e = std::min(1 / ratio - 1, high);
   for (int n = 0; n < kMaxPatchSteps; ++n) {
     const auto [factor, slope] = patch.at(e);

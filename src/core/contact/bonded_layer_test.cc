@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "contact/test_layer_oracle.h"
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 
 namespace palpate {
 namespace {

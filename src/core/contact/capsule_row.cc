@@ -22,7 +22,7 @@ class RowSearch {
         centre_(centre),
         shape_(shape),
         steps_(steps),
-        rise_mm_((surface.steepest() * shape.along_mm.norm() + std::abs(shape.widens_mm)) / steps),
+        rise_mm_((surface.max_gradient() * shape.along_mm.norm() + std::abs(shape.widens_mm)) / steps),
         enough_mm_(enough_mm) {}
 
   double evaluate(int step) {

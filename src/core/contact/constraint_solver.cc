@@ -16,11 +16,11 @@ const Friction& friction_of(std::size_t constraint, const ContactProblem& proble
   const Vector<Patient>& normal = problem.constraints.half_space(constraint).normal;
   const Point<Patient> at = problem.proxy + (pair.offset_mm(step) - normal * pair.radius_mm(step));
   Friction friction;
-  const OwnerShares shares = owners.at(problem.surfaces, pair.index, at);
-  for (const OwnerShare& share : shares.all()) {
-    const ContactSurface& structure = problem.surfaces[static_cast<std::size_t>(share.structure)];
-    friction.static_coefficient += share.part * structure.static_friction;
-    friction.kinetic_coefficient += share.part * structure.friction;
+  const OwnerFractions fractions = owners.at(problem.surfaces, pair.index, at);
+  for (const OwnerFraction& fraction : fractions.all()) {
+    const ContactSurface& structure = problem.surfaces[static_cast<std::size_t>(fraction.structure)];
+    friction.static_coefficient += fraction.part * structure.static_friction;
+    friction.kinetic_coefficient += fraction.part * structure.friction;
   }
   return coefficients.store(index, friction);
 }
@@ -42,27 +42,30 @@ Vector<Patient> tangential(const Vector<Patient>& displacement, const ClosestPoi
 void apply_friction(const ContactProblem& problem, PairFriction& coefficients, OwnerCache& owners,
                     Solution& solution) {
   const ClosestPoint& nearest = solution.nearest;
-  double static_coefficient = 0, kinetic_coefficient = 0, all_mm = 0;
+  double static_coefficient = 0, kinetic_coefficient = 0, multiplier_sum_mm = 0;
   for (int n = 0; n < nearest.count; ++n) {
     const double multiplier_mm = nearest.multiplier_mm[static_cast<std::size_t>(n)];
     const auto constraint = static_cast<std::size_t>(nearest.active[static_cast<std::size_t>(n)]);
     const Friction& friction = friction_of(constraint, problem, coefficients, owners);
     static_coefficient += multiplier_mm * friction.static_coefficient;
     kinetic_coefficient += multiplier_mm * friction.kinetic_coefficient;
-    all_mm += multiplier_mm;
+    multiplier_sum_mm += multiplier_mm;
   }
   // with one constraint the depth equals the multiplier; in a corner it is less than the sum of multipliers
   const double depth_mm = (nearest.point - problem.tip).norm();
-  const Vector<Patient> behind =
+  const Vector<Patient> to_anchor_mm =
       tangential(solution.friction.anchor - nearest.point, nearest, problem.constraints);
-  const double behind_mm = behind.norm();
+  const double behind_mm = to_anchor_mm.norm();
   const bool was_sticking = solution.friction.sticking;
   bool& sticking = solution.friction.sticking;
-  sticking = behind_mm <= (was_sticking ? static_coefficient : kinetic_coefficient) / all_mm * depth_mm;
+  sticking =
+      behind_mm <= (was_sticking ? static_coefficient : kinetic_coefficient) / multiplier_sum_mm * depth_mm;
   if (was_sticking && !sticking)
-    solution.released_mm = (static_coefficient - kinetic_coefficient) / all_mm * depth_mm;
-  solution.goal = sticking ? nearest.point + behind
-                           : nearest.point + behind * (kinetic_coefficient / all_mm * depth_mm / behind_mm);
+    solution.released_mm = (static_coefficient - kinetic_coefficient) / multiplier_sum_mm * depth_mm;
+  solution.goal =
+      sticking
+          ? nearest.point + to_anchor_mm
+          : nearest.point + to_anchor_mm * (kinetic_coefficient / multiplier_sum_mm * depth_mm / behind_mm);
 }
 
 }  // namespace

@@ -40,9 +40,9 @@ ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerC
     const Vector<Patient> arm_mm = arm_of(contact, sphere);
     owners_.make(n, owners.at(surfaces_, contact.surface, in.layer.position + arm_mm));
     mean.multiplier_mm += contact.multiplier_mm;
-    for (const OwnerShare& share : owners_[n].all()) {
-      const ContactSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
-      const double multiplier_mm = contact.multiplier_mm * share.part;
+    for (const OwnerFraction& fraction : owners_[n].all()) {
+      const ContactSurface& structure = surfaces_[static_cast<std::size_t>(fraction.structure)];
+      const double multiplier_mm = contact.multiplier_mm * fraction.part;
       mean.friction += multiplier_mm * (in.layer.sticking ? structure.static_friction : structure.friction);
       if (structure.plane_strain_modulus_N_per_mm2 > 0) {
         mean.pressed.add(multiplier_mm, structure, arm_mm, sphere.radius_at_mm(contact.axis_fraction));
@@ -88,14 +88,14 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
         palpate::press(pressed, {surfaces_, in.spheres, contacts, tip_, in.layer.position, stretched_mm},
                        options_, compliance, relaxation);
     relaxed_ = relaxed_ || tissue.relaxed;
-    const double share = pressed.multiplier_mm / mean.multiplier_mm;
+    const double fraction = pressed.multiplier_mm / mean.multiplier_mm;
     press_ = tissue.press;
-    press_.force_N *= share;
-    stiffness += share * tissue.secant_N_per_mm;
-    own_stiffness += share * tissue.own_secant_N_per_mm;
-    force.tangent_N_per_mm += share * tissue.law.tangent_N_per_mm;
-    force.stored_mJ += share * tissue.law.stored_mJ;
-    force.force_N = tissue.law.tangential_force_N * share;
+    press_.force_N *= fraction;
+    stiffness += fraction * tissue.secant_N_per_mm;
+    own_stiffness += fraction * tissue.own_secant_N_per_mm;
+    force.tangent_N_per_mm += fraction * tissue.law.tangent_N_per_mm;
+    force.stored_mJ += fraction * tissue.law.stored_mJ;
+    force.force_N = tissue.law.tangential_force_N * fraction;
     force.deformable = true;
   } else {
     compliance = {};
@@ -107,8 +107,8 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
   // totals over the layers
   path_.begin_layer(stretched_mm, stiffness);
   for (std::size_t n = 0; n < contacts.size(); ++n) {
-    for (const OwnerShare& share : owners_[n].all())
-      path_.add_owner(share.structure, share.part * contacts[n].multiplier_mm / mean.multiplier_mm);
+    for (const OwnerFraction& fraction : owners_[n].all())
+      path_.add_owner(fraction.structure, fraction.part * contacts[n].multiplier_mm / mean.multiplier_mm);
     normals_N_ += contacts[n].normal * (contacts[n].multiplier_mm * stiffness);
   }
   if (in.has_arrived) add_puncture_forces(contacts, own_stiffness);
@@ -119,9 +119,9 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
 
 void ContactSprings::add_puncture_forces(std::span<const ProxyContact> contacts, double own_stiffness) {
   for (std::size_t n = 0; n < contacts.size(); ++n)
-    for (const OwnerShare& share : owners_[n].all())
-      if (std::isfinite(surfaces_[static_cast<std::size_t>(share.structure)].puncture_N))
-        puncture_forces_.add(share.structure, contacts[n].multiplier_mm * own_stiffness * share.part);
+    for (const OwnerFraction& fraction : owners_[n].all())
+      if (std::isfinite(surfaces_[static_cast<std::size_t>(fraction.structure)].puncture_N))
+        puncture_forces_.add(fraction.structure, contacts[n].multiplier_mm * own_stiffness * fraction.part);
 }
 
 }  // namespace palpate

@@ -114,7 +114,7 @@ class ContactSprings {
   const ProxyOptions options_;
   // clamped to the device's limit, and not clamped
   LayerStiffness rendered_, own_;
-  UninitialisedArray<OwnerShares, kMaxContacts> owners_;  // by contact of the layer that was added last
+  UninitialisedArray<OwnerFractions, kMaxContacts> owners_;  // by contact of the layer that was added last
   PenetrationPath path_;
   Vector<Patient> normals_N_;
   double friction_N_ = 0, normal_N_ = 0;

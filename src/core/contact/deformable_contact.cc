@@ -64,8 +64,8 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
   const double left = elastic_N > 0 ? force_N / elastic_N : 1;
   force.secant_N_per_mm *= left;
   force.own_secant_N_per_mm *= left;
-  force.law.tangential_force_N = tissue.slope_per_N * std::max(0.0, lateral.of_compliance_N2) -
-                                 tissue.stiffening_slope * std::max(0.0, lateral.of_stiffening_N3);
+  force.law.tangential_force_N = tissue.gradient_per_N * std::max(0.0, lateral.of_compliance_N2) -
+                                 tissue.stiffening_gradient * std::max(0.0, lateral.of_stiffening_N3);
 }
 
 }  // namespace

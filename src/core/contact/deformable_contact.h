@@ -4,7 +4,7 @@
 
 #include "palpate/contact/proxy.h"
 #include "palpate/contact/relaxation.h"
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 
 /// Contact of the outermost layer with deformable tissue.
 namespace palpate {

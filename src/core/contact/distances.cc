@@ -151,7 +151,7 @@ ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& t
 std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& distances,
                                                                std::span<const ToolSphere> spheres,
                                                                const Point<Patient>& tip) {
-  std::array<NearStructure, kMaxNearReported> reported;
+  std::array<NearStructure, kMaxNearReported> nearest;
   const ToolBox tool = box_of_tool(spheres, tip);
   const std::vector<TrackedStructure>& structures = distances.structures();
   std::size_t count = 0;
@@ -162,25 +162,25 @@ std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& 
     const double ring_mm = part * distances.reach_mm();
     for (std::size_t s = 0; s < structures.size(); ++s) {
       if (!structures[s].reported) continue;
-      const double min_mm = distances.at_least_mm(s, tool);
+      const double min_mm = distances.lower_bound_mm(s, tool);
       if (!(min_mm > sampled_mm && min_mm <= std::min(ring_mm, within_mm))) continue;
       const auto near = distance_of_tool(*structures[s].tree, spheres, tip, within_mm);
       if (!near || !(near->distance_mm <= within_mm)) continue;
       const NearStructure here{structures[s].label, near->distance_mm};
-      const auto end = reported.begin() + static_cast<std::ptrdiff_t>(count);
-      const auto insertion = std::upper_bound(reported.begin(), end, here, [](const auto& a, const auto& b) {
+      const auto end = nearest.begin() + static_cast<std::ptrdiff_t>(count);
+      const auto insertion = std::upper_bound(nearest.begin(), end, here, [](const auto& a, const auto& b) {
         return a.distance_mm < b.distance_mm;
       });
-      if (insertion == reported.end()) continue;
-      if (count < reported.size()) ++count;
-      std::move_backward(insertion, reported.begin() + static_cast<std::ptrdiff_t>(count) - 1,
-                         reported.begin() + static_cast<std::ptrdiff_t>(count));
+      if (insertion == nearest.end()) continue;
+      if (count < nearest.size()) ++count;
+      std::move_backward(insertion, nearest.begin() + static_cast<std::ptrdiff_t>(count) - 1,
+                         nearest.begin() + static_cast<std::ptrdiff_t>(count));
       *insertion = here;
-      if (count == reported.size()) within_mm = reported.back().distance_mm;
+      if (count == nearest.size()) within_mm = nearest.back().distance_mm;
     }
     sampled_mm = ring_mm;
   }
-  return reported;
+  return nearest;
 }
 
 }  // namespace palpate

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 
 namespace palpate {
 namespace {

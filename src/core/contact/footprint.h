@@ -17,7 +17,7 @@ struct FootprintPoint {
 };
 inline constexpr std::size_t kMaxFootprintPoints = 24;
 
-/// Sphere equivalent to several press places under the contact law of a tick (yield.h).
+/// Sphere equivalent to several press places under the contact law of a tick (soft_contact.h).
 struct Footprint {
   double depth_mm = 0, radius_mm = 0;
   /// Additional compliance by interaction of the places, times E*: each is lowered by the pressure at the

@@ -17,8 +17,8 @@ double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now,
 
 }  // namespace
 
-DisplacementLimit limit_displacement(const ProxyLayer& layer, const Vector<Patient>& tip_moved,
-                                     double turned_mm, double max_slip_mm) {
+DisplacementBall limit_displacement(const ProxyLayer& layer, const Vector<Patient>& tip_moved,
+                                    double turned_mm, double max_slip_mm) {
   if (layer.contact_count == 0 || is_contact_punctured(layer)) return {};
   return {layer.position + tip_moved, tip_moved.norm() + turned_mm + max_slip_mm};
 }

@@ -10,7 +10,7 @@
 
 /// Force continuity of the proxy. Slip is the part of a force change that is not caused by the tool's own
 /// displacement; its rate is limited to ProxyOptions::max_slip_N_per_s (docs/decisions/0033). It has three
-/// sources, each with its limit here: displacement of the proxy along or off a surface (DisplacementLimit),
+/// sources, each with its limit here: displacement of the proxy along or off a surface (DisplacementBall),
 /// change of the spring's stretched fraction (limit_stretch_mm) and change of stiffness (limit_stiffness).
 namespace palpate {
 
@@ -27,22 +27,22 @@ struct SpringMotion {
 /// Displacement limit of a proxy in one tick: a ball around its position displaced by the tip's displacement,
 /// where the spring vector would be unchanged. The radius, i.e. the tool's displacement plus the permitted
 /// slip, therefore bounds the change of the spring vector.
-struct DisplacementLimit {
-  Point<Patient> middle;  ///< Centre: proxy position after the tool's rotation, plus the tip's displacement
-  double length_mm = std::numeric_limits<double>::infinity();  ///< Radius
+struct DisplacementBall {
+  Point<Patient> centre;  ///< Centre: proxy position after the tool's rotation, plus the tip's displacement
+  double radius_mm = std::numeric_limits<double>::infinity();  ///< Radius
 
-  bool is_outside(const Point<Patient>& at) const { return (at - middle).norm() > length_mm; }
+  bool is_outside(const Point<Patient>& at) const { return (at - centre).norm() > radius_mm; }
   /// Whether a position is on the boundary, within the displacement that counts as rest, or outside.
   bool is_at_limit(const Point<Patient>& at) const {
-    return (at - middle).norm() > length_mm - kProxySettings.at_rest_mm;
+    return (at - centre).norm() > radius_mm - kProxySettings.at_rest_mm;
   }
   /// Maximum fraction, 0 ... 1, of a displacement whose end is within the ball.
   double fraction_within(const Point<Patient>& from, const Vector<Patient>& displacement_mm) const {
     if (!is_outside(from + displacement_mm)) return 1;
-    const Vector<Patient> out = from - middle;
+    const Vector<Patient> out = from - centre;
     const double along = out.dot(displacement_mm), square = displacement_mm.squared_norm();
     if (!(square > 0)) return 0;
-    const double beyond = length_mm * length_mm - out.squared_norm();
+    const double beyond = radius_mm * radius_mm - out.squared_norm();
     const double root = std::sqrt(std::max(0.0, along * along + square * beyond));
     return std::clamp((root - along) / square, 0.0, 1.0);
   }
@@ -54,8 +54,8 @@ struct DisplacementLimit {
 /// @param tip_moved    displacement of the tip in this tick, mm
 /// @param turned_mm    arc length of the rotation (arc_of_rotation_mm)
 /// @param max_slip_mm  permitted slip
-DisplacementLimit limit_displacement(const ProxyLayer& layer, const Vector<Patient>& tip_moved,
-                                     double turned_mm, double max_slip_mm);
+DisplacementBall limit_displacement(const ProxyLayer& layer, const Vector<Patient>& tip_moved,
+                                    double turned_mm, double max_slip_mm);
 
 /// Rate-limited length of the spring: the length nearest to `target_mm` for which the spring vector differs
 /// from that of the last tick by at most max_change_mm. If the direction alone changes by more, the last

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "palpate/base/hash.h"
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 
 namespace palpate {
 namespace {
@@ -25,12 +25,12 @@ bool Hole::fits(const Point<Patient>& centre, double part_radius_mm) const {
 }
 
 void Holes::add(const Hole& hole) {
-  if (count_ < kMost) {
+  if (count_ < kCapacity) {
     hole_[count_++] = hole;
     return;
   }
   hole_[oldest_] = hole;
-  oldest_ = (oldest_ + 1) % kMost;
+  oldest_ = (oldest_ + 1) % kCapacity;
 }
 
 void Holes::extend(int structure, const Point<Patient>& centre) {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "palpate/base/hash.h"
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 
 namespace palpate {
 namespace {
@@ -49,13 +49,13 @@ TEST(Holes, ReachAsDeepAsTheToolHasAdvanced) {
 
 TEST(Holes, OldestHoleClosesBeyondTheMaximum) {
   Holes holes;
-  const auto number = static_cast<int>(Holes::kMost) + 3;
+  const auto number = static_cast<int>(Holes::kCapacity) + 3;
   for (int n = 0; n < number; ++n) {
     Hole hole = made();
     hole.at = Point<Patient>(10.0 * n, 0, 0);
     holes.add(hole);
   }
-  ASSERT_EQ(holes.all().size(), Holes::kMost);
+  ASSERT_EQ(holes.all().size(), Holes::kCapacity);
   std::vector<double> coordinates;
   for (const Hole& hole : holes.all()) coordinates.push_back(hole.at.x());
   std::sort(coordinates.begin(), coordinates.end());

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 namespace {

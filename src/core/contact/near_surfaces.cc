@@ -50,27 +50,28 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
       const ToolSphere& sphere = spheres[k];
       if (known_free && is_known_beyond(surface, sphere, at, reach_mm)) continue;
       const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
-      const double far_mm = reach_mm * surface.steepest();
-      if (pair.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) > far_mm + sphere.radius_mm) continue;
+      const double far_mm = reach_mm * surface.max_gradient();
+      if (pair.steps == 0 && surface.lower_bound_mm(at + sphere.offset_mm) > far_mm + sphere.radius_mm)
+        continue;
       const Evaluation evaluation = evaluate(pair, at, far_mm, pair.steps / 2);
       if (evaluation.clearance_mm <= far_mm)
-        insert(pair, evaluation.clearance_mm / surface.steepest(), evaluation);
+        insert(pair, evaluation.clearance_mm / surface.max_gradient(), evaluation);
     }
   }
   reach_mm_ = std::max(0.0, std::min(reach_mm, left_out_mm_));
 }
 
 bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-             const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at) {
+             const SurfaceSet& punctured, const SurfaceSet& ignored, const Point<Patient>& at) {
   int queries = 0;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
-    if (but[s] || !can_touch(surfaces, layer, punctured, s)) continue;
+    if (ignored[s] || !can_touch(surfaces, layer, punctured, s)) continue;
     const Surface& surface = *surfaces[s].surface;
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
       const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
       const double min_mm = sphere.radius_mm - kProxySettings.outside_mm;
-      if (pair.steps == 0 && surface.at_least_mm(at + sphere.offset_mm) >= min_mm) continue;
+      if (pair.steps == 0 && surface.lower_bound_mm(at + sphere.offset_mm) >= min_mm) continue;
       if (pair.clearance(at, -kProxySettings.outside_mm, pair.steps / 2, queries).mm <
           -kProxySettings.outside_mm)
         return false;
@@ -79,10 +80,11 @@ bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSpher
   return true;
 }
 
-double PairSet::steepest() const {
-  double steepest = 1;
-  for (std::size_t n = 0; n < count_; ++n) steepest = std::max(steepest, pairs_[n].surface->steepest());
-  return steepest;
+double PairSet::max_gradient() const {
+  double max_gradient = 1;
+  for (std::size_t n = 0; n < count_; ++n)
+    max_gradient = std::max(max_gradient, pairs_[n].surface->max_gradient());
+  return max_gradient;
 }
 
 PairSet::Evaluation PairSet::evaluate(const ContactPair& pair, const Point<Patient>& proxy, double enough_mm,
@@ -97,9 +99,9 @@ double PairSet::clearance(std::size_t n, const Point<Patient>& proxy, double eno
   const ContactPair& pair = pairs_[n];
   const Point<Patient> centre = proxy + pair.shape.offset_mm;
   const double moved_mm = (centre - evaluation.centre).norm();
-  const double at_least_mm = evaluation.clearance_mm - moved_mm * pair.surface->steepest();
+  const double lower_bound_mm = evaluation.clearance_mm - moved_mm * pair.surface->max_gradient();
   if (moved_mm == 0 && evaluation.clearance_mm <= evaluation.enough_mm) return evaluation.clearance_mm;
-  if (at_least_mm > enough_mm) return at_least_mm;
+  if (lower_bound_mm > enough_mm) return lower_bound_mm;
   evaluation = evaluate(pair, proxy, enough_mm, evaluation.step);
   return evaluation.clearance_mm;
 }
@@ -117,7 +119,7 @@ void PairSet::turn(std::span<const ToolSphere> spheres) {
     if (pairs_[n].steps > 0) {
       // bound for the displacement of the last sphere beyond that of the first
       evaluations_[n].clearance_mm -=
-          (turned.along_mm - pairs_[n].shape.along_mm).norm() * pairs_[n].surface->steepest();
+          (turned.along_mm - pairs_[n].shape.along_mm).norm() * pairs_[n].surface->max_gradient();
       evaluations_[n].enough_mm = -std::numeric_limits<double>::infinity();
     }
     pairs_[n].shape = turned;

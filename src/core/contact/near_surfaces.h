@@ -94,7 +94,7 @@ class PairSet {
   }
   double reach_mm() const { return reach_mm_; }
   /// Maximum slope of the distance fields in the set; at least 1.
-  double steepest() const;
+  double max_gradient() const;
   /// Whether any sphere was inside a surface at the position passed to gather().
   bool penetrates() const { return count_ > 0 && clearances_mm_[0] <= -kProxySettings.outside_mm; }
 
@@ -138,10 +138,10 @@ class PairSet {
 };
 
 /// Whether no tool part penetrates any surface that the layer's proxy can touch.
-/// @param but  surfaces that are ignored
+/// @param ignored  surfaces that are ignored
 /// @param at   position of the tip
 bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-             const SurfaceSet& punctured, const SurfaceSet& but, const Point<Patient>& at);
+             const SurfaceSet& punctured, const SurfaceSet& ignored, const Point<Patient>& at);
 
 /// Half-space constraints, each with the sphere-surface pair that it comes from.
 class ContactConstraints {

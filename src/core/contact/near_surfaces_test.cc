@@ -103,8 +103,8 @@ TEST(PairSet, BoundsAreConservative) {
     for (int n = 0; n < 5000; ++n) {
       const Point<Patient> at(centre + point_within(12, random));
       const double distance_mm = surface.distance_mm(at), within_mm = 4 * unit(random);
-      ASSERT_LE(surface.at_least_mm(at), distance_mm);
-      tells += surface.at_least_mm(at) > 0.5;
+      ASSERT_LE(surface.lower_bound_mm(at), distance_mm);
+      tells += surface.lower_bound_mm(at) > 0.5;
       if (!surface.is_beyond(at, within_mm)) continue;
       ++beyond;
       const Point<Patient> there = at + random_direction(random) * within_mm;

@@ -4,7 +4,7 @@
 
 #include "contact/footprint.h"
 #include "palpate/base/hash.h"
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 
 namespace palpate {
 namespace {

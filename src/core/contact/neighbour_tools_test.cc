@@ -7,7 +7,7 @@
 #include <string>
 
 #include "base/test_seed.h"
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 
 namespace palpate {
 namespace {

@@ -76,7 +76,7 @@ MetRegion nearest_to(const NoGoStructure& structure, const Distances& distances,
                      std::span<const ToolSphere> spheres, const Point<Patient>& tip, double within_mm) {
   if (structure.tracked < 0) return {};
   const auto table_index = static_cast<std::size_t>(structure.tracked);
-  if (!(distances.at_least_mm(table_index, box_of_tool(spheres, tip)) <= within_mm)) return {};
+  if (!(distances.lower_bound_mm(table_index, box_of_tool(spheres, tip)) <= within_mm)) return {};
   const SurfaceTree& tree = *distances.structures()[table_index].tree;
   const auto near = distance_of_tool(tree, spheres, tip, within_mm);
   if (!near) return {};

@@ -89,21 +89,21 @@ TEST(NoGo, ManyPlanesAreConservativeAndBoundedInStiffness) {
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> any(-2, 2);
-  constexpr double kMost = 2, kStep_mm = 1e-5;
+  constexpr double kMaxStiffness = 2, kStep_mm = 1e-5;
   int encountered = 0;
   for (int n = 0; n < 400; ++n) {
     const auto regions = random_regions(random, 2 + n % 5);
     const double z = any(random), y = any(random), x = any(random);
     const Point<Patient> tip(x, y, z);
-    const NoGoForce force = pushed(regions, tip, kMost);
+    const NoGoForce force = pushed(regions, tip, kMaxStiffness);
     encountered += force.stored_mJ > 0.01;
     const Vector<Patient> displacement = testing::random_direction(random);
-    const NoGoForce there = pushed(regions, tip + displacement * kStep_mm, kMost);
-    const NoGoForce back = pushed(regions, tip - displacement * kStep_mm, kMost);
+    const NoGoForce there = pushed(regions, tip + displacement * kStep_mm, kMaxStiffness);
+    const NoGoForce back = pushed(regions, tip - displacement * kStep_mm, kMaxStiffness);
     EXPECT_NEAR((there.stored_mJ - back.stored_mJ) / (2 * kStep_mm), -force.force_N.dot(displacement), 1e-4)
         << n;
     // along any path the force increases by at most the stiffness limit
-    EXPECT_LE((back.force_N - there.force_N).dot(displacement) / (2 * kStep_mm), kMost * 1.001) << n;
+    EXPECT_LE((back.force_N - there.force_N).dot(displacement) / (2 * kStep_mm), kMaxStiffness * 1.001) << n;
   }
   EXPECT_GT(encountered, 100);
 }

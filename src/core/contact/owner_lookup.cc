@@ -2,9 +2,9 @@
 
 namespace palpate {
 
-OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& at) {
+OwnerFractions owners_at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& at) {
   const ContactSurface& surface = surfaces[static_cast<std::size_t>(index)];
-  if (surface.owners == nullptr) return OwnerShares(surface.structure < 0 ? index : surface.structure);
+  if (surface.owners == nullptr) return OwnerFractions(surface.structure < 0 ? index : surface.structure);
   if (surface.made == nullptr) return surface.owners->at(at);
   // labels below the surface differ only from a depth of half a voxel
   const double beneath_mm = 0.5 * surface.original_labels->geometry().min_spacing_mm();
@@ -12,19 +12,19 @@ OwnerShares owners_at(std::span<const ContactSurface> surfaces, int index, const
                                                      : surface.owners->at(at);
 }
 
-OwnerShares OwnerCache::at(std::span<const ContactSurface> surfaces, int index,
-                           const Point<Patient>& position) {
+OwnerFractions OwnerCache::at(std::span<const ContactSurface> surfaces, int index,
+                              const Point<Patient>& position) {
   const ContactSurface& surface = surfaces[static_cast<std::size_t>(index)];
   if (surface.owners == nullptr) return owners_at(surfaces, index, position);
   const bool cut = surface.made != nullptr;
   for (const Entry& entry : entries_)
     if (entry.owners == surface.owners->number() && entry.surface == index && entry.cut == cut &&
         entry.position == position)
-      return entry.shares;
+      return entry.fractions;
   Entry& entry = entries_[next_];
   next_ = (next_ + 1) % entries_.size();
   entry = {surface.owners->number(), index, cut, position, owners_at(surfaces, index, position)};
-  return entry.shares;
+  return entry.fractions;
 }
 
 }  // namespace palpate

@@ -163,21 +163,21 @@ double Owners::weight_of(std::size_t run, const std::array<float, 3>& point,
   return weight;
 }
 
-OwnerShares Owners::at(const Point<Patient>& x) const {
+OwnerFractions Owners::at(const Point<Patient>& x) const {
   const Point<Voxel> p = X_VoxelPatient_ * x;
   std::array<int, 3> nearest{}, low{}, high{};
   for (std::size_t a = 0; a < 3; ++a) {
     const double at = p[static_cast<int>(a)], voxels = reach_mm_ / spacing_mm_[static_cast<int>(a)];
     // not finite, or out of reach of all voxels
-    if (!(at + voxels >= 0 && at - voxels <= dims_[a] - 1)) return OwnerShares(any_);
+    if (!(at + voxels >= 0 && at - voxels <= dims_[a] - 1)) return OwnerFractions(any_);
     nearest[a] = std::clamp(static_cast<int>(std::lround(at)), 0, dims_[a] - 1);
     low[a] = std::max(0, static_cast<int>(std::ceil(at - voxels))) / block_[a];
     high[a] = std::min(dims_[a] - 1, static_cast<int>(std::floor(at + voxels))) / block_[a];
   }
   const std::int16_t owner = only_[block_of(nearest[0], nearest[1], nearest[2])];
-  if (owner != kSeveral) return OwnerShares(owner == kNobody ? any_ : owner);
+  if (owner != kSeveral) return OwnerFractions(owner == kNobody ? any_ : owner);
 
-  OwnerShares shares;
+  OwnerFractions fractions;
   std::array<float, 3> point{}, per_reach{};  // as a fraction of the radius
   for (std::size_t a = 0; a < 3; ++a) {
     point[a] = static_cast<float>(p[static_cast<int>(a)]);
@@ -185,11 +185,11 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
   }
   const auto add = [&](std::int16_t structure, double weight) {
     std::size_t n = 0;
-    while (n < shares.count_ && shares.share_[n].structure != structure) ++n;
+    while (n < fractions.count_ && fractions.fraction_[n].structure != structure) ++n;
     // more structures than that do not meet in tissue
-    if (n == OwnerShares::kMost) return;
-    if (n == shares.count_) shares.share_[shares.count_++] = {structure, 0};
-    shares.share_[n].part += weight;
+    if (n == OwnerFractions::kCapacity) return;
+    if (n == fractions.count_) fractions.fraction_[fractions.count_++] = {structure, 0};
+    fractions.fraction_[n].part += weight;
   };
   for (int c = low[2]; c <= high[2]; ++c)
     for (int b = low[1]; b <= high[1]; ++b) {
@@ -202,10 +202,10 @@ OwnerShares Owners::at(const Point<Patient>& x) const {
         if (const double weight = weight_of(run, point, per_reach); weight > 0)
           add(runs_[run].structure, weight);
     }
-  return shares.count_ > 0 ? in_order(shares) : OwnerShares(any_);
+  return fractions.count_ > 0 ? in_order(fractions) : OwnerFractions(any_);
 }
 
-OwnerShares Owners::within(const Bricks<LabelId>& labels, const Point<Patient>& x) const {
+OwnerFractions Owners::within(const Bricks<LabelId>& labels, const Point<Patient>& x) const {
   const Point<Voxel> p = X_VoxelPatient_ * x;
   std::array<int, 3> first{};
   for (std::size_t a = 0; a < 3; ++a) {
@@ -213,7 +213,7 @@ OwnerShares Owners::within(const Bricks<LabelId>& labels, const Point<Patient>& 
     if (!(at >= 0 && at <= dims_[a] - 1)) return this->at(x);
     first[a] = std::min(static_cast<int>(at), std::max(0, dims_[a] - 2));
   }
-  OwnerShares shares;
+  OwnerFractions fractions;
   for (int corner = 0; corner < 8; ++corner) {
     std::array<int, 3> voxel{};
     double part = 1;
@@ -226,23 +226,24 @@ OwnerShares Owners::within(const Bricks<LabelId>& labels, const Point<Patient>& 
     const std::int16_t structure = structure_of_label_[labels.anywhere(voxel[0], voxel[1], voxel[2])];
     if (structure == kNobody || !(part > 0)) continue;
     std::size_t n = 0;
-    while (n < shares.count_ && shares.share_[n].structure != structure) ++n;
-    if (n == shares.count_) shares.share_[shares.count_++] = {structure, 0};
-    shares.share_[n].part += part;
+    while (n < fractions.count_ && fractions.fraction_[n].structure != structure) ++n;
+    if (n == fractions.count_) fractions.fraction_[fractions.count_++] = {structure, 0};
+    fractions.fraction_[n].part += part;
   }
-  return shares.count_ > 0 ? in_order(shares) : at(x);
+  return fractions.count_ > 0 ? in_order(fractions) : at(x);
 }
 
 // normalises the shares and sorts them by decreasing size
-OwnerShares Owners::in_order(OwnerShares shares) {
+OwnerFractions Owners::in_order(OwnerFractions fractions) {
   double all = 0;
-  for (std::size_t n = 0; n < shares.count_; ++n) all += shares.share_[n].part;
-  for (std::size_t n = 0; n < shares.count_; ++n) shares.share_[n].part /= all;
-  std::sort(shares.share_.begin(), shares.share_.begin() + static_cast<std::ptrdiff_t>(shares.count_),
-            [](const OwnerShare& a, const OwnerShare& b) {
+  for (std::size_t n = 0; n < fractions.count_; ++n) all += fractions.fraction_[n].part;
+  for (std::size_t n = 0; n < fractions.count_; ++n) fractions.fraction_[n].part /= all;
+  std::sort(fractions.fraction_.begin(),
+            fractions.fraction_.begin() + static_cast<std::ptrdiff_t>(fractions.count_),
+            [](const OwnerFraction& a, const OwnerFraction& b) {
               return a.part > b.part || (a.part == b.part && a.structure < b.structure);
             });
-  return shares;
+  return fractions;
 }
 
 }  // namespace palpate

@@ -30,9 +30,9 @@ Volume<LabelId> two_halves(const Eigen::Vector3d& spacing_mm) {
   return labels;
 }
 
-double part_of(const OwnerShares& shares, int structure) {
-  for (const OwnerShare& share : shares.all())
-    if (share.structure == structure) return share.part;
+double part_of(const OwnerFractions& fractions, int structure) {
+  for (const OwnerFraction& fraction : fractions.all())
+    if (fraction.structure == structure) return fraction.part;
   return 0;
 }
 
@@ -40,16 +40,16 @@ TEST(Owners, SharesVarySmoothlyAcrossBorders) {
   for (const Eigen::Vector3d& spacing_mm :
        {Eigen::Vector3d(0.36, 0.36, 0.7), Eigen::Vector3d(0.28, 0.28, 1)}) {
     const Owners owners(*label_bricks(two_halves(spacing_mm)), {-1, 0, 1});
-    double before = 0, steepest = 0;
+    double before = 0, max_gradient = 0;
     for (double x = -4; x <= 4; x += 0.01) {
-      const OwnerShares shares = owners.at(Point<Patient>(x, 0.4, -0.3));
+      const OwnerFractions fractions = owners.at(Point<Patient>(x, 0.4, -0.3));
       double all = 0;
-      for (const OwnerShare& share : shares.all()) all += share.part;
+      for (const OwnerFraction& fraction : fractions.all()) all += fraction.part;
       EXPECT_NEAR(all, 1, 1e-12);
-      EXPECT_EQ(shares.largest(), shares.all()[0].structure);
-      const double right = part_of(shares, 1);
+      EXPECT_EQ(fractions.largest(), fractions.all()[0].structure);
+      const double right = part_of(fractions, 1);
       EXPECT_GE(right, before - 1e-12) << x;
-      if (x > -4) steepest = std::max(steepest, (right - before) / 0.01);
+      if (x > -4) max_gradient = std::max(max_gradient, (right - before) / 0.01);
       before = right;
       // labels end half a voxel to the left of the first voxel centre on the right
       if (x < -Owners::kReach_mm - spacing_mm.x()) {
@@ -59,7 +59,7 @@ TEST(Owners, SharesVarySmoothlyAcrossBorders) {
         EXPECT_EQ(right, 1) << x;
       }
     }
-    EXPECT_LT(steepest, 1.15 / Owners::kReach_mm);
+    EXPECT_LT(max_gradient, 1.15 / Owners::kReach_mm);
     EXPECT_NEAR(part_of(owners.at(Point<Patient>(-0.5 * spacing_mm.x(), 0, -0.3)), 1), 0.5, 0.01);
   }
 }
@@ -114,18 +114,19 @@ TEST(Owners, EqualTheSumOverAllOuterVoxels) {
             expected[structure] += left * left;
             all += left * left;
           }
-      const OwnerShares shares = owners.at(X_PatientVoxel * at);
+      const OwnerFractions fractions = owners.at(X_PatientVoxel * at);
       if (all == 0) {
-        ASSERT_EQ(shares.all().size(), 1u) << "one of them";
-        EXPECT_GE(shares.largest(), 0);
-        EXPECT_EQ(shares.all()[0].part, 1);
+        ASSERT_EQ(fractions.all().size(), 1u) << "one of them";
+        EXPECT_GE(fractions.largest(), 0);
+        EXPECT_EQ(fractions.all()[0].part, 1);
         continue;
       }
-      ASSERT_EQ(shares.all().size(), expected.size()) << "round " << round << ", place " << n;
+      ASSERT_EQ(fractions.all().size(), expected.size()) << "round " << round << ", place " << n;
       for (const auto& [structure, weight] : expected)
-        EXPECT_NEAR(part_of(shares, structure), weight / all, 1e-5) << "round " << round << ", place " << n;
-      for (std::size_t s = 1; s < shares.all().size(); ++s)
-        EXPECT_GE(shares.all()[s - 1].part, shares.all()[s].part);
+        EXPECT_NEAR(part_of(fractions, structure), weight / all, 1e-5)
+            << "round " << round << ", place " << n;
+      for (std::size_t s = 1; s < fractions.all().size(); ++s)
+        EXPECT_GE(fractions.all()[s - 1].part, fractions.all()[s].part);
     }
   }
 }
@@ -173,8 +174,8 @@ TEST(Owners, CachedLookupEqualsFreshLookupAfterAnyChange) {
     }
     const Point<Patient>& position = positions[random() % positions.size()];
     const auto index = static_cast<int>(any);
-    const OwnerShares known = memo.at(surfaces, index, position),
-                      fresh = owners_at(surfaces, index, position);
+    const OwnerFractions known = memo.at(surfaces, index, position),
+                         fresh = owners_at(surfaces, index, position);
     ASSERT_EQ(known.all().size(), fresh.all().size()) << n;
     several += known.all().size() > 1;
     for (std::size_t s = 0; s < known.all().size(); ++s) {
@@ -192,9 +193,10 @@ TEST(Owners, StructureBelowAThinLayerHasNoShare) {
   for (int k = 0; k <= top; ++k)
     for (int j = 0; j < dims[1]; ++j)
       for (int i = 0; i < dims[0]; ++i) labels.at(i, j, k) = k < top ? 2 : 1;
-  const OwnerShares shares = Owners(*label_bricks(labels), {-1, 0, 1}).at(Point<Patient>(0.1, 0.2, 0.25));
-  ASSERT_EQ(shares.all().size(), 1u);
-  EXPECT_EQ(shares.largest(), 0);
+  const OwnerFractions fractions =
+      Owners(*label_bricks(labels), {-1, 0, 1}).at(Point<Patient>(0.1, 0.2, 0.25));
+  ASSERT_EQ(fractions.all().size(), 1u);
+  EXPECT_EQ(fractions.largest(), 0);
 }
 
 TEST(Owners, AtMostEightSharesAndOneFarFromAnyStructure) {
@@ -206,15 +208,15 @@ TEST(Owners, AtMostEightSharesAndOneFarFromAnyStructure) {
   for (int label = 1; label <= 40; ++label)
     structure_of_label[static_cast<std::size_t>(label)] = static_cast<std::int16_t>(label + 1);
   const Owners owners(*label_bricks(labels), structure_of_label);
-  const OwnerShares many = owners.at(Point<Patient>(3, 3, 3));
-  EXPECT_EQ(many.all().size(), OwnerShares::kMost);
+  const OwnerFractions many = owners.at(Point<Patient>(3, 3, 3));
+  EXPECT_EQ(many.all().size(), OwnerFractions::kCapacity);
   double all = 0;
-  for (const OwnerShare& share : many.all()) all += share.part;
+  for (const OwnerFraction& fraction : many.all()) all += fraction.part;
   EXPECT_NEAR(all, 1, 1e-12);
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   for (const Point<Patient>& nowhere :
        {Point<Patient>(100, 0, 0), Point<Patient>(0, -1e300, 0), Point<Patient>(0, 0, kNan)}) {
-    const OwnerShares one = owners.at(nowhere);
+    const OwnerFractions one = owners.at(nowhere);
     ASSERT_EQ(one.all().size(), 1u);
     EXPECT_GE(one.largest(), 2);
   }

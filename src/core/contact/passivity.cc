@@ -1,5 +1,5 @@
 #include "palpate/contact/passivity.h"
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@ namespace palpate {
 namespace {
 
 // velocity along the force, from the shortest displacement that allows an estimate; reset on reversal
-void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& state) {
+void update_speed(double along_mm, double step_mm, double dt_s, PassivityState& state) {
   if (along_mm * state.speed_mm_s < 0 && std::abs(along_mm) > 0.5 * step_mm)
     state.speed_mm_s = state.displacement_mm = state.time_s = 0;
   state.displacement_mm += along_mm;
@@ -21,16 +21,16 @@ void follow_speed(double along_mm, double step_mm, double dt_s, PassivityState& 
 }
 
 // direction of the last motion along the force, at any speed
-void follow_direction(double along_mm, double step_mm, PassivityState& state) {
+void update_direction(double along_mm, double step_mm, PassivityState& state) {
   const double half_mm = 0.5 * kPassivitySettings.reversal_steps * step_mm;
-  state.play_mm += along_mm;
-  if (std::abs(state.play_mm) < half_mm) return;
-  state.moves_with_force = state.play_mm > 0;
-  state.play_mm = std::copysign(half_mm, state.play_mm);
+  state.dead_band_mm += along_mm;
+  if (std::abs(state.dead_band_mm) < half_mm) return;
+  state.moves_with_force = state.dead_band_mm > 0;
+  state.dead_band_mm = std::copysign(half_mm, state.dead_band_mm);
 }
 
 // Factor for a wall's stiffness while energy is owed.
-double softened(const PassivityInput& input, double step_mm, const PassivityState& state) {
+double softening_factor(const PassivityInput& input, double step_mm, const PassivityState& state) {
   const double step_N = input.stiffness_N_per_mm * step_mm;
   if (state.energy_mJ >= 0 || step_N <= kPassivitySettings.max_deficit_step_N) return 1;
   return std::max(kPassivitySettings.max_deficit_step_N / step_N, 1 + state.energy_mJ / (step_N * step_mm));
@@ -45,8 +45,8 @@ double max_damping_N_s_per_m(const PassivityInput& input) {
 
 // Factor for the force with a damper that removes the energy not covered in this tick, within the damping
 // limit.
-double damped(const PassivityInput& input, double force_N, double step_mm, const PassivityState& state,
-              double& damping_N_s_per_m) {
+double damping_factor(const PassivityInput& input, double force_N, double step_mm,
+                      const PassivityState& state, double& damping_N_s_per_m) {
   if (state.speed_mm_s <= 0) return 1;
   constexpr double kMillimetresPerMetre = 1e3;
   const double displacement_mm = state.speed_mm_s * input.dt_s;
@@ -87,19 +87,19 @@ PassivityOutput control_passivity(const PassivityInput& input, bool act, Passivi
 
   const double step_mm = input.step_mm > 0 ? input.step_mm : kPassivitySettings.default_step_mm;
   const double along_mm = input.displacement_mm.dot(input.force_N) / force_N;
-  follow_speed(along_mm, step_mm, input.dt_s, state);
-  follow_direction(along_mm, step_mm, state);
+  update_speed(along_mm, step_mm, input.dt_s, state);
+  update_direction(along_mm, step_mm, state);
   const Vector<World> out = input.force_N / force_N;
   const double max_N = limit_rebound_N({input.acted_N.dot(out), along_mm, input.velocity_mm_s.dot(out),
                                         step_mm, input.pending_N_s, input.dt_s},
-                                       state.bounce);
+                                       state.rebound);
   if (!act) return {};
 
-  const double soft = softened(input, step_mm, state);
+  const double soft = softening_factor(input, step_mm, state);
   const double soft_N = std::min(force_N, soft * input.unlimited_N);
   PassivityOutput output;
   output.factor = soft_N / force_N *
-                  std::min(damped(input, soft_N, step_mm, state, output.damping_N_s_per_m),
+                  std::min(damping_factor(input, soft_N, step_mm, state, output.damping_N_s_per_m),
                            withdrawal_factor(soft_N, soft * input.stiffness_N_per_mm, step_mm, state));
   output.factor = std::min(output.factor, max_N / force_N);
   return output;

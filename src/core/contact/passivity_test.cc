@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 #include "palpate/device/telemetry.h"
 
 namespace palpate {

@@ -5,15 +5,15 @@
 
 namespace palpate {
 
-void PenetrationPath::add_owner(int structure, double share) {
+void PenetrationPath::add_owner(int structure, double fraction) {
   const std::size_t first = layer_[layers_ - 1].first_owner;
   const std::span own(owner_.data() + first, owners_ - first);
-  const auto same =
-      std::find_if(own.begin(), own.end(), [&](const OwnerShare& one) { return one.structure == structure; });
+  const auto same = std::find_if(own.begin(), own.end(),
+                                 [&](const OwnerFraction& one) { return one.structure == structure; });
   if (same != own.end())
-    same->part += share;
+    same->part += fraction;
   else if (owners_ < owner_.size())
-    owner_.make(owners_++, structure, share);
+    owner_.make(owners_++, structure, fraction);
 }
 
 void PenetrationPath::report(ProxyResult& result) const {
@@ -36,7 +36,7 @@ void PenetrationPath::report(ProxyResult& result) const {
       while (at < segments && segment[at].structure != owner_[n].structure) ++at;
       if (at == segments) segment.make(segments++).structure = owner_[n].structure;
       segment[at].depth_mm += depth_mm * owner_[n].part;
-      segment[at].share += force_N * owner_[n].part;
+      segment[at].fraction += force_N * owner_[n].part;
     }
   }
   if (!(all_N > 0)) return;
@@ -44,16 +44,16 @@ void PenetrationPath::report(ProxyResult& result) const {
 }
 
 void PenetrationPath::report_largest(std::span<PathSegment> segments, double all_N, ProxyResult& result) {
-  std::array<double, kMaxOwners> shares;
-  for (std::size_t n = 0; n < segments.size(); ++n) shares[n] = segments[n].share /= all_N;
-  double smallest = kContactSettings.min_share;
+  std::array<double, kMaxOwners> fractions;
+  for (std::size_t n = 0; n < segments.size(); ++n) fractions[n] = segments[n].fraction /= all_N;
+  double smallest = kContactSettings.min_fraction;
   if (segments.size() > kMaxPathSegments) {
-    std::nth_element(shares.begin(), shares.begin() + kMaxPathSegments - 1,
-                     shares.begin() + static_cast<std::ptrdiff_t>(segments.size()), std::greater<>());
-    smallest = std::max(smallest, shares[kMaxPathSegments - 1]);
+    std::nth_element(fractions.begin(), fractions.begin() + kMaxPathSegments - 1,
+                     fractions.begin() + static_cast<std::ptrdiff_t>(segments.size()), std::greater<>());
+    smallest = std::max(smallest, fractions[kMaxPathSegments - 1]);
   }
   for (const PathSegment& one : segments)
-    if (one.share >= smallest && result.path_segments < static_cast<int>(kMaxPathSegments))
+    if (one.fraction >= smallest && result.path_segments < static_cast<int>(kMaxPathSegments))
       result.path[static_cast<std::size_t>(result.path_segments++)] = one;
 }
 

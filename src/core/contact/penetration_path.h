@@ -21,8 +21,8 @@ class PenetrationPath {
     force_N_ += stretched_mm * stiffness;
   }
   /// Adds a structure's share of the layer that was begun last.
-  /// @param share  0 ... 1
-  void add_owner(int structure, double share);
+  /// @param fraction  0 ... 1
+  void add_owner(int structure, double fraction);
 
   /// Writes ProxyResult::path.
   void report(ProxyResult& result) const;
@@ -38,7 +38,7 @@ class PenetrationPath {
   static void report_largest(std::span<PathSegment> segments, double all_N, ProxyResult& result);
 
   UninitialisedArray<Layer, kMaxLayers> layer_;
-  UninitialisedArray<OwnerShare, kMaxOwners> owner_;
+  UninitialisedArray<OwnerFraction, kMaxOwners> owner_;
   std::size_t layers_ = 0, owners_ = 0;
   Vector<Patient> force_N_;
 };

@@ -64,7 +64,7 @@ struct UpdateInputs {
   int layer;
   Point<Patient> tip;
   double max_mm;                   ///< Maximum path length
-  DisplacementLimit limit;         ///< Before a release by static friction extends it (take_friction)
+  DisplacementBall limit;          ///< Before a release by static friction extends it (take_friction)
   Vector<Patient> last_spring_mm;  ///< Spring vector of the last tick, tip to proxy
   bool friction;                   ///< Whether friction is rendered
   bool has_capsules;
@@ -84,18 +84,18 @@ struct UpdateWorkspace {
 /// Progress of a position update.
 struct UpdateProgress {
   FrictionState friction;
-  DisplacementLimit limit;
+  DisplacementBall limit;
   bool at_limit = false;          ///< The last substep was shortened by the displacement limit
   bool wedged = false;            ///< The half-spaces have no common point
   bool contacts_updated = false;  ///< The layer's contacts are from this update; false: from the last tick
-  double
-      remaining_beyond_part_mm;  ///< Path length left after the current part, the one with gathered surfaces
-  double remaining_in_part_mm = 0;  ///< Path length left in the current part
-  double max_slope = 1;             ///< Maximum slope of the gathered distance fields, mm/mm; at least 1
-  int max_queries = 0;              ///< Surface queries after which no substep starts
+  double remaining_beyond_segment_mm;  ///< Path length left after the current part, the one with gathered
+                                       ///< surfaces
+  double remaining_in_segment_mm = 0;  ///< Path length left in the current part
+  double max_gradient = 1;             ///< Maximum slope of the gathered distance fields, mm/mm; at least 1
+  int max_queries = 0;                 ///< Surface queries after which no substep starts
 
   /// Maximum length of a substep in contact.
-  double substep_mm() const { return kProxySettings.substep_mm() / max_slope; }
+  double substep_mm() const { return kProxySettings.substep_mm() / max_gradient; }
 };
 
 /// Result of a position update.
@@ -125,25 +125,25 @@ bool is_blocked_without_contact(const UpdateInputs& in, const ProxyLayer& layer)
 void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgress& progress,
                   UpdateWorkspace& work) {
   const double part_mm = layer.contact_count == 0
-                             ? progress.remaining_beyond_part_mm
-                             : std::min(progress.remaining_beyond_part_mm, kProxySettings.gathering_mm);
+                             ? progress.remaining_beyond_segment_mm
+                             : std::min(progress.remaining_beyond_segment_mm, kProxySettings.gathering_mm);
   work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position,
                     part_mm + kProxySettings.substep_mm());
   work.friction.clear();
-  progress.max_slope = work.pairs.steepest();
-  progress.remaining_in_part_mm = std::min(part_mm, work.pairs.reach_mm());
+  progress.max_gradient = work.pairs.max_gradient();
+  progress.remaining_in_segment_mm = std::min(part_mm, work.pairs.reach_mm());
   // the part ends earlier where the set of pairs is full
-  progress.remaining_beyond_part_mm -= progress.remaining_in_part_mm;
+  progress.remaining_beyond_segment_mm -= progress.remaining_in_segment_mm;
 }
 
 // Pushes a proxy that starts inside surfaces out of them, at most by kMaxPushOut_mm, and gathers again at the
 // new position. Returns false if there is no position outside within that distance.
 bool push_out(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress, UpdateWorkspace& work) {
   work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position, kMaxPushOut_mm);
-  progress.max_slope = work.pairs.steepest();
+  progress.max_gradient = work.pairs.max_gradient();
   if (!project_out(work.pairs, kProxySettings.max_corrections, progress.substep_mm(), layer.position))
     return false;
-  progress.remaining_beyond_part_mm += progress.remaining_in_part_mm;
+  progress.remaining_beyond_segment_mm += progress.remaining_in_segment_mm;
   gather_pairs(in, layer, progress, work);
   return true;
 }
@@ -159,7 +159,7 @@ std::optional<Solution> solve(const UpdateInputs& in, const ProxyLayer& layer, c
 // limit grows by the released distance, which is exempt from the slip limit.
 void take_friction(const UpdateInputs& in, const Solution& solution, UpdateProgress& progress) {
   progress.friction = solution.friction;
-  if (solution.released_mm) progress.limit.length_mm = in.limit.length_mm + *solution.released_mm;
+  if (solution.released_mm) progress.limit.radius_mm = in.limit.radius_mm + *solution.released_mm;
 }
 
 // Whether the proxy remains at rest under its cached contacts, the common case; this queries no surface. If
@@ -218,7 +218,7 @@ bool moves_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& pro
   const Vector<Patient> to_tip = in.tip - layer.position;
   const double length_mm = to_tip.norm();
   if (work.pairs.count() > 0 || layer.contact_count > 0 ||
-      length_mm + kProxySettings.at_rest_mm >= progress.remaining_in_part_mm)
+      length_mm + kProxySettings.at_rest_mm >= progress.remaining_in_segment_mm)
     return false;
   progress.friction.anchored = progress.friction.sticking = false;
   layer.stretch_fraction = 1;
@@ -239,7 +239,7 @@ bool try_step(const UpdateInputs& in, const Point<Patient>& end, ProxyLayer& lay
   progress.at_limit = progress.at_limit || step.at_limit;
   if (!step.accepted) return false;
   const Vector<Patient> displacement = step.position - layer.position;
-  progress.remaining_in_part_mm -= std::max((step.end - layer.position).norm(), displacement.norm());
+  progress.remaining_in_segment_mm -= std::max((step.end - layer.position).norm(), displacement.norm());
   layer.position = step.position;
   layer.last_displacement = displacement;
   record_vertex(in, layer, step.end);
@@ -250,7 +250,7 @@ bool try_step(const UpdateInputs& in, const Point<Patient>& end, ProxyLayer& lay
 // limit stage: end of a substep towards a goal
 Point<Patient> limited_end(const Point<Patient>& goal, double max_mm, const ProxyLayer& layer,
                            UpdateProgress& progress, const UpdateWorkspace& work) {
-  const LimitedStep step = limit_step(layer, goal, std::min(max_mm, progress.remaining_in_part_mm),
+  const LimitedStep step = limit_step(layer, goal, std::min(max_mm, progress.remaining_in_segment_mm),
                                       work.constraints.count() > 0, progress.limit);
   progress.at_limit = step.at_limit;
   return step.end;
@@ -283,7 +283,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
   // a discarded attempt must neither release static friction nor extend the displacement limit: every attempt
   // starts from this state
   const FrictionState friction = progress.friction;
-  const DisplacementLimit limit = progress.limit;
+  const DisplacementBall limit = progress.limit;
   for (int attempt = 0; attempt < kProxySettings.max_attempts; ++attempt) {
     progress.friction = friction;
     progress.limit = limit;
@@ -319,7 +319,7 @@ bool search_substep(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& p
                     UpdateWorkspace& work) {
   const SearchDirections search(in.tip - layer.position);
   const double shortest_mm = kProxySettings.substep_mm() / kProxySettings.search_shortest_divisor;
-  for (double length_mm = std::min(progress.substep_mm(), progress.remaining_in_part_mm);
+  for (double length_mm = std::min(progress.substep_mm(), progress.remaining_in_segment_mm);
        length_mm > shortest_mm; length_mm *= 0.5)
     for (int cone = 0; cone < kProxySettings.search_cones; ++cone)
       for (int n = 0; n < SearchDirections::count(cone); ++n) {
@@ -347,10 +347,10 @@ bool advance_substeps(const UpdateInputs& in, const Point<Patient>& start, Proxy
   for (int search = 0;; ++search) {
     while (is_moving && substeps < kProxySettings.max_substeps &&
            work.pairs.queries() < progress.max_queries &&
-           progress.remaining_in_part_mm > kProxySettings.at_rest_mm) {
+           progress.remaining_in_segment_mm > kProxySettings.at_rest_mm) {
       is_moving = advance_substep(in, start, layer, cache, progress, work);
       substeps += is_moving;
-      if (is_moving && progress.remaining_in_part_mm <= kProxySettings.at_rest_mm)
+      if (is_moving && progress.remaining_in_segment_mm <= kProxySettings.at_rest_mm)
         gather_pairs(in, layer, progress, work);
     }
     if (is_moving || progress.wedged || is_slipping(layer, progress) ||
@@ -358,7 +358,8 @@ bool advance_substeps(const UpdateInputs& in, const Point<Patient>& start, Proxy
       break;
     is_moving = search < kProxySettings.max_direction_searches && search_substep(in, layer, progress, work);
     if (!is_moving) break;
-    if (progress.remaining_in_part_mm <= kProxySettings.at_rest_mm) gather_pairs(in, layer, progress, work);
+    if (progress.remaining_in_segment_mm <= kProxySettings.at_rest_mm)
+      gather_pairs(in, layer, progress, work);
   }
   return is_moving;
 }
@@ -396,10 +397,10 @@ void limit_stretch(const UpdateInputs& in, const UpdateProgress& progress, bool 
                    const ProxyContact& first_contact_before, ProxyLayer& layer) {
   const Vector<Patient> away = layer.position - in.tip;
   const double away_mm = away.norm();
-  if (!std::isfinite(progress.limit.length_mm) || away_mm <= kProxySettings.arrived_mm) return;
+  if (!std::isfinite(progress.limit.radius_mm) || away_mm <= kProxySettings.arrived_mm) return;
   const double target_mm =
       through_free_space || layer.contact_count > 0 ? layer.stretch_fraction * away_mm : 0;
-  const double now_mm = limit_stretch_mm(away, target_mm, in.last_spring_mm, progress.limit.length_mm);
+  const double now_mm = limit_stretch_mm(away, target_mm, in.last_spring_mm, progress.limit.radius_mm);
   if (now_mm <= 0) {
     layer.contact_count = 0;
     return;
@@ -422,7 +423,7 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
   UpdateProgress progress;
   progress.friction = {layer.contact_count > 0, layer.sticking, layer.position};
   progress.limit = in.limit;
-  progress.remaining_beyond_part_mm = in.max_mm;
+  progress.remaining_beyond_segment_mm = in.max_mm;
   work.constraints.clear();
   bool is_moving = false, through_free_space = false;
   if (stays_at_rest(in, layer, cache, progress, work)) {
@@ -485,10 +486,10 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   const double to_tip_mm = (tip - layer.position).norm() + kProxySettings.slack_mm;
   const double max_mm =
       layer.contact_count == 0 ? to_tip_mm : std::min(to_tip_mm, kProxySettings.max_path_mm);
-  const DisplacementLimit limit = limit_displacement(layer, tip_moved, turned_mm, max_slip_mm);
+  const DisplacementBall limit = limit_displacement(layer, tip_moved, turned_mm, max_slip_mm);
   result.spring.tool_mm = tip_moved.norm() + turned_mm;
   result.spring.catch_up_mm = layer.catch_up_mm + result.spring.tool_mm;
-  result.spring.max_change_mm = limit.length_mm;
+  result.spring.max_change_mm = limit.radius_mm;
   const bool capsules = has_capsules(spheres);
   const double max_distance_increase = capsules ? std::min(tick.options.max_distance_increase,
                                                            kProxySettings.max_distance_increase_of_capsules)
@@ -520,15 +521,16 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
 void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& release) {
   const ToolPose& hand = tick.hand;
   const Vector<Patient> last_spring_mm = (layer.position - tick.tip_before) * layer.stretch_fraction;
-  const double remaining_in_part_mm = last_spring_mm.norm() - tick.tip_moved().norm();
-  if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && remaining_in_part_mm > 0) {
+  const double remaining_in_segment_mm = last_spring_mm.norm() - tick.tip_moved().norm();
+  if (const double stiffness = layer.spring_N_per_mm.value_or(0);
+      stiffness > 0 && remaining_in_segment_mm > 0) {
     const Vector<Patient> left_N =
-        last_spring_mm * (stiffness * remaining_in_part_mm / last_spring_mm.norm());
+        last_spring_mm * (stiffness * remaining_in_segment_mm / last_spring_mm.norm());
     const auto contacts = std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count));
     const ProxySpheres proxy_spheres(tick.spheres, hand.attitude, layer.attitude);
     release.force_N += left_N;
     release.torque_Nmm += torque_of(contacts, proxy_spheres.spheres(), left_N, stiffness);
-    release.stored_mJ += 0.5 * stiffness * remaining_in_part_mm * remaining_in_part_mm;
+    release.stored_mJ += 0.5 * stiffness * remaining_in_segment_mm * remaining_in_segment_mm;
   }
   const Vector<Patient> displacement = hand.tip - layer.position;
   layer.attitude = hand.attitude;

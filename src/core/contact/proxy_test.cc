@@ -476,10 +476,10 @@ TEST(Proxy, ContactPropertiesBlendAcrossASeam) {
           << x;
       double all = 0, all_mm = 0;
       for (int n = 0; n < result.path_segments; ++n) {
-        all += result.path[static_cast<std::size_t>(n)].share;
+        all += result.path[static_cast<std::size_t>(n)].fraction;
         all_mm += result.path[static_cast<std::size_t>(n)].depth_mm;
       }
-      EXPECT_NEAR(all, 1, kContactSettings.min_share) << x;
+      EXPECT_NEAR(all, 1, kContactSettings.min_fraction) << x;
       EXPECT_NEAR(all_mm, (run.state.position - Point<Patient>(x, 0, radius_mm - 1)).norm(), 0.02) << x;
       EXPECT_GT(result.path_segments, 0) << x;
       before_N = result.force_N.norm();
@@ -594,16 +594,16 @@ TEST(ProxyLayers, ReportPathLengthAndForcePerStructure) {
   ASSERT_EQ(run.result.path_segments, 1);
   EXPECT_EQ(run.result.path[0].structure, 0);
   EXPECT_NEAR(run.result.path[0].depth_mm, 4, 0.02);
-  EXPECT_NEAR(run.result.path[0].share, 1, 1e-12);
+  EXPECT_NEAR(run.result.path[0].fraction, 1, 1e-12);
   run.lead({0.1, 0.2, -4}, {0.1, 0.2, -15}, 0.05);
   ASSERT_EQ(run.result.path_segments, 2);
   // 10 mm of fat, 5 mm of bone: 0.36 and 7.5 N
   EXPECT_EQ(run.result.path[0].structure, 0);
   EXPECT_NEAR(run.result.path[0].depth_mm, 10, 0.02);
-  EXPECT_NEAR(run.result.path[0].share, 0.36 / 7.86, 1e-3);
+  EXPECT_NEAR(run.result.path[0].fraction, 0.36 / 7.86, 1e-3);
   EXPECT_EQ(run.result.path[1].structure, 1);
   EXPECT_NEAR(run.result.path[1].depth_mm, 5, 0.02);
-  EXPECT_NEAR(run.result.path[1].share, 7.5 / 7.86, 1e-3);
+  EXPECT_NEAR(run.result.path[1].fraction, 7.5 / 7.86, 1e-3);
 }
 
 // A fast operator withdraws the tool within one tick, more so on a device with a low tick rate.

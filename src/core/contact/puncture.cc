@@ -40,7 +40,7 @@ void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<con
 // that is not punctured is opened without force if all its contacts fit into its holes.
 void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                  const ToolPose& hand, ProxyState& state, Holes& holes) {
-  std::array<int, Holes::kMost> structures;
+  std::array<int, Holes::kCapacity> structures;
   std::size_t count = 0;
   for (const Hole& hole : holes.all()) {
     const auto known = std::span(structures).first(count);

@@ -43,9 +43,9 @@ class PunctureForces {
  private:
   // Capacity, more than the number of puncturable structures that a tool touches at once. A structure beyond
   // it is punctured in a later tick, when others are no longer in contact.
-  static constexpr std::size_t kMost = 16;
-  std::array<int, kMost> structure_;
-  std::array<double, kMost> force_N_;
+  static constexpr std::size_t kCapacity = 16;
+  std::array<int, kCapacity> structure_;
+  std::array<double, kCapacity> force_N_;
   std::size_t count_ = 0;
 };
 

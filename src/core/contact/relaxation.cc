@@ -65,8 +65,8 @@ void RelaxationState::hash_into(std::uint64_t& hash) const {
 
 Decay decay(double x) {
   // repeated halving of the interval, then doubling formulas
-  constexpr double kMost = 700, kShort = 1.0 / 64;
-  x = std::min(x, kMost);
+  constexpr double kMaxExponent = 700, kShort = 1.0 / 64;
+  x = std::min(x, kMaxExponent);
   double y = x;
   int halved = 0;
   for (; y > kShort; y *= 0.5) ++halved;

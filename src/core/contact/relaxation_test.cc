@@ -10,7 +10,7 @@
 
 #include "base/test_seed.h"
 #include "contact/test_proxy_surfaces.h"
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 
 namespace palpate {
 namespace {

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "palpate/base/cube_root.h"
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 
 namespace palpate {
 namespace {

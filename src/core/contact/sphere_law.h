@@ -1,7 +1,7 @@
 #pragma once
 
 #include "palpate/contact/bonded_layer.h"
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 
 /// Depth of a sphere as a function of its force (docs/concepts/tissue.md, "In the tick").
 namespace palpate {

@@ -124,7 +124,8 @@ SoftContactForce stiffened_force(const ContactLaw& tissue, double depth_mm, doub
   const auto state = law.at_depth(depth_mm);
   const TangentialCoefficients lateral = law.lateral(state);
   return {state.force_N(), law.limited_N_per_mm(state), state.stored_mJ(),
-          tissue.slope_per_N * lateral.of_compliance_N2 - tissue.stiffening_slope * lateral.of_stiffening_N3};
+          tissue.gradient_per_N * lateral.of_compliance_N2 -
+              tissue.stiffening_gradient * lateral.of_stiffening_N3};
 }
 
 TangentialCoefficients stiffened_lateral(const ContactLaw& tissue, double force_N, double radius_mm,

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 
 /// The contact law of tissue with ContactLaw::strain_stiffening above 0, derived from the law without it.
 namespace palpate {

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "palpate/base/cube_root.h"
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 
 namespace palpate {
 

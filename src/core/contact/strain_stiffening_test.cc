@@ -8,7 +8,7 @@
 #include <random>
 
 #include "base/test_seed.h"
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 
 namespace palpate {
 namespace {
@@ -95,12 +95,12 @@ TEST(StrainStiffening, TheForceAlongTheSurfaceIsTheLossOfEnergyThere) {
   std::mt19937 random(seed);
   for (int n = 0; n < 300; ++n) {
     ContactLaw tissue = random_tissue(random);
-    tissue.slope_per_N = {0.1 / tissue.modulus_N_per_mm2, 0, 0};
+    tissue.gradient_per_N = {0.1 / tissue.modulus_N_per_mm2, 0, 0};
     // in every other case beyond the limit of stiffness
     const double largest = n % 2 == 0 ? 1e9 : 0.5 * soft_contact_force(tissue, 1, 3).tangent_N_per_mm;
     const auto stored_mJ = [&](double distance_mm) {
       ContactLaw there = tissue;
-      there.surroundings_mm_per_N += distance_mm * tissue.slope_per_N[0];
+      there.surroundings_mm_per_N += distance_mm * tissue.gradient_per_N[0];
       return soft_contact_force(there, 1, 3, largest).stored_mJ;
     };
     constexpr double kDistance_mm = 1e-4;
@@ -108,7 +108,7 @@ TEST(StrainStiffening, TheForceAlongTheSurfaceIsTheLossOfEnergyThere) {
     const SoftContactForce at = soft_contact_force(tissue, 1, 3, largest);
     ASSERT_NEAR(at.tangential_force_N[0] / lost_N, 1, 1e-4) << n;
     ASSERT_NEAR(tangential_coefficients(tissue, at.force_N, 3, largest).of_compliance_N2 *
-                    tissue.slope_per_N[0] / lost_N,
+                    tissue.gradient_per_N[0] / lost_N,
                 1, 1e-4)
         << n;
   }
@@ -117,10 +117,10 @@ TEST(StrainStiffening, TheForceAlongTheSurfaceIsTheLossOfEnergyThere) {
 TEST(StrainStiffening, AClosedPathOverTissueThatVariesDoesNoWork) {
   // down, aside to where the surroundings are twice as soft, up and back above the surface
   ContactLaw tissue = stiffening_half_space(20);
-  tissue.slope_per_N = {0.3 / kHalfSpaceModulus / 4, 0, 0};
+  tissue.gradient_per_N = {0.3 / kHalfSpaceModulus / 4, 0, 0};
   const auto at = [&](double x_mm, double depth_mm) {
     ContactLaw there = tissue;
-    there.surroundings_mm_per_N += x_mm * tissue.slope_per_N[0];
+    there.surroundings_mm_per_N += x_mm * tissue.gradient_per_N[0];
     return soft_contact_force(there, depth_mm, 3);
   };
   constexpr int kSteps = 2000;

@@ -5,7 +5,7 @@
 namespace palpate {
 
 LimitedStep limit_step(const ProxyLayer& layer, const Point<Patient>& goal, double max_mm, bool in_contact,
-                       const DisplacementLimit& limit) {
+                       const DisplacementBall& limit) {
   const Vector<Patient> to_goal = goal - layer.position;
   double fraction = std::min(1.0, max_mm / to_goal.norm());
   if (in_contact && to_goal.dot(layer.last_displacement) < 0) fraction *= 0.5;
@@ -16,7 +16,7 @@ LimitedStep limit_step(const ProxyLayer& layer, const Point<Patient>& goal, doub
 }
 
 ValidatedStep validate_step(PairSet& pairs, const Point<Patient>& from, const Point<Patient>& end,
-                            const StepConditions& conditions, const DisplacementLimit& limit) {
+                            const StepConditions& conditions, const DisplacementBall& limit) {
   const double substep_mm = conditions.substep_mm;
   ValidatedStep step{false, false, end, end};
   if (!project_out(pairs, kProxySettings.max_corrections, substep_mm, step.position)) return step;

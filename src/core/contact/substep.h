@@ -19,7 +19,7 @@ struct LimitedStep {
 /// @param layer   proxy, of which the position and the last displacement are used
 /// @param max_mm  maximum substep length
 LimitedStep limit_step(const ProxyLayer& layer, const Point<Patient>& goal, double max_mm, bool in_contact,
-                       const DisplacementLimit& limit);
+                       const DisplacementBall& limit);
 
 /// Conditions of a valid substep.
 struct StepConditions {
@@ -44,6 +44,6 @@ struct ValidatedStep {
 /// therefore comes to
 ///   rest instead of oscillating where the normals change within one substep.
 ValidatedStep validate_step(PairSet& pairs, const Point<Patient>& from, const Point<Patient>& end,
-                            const StepConditions& conditions, const DisplacementLimit& limit);
+                            const StepConditions& conditions, const DisplacementBall& limit);
 
 }  // namespace palpate

@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 

@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 namespace {

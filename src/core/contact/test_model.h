@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "contact/test_proxy_surfaces.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/direct/direct_methods.h"
 
 /// Analytic model for tests: a ball of bone at the patient's origin, optionally with a shell of cartilage.

@@ -51,7 +51,7 @@ inline double steepest_of(const SignedField& field) {
   const Eigen::Vector3d& h = field.geometry().spacing_mm;
   const auto value = [&](int i, int j, int k) { return field.steps().scale * field.bricks().at(i, j, k); };
   // in a cell a partial derivative is bounded by the differences along its four edges
-  double steepest = 1;
+  double max_gradient = 1;
   for (int k = 0; k + 1 < dims[2]; ++k)
     for (int j = 0; j + 1 < dims[1]; ++j)
       for (int i = 0; i + 1 < dims[0]; ++i) {
@@ -62,9 +62,9 @@ inline double steepest_of(const SignedField& field) {
             most[1] = std::max(most[1], std::abs(value(i + a, j + 1, k + b) - value(i + a, j, k + b)) / h[1]);
             most[2] = std::max(most[2], std::abs(value(i + a, j + b, k + 1) - value(i + a, j + b, k)) / h[2]);
           }
-        steepest = std::max(steepest, most.norm());
+        max_gradient = std::max(max_gradient, most.norm());
       }
-  return steepest;
+  return max_gradient;
 }
 
 inline ContactSurface make_contact_surface(const GridGeometry& grid, const Distance& distance_mm,
@@ -163,7 +163,7 @@ struct ProxyRun {
       const double outside_mm =
           surface.distance_mm(tip + sphere.offset_mm + sphere.along_mm * part) - sphere.radius_mm;
       deepest_mm = std::max(deepest_mm, -outside_mm);
-      const double its_mm = (outside_mm + deepest_mm) / (1.001 * surface.steepest());
+      const double its_mm = (outside_mm + deepest_mm) / (1.001 * surface.max_gradient());
       free_mm = std::min(free_mm, its_mm);
       index += std::max(1, static_cast<int>(its_mm / kAlong_mm));
     }

@@ -6,7 +6,7 @@
 
 #include "contact/proxy_spheres.h"
 #include "palpate/base/insertion_sort.h"
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 #include "palpate/device/rendered_stiffness.h"
 
 namespace palpate {
@@ -79,17 +79,17 @@ struct LayerForce {
 };
 
 // appends a layer's contacts by decreasing force, up to the capacity; returns their number
-std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<ContactPoint> reported) {
+std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<ContactPoint> contacts) {
   std::array<const ProxyContact*, kMaxContacts> order;
   const auto count = static_cast<std::size_t>(on.layer.contact_count);
   for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contacts[n];
   insertion_sort(std::span(order).first(count),
                  [](const auto* a, const auto* b) { return a->multiplier_mm > b->multiplier_mm; });
   std::size_t n = 0;
-  for (; n < std::min(count, reported.size()); ++n) {
+  for (; n < std::min(count, contacts.size()); ++n) {
     const ProxyContact& contact = *order[n];
     const Point<Patient> position = position_of(contact, on.layer, on.spheres);
-    reported[n] = {label_under(model, contact, position, on.owners), contact.sphere, position,
+    contacts[n] = {label_under(model, contact, position, on.owners), contact.sphere, position,
                    std::max(0.0, contact.multiplier_mm * on.force_N_per_mm)};
   }
   return n;
@@ -121,7 +121,7 @@ std::array<PathStructure, kMaxStructuresReported> path_of_proxy(const Model& mod
   for (int n = 0; n < result.path_segments; ++n) {
     const PathSegment& part = result.path[static_cast<std::size_t>(n)];
     path[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
-                                         part.depth_mm, part.share};
+                                         part.depth_mm, part.fraction};
   }
   // inside a punctured structure only viscosity acts
   if (result.path_segments == 0) path[0] = all_of_it(strongest);
@@ -134,7 +134,7 @@ std::array<PathStructure, kMaxStructuresReported> path_of_proxy(const Model& mod
 // free space, so the damping builds up with the spring; it reduces the spring force to zero at most.
 double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, double damping_N_s_per_mm,
                double dt_s, CouplingState& state) {
-  if (damping_N_s_per_mm > 0) state.pull_velocity.push(multiplier_mm - state.multiplier_mm, dt_s);
+  if (damping_N_s_per_mm > 0) state.spring_velocity.push(multiplier_mm - state.multiplier_mm, dt_s);
   state.multiplier_mm = multiplier_mm;
   const double stiffness = spring.stiffness_N_per_mm, length_mm = multiplier_mm.norm();
   if (!(stiffness > 0) || !(length_mm > 0)) {
@@ -147,7 +147,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, d
       rendered > 0 && !spring.deformable
           ? rendered + (stiffness - rendered) * -std::expm1(-dt_s / kContactSettings.stiffness_filter_s)
           : stiffness;
-  const double speed_mm_s = state.pull_velocity.velocity_mm_s().dot(multiplier_mm) / length_mm;
+  const double speed_mm_s = state.spring_velocity.velocity_mm_s().dot(multiplier_mm) / length_mm;
   const double force_N = rendered * length_mm + damping_N_s_per_mm * speed_mm_s;
   return std::max(0.0, force_N) / (stiffness * length_mm);
 }
@@ -222,7 +222,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
   const double part = coupled(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling),
                less = 1 - part;
   ToolContact tool;
-  std::size_t reported = 0;
+  std::size_t contacts = 0;
   for (int n = 0; n < kMaxLayers; ++n) {
     const ProxyLayer& layer = proxy.layer(n);
     if (!layer.coupled || layer.contact_count == 0) continue;
@@ -232,7 +232,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
         result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.stretch_fraction;
     const LayerForce force{layer, proxy.cache(n).owners, n == 0 ? layer_N_per_mm * part : layer_N_per_mm,
                            turned.spheres()};
-    reported += append_contacts(model, force, std::span(tool.contacts).subspan(reported));
+    contacts += append_contacts(model, force, std::span(tool.contacts).subspan(contacts));
   }
   tool.strongest = strongest_of(model, proxy, tool.contacts[0], hand.tip, result,
                                 result.force_N - outermost.force_N * less);

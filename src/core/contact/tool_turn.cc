@@ -105,12 +105,12 @@ class Turn {
     double angle_rad = std::min(max_rad, reach_mm_ / farthest_mm_);
     for (std::size_t n = 0; n < pairs.count(); ++n) {
       const double slope =
-          pairs[n].surface->steepest() * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)];
+          pairs[n].surface->max_gradient() * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)];
       clearance_mm_[n] = std::max(
           0.0, pairs.clearance(n, state_.position, std::max(kProxySettings.skin_mm, slope * angle_rad)));
       if (slope * angle_rad > clearance_mm_[n] + kArc_mm) angle_rad = (clearance_mm_[n] + kArc_mm) / slope;
     }
-    const double stride_mm = kProxySettings.substep_mm() / pairs.steepest();
+    const double substep_mm = kProxySettings.substep_mm() / pairs.max_gradient();
     for (int tries = 0; tries <= kToolRotationSettings.max_halvings; ++tries, angle_rad *= 0.5) {
       // the first step of a tick is always completed, so that the rotation progresses however many surfaces
       // are near
@@ -119,7 +119,7 @@ class Turn {
           (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
       pairs.turn(RotatedTool(spheres_, attitude_, turned).spheres());
       Point<Patient> there = state_.position;
-      if (!project_out(pairs, kProxySettings.max_corrections, stride_mm, there)) continue;
+      if (!project_out(pairs, kProxySettings.max_corrections, substep_mm, there)) continue;
       const double push_mm = (there - state_.position).norm();
       if (!is_safe(pairs, angle_rad, push_mm)) continue;
       reach_mm_ -= angle_rad * farthest_mm_ + push_mm;
@@ -135,7 +135,7 @@ class Turn {
   bool is_safe(const PairSet& pairs, double angle_rad, double push_mm) const {
     for (std::size_t n = 0; n < pairs.count(); ++n) {
       const double length_mm = angle_rad * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)] + push_mm;
-      if (pairs[n].surface->steepest() * length_mm > clearance_mm_[n] + kProxySettings.substep_mm())
+      if (pairs[n].surface->max_gradient() * length_mm > clearance_mm_[n] + kProxySettings.substep_mm())
         return false;
     }
     return true;

@@ -10,7 +10,7 @@ namespace palpate {
 
 /// Fixed-capacity uninitialised storage of which a tick constructs only the few elements it needs. A
 /// std::array would be initialised as a whole, which takes longer than the work on those elements.
-template <class T, std::size_t kMost>
+template <class T, std::size_t kSize>
 class UninitialisedArray {
   static_assert(std::is_trivially_destructible_v<T>, "nothing ends what was made here");
 
@@ -21,7 +21,7 @@ class UninitialisedArray {
   UninitialisedArray(const UninitialisedArray&) = delete;
   UninitialisedArray& operator=(const UninitialisedArray&) = delete;
 
-  static constexpr std::size_t size() { return kMost; }
+  static constexpr std::size_t size() { return kSize; }
   template <class... Values>
   T& make(std::size_t n, Values&&... values) {
     return *::new (bytes_.data() + n * sizeof(T)) T{std::forward<Values>(values)...};
@@ -33,7 +33,7 @@ class UninitialisedArray {
   const T* data() const { return std::launder(reinterpret_cast<const T*>(bytes_.data())); }
 
  private:
-  alignas(T) std::array<std::byte, kMost * sizeof(T)> bytes_;
+  alignas(T) std::array<std::byte, kSize * sizeof(T)> bytes_;
 };
 
 }  // namespace palpate

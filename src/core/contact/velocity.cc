@@ -1,5 +1,5 @@
 #include "palpate/base/hash.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 

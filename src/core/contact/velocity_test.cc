@@ -3,7 +3,7 @@
 #include <random>
 
 #include "palpate/base/hash.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 namespace {

@@ -30,7 +30,7 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
   double traced_mm = 0;
   for (int sample = 0; sample < kProxySettings.max_withdrawal_samples; ++sample) {
     if (!(free_mm + kProxySettings.substep_penetration_mm > 0)) return false;
-    traced_mm += (free_mm + kProxySettings.substep_penetration_mm) / pairs.steepest();
+    traced_mm += (free_mm + kProxySettings.substep_penetration_mm) / pairs.max_gradient();
     if (traced_mm >= length_mm) return true;
     const double fraction = traced_mm / length_mm;
     if (arc_mm > 0)

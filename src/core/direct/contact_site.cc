@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/contact/feel.h"
+#include "palpate/contact/contact_settings.h"
 #include "palpate/direct/direct_methods.h"
 
 namespace palpate {

@@ -160,13 +160,13 @@ TEST(ForceField, CartilageHasItsOwnSurfaceAndOutwardForceAtEveryDepth) {
 
 // maximum slope of the force across a flat wall, over a whole ramp
 double steepest_N_per_mm(const ForceField& field, double step_mm) {
-  double steepest = 0;
+  double max_gradient = 0;
   const auto force_at = [&](double x) {
     return normal_force(field.sample({x, 0.1, 0.2}), field.full_force_N()).norm();
   };
   for (double x = -3; x < 3; x += step_mm / 2)
-    steepest = std::max(steepest, (force_at(x + step_mm) - force_at(x)) / step_mm);
-  return steepest;
+    max_gradient = std::max(max_gradient, (force_at(x + step_mm) - force_at(x)) / step_mm);
+  return max_gradient;
 }
 
 TEST(ForceField, EveryMethodRendersTissueStiffnessOnAFlatSurface) {

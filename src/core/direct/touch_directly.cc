@@ -66,7 +66,7 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
   const double softer = RenderedStiffness(gains).direct_method_factor(stiffness_N_per_mm);
   const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;
   tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm * softer);
-  std::size_t reported = 0;
+  std::size_t contact_count = 0;
   for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
     const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
     const PointForce encountered = touch(tick, full_force_N, max_N_s_per_mm,
@@ -78,10 +78,10 @@ ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
       tool.strongest = encountered.contact;
     if (!encountered.contact.is_touch()) continue;
     static_assert(kMaxContactsReported >= kMaxToolParts);
-    tool.contacts[reported++] = {encountered.contact.site.label, static_cast<int>(part),
-                                 encountered.contact.proxy, encountered.normal_N};
+    tool.contacts[contact_count++] = {encountered.contact.site.label, static_cast<int>(part),
+                                      encountered.contact.proxy, encountered.normal_N};
   }
-  insertion_sort(std::span(tool.contacts).first(reported),
+  insertion_sort(std::span(tool.contacts).first(contact_count),
                  [](const ContactPoint& a, const ContactPoint& b) { return a.force_N > b.force_N; });
   tool.path[0] = {tool.strongest.site.label, tool.strongest.site.depth_mm, 1};
   return tool;

@@ -11,7 +11,7 @@
 
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 /// Contact of large tools, and of two tools, with deformable tissue: the complete tick with the elastic
 /// solver.

@@ -11,7 +11,7 @@
 #include "palpate/model/changed_model.h"
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 /// Soft tissue that becomes deformable under the tool, or ceases to be: other surfaces, the same contact.
 namespace palpate {
@@ -257,15 +257,15 @@ TEST(LawChange, AFrameFromBeforeIsNotFeltAgain) {
   ASSERT_TRUE(tip.apply_law(TissueLaw::kLayers).ok());
   tip.press(-3);
   tip.press(4);
-  const std::uint32_t last = tip.record().yield_frame;
+  const std::uint32_t last = tip.record().solver_frame;
   tip.stay(0.2);
-  EXPECT_EQ(tip.record().yield_frame, last);
+  EXPECT_EQ(tip.record().solver_frame, last);
   ASSERT_TRUE(tip.apply_law(TissueLaw::kElastic).ok());
   tip.stay(0.005);
-  EXPECT_EQ(tip.record().yield_frame, last);
+  EXPECT_EQ(tip.record().solver_frame, last);
   EXPECT_EQ(tip.proxy().compliance.surroundings_mm_per_N, 0) << "a half space, until there is a new one";
   tip.stay(0.3);
-  EXPECT_GT(tip.record().yield_frame, last + 10);
+  EXPECT_GT(tip.record().solver_frame, last + 10);
   EXPECT_NEAR(sent_N(tip), elastic_N, 0.02 * elastic_N);
 }
 

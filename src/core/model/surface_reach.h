@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/surfaces/surfaces.h"
 
 namespace palpate {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/model/preparing.h"
 
 namespace palpate {

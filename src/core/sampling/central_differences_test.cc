@@ -138,8 +138,8 @@ TYPED_TEST(CentralDifferences, GoToTheValueOutsideLinearlyOverOneVoxel) {
   const double outside = Stored<TypeParam>::kOutside;
   const double inside = Stored<TypeParam>::kOffset + Stored<TypeParam>::kScale * kStored;
   const auto point = [&](double i) { return grid.X_PatientVoxel() * Point<Voxel>(i, 1.5, 1.5); };
-  for (const auto& [i, share] : {std::pair{0.0, 1.0}, {-0.25, 0.75}, {-0.75, 0.25}, {3.75, 0.25}}) {
-    EXPECT_NEAR(sample_value(field, point(i)), outside + share * (inside - outside), 1e-12) << i;
+  for (const auto& [i, fraction] : {std::pair{0.0, 1.0}, {-0.25, 0.75}, {-0.75, 0.25}, {3.75, 0.25}}) {
+    EXPECT_NEAR(sample_value(field, point(i)), outside + fraction * (inside - outside), 1e-12) << i;
   }
   EXPECT_DOUBLE_EQ(sample_value(field, point(-1.25)), outside);
   EXPECT_DOUBLE_EQ(sample_value(field, point(4.25)), outside);

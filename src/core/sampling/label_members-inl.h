@@ -36,8 +36,8 @@ struct OneRange {
   template <class T>
   HWY_INLINE explicit OneRange(const LabelGrid<T>& grid, bool flip = false)
       : first(flip ? grid.ranges[0].last + 1u : grid.ranges[0].first), span(first_to_last(grid.ranges[0])) {
-    constexpr std::uint32_t kMost = static_cast<T>(~T{0});
-    if (flip) span = kMost - 1 - span;
+    constexpr std::uint32_t kMaxIndex = static_cast<T>(~T{0});
+    if (flip) span = kMaxIndex - 1 - span;
   }
   template <class DU>
   HWY_INLINE hn::Mask<DU> miss(DU du, hn::Vec<DU> label) const {

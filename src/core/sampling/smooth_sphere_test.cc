@@ -146,16 +146,16 @@ TEST(SmoothSphere, FlatWallHasTheDocumentedSlope) {
     }
     const double sigma = 1.5;
     const SmoothSphere sphere = smooth_sphere_of({label_bricks(wall), {1}}, sigma);
-    double steepest = 0;
+    double max_gradient = 0;
     for (double at = 19; at < 20; at += 0.01) {
       Point<Voxel> x(20, 20, 20);
       x[axis] = at;
       const FieldSample sample = sphere.sample(grid.X_PatientVoxel() * x);
-      steepest = std::max(steepest, sample.gradient[axis]);
+      max_gradient = std::max(max_gradient, sample.gradient[axis]);
       EXPECT_NEAR(sample.gradient.normalized()[axis], 1, 1e-9);
     }
-    EXPECT_NEAR(steepest, 35 / (96 * sigma), 0.01 / sigma);
-    EXPECT_LT(steepest, 1 / (sigma * std::sqrt(2 * std::numbers::pi)));
+    EXPECT_NEAR(max_gradient, 35 / (96 * sigma), 0.01 / sigma);
+    EXPECT_LT(max_gradient, 1 / (sigma * std::sqrt(2 * std::numbers::pi)));
     Point<Voxel> surface(20, 20, 20);
     surface[axis] = 19.5;
     EXPECT_NEAR(sphere.sample(grid.X_PatientVoxel() * surface).value, 0.5, 1e-6);

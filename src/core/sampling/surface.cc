@@ -60,8 +60,8 @@ void find_different(const Bricks<std::int16_t>& bricks, std::size_t number, cons
 
 }  // namespace
 
-Surface::Surface(SignedField position, SignedField normal, double steepest)
-    : steepest_(std::max(1.0, steepest)),
+Surface::Surface(SignedField position, SignedField normal, double max_gradient)
+    : max_gradient_(std::max(1.0, max_gradient)),
       outside_mm_(position.outside()),
       position_(std::move(position)),
       normal_(std::move(normal)) {
@@ -87,9 +87,9 @@ Surface::Surface(SignedField position, SignedField normal, double steepest)
 }
 
 Surface Surface::with(const PatchOf<std::int16_t>& position, const PatchOf<std::int16_t>& normal,
-                      double steepest) const {
+                      double max_gradient) const {
   Surface now = *this;
-  now.steepest_ = std::max(1.0, steepest);
+  now.max_gradient_ = std::max(1.0, max_gradient);
   now.position_ = position_.with(position);
   now.normal_ = normal_.with(normal);
   const Bricks<std::int16_t>& before = position_.bricks();
@@ -150,11 +150,11 @@ void Surface::hash_content() {
   std::uint64_t hash = kHashSeed;
   hash_field(hash, position_);
   hash_field(hash, normal_);
-  hash_double(hash, steepest_);
+  hash_double(hash, max_gradient_);
   content_hash_ = hash_finish(hash);
 }
 
-double Surface::at_least_mm(const Point<Patient>& x) const {
+double Surface::lower_bound_mm(const Point<Patient>& x) const {
   const Point<Voxel> p = position_.X_VoxelPatient() * x;
   const std::array<int, 3>& dims = position_.geometry().dims;
   std::array<std::size_t, 3> offset;

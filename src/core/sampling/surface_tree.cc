@@ -11,8 +11,8 @@
 namespace palpate {
 namespace {
 
+using internal::BoundingCylinder;
 using internal::BrickTree;
-using internal::Disc;
 using internal::DiscNode;
 using TreeLayout = BrickLayout;
 
@@ -30,13 +30,12 @@ class CellOfSurface {
       row_slopes[n] = corner_mm_[static_cast<std::size_t>(2 * n + 1)] - from;
       rows[n] = from + p[0] * row_slopes[n];
     }
-    const auto between = [](double from, double to, double part) { return from + part * (to - from); };
-    const double low = between(rows[0], rows[1], p[1]), high = between(rows[2], rows[3], p[1]);
-    slope[0] = between(between(row_slopes[0], row_slopes[1], p[1]),
-                       between(row_slopes[2], row_slopes[3], p[1]), p[2]);
-    slope[1] = between(rows[1] - rows[0], rows[3] - rows[2], p[2]);
+    const auto lerp = [](double from, double to, double part) { return from + part * (to - from); };
+    const double low = lerp(rows[0], rows[1], p[1]), high = lerp(rows[2], rows[3], p[1]);
+    slope[0] = lerp(lerp(row_slopes[0], row_slopes[1], p[1]), lerp(row_slopes[2], row_slopes[3], p[1]), p[2]);
+    slope[1] = lerp(rows[1] - rows[0], rows[3] - rows[2], p[2]);
     slope[2] = high - low;
-    return between(low, high, p[2]);
+    return lerp(low, high, p[2]);
   }
 
  private:
@@ -110,7 +109,8 @@ class PieceMaker {
   /// @param voxel  first voxel of the cell in its brick
   /// @param first  voxel coordinates of that voxel
   /// @param discs  the pieces are appended
-  void add(const std::int16_t* voxel, const Eigen::Vector3d& first, std::vector<Disc>& discs) const {
+  void add(const std::int16_t* voxel, const Eigen::Vector3d& first,
+           std::vector<BoundingCylinder>& discs) const {
     std::array<double, 8> corner_mm;
     for (std::size_t n = 0; n < 8; ++n)
       corner_mm[n] =
@@ -127,7 +127,7 @@ class PieceMaker {
 
  private:
   void add_piece(const CellOfSurface& cell, const Eigen::Array3d& low, const Eigen::Array3d& size,
-                 const Eigen::Vector3d& first, std::vector<Disc>& discs) const {
+                 const Eigen::Vector3d& first, std::vector<BoundingCylinder>& discs) const {
     std::array<double, 8> corner_mm;
     Eigen::Vector3d slope;
     const auto corner = [&](std::size_t n) -> Eigen::Vector3d {
@@ -160,7 +160,7 @@ class PieceMaker {
     const Eigen::Vector3d at_mm = X * (first + centre) + X_PatientVoxel_.translation();
     const auto [half_mm, radius_mm] = extent_of_piece(cell, centre, slope, normal, corner, corner_mm);
     constexpr double kRounding_mm = 2e-4;
-    Disc disc;
+    BoundingCylinder disc;
     for (int axis = 0; axis < 3; ++axis) {
       disc.middle[static_cast<std::size_t>(axis)] = static_cast<float>(at_mm[axis]);
       disc.normal[static_cast<std::size_t>(axis)] = static_cast<float>(normal[axis]);
@@ -245,7 +245,7 @@ class PieceMaker {
 struct Extent {
   double low, high, lateral;
 };
-Extent extent_of(const Disc& disc, const Eigen::Vector3d& from, const Eigen::Vector3d& along) {
+Extent extent_of(const BoundingCylinder& disc, const Eigen::Vector3d& from, const Eigen::Vector3d& along) {
   const Eigen::Vector3d displacement = Eigen::Vector3d(disc.middle[0], disc.middle[1], disc.middle[2]) - from;
   const double mm = displacement.dot(along);
   const double cosine =
@@ -256,7 +256,7 @@ Extent extent_of(const Disc& disc, const Eigen::Vector3d& from, const Eigen::Vec
 }
 
 // bounding disc of leaves, with the mean of their normals as axis
-Disc around(std::span<const DiscNode> leaves) {
+BoundingCylinder around(std::span<const DiscNode> leaves) {
   Eigen::Array3f low = Eigen::Array3f::Constant(std::numeric_limits<float>::infinity()), high = -low;
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
   for (const DiscNode& leaf : leaves) {
@@ -277,7 +277,7 @@ Disc around(std::span<const DiscNode> leaves) {
   }
   centre += normal * (0.5 * (smallest + most));
   constexpr double kRounding_mm = 2e-4;
-  Disc disc;
+  BoundingCylinder disc;
   for (int axis = 0; axis < 3; ++axis) {
     disc.middle[static_cast<std::size_t>(axis)] = static_cast<float>(centre[axis]);
     disc.normal[static_cast<std::size_t>(axis)] = static_cast<float>(normal[axis]);
@@ -335,7 +335,7 @@ std::shared_ptr<const BrickTree> discs_of(const SignedField& field, const PieceM
     begin[axis] = std::max(0, -1 - low[axis]);
     end[axis] = std::min(TreeLayout::kCells, bricks.geometry().dims[axis] - low[axis]);
   }
-  std::vector<Disc> discs;
+  std::vector<BoundingCylinder> discs;
   for (int k = begin[2]; k < end[2]; ++k)
     for (int j = begin[1]; j < end[1]; ++j)
       for (int i = begin[0]; i < end[0]; ++i)
@@ -345,14 +345,14 @@ std::shared_ptr<const BrickTree> discs_of(const SignedField& field, const PieceM
   if (discs.empty()) return nullptr;
   std::vector<DiscNode> leaves;
   leaves.reserve(discs.size());
-  for (const Disc& disc : discs) leaves.push_back({disc, -1});
+  for (const BoundingCylinder& disc : discs) leaves.push_back({disc, -1});
   return std::make_shared<const BrickTree>(BrickTree{tree_of(std::move(leaves))});
 }
 
 // ---- queries
 
 // lower bound of the distance to any point of a disc
-double min_mm(const Disc& disc, const Eigen::Vector3d& x) {
+double min_mm(const BoundingCylinder& disc, const Eigen::Vector3d& x) {
   const double e[3] = {x[0] - disc.middle[0], x[1] - disc.middle[1], x[2] - disc.middle[2]};
   const double along = e[0] * disc.normal[0] + e[1] * disc.normal[1] + e[2] * disc.normal[2];
   const double lateral2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - along * along;
@@ -361,7 +361,7 @@ double min_mm(const Disc& disc, const Eigen::Vector3d& x) {
   return beside > 0 ? std::sqrt(above * above + beside * beside) : above;
 }
 
-Eigen::Vector3d middle_of(const Disc& disc) {
+Eigen::Vector3d middle_of(const BoundingCylinder& disc) {
   return {disc.middle[0], disc.middle[1], disc.middle[2]};
 }
 
@@ -392,9 +392,9 @@ double refine_nearest(const PositionReader& position, const Point<Patient>& x, P
   Point<Patient> at = p;
   Vector<Patient> slope;
   if (!project_onto_surface(position, at, slope)) return best_mm;
-  const auto lateral_of = [&](const Point<Patient>& at_position, const Vector<Patient>& steepest) {
+  const auto lateral_of = [&](const Point<Patient>& at_position, const Vector<Patient>& max_gradient) {
     const Vector<Patient> displacement = x - at_position;
-    return displacement - steepest * (displacement.dot(steepest) / steepest.squared_norm());
+    return displacement - max_gradient * (displacement.dot(max_gradient) / max_gradient.squared_norm());
   };
   double part = 1;
   for (int tries = 0; tries < kTries; ++tries) {
@@ -462,7 +462,7 @@ void SurfaceTree::update_bricks(const SurfaceTree* before) {
         if (!known) bricks_[number] = discs_of(position, make, number, {a, b, c});
         const auto& brick = bricks_[number];
         if (brick == nullptr) continue;
-        const Disc& disc = brick->nodes.front().disc;
+        const BoundingCylinder& disc = brick->nodes.front().disc;
         leaves.push_back({disc, ~static_cast<std::int32_t>(of_top_.size())});
         of_top_.push_back(brick.get());
         pieces_ += (brick->nodes.size() + 1) / 2;

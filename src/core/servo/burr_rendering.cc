@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "palpate/device/rendered_stiffness.h"
-#include "palpate/tissue/feel.h"
+#include "palpate/tissue/tissue_settings.h"
 #include "servo/burr_tick.h"
 
 namespace palpate {

@@ -8,7 +8,7 @@
 #include "contact/test_layer_oracle.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/servo/servo.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "tissue/test_layer_scenes.h"
 
 /// Simulated hands that press layers of soft tissue on bone, in the complete tick.
@@ -48,7 +48,7 @@ Pressed press_with_hand(const LayerScene& scene, double depth_mm, double force_N
   const double start_mm = scene.tool_mm + kAbove_mm;
   const double end_mm = scene.tool_mm - depth_mm - force_N / (1e-3 * hand.stiffness_N_per_m);
   plant.reset(on_device(start_mm));
-  VirtualClockSoftTissueSolver yields(rate_hz);
+  VirtualClockSoftTissueSolver virtual_solver(rate_hz);
   SessionState state;
   TickRecord record;
   Wrench sent;
@@ -58,7 +58,8 @@ Pressed press_with_hand(const LayerScene& scene, double depth_mm, double force_N
   long observed = 0;
   for (long n = 0; n < static_cast<long>(time_s * rate_hz); ++n) {
     const double now_s = static_cast<double>(n) / rate_hz;
-    if (yields.advance(*model, n > 0 ? &record : nullptr)) parameters.compliance = yields.frame();
+    if (virtual_solver.advance(*model, n > 0 ? &record : nullptr))
+      parameters.compliance = virtual_solver.frame();
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(*model, parameters, {&sensed, 1}, 1 / rate_hz, state, {&sent, 1}, record);
     plant.intend(on_device(std::max(end_mm, start_mm - kSpeed_mm_s * std::max(0.0, now_s - kRamp_s))));

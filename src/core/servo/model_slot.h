@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "palpate/base/result.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 

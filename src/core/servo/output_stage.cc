@@ -29,12 +29,12 @@ double magnitude(const Vector<World>& v) {
   return largest > 0 ? largest * (v / largest).norm() : 0;
 }
 
-// Usable value of a limit, clamped to 0 or [kLeast, kMost]. NaN, infinite, negative and imperceptibly small
-// limits count as 0; kMost is far above any device's. Squares and differences of values in this range neither
-// overflow nor vanish.
+// Usable value of a limit, clamped to 0 or [kMinLimit, kMaxLimit]. NaN, infinite, negative and imperceptibly
+// small limits count as 0; kMaxLimit is far above any device's. Squares and differences of values in this
+// range neither overflow nor vanish.
 double allowed(double limit) {
-  constexpr double kLeast = 1e-9, kMost = 1e6;
-  return limit >= kLeast && std::isfinite(limit) ? std::min(limit, kMost) : 0;
+  constexpr double kMinLimit = 1e-9, kMaxLimit = 1e6;
+  return limit >= kMinLimit && std::isfinite(limit) ? std::min(limit, kMaxLimit) : 0;
 }
 
 // factor that scales a magnitude down to its limit; slightly smaller, so that rounding never exceeds the
@@ -43,7 +43,7 @@ double factor_to(double limit, double magnitude) {
   return magnitude > limit ? limit / magnitude * (1 - 0x1p-50) : 1;
 }
 
-double min_limit_N(const OutputLimits& limits, double max_force_N) {
+double configured_limit_N(const OutputLimits& limits, double max_force_N) {
   return std::isnan(limits.peak_force_N) ? allowed(max_force_N)
                                          : std::min(allowed(max_force_N), allowed(limits.peak_force_N));
 }
@@ -58,7 +58,7 @@ double thermal_limit_N(const OutputLimits& limits, double heat, double dt_s) {
   return allowed(limits.continuous_force_N) * std::sqrt(power);
 }
 
-double warmed(const OutputLimits& limits, double heat, double force_N, double dt_s) {
+double next_heat(const OutputLimits& limits, double heat, double force_N, double dt_s) {
   const double continuous_N = allowed(limits.continuous_force_N);
   if (continuous_N == 0) return heat;
   const double power = force_N / continuous_N * (force_N / continuous_N);
@@ -72,21 +72,22 @@ double freshness_at(double age_s) {
 }
 
 // fraction of the change from `sent` to `requested` that one tick may apply
-double slew_part(const Wrench& sent, const Wrench& requested, const OutputLimits& limits, double slew_N_per_s,
-                 double dt_s) {
+double slew_fraction(const Wrench& sent, const Wrench& requested, const OutputLimits& limits,
+                     double slew_N_per_s, double dt_s) {
   const auto part = [](double distance, double largest) {
     return distance > largest ? largest / distance : 1.0;
   };
-  const double swing = dt_s / kOutputSettings.full_range_s;
-  return std::min(
-      {part(magnitude(requested.force_N - sent.force_N), slew_N_per_s * dt_s),
-       part(magnitude(requested.torque_Nmm - sent.torque_Nmm), allowed(limits.peak_torque_Nmm) * swing),
-       part(std::abs(requested.gripper_N - sent.gripper_N), allowed(limits.peak_gripper_N) * swing)});
+  const double range_fraction = dt_s / kOutputSettings.full_range_s;
+  return std::min({part(magnitude(requested.force_N - sent.force_N), slew_N_per_s * dt_s),
+                   part(magnitude(requested.torque_Nmm - sent.torque_Nmm),
+                        allowed(limits.peak_torque_Nmm) * range_fraction),
+                   part(std::abs(requested.gripper_N - sent.gripper_N),
+                        allowed(limits.peak_gripper_N) * range_fraction)});
 }
 
 // Sets the output to zero after a fault or a stale pose and selects how it recovers: by the slew after the
 // first short dropout, by the ramp otherwise. A pause, which fades out, never waits for a fresh pose.
-void lose(const OutputRequest& request, std::uint32_t faults, OutputState& state) {
+void drop_output(const OutputRequest& request, std::uint32_t faults, OutputState& state) {
   const bool is_short = request.age_s <= kOutputSettings.short_dropout_s &&
                         (state.in_dropout || state.since_fault_s >= kOutputSettings.ramp_in_s);
   state.in_dropout = faults == 0 && !request.off && request.age_s >= kOutputSettings.stale_s && is_short;
@@ -143,13 +144,13 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   const double freshness = freshness_at(request.age_s);
   if (freshness < 1) out.flags |= kFlagStale;
   if ((out.flags & kFaultFlags) != 0 || freshness == 0) {
-    lose(request, out.flags & kFaultFlags, state);
-    state.heat = warmed(limits, state.heat, 0, dt_s);
+    drop_output(request, out.flags & kFaultFlags, state);
+    state.heat = next_heat(limits, state.heat, 0, dt_s);
     return out;
   }
 
   // force limit
-  const double min_N = min_limit_N(limits, max_force_N);
+  const double min_N = configured_limit_N(limits, max_force_N);
   out.limit_N = next_limit_N(limits, max_force_N, dt_s, state);
   if (out.limit_N < min_N) out.flags |= kFlagThermal;
   const Wrench requested = within_reach_of(limits, request.requested);
@@ -164,19 +165,19 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   if (state.gain < 1) out.flags |= kFlagRamp;
   const Wrench needed = scaled(clamped_wrench, state.gain);
   const double part =
-      slew_part(state.sent, needed, limits, slew_now_N_per_s(limits, needed.force_N, dt_s, state), dt_s);
+      slew_fraction(state.sent, needed, limits, slew_now_N_per_s(limits, needed.force_N, dt_s, state), dt_s);
   if (part < 1) out.flags |= kFlagSlew;
 
   // second clamp, because the slew may start above a limit that was just lowered; then the decay of a stale
   // state
   out.wrench = scaled(clamped(between(state.sent, needed, part), limits, out.limit_N), freshness);
-  state.heat = warmed(limits, state.heat, magnitude(out.wrench.force_N), dt_s);
+  state.heat = next_heat(limits, state.heat, magnitude(out.wrench.force_N), dt_s);
   state.sent = out.wrench;
   return out;
 }
 
 double next_limit_N(const OutputLimits& limits, double max_force_N, double dt_s, const OutputState& state) {
-  return std::min(min_limit_N(limits, max_force_N), thermal_limit_N(limits, state.heat, dt_s));
+  return std::min(configured_limit_N(limits, max_force_N), thermal_limit_N(limits, state.heat, dt_s));
 }
 
 }  // namespace palpate

@@ -13,7 +13,7 @@ namespace palpate {
 namespace {
 
 constexpr double kNs_per_s = 1e9;
-constexpr double kLargestSpin_periods = 0.8;
+constexpr double kMaxSpin_periods = 0.8;
 
 // spin-wait hint to the core: saves power and yields to the other hyper-thread
 inline void relax() {
@@ -31,7 +31,7 @@ double period_of(double rate_hz) {
 
 std::int64_t spin_within(double spin_s, double period_ns) {
   PALPATE_CHECK(spin_s >= 0);
-  return std::llround(std::min(spin_s * kNs_per_s, kLargestSpin_periods * period_ns));
+  return std::llround(std::min(spin_s * kNs_per_s, kMaxSpin_periods * period_ns));
 }
 
 }  // namespace

@@ -106,11 +106,12 @@ void grant_scheduler(const RealtimeRequest& request, RealtimeGrant& grant) {
   std::string remark;
   if (!request.fifo) {
     remark = " (SCHED_FIFO not asked for)";
-  } else if (const int supplied = enter_fifo(request.priority, request.priorities_above); supplied == 0) {
+  } else if (const int granted_priority = enter_fifo(request.priority, request.priorities_above);
+             granted_priority == 0) {
     const int why = errno;
     remark = std::string(" (SCHED_FIFO refused: ") + ::strerror(why) +
              (why == EPERM ? "; an rtprio limit or CAP_SYS_NICE allows it)" : ")");
-  } else if (supplied < request.priority) {
+  } else if (granted_priority < request.priority) {
     remark = " (" + std::to_string(request.priority) + " refused; the rtprio limit is " +
              std::to_string(rtprio_limit()) + (request.priorities_above > 0 ? ", the watchdog's)" : ")");
   }

@@ -184,7 +184,7 @@ class Exercise {
         std::swap(model_.no_go, no_go_);
       }
       tick(model_, parameters_, devices_, 1e-3, state_, wrenches_, record_);
-      if (state_.device[0].proxy.compliance.modulus_N_per_mm2 > 0) ++yielded_;
+      if (state_.device[0].proxy.compliance.modulus_N_per_mm2 > 0) ++with_deformable_tissue_;
       if (state_.device[0].proxy.relaxation.remembers()) ++relaxed_;
       if (!state_.holes.empty()) ++with_holes_;
       if ((record_.device[0].flags & kFlagNoGo) != 0) ++no_go_ticks_;
@@ -192,7 +192,7 @@ class Exercise {
     }
   }
   /// Ticks in which deformable tissue was pressed.
-  int yielded() const { return yielded_; }
+  int with_deformable_tissue() const { return with_deformable_tissue_; }
   /// Ticks in which such tissue has relaxation state.
   int relaxed() const { return relaxed_; }
   /// Number of changes of the law under a tool.
@@ -205,7 +205,8 @@ class Exercise {
   int near_many() const { return near_many_; }
 
  private:
-  int yielded_ = 0, relaxed_ = 0, with_holes_ = 0, law_changes_ = 0, no_go_ticks_ = 0, near_many_ = 0;
+  int with_deformable_tissue_ = 0, relaxed_ = 0, with_holes_ = 0, law_changes_ = 0, no_go_ticks_ = 0,
+      near_many_ = 0;
   Model model_ = crowded_model();
   /// Data that the model does not contain at present.
   Distances distances_ = std::move(model_.distances);
@@ -404,7 +405,7 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   const long allocated_after = allocations + frees, locked_after = locks;
   EXPECT_EQ(allocated_after - allocated, 0);
   EXPECT_EQ(locked_after - locked, 0);
-  EXPECT_GT(exercise.yielded(), 40);
+  EXPECT_GT(exercise.with_deformable_tissue(), 40);
   EXPECT_GT(exercise.law_changes(), 3);
   EXPECT_GT(exercise.relaxed(), 100);
   EXPECT_GT(exercise.with_holes(), 100);

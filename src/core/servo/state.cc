@@ -110,7 +110,7 @@ void hash_device(HashOfWords& hash, const SessionState::DeviceSession& session) 
   const CouplingState& coupling = session.coupling;
   hash.add(session.proxy_version, session.pushed_directly, coupling.stiffness_N_per_mm);
   hash_point(hash, coupling.multiplier_mm);
-  hash_part(hash, coupling.pull_velocity);
+  hash_part(hash, coupling.spring_velocity);
   // only burrs have this state
   if (session.burr.open_s > 0) hash_burr(hash, session.burr);
   if (const BurrRenderingState& burr = session.burr_rendering; burr.is_used())
@@ -120,15 +120,16 @@ void hash_device(HashOfWords& hash, const SessionState::DeviceSession& session) 
   hash_wrench(hash, session.difference);
   const PassivityState& passivity = session.passivity;
   hash.add(session.blend_elapsed_s, passivity.energy_mJ, passivity.displacement_mm, passivity.time_s,
-           passivity.speed_mm_s, passivity.play_mm, passivity.moves_with_force);
-  const BounceState& bounce = passivity.bounce;
-  hash.add(bounce.impact_mm_s, bounce.time_s, bounce.depth_mm, bounce.push_N_s, bounce.pushed_N_s2,
-           bounce.back_N_s2_mm, bounce.squares_N2_s4, bounce.touched);
-  const OscillationState& swing = session.swing;
-  hash_point(hash, swing.axis);
-  hash_point(hash, swing.lateral_mm);
-  hash.add(swing.displacement_mm, swing.time_s, swing.farthest_mm, swing.farthest_s, swing.before_mm,
-           swing.free_s, swing.extra_delay_s, swing.halves);
+           passivity.speed_mm_s, passivity.dead_band_mm, passivity.moves_with_force);
+  const ReboundState& rebound = passivity.rebound;
+  hash.add(rebound.impact_mm_s, rebound.time_s, rebound.depth_mm, rebound.push_N_s, rebound.pushed_N_s2,
+           rebound.back_N_s2_mm, rebound.squares_N2_s4, rebound.touched);
+  const OscillationState& oscillation = session.oscillation;
+  hash_point(hash, oscillation.axis);
+  hash_point(hash, oscillation.lateral_mm);
+  hash.add(oscillation.displacement_mm, oscillation.time_s, oscillation.farthest_mm, oscillation.farthest_s,
+           oscillation.previous_amplitude_mm, oscillation.free_space_s, oscillation.extra_delay_s,
+           oscillation.half_cycles);
   hash.add(session.delay.count, session.delay.dropped_older);
   for (int n = 0; n < session.delay.count; ++n) {
     const DelayLine::Sample& sample = session.delay.samples[static_cast<std::size_t>(n)];
@@ -155,7 +156,7 @@ void SessionState::DeviceSession::reset_path() {
   requested = {};
   pushed_directly = false;
   passivity = {};
-  swing = {};
+  oscillation = {};
   delay = {};
 }
 

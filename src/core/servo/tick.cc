@@ -41,8 +41,8 @@ std::uint32_t faults_of(const DeviceState& device, const Parameters& parameters,
 
 // Updates the tip's history and returns its velocity relative to the object; the patient frame rotates with
 // the object. A jump does not count as motion.
-Vector<Patient> follow_tip(const DeviceState& device, const Point<Patient>& tip, double dt_s, bool jumped,
-                           SessionState::DeviceSession& session) {
+Vector<Patient> update_tip_history(const DeviceState& device, const Point<Patient>& tip, double dt_s,
+                                   bool jumped, SessionState::DeviceSession& session) {
   if (jumped) session.velocity.clear();
   if (session.has_previous && !jumped) session.velocity.push(tip - session.previous_tip, dt_s);
   session.previous_world = device.tip;
@@ -155,12 +155,13 @@ void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const R
   const ToolContact& tool = contact.tool;
   const double dt_s = shared.tick.dt_s;
   const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivitySettings.default_step_mm;
-  detect_oscillation(request.requested.force_N, contact.displacement_mm, step_mm, dt_s, session.swing);
+  detect_oscillation(request.requested.force_N, contact.displacement_mm, step_mm, dt_s, session.oscillation);
   // a long tick holds the force for longer; half of the excess counts as delay
   const double held_s = 0.5 * std::max(0.0, dt_s - kPassivitySettings.covered_tick_s);
-  const double device_delay_s = own.delay_s + session.swing.extra_delay_s, delay_s = device_delay_s + held_s;
+  const double device_delay_s = own.delay_s + session.oscillation.extra_delay_s,
+               delay_s = device_delay_s + held_s;
   const Vector<World> delayed_force_N =
-      follow_delay(session.output.sent.force_N, dt_s, delay_s, session.delay);
+      advance_delay_line(session.output.sent.force_N, dt_s, delay_s, session.delay);
   // a force that is not rendered does no work: the energy balance starts again from zero
   const bool faded_out = request.off && session.output.gain == 0;
   if (faded_out || request.faults != 0 || !request.requested.force_N.all_finite()) {
@@ -259,7 +260,7 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in,
                               own,
                               in.state.R_WorldTool.normalized().toRotationMatrix(),
                               tip,
-                              follow_tip(in.state, tip, tick.dt_s, jumped, session),
+                              update_tip_history(in.state, tip, tick.dt_s, jumped, session),
                               in.number};
   ToolContact tool = touch(shared, in, context, request, session, out);
   keep_away(tick, context, tool, out);

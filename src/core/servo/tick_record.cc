@@ -30,7 +30,7 @@ void record_inputs(const Model& model, const Parameters& parameters, const Sessi
   record.dt_s = dt_s;
   record.lateness_s = record.compute_s = 0;
   record.model_version = model.version;
-  record.yield_frame = parameters.compliance.number;
+  record.solver_frame = parameters.compliance.number;
   record_settings(parameters, record);
   record.switches = switches_of(parameters);
   record.devices = static_cast<int>(devices);
@@ -75,7 +75,7 @@ void record_outputs(const ToolContact& tool, const OutputRequest& request, const
     for (std::size_t n = 0; n < tool.path.size(); ++n) {
       out.path_label[n] = tool.path[n].label;
       out.path_depth_mm[n] = tool.path[n].depth_mm;
-      out.path_share[n] = tool.path[n].share;
+      out.path_share[n] = tool.path[n].fraction;
     }
   }
   out.flags |= sent.flags;

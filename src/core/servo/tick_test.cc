@@ -789,7 +789,7 @@ TEST(Tick, TheProxyIsLetGoByNewSurfacesThatItIsInside) {
 
 // the same shape, prepared again
 std::shared_ptr<const Surface> anew(const Surface& surface) {
-  return std::make_shared<const Surface>(surface.position(), surface.normal(), surface.steepest());
+  return std::make_shared<const Surface>(surface.position(), surface.normal(), surface.max_gradient());
 }
 
 ContactSurface ball_beside(const Model& model, const Eigen::Vector3d& centre, double radius_mm) {

@@ -30,8 +30,8 @@ NetLinks::NetLinks(const SurfaceNet& net) : NetLinks(net.size()) {
         sum[f / 2] += static_cast<float>(step);
         ++links;
       }
-      share[n] = links > 0 ? 1 / links : 0;
-      offset[n] = sum * share[n];
+      fraction[n] = links > 0 ? 1 / links : 0;
+      offset[n] = sum * fraction[n];
     }
   });
 }
@@ -55,7 +55,7 @@ void carve_net(const SurfaceNet& once, SurfaceNet& now) {
   for (int round = 0; round < kCarvingRounds; ++round) {
     for (std::size_t c = 0; c < cut.size(); ++c) {
       const std::uint32_t n = cut[c];
-      const CellPosition path = links.paths(now.positions, n) * links.share[n] + links.offset[n];
+      const CellPosition path = links.paths(now.positions, n) * links.fraction[n] + links.offset[n];
       moved[c] = (now.positions[n] + path).max(kCellMargin).min(1 - kCellMargin);
     }
     for (std::size_t c = 0; c < cut.size(); ++c) now.positions[cut[c]] = moved[c];

@@ -35,7 +35,7 @@ class RowOfNodes {
 struct NetLinks {
   explicit NetLinks(const SurfaceNet& net);
   /// Allocates links for `nodes` nodes, to be filled in.
-  explicit NetLinks(std::size_t nodes) : to(nodes), share(nodes), offset(nodes) {}
+  explicit NetLinks(std::size_t nodes) : to(nodes), fraction(nodes), offset(nodes) {}
 
   /// Sum over the links of the differences in position within the cells, in voxels, excluding the cells'
   /// offsets.
@@ -50,7 +50,7 @@ struct NetLinks {
   /// Linked nodes through the faces at low i, high i, low j, high j, low k, high k; the node itself where
   /// there is no link.
   std::vector<std::array<std::uint32_t, 6>> to;
-  std::vector<float> share;          ///< 1 / number of links
+  std::vector<float> fraction;       ///< 1 / number of links
   std::vector<CellPosition> offset;  ///< Mean of the linked cells' offsets
 };
 

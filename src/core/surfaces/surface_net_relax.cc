@@ -18,12 +18,12 @@ namespace {
 
 /// Iterations of the solver, and number of bending steps. More bent iterations also bend flat regions and
 /// restore terraces.
-constexpr int kMembraneRounds = 60, kBentRounds = 24, kBendings = 3;
+constexpr int kMembraneRounds = 60, kCurvatureIterations = 24, kCurvatureUpdates = 3;
 /// Largest displacement of a node per iteration, in voxels, at which the solution is accepted.
 constexpr float kTolerance = 3e-4f;
 /// Decay factor of the slowest wave to be levelled, per iteration that moves each node to the mean of its
 /// neighbours (spectral radius): cos(pi/n)^2 for a wave of n nodes along the surface, here 31.
-constexpr float kSlowest = 0.99f;
+constexpr float kJacobiSpectralRadius = 0.99f;
 /// Widths of Gaussians along the surface.
 constexpr float kNormal_mm = 1, kCurvature_mm = 2.5f, kEdge_mm = 1.5f;
 /// Sum of the principal curvatures, 1/mm, above which the surface has an edge, which must not bend adjacent
@@ -65,9 +65,9 @@ CellPosition midway(unsigned classes) {
 
 /// Solver on a reordered net: nodes whose cells have even i + j + k come first. They are linked only to odd
 /// ones (red-black ordering).
-class Relaxation {
+class RedBlackSor {
  public:
-  Relaxation(const SurfaceNet& net, const Span3& known, int threads);
+  RedBlackSor(const SurfaceNet& net, const Span3& known, int threads);
 
   /// Projected over-relaxation, at most `rounds` iterations, until no node moves beyond the tolerance.
   Result<void> solve(int rounds, const Progress& progress);
@@ -115,7 +115,7 @@ class Relaxation {
   std::vector<CellPosition> rest_;
 };
 
-Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
+RedBlackSor::RedBlackSor(const SurfaceNet& net, const Span3& known, int threads)
     : threads_(threads), order_(net.size()), classes_(net.size()), positions_(net.size()), links_(net) {
   spacing_ << net.spacing_mm[0], net.spacing_mm[1], net.spacing_mm[2], 0.0f;
   std::vector<std::uint32_t> number(net.size());
@@ -142,7 +142,7 @@ Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
     classes_[n] = net.classes[m];
     positions_[n] = net.positions[m];
     for (int f = 0; f < 6; ++f) links_.to[n][f] = number[links.to[m][f]];
-    links_.share[n] = links.share[m];
+    links_.fraction[n] = links.fraction[m];
     links_.offset[n] = links.offset[m];
   }
   unlink_walls(wall);
@@ -152,7 +152,7 @@ Relaxation::Relaxation(const SurfaceNet& net, const Span3& known, int threads)
 /// Removes links from the surface to wall nodes: the wall follows the surface that ends at it, but not vice
 /// versa. Surface nodes at a wall start midway: their zero crossings are rounded by the filter beside the
 /// wall, and along the border little would restore them.
-void Relaxation::unlink_walls(const std::vector<std::uint8_t>& wall) {
+void RedBlackSor::unlink_walls(const std::vector<std::uint8_t>& wall) {
   for (std::uint32_t n = 0; n < positions_.size(); ++n) {
     auto& to = links_.to[n];
     std::array<bool, 6> parted{};
@@ -173,8 +173,8 @@ void Relaxation::unlink_walls(const std::vector<std::uint8_t>& wall) {
       offset[f / 2] += f % 2 == 0 ? -1.0f : 1.0f;
       ++pulls;
     }
-    links_.share[n] = pulls > 0 ? 1 / pulls : 0;
-    links_.offset[n] = offset * links_.share[n];
+    links_.fraction[n] = pulls > 0 ? 1 / pulls : 0;
+    links_.offset[n] = offset * links_.fraction[n];
   }
   compute_border_divisors();
   unlink_unpaired();
@@ -182,7 +182,7 @@ void Relaxation::unlink_walls(const std::vector<std::uint8_t>& wall) {
 
 /// Computes the divisors of curvature near walls. Where the volume's border cuts a terrace, no label
 /// determines how the surface continues, and its kink is not curvature.
-void Relaxation::compute_border_divisors() {
+void RedBlackSor::compute_border_divisors() {
   if (unpaired_.empty()) return;
   std::vector<float> separation_mm(positions_.size(), kBorder_mm);
   using Reached = std::pair<float, std::uint32_t>;
@@ -206,23 +206,23 @@ void Relaxation::compute_border_divisors() {
   }
 }
 
-void Relaxation::unlink_unpaired() {
+void RedBlackSor::unlink_unpaired() {
   for (const Unpaired& u : unpaired_) links_.to[u.node][u.link] = u.node;
 }
-void Relaxation::relink_unpaired() {
+void RedBlackSor::relink_unpaired() {
   for (const Unpaired& u : unpaired_) links_.to[u.node][u.link] = u.to;
 }
 
-void Relaxation::write_positions(SurfaceNet& net) const {
+void RedBlackSor::write_positions(SurfaceNet& net) const {
   for (std::size_t n = 0; n < order_.size(); ++n) net.positions[order_[n]] = positions_[n];
 }
 
 /// Even and odd nodes alternately move beyond the mean of their neighbours by a factor that increases from 1
 /// to the optimum for the slowest waves (Chebyshev acceleration; Varga, Matrix iterative analysis, 2000),
 /// then are projected back into their cells.
-Result<void> Relaxation::solve(int rounds, const Progress& progress) {
+Result<void> RedBlackSor::solve(int rounds, const Progress& progress) {
   std::vector<float> moved(positions_.size() / kChunk + 2);
-  float beyond = 1;
+  float omega = 1;
   for (int round = 0; round < rounds; ++round) {
     if (progress.stopped()) return Progress::interrupted();
     float largest = 0;
@@ -233,8 +233,8 @@ Result<void> Relaxation::solve(int rounds, const Progress& progress) {
         CellPosition farthest = CellPosition::Zero();
         for (std::size_t n = first; n < last; ++n) {
           const CellPosition at = positions_[n];
-          const CellPosition pull = links_.paths(positions_, n) * links_.share[n] + rest_[n];
-          const CellPosition to = (at + beyond * pull).max(kCellMargin).min(1 - kCellMargin);
+          const CellPosition pull = links_.paths(positions_, n) * links_.fraction[n] + rest_[n];
+          const CellPosition to = (at + omega * pull).max(kCellMargin).min(1 - kCellMargin);
           farthest = farthest.max((to - at).abs());
           positions_[n] = to;
         }
@@ -242,7 +242,7 @@ Result<void> Relaxation::solve(int rounds, const Progress& progress) {
       });
       largest = std::max(largest, *std::max_element(moved.begin(), moved.end()));
       const bool at_first = round == 0 && !odd;
-      beyond = 1 / (1 - (at_first ? 0.5f : 0.25f * beyond) * kSlowest * kSlowest);
+      omega = 1 / (1 - (at_first ? 0.5f : 0.25f * omega) * kJacobiSpectralRadius * kJacobiSpectralRadius);
     }
     if (largest < kTolerance) break;
   }
@@ -250,21 +250,21 @@ Result<void> Relaxation::solve(int rounds, const Progress& progress) {
 }
 
 /// Vector from a node to the linked one, mm.
-CellPosition Relaxation::distance_mm(std::size_t n, int link) const {
+CellPosition RedBlackSor::distance_mm(std::size_t n, int link) const {
   CellPosition path = positions_[links_.to[n][link]] - positions_[n];
   path[link / 2] += link % 2 == 0 ? -1.0f : 1.0f;
   return path * spacing_;
 }
 
 /// Squared length of a link's component tangential to the surface, mm2.
-float Relaxation::square_along(std::size_t n, int link, const CellPosition& normal) const {
+float RedBlackSor::square_along(std::size_t n, int link, const CellPosition& normal) const {
   const CellPosition path = distance_mm(n, link);
   const float up = (normal * path).sum();
   return path.square().sum() - up * up;
 }
 
 /// Sum of the area vectors of a node's quads, outward.
-CellPosition Relaxation::area(std::size_t n) const {
+CellPosition RedBlackSor::area(std::size_t n) const {
   const unsigned classes = classes_[n];
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
   for (int a = 0; a < 3; ++a) {
@@ -287,7 +287,7 @@ CellPosition Relaxation::area(std::size_t n) const {
   return vector;
 }
 
-std::vector<CellPosition> Relaxation::normals() const {
+std::vector<CellPosition> RedBlackSor::normals() const {
   std::vector<CellPosition> normal(positions_.size());
   over_nodes([&](std::size_t first, std::size_t last) {
     for (std::size_t n = first; n < last; ++n) normal[n] = area(n);
@@ -300,7 +300,7 @@ std::vector<CellPosition> Relaxation::normals() const {
 /// Diffusion along the links, by one step of a Runge-Kutta-Legendre method (Meyer, Balsara and Aslam, Journal
 /// of Computational Physics 257, 2014), whose number of stages is the square root of the number of explicit
 /// steps.
-void Relaxation::smooth(std::vector<CellPosition>& values, float sigma_mm) const {
+void RedBlackSor::smooth(std::vector<CellPosition>& values, float sigma_mm) const {
   const std::array<float, 3> weight{1 / (spacing_[0] * spacing_[0]), 1 / (spacing_[1] * spacing_[1]),
                                     1 / (spacing_[2] * spacing_[2])};
   const float time = 0.5f * sigma_mm * sigma_mm;
@@ -324,7 +324,7 @@ void Relaxation::smooth(std::vector<CellPosition>& values, float sigma_mm) const
   }
 }
 
-void Relaxation::bend() {
+void RedBlackSor::bend() {
   relink_unpaired();
   const std::vector<CellPosition> normal = normals();
   // Curvature from the rotation of the normals. Computed from positions, a small error of the normal would
@@ -356,7 +356,7 @@ void Relaxation::bend() {
   const CellPosition per_mm = (spacing_ + CellPosition(0, 0, 0, 1)).inverse();
   for (std::size_t n = 0; n < positions_.size(); ++n) {
     const float curvature = bent[n][0] / std::max(bent[n][1], 1e-9f);
-    rest_[n] = links_.offset[n] - normal[n] * per_mm * (curvature * area[n] * links_.share[n]);
+    rest_[n] = links_.offset[n] - normal[n] * per_mm * (curvature * area[n] * links_.fraction[n]);
   }
 }
 
@@ -364,12 +364,12 @@ void Relaxation::bend() {
 
 Result<void> relax_net(SurfaceNet& net, const Span3& known, int threads, const Progress& progress,
                        const ProgressSpan& span) {
-  Relaxation relaxation(net, known, threads);
-  for (int bending = 0; bending <= kBendings; ++bending) {
+  RedBlackSor relaxation(net, known, threads);
+  for (int bending = 0; bending <= kCurvatureUpdates; ++bending) {
     if (bending > 0) relaxation.bend();
-    const auto done = relaxation.solve(bending == 0 ? kMembraneRounds : kBentRounds, progress);
+    const auto done = relaxation.solve(bending == 0 ? kMembraneRounds : kCurvatureIterations, progress);
     if (!done) return done;
-    progress.report(span.stage, span.from + (span.to - span.from) * (bending + 1) / (kBendings + 1));
+    progress.report(span.stage, span.from + (span.to - span.from) * (bending + 1) / (kCurvatureUpdates + 1));
   }
   relaxation.write_positions(net);
   return {};

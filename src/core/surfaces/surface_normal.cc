@@ -14,8 +14,8 @@ constexpr double kNearby_mm = 1.5;
 /// Distance from the surface within which a voxel contributes to it.
 constexpr float kBand_mm = 1;
 /// Heights up to the first leave the broad distance unchanged: a sphere of 5 mm radius is below it. From the
-/// second on the position has the share kMaxShare.
-constexpr float kThick_mm = 0.8f, kThin_mm = 1.2f, kMaxShare = 0.9f;
+/// second on the position has the share kMaxFraction.
+constexpr float kThick_mm = 0.8f, kThin_mm = 1.2f, kMaxFraction = 0.9f;
 
 }  // namespace
 
@@ -55,17 +55,17 @@ void NormalFilter::apply(const Block<float>& broad, const Block<float>& position
   filter_block(weights, kernel, surface);
   filter_block(heights, kernel, height_sum);
 
-  const PositionShare share{.low_mm = kThick_mm,
-                            .high_mm = kThin_mm,
-                            .most = kMaxShare,
-                            .slope = slope,
-                            .limit_mm = static_cast<float>(kBroadReach_mm)};
+  const PositionFraction fraction{.low_mm = kThick_mm,
+                                  .high_mm = kThin_mm,
+                                  .most = kMaxFraction,
+                                  .slope = slope,
+                                  .limit_mm = static_cast<float>(kBroadReach_mm)};
   const auto length = static_cast<std::size_t>(normal.span().size(0));
   const int shift = normal.span().low[0] - broad.span().low[0];
   for_each_row(normal.span(), [&](int j, int k) {
     const NormalRows rows{broad.row(j, k) + shift, position.row(j, k) + shift, surface.row(j, k),
                           height_sum.row(j, k)};
-    blend_with_position(rows, share, length, normal.row(j, k));
+    blend_with_position(rows, fraction, length, normal.row(j, k));
   });
 }
 

@@ -139,20 +139,21 @@ void weigh(const float* position, const float* broad, const SurfaceBand& band, s
   });
 }
 
-void blend(const NormalRows& rows, const PositionShare& share, std::size_t length, std::int16_t* normal) {
+void blend(const NormalRows& rows, const PositionFraction& fraction, std::size_t length,
+           std::int16_t* normal) {
   by_vectors(length, [&](auto d, std::size_t x) HWY_ATTR {
-    const auto zero = hn::Zero(d), one = hn::Set(d, 1.0f), low = hn::Set(d, share.low_mm);
+    const auto zero = hn::Zero(d), one = hn::Set(d, 1.0f), low = hn::Set(d, fraction.low_mm);
     // a lower bound of the weight avoids noise: the height becomes nearly 0
     const auto surface = hn::Max(hn::LoadU(d, rows.surface + x), hn::Set(d, 1e-6f));
     const auto height = hn::Div(hn::LoadU(d, rows.height_sum + x), surface);
     const auto high = hn::Abs(height);
-    const auto above = hn::Div(hn::Sub(high, low), hn::Set(d, share.high_mm - share.low_mm));
-    const auto part = hn::Mul(hn::Set(d, share.most), hn::Max(zero, hn::Min(one, above)));
+    const auto above = hn::Div(hn::Sub(high, low), hn::Set(d, fraction.high_mm - fraction.low_mm));
+    const auto part = hn::Mul(hn::Set(d, fraction.most), hn::Max(zero, hn::Min(one, above)));
     const auto rest = hn::Sub(one, part);
 
     // position, bent to match the broad distance over a plane
-    const auto position = hn::Mul(hn::LoadU(d, rows.position + x), hn::Set(d, share.slope));
-    const auto of_limit = hn::Div(position, hn::Set(d, share.limit_mm));
+    const auto position = hn::Mul(hn::LoadU(d, rows.position + x), hn::Set(d, fraction.slope));
+    const auto of_limit = hn::Div(position, hn::Set(d, fraction.limit_mm));
     const auto square = hn::Mul(of_limit, of_limit);
     const auto bent = hn::Div(position, hn::Sqrt(hn::Sqrt(hn::Add(one, hn::Mul(square, square)))));
 
@@ -165,7 +166,7 @@ void blend(const NormalRows& rows, const PositionShare& share, std::size_t lengt
   });
 }
 
-float steepest(const CellRows& rows, std::size_t cells) {
+float max_gradient(const CellRows& rows, std::size_t cells) {
   float worst = 0;
   by_vectors(cells, [&](auto d, std::size_t x) HWY_ATTR {
     const auto v00 = load_steps(d, rows.row[0] + x), v10 = load_steps(d, rows.row[1] + x);
@@ -203,7 +204,7 @@ HWY_EXPORT(wrong);
 HWY_EXPORT(hold);
 HWY_EXPORT(weigh);
 HWY_EXPORT(blend);
-HWY_EXPORT(steepest);
+HWY_EXPORT(max_gradient);
 
 void steps_to_mm(const std::int16_t* steps, std::size_t length, float limit_mm, float* mm) {
   HWY_DYNAMIC_DISPATCH(to_mm)(steps, length, limit_mm, mm);
@@ -234,12 +235,12 @@ void weigh_by_position(const float* position, const float* broad, const SurfaceB
                        float* weight, float* weighted) {
   HWY_DYNAMIC_DISPATCH(weigh)(position, broad, band, length, weight, weighted);
 }
-void blend_with_position(const NormalRows& rows, const PositionShare& share, std::size_t length,
+void blend_with_position(const NormalRows& rows, const PositionFraction& fraction, std::size_t length,
                          std::int16_t* normal) {
-  HWY_DYNAMIC_DISPATCH(blend)(rows, share, length, normal);
+  HWY_DYNAMIC_DISPATCH(blend)(rows, fraction, length, normal);
 }
 float steepest_square(const CellRows& rows, std::size_t cells) {
-  return HWY_DYNAMIC_DISPATCH(steepest)(rows, cells);
+  return HWY_DYNAMIC_DISPATCH(max_gradient)(rows, cells);
 }
 
 }  // namespace palpate::internal

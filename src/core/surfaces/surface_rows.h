@@ -41,14 +41,14 @@ void weigh_by_position(const float* position, const float* broad, const SurfaceB
                        float* weight, float* weighted);
 /// Share of the position that replaces the broad distance, depending on the latter's height at the surface:
 /// not at all up to low_mm, by a share of `most` from high_mm on.
-struct PositionShare {
+struct PositionFraction {
   float low_mm, high_mm, most;
   float slope, limit_mm;  ///< Initial slope and limit of the broad distance over a plane
 };
 struct NormalRows {
   const float *broad, *position, *surface, *height_sum;
 };
-void blend_with_position(const NormalRows& rows, const PositionShare& share, std::size_t length,
+void blend_with_position(const NormalRows& rows, const PositionFraction& fraction, std::size_t length,
                          std::int16_t* normal);
 
 /// Greatest sum of squares of (along i, along j, along k) * per_step over the cells between four rows of

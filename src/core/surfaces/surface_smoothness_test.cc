@@ -55,7 +55,7 @@ Surface filtered_surface(const PreparedSurface& s, const Volume<LabelId>& labels
     return SignedField(steps,
                        {.scale = kSurfaceStep_mm, .offset = 0, .outside = internal::to_steps(outside_mm)});
   };
-  return {field(position, plan.reach_mm), field(normal, plan.broad_reach_mm), s.surface.steepest()};
+  return {field(position, plan.reach_mm), field(normal, plan.broad_reach_mm), s.surface.max_gradient()};
 }
 
 /// A half space whose surface is tilted relative to the slices.

@@ -155,8 +155,8 @@ std::vector<int> slab_counts(std::span<const SurfaceStage> stages, int max_value
   for (const SurfaceStage& stage : stages) largest = std::max(largest, stage.total_cost());
   std::vector<int> counts;
   for (const SurfaceStage& stage : stages) {
-    const auto share = static_cast<int>(std::lround(max_value * stage.total_cost() / largest));
-    counts.push_back(std::clamp(share, 1, std::max(1, stage.part.size(2))));
+    const auto fraction = static_cast<int>(std::lround(max_value * stage.total_cost() / largest));
+    counts.push_back(std::clamp(fraction, 1, std::max(1, stage.part.size(2))));
   }
   return counts;
 }

@@ -500,7 +500,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
       0.5 * labels.geometry().voxel_volume_mm3())
     return patch;
   patch.local = true;
-  patch.steepest = old.surface.steepest();
+  patch.max_gradient = old.surface.max_gradient();
   if (changed.empty()) return patch;
 
   // each stage covers the region that the previous one can change
@@ -541,7 +541,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
 
   const float beside =
       internal::max_outside(old.workings.slopes, internal::stretches(plan.fine), slopes_part);
-  patch.steepest = internal::steepest_of(std::max(beside, internal::greatest(patch.slopes.values)));
+  patch.max_gradient = internal::steepest_of(std::max(beside, internal::greatest(patch.slopes.values)));
   return patch;
 }
 
@@ -566,7 +566,7 @@ Result<PreparedSurface> update_surface(const PreparedSurface& old, const Bricks<
   now.workings.distance = old.workings.distance.with(patch.distance);
   now.workings.broad = old.workings.broad.with(patch.broad);
   write(patch.slopes, internal::stretches(fine).high, now.workings.slopes);
-  now.surface = old.surface.with(patch.position, patch.normal, patch.steepest);
+  now.surface = old.surface.with(patch.position, patch.normal, patch.max_gradient);
   // computed from the number of voxels, as in a full rebuild
   const double voxel_mm3 = fine.voxel_volume_mm3();
   now.volume_mm3 =

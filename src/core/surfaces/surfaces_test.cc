@@ -173,7 +173,7 @@ TEST(Surfaces, AreNeverSteeperThanTheySay) {
   Volume<LabelId> labels(grid);
   for (LabelId& v : labels.voxels()) v = random() % 9 == 0 ? kTissue : LabelId{0};
   const Surface s = prepared_surfaces(labels).surface;
-  EXPECT_GE(s.steepest(), 1);
+  EXPECT_GE(s.max_gradient(), 1);
   std::uniform_real_distribution<double> u(0, 1);
   double worst = 0;
   for (int n = 0; n < 100000; ++n) {
@@ -182,8 +182,8 @@ TEST(Surfaces, AreNeverSteeperThanTheySay) {
     const Point<Patient> b = a + Vector<Patient>(0.01 * test::random_direction(random));
     worst = std::max(worst, std::abs(s.distance_mm(a) - s.distance_mm(b)) / (a - b).norm());
   }
-  EXPECT_LE(worst, s.steepest() + 1e-9);
-  EXPECT_GT(worst, 0.7 * s.steepest());
+  EXPECT_LE(worst, s.max_gradient() + 1e-9);
+  EXPECT_GT(worst, 0.7 * s.max_gradient());
 }
 
 // ---- determinism
@@ -201,7 +201,7 @@ void expect_bounds_hold(const Surface& s) {
   int beyond = 0, less = 0;
   for (int n = 0; n < 2000; ++n) {
     const Point<Patient> p = X * Point<Voxel>(along[0](random), along[1](random), along[2](random));
-    less += s.at_least_mm(p) > s.distance_mm(p);
+    less += s.lower_bound_mm(p) > s.distance_mm(p);
     if (s.is_beyond(p, 0)) beyond += std::abs(s.distance_mm(p) - s.outside_mm()) > 1e-9;
   }
   EXPECT_EQ(less, 0);
@@ -217,7 +217,7 @@ void expect_same(const PreparedSurface& a, const PreparedSurface& b) {
   EXPECT_TRUE(a.workings.broad.dense().voxels() == b.workings.broad.dense().voxels());
   EXPECT_TRUE(a.surface.normal().bricks().dense().voxels() == b.surface.normal().bricks().dense().voxels());
   EXPECT_TRUE(a.workings.slopes == b.workings.slopes);
-  EXPECT_EQ(a.surface.steepest(), b.surface.steepest());
+  EXPECT_EQ(a.surface.max_gradient(), b.surface.max_gradient());
   EXPECT_EQ(a.volume_mm3, b.volume_mm3);
   EXPECT_EQ(a.surface.content_hash(), b.surface.content_hash());
   expect_bounds_hold(a.surface);

@@ -80,9 +80,9 @@ struct Spread {
     std::sort(values.begin(), values.end());
     for (const double v : values) mean += v / static_cast<double>(values.size());
   }
-  double at(double share) const {
+  double at(double fraction) const {
     return values[std::min(values.size() - 1,
-                           static_cast<std::size_t>(share * static_cast<double>(values.size())))];
+                           static_cast<std::size_t>(fraction * static_cast<double>(values.size())))];
   }
   std::vector<double> values;
   double mean = 0;

@@ -5,7 +5,7 @@
 
 #include "palpate/base/check.h"
 #include "palpate/tissue/carving.h"
-#include "palpate/tissue/feel.h"
+#include "palpate/tissue/tissue_settings.h"
 
 namespace palpate {
 namespace {
@@ -100,18 +100,18 @@ CellBox CarvedCells::follow(const CarvedLabels& labels, ElasticSolver& solver) {
   note_changes(labels);
   const CellBox changed = std::exchange(in_progress_, {});
   if (changed.empty()) return changed;
-  const bool other = grid_.set_cells(changed, [&](int i, int j, int k) {
+  const bool topology_changed = grid_.set_cells(changed, [&](int i, int j, int k) {
     const ElasticCell target = cells_.cell(*labels_.made, labels_.taken.get(), i, j, k);
     const ElasticCell next = toward(grid_.cell(i, j, k), target, kSolverSettings.max_fill_change);
     if (next != target) in_progress_ = in_progress_.joined({{i, j, k}, {i + 1, j + 1, k + 1}});
     return next;
   });
-  solver.change(grid_, changed, other);
+  solver.update_cells(grid_, changed, topology_changed);
   return changed;
 }
 
-void CarvedCells::copy_overlap(const CarvedCells& other, const std::array<int, 3>& offset) {
-  CellBox shared = other.in_progress_;
+void CarvedCells::copy_overlap(const CarvedCells& topology_changed, const std::array<int, 3>& offset) {
+  CellBox shared = topology_changed.in_progress_;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     shared.low[axis] -= offset[axis];
     shared.high[axis] -= offset[axis];
@@ -119,7 +119,7 @@ void CarvedCells::copy_overlap(const CarvedCells& other, const std::array<int, 3
   shared = shared.clipped(grid_.layout().cells);
   if (shared.empty()) return;
   grid_.set_cells(shared, [&](int i, int j, int k) {
-    return other.grid_.cell(i + offset[0], j + offset[1], k + offset[2]);
+    return topology_changed.grid_.cell(i + offset[0], j + offset[1], k + offset[2]);
   });
   in_progress_ = shared;
 }

@@ -13,7 +13,7 @@
 #include "base/test_seed.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/elastic_contact.h"
-#include "palpate/tissue/feel.h"
+#include "palpate/tissue/tissue_settings.h"
 
 namespace palpate {
 namespace {

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "palpate/base/check.h"
-#include "palpate/tissue/feel.h"
+#include "palpate/tissue/tissue_settings.h"
 #include "tissue/swept_voxels.h"
 
 namespace palpate {
@@ -353,7 +353,7 @@ double steepest_of(const Bricks<Steps>& bricks, std::size_t number, double step_
   const Steps* const voxels = bricks.brick(number) + Layout::kBefore * (1 + Layout::kRow + Layout::kSlice);
   constexpr std::array<std::ptrdiff_t, 3> kStride{1, Layout::kRow, Layout::kSlice};
   const Eigen::Array3f per_step = (step_mm / bricks.geometry().spacing_mm.array()).cast<float>();
-  float steepest = 0;
+  float max_gradient = 0;
   // squared derivatives along an axis, on the four edges of a cell
   std::array<std::array<float, 4>, 3> square;
   for (int k = 0; k < Layout::kCells; ++k) {
@@ -373,13 +373,13 @@ double steepest_of(const Bricks<Steps>& bricks, std::size_t number, double step_
         for (std::size_t x = 0; x < 2; ++x)
           for (std::size_t y = 0; y < 2; ++y)
             for (std::size_t z = 0; z < 2; ++z)
-              steepest =
-                  std::max(steepest, square[0][y + 2 * z] + square[1][z + 2 * x] + square[2][x + 2 * y]);
+              max_gradient =
+                  std::max(max_gradient, square[0][y + 2 * z] + square[1][z + 2 * x] + square[2][x + 2 * y]);
       }
     }
   }
   // margin for rounding
-  return std::sqrt(static_cast<double>(steepest)) * (1 + 1e-6);
+  return std::sqrt(static_cast<double>(max_gradient)) * (1 + 1e-6);
 }
 
 // reduces a patch to the bounding box of the values that differ
@@ -464,8 +464,8 @@ CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made,
       cut_(made_->position().geometry(), static_cast<Steps>(-made_->position().steps().outside)) {
   PALPATE_CHECK(made_->position().steps().offset == 0);
   const std::array<int, 3>& bricks = cut_.counts();
-  steepest_.resize(static_cast<std::size_t>(bricks[0]) * static_cast<std::size_t>(bricks[1]) *
-                   static_cast<std::size_t>(bricks[2]));
+  max_gradient_.resize(static_cast<std::size_t>(bricks[0]) * static_cast<std::size_t>(bricks[1]) *
+                       static_cast<std::size_t>(bricks[2]));
 }
 
 CarvedSurface CarvedSurface::with(std::span<const Sweep> sweeps) const {
@@ -478,15 +478,15 @@ CarvedSurface CarvedSurface::with(std::span<const Sweep> sweeps) const {
   if (patch.values.empty()) return next;
 
   const SignedField moved = position.with(patch);
-  double steepest = made_->steepest();
+  double max_gradient = made_->max_gradient();
   const Bricks<Steps>&was = position.bricks(), &is = moved.bricks();
-  for (std::size_t brick = 0; brick < steepest_.size(); ++brick) {
+  for (std::size_t brick = 0; brick < max_gradient_.size(); ++brick) {
     if (is.brick(brick) != was.brick(brick))
-      next.steepest_[brick] = steepest_of(is, brick, moved.steps().scale);
-    steepest = std::max(steepest, next.steepest_[brick]);
+      next.max_gradient_[brick] = steepest_of(is, brick, moved.steps().scale);
+    max_gradient = std::max(max_gradient, next.max_gradient_[brick]);
   }
   next.now_ =
-      std::make_shared<const Surface>(now_->with(patch, normal_of(*made_, moved, patch.box), steepest));
+      std::make_shared<const Surface>(now_->with(patch, normal_of(*made_, moved, patch.box), max_gradient));
   for (const Sweep& sweep : sweeps)
     next.short_mm_ = std::max(next.short_mm_, short_of(*made_, *next.now_, sweep));
   return next;

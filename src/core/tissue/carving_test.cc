@@ -165,7 +165,7 @@ TEST(Carving, WhateverLedToItIsTheSame) {
       n += count;
     }
     EXPECT_EQ(steps.surface()->content_hash(), once.surface()->content_hash());
-    EXPECT_EQ(steps.surface()->steepest(), once.surface()->steepest());
+    EXPECT_EQ(steps.surface()->max_gradient(), once.surface()->max_gradient());
     EXPECT_NE(once.surface()->content_hash(), made->content_hash());
   }
 }
@@ -241,7 +241,7 @@ TEST(Carving, ABedThatWasMilledIsFlatAndFree) {
     EXPECT_LT(max_mm, cusp_mm + 0.12 * voxel_mm) << spacing_mm.transpose() << ", turned by " << turn;
     EXPECT_LT(most_degrees, 6) << spacing_mm.transpose() << ", turned by " << turn;
     std::cout << "  bed at " << spacing_mm.transpose() << " mm, turned by " << turn << ": distance within "
-              << max_mm << " mm, normal within " << most_degrees << " degrees, slope " << bed.steepest()
+              << max_mm << " mm, normal within " << most_degrees << " degrees, slope " << bed.max_gradient()
               << '\n';
   }
 }
@@ -284,15 +284,15 @@ TEST(Carving, NoSlopeIsSteeperThanItIsSaid) {
   const CarvedSurface carved = CarvedSurface(made).with(random_sweeps(random, 12));
   const Surface& surface = *carved.surface();
   // where three sweeps meet in a point, each axis may contribute its slope
-  EXPECT_LT(surface.steepest(), 2.2);
+  EXPECT_LT(surface.max_gradient(), 2.2);
   std::uniform_real_distribution<double> coordinate(-9, 9);
   for (int n = 0; n < 20000; ++n) {
     const Point<Patient> p(coordinate(random), coordinate(random), coordinate(random));
     const Vector<Patient> step(1e-4 * coordinate(random), 1e-4 * coordinate(random),
                                1e-4 * coordinate(random));
     EXPECT_LE(std::abs(surface.distance_mm(p + step) - surface.distance_mm(p)),
-              surface.steepest() * step.norm() + 1e-12);
-    EXPECT_LE(surface.at_least_mm(p), surface.distance_mm(p) + 1e-9);
+              surface.max_gradient() * step.norm() + 1e-12);
+    EXPECT_LE(surface.lower_bound_mm(p), surface.distance_mm(p) + 1e-9);
   }
 }
 

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 #include "palpate/tissue/carved_cells.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "tissue/each_cell.h"
-#include "tissue/yield_cells.h"
+#include "tissue/solver_box.h"
 
 namespace palpate {
 namespace {
@@ -72,8 +72,8 @@ ChainMail::Bounds ChainMail::bounds_of(int i, int j, int k, int neighbour) const
   const auto [axis, path] = kNeighbours[neighbour];
   const auto at = beside(i, j, k, neighbour);
   const auto edge_mm = static_cast<float>(box_.cell_mm);
-  const float shorter = (1 - static_cast<float>(kLeast)) * edge_mm,
-              longer = (static_cast<float>(kMost) - 1) * edge_mm,
+  const float shorter = (1 - static_cast<float>(kMinStretch)) * edge_mm,
+              longer = (static_cast<float>(kMaxStretch) - 1) * edge_mm,
               lateral = static_cast<float>(kShear) * edge_mm;
   Bounds bounds;
   for (int c = 0; c < 3; ++c) {
@@ -238,11 +238,11 @@ void ChainMailTissue::advance(const Model& model, const TickRecord& record) {
     const bool same = region != nullptr && region->labels.made == labels.made &&
                       region->labels.taken == labels.taken && region->by_label == by_label;
     if (pressed) {
-      const Eigen::Vector3d centre = middle_below(model, dent.at, dent.outward);
-      if (!same || !is_around(model, region->where.first_cell, centre)) {
+      const Eigen::Vector3d centre = solver_box_centre(model, dent.at, dent.outward);
+      if (!same || !covers(model, region->where.first_cell, centre)) {
         const SolverBox where{first_cell_around(model, centre), dent.at};
         auto next = std::make_unique<Region>(
-            Region{where, labels, by_label, ChainMail(yield_cells(model, by_label, where).grid())});
+            Region{where, labels, by_label, ChainMail(solver_box_cells(model, by_label, where).grid())});
         if (region != nullptr && region->by_label == by_label) {
           std::array<int, 3> offset;
           for (std::size_t axis = 0; axis < 3; ++axis)

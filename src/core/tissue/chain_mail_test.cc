@@ -57,9 +57,10 @@ double max_beyond_mm(const ChainMail& mail, const ElasticGrid& grid) {
         continue;
       const Eigen::Vector3d further = moved_mm(mail, to[0], to[1], to[2]) - moved_mm(mail, i, j, k);
       for (int c = 0; c < 3; ++c)
-        largest = std::max(largest, c == axis ? std::max(further[c] - (ChainMail::kMost - 1) * kEdge_mm,
-                                                         -further[c] - (1 - ChainMail::kLeast) * kEdge_mm)
-                                              : std::abs(further[c]) - ChainMail::kShear * kEdge_mm);
+        largest =
+            std::max(largest, c == axis ? std::max(further[c] - (ChainMail::kMaxStretch - 1) * kEdge_mm,
+                                                   -further[c] - (1 - ChainMail::kMinStretch) * kEdge_mm)
+                                        : std::abs(further[c]) - ChainMail::kShear * kEdge_mm);
     }
   });
   return largest;
@@ -178,12 +179,12 @@ TEST(ChainMailTissue, FollowsTheToolThroughBoxesAndComesToRest) {
 
 TEST(ChainMailTissue, IsDrawnAsADentAndRigidTissueIsNot) {
   const auto model = soft_block(false, 1, TissueLaw::kChainMail);
-  const DisplacedTissue yielded(*model, dented_at(0, 0, 2));
-  ASSERT_FALSE(yielded.rests());
-  EXPECT_NEAR(yielded.moved_mm({0, 0, 0}).z(), -2, 0.3);
-  EXPECT_GT(yielded.moved_mm({9, 0, 0}).z(), -1);
-  EXPECT_EQ(yielded.moved_mm({0, 0, -25}).norm(), 0) << "bone";
-  EXPECT_GT(yielded.strain({0, 0, -2}), 0.05);
+  const DisplacedTissue deformed(*model, dented_at(0, 0, 2));
+  ASSERT_FALSE(deformed.rests());
+  EXPECT_NEAR(deformed.moved_mm({0, 0, 0}).z(), -2, 0.3);
+  EXPECT_GT(deformed.moved_mm({9, 0, 0}).z(), -1);
+  EXPECT_EQ(deformed.moved_mm({0, 0, -25}).norm(), 0) << "bone";
+  EXPECT_GT(deformed.strain({0, 0, -2}), 0.05);
   TickRecord on_bone = dented_at(0, 0, 2);
   on_bone.device[0].contact_label[0] = 3;
   EXPECT_TRUE(DisplacedTissue(*model, on_bone).rests());

@@ -11,8 +11,8 @@
 #include "palpate/tissue/elastic_contact.h"
 #include "palpate/tissue/elastic_solver.h"
 #include "tissue/relaxation_weights.h"
+#include "tissue/solver_box.h"
 #include "tissue/trilinear_weights.h"
-#include "tissue/yield_cells.h"
 
 namespace palpate {
 namespace {
@@ -58,8 +58,9 @@ void DisplacedTissue::move(const Model& model, const TickRecord& record) {
   for (std::size_t d = 0; d < kMaxDevices; ++d) {
     Dent dent;
     if (!find_dent(model, record, d, dent)) continue;
-    const std::array<int, 3> first = first_cell_around(model, middle_below(model, dent.at, dent.outward));
-    const CarvedCells cells = yield_cells(model, by_label, {first, dent.at});
+    const std::array<int, 3> first =
+        first_cell_around(model, solver_box_centre(model, dent.at, dent.outward));
+    const CarvedCells cells = solver_box_cells(model, by_label, {first, dent.at});
     ChainMail mail(cells.grid());
     mail.press(dent);
     mail.relax(kPasses);
@@ -73,8 +74,9 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
     Dent press;
     const double pressed_N = record.device[d].contact_N[0];  // contact with the deformable tissue only
     if (!find_dent(model, record, d, press) || !(pressed_N > 0 && std::isfinite(pressed_N))) continue;
-    const std::array<int, 3> first = first_cell_around(model, middle_below(model, press.at, press.outward));
-    const CarvedCells cells = yield_cells(model, by_label, {first, press.at});
+    const std::array<int, 3> first =
+        first_cell_around(model, solver_box_centre(model, press.at, press.outward));
+    const CarvedCells cells = solver_box_cells(model, by_label, {first, press.at});
     const ElasticGrid& grid = cells.grid();
     const double cell_mm = grid.box().cell_mm, min_mm = kSolverSettings.min_patch_cells * cell_mm;
     const double modulus = PressurePatch(grid, press.at, press.outward, min_mm).contact_modulus();

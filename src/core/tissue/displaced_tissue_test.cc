@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "tissue/test_soft_block.h"
 
 namespace palpate {
@@ -24,8 +24,8 @@ TEST(DisplacedTissue, GivesWayUnderAToolAsTheCompliancesSay) {
   const auto model = soft_block(false);
   // the patch has the least radius, whatever the force
   constexpr double kForce_N = 0.05;
-  const DisplacedTissue yielded(*model, pressed_with(0, 0, kForce_N));
-  ASSERT_FALSE(yielded.rests());
+  const DisplacedTissue deformed(*model, pressed_with(0, 0, kForce_N));
+  ASSERT_FALSE(deformed.rests());
   SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_with(0, 0, kForce_N));
   const LocalCompliance& spot = solver.frame().spot[0];
@@ -37,36 +37,36 @@ TEST(DisplacedTissue, GivesWayUnderAToolAsTheCompliancesSay) {
       const double x = spot.patch_radius_mm * a / kSteps, y = spot.patch_radius_mm * b / kSteps;
       const double inside = 1 - (x * x + y * y) / (spot.patch_radius_mm * spot.patch_radius_mm);
       if (!(inside > 0)) continue;
-      sum -= std::sqrt(inside) * yielded.moved_mm({x, y, 0}).z();
+      sum -= std::sqrt(inside) * deformed.moved_mm({x, y, 0}).z();
       weights += std::sqrt(inside);
     }
   EXPECT_NEAR(sum / weights / (kForce_N * spot.compliance_mm_per_N), 1, 0.02);
   // proportional to the force
   const DisplacedTissue twice(*model, pressed_with(0, 0, 2 * kForce_N));
   const Point<Patient> deep(3, -2, -6);
-  EXPECT_LT((twice.moved_mm(deep) - yielded.moved_mm(deep) * 2).norm(), 0.01 * twice.moved_mm(deep).norm());
+  EXPECT_LT((twice.moved_mm(deep) - deformed.moved_mm(deep) * 2).norm(), 0.01 * twice.moved_mm(deep).norm());
 }
 
 TEST(DisplacedTissue, WhatIsEmptyGoesAlongAndNothingIsFolded) {
-  const DisplacedTissue yielded(*soft_block(true), pressed_with(0, 0, 0.3));
-  const double dent_mm = -yielded.moved_mm({0, 0, 0}).z();
+  const DisplacedTissue deformed(*soft_block(true), pressed_with(0, 0, 0.3));
+  const double dent_mm = -deformed.moved_mm({0, 0, 0}).z();
   EXPECT_GT(dent_mm, 1.5);
-  EXPECT_NEAR(-yielded.moved_mm({0, 0, 1}).z() / dent_mm, 1, 0.25);
+  EXPECT_NEAR(-deformed.moved_mm({0, 0, 1}).z() / dent_mm, 1, 0.25);
   double before = -1e9;
   for (double z = -19; z < 38; z += 0.05) {
-    const double observed = z + yielded.moved_mm({0, 0, z}).z();
+    const double observed = z + deformed.moved_mm({0, 0, z}).z();
     ASSERT_GT(observed, before) << "folded at " << z;
     before = observed;
   }
   // bone is fixed, and distant tissue is at rest
-  EXPECT_EQ(yielded.moved_mm({0, 0, -25}).norm(), 0);
-  EXPECT_EQ(yielded.moved_mm({0, 0, 39.9}).norm(), 0);
-  EXPECT_EQ(yielded.moved_mm({200, 0, -5}).norm(), 0);
-  EXPECT_EQ(yielded.moved_mm({kNotKnown, 0, -5}).norm(), 0);
+  EXPECT_EQ(deformed.moved_mm({0, 0, -25}).norm(), 0);
+  EXPECT_EQ(deformed.moved_mm({0, 0, 39.9}).norm(), 0);
+  EXPECT_EQ(deformed.moved_mm({200, 0, -5}).norm(), 0);
+  EXPECT_EQ(deformed.moved_mm({kNotKnown, 0, -5}).norm(), 0);
 }
 
 TEST(DisplacedTissue, IsStrainedAsItsPlacesMove) {
-  const DisplacedTissue yielded(*soft_block(true), pressed_with(0, 0, 0.3));
+  const DisplacedTissue deformed(*soft_block(true), pressed_with(0, 0, 0.3));
   // at the centre of a cell (1.5 mm, with its corner at the volume's), where strain follows from its corners
   const Point<Patient> corner(-40.5, -40.5, -41);
   for (const Eigen::Vector3d& cells :
@@ -76,21 +76,21 @@ TEST(DisplacedTissue, IsStrainedAsItsPlacesMove) {
     for (int axis = 0; axis < 3; ++axis) {
       Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
       displacement[axis] = 0.01;
-      gradient.col(axis) += (yielded.moved_mm(centre + Vector<Patient>(displacement)) -
-                             yielded.moved_mm(centre - Vector<Patient>(displacement)))
+      gradient.col(axis) += (deformed.moved_mm(centre + Vector<Patient>(displacement)) -
+                             deformed.moved_mm(centre - Vector<Patient>(displacement)))
                                 .eigen() /
                             0.02;
     }
     const Eigen::Matrix3d back = gradient.inverse();
     Eigen::Matrix3d e = 0.5 * (Eigen::Matrix3d::Identity() - back.transpose() * back);
     e -= Eigen::Matrix3d::Identity() * e.trace() / 3;
-    EXPECT_GT(yielded.strain(centre), 0.005);
-    EXPECT_NEAR(yielded.strain(centre), std::sqrt((e.cwiseProduct(e)).sum() * 2 / 3), 1e-4);
+    EXPECT_GT(deformed.strain(centre), 0.005);
+    EXPECT_NEAR(deformed.strain(centre), std::sqrt((e.cwiseProduct(e)).sum() * 2 / 3), 1e-4);
   }
   // the hard ball keeps its shape, the soft tissue above it does not
-  EXPECT_LT(yielded.strain({0, 0, -9}), 0.3 * yielded.strain({0, 0, -4}));
-  EXPECT_TRUE(std::isnan(yielded.strain({0, 0, 5})));
-  EXPECT_TRUE(std::isnan(yielded.strain({200, 0, -5})));
+  EXPECT_LT(deformed.strain({0, 0, -9}), 0.3 * deformed.strain({0, 0, -4}));
+  EXPECT_TRUE(std::isnan(deformed.strain({0, 0, 5})));
+  EXPECT_TRUE(std::isnan(deformed.strain({200, 0, -5})));
 }
 
 TEST(DisplacedTissue, WhatTwoToolsMoveAddsUp) {

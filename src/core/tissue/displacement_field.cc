@@ -58,12 +58,12 @@ void DisplacementField::continue_into_what_is_empty(const std::vector<bool>& emp
         if (neighbours[n]++ == 0) next.push_back(to);
         whole_mm[n] += whole_mm[node(box_, from.i, from.j, from.k)];
       }
-    const float share = 1 - static_cast<float>(layer + 1) / static_cast<float>(layers + 1);
+    const float fraction = 1 - static_cast<float>(layer + 1) / static_cast<float>(layers + 1);
     for (const Node& at : next) {
       const std::size_t n = node(box_, at.i, at.j, at.k);
       known[n] = true;
       whole_mm[n] /= static_cast<float>(neighbours[n]);
-      moved_mm_[n] = share * whole_mm[n];
+      moved_mm_[n] = fraction * whole_mm[n];
     }
     edge = std::move(next);
   }
@@ -71,18 +71,18 @@ void DisplacementField::continue_into_what_is_empty(const std::vector<bool>& emp
 
 void DisplacementField::add_moved(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const {
   const Eigen::Vector3d in_cells = box_.local_mm(at_rest) / box_.cell_mm;
-  double share = 1;
+  double fraction = 1;
   for (int axis = 0; axis < 3; ++axis) {
     const double beyond = std::max({-in_cells[axis], in_cells[axis] - box_.cells[axis], 0.0}) / fade_cells_;
     // negated comparison: also rejects non-finite values
     if (!(beyond < 1)) return;
-    share *= 1 - beyond;
+    fraction *= 1 - beyond;
   }
   Eigen::Vector3d moved = Eigen::Vector3d::Zero();
   TrilinearWeights(in_cells, box_.cells).corners([&](int i, int j, int k, double weight) {
     moved += weight * at(i, j, k).cast<double>();
   });
-  to_mm += Vector<Patient>(box_.axes * moved) * share;
+  to_mm += Vector<Patient>(box_.axes * moved) * fraction;
 }
 
 }  // namespace palpate

@@ -139,7 +139,7 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
   modulus_ = modulus / static_cast<double>(samples.size());
   poissons_ratio_ = std::clamp(poissons_ratio / static_cast<double>(samples.size()), 0.0, kMaxPoissonsRatio);
 
-  const double share = 1.0 / static_cast<double>(samples.size());
+  const double sample_weight = 1.0 / static_cast<double>(samples.size());
   int along = 0;
   outward_.cwiseAbs().maxCoeff(&along);
   const auto& all = grid.layout().cells;
@@ -157,11 +157,11 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
         const int one = (along + 1) % 3, other = (along + 2) % 3;
         supported_.push_back({static_cast<std::uint32_t>(node[other] * (all[one] + 1) + node[one]),
                               static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], 0)),
-                              static_cast<float>(share * factor[0] * factor[1] * factor[2])});
+                              static_cast<float>(sample_weight * factor[0] * factor[1] * factor[2])});
       }
       for (int c = 0; c < 3; ++c) {
         const auto value = static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], c));
-        const double into = -outward_[c] * share;
+        const double into = -outward_[c] * sample_weight;
         weights_.push_back({value, static_cast<float>(into * factor[0] * factor[1] * factor[2])});
         for (int a = 0; a < 3; ++a)
           along_[a].push_back(
@@ -214,7 +214,7 @@ ConstrainedMeans PressurePatch::columns(double part) const {
   return means;
 }
 
-Vector<Patient> PressurePatch::change(const ElasticField& u_mm) const {
+Vector<Patient> PressurePatch::gradient_along_surface(const ElasticField& u_mm) const {
   const Eigen::Vector3d slope(product(along_[0], u_mm), product(along_[1], u_mm), product(along_[2], u_mm));
   return Vector<Patient>(axes_ * (slope - slope.dot(outward_) * outward_));
 }
@@ -239,7 +239,7 @@ SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const
     contact.compliance_mm_per_N = w;
     contact.contact_radius_mm = std::cbrt(3 * force * radius_mm / (4 * modulus));
     // W(rho) - 0.6 / (rho E*) depends only weakly on rho, so few iterations suffice
-    contact.tangential_N = patch.change(unit_mm) * (force * force);
+    contact.tangential_N = patch.gradient_along_surface(unit_mm) * (force * force);
     const double next_mm = std::max(contact.contact_radius_mm, min_mm);
     if (std::abs(next_mm - rho_mm) <= 1e-3 * rho_mm) break;
     rho_mm = next_mm;

@@ -61,7 +61,7 @@ TEST_F(TissueWithNodule, APatchTellsAnEvenSlopeAsItIs) {
         u.values[grid_.layout().node(i, j, k, 2)] = static_cast<float>(-0.1 - 0.02 * i + 0.03 * j);
   const PressurePatch patch(grid_, at(9.3, 11.2), outward(), 2.5);
   EXPECT_NEAR(patch.displacement(u), 0.1 + 0.02 * 9.3 - 0.03 * 11.2, 2e-3);
-  const Eigen::Vector3d change = grid_.box().axes.transpose() * patch.change(u).eigen();
+  const Eigen::Vector3d change = grid_.box().axes.transpose() * patch.gradient_along_surface(u).eigen();
   EXPECT_LE((change - Eigen::Vector3d(0.02, -0.03, 0)).norm(), 1e-6);
   EXPECT_NEAR(patch.contact_modulus(), 0.01 / (1 - 0.45 * 0.45), 1e-6);
 }
@@ -95,7 +95,8 @@ TEST_F(TissueWithNodule, TheForceAlongTheSurfaceIsTheGradientOfTheCompliance) {
     std::fill(load_.values.begin(), load_.values.end(), 0.0f);
     patch.add(1, load_);
     solver_.solve(load_, u_, 200, 1e-5);
-    sum += force_N * force_N * patch.change(u_).eigen().dot(grid_.box().axes.col(0)) * (x1 - x0) / kSteps;
+    sum += force_N * force_N * patch.gradient_along_surface(u_).eigen().dot(grid_.box().axes.col(0)) *
+           (x1 - x0) / kSteps;
   }
   const auto energy = [&](double x) {
     const PressurePatch patch(grid_, at(x, 10.3), outward(), 2);

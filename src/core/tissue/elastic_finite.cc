@@ -47,21 +47,22 @@ double ConstrainedMeans::norm(const ElasticValues& of) const {
   return std::sqrt(squares);
 }
 
-void ElasticSolver::finite_forces(const ElasticField& displacement_mm, ElasticField& force_N) {
-  state_->multigrid.finest().apply_finite_everywhere(displacement_mm.values, force_N.values);
+void ElasticSolver::neo_hookean_forces(const ElasticField& displacement_mm, ElasticField& force_N) {
+  state_->multigrid.finest().apply_finite_strain_everywhere(displacement_mm.values, force_N.values);
 }
 
-FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
-                                                const FiniteSettings& settings,
-                                                const ConstrainedMeans& constraints) {
+NeoHookeanSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N,
+                                                    ElasticField& displacement_mm,
+                                                    const NeoHookeanSettings& settings,
+                                                    const ConstrainedMeans& constraints) {
   State& s = *state_;
   Operator& k = s.multigrid.finest();
   ElasticValues& u = displacement_mm.values;
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
-  FiniteSolution solution;
+  NeoHookeanSolution solution;
   // residual r = f - forces(at); returns the least volume fraction
   const auto update_residual = [&](const ElasticValues& at) {
-    const double smallest = k.apply_finite(at, s.q);
+    const double smallest = k.apply_finite_strain(at, s.q);
     for (std::size_t n = 0; n < u.size(); ++n) s.r[n] = k.free(n) ? force_N.values[n] - s.q[n] : 0.0f;
     constraints.project_out(s.r);
     return smallest;
@@ -120,7 +121,7 @@ FiniteSolution ElasticSolver::solve_neo_hookean(const ElasticField& force_N, Ela
              std::abs(dot(s.r, s.step)) <= kMaxSlopeRatio * std::abs(initial_slope);
     }
     if (!good) {
-      solution.stuck = true;
+      solution.line_search_failed = true;
       update_residual(u);
       break;
     }

@@ -77,7 +77,7 @@ TEST_P(ElasticFiniteOf, ForcesAreTheSlopeOfTheEnergy) {
   const ElasticField u = random_displacement(grid, 0.15f, random);
   ElasticSolver solver(grid);
   ElasticField force(grid.layout());
-  solver.finite_forces(u, force);
+  solver.neo_hookean_forces(u, force);
   const SlowElastic slow(grid);
   const Eigen::VectorXd at = slow.from(u), reported = slow.from(force);
   for (int n = 0; n < slow.values(); ++n) {
@@ -111,8 +111,8 @@ TEST_P(ElasticFiniteOf, TheTangentIsTheSlopeOfTheForcesOnEverySimdTarget) {
   for (const std::int64_t target : test::all_targets()) {
     SCOPED_TRACE(test::target_name(target));
     const test::OnlyTargets only(target);
-    k.apply_finite(high.values, at_high.values);
-    k.apply_finite(low.values, at_low.values);
+    k.apply_finite_strain(high.values, at_high.values);
+    k.apply_finite_strain(low.values, at_low.values);
     k.apply_tangent(u.values, path.values, reported.values);
     double largest = 0, off = 0;
     for (std::size_t n = 0; n < u.values.size(); ++n) {
@@ -139,8 +139,8 @@ TEST(ElasticFinite, WithoutStiffeningTheExponentialLawIsTheNeoHookeanOneToTheBit
   exponential.change(grid.mu(), grid.lambda(), grid.springs(), free, grid.all_cells(), almost_none);
   const ElasticField u = random_displacement(grid, 0.1f, random), path = random_displacement(grid, 1, random);
   ElasticField a(grid.layout()), b(grid.layout());
-  neo_hookean.apply_finite(u.values, a.values);
-  exponential.apply_finite(u.values, b.values);
+  neo_hookean.apply_finite_strain(u.values, a.values);
+  exponential.apply_finite_strain(u.values, b.values);
   EXPECT_EQ(a.values, b.values);
   neo_hookean.apply_tangent(u.values, path.values, a.values);
   exponential.apply_tangent(u.values, path.values, b.values);
@@ -162,7 +162,7 @@ ElasticField solved_inside(const ElasticGrid& grid, const Eigen::Matrix3d& a, in
   for_each_constrained(
       [&](int i, int j, int k) { constrained_grid.constrain(i, j, k, ElasticGrid::kFixed); });
   ElasticSolver solver(constrained_grid);
-  FiniteSettings settings;
+  NeoHookeanSettings settings;
   settings.max_steps = 40;
   settings.max_iterations = 40;
   settings.tolerance = 1e-6;
@@ -198,7 +198,7 @@ TEST(ElasticFinite, AStiffeningBodyPassesThePatchTestAndHasTheStressOfItsLaw) {
 
   // force on the top face: first Piola-Kirchhoff stress P = exp(x) (mu F + s cof F), times its area
   ElasticField force(grid.layout());
-  ElasticSolver(grid).finite_forces(u, force);
+  ElasticSolver(grid).neo_hookean_forces(u, force);
   Eigen::Vector3d top = Eigen::Vector3d::Zero();
   for (int j = 0; j <= 5; ++j)
     for (int i = 0; i <= 6; ++i)
@@ -232,7 +232,7 @@ TEST(ElasticFinite, AStiffeningBodyDoesNoWorkOnAClosedPath) {
     const auto x = static_cast<float>(1 - std::cos(angle)), y = static_cast<float>(std::sin(angle));
     for (std::size_t m = 0; m < u.values.size(); ++m)
       u.values[m] = 0.5f * x * first.values[m] + y * second.values[m];
-    solver.finite_forces(u, force);
+    solver.neo_hookean_forces(u, force);
     const Eigen::VectorXd now_u = 0.5 * x * a + y * b, now_f = slow.from(force);
     if (n > 0) {
       const double step = 0.5 * (now_f + before_f).dot(now_u - before_u);
@@ -257,7 +257,7 @@ TEST(ElasticFinite, TurningAsFarAsItMayMakesNoForce) {
       const Eigen::Vector3d x = 0.9 * Eigen::Vector3d(i, j, k), moved = stretch * turn * x - x;
       for (int c = 0; c < 3; ++c) u.values[grid.layout().node(i, j, k, c)] = static_cast<float>(moved[c]);
     });
-    solver.finite_forces(u, force);
+    solver.neo_hookean_forces(u, force);
     return slow.from(force).cwiseAbs().maxCoeff();
   };
   EXPECT_LE(max_force(1), 1e-4 * max_force(1.1));
@@ -270,7 +270,7 @@ TEST(ElasticFinite, SmallStrainsAreLinear) {
   ElasticField linear(grid.layout()), finite(grid.layout());
   const ElasticField u = random_displacement(grid, 1e-3f, random);
   solver.forces(u, linear);
-  solver.finite_forces(u, finite);
+  solver.neo_hookean_forces(u, finite);
   const SlowElastic slow(grid);
   EXPECT_LE((slow.from(linear) - slow.from(finite)).cwiseAbs().maxCoeff(),
             5e-3 * slow.from(linear).cwiseAbs().maxCoeff());
@@ -294,7 +294,7 @@ TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
       besides.values[layout.node(i, j, 6, 2)] = -0.5f;
     }
   ElasticField by_grid = besides;
-  FiniteSettings settings;
+  NeoHookeanSettings settings;
   settings.max_steps = 40;
   settings.max_iterations = 60;
   settings.tolerance = 2e-5;  // about the precision of floats
@@ -310,11 +310,11 @@ TEST(ElasticFinite, NoCellIsTurnedInsideOutByALoadThatIsTooMuch) {
     for (int i = 0; i <= 15; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
   ElasticSolver solver(grid);
   ElasticField load(grid.layout()), u(grid.layout());
-  FiniteSettings settings;
+  NeoHookeanSettings settings;
   for (const float force_N : {0.01f, 0.1f, 1.0f, -1.0f}) {
     load.values[grid.layout().node(7, 6, 6, 2)] = -force_N;
     for (int frame = 0; frame < 10; ++frame) {
-      const FiniteSolution solution = solver.solve_neo_hookean(load, u, settings);
+      const NeoHookeanSolution solution = solver.solve_neo_hookean(load, u, settings);
       EXPECT_GE(solution.min_volume, settings.min_volume);
       ASSERT_TRUE(
           std::all_of(u.values.begin(), u.values.end(), [](float one) { return std::isfinite(one); }));

@@ -211,7 +211,7 @@ Operator Operator::coarser() const {
   return to;
 }
 
-CellBox Operator::follow(const Operator& finer, const CellBox& changed) {
+CellBox Operator::update(const Operator& finer, const CellBox& changed) {
   CellBox box;
   for (int axis = 0; axis < 3; ++axis) {
     // a coarse node interpolates fine nodes up to one coarse cell before and after it
@@ -273,23 +273,23 @@ void Operator::apply(const std::uint8_t* constraints, const ElasticValues& displ
   add_springs(constraints == nullptr, displacement, force);
 }
 
-void Operator::apply_finite(const std::uint8_t* constraints, const ElasticValues& displacement,
-                            ElasticValues& force) {
+void Operator::apply_finite_strain(const std::uint8_t* constraints, const ElasticValues& displacement,
+                                   ElasticValues& force) {
   const auto apply = stiffening_.empty() ? apply_neo_hookean : apply_exponential;
   apply(cells(constraints), cell_mm_, displacement.data(), force.data(), volumes_.data());
   add_springs(constraints == nullptr, displacement, force);
 }
 
-float Operator::apply_finite(const ElasticValues& displacement, ElasticValues& force) {
-  apply_finite(constraints_.data(), displacement, force);
+float Operator::apply_finite_strain(const ElasticValues& displacement, ElasticValues& force) {
+  apply_finite_strain(constraints_.data(), displacement, force);
   // NaN counts as the least
   float smallest = 1;
   for (const float volume : volumes_) smallest = volume >= smallest ? smallest : volume;
   return smallest;
 }
 
-void Operator::apply_finite_everywhere(const ElasticValues& displacement, ElasticValues& force) {
-  apply_finite(nullptr, displacement, force);
+void Operator::apply_finite_strain_everywhere(const ElasticValues& displacement, ElasticValues& force) {
+  apply_finite_strain(nullptr, displacement, force);
 }
 
 void Operator::apply_tangent(const ElasticValues& base, const ElasticValues& displacement,
@@ -321,13 +321,13 @@ Multigrid::Multigrid(Operator finest) {
   row_.assign(static_cast<std::size_t>(2) * levels_.front().k.layout().row + 2 * ElasticLayout::kLanes, 0.0f);
 }
 
-void Multigrid::follow(const CellBox& changed) {
+void Multigrid::update(const CellBox& changed) {
   // only eigenmodes near the change can exceed the bound
   constexpr int kAround = 2;
   CellBox box = changed;
   for (std::size_t n = 0; n < levels_.size(); ++n) {
     Level& level = levels_[n];
-    if (n > 0) box = level.k.follow(levels_[n - 1].k, box);
+    if (n > 0) box = level.k.update(levels_[n - 1].k, box);
     Level near(level.k.part(box.grown(kAround).clipped(level.k.layout().cells)));
     level.max_eigenvalue = std::max(level.max_eigenvalue, kPowerMargin * max_eigenvalue(near));
   }

@@ -32,7 +32,7 @@ class Operator {
   /// any fine node that it interpolates is held.
   Operator coarser() const;
   /// Updates this operator, made by coarser(), after a change of the finer one. @returns box of changed cells
-  CellBox follow(const Operator& finer, const CellBox& changed);
+  CellBox update(const Operator& finer, const CellBox& changed);
   /// Operator of a sub-box, with nodes on its inner boundary held.
   Operator part(const CellBox& box) const;
 
@@ -45,9 +45,9 @@ class Operator {
   /// Forces of a neo-Hookean body, or with stiffening of one under Fung's law, and their derivative at
   /// `base`; 0 where nodes are held.
   /// @returns the least det F of all cells
-  float apply_finite(const ElasticValues& displacement, ElasticValues& force);
+  float apply_finite_strain(const ElasticValues& displacement, ElasticValues& force);
   void apply_tangent(const ElasticValues& base, const ElasticValues& displacement, ElasticValues& force);
-  void apply_finite_everywhere(const ElasticValues& displacement, ElasticValues& force);
+  void apply_finite_strain_everywhere(const ElasticValues& displacement, ElasticValues& force);
   /// 1 / diagonal of K; 0 where nodes are held.
   const ElasticValues& inverse_diagonal() const { return inverse_diagonal_; }
   bool free(std::size_t value) const { return inverse_diagonal_[value] > 0; }
@@ -58,7 +58,8 @@ class Operator {
  private:
   Cells cells(const std::uint8_t* constraints);
   void apply(const std::uint8_t* constraints, const ElasticValues& displacement, ElasticValues& force);
-  void apply_finite(const std::uint8_t* constraints, const ElasticValues& displacement, ElasticValues& force);
+  void apply_finite_strain(const std::uint8_t* constraints, const ElasticValues& displacement,
+                           ElasticValues& force);
   void add_springs(bool include_constrained, const ElasticValues& displacement, ElasticValues& force) const;
   void make_room(const ElasticLayout& layout);
   void average(const Operator& finer, const CellBox& box);
@@ -85,7 +86,7 @@ class Multigrid {
   Operator& finest() { return levels_.front().k; }
   /// Updates the coarser levels after finest() was changed in a box. The eigenvalue bounds of the smoothers
   /// never decrease.
-  void follow(const CellBox& changed);
+  void update(const CellBox& changed);
   /// z = V r.
   /// @param r  0 where nodes are held
   void cycle(const ElasticValues& r, ElasticValues& z);

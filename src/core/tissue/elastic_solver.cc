@@ -21,12 +21,12 @@ ElasticSolver::State::State(const ElasticGrid& grid)
   for (ElasticValues* field : {&r, &z, &p, &q, &step, &tried}) field->assign(values, 0.0f);
 }
 
-void ElasticSolver::change(const ElasticGrid& grid, const CellBox& cells, bool other) {
+void ElasticSolver::update_cells(const ElasticGrid& grid, const CellBox& cells, bool topology_changed) {
   if (cells.empty()) return;
   State& s = *state_;
   Operator& k = s.multigrid.finest();
   CellBox changed = cells;
-  if (other) {
+  if (topology_changed) {
     s.constraints = grid.constraints();
     s.loose.constrain(grid, s.constraints);
     // Replacing cells can detach or reattach tissue at any distance from them. The box is extended to all
@@ -41,7 +41,7 @@ void ElasticSolver::change(const ElasticGrid& grid, const CellBox& cells, bool o
         }
   }
   k.change(grid.mu(), grid.lambda(), grid.springs(), s.constraints, changed, grid.stiffening());
-  s.multigrid.follow(changed);
+  s.multigrid.update(changed);
 }
 
 void ElasticSolver::zero_constrained(ElasticField& displacement_mm) const {
@@ -84,30 +84,31 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
   ElasticSolution solution;
 
   // initial residual, and the load that it is relative to
-  double scale = s.constrained_norm(displacement_mm);
+  double residual_norm_scale = s.constrained_norm(displacement_mm);
   k.apply(u, s.q);
-  double load = 0;
+  double squared_load = 0;
   for (std::size_t n = 0; n < u.size(); ++n) {
     const float f = k.free(n) ? force_N.values[n] : 0.0f;
-    load += static_cast<double>(f) * f;
+    squared_load += static_cast<double>(f) * f;
     s.r[n] = f - s.q[n];
   }
-  scale += std::sqrt(load);
-  const auto part = [&] {
+  residual_norm_scale += std::sqrt(squared_load);
+  const auto relative_residual = [&] {
     const double norm = std::sqrt(dot(s.r, s.r));
-    return scale > 0 ? norm / scale : norm;
+    return residual_norm_scale > 0 ? norm / residual_norm_scale : norm;
   };
 
   // preconditioned conjugate gradients
   double rz = 0;
-  for (solution.residual = part(); !(solution.residual <= tolerance) && solution.iterations < max_iterations;
-       solution.residual = part()) {
+  for (solution.residual = relative_residual();
+       !(solution.residual <= tolerance) && solution.iterations < max_iterations;
+       solution.residual = relative_residual()) {
     s.multigrid.cycle(s.r, s.z);
-    const double next = dot(s.r, s.z);
+    const double rz_next = dot(s.r, s.z);
     // the V-cycle is positive definite, so this fails only if the residual is rounding error or not finite
-    if (!(next > 0) || !std::isfinite(next)) break;
-    const float beta = solution.iterations == 0 ? 0.0f : static_cast<float>(next / rz);
-    rz = next;
+    if (!(rz_next > 0) || !std::isfinite(rz_next)) break;
+    const float beta = solution.iterations == 0 ? 0.0f : static_cast<float>(rz_next / rz);
+    rz = rz_next;
     for (std::size_t n = 0; n < u.size(); ++n) s.p[n] = s.z[n] + beta * s.p[n];
     k.apply(s.p, s.q);
     const double pq = dot(s.p, s.q);

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "palpate/contact/recorded_pose.h"
-#include "palpate/tissue/feel.h"
+#include "palpate/tissue/tissue_settings.h"
 #include "tissue/swept_voxels.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "contact/test_model.h"
-#include "palpate/tissue/feel.h"
+#include "palpate/tissue/tissue_settings.h"
 #include "tissue/test_surfaces.h"
 
 namespace palpate {

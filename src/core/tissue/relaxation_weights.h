@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/elastic_grid.h"
 

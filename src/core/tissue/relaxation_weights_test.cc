@@ -8,7 +8,7 @@
 
 #include "base/test_seed.h"
 #include "palpate/tissue/elastic_solver.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "tissue/test_soft_block.h"
 
 namespace palpate {
@@ -47,7 +47,7 @@ TEST(RelaxationWeights, ItsEnergiesAreThoseOfTheSolversStiffness) {
   box.corner = Point<Patient>(-4.5, -4.5, -15);
   const auto grid = ElasticGrid::of_labels(*model->labels, materials_of(*model), box);
   ASSERT_TRUE(grid.ok());
-  const RelaxationWeights shares(*model, carved_labels(*model), *grid);
+  const RelaxationWeights fractions(*model, carved_labels(*model), *grid);
   const ElasticLayout& layout = grid->layout();
   ElasticField u(layout), force(layout);
   for (int k = 0; k <= layout.cells[2]; ++k)
@@ -65,7 +65,7 @@ TEST(RelaxationWeights, ItsEnergiesAreThoseOfTheSolversStiffness) {
   std::vector<ElasticMaterial> block_alone = materials_of(*model);
   block_alone[2].matter = Matter::kNone;
   const double all = energy(*grid);
-  const double part = shares.under(*grid, u).relaxed.of_time[0] / kOfBlock.part();
+  const double part = fractions.under(*grid, u).relaxed.of_time[0] / kOfBlock.part();
   const auto without = ElasticGrid::of_labels(*model->labels, block_alone, box);
   ASSERT_TRUE(without.ok());
   const double of_ball = 1 - energy(*without) / all;
@@ -83,7 +83,7 @@ TEST(RelaxationWeights, OfTissuesThatRelaxAlikeAllRelaxesWhereverItGivesWay) {
 // share: relative change of W with the tissue's modulus
 TEST(RelaxationWeights, ATissueCountsByWhatGivesWayOfIt) {
   const auto model = relaxing_block({}, kOfBall);
-  const auto share_of_ball = [&](double x) {
+  const auto fraction_of_ball = [&](double x) {
     return settled(*model, pressed_at(x, 0)).relaxed.of_time[1] / 0.25;
   };
   const auto compliance = [&](double x, double ball_kPa) {
@@ -93,12 +93,12 @@ TEST(RelaxationWeights, ATissueCountsByWhatGivesWayOfIt) {
   };
   // the ball of 100 kPa contributes little, and nothing far from it
   for (const double x : {0.0, 4.0}) {
-    const double reported = share_of_ball(x);
+    const double reported = fraction_of_ball(x);
     const double change = std::log(compliance(x, 90) / compliance(x, 110)) / std::log(110.0 / 90);
     EXPECT_GT(change, 0);
     EXPECT_NEAR(reported, change, 0.35 * change + 0.002) << x;
   }
-  EXPECT_LT(share_of_ball(25), 0.1 * share_of_ball(0));
+  EXPECT_LT(fraction_of_ball(25), 0.1 * fraction_of_ball(0));
 }
 
 TEST(SoftTissueSolver, TellsNothingThatRelaxesWhereNothingDoes) {

@@ -7,15 +7,15 @@
 #include <optional>
 
 #include "palpate/base/check.h"
-#include "palpate/tissue/feel.h"
 #include "palpate/tissue/thin_voxels.h"
+#include "palpate/tissue/tissue_settings.h"
 
 namespace palpate {
 namespace {
 
 // Depth of the sampling point in material from which an edge begins to count: half of lookahead_mm, so that
 // next to a pocket, where the burr's surface leaves the material, little counts that the burr does not touch.
-constexpr double kCounts_mm = kCuttingSettings.lookahead_mm / 2;
+constexpr double kMinSampleDepth_mm = kCuttingSettings.lookahead_mm / 2;
 
 /// Pose of the burr's head as constrained by one layer.
 struct HeadPose {
@@ -61,8 +61,8 @@ bool is_known_beyond(const Surface& surface, const ToolSphere& head, const Point
 // whether no ball of the head, treated as if all had the first one's radius, is closer than `mm`
 bool is_farther(const Surface& surface, const ToolSphere& head, const Point<Patient>& at, double mm) {
   const double wider_mm = std::max(0.0, head.widens_mm);
-  const double beside_mm = 0.5 * head.along_mm.norm() * surface.steepest();
-  return surface.at_least_mm(at + head.along_mm * 0.5) >= mm + wider_mm + beside_mm;
+  const double beside_mm = 0.5 * head.along_mm.norm() * surface.max_gradient();
+  return surface.lower_bound_mm(at + head.along_mm * 0.5) >= mm + wider_mm + beside_mm;
 }
 
 /// Displacements of both ends of a head's axis.
@@ -132,7 +132,8 @@ class MaterialSampler {
     for_directions(displacement, kCuttingSettings.directions, kCuttingSettings.lateral_samples, 0,
                    [&](const Point<Patient>& centre, const Vector<Patient>& direction, double radius_mm,
                        double share_mm2) {
-                     add(before(centre + direction * (radius_mm + kCuttingSettings.lookahead_mm), kCounts_mm),
+                     add(material_at(centre + direction * (radius_mm + kCuttingSettings.lookahead_mm),
+                                     kMinSampleDepth_mm),
                          direction, radius_mm, share_mm2, sum);
                    });
     if (voxels_ == nullptr) return front_of(sum);
@@ -162,7 +163,7 @@ class MaterialSampler {
       // between voxels the edge may read closer than it is
       const double radius_mm = head_.radius_at_mm(contact.axis_fraction);
       const Point<Patient> start = centre - outward * surface.clearance_error_mm;
-      add(before(start + -outward * (radius_mm + kCuttingSettings.lookahead_mm), 0), -outward, radius_mm,
+      add(material_at(start + -outward * (radius_mm + kCuttingSettings.lookahead_mm), 0), -outward, radius_mm,
           std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions, sum);
     }
     return front_of(sum);
@@ -203,8 +204,8 @@ class MaterialSampler {
 
   Front front_of(const Sum& sum) const {
     if (!(sum.area_mm2 > 0)) return {};
-    const double turns_mm_per_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
-    return {sum.area_mm2, turns_mm_per_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2,
+    const double peripheral_speed_mm_per_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
+    return {sum.area_mm2, peripheral_speed_mm_per_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2,
             sum.thin_energy > 0 ? sum.thin_energy / sum.energy : 0};
   }
 
@@ -274,7 +275,7 @@ class MaterialSampler {
 
   // material at a point by the surfaces
   // @param counts_mm  depth in material at which a point begins to count
-  Material before(const Point<Patient>& position, double counts_mm) const {
+  Material material_at(const Point<Patient>& position, double counts_mm) const {
     if (voxels_ != nullptr && thinness(voxel_at(position)) != kNoThinBone) return {};
     double min_mm = std::numeric_limits<double>::infinity();
     int surface = -1;
@@ -298,11 +299,11 @@ class MaterialSampler {
   // share of the structures at a point of a surface that are not protected, and their mean energy
   Material owned(int surface, const Point<Patient>& position) const {
     double cut = 0, energy = 0;
-    for (const OwnerShare& share : owners_at(surfaces_, surface, position).all()) {
-      const ContactSurface& structure = surfaces_[static_cast<std::size_t>(share.structure)];
+    for (const OwnerFraction& fraction : owners_at(surfaces_, surface, position).all()) {
+      const ContactSurface& structure = surfaces_[static_cast<std::size_t>(fraction.structure)];
       if (structure.is_protected) continue;
-      cut += share.part;
-      energy += share.part * structure.cutting_energy_mJ_per_mm3;
+      cut += fraction.part;
+      energy += fraction.part * structure.cutting_energy_mJ_per_mm3;
     }
     if (!(cut > 0)) return {};
     return {cut, energy / cut, kThick};

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "base/test_seed.h"
-#include "palpate/tissue/feel.h"
+#include "palpate/tissue/tissue_settings.h"
 #include "tissue/test_surfaces.h"
 
 namespace palpate {

@@ -8,7 +8,7 @@
 
 #include "contact/test_layer_oracle.h"
 #include "palpate/tissue/carving.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "tissue/test_layer_scenes.h"
 
 namespace palpate {

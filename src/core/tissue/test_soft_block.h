@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "contact/test_proxy_surfaces.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
 
 /// Soft tissue with a flat surface, and tools that press it, for tests.

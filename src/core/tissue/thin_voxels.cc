@@ -8,7 +8,7 @@
 #include "palpate/base/for_each_index.h"
 #include "palpate/sampling/sampling.h"
 #include "palpate/tissue/cutting_energy.h"
-#include "palpate/tissue/feel.h"
+#include "palpate/tissue/tissue_settings.h"
 
 namespace palpate {
 namespace {

@@ -87,7 +87,7 @@ std::vector<std::vector<LabelId>> enclosing_segments(std::span<const SegmentOver
     enclosing[overlap.smaller].push_back(overlap.larger);
   }
   // two segments that hold 0.9 of a third one each share voxels, so that every pair of them has an overlap
-  static_assert(kNestedShare > 0.5);
+  static_assert(kNestedFraction > 0.5);
   for (std::vector<LabelId>& larger : enclosing)
     std::ranges::sort(larger, [&](LabelId a, LabelId b) { return ordered.contains({a, b}); });
   return enclosing;

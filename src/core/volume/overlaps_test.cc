@@ -77,7 +77,7 @@ TEST(SegmentOverlaps, CountsSharedVoxelsOfEachPair) {
   EXPECT_EQ(overlaps[0].smaller, 1);
   EXPECT_EQ(overlaps[0].larger, 2);
   EXPECT_EQ(overlaps[0].voxels, 2u * kEdge * kEdge);
-  EXPECT_DOUBLE_EQ(overlaps[0].share, 2.0 / 6);
+  EXPECT_DOUBLE_EQ(overlaps[0].fraction, 2.0 / 6);
   EXPECT_FALSE(overlaps[0].is_nested());
   EXPECT_EQ(overlaps[1].smaller, 3);
   EXPECT_EQ(overlaps[1].larger, 1);

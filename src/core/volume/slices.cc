@@ -20,8 +20,8 @@ class SliceCount {
     const std::unique_lock lock(telling_, std::try_to_lock);
     if (!lock.owns_lock()) return;
     const int done = done_.load(std::memory_order_relaxed);
-    if (done == reported_ || done == count_) return;
-    reported_ = done;
+    if (done == last_published_ || done == count_) return;
+    last_published_ = done;
     progress_.report(span_.stage, span_.from + (span_.to - span_.from) * done / count_);
   }
 
@@ -31,7 +31,7 @@ class SliceCount {
   const ProgressSpan& span_;
   std::atomic<int> done_{0};
   std::mutex telling_;
-  int reported_ = 0;
+  int last_published_ = 0;
 };
 
 }  // namespace

@@ -124,11 +124,11 @@ Result<CatalogEntry> entry_with_parameters(const std::string& name) {
 
 std::string file_stem(const std::string& name) {
   // leaves space for extensions within the maximum length of a file name
-  constexpr std::size_t kLongest = 200;
+  constexpr std::size_t kMaxStem = 200;
   std::string stem = name;
   // colons separate the folders of PALPATE_DATA
   std::ranges::replace(stem, ':', '_');
-  if (stem.size() <= kLongest) return stem;
+  if (stem.size() <= kMaxStem) return stem;
   std::uint64_t hash = kHashSeed;
   hash_bytes(hash, name.data(), name.size());
   char digits[24];

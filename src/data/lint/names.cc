@@ -160,14 +160,15 @@ void check_sides(LintStudy& study) {
 
 void check_overlaps(LintStudy& study) {
   constexpr std::size_t kOverlap_voxels = 10;
-  constexpr double kOverlapShare = 0.001, kSameShare = 0.99;
+  constexpr double kOverlapFraction = 0.001, kSameFraction = 0.99;
   for (const SegmentOverlap& overlap : segment_overlaps(study.labels)) {
     const SegmentStatistics *one = study.statistics_of(overlap.smaller),
                             *other = study.statistics_of(overlap.larger);
-    const bool is_same = overlap.share >= kSameShare &&
-                         static_cast<double>(one->voxels) >= kSameShare * static_cast<double>(other->voxels);
+    const bool is_same =
+        overlap.fraction >= kSameFraction &&
+        static_cast<double>(one->voxels) >= kSameFraction * static_cast<double>(other->voxels);
     if (!is_same &&
-        (overlap.is_nested() || overlap.voxels < kOverlap_voxels || overlap.share < kOverlapShare))
+        (overlap.is_nested() || overlap.voxels < kOverlap_voxels || overlap.fraction < kOverlapFraction))
       continue;
     // a shared voxel
     const Segment *a = study.labels.find(overlap.smaller), *b = study.labels.find(overlap.larger);
@@ -181,10 +182,11 @@ void check_overlaps(LintStudy& study) {
     const double mm3 = static_cast<double>(overlap.voxels) * study.grid.voxel_volume_mm3();
     study.add(LintKind::kOverlap, is_same ? LintSeverity::kFault : LintSeverity::kWarning,
               {overlap.smaller, overlap.larger}, {mm3, "mm3", overlap.voxels, voxel},
-              is_same ? study.name_of(overlap.smaller) + " and " + study.name_of(overlap.larger) +
-                            " are the same voxels"
-                      : study.name_of(overlap.smaller) + " and " + study.name_of(overlap.larger) + " share " +
-                            figure(mm3, "mm3") + ", " + figure(100 * overlap.share, "%") + " of the first");
+              is_same
+                  ? study.name_of(overlap.smaller) + " and " + study.name_of(overlap.larger) +
+                        " are the same voxels"
+                  : study.name_of(overlap.smaller) + " and " + study.name_of(overlap.larger) + " share " +
+                        figure(mm3, "mm3") + ", " + figure(100 * overlap.fraction, "%") + " of the first");
   }
 }
 

@@ -20,9 +20,9 @@ struct Counts {
 };
 
 /// Plants each kind of fault into `maps` maps, with up to ten attempts per map.
-/// @param share        minimum fraction of the planted faults that must be found
+/// @param fraction        minimum fraction of the planted faults that must be found
 /// @param unplantable  names of the faults for which such a map has no space
-void expect_found(const std::function<LintCase(unsigned)>& make, int maps, double share,
+void expect_found(const std::function<LintCase(unsigned)>& make, int maps, double fraction,
                   const std::set<std::string_view>& unplantable = {}) {
   const unsigned seed = test::test_seed();
   std::cout << "seed " << seed << '\n';
@@ -54,7 +54,7 @@ void expect_found(const std::function<LintCase(unsigned)>& make, int maps, doubl
     }
     std::cout << fault.name << ": " << counts.found << " of " << counts.planted << '\n';
     EXPECT_EQ(counts.planted, unplantable.contains(fault.name) ? 0 : maps) << fault.name;
-    EXPECT_GE(counts.found, share * counts.planted) << fault.name;
+    EXPECT_GE(counts.found, fraction * counts.planted) << fault.name;
   }
 }
 

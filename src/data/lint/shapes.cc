@@ -12,20 +12,20 @@ namespace {
 
 constexpr std::size_t kPatch_voxels = 12;
 // a patch is reported if it has this area and this fraction of its structure, or the larger area, or
-// kSheetShare
-constexpr double kPatch_mm2 = 30, kPatchShare = 0.05, kLargePatch_mm2 = 100;
+// kSheetFraction
+constexpr double kPatch_mm2 = 30, kPatchFraction = 0.05, kLargePatch_mm2 = 100;
 // fraction of the structure from which a sheet is a fault
-constexpr double kSheetShare = 0.2;
+constexpr double kSheetFraction = 0.2;
 // minimum size of a bulge or of a cavity, after erosion by one voxel
 constexpr std::size_t kCore_voxels = 12;
 constexpr double kCore_mm3 = 10;
 // A structure counts as thick if the largest component that remains after erosion by one voxel has this
 // fraction of its voxels.
-constexpr double kThickShare = 0.25;
+constexpr double kThickFraction = 0.25;
 constexpr double kOneAround = 0.95;
 constexpr double kCut_mm2 = 5;
 constexpr int kSeamWindow = 3;
-constexpr double kSeamShare = 0.05;
+constexpr double kSeamFraction = 0.05;
 /// Ratio of the change of a cross-section at a seam to the change in the slices around it.
 struct SeamRatios {
   double over_median, over_most;
@@ -126,8 +126,10 @@ void report_sheets(Layer& layer, RunVolume& thin) {
     const SegmentStatistics* of = study.statistics_of(layer.id_of(patch.value));
     if (of == nullptr || patch.voxels < kPatch_voxels) continue;
     const double area = static_cast<double>(patch.voxels) * voxel_mm2;
-    const double share = static_cast<double>(patch.voxels) / static_cast<double>(of->voxels);
-    if (area < kLargePatch_mm2 && share < kSheetShare && (area < kPatch_mm2 || share < kPatchShare)) continue;
+    const double fraction = static_cast<double>(patch.voxels) / static_cast<double>(of->voxels);
+    if (area < kLargePatch_mm2 && fraction < kSheetFraction &&
+        (area < kPatch_mm2 || fraction < kPatchFraction))
+      continue;
     Sum& sum = sums[of->id];
     sum.voxels += patch.voxels;
     if (patch.voxels > sum.largest) {
@@ -136,7 +138,7 @@ void report_sheets(Layer& layer, RunVolume& thin) {
     }
   }
   for (const auto& [id, sum] : sums) {
-    const double share =
+    const double fraction =
         static_cast<double>(sum.voxels) / static_cast<double>(study.statistics_of(id)->voxels);
     const double area = static_cast<double>(sum.voxels) * voxel_mm2;
     // the voxel of the largest patch that is nearest to the centre of its bounding box
@@ -157,10 +159,11 @@ void report_sheets(Layer& layer, RunVolume& thin) {
             voxel = at;
           }
         }
-    study.add(LintKind::kOneVoxelSheet, share >= kSheetShare ? LintSeverity::kFault : LintSeverity::kWarning,
-              {id}, {area, "mm2", sum.voxels, voxel},
+    study.add(LintKind::kOneVoxelSheet,
+              fraction >= kSheetFraction ? LintSeverity::kFault : LintSeverity::kWarning, {id},
+              {area, "mm2", sum.voxels, voxel},
               study.name_of(id) + " is one voxel thick over " + figure(area, "mm2") + ", " +
-                  figure(100 * share, "%") + " of its voxels");
+                  figure(100 * fraction, "%") + " of its voxels");
   }
 }
 
@@ -172,8 +175,8 @@ struct Around {
 
   void inspect(const RunVolume& runs, std::array<int, 3> at, std::size_t axis, int step) {
     // erosion shrinks a round pocket by up to two voxels on each side
-    constexpr int kFarthest = 4;
-    for (int n = 0; n < kFarthest; ++n) {
+    constexpr int kMaxErosion = 4;
+    for (int n = 0; n < kMaxErosion; ++n) {
       at[axis] += step;
       const VoxelRun* run = runs.find(at[0], at[1], at[2]);
       if (run == nullptr) return;
@@ -241,7 +244,7 @@ void report_necks_and_pockets(Layer& layer, RunVolume& inner) {
       const std::uint32_t main = largest.at(whole);
       // a structure that is thin everywhere, such as a vessel or a cartilage, has passages as thin as itself
       const bool is_thick = static_cast<double>(cores[main].voxels) >=
-                            kThickShare * static_cast<double>(layer.components[whole].voxels);
+                            kThickFraction * static_cast<double>(layer.components[whole].voxels);
       if (n != main && is_thick && is_large(core) && has_inner_voxel(inner, cores[main], main))
         add(bulges[layer.id_of(core.value)], core);
       continue;
@@ -279,13 +282,13 @@ void report_necks_and_pockets(Layer& layer, RunVolume& inner) {
 
 std::vector<Sections> sections_of(const Layer& layer) {
   std::vector<Sections> all;
-  std::vector<std::size_t> index_of(layer.segment_of_value.size(), SIZE_MAX);
-  for (std::size_t value = 1; value < index_of.size(); ++value)
+  std::vector<std::size_t> position_of(layer.segment_of_value.size(), SIZE_MAX);
+  for (std::size_t value = 1; value < position_of.size(); ++value)
     if (layer.segment_of_value[value] != nullptr) {
-      index_of[value] = all.size();
+      position_of[value] = all.size();
       all.emplace_back(layer.study.grid.dims);
     }
-  const auto of = [&](LabelId value) { return value == 0 ? nullptr : &all[index_of[value]]; };
+  const auto of = [&](LabelId value) { return value == 0 ? nullptr : &all[position_of[value]]; };
   const auto& dims = layer.study.grid.dims;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
@@ -392,7 +395,7 @@ void report_sections(Layer& layer) {
         const auto exceeds = [&](const SeamRatios& ratios) {
           return here >= ratios.over_median * median && here >= ratios.over_most * others.back();
         };
-        if (!exceeds(kSharedSeam) || here < kSeamShare * std::min(one, other)) continue;
+        if (!exceeds(kSharedSeam) || here < kSeamFraction * std::min(one, other)) continue;
         Plane& plane = seams[a][p];
         plane.structures.push_back(id);
         // a shifted cross-section keeps its area; a part of the structure that ends in a flat face does not
@@ -493,14 +496,14 @@ Islands islands_and_cavities(const RunVolume& runs, const std::vector<Component>
     const Component& component = components[n];
     const auto voxels = static_cast<double>(component.voxels);
     if (component.value != 0) {
-      if (voxels < kIslandShare * static_cast<double>(largest[component.value]) &&
+      if (voxels < kIslandFraction * static_cast<double>(largest[component.value]) &&
           voxels * voxel_mm3 <= kIsland_mm3)
         found.islands.push_back(n);
     } else if (!component.at_border && around[n] > 0) {
       const auto value = static_cast<LabelId>(around[n]);
       found.cavities.push_back(
           {n, value,
-           voxels <= kHoleShare * static_cast<double>(whole[value]) && voxels * voxel_mm3 <= kHole_mm3});
+           voxels <= kHoleFraction * static_cast<double>(whole[value]) && voxels * voxel_mm3 <= kHole_mm3});
     }
   }
   return found;

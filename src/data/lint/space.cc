@@ -191,9 +191,9 @@ struct AirThreshold {
 };
 
 AirThreshold air_limit(const Volume<float>& scan) {
-  constexpr std::size_t kMost = 500'000;
+  constexpr std::size_t kMaxSampled = 500'000;
   std::vector<float> values;
-  const std::size_t step = std::max<std::size_t>(1, scan.voxels().size() / kMost);
+  const std::size_t step = std::max<std::size_t>(1, scan.voxels().size() / kMaxSampled);
   for (std::size_t n = 0; n < scan.voxels().size(); n += step)
     if (std::isfinite(scan.voxels()[n])) values.push_back(scan.voxels()[n]);
   if (values.empty()) return {};
@@ -203,9 +203,9 @@ AirThreshold air_limit(const Volume<float>& scan) {
     return static_cast<double>(*at);
   };
   const double low = percentile(0.01), high = percentile(0.99);
-  constexpr double kHounsfield = -500, kAir_HU = -400, kAirShare = 0.1;
+  constexpr double kHounsfield = -500, kAir_HU = -400, kAirFraction = 0.1;
   if (low < kHounsfield) return {kAir_HU, true};
-  return {low + kAirShare * (high - low), false};
+  return {low + kAirFraction * (high - low), false};
 }
 
 }  // namespace
@@ -363,21 +363,21 @@ Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const Pro
       if (sum.in_air++ == 0) sum.air_voxel = {i, j, k};
     }
   });
-  constexpr double kAirShare = 0.02, kOutsideShare = 0.05;
+  constexpr double kAirFraction = 0.02, kOutsideFraction = 0.05;
   constexpr std::size_t kAir_voxels = 10;
   for (const auto& [id, sum] : sums) {
     const auto all = static_cast<double>(study.statistics_of(id)->voxels);
-    const double air_share = static_cast<double>(sum.in_air) / all,
-                 outside_share = static_cast<double>(sum.outside_scan) / all;
-    if (sum.in_air >= kAir_voxels && air_share >= kAirShare)
+    const double air_fraction = static_cast<double>(sum.in_air) / all,
+                 outside_fraction = static_cast<double>(sum.outside_scan) / all;
+    if (sum.in_air >= kAir_voxels && air_fraction >= kAirFraction)
       study.add(
           LintKind::kOutsideBody, air_is.is_hounsfield ? LintSeverity::kFault : LintSeverity::kWarning, {id},
-          {100 * air_share, "%", sum.in_air, sum.air_voxel},
-          figure(100 * air_share, "%") + " of " + study.name_of(id) + " lies in the air around the body");
-    if (outside_share >= kOutsideShare)
+          {100 * air_fraction, "%", sum.in_air, sum.air_voxel},
+          figure(100 * air_fraction, "%") + " of " + study.name_of(id) + " lies in the air around the body");
+    if (outside_fraction >= kOutsideFraction)
       study.add(LintKind::kOutsideScan, LintSeverity::kFault, {id},
-                {100 * outside_share, "%", sum.outside_scan, sum.outside_voxel},
-                figure(100 * outside_share, "%") + " of " + study.name_of(id) + " lies outside the scan");
+                {100 * outside_fraction, "%", sum.outside_scan, sum.outside_voxel},
+                figure(100 * outside_fraction, "%") + " of " + study.name_of(id) + " lies outside the scan");
   }
   return {};
 }

@@ -27,15 +27,15 @@ std::string LintStudy::name_of(LabelId id) const {
 }
 
 std::string LintStudy::names_of(const std::vector<LabelId>& ids) const {
-  constexpr std::size_t kMost = 5;
+  constexpr std::size_t kMaxNamed = 5;
   std::string text;
-  for (std::size_t n = 0; n < std::min(ids.size(), kMost); ++n)
-    text += (n == 0 ? "" : ids.size() <= kMost && n + 1 == ids.size() ? " and " : ", ") + name_of(ids[n]);
-  if (ids.size() > kMost) text += " and " + std::to_string(ids.size() - kMost) + " more";
+  for (std::size_t n = 0; n < std::min(ids.size(), kMaxNamed); ++n)
+    text += (n == 0 ? "" : ids.size() <= kMaxNamed && n + 1 == ids.size() ? " and " : ", ") + name_of(ids[n]);
+  if (ids.size() > kMaxNamed) text += " and " + std::to_string(ids.size() - kMaxNamed) + " more";
   return text;
 }
 
-Point<Patient> LintStudy::index_of(const std::array<int, 3>& voxel) const {
+Point<Patient> LintStudy::position_of(const std::array<int, 3>& voxel) const {
   return grid.X_PatientVoxel() * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
 }
 
@@ -54,7 +54,7 @@ void LintStudy::add(LintKind kind, LintSeverity severity, std::vector<LabelId> s
   finding.voxels = found.voxels;
   if (found.voxel) {
     finding.voxel = *found.voxel;
-    finding.position = index_of(*found.voxel);
+    finding.position = position_of(*found.voxel);
   }
   finding.sentence = std::move(sentence);
   findings.push_back(std::move(finding));

@@ -12,10 +12,10 @@ namespace palpate::internal {
 
 /// An island has less than this fraction of the voxels of its structure's largest component, and at most
 /// this volume.
-inline constexpr double kIslandShare = 0.02, kIsland_mm3 = 1000;
+inline constexpr double kIslandFraction = 0.02, kIsland_mm3 = 1000;
 /// An enclosed cavity of at most this fraction of the volume of the structure around it, and at most this
 /// volume, is a hole; a larger one may be anatomy.
-inline constexpr double kHoleShare = 0.02, kHole_mm3 = 1000;
+inline constexpr double kHoleFraction = 0.02, kHole_mm3 = 1000;
 
 /// Label map being checked, and the findings so far.
 struct LintStudy {
@@ -34,7 +34,7 @@ struct LintStudy {
   std::string name_of(LabelId id) const;
   /// Names of at most five structures: "liver, spleen and 3 more".
   std::string names_of(const std::vector<LabelId>& ids) const;
-  Point<Patient> index_of(const std::array<int, 3>& voxel) const;
+  Point<Patient> position_of(const std::array<int, 3>& voxel) const;
   /// Area of a voxel face perpendicular to an axis, mm2.
   double face_mm2(std::size_t axis) const;
 

@@ -13,7 +13,7 @@
 #include "palpate/model/ramp_structures.h"
 #include "palpate/model/stiffness_layers.h"
 #include "palpate/preparation/preparation.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "palpate/volume/overlaps.h"
 
 namespace palpate {
@@ -372,8 +372,8 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   parts.title = scene.title;
   parts.sigma_mm = scene.preparation.sigma_mm;
   parts.method_settings = scene.force.settings;
-  parts.tissue_law = scene.yielding.law;
-  parts.tissue_cell_mm = scene.yielding.cell_mm.value_or(0);
+  parts.tissue_law = scene.deformation.law;
+  parts.tissue_cell_mm = scene.deformation.cell_mm.value_or(0);
   parts.tools = scene.tools;
   if (scene.max_force_N) parts.max_force_N = *scene.max_force_N;
   parts.ramp_width_mm = scene.preparation.ramp_width_mm;

@@ -41,19 +41,19 @@ std::string in_words(const LabelPlacement& placement) {
   char text[80];
   // rounded down, so that 100 % means all of them
   std::snprintf(text, sizeof text, "%.1f %% of the labelled voxels lie inside the scan",
-                std::floor(1000 * placement.share()) / 10);
+                std::floor(1000 * placement.fraction()) / 10);
   return text;
 }
 
 std::string placement_warning(const LabelPlacement& placement) {
-  if (placement.share() >= kDoubtedBelow) return "";
+  if (placement.fraction() >= kDoubtedBelow) return "";
   return "only " + in_words(placement) +
          ": the scan may belong to another patient, or cover only part of the labelled region";
 }
 
 Result<void> check_placement(const LabelPlacement& placement, const std::filesystem::path& labels_file,
                              bool scan_is_cropped) {
-  if (scan_is_cropped || placement.share() >= kRefusedBelow) return {};
+  if (scan_is_cropped || placement.fraction() >= kRefusedBelow) return {};
   return Error{
       ErrorKind::kBadInput, "the labels do not seem to belong to the scan: only " + in_words(placement),
       labels_file.string(),

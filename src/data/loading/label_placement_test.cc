@@ -28,24 +28,24 @@ LabelMap block(const GridGeometry& grid) {
 
 TEST(LabelPlacement, CountsCentresInTheScansVoxels) {
   const LabelMap map = block(grid_of(20));
-  EXPECT_EQ(placement_of(map, grid_of(20)).share(), 1);
+  EXPECT_EQ(placement_of(map, grid_of(20)).fraction(), 1);
   EXPECT_EQ(placement_of(map, grid_of(20)).labelled, 4096u);
   // a scan that begins at voxel 10: 8 of 16 slices
-  EXPECT_EQ(placement_of(map, grid_of(20, {10, 0, 0})).share(), 0.5);
+  EXPECT_EQ(placement_of(map, grid_of(20, {10, 0, 0})).fraction(), 0.5);
   // a voxel extends half its width beyond its centre
-  EXPECT_EQ(placement_of(map, grid_of(20, {2.4, 0, 0})).share(), 1);
-  EXPECT_EQ(placement_of(map, grid_of(20, {2.6, 0, 0})).share(), 15.0 / 16);
+  EXPECT_EQ(placement_of(map, grid_of(20, {2.4, 0, 0})).fraction(), 1);
+  EXPECT_EQ(placement_of(map, grid_of(20, {2.6, 0, 0})).fraction(), 15.0 / 16);
   // a grid rotated by 180 degrees about z: an eighth of a centred block stays inside
   GridGeometry negated = grid_of(20);
   negated.direction.diagonal() << -1, -1, 1;
-  EXPECT_EQ(placement_of(block(negated), grid_of(20)).share(), 0);
+  EXPECT_EQ(placement_of(block(negated), grid_of(20)).fraction(), 0);
   // overlapping voxels count once; a map without labelled voxels counts as inside
   LabelMap two = map;
   two.layers.push_back(two.layers[0]);
   EXPECT_EQ(placement_of(two, grid_of(20)).labelled, 4096u);
   LabelMap none;
   none.layers.emplace_back(grid_of(20));
-  EXPECT_EQ(placement_of(none, grid_of(20)).share(), 1);
+  EXPECT_EQ(placement_of(none, grid_of(20)).fraction(), 1);
 }
 
 TEST(LabelPlacement, IsToldDoubtedAndRefused) {

@@ -4,7 +4,7 @@
 #include <variant>
 
 #include "palpate/loading/loading.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 namespace palpate {
 namespace {

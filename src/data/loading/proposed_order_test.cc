@@ -9,8 +9,8 @@
 
 #include "base/test_files.h"
 #include "palpate/contact/colours.h"
+#include "palpate/contact/soft_contact.h"
 #include "palpate/contact/tool_contact.h"
-#include "palpate/contact/yield.h"
 #include "palpate/loading/loading.h"
 #include "palpate/scene/scene.h"
 #include "palpate/servo/servo.h"
@@ -76,7 +76,7 @@ TEST(ProposedOrder, OfAllPresetsHoldsInEveryDepthAndTheColoursAreTheirs) {
   const auto loaded = load_scene_or_data_set({file.string()});
   ASSERT_TRUE(loaded.ok()) << loaded.error().message();
   ASSERT_EQ(loaded->scene.tissues.size(), tissue_presets().size());
-  ASSERT_EQ(loaded->scene.yielding.law, TissueLaw::kElastic);
+  ASSERT_EQ(loaded->scene.deformation.law, TissueLaw::kElastic);
   for (const TissuePreset& preset : tissue_presets())
     EXPECT_EQ(colour_of(*loaded->model, loaded->model->find(preset.name)->id), *preset.values.colour)
         << preset.name << ": not the colour in the file";
@@ -133,7 +133,7 @@ TEST_P(OrderOf, SharedDataHoldsAndTheColoursAreThePresets) {
   const auto scene = parse_scene(*text, "proposed");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
   Model model;
-  model.tissue_law = scene->yielding.law;
+  model.tissue_law = scene->deformation.law;
   std::map<std::string, Tissue> tissues;
   for (const TissueSettings& settings : scene->tissues) {
     const TissuePreset* preset = find_preset(settings.preset);

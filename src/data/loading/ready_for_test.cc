@@ -50,7 +50,7 @@ TEST(ReadyFor, StructuresThatTouchGetAnOuterSurfaceAndWhatIsStifferALayerOfItsOw
   EXPECT_NEAR(distance_mm(**ready, 2, kBoneRadius_mm + kShell_mm), 0, 0.45);
   EXPECT_NEAR(distance_mm(**ready, 2, kBoneRadius_mm + kShell_mm + 2), 2, 0.7);
   ASSERT_NE((*ready)->surfaces[2].owners, nullptr);
-  const OwnerShares outside =
+  const OwnerFractions outside =
       (*ready)->surfaces[2].owners->at(Point<Patient>(0, 0, kBoneRadius_mm + kShell_mm));
   ASSERT_EQ(outside.all().size(), 1u) << "the bone lies beneath";
   EXPECT_EQ(outside.largest(), 1);

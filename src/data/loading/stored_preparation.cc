@@ -231,7 +231,7 @@ std::optional<SignedField> get_field(FieldReader& in) {
 void put_surface(const Surface& surface, FieldWriter& out) {
   put_field(surface.position(), out);
   put_field(surface.normal(), out);
-  out.put(surface.steepest());
+  out.put(surface.max_gradient());
   out.put(surface.content_hash());
 }
 
@@ -240,12 +240,12 @@ std::optional<std::shared_ptr<const Surface>> get_surface(FieldReader& in) {
   if (!position) return std::nullopt;
   auto normal = get_field(in);
   if (!normal) return std::nullopt;
-  double steepest = 0;
+  double max_gradient = 0;
   std::uint64_t hash = 0;
-  in.get(steepest);
+  in.get(max_gradient);
   in.get(hash);
-  if (!in.ok() || !std::isfinite(steepest)) return std::nullopt;
-  auto surface = std::make_shared<const Surface>(*std::move(position), *std::move(normal), steepest);
+  if (!in.ok() || !std::isfinite(max_gradient)) return std::nullopt;
+  auto surface = std::make_shared<const Surface>(*std::move(position), *std::move(normal), max_gradient);
   if (surface->content_hash() != hash) return std::nullopt;
   return std::shared_ptr<const Surface>(std::move(surface));
 }

@@ -455,7 +455,7 @@ TEST_F(StoredPreparation, ForgedEntriesAreBelievedNothing) {
     for (const auto& [a, b] : *touching) EXPECT_TRUE(a >= 1 && a <= 3 && b >= 1 && b <= 3);
     EXPECT_EQ(smooth->voxels().size(), labels.geometry().voxel_count());
     (*surfaces)[0]->distance_mm(labels.geometry().centre());
-    (*surfaces)[0]->at_least_mm(labels.geometry().centre());
+    (*surfaces)[0]->lower_bound_mm(labels.geometry().centre());
     return (*surfaces)[0]->content_hash();
   };
   const std::uint64_t whole = all();

@@ -18,8 +18,8 @@ class PhantomVariation {
   }
   /// Random number from `smallest` to `largest`; `mean` for seed 0.
   double within(double smallest, double largest, double mean) {
-    const double share = static_cast<double>(random_() >> 11) * 0x1.0p-53;
-    return varied_ ? smallest + (largest - smallest) * share : mean;
+    const double fraction = static_cast<double>(random_() >> 11) * 0x1.0p-53;
+    return varied_ ? smallest + (largest - smallest) * fraction : mean;
   }
   double factor(double largest) { return within(1 - largest, 1 + largest, 1); }
   double offset(double largest) { return within(-largest, largest, 0); }

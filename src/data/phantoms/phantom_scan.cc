@@ -93,8 +93,8 @@ double coverage(double distance_mm, double voxel_mm) {
   return std::clamp(0.5 - distance_mm / voxel_mm, 0.0, 1.0);
 }
 
-double mix(double below, double above, double share) {
-  return below + share * (above - below);
+double mix(double below, double above, double fraction) {
+  return below + fraction * (above - below);
 }
 
 // (0, 1], so that the logarithm is finite
@@ -131,9 +131,10 @@ double paint(PhantomMaterial material, PhantomImaging imaging, double below, dou
   if (material == PhantomMaterial::kUnseen) return below;
   const Intensity intensity =
       imaging == PhantomImaging::kCt ? hounsfield(material) : proton_density(material);
-  const double share = coverage(distance_mm, voxel_mm);
-  if (material != PhantomMaterial::kBone) return mix(below, intensity.deep, share);
-  return mix(mix(below, intensity.rim, share), intensity.deep, coverage(distance_mm + kCortex_mm, voxel_mm));
+  const double fraction = coverage(distance_mm, voxel_mm);
+  if (material != PhantomMaterial::kBone) return mix(below, intensity.deep, fraction);
+  return mix(mix(below, intensity.rim, fraction), intensity.deep,
+             coverage(distance_mm + kCortex_mm, voxel_mm));
 }
 
 double shading(PhantomImaging imaging, const Eigen::Vector3d& p_mm) {

@@ -12,7 +12,7 @@ namespace {
 constexpr double kCorrelation_mm = 5;
 // limit of each component, in standard deviations
 constexpr double kMaxSigmas = 3;
-constexpr double kLargestDisc_mm = 1.5;
+constexpr double kMaxDisc_mm = 1.5;
 
 std::uint64_t mixed(std::initializer_list<std::uint64_t> words) {
   std::uint64_t state = kHashSeed;
@@ -82,7 +82,7 @@ class DiscPlacer {
   }
 
   Disc disc_at(const std::array<int, 3>& centre) {
-    const double radius = kLargestDisc_mm * dice_.unit();
+    const double radius = kMaxDisc_mm * dice_.unit();
     Disc disc;
     std::array<int, 3> reach{0, 0, 0};
     for (int a = 0; a < 3; ++a)

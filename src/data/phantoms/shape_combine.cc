@@ -62,8 +62,8 @@ struct Blend final : Node {
   double distance(const Vector3d& p) const override { return join(a->distance(p), b->distance(p)); }
   Vector3d gradient(const Vector3d& p) const override {
     const double da = a->distance(p), db = b->distance(p);
-    const double share_of_b = std::clamp(0.5 + 0.5 * (da - db) / width, 0.0, 1.0);
-    return (1 - share_of_b) * a->gradient(p) + share_of_b * b->gradient(p);
+    const double fraction_of_b = std::clamp(0.5 + 0.5 * (da - db) / width, 0.0, 1.0);
+    return (1 - fraction_of_b) * a->gradient(p) + fraction_of_b * b->gradient(p);
   }
   Within within(const Ptr& self, const Ball& ball) const override {
     const Within wa = a->within(a, ball), wb = b->within(b, ball);

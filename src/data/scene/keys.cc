@@ -439,34 +439,34 @@ SceneKeys declared_keys() {
                   .max = 0.02,
                   .meaning = "For the proxy: damper parallel to the spring between proxy and tip. It allows "
                              "higher stiffness to be rendered stably."}}},
-      .yielding = {"[yielding]",
-                   "Deformation of soft tissue. With layers nothing moves, and each structure pushes the "
-                   "tool out with its `stiffness`. An elastic body dents, spreads sideways, and is harder "
-                   "above hard structures. It uses `youngs_modulus`; tissue that does not yield uses "
-                   "`stiffness` ([tissue.md](../concepts/tissue.md)).",
-                   {{.name = "law",
-                     .type = kChoice,
-                     .default_text = "\"layers\"",
-                     .choices = names_of(kTissueLaws),
-                     .meaning = "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: the same, "
-                                "but they stiffen under large strain; solving a frame takes twice the "
-                                "processor time. `exponential`: the same, and tissues with a `stiffening` "
-                                "stiffen by it. All three require the proxy. `chainmail`: contact as with "
-                                "layers, with a displayed deformation by the chain mail of Gibson 1997."},
-                    {.name = "cell",
-                     .type = kNumber,
-                     .unit = "mm",
-                     .min = 0.2,
-                     .max = 10,
-                     .meaning = "For all laws but `layers`: edge of the cubic cells of the solver. Default: "
-                                "the smallest voxel spacing, at least 0.8 and at most 3; up to twice as much "
-                                "for a tool with a radius of more than 10 voxels."},
-                    {.name = "relaxation",
-                     .type = kFlag,
-                     .default_text = "false",
-                     .meaning =
-                         "For the three elastic laws. `true`: tissues without a `relaxation` of their own "
-                         "use that of their preset. `false`: they do not relax."}}},
+      .deformation =
+          {"[yielding]",
+           "Deformation of soft tissue. With layers nothing moves, and each structure pushes the "
+           "tool out with its `stiffness`. An elastic body dents, spreads sideways, and is harder "
+           "above hard structures. It uses `youngs_modulus`; tissue that does not yield uses "
+           "`stiffness` ([tissue.md](../concepts/tissue.md)).",
+           {{.name = "law",
+             .type = kChoice,
+             .default_text = "\"layers\"",
+             .choices = names_of(kTissueLaws),
+             .meaning = "`elastic`: tissues with a `youngs_modulus` yield. `neo-hookean`: the same, "
+                        "but they stiffen under large strain; solving a frame takes twice the "
+                        "processor time. `exponential`: the same, and tissues with a `stiffening` "
+                        "stiffen by it. All three require the proxy. `chainmail`: contact as with "
+                        "layers, with a displayed deformation by the chain mail of Gibson 1997."},
+            {.name = "cell",
+             .type = kNumber,
+             .unit = "mm",
+             .min = 0.2,
+             .max = 10,
+             .meaning = "For all laws but `layers`: edge of the cubic cells of the solver. Default: "
+                        "the smallest voxel spacing, at least 0.8 and at most 3; up to twice as much "
+                        "for a tool with a radius of more than 10 voxels."},
+            {.name = "relaxation",
+             .type = kFlag,
+             .default_text = "false",
+             .meaning = "For the three elastic laws. `true`: tissues without a `relaxation` of their own "
+                        "use that of their preset. `false`: they do not relax."}}},
       .tool =
           {"[tool]",
            "A rigid set of spheres, and of capsules (below), that make contact; the first one is usually at "
@@ -1111,8 +1111,8 @@ std::string scene_keys() {
   const SceneKeys& keys = scene_key_tables();
   std::string text = table_markdown(keys.top);
   for (const TableSpec* table :
-       {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.yielding, &keys.tool, &keys.capsule,
-        &keys.workspace, &keys.limits, &keys.distances, &keys.no_go})
+       {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.deformation, &keys.tool,
+        &keys.capsule, &keys.workspace, &keys.limits, &keys.distances, &keys.no_go})
     text += concat({"\n", table_markdown(*table)});
   return text;
 }

@@ -51,7 +51,7 @@ struct TableSpec {
 };
 
 struct SceneKeys {
-  TableSpec top, data, tissue, preparation, force, yielding, tool, capsule, workspace, limits, distances,
+  TableSpec top, data, tissue, preparation, force, deformation, tool, capsule, workspace, limits, distances,
       no_go;
   TableSpec second_tool = {}, second_capsule = {};  ///< With the same keys as tool and capsule
 };

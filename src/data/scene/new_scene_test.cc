@@ -240,13 +240,13 @@ TEST(NewScene, SoftTissueYieldsUnlessLayersAreAskedFor) {
   const NewSceneInput elastic{.labels = "/l.nrrd", .label_map = &map};
   NewSceneInput layers = elastic;
   layers.law = TissueLaw::kLayers;
-  EXPECT_EQ(new_scene(layers).yielding.law, TissueLaw::kLayers);
-  EXPECT_EQ(new_scene({.labels = "/l.nrrd", .label_map = &hard}).yielding.law, TissueLaw::kLayers)
+  EXPECT_EQ(new_scene(layers).deformation.law, TissueLaw::kLayers);
+  EXPECT_EQ(new_scene({.labels = "/l.nrrd", .label_map = &hard}).deformation.law, TissueLaw::kLayers)
       << "nothing in it could yield";
   EXPECT_THAT(*new_scene_text(layers, "/"), testing::Not(HasSubstr("yielding")));
   const Scene scene = new_scene(elastic);
-  EXPECT_EQ(scene.yielding.law, TissueLaw::kElastic);
-  EXPECT_FALSE(scene.yielding.cell_mm);
+  EXPECT_EQ(scene.deformation.law, TissueLaw::kElastic);
+  EXPECT_FALSE(scene.deformation.cell_mm);
   EXPECT_FALSE(scene.tissues[0].elastic.has_value());
   EXPECT_EQ(scene.tissues[1].elastic, (ElasticConstants{14, 0.45}));
   const std::string text = *new_scene_text(elastic, "/");

@@ -8,12 +8,12 @@ namespace {
 using enum KeyType;
 
 KeySpec planned_point(std::string_view name, std::string_view meaning) {
-  constexpr double kFarthest_mm = 100000;
+  constexpr double kMaxCoordinate_mm = 100000;
   return {.name = name,
           .type = kPoint,
           .unit = "mm",
-          .min = -kFarthest_mm,
-          .max = kFarthest_mm,
+          .min = -kMaxCoordinate_mm,
+          .max = kMaxCoordinate_mm,
           .meaning = meaning};
 }
 

@@ -200,20 +200,20 @@ void clear_preset_relaxation(const TableReader& top, Scene& scene) {
 }
 
 void read_deformation(const TableReader& reader, Scene& scene, Problems& problems) {
-  DeformationSettings& yielding = scene.yielding;
-  yielding.law = value_of(reader.choice("law").value_or(""), kTissueLaws);
-  yielding.cell_mm = reader.number("cell");
-  if (is_elastic(yielding.law) && scene.force.method != ForceMethod::kProxy)
+  DeformationSettings& deformation = scene.deformation;
+  deformation.law = value_of(reader.choice("law").value_or(""), kTissueLaws);
+  deformation.cell_mm = reader.number("cell");
+  if (is_elastic(deformation.law) && scene.force.method != ForceMethod::kProxy)
     problems.add(reader.line("law"), "tissue yields only with the proxy",
                  "leave [force] method out, or set law = \"layers\" or \"chainmail\"");
-  yielding.relaxation = reader.flag("relaxation").value_or(false);
+  deformation.relaxation = reader.flag("relaxation").value_or(false);
   const auto does_nothing = [&](const char* key, const char* laws) {
     problems.add(reader.line(key), key + std::string(" belongs to the laws ") + laws,
                  "take it out, or change the law");
   };
-  if (yielding.relaxation && !is_elastic(yielding.law))
+  if (deformation.relaxation && !is_elastic(deformation.law))
     does_nothing("relaxation", "\"elastic\", \"neo-hookean\" and \"exponential\"");
-  if (yielding.cell_mm && !is_moving(yielding.law))
+  if (deformation.cell_mm && !is_moving(deformation.law))
     does_nothing("cell", "\"elastic\", \"neo-hookean\", \"exponential\" and \"chainmail\"");
 }
 
@@ -309,8 +309,8 @@ void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& 
   burr.irrigation = reader.flag("irrigation").value_or(burr.irrigation);
   if (const auto pedal = reader.integer("pedal")) burr.pedal = static_cast<int>(*pedal);
   if (const auto spindle = reader.point("spindle")) {
-    constexpr double kLeast = 1e-3;
-    if (spindle->norm() < kLeast)
+    constexpr double kMinNorm = 1e-3;
+    if (spindle->norm() < kMinNorm)
       problems.add(reader.line("spindle"), "the spindle has no direction",
                    "write spindle = [x, y, z], such as [0, 0, 1]");
     else
@@ -676,8 +676,8 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_preparation(TableReader(top.table("preparation"), keys.preparation, problems), scene.preparation,
                    problems);
   read_force(TableReader(top.table("force"), keys.force, problems), scene.force);
-  read_deformation(TableReader(top.table("yielding"), keys.yielding, problems), scene, problems);
-  if (!scene.yielding.relaxation) clear_preset_relaxation(top, scene);
+  read_deformation(TableReader(top.table("yielding"), keys.deformation, problems), scene, problems);
+  if (!scene.deformation.relaxation) clear_preset_relaxation(top, scene);
   read_tools(top, scene, problems);
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");

@@ -207,9 +207,9 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(scene->force.settings.coupling_damping_N_s_per_mm, default_of(keys.force, "coupling_damping"));
   EXPECT_FALSE(tissue.elastic.has_value()) << "it does not yield";
   EXPECT_EQ(ElasticConstants().poissons_ratio, default_of(keys.tissue, "poissons_ratio"));
-  EXPECT_EQ(scene->yielding.law, TissueLaw::kLayers);
-  EXPECT_EQ(keys.yielding.find("law")->default_text, "\"layers\"");
-  EXPECT_FALSE(scene->yielding.cell_mm);
+  EXPECT_EQ(scene->deformation.law, TissueLaw::kLayers);
+  EXPECT_EQ(keys.deformation.find("law")->default_text, "\"layers\"");
+  EXPECT_FALSE(scene->deformation.cell_mm);
   EXPECT_EQ(keys.tool.find("name")->default_text, "\"" + scene->tools[0].name + "\"");
   ASSERT_EQ(scene->tools[0].points_mm.size(), 1u);
   EXPECT_EQ(scene->tools[0].points_mm[0], Eigen::Vector3d::Zero());
@@ -249,7 +249,7 @@ TEST(ParseScene, ATissueIsMadeOfWhatItsKeysAndItsPresetSay) {
       "relaxation = true\ncell = 1\n",
       "t");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
-  EXPECT_EQ(scene->yielding.law, TissueLaw::kExponential);
+  EXPECT_EQ(scene->deformation.law, TissueLaw::kExponential);
 }
 
 Relaxation relaxation_of(const std::string& keys, const std::string& yielding = "") {
@@ -280,8 +280,8 @@ TEST(ParseScene, TissueYieldsWhereTheLawSaysSo) {
   const auto scene =
       parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[yielding]\nlaw = 'elastic'\ncell = 1.25\n", "t");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
-  EXPECT_EQ(scene->yielding.law, TissueLaw::kElastic);
-  EXPECT_EQ(scene->yielding.cell_mm, 1.25);
+  EXPECT_EQ(scene->deformation.law, TissueLaw::kElastic);
+  EXPECT_EQ(scene->deformation.cell_mm, 1.25);
 }
 
 TEST(ParseScene, AToolHasCapsules) {
@@ -963,7 +963,7 @@ TEST(EmbeddedScene, WhatIsSoftSaysWhatItIsMadeOf) {
     for (const TissueSettings& tissue : scene->tissues)
       EXPECT_EQ(tissue.elastic.has_value(), tissue.preset != "bone") << tissue.name;
     const bool is_deformable = name.starts_with("palpation") || name == "abdominal-wall";
-    EXPECT_EQ(scene->yielding.law, is_deformable ? TissueLaw::kElastic : TissueLaw::kLayers);
+    EXPECT_EQ(scene->deformation.law, is_deformable ? TissueLaw::kElastic : TissueLaw::kLayers);
   }
 }
 

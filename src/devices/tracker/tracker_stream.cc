@@ -95,7 +95,7 @@ std::optional<TrackerAddress> parse_tracker_address(const std::string& text) {
 class TrackerStream::Core {
  public:
   Core(const TrackerSettings& settings, std::function<void(const MarkersPose&)> on_pose)
-      : settings_(settings), reported_(std::move(on_pose)) {}
+      : settings_(settings), on_pose_(std::move(on_pose)) {}
   ~Core() {
     end_.store(true);
     if (reader_.joinable()) reader_.join();
@@ -211,7 +211,7 @@ class TrackerStream::Core {
   }
 
   Socket connect() {
-    const char* detect = "check the address, and whether the tracking server is running";
+    const char* remedy = "check the address, and whether the tracking server is running";
     addrinfo hints{};
     hints.ai_socktype = SOCK_STREAM;
     FoundAddresses found;
@@ -219,7 +219,7 @@ class TrackerStream::Core {
     if (const int failed =
             ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found.first);
         failed != 0) {
-      not_connected(std::string("is not found: ") + ::gai_strerror(failed), detect);
+      not_connected(std::string("is not found: ") + ::gai_strerror(failed), remedy);
       return Socket();
     }
     int failure = EHOSTUNREACH;
@@ -238,13 +238,13 @@ class TrackerStream::Core {
         ::getsockopt(socket.number(), SOL_SOCKET, SO_ERROR, &failure, &size);
       if (failure == 0) return socket;
     }
-    not_connected(std::string("does not answer: ") + std::strerror(failure), detect);
+    not_connected(std::string("does not answer: ") + std::strerror(failure), remedy);
     return Socket();
   }
 
   void read(int file) {
-    const int at_once = 1;
-    ::setsockopt(file, IPPROTO_TCP, TCP_NODELAY, &at_once, sizeof at_once);
+    const int enable = 1;
+    ::setsockopt(file, IPPROTO_TCP, TCP_NODELAY, &enable, sizeof enable);
     const auto greeting = igtl::greeting();
     // fits into the send buffer of a new connection
     if (::send(file, greeting.data(), greeting.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(greeting.size()))
@@ -303,7 +303,7 @@ class TrackerStream::Core {
       pose_ns_ = now_ns;
     }
     pose.at_ns = now_ns;
-    reported_(pose);
+    on_pose_(pose);
   }
 
   // 5 ms in 2^-32 s
@@ -311,7 +311,7 @@ class TrackerStream::Core {
   static constexpr std::uint64_t kMaxDamaged = 10;
 
   const TrackerSettings settings_;
-  const std::function<void(const MarkersPose&)> reported_;
+  const std::function<void(const MarkersPose&)> on_pose_;
   std::atomic<bool> end_{false};
   mutable std::mutex mutex_;
   // guarded by mutex_

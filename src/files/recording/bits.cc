@@ -123,19 +123,19 @@ std::string_view name_of(RecordingEvent::Kind kind) {
   return {};
 }
 
-std::string_view name_of(Asker asker) {
+std::string_view name_of(Originator asker) {
   switch (asker) {
-    case Asker::kSession:
+    case Originator::kSession:
       return "the session itself";
-    case Asker::kScript:
+    case Originator::kScript:
       return "script";
-    case Asker::kKey:
+    case Originator::kKey:
       return "key";
-    case Asker::kControlViewer:
+    case Originator::kControlViewer:
       return "viewer with control";
-    case Asker::kViewingViewer:
+    case Originator::kViewingViewer:
       return "viewer with view";
-    case Asker::kAgreedViewer:
+    case Originator::kViewerWithConsent:
       return "viewer with control, accepted by a key";
   }
   return {};
@@ -181,7 +181,7 @@ std::string event_kinds() {
   return text_of_numbers<RecordingEvent::Kind>();
 }
 std::string askers() {
-  return text_of_numbers<Asker>();
+  return text_of_numbers<Originator>();
 }
 
 std::string method_numbers() {

@@ -31,7 +31,7 @@ constexpr std::array kTickColumns{
            "real clock: time from reading the devices to the commands, 0 on the virtual clock"},
     Column{"model_version", kU32, 1, PALPATE_TICK(model_version), "1", "-",
            "version of the model used for the force"},
-    Column{"yield_frame", kU32, 1, PALPATE_TICK(yield_frame), "1", "-",
+    Column{"yield_frame", kU32, 1, PALPATE_TICK(solver_frame), "1", "-",
            "input: newest solution of yielding tissue, 0 none"},
     Column{"method", kU8, 1, PALPATE_TICK(method), "1", "-", "force method", method_numbers},
     Column{"switches", kU8, 1, PALPATE_TICK(switches), "bits", "-", "switches that are on", switch_bits},

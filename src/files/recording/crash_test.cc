@@ -122,8 +122,8 @@ std::vector<Commit> record_all(const std::vector<TickRecord>& ticks,
   for (std::size_t i = 0; i < ticks.size(); ++i) {
     // at most one event per tick
     const auto first = std::ranges::lower_bound(events, ticks[i].tick, {}, &RecordingEvent::tick);
-    const std::size_t reported = first != events.end() && first->tick == ticks[i].tick;
-    EXPECT_TRUE((*writer)->append(std::span(ticks).subspan(i, 1), std::span(first, reported)));
+    const std::size_t event_count = first != events.end() && first->tick == ticks[i].tick;
+    EXPECT_TRUE((*writer)->append(std::span(ticks).subspan(i, 1), std::span(first, event_count)));
     if (disk.steps.size() != commits.back().steps) commits.push_back({disk.steps.size(), i + 1});
   }
   EXPECT_TRUE((*writer)->finish(test::example_summary(ticks.size())));
@@ -229,9 +229,9 @@ void record_for_ever(const fs::path& file, std::span<const TickRecord> ticks,
   auto writer = RecordingWriter::create(file, test::example_header(1));
   if (!writer) ::_exit(1);
   for (std::uint64_t supplied = 0; supplied + 100 <= ticks.size(); supplied += 100) {
-    const std::size_t reported = internal::events_up_to(events, ticks[supplied + 99].tick);
-    if (!(*writer)->append(ticks.subspan(supplied, 100), events.first(reported))) ::_exit(1);
-    events = events.subspan(reported);
+    const std::size_t event_count = internal::events_up_to(events, ticks[supplied + 99].tick);
+    if (!(*writer)->append(ticks.subspan(supplied, 100), events.first(event_count))) ::_exit(1);
+    events = events.subspan(event_count);
     const std::uint64_t total = supplied + 100;
     if (::write(report, &total, sizeof total) != sizeof total) ::_exit(1);
   }

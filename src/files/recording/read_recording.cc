@@ -163,10 +163,10 @@ Result<void> RecordingSource::read(const std::function<Result<void>(const Record
   while (!ticks.empty()) {
     if (progress.stopped()) return Progress::interrupted();
     const auto part = ticks.first(std::min<std::size_t>(ticks.size(), internal::kBlockRows));
-    const std::size_t reported = internal::events_up_to(events, part.back().tick);
-    if (auto used = accept_known({part, events.first(reported)}); !used) return used;
+    const std::size_t event_count = internal::events_up_to(events, part.back().tick);
+    if (auto used = accept_known({part, events.first(event_count)}); !used) return used;
     ticks = ticks.subspan(part.size());
-    events = events.subspan(reported);
+    events = events.subspan(event_count);
   }
   return {};
 }

@@ -29,7 +29,7 @@ class RingRecorder : public Recorder {
         writer_(std::move(writer)),
         file_(std::move(file)),
         on_tick_(std::move(on_tick)),
-        reported_(log),
+        log_(log),
         batch_(kBatch) {}
   ~RingRecorder() override { stop(); }
 
@@ -62,7 +62,7 @@ class RingRecorder : public Recorder {
   std::unique_ptr<RecordingWriter> writer_;  // null: nothing is stored
   const std::filesystem::path file_;
   const OnTick on_tick_;
-  EventLog* const reported_;  // null: no external commands
+  EventLog* const log_;  // null: no external commands
   std::vector<TickRecord> batch_;
   std::list<RecordingEvent> pending_;   // events that no tick has acknowledged yet
   std::vector<RecordingEvent> events_;  // events of the batch
@@ -121,7 +121,7 @@ bool had_applied(const TickRecord& tick, const RecordingEvent& event) {
     case RecordingEvent::Kind::kSettings:
       return tick.settings_number >= event.number;
     case RecordingEvent::Kind::kTissueSolution:
-      return tick.yield_frame >= event.number;
+      return tick.solver_frame >= event.number;
     case RecordingEvent::Kind::kStop:
     case RecordingEvent::Kind::kRearm:
       break;
@@ -146,7 +146,7 @@ void RingRecorder::receive_acknowledged(const TickRecord& tick) {
 Result<void> RingRecorder::collect_events(std::span<const TickRecord> ticks) {
   events_.clear();
   try {
-    if (reported_ != nullptr) reported_->take(pending_);
+    if (log_ != nullptr) log_->take(pending_);
     for (const TickRecord& tick : ticks) receive_acknowledged(tick);
     return {};
   } catch (const std::bad_alloc&) {

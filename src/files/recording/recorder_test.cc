@@ -172,9 +172,9 @@ TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
     tellers.emplace_back([&, teller] {
       for (int i = 0; !over && i < 2000; ++i) {
         if (teller == 0 && i % 2 == 0) servo.append(RecordingEvent::Kind::kModel, servo.version, {});
-        servo.append(RecordingEvent::Kind::kSettings, servo.settings, {Asker::kControlViewer, teller});
+        servo.append(RecordingEvent::Kind::kSettings, servo.settings, {Originator::kControlViewer, teller});
         servo.append(i % 2 == 0 ? RecordingEvent::Kind::kStop : RecordingEvent::Kind::kRearm, servo.arming,
-                     {Asker::kKey, teller});
+                     {Originator::kKey, teller});
         std::this_thread::sleep_for(std::chrono::microseconds(50));
       }
     });

@@ -60,7 +60,8 @@ void check(const Result<Recording>& read) {
   for (const TickRecord& tick : read.value().ticks) must(tick.devices == header.devices);
   std::uint64_t last_tick = 0;
   for (const RecordingEvent& event : read.value().events) {
-    must(event.kind <= RecordingEvent::Kind::kTissueSolution && event.by.asker <= Asker::kAgreedViewer);
+    must(event.kind <= RecordingEvent::Kind::kTissueSolution &&
+         event.by.asker <= Originator::kViewerWithConsent);
     must(event.tick >= std::exchange(last_tick, event.tick));
   }
 }

@@ -130,20 +130,20 @@ void receive_ticks(Receiver& in, int devices, std::span<TickRecord> ticks, std::
 }
 
 bool is_sweep(const SweepRecord& sweep) {
-  constexpr double kFarthest_mm = 1e6, kLargest_mm = 10;
-  const auto is_in_range = [](double mm) { return std::abs(mm) <= kFarthest_mm; };
-  constexpr double kLongest_mm = 30;
-  const auto along = [](double mm) { return std::abs(mm) <= kLongest_mm; };
+  constexpr double kMaxCoordinate_mm = 1e6, kMaxRadius_mm = 10;
+  const auto is_in_range = [](double mm) { return std::abs(mm) <= kMaxCoordinate_mm; };
+  constexpr double kMaxAxis_mm = 30;
+  const auto along = [](double mm) { return std::abs(mm) <= kMaxAxis_mm; };
   double distance_mm = 0;
   for (std::size_t axis = 0; axis < 3; ++axis)
     distance_mm = std::max(distance_mm, std::abs(sweep.to_mm[axis] - sweep.from_mm[axis]));
   const bool is_row = std::ranges::any_of(sweep.axis_mm, [](double mm) { return mm != 0; });
-  if (!std::ranges::all_of(sweep.axis_mm, along) || !(sweep.end_radius_mm <= kLargest_mm) ||
+  if (!std::ranges::all_of(sweep.axis_mm, along) || !(sweep.end_radius_mm <= kMaxRadius_mm) ||
       !(is_row ? sweep.end_radius_mm > 0 : sweep.end_radius_mm == 0))
     return false;
   return sweep.device < kMaxDevices && std::ranges::all_of(sweep.from_mm, is_in_range) &&
          std::ranges::all_of(sweep.to_mm, is_in_range) && sweep.radius_mm > 0 &&
-         sweep.radius_mm <= kLargest_mm && distance_mm <= kLargest_mm;
+         sweep.radius_mm <= kMaxRadius_mm && distance_mm <= kMaxRadius_mm;
 }
 
 // @param last_tick  in: tick of the preceding event; out: tick of the last one
@@ -153,7 +153,7 @@ void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_
     receive_column(in, column, events, buffer, [](RecordingEvent& event) { return &event; });
   for (RecordingEvent& event : events) {
     if (event.kind > RecordingEvent::Kind::kTissueSolution) in.fail("an event has an unknown kind");
-    if (event.by.asker > Asker::kAgreedViewer) in.fail("an event has an unknown source");
+    if (event.by.asker > Originator::kViewerWithConsent) in.fail("an event has an unknown source");
     if (event.tick < last_tick) in.fail("its events are out of order");
     last_tick = event.tick;
     if (event.kind == RecordingEvent::Kind::kSweep && !is_sweep(event.sweep)) in.fail("a sweep is invalid");
@@ -223,7 +223,7 @@ void TickProperties::observe(std::uint64_t tick, double time_s, std::uint8_t met
   clock_rises_ = clock_rises_ && std::isfinite(time_s) && (ticks_ == 0 || time_s > last_s_);
   last_s_ = time_s;
   ++ticks_;
-  if (std::exchange(touchable_[method], true)) return;
+  if (std::exchange(method_seen_[method], true)) return;
   methods_.push_back({method, tick});
 }
 

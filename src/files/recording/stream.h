@@ -46,7 +46,7 @@ class TickProperties {
   std::uint64_t ticks_ = 0;
   bool clock_rises_ = true;
   double last_s_ = 0;
-  std::array<bool, 256> touchable_{};
+  std::array<bool, 256> method_seen_{};
   std::vector<RecordingHead::AppliedMethod> methods_;
 };
 

@@ -250,12 +250,12 @@ std::vector<RecordingEvent> example_events() {
   std::vector<RecordingEvent> events(2);
   events[0].tick = 3;
   events[0].kind = RecordingEvent::Kind::kModel;
-  events[0].by = {Asker::kControlViewer, 2};
+  events[0].by = {Originator::kControlViewer, 2};
   events[0].number = 4;
   events[0].change = {4, 1, 0.8, 0.3, 0.25, 0.001};
   events[1].tick = 7;
   events[1].kind = RecordingEvent::Kind::kSettings;
-  events[1].by = {Asker::kKey, 0};
+  events[1].by = {Originator::kKey, 0};
   events[1].number = 1;
   events[1].changed = kSettingPaused | kSettingMaxForce;
   events[1].method = 5;
@@ -273,7 +273,7 @@ std::vector<RecordingEvent> random_events(std::span<const TickRecord> ticks, std
     RecordingEvent& event = events.emplace_back();
     event.tick = ticks[i].tick;
     event.kind = static_cast<RecordingEvent::Kind>(random.word() % 4);
-    event.by = {static_cast<Asker>(random.word() % 5), static_cast<std::uint32_t>(random.word())};
+    event.by = {static_cast<Originator>(random.word() % 5), static_cast<std::uint32_t>(random.word())};
     event.number = static_cast<std::uint32_t>(random.word());
     if (event.kind == RecordingEvent::Kind::kModel) event.change.version = event.number;
     event.change.tissue = static_cast<std::uint32_t>(random.word());
@@ -322,7 +322,7 @@ std::vector<TickRecord> random_ticks(std::size_t count, int devices, double rate
     tick.lateness_s = random.number();
     tick.compute_s = random.number();
     tick.model_version = static_cast<std::uint32_t>(random.word());
-    tick.yield_frame = static_cast<std::uint32_t>(random.word());
+    tick.solver_frame = static_cast<std::uint32_t>(random.word());
     tick.method = static_cast<std::uint8_t>(random.word());
     tick.switches = static_cast<std::uint8_t>(random.word());
     tick.max_force_N = random.number();
@@ -342,7 +342,7 @@ std::string first_difference(const TickRecord& a, const TickRecord& b) {
   if (bits(a.lateness_s) != bits(b.lateness_s)) return "lateness_s";
   if (bits(a.compute_s) != bits(b.compute_s)) return "compute_s";
   if (a.model_version != b.model_version) return "model_version";
-  if (a.yield_frame != b.yield_frame) return "yield_frame";
+  if (a.solver_frame != b.solver_frame) return "yield_frame";
   if (a.method != b.method) return "method";
   if (a.switches != b.switches) return "switches";
   if (bits(a.max_force_N) != bits(b.max_force_N)) return "max_force_N";

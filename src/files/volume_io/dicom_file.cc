@@ -41,9 +41,10 @@ constexpr const char* kExport = "export the series again, as CT or MR images";
 
 // True if an element's length is plausible for its values: DCMTK allocates whatever the length field says.
 bool is_short(DcmItem& item, const DcmTagKey& tag) {
-  constexpr Uint32 kLongest = 1 << 16;
+  constexpr Uint32 kMaxLength_bytes = 1 << 16;
   DcmElement* element = nullptr;
-  return item.findAndGetElement(tag, element).good() && element && element->getLengthField() <= kLongest;
+  return item.findAndGetElement(tag, element).good() && element &&
+         element->getLengthField() <= kMaxLength_bytes;
 }
 
 std::optional<double> number_of(DcmItem& item, const DcmTagKey& tag, unsigned long at = 0) {
@@ -332,9 +333,9 @@ void read_distinguishing_values(const Attributes& attributes, DcmItem& root, Dic
 std::optional<Fault> read_number(const Attributes& attributes, const DcmTagKey& tag, double& number) {
   DcmItem& item = attributes.in(DCM_PixelValueTransformationSequence, tag);
   if (text_of(item, tag).empty()) return std::nullopt;
-  constexpr double kMost = 1e30;  // leaves some margin to a float's range
+  constexpr double kMaxValue = 1e30;  // leaves some margin to a float's range
   const auto declared = number_of(item, tag);
-  if (!declared || std::abs(*declared) > kMost)
+  if (!declared || std::abs(*declared) > kMaxValue)
     return Fault{"has a " + in_words(tag) + " that is not a number", kExport};
   number = *declared;
   return std::nullopt;
@@ -586,10 +587,10 @@ std::optional<std::array<std::uint8_t, 3>> palette_colour(DcmItem& root, int lab
     const auto descriptor = numbers_of<3>(root, kTables[c].first);
     const Uint16* words = nullptr;
     unsigned long count = 0;
-    constexpr Uint32 kLongest = 1 << 18;
+    constexpr Uint32 kMaxLength_bytes = 1 << 18;
     DcmElement* element = nullptr;
     if (!descriptor || root.findAndGetElement(kTables[c].second, element).bad() || !element ||
-        element->getLengthField() > kLongest ||
+        element->getLengthField() > kMaxLength_bytes ||
         root.findAndGetUint16Array(kTables[c].second, words, &count).bad() || !words)
       return std::nullopt;
     // 8-bit entries are packed two to a word, the first in the low byte
@@ -695,11 +696,11 @@ constexpr const char* kDamagedStructures = "is a damaged DICOM structure set";
 
 // Numbers of a long text, separated by backslashes; nullopt if one is invalid or exceeds 1e6 mm.
 std::optional<std::vector<double>> long_numbers_of(DcmItem& item, const DcmTagKey& tag) {
-  constexpr Uint32 kMostText = 1 << 26;
+  constexpr Uint32 kMaxText_bytes = 1 << 26;
   DcmElement* element = nullptr;
   char* text = nullptr;
   Uint32 length = 0;
-  if (item.findAndGetElement(tag, element).bad() || !element || element->getLengthField() > kMostText ||
+  if (item.findAndGetElement(tag, element).bad() || !element || element->getLengthField() > kMaxText_bytes ||
       element->getString(text, length).bad())
     return std::nullopt;
   std::vector<double> numbers;

@@ -163,12 +163,12 @@ std::optional<IdentifierKind> kind_of_element(DcmElement& element, const std::st
 }
 
 std::string words_of(DcmElement& element) {
-  constexpr std::size_t kLongest = 64;
+  constexpr std::size_t kMaxLength_bytes = 64;
   OFString text;
   if (element.getLengthField() <= kReadAtOnce && element.isaString() &&
       element.getOFStringArray(text).good()) {
     std::string words(text.c_str(), text.size());
-    if (words.size() > kLongest) words = words.substr(0, kLongest) + " ...";
+    if (words.size() > kMaxLength_bytes) words = words.substr(0, kMaxLength_bytes) + " ...";
     return words;
   }
   return std::to_string(element.getLengthField()) + " bytes";

@@ -264,9 +264,9 @@ Result<void> save(DcmFileFormat& format, bool good, const std::filesystem::path&
 std::string stored_text(DcmItem& item, const DcmTagKey& tag) {
   OFString value;
   DcmElement* element = nullptr;
-  constexpr Uint32 kLongest = 1 << 12;
-  if (item.findAndGetElement(tag, element).bad() || !element || element->getLengthField() > kLongest ||
-      element->getOFStringArray(value).bad())
+  constexpr Uint32 kMaxLength_bytes = 1 << 12;
+  if (item.findAndGetElement(tag, element).bad() || !element ||
+      element->getLengthField() > kMaxLength_bytes || element->getOFStringArray(value).bad())
     return "";
   return {value.c_str(), value.size()};
 }

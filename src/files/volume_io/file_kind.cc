@@ -40,8 +40,8 @@ std::string_view dicom_text(std::string_view bytes, std::string_view tag) {
     if (at + 8 > bytes.size()) return {};
     const bool typed = bytes.substr(at + 4, 2) == "UI";
     const std::size_t length = typed ? little_at(bytes, at + 6, 2) : little_at(bytes, at + 4, 4);
-    constexpr std::size_t kLongestUid = 64;
-    if (length <= kLongestUid && at + 8 + length <= bytes.size())
+    constexpr std::size_t kMaxUid = 64;
+    if (length <= kMaxUid && at + 8 + length <= bytes.size())
       return bytes.substr(at + 8, length);  // padded to an even length with 0
   }
   return {};

@@ -152,14 +152,14 @@ Result<void> find_slices(PictureReader& reader, const std::function<bool()>& sho
 }
 
 // collects the distinct 24-bit colours
-Result<void> find_colours(PictureReader& reader, const std::function<bool()>& should_continue, double& share,
-                          ImageStack& stack) {
+Result<void> find_colours(PictureReader& reader, const std::function<bool()>& should_continue,
+                          double& fraction, ImageStack& stack) {
   std::vector<bool> present(std::size_t{1} << 24);
   std::vector<std::uint32_t> pixels(stack.shape.pixels());
   bool grey = true;
   for (std::size_t k = 0; k < stack.slices.size(); ++k) {
     if (!should_continue()) return bad_input("", "nobody reads it");
-    share = static_cast<double>(k) / static_cast<double>(stack.slices.size());
+    fraction = static_cast<double>(k) / static_cast<double>(stack.slices.size());
     if (auto read = reader.read(stack.slices[k], pixels); !read) return read;
     std::uint32_t last = 0;
     for (const std::uint32_t pixel : pixels) {
@@ -187,7 +187,7 @@ Result<void> find_colours(PictureReader& reader, const std::function<bool()>& sh
 
 Result<ImageStack> inspect_stack(const StructureFiles& found, const fs::path& named,
                                  const Eigen::Vector3d& spacing_mm, ImageColours colours,
-                                 const std::function<bool()>& should_continue, double& share) {
+                                 const std::function<bool()>& should_continue, double& fraction) {
   ImageStack stack;
   stack.files = found.files;
   stack.meaning = colours;
@@ -197,7 +197,7 @@ Result<ImageStack> inspect_stack(const StructureFiles& found, const fs::path& na
     return bad_input(named.string(), "is a single picture, but a volume has several slices",
                      "give the folder with all slices, or a TIFF with several pages");
   if (stack.shape.colour)
-    if (auto known = find_colours(reader, should_continue, share, stack); !known) return known.error();
+    if (auto known = find_colours(reader, should_continue, fraction, stack); !known) return known.error();
 
   GridGeometry grid;
   grid.dims = {stack.shape.columns, stack.shape.rows, static_cast<int>(stack.slices.size())};
@@ -314,8 +314,8 @@ Result<LabelReader> open_image_stack(const fs::path& file, const std::optional<E
   return open_sliced_files(
       found, file, progress,
       [&, spacing = *spacing_mm](const std::function<bool()>& should_continue,
-                                 double& share) -> Result<SlicedVolume> {
-        auto stack = inspect_stack(found, file, spacing, colours, should_continue, share);
+                                 double& fraction) -> Result<SlicedVolume> {
+        auto stack = inspect_stack(found, file, spacing, colours, should_continue, fraction);
         if (!stack) return stack.error();
         const auto stored = std::make_shared<const ImageStack>(*std::move(stack));
         return SlicedVolume{stored->file, [stored](VoxelSink& sink) { return send_stack(*stored, sink); }};

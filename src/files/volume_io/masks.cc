@@ -125,7 +125,7 @@ Result<VolumeFile> understand_mask(const fs::path& file, const PlacementOptions&
 
 Result<StructureLabels> inspect_masks(const StructureFiles& found, const fs::path& named,
                                       const PlacementOptions& placement_options,
-                                      const std::function<bool()>& should_continue, double& share) try {
+                                      const std::function<bool()>& should_continue, double& fraction) try {
   if (found.files.size() > kMaxMasks)
     return bad_input(named.string(),
                      "has " + std::to_string(found.files.size()) + " masks, but at most " +
@@ -154,7 +154,7 @@ Result<StructureLabels> inspect_masks(const StructureFiles& found, const fs::pat
   for (std::size_t n = 0; n < files.size(); ++n) {
     const fs::path& one = found.files[n];
     const VolumeFile* const file = &files[n];
-    share = static_cast<double>(n) / static_cast<double>(files.size());
+    fraction = static_cast<double>(n) / static_cast<double>(files.size());
     MaskSink sink(*file, should_continue);
     if (auto read = send_voxels(*file, sink); !read) return read.error();
     if (!sink.fault().empty()) return no_mask(one, sink.fault());
@@ -195,8 +195,8 @@ Result<LabelReader> open_masks(const fs::path& folder, const PlacementOptions& p
   const StructureFiles found = find_masks(folder);
   return open_structure_files(
       found, folder, progress,
-      [&](const std::function<bool()>& should_continue, double& share) {
-        return inspect_masks(found, folder, placement_options, should_continue, share);
+      [&](const std::function<bool()>& should_continue, double& fraction) {
+        return inspect_masks(found, folder, placement_options, should_continue, fraction);
       },
       "give fewer masks, or crop them first");
 }

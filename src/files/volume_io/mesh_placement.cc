@@ -30,10 +30,10 @@ std::string percent(double part) {
 
 // Fractions of points within the scan that decide the coordinate system: minimum for the correct one and
 // maximum for a wrong one.
-constexpr double kMost = 0.99, kByMistake = 0.9, kHalf = 0.5, kHardlyAny = 0.02;
+constexpr double kMinForCorrect = 0.99, kByMistake = 0.9, kHalf = 0.5, kHardlyAny = 0.02;
 
 bool proves(double this_orientation, double other_orientation) {
-  return (this_orientation >= kMost && other_orientation < kByMistake) ||
+  return (this_orientation >= kMinForCorrect && other_orientation < kByMistake) ||
          (this_orientation >= kHalf && other_orientation <= kHardlyAny);
 }
 
@@ -73,15 +73,15 @@ double MeshSurvey::within(MeshSpace space, std::size_t unit) const {
 Result<TransformedMeshes> transform_meshes(const MeshSurvey& survey,
                                            const MeshPlacementOptions& placement_options,
                                            std::optional<MeshSpace> declared) {
-  const std::optional<MeshSpace> message = placement_options.space ? placement_options.space : declared;
+  const std::optional<MeshSpace> space = placement_options.space ? placement_options.space : declared;
   const std::string by = placement_options.space ? "as requested" : "as stated in the file";
   TransformedMeshes placed;
-  if (!survey.has_scan() || (message && placement_options.unit_mm)) {
-    placed.space = message.value_or(MeshSpace::kLps);
+  if (!survey.has_scan() || (space && placement_options.unit_mm)) {
+    placed.space = space.value_or(MeshSpace::kLps);
     placed.unit_mm = placement_options.unit_mm.value_or(1);
-    placed.space_is_known = message.has_value();
+    placed.space_is_known = space.has_value();
     placed.note = "is read as " + name_of(placed.space) + " (" +
-                  (message ? by : "which the file does not state: its sides are unknown") + ") in " +
+                  (space ? by : "which the file does not state: its sides are unknown") + ") in " +
                   name_of_unit(placed.unit_mm) +
                   (placement_options.unit_mm ? "" : " (which the file does not state)");
     return placed;
@@ -94,8 +94,8 @@ Result<TransformedMeshes> transform_meshes(const MeshSurvey& survey,
   std::string fitting_units;
   for (std::size_t tried = 0; tried < survey.units_mm().size(); ++tried) {
     const double best =
-        message ? survey.within(*message, tried)
-                : std::max(survey.within(MeshSpace::kLps, tried), survey.within(MeshSpace::kRas, tried));
+        space ? survey.within(*space, tried)
+              : std::max(survey.within(MeshSpace::kLps, tried), survey.within(MeshSpace::kRas, tried));
     if (best < kHalf ||
         survey.extent() * survey.units_mm()[tried] < kSpeck_voxels * survey.scan()->min_spacing_mm())
       continue;
@@ -111,24 +111,24 @@ Result<TransformedMeshes> transform_meshes(const MeshSurvey& survey,
   if (fitting.empty())
     return bad_input(
         "",
-        "does not lie in the scan, read as " + (message ? name_of(*message) : "LPS or as RAS") + " in " +
+        "does not lie in the scan, read as " + (space ? name_of(*space) : "LPS or as RAS") + " in " +
             tried_units + ": at least half of its points must lie in it",
         "give the scan that it was made on; or choose how to read it with --mesh-space and --mesh-unit");
   const std::size_t unit = fitting.front();
   placed.unit_mm = survey.units_mm()[unit];
   const double lps = survey.within(MeshSpace::kLps, unit), ras = survey.within(MeshSpace::kRas, unit);
-  placed.space = message.value_or(lps >= ras ? MeshSpace::kLps : MeshSpace::kRas);
+  placed.space = space.value_or(lps >= ras ? MeshSpace::kLps : MeshSpace::kRas);
   const double this_orientation = survey.within(placed.space, unit),
                other_orientation = survey.within(other_than(placed.space), unit);
-  if (!message && !proves(this_orientation, other_orientation))
+  if (!space && !proves(this_orientation, other_orientation))
     return bad_input("",
                      "does not state whether its axes are LPS or RAS, and lies in the scan either way (" +
                          percent(lps) + " of its points as LPS, " + percent(ras) + " as RAS)",
                      "choose one with --mesh-space lps or --mesh-space ras (in a scene file: mesh_space)");
-  placed.note = "is read as " + name_of(placed.space) + (message ? " (" + by + ")" : "") + " in " +
+  placed.note = "is read as " + name_of(placed.space) + (space ? " (" + by + ")" : "") + " in " +
                 name_of_unit(placed.unit_mm) + ": so " + percent(this_orientation) +
                 " of its points lie in the scan";
-  if (!message) placed.note += ", as " + name_of(other_than(placed.space)) + " " + percent(other_orientation);
+  if (!space) placed.note += ", as " + name_of(other_than(placed.space)) + " " + percent(other_orientation);
   return placed;
 }
 

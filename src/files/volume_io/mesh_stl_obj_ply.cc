@@ -12,7 +12,7 @@ namespace {
 
 // Longest line accepted, to limit the memory for its words: a face with the maximum number of corners is
 // shorter.
-constexpr std::size_t kLongestMeshLine = std::size_t{1} << 25;
+constexpr std::size_t kMaxMeshLine = std::size_t{1} << 25;
 
 // number of type T at the beginning of `bytes`
 template <class T>
@@ -63,7 +63,7 @@ Result<MeshFile> parse_ascii_stl(std::string_view bytes, MeshBuilder builder) {
   while (!bytes.empty()) {
     const std::string_view text = trimmed(read_line(bytes));
     ++line;
-    if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
+    if (text.size() > kMaxMeshLine) return builder.damaged(at_line(line, "does not end"));
     const auto words = split_spaces(text);
     if (words.empty()) continue;
     const std::string word = lower_case(words[0]);
@@ -196,7 +196,7 @@ Result<PlyHeader> parse_ply_header(std::string_view& bytes, MeshBuilder& builder
   while (!bytes.empty() && line < kMaxLines) {
     const std::string_view text = trimmed(read_line(bytes));
     ++line;
-    if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
+    if (text.size() > kMaxMeshLine) return builder.damaged(at_line(line, "does not end"));
     const auto words = split_spaces(text);
     if (line == 1 || words.empty()) continue;
     const auto wrong = [&] { return builder.damaged(at_line(line, "of its header is invalid")); };
@@ -279,7 +279,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
       ++line;
     }
     if (!joined.empty()) text = joined += text;
-    if (text.size() > kLongestMeshLine) return builder.damaged(at_line(line, "does not end"));
+    if (text.size() > kMaxMeshLine) return builder.damaged(at_line(line, "does not end"));
     const auto words = split_spaces(text);
     if (words.empty()) continue;
     if (words[0].starts_with('#')) {

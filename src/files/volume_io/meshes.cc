@@ -97,7 +97,7 @@ constexpr std::size_t kMaxMeshes = 1024;
 Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::path& named,
                                        const GridGeometry* scan,
                                        const MeshPlacementOptions& placement_options,
-                                       const std::function<bool()>& should_continue, double& share) {
+                                       const std::function<bool()>& should_continue, double& fraction) {
   // survey the points of all files, and the coordinate systems that the files state
   MeshSurvey survey(scan, placement_options.unit_mm);
   std::optional<MeshSpace> declared;
@@ -146,7 +146,7 @@ Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::p
   std::vector<std::string> open, cut, empty, named_in_part;
   const double part = 1 / static_cast<double>(found.files.size());
   for (const fs::path& one : found.files) {
-    share = part * static_cast<double>(&one - found.files.data());
+    fraction = part * static_cast<double>(&one - found.files.data());
     auto file = parse_file(one, meshes_of.formats.at(one));
     if (!file) return file.error();
     for (std::size_t n = 0; n < file->meshes.size(); ++n) {
@@ -221,8 +221,8 @@ Result<LabelReader> open_meshes(const fs::path& file, const GridGeometry* scan,
   const FoundMeshes meshes = find_meshes(file);
   auto reader = open_structure_files(
       meshes.found, file, progress,
-      [&](const std::function<bool()>& should_continue, double& share) {
-        return inspect_meshes(meshes, file, scan, placement_options, should_continue, share);
+      [&](const std::function<bool()>& should_continue, double& fraction) {
+        return inspect_meshes(meshes, file, scan, placement_options, should_continue, fraction);
       },
       "simplify it first, for example with 3D Slicer's Surface Toolbox (Decimate), or give fewer surfaces");
   if (reader && scan && !reader->volume.header.geometry.same_grid(*scan)) return nonsense({&file, 1});

@@ -11,7 +11,7 @@ using MetaFields = std::map<std::string, std::string>;
 
 // lines up to ElementDataFile, which is the last one
 Result<std::pair<MetaFields, std::size_t>> split_fields(std::string_view bytes, const std::string& source) {
-  constexpr std::size_t kLongestName = 100, kLongestLine = 4000;
+  constexpr std::size_t kMaxName = 100, kMaxLine = 4000;
   MetaFields fields;
   std::string_view remaining = bytes;
   for (int number = 1; !remaining.empty(); ++number) {
@@ -19,7 +19,7 @@ Result<std::pair<MetaFields, std::size_t>> split_fields(std::string_view bytes, 
     if (trimmed(line).empty()) continue;
     const auto equals = line.find('=');
     const std::string where = source + ":" + std::to_string(number);
-    if (equals == std::string_view::npos || equals > kLongestName || line.size() > kLongestLine)
+    if (equals == std::string_view::npos || equals > kMaxName || line.size() > kMaxLine)
       return bad_input(where, "is not a line of a MetaImage header",
                        "is the file complete and really a MetaImage?");
     const std::string name(trimmed(line.substr(0, equals)));
@@ -123,7 +123,7 @@ Result<void> read_voxel_fields(const MetaFields& fields, const std::string& sour
     const auto size = parse_number<std::int64_t>(*text);
     if (!size || *size < -1 || *size > (std::int64_t{1} << 40))
       return bad_input(source, "its HeaderSize is not a number of bytes");
-    if (*size == -1) header.voxels.bytes_after = 0;
+    if (*size == -1) header.voxels.trailing_bytes = 0;
     if (*size > 0) header.voxels.offset = static_cast<std::uint64_t>(*size);
   }
   return {};

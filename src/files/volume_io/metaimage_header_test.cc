@@ -46,9 +46,9 @@ TEST(MetaImageHeader, FindsSeparateDataBehindAnotherHeader) {
   ASSERT_TRUE(header) << header.error().message();
   EXPECT_EQ(header->data_file, "a.raw");
   EXPECT_EQ(header->voxels.offset, 12u);
-  EXPECT_EQ(
-      parse_metaimage_header(kGood + "HeaderSize = -1\nElementDataFile = a.raw\n", "x")->voxels.bytes_after,
-      0u);
+  EXPECT_EQ(parse_metaimage_header(kGood + "HeaderSize = -1\nElementDataFile = a.raw\n", "x")
+                ->voxels.trailing_bytes,
+            0u);
 }
 
 TEST(MetaImageHeader, WhatCannotBeRightIsAnError) {

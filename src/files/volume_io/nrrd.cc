@@ -21,20 +21,20 @@ Result<std::uint64_t> skip_lines(const std::filesystem::path& file, std::uint64_
 
 /// Rejects a negative byte skip that points before the beginning of the file, for which ITK would only report
 /// a failed seek.
-Result<void> check_counted_from_end(const VoxelSource& voxels, const std::array<int, 3>& dims, int layers,
-                                    const std::string& source) {
-  if (voxels.encoding != Encoding::kRaw || !voxels.bytes_after) return {};
+Result<void> check_negative_byte_skip(const VoxelSource& voxels, const std::array<int, 3>& dims, int layers,
+                                      const std::string& source) {
+  if (voxels.encoding != Encoding::kRaw || !voxels.trailing_bytes) return {};
   GridGeometry grid;
   grid.dims = dims;
   const std::uint64_t needed =
       grid.voxel_count() * static_cast<std::uint64_t>(layers) * bytes_of(voxels.component);
   std::error_code failed;
   const std::uint64_t size = std::filesystem::file_size(voxels.file, failed);
-  if (!failed && size >= voxels.offset + needed + *voxels.bytes_after) return {};
+  if (!failed && size >= voxels.offset + needed + *voxels.trailing_bytes) return {};
   return bad_input(
       source,
-      "its byte skip of -" + std::to_string(*voxels.bytes_after + 1) + " asks for " +
-          std::to_string(voxels.offset + needed + *voxels.bytes_after) +
+      "its byte skip of -" + std::to_string(*voxels.trailing_bytes + 1) + " asks for " +
+          std::to_string(voxels.offset + needed + *voxels.trailing_bytes) +
           " bytes of voxel data, but there are " + std::to_string(failed ? 0 : size),
       "the data are cut short, or the byte skip is wrong: -1 means that the voxels end the file");
 }
@@ -65,7 +65,7 @@ Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& o
   if (!offset) return offset.error();
   volume.voxels.offset = *offset;
 
-  if (auto fits = check_counted_from_end(volume.voxels, *dims, header->layers, source); !fits)
+  if (auto fits = check_negative_byte_skip(volume.voxels, *dims, header->layers, source); !fits)
     return fits.error();
 
   const auto geometry = itk_geometry(ItkFormat::kNrrd, file, *dims);

@@ -11,7 +11,7 @@ namespace palpate::volume_io {
 namespace {
 
 // header lines, with field names in lower case
-struct Lines {
+struct HeaderFields {
   std::map<std::string, std::string> fields;
   std::vector<std::pair<std::string, std::string>> segment_fields;
   std::size_t end = 0;
@@ -29,8 +29,8 @@ std::string unescaped(std::string_view text) {
   return plain;
 }
 
-Result<Lines> split_lines(std::string_view bytes, const std::string& source) {
-  Lines lines;
+Result<HeaderFields> split_lines(std::string_view bytes, const std::string& source) {
+  HeaderFields lines;
   std::string_view remaining = bytes;
   if (read_line(remaining).substr(0, 5) != "NRRD0")
     return bad_input(source, "does not start like an NRRD file", "is it really one, and complete?");
@@ -141,7 +141,7 @@ std::optional<std::vector<AxisVector>> parse_vectors(std::string_view text) {
 
 class Parser {
  public:
-  Parser(Lines lines, const std::string& source) : lines_(std::move(lines)), source_(source) {}
+  Parser(HeaderFields lines, const std::string& source) : lines_(std::move(lines)), source_(source) {}
 
   Result<NrrdHeader> parse() {
     using Step = Result<void> (Parser::*)();
@@ -185,9 +185,10 @@ class Parser {
     if (kinds == nullptr) return {};
     const auto names = split_spaces(*kinds);
     if (names.size() != header_.axes.size()) return bad("its kinds do not agree with its dimension");
-    static constexpr std::array<std::string_view, 5> kNonLayerKinds{"domain", "space", "time", "none", "???"};
+    static constexpr std::array<std::string_view, 5> kScalarAxisKinds{"domain", "space", "time", "none",
+                                                                      "???"};
     for (std::size_t a = 0; a < names.size(); ++a) {
-      if (std::ranges::find(kNonLayerKinds, lower_case(names[a])) != kNonLayerKinds.end()) continue;
+      if (std::ranges::find(kScalarAxisKinds, lower_case(names[a])) != kScalarAxisKinds.end()) continue;
       if (header_.has_layer_axis || (a != 0 && a + 1 != names.size()))
         return bad("holds several values for each voxel in a way that is not supported",
                    "give one value for each voxel, or segmentation layers as the first axis");
@@ -296,7 +297,7 @@ class Parser {
         return bad("its byte skip is not a number of bytes");
       // -1: the voxels end at the end of the file; -5: they end 4 bytes before it
       if (*skip < 0)
-        header_.voxels.bytes_after = static_cast<std::uint64_t>(-(*skip + 1));
+        header_.voxels.trailing_bytes = static_cast<std::uint64_t>(-(*skip + 1));
       else
         header_.voxels.skip = static_cast<std::uint64_t>(*skip);
       const bool text_numbers =
@@ -306,7 +307,7 @@ class Parser {
     return {};
   }
 
-  Lines lines_;
+  HeaderFields lines_;
   const std::string& source_;
   NrrdHeader header_;
   std::size_t layer_axis_index_ = 0;

@@ -81,8 +81,8 @@ TEST(NrrdHeader, FindsTheLayerAxisAtEitherEnd) {
 }
 
 TEST(NrrdHeader, CountsANegativeByteSkipFromTheEnd) {
-  EXPECT_EQ(parse_nrrd_header(kGoodNrrd + "byte skip: -1\n", "x")->voxels.bytes_after, 0u);
-  EXPECT_EQ(parse_nrrd_header(kGoodNrrd + "byteskip: -5\n", "x")->voxels.bytes_after, 4u);
+  EXPECT_EQ(parse_nrrd_header(kGoodNrrd + "byte skip: -1\n", "x")->voxels.trailing_bytes, 0u);
+  EXPECT_EQ(parse_nrrd_header(kGoodNrrd + "byteskip: -5\n", "x")->voxels.trailing_bytes, 4u);
 }
 
 TEST(NrrdHeader, WithoutDirectionsOrAPatientSpaceItHasNoGeometry) {

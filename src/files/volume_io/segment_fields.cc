@@ -148,8 +148,8 @@ Rgb colour_for(LabelId id) {
   // HSL to RGB: a channel is at its maximum within 60 degrees of its hue, at its minimum beyond 120 degrees
   const auto channel = [&](double channel_deg) {
     const double away_deg = std::abs(std::remainder(hue_deg - channel_deg, 360.0));
-    const double share = std::clamp(2 - away_deg / 60, 0.0, 1.0) - 0.5;
-    return static_cast<std::uint8_t>(std::lround(255 * (lightness + chroma * share)));
+    const double fraction = std::clamp(2 - away_deg / 60, 0.0, 1.0) - 0.5;
+    return static_cast<std::uint8_t>(std::lround(255 * (lightness + chroma * fraction)));
   };
   return {channel(0), channel(120), channel(240)};
 }

@@ -142,13 +142,13 @@ Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const fs
 
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const fs::path& named, const Progress& progress,
-    const std::function<Result<StructureLabels>(const std::function<bool()>& should_continue, double& share)>&
-        inspect,
+    const std::function<Result<StructureLabels>(const std::function<bool()>& should_continue,
+                                                double& fraction)>& inspect,
     const char* too_large) {
   return open_sliced_files(
       found, named, progress,
-      [&](const std::function<bool()>& should_continue, double& share) -> Result<SlicedVolume> {
-        auto labels = inspect(should_continue, share);
+      [&](const std::function<bool()>& should_continue, double& fraction) -> Result<SlicedVolume> {
+        auto labels = inspect(should_continue, fraction);
         if (!labels) return labels.error();
         const auto stored = std::make_shared<const StructureLabels>(*std::move(labels));
         return SlicedVolume{stored->file,
@@ -159,7 +159,7 @@ Result<LabelReader> open_structure_files(
 
 Result<LabelReader> open_sliced_files(
     const StructureFiles& found, const fs::path& named, const Progress& progress,
-    const std::function<Result<SlicedVolume>(const std::function<bool()>& should_continue, double& share)>&
+    const std::function<Result<SlicedVolume>(const std::function<bool()>& should_continue, double& fraction)>&
         inspect,
     const char* too_large) {
   std::vector<int> descriptors;
@@ -170,14 +170,14 @@ Result<LabelReader> open_sliced_files(
   std::vector<fs::path> names{named};
   names.insert(names.end(), found.files.begin(), found.files.end());
   auto process = start_reader(descriptors, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
-    double share = 0;
+    double fraction = 0;
     const auto report = [&] {
-      const auto word = static_cast<std::uint32_t>(std::lround(1000 * share));
+      const auto word = static_cast<std::uint32_t>(std::lround(1000 * fraction));
       return parent.write(std::as_bytes(std::span(&word, 1)));
     };
     const auto volume = [&]() -> Result<SlicedVolume> {
       try {
-        return inspect(now_and_then(report), share);
+        return inspect(now_and_then(report), fraction);
       } catch (const std::bad_alloc&) {
         return bad_input(named.string(), "does not fit into the memory for reading", too_large);
       }
@@ -189,8 +189,8 @@ Result<LabelReader> open_sliced_files(
     return Error{process.error().kind, process.error().what, named.string(), process.error().remedy};
   while (true) {
     std::uint32_t word = 0;
-    if (auto declared = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !declared)
-      return about(declared.error(), names);
+    if (auto received = (*process)->read(std::as_writable_bytes(std::span(&word, 1))); !received)
+      return about(received.error(), names);
     if (word != kEnd) {
       progress.report("examining each file", std::min(1.0, word / 1000.0));
       continue;

@@ -69,18 +69,19 @@ struct SlicedVolume {
 /// Starts a process that reads files as one volume; parameters as for open_structure_files().
 Result<LabelReader> open_sliced_files(
     const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,
-    const std::function<Result<SlicedVolume>(const std::function<bool()>& should_continue, double& share)>&
+    const std::function<Result<SlicedVolume>(const std::function<bool()>& should_continue, double& fraction)>&
         inspect,
     const char* too_large);
 
 /// Starts a process that reads the files as one structure each.
-/// @param inspect    called in that process; it must call `should_continue` regularly and set `share` to the
+/// @param inspect    called in that process; it must call `should_continue` regularly and set `fraction` to
+/// the
 ///                   completed fraction of its work, 0 ... 1
 /// @param too_large  remedy if the data do not fit into memory
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,
-    const std::function<Result<StructureLabels>(const std::function<bool()>& should_continue, double& share)>&
-        inspect,
+    const std::function<Result<StructureLabels>(const std::function<bool()>& should_continue,
+                                                double& fraction)>& inspect,
     const char* too_large);
 
 }  // namespace palpate::volume_io

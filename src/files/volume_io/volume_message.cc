@@ -111,10 +111,10 @@ Result<VolumeFile> get_volume(Receiver& in, Files files) {
   get_one_of(in, volume.voxels.component, Component::kFloat64);
   get_one_of(in, volume.header.meaning, ValueMeaning::kMeasured);
   bool counted_from_end = false;
-  std::uint64_t bytes_after = 0;
+  std::uint64_t trailing_bytes = 0;
   in.get(counted_from_end);
-  in.get(bytes_after);
-  if (counted_from_end) volume.voxels.bytes_after = bytes_after;
+  in.get(trailing_bytes);
+  if (counted_from_end) volume.voxels.trailing_bytes = trailing_bytes;
   in.get(volume.header.placement_doubt);
   get_notes(in, volume.notes);
   get_segment_fields(in, volume.segment_fields);
@@ -161,8 +161,8 @@ bool send_volume(reader::ByteTarget& target, const VolumeFile& volume, Files fil
   out.put(static_cast<std::uint8_t>(volume.voxels.encoding));
   out.put(static_cast<std::uint8_t>(volume.voxels.component));
   out.put(static_cast<std::uint8_t>(volume.header.meaning));
-  out.put(volume.voxels.bytes_after.has_value());
-  out.put(volume.voxels.bytes_after.value_or(0));
+  out.put(volume.voxels.trailing_bytes.has_value());
+  out.put(volume.voxels.trailing_bytes.value_or(0));
   out.put(volume.header.placement_doubt);
   out.put(static_cast<std::uint32_t>(volume.notes.size()));
   for (const std::string& note : volume.notes) out.put(note);

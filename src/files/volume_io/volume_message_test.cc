@@ -83,7 +83,7 @@ TEST(VolumeMessage, AVolumeArrivesWhole) {
   EXPECT_TRUE(received.voxels.big_endian);
   EXPECT_EQ(received.voxels.offset, 11u);
   EXPECT_EQ(received.voxels.skip, 12u);
-  EXPECT_EQ(received.voxels.bytes_after, 13u);
+  EXPECT_EQ(received.voxels.trailing_bytes, 13u);
   EXPECT_TRUE(received.voxels.may_have_more);
   EXPECT_EQ(received.voxels.slope, 2.5);
   EXPECT_EQ(received.voxels.intercept, -7);

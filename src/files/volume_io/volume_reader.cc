@@ -214,8 +214,8 @@ Result<void> read_voxels(reader::ReaderProcess& process, const VolumeFile& file,
   process.resume();
   for (std::size_t slot = 0;;) {
     std::uint32_t bytes = 0;
-    if (auto declared = process.read(std::as_writable_bytes(std::span(&bytes, 1))); !declared)
-      return about(at_slice(declared.error(), file, first), files);
+    if (auto received = process.read(std::as_writable_bytes(std::span(&bytes, 1))); !received)
+      return about(at_slice(received.error(), file, first), files);
     if (bytes == kEnd) break;
     if (bytes == kStillReading) continue;
     if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(files);

@@ -53,8 +53,8 @@ VoxelCacheEntry::VoxelCacheEntry(const VolumeReader& reader, std::string_view ki
   key.put(source.component);
   key.put(source.big_endian);
   key.put(source.skip);
-  key.put(source.bytes_after.has_value());
-  key.put(source.bytes_after.value_or(0));
+  key.put(source.trailing_bytes.has_value());
+  key.put(source.trailing_bytes.value_or(0));
   key.put(source.may_have_more);
   key.put(source.slope);
   key.put(source.intercept);

@@ -33,7 +33,7 @@ struct VoxelSource {
   std::uint64_t skip = 0;    ///< Decoded bytes before the first voxel.
   /// If set, the voxels are the last decoded bytes except for this number of bytes after them; `skip` is
   /// unused.
-  std::optional<std::uint64_t> bytes_after;
+  std::optional<std::uint64_t> trailing_bytes;
   bool may_have_more = false;       ///< Surplus bytes after the voxels are accepted, because in this format
                                     ///< they do not indicate a misread header.
   double slope = 1, intercept = 0;  ///< value = slope * stored + intercept

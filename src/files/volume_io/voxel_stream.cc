@@ -196,8 +196,8 @@ class NumberStream : public TextStream {
     int c = next();
     while (is_space(c) || c == ',') c = next();
     std::string token;
-    constexpr std::size_t kLongest = 400;
-    for (; c >= 0 && !is_space(c) && c != ',' && token.size() < kLongest; c = next())
+    constexpr std::size_t kMaxToken = 400;
+    for (; c >= 0 && !is_space(c) && c != ',' && token.size() < kMaxToken; c = next())
       token.push_back(static_cast<char>(c));
     return token;
   }
@@ -313,10 +313,10 @@ Result<Positioned> at_first_voxel(const VolumeFile& file, VoxelSink& sink) {
   auto stream = open_stream(source);
   if (!stream) return stream.error();
   std::uint64_t skip = source.skip;
-  if (source.bytes_after) {
+  if (source.trailing_bytes) {
     // an offset from the end requires decoding all data once
     const std::uint64_t total = pass_over(**stream, ~std::uint64_t{0}, sink);
-    const std::uint64_t needed = file.value_count() * bytes_of(source.component) + *source.bytes_after;
+    const std::uint64_t needed = file.value_count() * bytes_of(source.component) + *source.trailing_bytes;
     if (total < needed || !(*stream)->fault().empty())
       return Positioned{nullptr,
                         (*stream)->fault().empty() ? "they are shorter than stated" : (*stream)->fault()};
@@ -341,7 +341,7 @@ std::uint64_t max_values(const VoxelSource& source, std::uint64_t stored) {
   // Deflate: 258 bytes from 2 bits. bzip2: 900 000 bytes from about 32, each 5 of which encode a run of up to
   // 259.
   constexpr std::uint64_t kMaxDeflate = 1032, kMaxBzip2 = 1 << 21;
-  const std::uint64_t size = bytes_of(source.component), before = source.bytes_after.value_or(source.skip);
+  const std::uint64_t size = bytes_of(source.component), before = source.trailing_bytes.value_or(source.skip);
   const auto after_skip = [&](std::uint64_t bytes) { return (bytes - std::min(bytes, before)) / size; };
   switch (source.encoding) {
     case Encoding::kDeflate:
@@ -419,7 +419,7 @@ Result<void> send_voxels(const VolumeFile& file, VoxelSink& sink) {
 
   // trailing data: the rest of the stream contains its checksum
   if (source.encoding == Encoding::kRaw && source.may_have_more) return {};
-  const std::uint64_t after = source.bytes_after.value_or(0);
+  const std::uint64_t after = source.trailing_bytes.value_or(0);
   const std::uint64_t more = pass_over(stream, source.may_have_more ? ~std::uint64_t{0} : after + 1, sink);
   if (!stream.fault().empty() && source.encoding != Encoding::kText)
     return bad_input(source.file.string(), "all voxels are there, but " + stream.fault(),

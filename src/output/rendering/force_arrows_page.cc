@@ -14,11 +14,11 @@ constexpr Pixel kSectionCorner{32, 78};
 constexpr double kRight_px = kSectionCorner[0] + kSection_px, kBottom_px = kSectionCorner[1] + kSection_px;
 
 // fraction of the full force below which a force is not drawn
-constexpr double kMinShare = 0.01;
+constexpr double kMinFraction = 0.01;
 // the lengths below are in units of the arrow spacing, limited by the space of the scale beside the section
 constexpr double kMaxUnit_px = 28;
-constexpr double kLongestArrow = 0.95;   // at full force
-constexpr double kShortestArrow = 0.11;  // below this, no direction is discernible
+constexpr double kMaxArrow = 0.95;  // at full force
+constexpr double kMinArrow = 0.11;  // below this, no direction is discernible
 constexpr double kRing = 0.14, kLostRing = 0.08, kStroke = 0.05;
 constexpr double kMaxRing_px = 3, kMaxLostRing_px = 1.6, kMaxStroke_px = 1.1, kMaxHead_px = 7;
 
@@ -51,8 +51,8 @@ std::string format(const char* pattern, double value) {
 constexpr Rgb kColours[] = {{13, 8, 135}, {106, 0, 168}, {177, 42, 144}, {221, 81, 97}, {240, 128, 36}};
 constexpr int kColourSteps = std::size(kColours) - 1;
 
-std::string colour_of(double share) {
-  const double at = std::clamp(share, 0.0, 1.0) * kColourSteps;
+std::string colour_of(double fraction) {
+  const double at = std::clamp(fraction, 0.0, 1.0) * kColourSteps;
   const int below = std::min(static_cast<int>(at), kColourSteps - 1);
   const auto mix = [&](std::uint8_t a, std::uint8_t b) {
     return static_cast<std::uint8_t>(std::lround(a + (b - a) * (at - below)));
@@ -61,8 +61,8 @@ std::string colour_of(double share) {
   return css_colour({mix(a.r, b.r), mix(a.g, b.g), mix(a.b, b.b)});
 }
 
-std::string colour_attribute(double share) {
-  return "color=\"" + colour_of(share) + "\"";
+std::string colour_attribute(double fraction) {
+  return "color=\"" + colour_of(fraction) + "\"";
 }
 
 double unit_px(const Picture& p) {
@@ -71,12 +71,12 @@ double unit_px(const Picture& p) {
 
 // length of an arrow for a force in the plane, in units; square root, so that weak forces have a visible
 // direction
-double length_of(double share) {
-  return kLongestArrow * std::sqrt(std::clamp(share, 0.0, 1.0));
+double length_of(double fraction) {
+  return kMaxArrow * std::sqrt(std::clamp(fraction, 0.0, 1.0));
 }
 
 // shaft and head; the arrow is centred on the sampled point
-std::string arrow_path(const Pixel& middle, const Pixel& along, double length, bool hollow, double share) {
+std::string arrow_path(const Pixel& middle, const Pixel& along, double length, bool hollow, double fraction) {
   const double head = std::min(0.5 * length, kMaxHead_px), half = 0.42 * head;
   const auto pixel_at = [&](double forward, double lateral) {
     return Pixel{middle[0] + along[0] * forward - along[1] * lateral,
@@ -87,7 +87,7 @@ std::string arrow_path(const Pixel& middle, const Pixel& along, double length, b
               "M" + pair(pixel_at(-0.5 * length, 0)) + "L" + pair(base) + "M" +
                   pair(pixel_at(0.5 * length - head, half)) + "L" + pair(pixel_at(0.5 * length, 0)) + "L" +
                   pair(pixel_at(0.5 * length - head, -half)) + "Z",
-              colour_attribute(share));
+              colour_attribute(fraction));
 }
 
 std::string circle(std::string_view css_class, const Pixel& at, double radius, std::string_view attributes) {
@@ -99,8 +99,8 @@ std::string circle(std::string_view css_class, const Pixel& at, double radius, s
 }
 
 // ring with a dot towards the viewer or a cross away, the convention for currents
-std::string end_on(const Pixel& at, double radius, bool away, double share) {
-  const std::string colour = colour_attribute(share);
+std::string end_on(const Pixel& at, double radius, bool away, double fraction) {
+  const std::string colour = colour_attribute(fraction);
   const std::string ring = circle("end-on", at, radius, colour);
   if (!away) return ring + circle("dot", at, 0.13 * radius, colour);
   const double arm = 0.7 * radius;
@@ -111,20 +111,20 @@ std::string end_on(const Pixel& at, double radius, bool away, double share) {
 }
 
 std::string draw_arrow(const Arrow& arrow, double full_force_N, double unit) {
-  const double force_N = arrow.force_N(), share = force_N / full_force_N;
+  const double force_N = arrow.force_N(), fraction = force_N / full_force_N;
   const Pixel at = on_page(arrow.at);
-  if (!(share >= kMinShare)) {
-    const bool lost = arrow.value >= kMinShare && force_N == 0;
+  if (!(fraction >= kMinFraction)) {
+    const bool lost = arrow.value >= kMinFraction && force_N == 0;
     return lost ? circle("lost", at, std::min(kLostRing * unit, kMaxLostRing_px), "") : "";
   }
-  const double in_plane_N = arrow.in_plane_N(), length = length_of(share) * in_plane_N / force_N;
+  const double in_plane_N = arrow.in_plane_N(), length = length_of(fraction) * in_plane_N / force_N;
   const bool mostly_out = std::abs(arrow.away_N) > 0.5 * force_N;
-  if (length >= kShortestArrow)
+  if (length >= kMinArrow)
     return arrow_path(at, {arrow.right_N / in_plane_N, arrow.down_N / in_plane_N}, length * unit, mostly_out,
-                      share);
-  if (length_of(share) >= kShortestArrow)
-    return end_on(at, std::min(kRing * unit, kMaxRing_px), arrow.away_N > 0, share);
-  return circle("dot", at, 0.013 * unit, colour_attribute(share));
+                      fraction);
+  if (length_of(fraction) >= kMinArrow)
+    return end_on(at, std::min(kRing * unit, kMaxRing_px), arrow.away_N > 0, fraction);
+  return circle("dot", at, 0.013 * unit, colour_attribute(fraction));
 }
 
 std::string draw_arrows(const Picture& p, const Progress& progress) {
@@ -212,11 +212,12 @@ std::string draw_force_scale(const Picture& p) {
   const double left = kRight_px + 56, top = kSectionCorner[1] + 30, full_N = p.field.full_force_N();
   std::string svg = gradient() + text("small", {left - 27, top - 24}, "force on the tip") +
                     rectangle("bar", {left, top}, kBar_px, kHeight);
-  for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0}) {
-    const double y = top + kHeight * (1 - share);
+  for (const double fraction : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+    const double y = top + kHeight * (1 - fraction);
     svg += path("frame", "M" + pair({left + kBar_px, y}) + "h4") +
-           text("small", {left + kBar_px + 7, y + 4}, format("%.2f N", share * full_N));
-    if (share > 0) svg += arrow_path({left - 15, y}, {1, 0}, length_of(share) * unit_px(p), false, share);
+           text("small", {left + kBar_px + 7, y + 4}, format("%.2f N", fraction * full_N));
+    if (fraction > 0)
+      svg += arrow_path({left - 15, y}, {1, 0}, length_of(fraction) * unit_px(p), false, fraction);
   }
   return svg;
 }

@@ -121,7 +121,7 @@ void draw_scale_bar(Pen& pen, const SectionPlane& plane) {
 
 /// From the bottom up: the note on the purpose, in two lines if necessary, then the structures.
 void draw_foot(Pen& pen, const SectionPlane& plane, const Model& model, const Caption& caption) {
-  constexpr std::size_t kMaxStructures = 8, kLongestName = 32;
+  constexpr std::size_t kMaxStructures = 8, kMaxName = 32;
   const int left = pen.margin(), unit = pen.unit();
   const int bar = static_cast<int>(marks::scale_bar_mm(plane.width_mm) / plane.mm_per_px());
   int top = pen.height() - pen.margin() - bitmap_font::kBaseline * unit;
@@ -141,7 +141,7 @@ void draw_foot(Pen& pen, const SectionPlane& plane, const Model& model, const Ca
   const std::size_t count = std::min(caption.structures.size(), kMaxStructures);
   for (std::size_t n = count; n-- > 0; top -= pen.line()) {
     pen.bars({{left, top, left + 7 * unit, top + 7 * unit}}, colour_of(model, caption.structures[n]));
-    pen.text(left + 11 * unit, top, marks::short_name(model, caption.structures[n], kLongestName), kDim);
+    pen.text(left + 11 * unit, top, marks::short_name(model, caption.structures[n], kMaxName), kDim);
   }
 }
 

@@ -240,8 +240,8 @@ TEST(SectionRenderer, TissueIsDrawnWhereItHasGoneTo) {
         if (!oracle[n].value) continue;
         const double level =
             255 * (*oracle[n].value - style.window_low) / (style.window_high - style.window_low);
-        const double steepest = 255 * 3000 / (style.window_high - style.window_low);
-        ASSERT_NEAR(rendered.scan[3 * n], std::clamp(level, 0.0, 255.0), 1 + 0.004 * steepest);
+        const double max_gradient = 255 * 3000 / (style.window_high - style.window_low);
+        ASSERT_NEAR(rendered.scan[3 * n], std::clamp(level, 0.0, 255.0), 1 + 0.004 * max_gradient);
       }
       EXPECT_LE(off, 2 + oracle.size() / 200);
       // the blend follows from the labels

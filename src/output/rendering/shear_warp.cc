@@ -11,9 +11,9 @@ namespace {
 /// it equals the final pixel size. Finer pixels show no more detail, coarser ones would skip voxels. Along a
 /// line, samples less than 1 apart can be looked up by vector permutation, which outweighs a lower number of
 /// samples; the distance between lines may be larger.
-constexpr double kFinestPixel = 0.75, kCoarsestPixel = 0.995, kNearestLine = 0.95, kFarthestLine = 1.25;
+constexpr double kFinestPixel = 0.75, kCoarsestPixel = 0.995, kMinLine = 0.95, kMaxLine = 1.25;
 /// Planes nearer to the eye than this fraction of the distance to the intermediate picture are not sampled.
-constexpr double kNearest = 1e-3;
+constexpr double kMinDepth = 1e-3;
 /// Empty margin of the intermediate picture; pixels.
 constexpr int kRim = 2;
 
@@ -144,7 +144,7 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
     if (rays.is_parallel) {
       all_x.add(at[x] - off * rays.path[x] / rays.path[z]);
       all_y.add(at[y] - off * rays.path[y] / rays.path[z]);
-    } else if (const double farther = (at[z] - eye[z]) / (f.z_ref - eye[z]); farther > kNearest) {
+    } else if (const double farther = (at[z] - eye[z]) / (f.z_ref - eye[z]); farther > kMinDepth) {
       all_x.add(eye[x] + (at[x] - eye[x]) / farther);
       all_y.add(eye[y] + (at[y] - eye[y]) / farther);
     } else {
@@ -157,7 +157,7 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   if (!(xs.low <= xs.high) || !(ys.low <= ys.high)) return {};
 
   f.x_ref_per_u = std::clamp(pixel_mm, kFinestPixel * h, kCoarsestPixel * h) / grid.spacing_mm[x];
-  f.y_ref_per_v = std::clamp(pixel_mm, kNearestLine * h, kFarthestLine * h) / grid.spacing_mm[y];
+  f.y_ref_per_v = std::clamp(pixel_mm, kMinLine * h, kMaxLine * h) / grid.spacing_mm[y];
   f.x_ref_0 = xs.low - kRim * f.x_ref_per_u;
   f.y_ref_0 = ys.low - kRim * f.y_ref_per_v;
   f.width = static_cast<int>(std::ceil((xs.high - xs.low) / f.x_ref_per_u)) + 2 * kRim + 1;
@@ -176,7 +176,7 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   for (int n = 0; n < count; ++n) {
     const double at = region.is_ascending ? (n + 1) * separation - 1 : slice_count - (n + 1) * separation;
     const double farther = rays.is_parallel ? 1 : (at - eye[z]) / (f.z_ref - eye[z]);
-    if (farther <= kNearest) continue;
+    if (farther <= kMinDepth) continue;
     if (is_first) f.z_first = at;
     is_first = false;
     SamplePlane plane{};

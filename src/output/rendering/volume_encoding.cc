@@ -550,11 +550,11 @@ class Encoding::Tile {
 
   /// Look of a voxel from its 27 neighbours.
   VoxelAppearance mixture(const LabelId* const* rows, int i) const {
-    struct Share {
+    struct Fraction {
       LabelId label;
       float coverage;
     };
-    std::array<Share, 27> shares;
+    std::array<Fraction, 27> fractions;
     std::size_t encountered = 0;
     Eigen::Vector3d slope = Eigen::Vector3d::Zero();
     for (int r = 0; r < 9; ++r)
@@ -564,26 +564,26 @@ class Encoding::Tile {
         const int b = r % 3 - 1, c = r / 3 - 1;
         const double wa = a == 0 ? 0.5 : 0.25, wb = b == 0 ? 0.5 : 0.25, wc = c == 0 ? 0.5 : 0.25;
         std::size_t n = 0;
-        while (n < encountered && shares[n].label != label) ++n;
-        if (n == encountered) shares[encountered++] = {label, 0};
-        shares[n].coverage += static_cast<float>(wa * wb * wc);
+        while (n < encountered && fractions[n].label != label) ++n;
+        if (n == encountered) fractions[encountered++] = {label, 0};
+        fractions[n].coverage += static_cast<float>(wa * wb * wc);
         slope += 0.5 * Eigen::Vector3d(a * wb * wc, b * wa * wc, c * wa * wb);
       }
     VoxelAppearance appearance;
     if (encountered == 0) return appearance;
     float all = 0, solid = 0;
     for (std::size_t n = 0; n < encountered; ++n) {
-      all += shares[n].coverage;
-      if (part(shares[n].label).solid > 0) solid += shares[n].coverage;
+      all += fractions[n].coverage;
+      if (part(fractions[n].label).solid > 0) solid += fractions[n].coverage;
     }
     appearance.covered = all;
     const auto solidity = static_cast<float>(volume_picture::solidity(solid, part(rows[4][i]).solid > 0));
     const auto steep =
         static_cast<float>((encoding_.to_patient_ * slope).norm() * encoding_.grid_.min_spacing_mm());
     for (std::size_t n = 0; n < encountered; ++n) {
-      const Part& p = part(shares[n].label);
-      const float e = p.solid > 0 ? shares[n].coverage * p.solid * solidity / solid
-                                  : shares[n].coverage * (p.haze + p.surface * steep / all);
+      const Part& p = part(fractions[n].label);
+      const float e = p.solid > 0 ? fractions[n].coverage * p.solid * solidity / solid
+                                  : fractions[n].coverage * (p.haze + p.surface * steep / all);
       appearance.extinction += e;
       appearance.colour[0] += e * p.colour.r;
       appearance.colour[1] += e * p.colour.g;

@@ -173,8 +173,8 @@ void draw_volume_marks(Image& image, std::span<const float> depth_mm, const Volu
       float sum = 0;
       for (int n = 0; n < kSamples; ++n) {
         const MarkSample& sample = of_pixel[n];
-        const float share = !std::isfinite(sample.mm) ? 0 : sample.mm <= depth_mm[at] ? 1 : sample.behind;
-        sum += share * (static_cast<float>(sample.rgb[c]) - static_cast<float>(image.rgb[3 * at + c]));
+        const float fraction = !std::isfinite(sample.mm) ? 0 : sample.mm <= depth_mm[at] ? 1 : sample.behind;
+        sum += fraction * (static_cast<float>(sample.rgb[c]) - static_cast<float>(image.rgb[3 * at + c]));
       }
       image.rgb[3 * at + c] =
           static_cast<std::uint8_t>(std::lround(static_cast<float>(image.rgb[3 * at + c]) + sum / kSamples));

@@ -68,15 +68,17 @@ class RayRanges {
   bool is_clipped() const { return is_clipped_; }
 
   /// Step of an intermediate pixel's ray from plane to plane; voxels.
-  Eigen::Vector3d pace(const Eigen::Vector3d& at) const {
+  Eigen::Vector3d step_per_plane(const Eigen::Vector3d& at) const {
     const Eigen::Vector3d displacement = rays_.is_parallel ? rays_.path : Eigen::Vector3d(at - rays_.from);
     return displacement * (view_.z_step / displacement[view_.z]);
   }
-  float step(const Eigen::Vector3d& pace) const { return static_cast<float>((linear_ * pace).norm() / h_); }
+  float step(const Eigen::Vector3d& step_per_plane) const {
+    return static_cast<float>((linear_ * step_per_plane).norm() / h_);
+  }
   /// Range of visible planes.
-  std::array<float, 2> seen(const Eigen::Vector3d& at, const Eigen::Vector3d& pace) const {
+  std::array<float, 2> seen(const Eigen::Vector3d& at, const Eigen::Vector3d& step_per_plane) const {
     if (!is_clipped_) return {-kNoPlane, kNoPlane};
-    const double rise = normal_.dot(pace), here = normal_.dot(at) - offset_;
+    const double rise = normal_.dot(step_per_plane), here = normal_.dot(at) - offset_;
     if (rise == 0) return {here > 0 ? kNoPlane : -kNoPlane, kNoPlane};
     const double plane = (view_.z_ref - view_.z_first) / view_.z_step - here / rise;
     const auto bounded = static_cast<float>(std::clamp(plane, -double{kNoPlane}, double{kNoPlane}));
@@ -93,7 +95,7 @@ class RayRanges {
         continue;
       }
       at[view_.x] = view_.x_ref_0 + view_.x_ref_per_u * u;
-      const Eigen::Vector3d further = pace(at);
+      const Eigen::Vector3d further = step_per_plane(at);
       line.step[u] = step(further);
       if (!is_clipped_) continue;
       const auto planes = seen(at, further);
@@ -172,17 +174,17 @@ struct RayStart {
     at[view.x] = view.x_ref_0 + view.x_ref_per_u * u;
     at[view.y] = view.y_ref_0 + view.y_ref_per_v * v;
     at[view.z] = view.z_ref;
-    const Eigen::Vector3d pace = ranges.pace(at),
-                          start = at - pace * ((view.z_ref - view.z_first) / view.z_step);
-    const auto observed = ranges.seen(at, pace);
+    const Eigen::Vector3d step_per_plane = ranges.step_per_plane(at),
+                          start = at - step_per_plane * ((view.z_ref - view.z_first) / view.z_step);
+    const auto visible = ranges.seen(at, step_per_plane);
     TracedRay ray{};
     ray.x = static_cast<float>(start[view.x]);
     ray.y = static_cast<float>(start[view.y]);
-    ray.x_per_plane = static_cast<float>(pace[view.x]);
-    ray.y_per_plane = static_cast<float>(pace[view.y]);
-    ray.step = ranges.step(pace);
-    ray.first = observed[0];
-    ray.last = observed[1];
+    ray.x_per_plane = static_cast<float>(step_per_plane[view.x]);
+    ray.y_per_plane = static_cast<float>(step_per_plane[view.y]);
+    ray.step = ranges.step(step_per_plane);
+    ray.first = visible[0];
+    ray.last = visible[1];
     const int column = std::clamp(static_cast<int>(u), 0, view.width - 2),
               row = std::clamp(static_cast<int>(v), 0, view.height - 2);
     const float* near = begun + stride * row + column;

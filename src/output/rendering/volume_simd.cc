@@ -300,11 +300,11 @@ HWY_NOINLINE bool receive_samples(const AccumulatedLine& line, const MixedLine& 
     const VF after = hn::Mul(before, exp_of_minus(d, depth));
     const VF begun = hn::LoadU(d, line.begun + at + n);
     hn::StoreU(hn::IfThenElse(is_there, hn::Min(begun, hn::Set(d, plane)), begun), d, line.begun + at + n);
-    const VF share = hn::Div(hn::Sub(before, after), hn::Max(extinction, hn::Set(d, kTiny)));
+    const VF fraction = hn::Div(hn::Sub(before, after), hn::Max(extinction, hn::Set(d, kTiny)));
     for (int c = 0; c < 3; ++c) {
       const VF light = hn::Mul(between(c), scale);
       float* sum = line.channel[c] + at + n;
-      hn::StoreU(hn::Add(hn::LoadU(d, sum), hn::Mul(share, light)), d, sum);
+      hn::StoreU(hn::Add(hn::LoadU(d, sum), hn::Mul(fraction, light)), d, sum);
     }
     hn::StoreU(after, d, line.clear + at + n);
     any = hn::Or(any, hn::Ge(after, hn::Set(d, kDone)));
@@ -755,8 +755,8 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
     left = left < 0 ? 0 : left > 1 ? 1 : left;
     const float extinction = mixed[3] * (1 / kDepthSteps), depth = extinction * (ray.step * (begun * left)),
                 after = clear * exp_of_minus(depth);
-    const float share = (clear - after) / (extinction > kTiny ? extinction : kTiny) * (1 / kDepthSteps);
-    sum += mixed * all_four(share);
+    const float fraction = (clear - after) / (extinction > kTiny ? extinction : kTiny) * (1 / kDepthSteps);
+    sum += mixed * all_four(fraction);
     if (wants_hits && clear > 0.5f && after <= 0.5f) ray.met = plane - 0.5f + std::log(2 * clear) / depth;
     clear = after;
   }

@@ -14,7 +14,7 @@ namespace palpate::report {
 namespace {
 
 constexpr int kGreyLevels = 64;  // sufficient next to colours, and a third smaller than 256
-constexpr double kLongestArrow_mm = 20;
+constexpr double kMaxArrow_mm = 20;
 
 struct View {
   AnatomicalPlane plane;
@@ -32,19 +32,19 @@ constexpr View kViews[] = {{AnatomicalPlane::kAxial, "Axial", "Plane x-y", 2, 'S
 /// 70 % of the volume, within 40 ... 120 mm: enough context for orientation, and enough detail of the
 /// contact.
 double field_of_view_mm(const Model& model) {
-  constexpr double kLeast = 40, kMost = 120;
-  if (model.labels == nullptr) return kMost;
+  constexpr double kMin_mm = 40, kMax_mm = 120;
+  if (model.labels == nullptr) return kMax_mm;
   const GridGeometry& grid = model.labels->geometry();
   double longest = 0;
   for (int axis = 0; axis < 3; ++axis) longest = std::max(longest, grid.dims[axis] * grid.spacing_mm[axis]);
-  return std::clamp(10 * std::round(0.07 * longest), kLeast, kMost);
+  return std::clamp(10 * std::round(0.07 * longest), kMin_mm, kMax_mm);
 }
 
 }  // namespace
 
 double arrow_mm_per_N(double limit_N) {
   if (!(limit_N > 0)) return 1;
-  const double largest = kLongestArrow_mm / limit_N, decade = std::pow(10, std::floor(std::log10(largest)));
+  const double largest = kMaxArrow_mm / limit_N, decade = std::pow(10, std::floor(std::log10(largest)));
   for (const double step : {5.0, 2.0}) {
     if (step * decade <= largest) return step * decade;
   }
@@ -91,7 +91,7 @@ namespace {
 /// Inputs of a panel's sections, and the labels found in them.
 struct Sections {
   const Model& model;  ///< The run's model, or the one with the remaining labels after removal
-  const DisplacedTissue& yielded;
+  const DisplacedTissue& deformed;
   SectionMarks marks;
   SectionStyle style;
   double width_mm = 100;
@@ -112,8 +112,8 @@ std::string section_figure(Sections& shown, const View& view) {
   const std::string description =
       name + " section through the contact with " + shown.structure + ", " + position;
   std::string strain;
-  if (!shown.yielded.rests()) {
-    const StrainMap map = strain_map(model, shown.yielded, shown.style.moved, plane, labels);
+  if (!shown.deformed.rests()) {
+    const StrainMap map = strain_map(model, shown.deformed, shown.style.moved, plane, labels);
     shown.max_strain = std::max(shown.max_strain, map.most);
     if (map.most >= kMinStrain) strain = png_img("strain", encode_png(map.picture));
   }
@@ -124,7 +124,7 @@ std::string section_figure(Sections& shown, const View& view) {
 
 /// Note on the display of deformed tissue; empty if it is at rest.
 std::string deformation_html(const Sections& shown) {
-  if (shown.yielded.rests()) return "";
+  if (shown.deformed.rests()) return "";
   const bool as_mail = shown.model.tissue_law == TissueLaw::kChainMail;
   std::string html = "<p class=\"yielded\">Tissue is drawn as deformed by the tool at the largest force, ";
   html += as_mail ? "by the chain-mail model, which does not represent forces" : "by linear elasticity";
@@ -210,10 +210,10 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
     left = std::make_shared<const Model>(displayed_under_law(left != nullptr ? *left : run.model, law));
   }
   const Model& model = left != nullptr ? *left : run.model;
-  const DisplacedTissue yielded(model, shown.peak);
-  Sections sections{model, yielded, std::move(marks), style, field_of_view_mm(run.model), name};
-  if (!yielded.rests()) {
-    const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
+  const DisplacedTissue deformed(model, shown.peak);
+  Sections sections{model, deformed, std::move(marks), style, field_of_view_mm(run.model), name};
+  if (!deformed.rests()) {
+    const auto moved = [&deformed](const Point<Patient>& at_rest) { return deformed.moved_mm(at_rest); };
     sections.style.moved = moved;
     sections.marks.tool = tool_parts(model, shown.peak, contact.device);
     // the contact point on the undeformed surface, displaced with the tissue

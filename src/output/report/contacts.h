@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/recording/recording.h"
 #include "report/timed_ticks.h"
 
@@ -34,14 +34,14 @@ struct Contact {
   double duration_s() const { return end_s - begin_s; }
 };
 
-inline constexpr double kShortestContact_s = 0.05;
+inline constexpr double kMinContact_s = 0.05;
 /// Total contact duration below which a structure was touched only in passing.
 inline constexpr double kPassing_s = 0.5;
 
 /// Finds contacts that last at least `shortest_s`.
 class ContactFinder {
  public:
-  explicit ContactFinder(int devices, double shortest_s = kShortestContact_s)
+  explicit ContactFinder(int devices, double shortest_s = kMinContact_s)
       : shortest_s_(shortest_s), open_(static_cast<std::size_t>(devices)) {}
   void observe(const TimedTick& now);
   /// Call after the last tick. Contacts in the order of their first tick.

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/recording/recording.h"
 #include "palpate/rehearsal/plan_in_scene.h"
 

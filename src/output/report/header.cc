@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "report/html.h"
 #include "report/overlay.h"
 #include "report/parts.h"
@@ -55,7 +55,7 @@ std::string callouts(const Run& run) {
   }
   for (const Caveat& caveat : run.model.caveats)
     html += callout("notice", "Limitation of the model:", escape(caveat.text) + ".");
-  if (run.yields())
+  if (run.is_deformable())
     html += callout("notice", "Resolution of soft tissue:",
                     "its forces were solved on cells of " + number(solver_cell_mm(run.model), 1) +
                         " mm. A nodule of less than " +

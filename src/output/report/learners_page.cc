@@ -65,12 +65,12 @@ struct Axes {
   double least = 0, most = 1;
 
   std::string x(std::size_t run) const {
-    const double share = runs > 1 ? static_cast<double>(run) / static_cast<double>(runs - 1) : 0.5;
-    return number(kLeft + share * (kWide - kLeft - kRight), 1);
+    const double fraction = runs > 1 ? static_cast<double>(run) / static_cast<double>(runs - 1) : 0.5;
+    return number(kLeft + fraction * (kWide - kLeft - kRight), 1);
   }
   double height(double value) const {
-    const double share = std::clamp((value - least) / (most - least), 0.0, 1.0);
-    return kTop + (1 - share) * (kHigh - kTop - kBottom);
+    const double fraction = std::clamp((value - least) / (most - least), 0.0, 1.0);
+    return kTop + (1 - fraction) * (kHigh - kTop - kBottom);
   }
   std::string y(double value) const { return number(height(value), 1); }
 };
@@ -168,8 +168,8 @@ std::string curve_html(const LearnersPage::Task& task, std::size_t m) {
 
 /// Dots for the latest runs, in band or not.
 std::string dots_html(const LearnersPage::Learner& learner) {
-  constexpr std::size_t kMost = 14;
-  const std::size_t from = learner.runs.size() - std::min(kMost, learner.runs.size());
+  constexpr std::size_t kMaxDots = 14;
+  const std::size_t from = learner.runs.size() - std::min(kMaxDots, learner.runs.size());
   std::string declared, svg;
   for (std::size_t n = from; n < learner.runs.size(); ++n) {
     const bool in = learner.runs[n].in_band;

@@ -18,7 +18,7 @@ namespace palpate {
 namespace {
 
 constexpr double kPathBefore_s = 2;
-constexpr double kTipShare = 0.005;
+constexpr double kTipFraction = 0.005;
 constexpr Rgb kTipColour{255, 255, 255};
 
 /// Tip positions of the last kPathBefore_s.
@@ -63,9 +63,9 @@ class RecentTips {
 };
 
 /// The model with its labels displaced by the deformation.
-std::shared_ptr<const Model> displaced_model(const Model& model, const DisplacedTissue& yielded) {
+std::shared_ptr<const Model> displaced_model(const Model& model, const DisplacedTissue& deformed) {
   const Bricks<LabelId>& labels = *model.labels;
-  const auto moved = [&yielded](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
+  const auto moved = [&deformed](const Point<Patient>& at_rest) { return deformed.moved_mm(at_rest); };
   const PatchOf<LabelId> patch = moved_labels(labels, moved, {{0, 0, 0}, labels.geometry().dims});
   auto observed = std::make_shared<Model>(model);
   observed->surfaces.clear();
@@ -77,14 +77,14 @@ std::shared_ptr<const Model> displaced_model(const Model& model, const Displaced
 void show_deformation(const Model& model, TissueLaw law, RecordedMoment& moment) {
   if (model.labels == nullptr || !is_elastic(law)) return;
   const Model under = displayed_under_law(moment.left != nullptr ? *moment.left : model, law);
-  const DisplacedTissue yielded(under, moment.tick);
-  if (yielded.rests()) return;
+  const DisplacedTissue deformed(under, moment.tick);
+  if (deformed.rests()) return;
   for (int device = 0; device < moment.devices; ++device) {
     const auto& leans = moment.tick.device[static_cast<std::size_t>(device)].contact_patient_mm;
     moment.dent_mm[static_cast<std::size_t>(device)] =
-        yielded.moved_mm(Point<Patient>(leans[0], leans[1], leans[2]));
+        deformed.moved_mm(Point<Patient>(leans[0], leans[1], leans[2]));
   }
-  moment.left = displaced_model(under, yielded);
+  moment.left = displaced_model(under, deformed);
 }
 
 /// Stops reading once all required ticks were read.
@@ -163,12 +163,13 @@ std::vector<VolumeMark> moment_marks(const RecordedMoment& moment, const Model& 
       marks[n].from += dent;
       marks[n].to += dent;
     }
-    const double proxy_mm = report::kPositionShare * camera.width_mm, tip_mm = kTipShare * camera.width_mm;
+    const double proxy_mm = report::kPositionFraction * camera.width_mm,
+                 tip_mm = kTipFraction * camera.width_mm;
     marks.push_back({proxy, proxy, proxy_mm, proxy_mm, report::kPositionColour, report::kPositionBehind});
     marks.push_back({tip, tip, tip_mm, tip_mm, kTipColour, report::kPositionBehind});
     const Vector<Patient> force_N = report::patient_force_N(model, moment.tick, device);
     if (force_N.eigen().allFinite())
-      add_arrow(marks, proxy, force_N * mm_per_N, report::kArrowShare * camera.width_mm,
+      add_arrow(marks, proxy, force_N * mm_per_N, report::kArrowFraction * camera.width_mm,
                 report::kForceColour);
   }
   return marks;

@@ -12,8 +12,8 @@ namespace {
 
 constexpr double kPathMargin_s = 1.0;
 constexpr double kScaleBar_mm = 10;
-constexpr double kSmallestStep_px = 0.7;  // between drawn points of a path
-constexpr double kShortestArrow_px = 5;   // a shorter arrow is drawn end-on
+constexpr double kMinStep_px = 0.7;  // between drawn points of a path
+constexpr double kMinArrow_px = 5;   // a shorter arrow is drawn end-on
 
 struct Pixel {
   double x = 0, y = 0;
@@ -64,7 +64,7 @@ std::string draw_path(const SectionPlane& plane, const PathSection& section) {
     if (!near || !in_picture) {
       svg += polyline(section.touching, run);
       run.clear();
-    } else if (run.empty() || std::hypot(p.x - run.back().x, p.y - run.back().y) >= kSmallestStep_px) {
+    } else if (run.empty() || std::hypot(p.x - run.back().x, p.y - run.back().y) >= kMinStep_px) {
       run.push_back(p);
     }
   }
@@ -88,8 +88,7 @@ std::string draw_force(const SectionPlane& plane, const SectionMarks& marks) {
   const double x = marks.force_N.dot(plane.right) * px_per_N, y = marks.force_N.dot(plane.down) * px_per_N;
   const double length = std::hypot(x, y);
   const Pixel tail = to_drawing(plane, marks.contact);
-  if (length < kShortestArrow_px)
-    return draw_end_on(tail, marks.force_N.dot(plane.right.cross(plane.down)) > 0);
+  if (length < kMinArrow_px) return draw_end_on(tail, marks.force_N.dot(plane.right.cross(plane.down)) > 0);
 
   // the shaft ends at the base of the head
   const double ux = x / length, uy = y / length, head = std::min(11.0, 0.6 * length);

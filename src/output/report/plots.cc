@@ -139,10 +139,11 @@ std::string plots_html(const Run& run, const RehearsedPlan* rehearsed) {
   html += plot("force", "Force sent <span class=\"unit\">N</span>",
                "Force sent" + duration + "; largest " + number(run.forces.peak_N, 2) + " N, limit " +
                    number(run.forces.highest_limit_N, 2) + " N");
-  html += plot("depth",
-               std::string(run.yields() ? "Depth below the surface at rest" : "Depth below the surface") +
-                   " <span class=\"unit\">mm</span>",
-               "Depth of the tip below the touched surface" + duration + deepest_text(run));
+  html +=
+      plot("depth",
+           std::string(run.is_deformable() ? "Depth below the surface at rest" : "Depth below the surface") +
+               " <span class=\"unit\">mm</span>",
+           "Depth of the tip below the touched surface" + duration + deepest_text(run));
   html += plot("speed", "Speed of the tip <span class=\"unit\">mm/s</span>", "Speed of the tip" + duration);
   if (!run.layers.series.empty()) {
     html += plot("layer-force", "Force by structure <span class=\"unit\">N</span>",

@@ -109,7 +109,7 @@ std::vector<LabelId> touchable_labels(const Run& run) {
     if (std::ranges::find(labels, label) == labels.end() && labels.size() < kMaxPlotted)
       labels.push_back(label);
   };
-  if (!run.yields()) return labels;
+  if (!run.is_deformable()) return labels;
   for (const StructureFigures& figure : run.structures) add(figure.label);
   for (const DeepFigures& figure : run.beneath) add(figure.label);
   return labels;

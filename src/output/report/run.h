@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/recording/recording.h"
 #include "palpate/tissue/tissue_laws.h"
 #include "report/contacts.h"
@@ -71,7 +71,7 @@ struct Run {
   bool touchable_in_front() const;
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
-  bool yields() const { return laws.any(is_elastic); }
+  bool is_deformable() const { return laws.any(is_elastic); }
   bool real_clock() const { return recording.header.clock == "real"; }
   /// Whether the device was a viewer's pointer, which sends no poses while it is not pressed.
   bool by_pointer() const { return recording.header.device == "pointer"; }

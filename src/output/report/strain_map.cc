@@ -34,7 +34,7 @@ std::array<std::uint8_t, 4> paint_of(double strain) {
 
 }  // namespace
 
-StrainMap strain_map(const Model& model, const DisplacedTissue& yielded, const TissueDisplacement& moved,
+StrainMap strain_map(const Model& model, const DisplacedTissue& deformed, const TissueDisplacement& moved,
                      const SectionPlane& plane, std::span<const LabelId> labels) {
   StrainMap map;
   map.picture = {plane.width_px, plane.height_px, std::vector<std::uint8_t>(4 * plane.pixel_count())};
@@ -43,7 +43,7 @@ StrainMap strain_map(const Model& model, const DisplacedTissue& yielded, const T
     if (tissue == nullptr || !model.moves_visibly(*tissue)) continue;
     const auto width = static_cast<std::size_t>(plane.width_px);
     const Point<Patient> displayed = plane.at(static_cast<double>(n % width), static_cast<double>(n / width));
-    const double strain = yielded.strain(rest_position(displayed, moved));
+    const double strain = deformed.strain(rest_position(displayed, moved));
     if (std::isnan(strain)) continue;
     map.most = std::max(map.most, strain);
     std::ranges::copy(paint_of(strain), map.picture.rgba.begin() + static_cast<std::ptrdiff_t>(4 * n));

@@ -3,7 +3,7 @@
 #include <span>
 #include <string>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/rendering/rendering.h"
 #include "palpate/tissue/displaced_tissue.h"
 
@@ -21,7 +21,7 @@ struct StrainMap {
 /// Equivalent strain (DisplacedTissue::strain) of deformable tissue in each pixel of a section; transparent
 /// elsewhere and where it is unknown.
 /// @param labels  labels of the section's pixels, row by row, in the deformed state
-StrainMap strain_map(const Model& model, const DisplacedTissue& yielded, const TissueDisplacement& moved,
+StrainMap strain_map(const Model& model, const DisplacedTissue& deformed, const TissueDisplacement& moved,
                      const SectionPlane& plane, std::span<const LabelId> labels);
 
 /// Colour scale as SVG, with numbers.

@@ -14,13 +14,13 @@ using ::testing::HasSubstr;
 
 TEST(StrainMap, ColoursWhatYieldsByItsStrainWhereItWent) {
   const auto model = palpate::testing::soft_block(true);
-  const DisplacedTissue yielded(*model, palpate::testing::pressed_at(0, 0));
-  const TissueDisplacement moved = [&](const Point<Patient>& at_rest) { return yielded.moved_mm(at_rest); };
+  const DisplacedTissue deformed(*model, palpate::testing::pressed_at(0, 0));
+  const TissueDisplacement moved = [&](const Point<Patient>& at_rest) { return deformed.moved_mm(at_rest); };
   SectionStyle style;
   style.moved = moved;
   const SectionPlane plane = anatomical_section(AnatomicalPlane::kCoronal, {0, 0, -8}, 50, 100, 100);
   const auto labels = section_labels(*model, plane, style);
-  const StrainMap map = strain_map(*model, yielded, moved, plane, labels);
+  const StrainMap map = strain_map(*model, deformed, moved, plane, labels);
   EXPECT_GT(map.most, 5 * kMinStrain);
   EXPECT_LT(map.most, 1);
 

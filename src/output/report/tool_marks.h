@@ -14,7 +14,7 @@ inline constexpr Rgb kFreePathColour{255, 255, 255}, kTouchingPathColour{255, 22
 /// Opacity of marks behind structures.
 inline constexpr double kPathBehind = 0.3, kPositionBehind = 0.45;
 /// Radii of contact points and force arrows as a fraction of the picture's width.
-inline constexpr double kPositionShare = 0.007, kArrowShare = 0.004;
+inline constexpr double kPositionFraction = 0.007, kArrowFraction = 0.004;
 
 Point<Patient> proxy_position(const TickRecord& tick, int device);
 /// Adds a tool with its shaft at the position of its proxy.

@@ -65,7 +65,7 @@ Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridG
 std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
   std::vector<VolumeMark> marks;
   const double mm_per_N = arrow_mm_per_N(run.forces.highest_limit_N),
-               position_mm = kPositionShare * camera.width_mm;
+               position_mm = kPositionFraction * camera.width_mm;
   const ShownContact* hardest = nullptr;
   for (const ShownContact& shown : run.shown) {
     for (const PathSection& section : shown.paths)
@@ -74,7 +74,7 @@ std::vector<VolumeMark> marks_of(const Run& run, const VolumeCamera& camera) {
     const Point<Patient> position = proxy_of(shown);
     marks.push_back({position, position, position_mm, position_mm, kPositionColour, kPositionBehind});
     add_arrow(marks, position, patient_force_N(run.model, shown.peak, shown.contact.device) * mm_per_N,
-              kArrowShare * camera.width_mm, kForceColour);
+              kArrowFraction * camera.width_mm, kForceColour);
     if (hardest == nullptr || shown.contact.peak_force_N > hardest->contact.peak_force_N) hardest = &shown;
   }
   if (hardest != nullptr) add_tool(marks, run.model, hardest->peak, hardest->contact.device);
@@ -107,7 +107,7 @@ std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model&
   request.pixels = kContact_px;
   const VolumeCamera camera = camera_of(model.labels->geometry(), request);
   std::vector<VolumeMark> marks;
-  const double position_mm = kPositionShare * camera.width_mm;
+  const double position_mm = kPositionFraction * camera.width_mm;
   for (const PathSection& section : shown.paths)
     add_path(marks, section.points, section.touching ? 2.2 : 1.5,
              section.touching ? kTouchingPathColour : kFreePathColour, kPathBehind, camera);
@@ -117,7 +117,7 @@ std::string contact_image(VolumeRenderer& renderer, const Run& run, const Model&
   add_arrow(marks, position,
             patient_force_N(run.model, shown.peak, shown.contact.device) *
                 arrow_mm_per_N(run.forces.highest_limit_N),
-            2 * kArrowShare * camera.width_mm, kForceColour);
+            2 * kArrowFraction * camera.width_mm, kForceColour);
   const std::string size = std::to_string(kContact_px);
   return "<img class=\"near\" alt=\"" + escape(run.name(shown.contact.label)) +
          " in three dimensions around the place where it was pressed hardest\" width=\"" + size +

@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/scene/scene.h"
 #include "palpate/servo/servo.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 namespace palpate {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/servo/servo.h"
 
 namespace palpate {

@@ -12,8 +12,8 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/recorded_model.h"
-#include "palpate/servo/feel.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/servo/settings_tables.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 namespace palpate {
 namespace {
@@ -198,10 +198,10 @@ Result<void> Replayer::solve_until(const TickRecord& recorded) {
   const auto missing = [&](const std::string& how) {
     return Error{ErrorKind::kBadInput,
                  "tick " + std::to_string(recorded.tick) + " used solution " +
-                     std::to_string(recorded.yield_frame) + " of the tissue, " + how,
+                     std::to_string(recorded.solver_frame) + " of the tissue, " + how,
                  "", "only runs whose solutions were recorded can be replayed"};
   };
-  while (solver_.frame().number < recorded.yield_frame) {
+  while (solver_.frame().number < recorded.solver_frame) {
     if (solutions_.empty()) return missing("which is missing from the file");
     const Solution solution = solutions_.front();
     solutions_.pop_front();
@@ -220,7 +220,7 @@ Result<void> Replayer::solve_until(const TickRecord& recorded) {
                          std::to_string(solution.input_tick) + " differs";
     return {};
   }
-  if (recorded.yield_frame != solver_.frame().number) return missing("which is not the newest");
+  if (recorded.solver_frame != solver_.frame().number) return missing("which is not the newest");
   return {};
 }
 

@@ -19,7 +19,7 @@ namespace {
 
 // voluntary force control is slow: hand speed per newton of error, and maximum speed; soft tissue is pressed
 // faster, so that the error decays at kForceRate
-constexpr double kForceGain_mm_s_N = 15, kForceRate_per_s = 5;
+constexpr double kForceGain_mm_per_s_per_N = 15, kForceRate_per_s = 5;
 constexpr double kMaxPressing_mm_s = 12;
 // time constant of the low-pass filter on the perceived force
 constexpr double kFeeling_s = 0.03;
@@ -31,7 +31,8 @@ constexpr double kSettledWithin = 0.1;
 // this fraction of the press's force.
 constexpr double kTouch_N = 0.1, kTouchOfPress = 0.5, kTouching_mm_s = 8;
 // durations after which contact counts as a touch, an encounter on the way as such, and a contact as lost
-constexpr double kTouched_s = 0.01, kOther_s = 0.03, kEncounter_s = 0.25, kLost_s = 0.1;
+constexpr double kTouchAfter_s = 0.01, kWrongContactAfter_s = 0.03, kObstacleAfter_s = 0.25,
+                 kContactLostAfter_s = 0.1;
 // excess of the depth over what the force explains at which the hand gives up: a hand that then stops stays
 // within a millimetre or, in soft tissue, within this fraction of the explained depth, since the low-pass
 // filtered force overshoots there
@@ -99,7 +100,7 @@ Result<LabelId> find_structure(const Model& model, const std::string& name, cons
 
 // a subsample of the voxel centres on a structure's border
 std::vector<Point<Patient>> some_of_border(const Model& model, LabelId structure) {
-  constexpr std::size_t kMost = 2000;
+  constexpr std::size_t kMaxPoints = 2000;
   const auto X_PatientVoxel = model.labels->geometry().X_PatientVoxel();
   std::vector<Point<Patient>> border;
   model.labels->for_each_piece([&](const RowPiece<LabelId>& piece) {
@@ -112,7 +113,7 @@ std::vector<Point<Patient>> some_of_border(const Model& model, LabelId structure
         border.push_back(X_PatientVoxel * Point<Voxel>(piece.i + n, piece.j, piece.k));
     }
   });
-  const std::size_t stride = border.size() / kMost + 1;
+  const std::size_t stride = border.size() / kMaxPoints + 1;
   std::vector<Point<Patient>> some;
   for (std::size_t b = 0; b < border.size(); b += stride) some.push_back(border[b]);
   return some;
@@ -249,7 +250,7 @@ ScriptedHand::ScriptedHand(const Model& model, const Script& script, const Plant
   start_ =
       model.X_WorldPatient *
       Point<Patient>(grid.centre().x(), max_anterior_mm - kBefore_mm - tool_reach_mm_, grid.centre().z());
-  intention_ = start_;
+  commanded_ = start_;
 
   std::mt19937_64 random(script.seed);
   const auto uniform = [&] { return static_cast<double>(random() >> 11) * 0x1p-53; };
@@ -293,9 +294,9 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& tick, double dt
   bool done = false;
   if (withdrawing_) {
     // the motor is switched off after a failure
-    if (!elsewhere_ && std::exchange(cutting_, false)) commands.motor = false;
+    if (!tries_next_site_ && std::exchange(cutting_, false)) commands.motor = false;
     withdrawing_ = !withdraw(kWithdrawing_mm_s, tick, dt_s);
-    done = !withdrawing_ && !elsewhere_;
+    done = !withdrawing_ && !tries_next_site_;
   } else if (needs_contact(step.action) && !touching_) {
     done = true;  // the contact that it needs has failed, which was reported together with the skipped steps
   } else {
@@ -305,14 +306,14 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& tick, double dt
   if (done) {
     ++step_;
     step_time_s_ = settled_s_ = longest_s_ = slid_mm_ = left_s_ = sum_Ns_ = turned_s_ = 0;
-    off_s_ = over_s_ = stuck_s_ = contact_s_ = 0;
-    turning_ = elsewhere_ = false;
+    deviation_s_ = over_s_ = stuck_s_ = contact_s_ = 0;
+    turning_ = tries_next_site_ = false;
     phase_ = Approach::kPlan;
     site_index_ = 0;
     refusal_.clear();
   }
   lay_ = X_WorldPatient(tick);
-  return intention_ + tremor();
+  return commanded_ + tremor();
 }
 
 // pose of the patient in the last tick
@@ -358,7 +359,7 @@ bool ScriptedHand::approach(const PlannedStep& step, const TickRecord& tick, dou
   phase_time_s_ += dt_s;
   if (phase_ == Approach::kPlan) return plan(step, tick);
   if (phase_ == Approach::kTouch) return touch(step, tick, dt_s);
-  advance_step(step, tick, dt_s);
+  walk_to_site(step, tick, dt_s);
   return false;
 }
 
@@ -378,7 +379,7 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& tick) {
   if (touching_) {
     // the script restarts without having left the contact
     touching_ = false;
-    elsewhere_ = withdrawing_ = true;
+    tries_next_site_ = withdrawing_ = true;
     begin_withdrawal(tick);
     return false;
   }
@@ -388,7 +389,7 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& tick) {
   if (sites.empty()) refusal_ = step.sites.why_none;
   for (; site_index_ < sites.size(); ++site_index_) {
     const TouchSite& site = sites[site_index_];
-    approach_path_ = free_space_.path(X.inverse() * intention_, site.before);
+    approach_path_ = free_space_.path(X.inverse() * commanded_, site.before);
     if (approach_path_.empty()) {
       refusal_ = "there is no free path from the position of the hand";
       continue;
@@ -405,12 +406,12 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& tick) {
   return true;
 }
 
-void ScriptedHand::advance_step(const PlannedStep& step, const TickRecord& tick, double dt_s) {
+void ScriptedHand::walk_to_site(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const LabelId encountered = tick.device[0].label;
   // the surface may protrude beyond the expected place
   if (encountered == step.structure && path_.size() == 1) {
     approach_path_.resize(approach_path_.size() - path_.size());
-    approach_path_.push_back(X_WorldPatient(tick).inverse() * intention_);
+    approach_path_.push_back(X_WorldPatient(tick).inverse() * commanded_);
     path_.clear();
   }
   if (path_.empty()) {
@@ -420,7 +421,7 @@ void ScriptedHand::advance_step(const PlannedStep& step, const TickRecord& tick,
   }
   const bool inside = (tick.device[0].flags & kFlagInside) != 0;
   contact_s_ = encountered != 0 || inside ? contact_s_ + dt_s : 0;
-  if (const auto over = excess_depth(tick, dt_s); over || contact_s_ > kEncounter_s)
+  if (const auto over = excess_depth(tick, dt_s); over || contact_s_ > kObstacleAfter_s)
     return try_next_site(tick, "on the path the hand touched " +
                                    (encountered != 0 ? model_->name_of(encountered) : "something") + " at " +
                                    position_text(point<Patient>(tick.device[0].proxy_patient_mm)));
@@ -436,7 +437,7 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double
   contact_s_ = device.label != 0 ? contact_s_ + dt_s : 0;
   const auto& n = device.normal_patient;
   const Vector<Patient> normal(n[0], n[1], n[2]);
-  if (device.label == step.structure && contact_s_ >= kTouched_s) {
+  if (device.label == step.structure && contact_s_ >= kTouchAfter_s) {
     touching_ = true;
     requested_N_ = 0;
     if (normal != Vector<Patient>()) {
@@ -451,7 +452,7 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double
                         device.label, at + normal * above_mm});
     return true;
   }
-  if (device.label != 0 && contact_s_ >= kOther_s) {
+  if (device.label != 0 && contact_s_ >= kWrongContactAfter_s) {
     try_next_site(tick, wrong_contact(tick));
     return false;
   }
@@ -462,13 +463,13 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double
   }
   const double max_mm = model_->sigma_mm + 2 * tool_reach_mm_ + kBehind_mm;
   const Point<World> front = X * approach_path_.back();
-  const double behind_mm = (tip_of(tick) - front).dot(inward_), lead_mm = (intention_ - front).dot(inward_);
+  const double behind_mm = (tip_of(tick) - front).dot(inward_), lead_mm = (commanded_ - front).dot(inward_);
   if (behind_mm > max_mm || lead_mm > max_mm + tracking_tolerance_mm(tick)) {
     try_next_site(tick, "nothing was felt where its surface was expected, at " +
                             position_text(step.sites.sites[site_index_].surface.point));
     return false;
   }
-  intention_ += inward_ * (std::min(kTouching_mm_s, careful_speed_mm_s(step.structure, tick)) * dt_s);
+  commanded_ += inward_ * (std::min(kTouching_mm_s, careful_speed_mm_s(step.structure, tick)) * dt_s);
   return false;
 }
 
@@ -478,7 +479,7 @@ void ScriptedHand::try_next_site(const TickRecord& tick, const std::string& why)
   ++site_index_;
   approach_path_.resize(approach_path_.size() - path_.size());
   phase_ = Approach::kPlan;
-  elsewhere_ = withdrawing_ = true;
+  tries_next_site_ = withdrawing_ = true;
   begin_withdrawal(tick);
 }
 
@@ -539,7 +540,7 @@ bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& tick, double
     return badly ? fail(step, tick, *badly) : true;
   }
   const double speed_mm_s = std::min(action.speed_mm_s, careful_speed_mm_s(step.structure, tick));
-  intention_ += along.normalized() * (speed_mm_s * dt_s);
+  commanded_ += along.normalized() * (speed_mm_s * dt_s);
   if (step_time_s_ < action.distance_mm / speed_mm_s + kPatience_s) return false;
   return fail(step, tick, text_of("it advanced %.1f mm", slid_mm_));
 }
@@ -558,14 +559,14 @@ bool ScriptedHand::mill(const PlannedStep& step, const TickRecord& tick, double 
     approach_path_.push_back(action.to);
     return true;
   }
-  const Vector<World> way = end - intention_;
+  const Vector<World> way = end - commanded_;
   const double length_mm = way.norm(), step_mm = action.speed_mm_s * dt_s;
-  intention_ = length_mm > step_mm ? intention_ + way * (step_mm / length_mm) : end;
+  commanded_ = length_mm > step_mm ? commanded_ + way * (step_mm / length_mm) : end;
   const double lead_mm =
       (1e3 * (limited(action.force_N, tick) + device_.coulomb_N) / hand_.stiffness_N_per_m) *
       tick.device[0].scale;
-  const Vector<World> ahead = intention_ - tip_of(tick);
-  if (ahead.norm() > lead_mm) intention_ = tip_of(tick) + ahead * (lead_mm / ahead.norm());
+  const Vector<World> ahead = commanded_ - tip_of(tick);
+  if (ahead.norm() > lead_mm) commanded_ = tip_of(tick) + ahead * (lead_mm / ahead.norm());
   slid_mm_ = step_time_s_ > 0 ? slid_mm_ : left_mm;
   if (step_time_s_ < slid_mm_ / action.speed_mm_s + kPatience_s) return false;
   return fail(step, tick, text_of("it is still %.1f mm away", left_mm));
@@ -612,7 +613,7 @@ bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& tic
 // fully blended in and the stiffer tissue has pushed the hand out to the depth of its pressing force.
 bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& tick, double dt_s,
                               HandCommands& commands) {
-  constexpr double kLongest_s = 300, kBriefly_s = 0.05, kLongestPush_s = 3;
+  constexpr double kMaxWait_s = 300, kBriefly_s = 0.05, kMaxPush_s = 3;
   if (touching_) regulate_contact(tick, dt_s);
   const TissueLaw law = std::get<LawStep>(step.action).law;
   if (step_time_s_ == 0) {
@@ -623,25 +624,25 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& tick, d
   if (commands.law_version && tick.model_version >= *commands.law_version) {
     law_ = law;
     settled_s_ += dt_s;
-    if (!touching_ || settled_s_ >= kLongestPush_s) return true;
+    if (!touching_ || settled_s_ >= kMaxPush_s) return true;
     (void)excess_depth(tick, dt_s);
     const bool is_blending = (tick.device[0].flags & kFlagBlend) != 0;
     return settled_s_ >= kBriefly_s && !is_blending && over_s_ == 0;
   }
-  return step_time_s_ + dt_s >= kLongest_s && fail(step, tick, "its surfaces were not prepared in time");
+  return step_time_s_ + dt_s >= kMaxWait_s && fail(step, tick, "its surfaces were not prepared in time");
 }
 
 // the second hand moves while this one rests
 bool ScriptedHand::lead_scope(const PlannedStep& step, const TickRecord& tick, double dt_s,
                               HandCommands& commands) {
-  constexpr double kLongest_s = 20;
+  constexpr double kMaxWait_s = 20;
   if (touching_) regulate_contact(tick, dt_s);
   if (step_time_s_ == 0) {
     commands.scope = std::get<ScopeStep>(step.action);
     return false;
   }
   if (commands.scope_is_there) return true;
-  return step_time_s_ + dt_s >= kLongest_s && fail(step, tick, "it did not arrive in time");
+  return step_time_s_ + dt_s >= kMaxWait_s && fail(step, tick, "it did not arrive in time");
 }
 
 bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& tick, double dt_s,
@@ -655,7 +656,7 @@ bool ScriptedHand::switch_motor(const MotorStep& motor, const TickRecord& tick, 
 // Waits for the last cuts of the stroke before the request.
 bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& tick, double dt_s,
                                  HandCommands& commands) {
-  constexpr double kCarved_s = 0.2, kLongest_s = 2;
+  constexpr double kCarved_s = 0.2, kMaxWait_s = 2;
   if (touching_) regulate_contact(tick, dt_s);
   if (cutting_) return fail(step, tick, "the motor is running");
   const double now_s = step_time_s_ + dt_s;
@@ -665,7 +666,7 @@ bool ScriptedHand::change_stroke(const PlannedStep& step, const TickRecord& tick
   }
   if (commands.stroke_version == 0u) return fail(step, tick, "there is no stroke");
   if (commands.stroke_version && tick.model_version >= *commands.stroke_version) return true;
-  return now_s >= kLongest_s && fail(step, tick, "it was not done in time");
+  return now_s >= kMaxWait_s && fail(step, tick, "it was not done in time");
 }
 
 bool ScriptedHand::withdraw_from_contact(const PlannedStep& step, const TickRecord& tick, double dt_s) {
@@ -729,17 +730,18 @@ std::optional<std::string> ScriptedHand::excess_depth(const TickRecord& tick, do
 
 std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const DeviceTick& device = tick.device[0];
-  off_s_ = device.label == step.structure ? 0 : off_s_ + dt_s;
+  deviation_s_ = device.label == step.structure ? 0 : deviation_s_ + dt_s;
   if ((device.flags & kFlagRuptured) != 0) return "the tool punctured a surface";
-  if (off_s_ > kLost_s) return device.label == 0 ? "the contact was lost" : wrong_contact(tick);
+  if (deviation_s_ > kContactLostAfter_s)
+    return device.label == 0 ? "the contact was lost" : wrong_contact(tick);
 
   // the tip is farther from the intended position than force and friction explain
-  const double lag_mm = (tip_of(tick) - intention_).norm();
+  const double lag_mm = (tip_of(tick) - commanded_).norm();
   const double force_mm = 1.5e3 * std::max(target_N_, touch_N_) / hand_.stiffness_N_per_m * device.scale;
   if (lag_mm > force_mm + tracking_tolerance_mm(tick) + kPushedAway_mm)
     return text_of("the tip was pushed %.0f mm away from the position of the hand", lag_mm);
   // a person who perceives the loss of contact stops pushing
-  if (device.label == 0 && lag_mm > tracking_tolerance_mm(tick)) intention_ = tip_of(tick);
+  if (device.label == 0 && lag_mm > tracking_tolerance_mm(tick)) commanded_ = tip_of(tick);
   return std::nullopt;
 }
 
@@ -826,7 +828,7 @@ double ScriptedHand::careful_speed_mm_s(LabelId structure, const TickRecord& tic
 
 // moves along the remaining path, not ahead of the tip; true at its end
 bool ScriptedHand::follow_path(double speed_mm_s, const TickRecord& tick, double dt_s) {
-  if ((tip_of(tick) - intention_).norm() > tracking_tolerance_mm(tick)) {
+  if ((tip_of(tick) - commanded_).norm() > tracking_tolerance_mm(tick)) {
     stuck_s_ += dt_s;
     return false;
   }
@@ -834,19 +836,19 @@ bool ScriptedHand::follow_path(double speed_mm_s, const TickRecord& tick, double
   const Transform<World, Patient> X = X_WorldPatient(tick);
   const LabelId structure = steps_[step_].structure;
   if (structure != 0) {
-    const double room = std::max(1.0, free_space_.clearance_mm(X.inverse() * intention_) / kRoom_mm);
+    const double room = std::max(1.0, free_space_.clearance_mm(X.inverse() * commanded_) / kRoom_mm);
     speed_mm_s = std::min(speed_mm_s, careful_speed_mm_s(structure, tick) * room);
   }
   double left_mm = speed_mm_s * dt_s;
   while (!path_.empty()) {
     const Point<World> corner = X * path_.back();
-    const Vector<World> to_corner = corner - intention_;
+    const Vector<World> to_corner = corner - commanded_;
     const double distance_mm = to_corner.norm();
     if (distance_mm > left_mm) {
-      intention_ += to_corner * (left_mm / distance_mm);
+      commanded_ += to_corner * (left_mm / distance_mm);
       return false;
     }
-    intention_ = corner;
+    commanded_ = corner;
     left_mm -= distance_mm;
     path_.pop_back();
   }
@@ -859,16 +861,16 @@ void ScriptedHand::regulate_force(const TickRecord& tick, double dt_s) {
   const double hand = 1e-3 * hand_.stiffness_N_per_m;
   const double wall = RenderedStiffness(device).at_device(stiffness_N_per_mm(steps_[step_].structure, tick));
   const double rendered_N_per_mm = hand * wall / (hand + wall) / device.scale;
-  const double gain = std::max(kForceGain_mm_s_N, kForceRate_per_s / rendered_N_per_mm);
+  const double gain = std::max(kForceGain_mm_per_s_per_N, kForceRate_per_s / rendered_N_per_mm);
   const double error_N = limited(std::max(target_N_, touch_N_), tick) - filtered_N_;
-  intention_ += inward_ * (std::clamp(gain * error_N, -kMaxPressing_mm_s, kMaxPressing_mm_s) * dt_s);
+  commanded_ += inward_ * (std::clamp(gain * error_N, -kMaxPressing_mm_s, kMaxPressing_mm_s) * dt_s);
 }
 
 // presses along the perceived normal, and follows the surface if the object rotates
 void ScriptedHand::regulate_contact(const TickRecord& tick, double dt_s) {
   if (filtered_normal_.norm() > 0.5) inward_ = -filtered_normal_.normalized();
   const Point<Patient> at = point<Patient>(tick.device[0].proxy_patient_mm);
-  if (lay_) intention_ += inward_ * inward_.dot(X_WorldPatient(tick) * at - *lay_ * at);
+  if (lay_) commanded_ += inward_ * inward_.dot(X_WorldPatient(tick) * at - *lay_ * at);
   regulate_force(tick, dt_s);
 
   // extend the return path by the current position
@@ -897,7 +899,7 @@ void ScriptedHand::begin_withdrawal(const TickRecord& tick) {
 bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& tick, double dt_s) {
   const DeviceTick& device = tick.device[0];
   const Point<World> here = tip_of(tick);
-  const double lag_mm = (here - intention_).norm();
+  const double lag_mm = (here - commanded_).norm();
   const bool pressed =
       device.label != 0 && (device.depth_mm > kRelease_mm || lag_mm > tracking_tolerance_mm(tick));
   bool at_its_end = false;
@@ -905,7 +907,7 @@ bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& tick, double dt
     pressed_s_ += dt_s;
     const auto& n = device.normal_patient;
     const Vector<World> out = X_WorldPatient(tick) * Vector<Patient>(n[0], n[1], n[2]);
-    intention_ += (out != Vector<World>() ? out : -inward_) * (speed_mm_s * dt_s);
+    commanded_ += (out != Vector<World>() ? out : -inward_) * (speed_mm_s * dt_s);
   } else {
     at_its_end = follow_path(speed_mm_s, tick, dt_s);
   }
@@ -927,7 +929,7 @@ bool ScriptedHand::begin_step_back(const TickRecord& tick) {
   if (from_middle.norm() >= clear_of_object_mm_) return true;
   const Vector<World> out = (from_middle.norm() > 1 ? from_middle : start_ - Point<World>()).normalized();
   const Transform<Patient, World> X = X_WorldPatient(tick).inverse();
-  path_ = free_space_.path(X * intention_, X * (Point<World>() + out * clear_of_object_mm_));
+  path_ = free_space_.path(X * commanded_, X * (Point<World>() + out * clear_of_object_mm_));
   std::reverse(path_.begin(), path_.end());
   return !path_.empty();
 }

@@ -147,8 +147,8 @@ double give(const Model& model, const SurfacePoint& candidate, LabelId structure
 }
 
 // share of the patch (centre and rim) whose inward ray meets the structure itself first
-double own_share(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
-                 LabelId structure) {
+double own_fraction(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n,
+                    LabelId structure) {
   const auto is_own = [&](const Vector<Patient>& along_surface) {
     // ramps exist inside only: use the labels
     if (model.ramp_width_mm > 0)
@@ -206,7 +206,7 @@ std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId str
     // reach, flatness and ownership, each between 0 and 1; ownership has the largest weight
     const double reach = candidate.clearance_mm / clearance_mm;
     const double evenness = 1 / (1 + 8 * convexity(model, *surface, candidate.normal));
-    const double own = own_share(model, *surface, candidate.normal, structure);
+    const double own = own_fraction(model, *surface, candidate.normal, structure);
     // a thin wall gives a ramp no force, but still stops the proxy
     const double firmness = 0.02 + 0.98 * give(model, candidate, structure);
     const double score = own * own * own * evenness * (0.15 + reach) * firmness;

@@ -125,13 +125,13 @@ const NoGoRegion* no_go_at(const Model& model, const Point<Patient>& tip) {
 // touchable structure that is most often in front of the surface of a structure; 0: none
 LabelId in_front_of(const Model& model, LabelId structure, std::span<const SurfaceCandidate> candidates) {
   constexpr std::size_t kMaxSampled = 200;
-  constexpr double kFarthest_mm = 200;
+  constexpr double kMaxDistance_mm = 200;
   const double step_mm = model.labels->geometry().min_spacing_mm();
   std::map<LabelId, std::size_t> counts;
   const std::size_t stride = candidates.size() / kMaxSampled + 1;
   for (std::size_t c = 0; c < candidates.size(); c += stride) {
     const SurfacePoint& surface = candidates[c].surface;
-    for (double distance_mm = step_mm; distance_mm <= kFarthest_mm; distance_mm += step_mm) {
+    for (double distance_mm = step_mm; distance_mm <= kMaxDistance_mm; distance_mm += step_mm) {
       const LabelId label = touchable_label_at(model, surface.point + surface.normal * distance_mm);
       if (label == 0 || label == structure) continue;
       ++counts[label];

@@ -39,8 +39,8 @@ const TickRecord& VirtualRun::tick() {
       before != nullptr && is_elastic(last_model_->tissue_law) && last_model_->has(ForceMethod::kProxy);
   if (is_deformable ? solver_.advance(*last_model_, before) : solver_.rest()) {
     parameters_.compliance = solver_.frame();
-    reported_.push_back(solution_event(solver_.frame(), solver_.input_tick()));
-    reported_.back().tick = state_.tick;
+    events_.push_back(solution_event(solver_.frame(), solver_.input_tick()));
+    events_.back().tick = state_.tick;
   }
   cut();
   palpate::tick(*model_, parameters_, {sensed_.data(), devices}, dt_s_, state_, {sent_.data(), devices},
@@ -63,12 +63,12 @@ void VirtualRun::cut_what_was_swept() {
     for (const Cut& cut : finished_cuts(state_.device[1].burr, 1)) cuts.push_back(cut);
   if (cuts.empty()) return;
   model_ = carved_by(*model_, cuts)->applied_to(*model_);
-  for (const Cut& cut : cuts) reported_.push_back(sweep_event(cut, model_->version));
-  RecordingEvent& event = reported_.emplace_back();
+  for (const Cut& cut : cuts) events_.push_back(sweep_event(cut, model_->version));
+  RecordingEvent& event = events_.emplace_back();
   event.number = model_->version;
   event.change = {model_->version, ModelChange::kCut};
-  for (std::size_t row = reported_.size() - cuts.size() - 1; row < reported_.size(); ++row)
-    reported_[row].tick = state_.tick;
+  for (std::size_t row = events_.size() - cuts.size() - 1; row < events_.size(); ++row)
+    events_[row].tick = state_.tick;
 }
 
 void VirtualRun::change_stroke(StrokeAction action) {
@@ -77,9 +77,9 @@ void VirtualRun::change_stroke(StrokeAction action) {
   stroke_led_to_ = carving != nullptr ? change.version : 0;
   if (carving == nullptr) return;
   model_ = carving->applied_to(*model_);
-  RecordingEvent& event = reported_.emplace_back();
+  RecordingEvent& event = events_.emplace_back();
   event.tick = state_.tick;
-  event.by = {Asker::kScript};
+  event.by = {Originator::kScript};
   event.number = change.version;
   event.change = change;
 }
@@ -93,9 +93,9 @@ void VirtualRun::change_law(TissueLaw law) {
   law_led_to_ = next ? change.version : 0;
   if (!next) return;
   model_ = std::move(next->current);
-  RecordingEvent& event = reported_.emplace_back();
+  RecordingEvent& event = events_.emplace_back();
   event.tick = state_.tick;
-  event.by = {Asker::kScript};
+  event.by = {Originator::kScript};
   event.number = change.version;
   event.change = change;
 }
@@ -118,9 +118,9 @@ bool VirtualRun::act() {
     parameters_.rotation_target = commands.rotation_target;
     if (commands.method) parameters_.method = *commands.method;
     if (commands.motor) parameters_.motor = *commands.motor;
-    RecordingEvent& event = reported_.emplace_back(settings_event(before, parameters_));
+    RecordingEvent& event = events_.emplace_back(settings_event(before, parameters_));
     event.tick = state_.tick;
-    event.by = {Asker::kScript};
+    event.by = {Originator::kScript};
     event.number = ++reported_number_;
   }
   intended_ = *intention;

@@ -383,7 +383,7 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
       if (event.sweep.stroke == 1) first.push_back(cut_of(event.sweep));
     }
     if (event.kind != EventKind::kModel || !event.change.is_of_stroke()) continue;
-    EXPECT_EQ(event.by.asker, Asker::kScript);
+    EXPECT_EQ(event.by.asker, Originator::kScript);
     changes.push_back(event.change.tissue);
   }
   EXPECT_EQ(changes, (std::vector{ModelChange::kUndo, ModelChange::kRedo, ModelChange::kUndo}));

@@ -75,7 +75,7 @@ void Cutter::change_strokes() {
   while (!wanted_.empty()) {
     const Wanted requested = wanted_.front();
     wanted_.pop_front();
-    const bool by_script = requested.by.asker == Asker::kScript;
+    const bool by_script = requested.by.asker == Originator::kScript;
     if (by_script) script_led_to_ = 0;
     // a stroke has begun since the request, so the request does not refer to the last one
     if (requested.change.strokes != loop_.get()->strokes()) continue;
@@ -125,7 +125,7 @@ void Cutter::request_by_script(StrokeAction action) {
   const LiveModel::Lock lock = model_.lock();
   script_led_to_ = 0;
   if (!loop || !first_->cuts()) return;
-  request(lock, {action, loop->strokes()}, {Asker::kScript});
+  request(lock, {action, loop->strokes()}, {Originator::kScript});
   script_led_to_.reset();
 }
 

@@ -15,23 +15,24 @@ namespace {
 /// page does the same.
 constexpr double kFadeNodes = 3;
 
-DisplacementField moved_nodes(const ViewedDeformation& yield, const Bricks<LabelId>& labels) {
+DisplacementField moved_nodes(const ViewedDeformation& deformation, const Bricks<LabelId>& labels) {
   ElasticBox box;
-  box.corner = {yield.first_patient_mm[0], yield.first_patient_mm[1], yield.first_patient_mm[2]};
+  box.corner = {deformation.first_patient_mm[0], deformation.first_patient_mm[1],
+                deformation.first_patient_mm[2]};
   for (std::size_t row = 0; row < 3; ++row)
     for (std::size_t column = 0; column < 3; ++column)
       box.axes(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(column)) =
-          yield.axes[3 * row + column];
-  box.cell_mm = yield.spacing_mm;
-  for (std::size_t axis = 0; axis < 3; ++axis) box.cells[axis] = yield.nodes[axis] - 1;
+          deformation.axes[3 * row + column];
+  box.cell_mm = deformation.spacing_mm;
+  for (std::size_t axis = 0; axis < 3; ++axis) box.cells[axis] = deformation.nodes[axis] - 1;
   const auto X_VoxelPatient = labels.geometry().X_PatientVoxel().inverse();
   const Eigen::Matrix3f to_axes = box.axes.transpose().cast<float>();
   std::vector<Eigen::Vector3f> moved_mm;
   std::vector<bool> empty;
-  for (int k = 0; k < yield.nodes[2]; ++k)
-    for (int j = 0; j < yield.nodes[1]; ++j)
-      for (int i = 0; i < yield.nodes[0]; ++i) {
-        const float* const patient_mm = yield.moved_mm.data() + 3 * moved_mm.size();
+  for (int k = 0; k < deformation.nodes[2]; ++k)
+    for (int j = 0; j < deformation.nodes[1]; ++j)
+      for (int i = 0; i < deformation.nodes[0]; ++i) {
+        const float* const patient_mm = deformation.moved_mm.data() + 3 * moved_mm.size();
         const Eigen::Vector3f moved(patient_mm[0], patient_mm[1], patient_mm[2]);
         moved_mm.push_back(to_axes * moved);
         const Eigen::Vector3d at =
@@ -76,9 +77,9 @@ std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host
   if (labels == labels_ && deformations == deformations_) return displayed_;
   std::vector<DisplacementField> nodes;
   VoxelBox within;
-  for (const auto& yield : deformations) {
-    if (yield == nullptr || yield->moved_mm.empty()) continue;
-    nodes.push_back(moved_nodes(*yield, *labels));
+  for (const auto& deformation : deformations) {
+    if (deformation == nullptr || deformation->moved_mm.empty()) continue;
+    nodes.push_back(moved_nodes(*deformation, *labels));
     widen(within, nodes.back().box(), labels->geometry());
   }
   std::shared_ptr<const Bricks<LabelId>> displayed = labels;

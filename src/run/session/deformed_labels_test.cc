@@ -23,34 +23,34 @@ class DeformingHost : public testing::FakeHost {
     for (int k = 0; k < 40; ++k)
       for (int j = 0; j < kSide; ++j)
         for (int i = 0; i < kSide; ++i) fat.at(i, j, k) = kFat;
-    yielding_.labels = label_bricks(fat);
+    scene_.labels = label_bricks(fat);
   }
-  const ViewedScene& scene() const override { return yielding_.labels ? yielding_ : FakeHost::scene(); }
+  const ViewedScene& scene() const override { return scene_.labels ? scene_ : FakeHost::scene(); }
   std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const override {
     return deformations[device];
   }
   std::array<std::shared_ptr<const ViewedDeformation>, kMaxDevices> deformations;
 
  private:
-  ViewedScene yielding_;
+  ViewedScene scene_;
 };
 
 /// Deformation field with nodes of 1 mm around a tool pressed into the fat at (x, 15) mm, to a depth of
 /// `depth_mm`.
 std::shared_ptr<const ViewedDeformation> dent(double x_mm, double depth_mm) {
-  auto yield = std::make_shared<ViewedDeformation>();
-  yield->nodes = {17, 17, 17};
-  yield->first_patient_mm = {x_mm - 8, 7, 8};
-  yield->spacing_mm = 1;
+  auto deformation = std::make_shared<ViewedDeformation>();
+  deformation->nodes = {17, 17, 17};
+  deformation->first_patient_mm = {x_mm - 8, 7, 8};
+  deformation->spacing_mm = 1;
   for (int k = 0; k < 17; ++k)
     for (int j = 0; j < 17; ++j)
       for (int i = 0; i < 17; ++i) {
         const double z = 8 + k, off = std::hypot(i - 8, j - 8), below = 20 - z;
         const bool is_fat = z <= 19.5;
         const double by = is_fat ? depth_mm * std::exp(-(off * off + below * below) / 18) : 0;
-        for (const double c : {0.0, 0.0, -by}) yield->moved_mm.push_back(static_cast<float>(c));
+        for (const double c : {0.0, 0.0, -by}) deformation->moved_mm.push_back(static_cast<float>(c));
       }
-  return yield;
+  return deformation;
 }
 
 /// Index of the first slice above the fat in a column.

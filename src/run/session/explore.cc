@@ -336,7 +336,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   if (!tip) return tip.error();
   MeasuredCells carried = with_measured_cells(setup->model, (*tip)->driver().devices().size());
   setup->model = std::move(carried.model);
-  if (!carried.reported.empty()) setup->problems.push_back(carried.reported);
+  if (!carried.warning.empty()) setup->problems.push_back(carried.warning);
   if (progress.stopped()) return Progress::interrupted();
 
   std::unique_ptr<Training> training;
@@ -352,7 +352,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   }
   // the viewer server may fail to start, so it comes before any force is rendered
   LiveSession live(session_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(),
-                                 carried.reported));
+                                 carried.warning));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
     auto shown = options.viewers(live);

@@ -29,7 +29,7 @@ HandThread::HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, Si
       mapping_(driver.devices()[0], workspace),
       driver_(driver),
       loop_(loop),
-      reported_(log),
+      log_(log),
       edits_(std::move(edits)),
       repeat_(repeat) {}
 
@@ -87,7 +87,7 @@ void HandThread::move(double dt_s) {
   if (commands.law) edits_.change_law(*commands.law);
   const bool turned = commands.rotation_target.coeffs() != rotation_target.coeffs();
   if (!turned && !commands.method && !commands.motor) return;
-  change_logged(loop_, reported_, {Asker::kScript}, [&](Parameters& parameters) {
+  change_logged(loop_, log_, {Originator::kScript}, [&](Parameters& parameters) {
     if (turned) parameters.rotation_target = commands.rotation_target;
     if (commands.method) parameters.method = *commands.method;
     if (commands.motor) parameters.motor = *commands.motor;

@@ -62,7 +62,7 @@ class HandThread {
   const WorkspaceMapping mapping_;
   SimulatedDriver& driver_;
   ServoLoop& loop_;
-  EventLog& reported_;
+  EventLog& log_;
   const ScriptEdits edits_;
   const bool repeat_;
   // position by the script; position while withdrawn; unit direction out of the contact

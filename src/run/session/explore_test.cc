@@ -157,10 +157,10 @@ TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
   for (const RecordingEvent& event : recording_.events) {
     sweeps += event.kind == RecordingEvent::Kind::kSweep ? 1 : 0;
     if (event.kind == RecordingEvent::Kind::kModel && event.change.is_of_stroke()) {
-      EXPECT_EQ(event.by.asker, Asker::kKey);
+      EXPECT_EQ(event.by.asker, Originator::kKey);
       strokes.push_back(event.change.tissue);
     }
-    if (event.by.asker == Asker::kKey && (event.changed & kSettingMotor) != 0)
+    if (event.by.asker == Originator::kKey && (event.changed & kSettingMotor) != 0)
       motor.push_back((event.switches & kSwitchMotor) != 0);
   }
   EXPECT_GT(sweeps, 0u);
@@ -290,15 +290,15 @@ TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
   EXPECT_TRUE((stopped - 1)->device[0].flags & kFlagContact);
   for (auto tick = stopped; tick != again; ++tick) EXPECT_EQ(force_N(*tick), 0);
   EXPECT_FALSE((again - 1)->device[0].flags & (kFlagContact | kFlagInside));
-  std::vector<std::pair<RecordingEvent::Kind, Asker>> reported;
+  std::vector<std::pair<RecordingEvent::Kind, Originator>> reported;
   for (const RecordingEvent& event : recording_.events)
     if (event.kind == RecordingEvent::Kind::kStop || event.kind == RecordingEvent::Kind::kRearm)
       reported.emplace_back(event.kind, event.by.asker);
   using Kind = RecordingEvent::Kind;
-  EXPECT_EQ(reported, (decltype(reported){{Kind::kStop, Asker::kKey},
-                                          {Kind::kStop, Asker::kKey},
-                                          {Kind::kStop, Asker::kKey},
-                                          {Kind::kRearm, Asker::kKey}}));
+  EXPECT_EQ(reported, (decltype(reported){{Kind::kStop, Originator::kKey},
+                                          {Kind::kStop, Originator::kKey},
+                                          {Kind::kStop, Originator::kKey},
+                                          {Kind::kRearm, Originator::kKey}}));
 }
 
 TEST_F(Explore, EndsAfterItsTime) {

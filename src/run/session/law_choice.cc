@@ -44,7 +44,7 @@ void LawChoice::end() {
   {
     const LiveModel::Lock lock = model_.lock();
     has_ended_ = true;
-    yields_.store(nullptr);
+    solver_for_readers_.store(nullptr);
     solver = std::move(solver_);
     if (solver != nullptr && solver->failures() > 0)
       later_warnings_.push_back(
@@ -59,7 +59,7 @@ void LawChoice::start_solver(const LiveModel::Lock& lock) {
   if (solver_ != nullptr || has_ended_ || !model_.current(lock).has(ForceMethod::kProxy)) return;
   solver_ = std::make_unique<TissueThread>(
       *loop_.get(), loop_.log(), [this] { return model_.versions(model_.lock()).current; }, solve_);
-  yields_.store(solver_.get());
+  solver_for_readers_.store(solver_.get());
 }
 
 // takes effect immediately unless surfaces have to be built or the solver's cell size has to be measured
@@ -100,7 +100,7 @@ void LawChoice::choose_by_script(TissueLaw law) {
   const LiveModel::Lock lock = model_.lock();
   script_led_to_.reset();
   // a law that the script may not use was rejected when the script was read; a viewer may have cut since
-  if (!runs || !choose(lock, law, {Asker::kScript})) script_led_to_ = 0;
+  if (!runs || !choose(lock, law, {Originator::kScript})) script_led_to_ = 0;
 }
 
 std::optional<std::uint32_t> LawChoice::script_version() const {
@@ -129,8 +129,8 @@ void LawChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
   const double coarsened = is_elastic(law) ? made->model->tissue_coarsened : 0;
   switch_to(lock, *made->model, coarsened, awaited_by_);
   if (!is_elastic(law)) return;
-  if (cell_size_of(law).coarsened == 0 && !made->reported.empty()) later_warnings_.push_back(made->reported);
-  cell_size_of(law) = {coarsened, made->reported};
+  if (cell_size_of(law).coarsened == 0 && !made->warning.empty()) later_warnings_.push_back(made->warning);
+  cell_size_of(law) = {coarsened, made->warning};
 }
 
 // keeps the current law and reports the error to whoever requested the change
@@ -172,7 +172,7 @@ std::vector<std::string> LawChoice::later_warnings() const {
 }
 
 std::shared_ptr<const ViewedDeformation> LawChoice::deformation(std::size_t device) const {
-  const TissueThread* const solver = yields_.load();
+  const TissueThread* const solver = solver_for_readers_.load();
   return solver != nullptr ? solver->deformation(device) : nullptr;
 }
 

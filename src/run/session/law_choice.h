@@ -96,7 +96,7 @@ class LawChoice final : public PreparedChoice {
   std::vector<std::string> later_warnings_;
   bool has_ended_ = false;
   std::unique_ptr<TissueThread> solver_;
-  std::atomic<const TissueThread*> yields_{nullptr};  // solver_, for readers without the lock
+  std::atomic<const TissueThread*> solver_for_readers_{nullptr};  // solver_, for readers without the lock
 };
 
 }  // namespace palpate

@@ -17,7 +17,7 @@ namespace {
 // viewers poll with every pose, while the health figures cover the last second
 constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
 // plausibility bound on a viewer's pointer position; distance from the volume's centre
-constexpr double kFarthestTip_mm = 2000;
+constexpr double kMaxTipDistance_mm = 2000;
 
 }  // namespace
 
@@ -223,7 +223,7 @@ Result<RequestOutcome> LiveSession::ask(const Request& request, std::string what
     const Lock lock = model_.lock();
     // the state may have changed while the question was pending
     if (auto fine = check(lock, request, loop->parameters()); !fine) return fine.error();
-    return apply(lock, request, agreed_to(request.by));
+    return apply(lock, request, with_consent_of(request.by));
   });
   return RequestOutcome::kAwaitingConsent;
 }
@@ -301,12 +301,12 @@ Result<void> LiveSession::rearm_here(std::uint32_t stop) {
   if (rearmed_in_page())
     return refusal("a pointer can be rearmed only by the viewer that moves it", "",
                    "press Rearm in the page");
-  return stop_.rearm(stop, {Asker::kKey});
+  return stop_.rearm(stop, {Originator::kKey});
 }
 
 void LiveSession::pause_by_key() {
   if (ServoLoop* loop = commanded_loop())
-    change_logged(*loop, loop_.log(), {Asker::kKey},
+    change_logged(*loop, loop_.log(), {Originator::kKey},
                   [](Parameters& parameters) { parameters.paused = !parameters.paused; });
 }
 
@@ -314,7 +314,7 @@ Result<void> LiveSession::toggle_motor_by_key() {
   ServoLoop* loop = commanded_loop();
   if (!loop) return not_running();
   if (!cuts()) return invalid_value("no device has a tool with a motor", "", "");
-  change_logged(*loop, loop_.log(), {Asker::kKey},
+  change_logged(*loop, loop_.log(), {Originator::kKey},
                 [](Parameters& parameters) { parameters.motor = !parameters.motor; });
   return {};
 }
@@ -325,7 +325,7 @@ Result<void> LiveSession::stroke_here(StrokeAction action) {
   const Lock lock = model_.lock();
   const LastStrokeRequest request{{action, {}, 0}, loop->strokes()};
   if (auto fine = check(lock, request, loop->parameters()); !fine) return fine.error();
-  return apply(lock, request, {Asker::kKey});
+  return apply(lock, request, {Originator::kKey});
 }
 
 // ---- the pointer
@@ -361,7 +361,7 @@ void LiveSession::move_pointer(const std::optional<PointerTarget>& target) {
                                    target->tip_patient_mm[2]);
   const Point<World> tip = X_WorldPatient * tip_patient;
   // World's origin is the volume's centre. The negated comparison also rejects NaN.
-  if (!(tip.eigen().norm() <= kFarthestTip_mm)) return;
+  if (!(tip.eigen().norm() <= kMaxTipDistance_mm)) return;
   const WorkspaceMapping mapping(parts_.pointer->devices().front(), parts_.workspace);
   const Point<Device> tip_device = mapping.to_device(tip);
   PointerDriver::Press press;

@@ -136,9 +136,9 @@ class LiveSession final : public LiveHost {
   void observe(const TickRecord& record) { history_.add(record); }
 
   // ---- keys at the device
-  void stop_here() { stop_.stop({Asker::kKey}); }
+  void stop_here() { stop_.stop({Originator::kKey}); }
   /// Stops the force because no supervisor process watches the session.
-  void stop_unsupervised() { stop_.stop({Asker::kSession}); }
+  void stop_unsupervised() { stop_.stop({Originator::kSession}); }
   /// Gives the force back after a stop.
   /// @param stop  number of the stop that was displayed to the operator
   /// Errors: those of a viewer's rearm; kUsage for a pointer, whose force is given back in the page.

@@ -643,7 +643,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   EXPECT_EQ(changes().back().version, live_->state().model_version);
   EXPECT_EQ(law_of(changes().back()), TissueLaw::kElastic);
   // the solver thread runs, and the tick renders its solution
-  ASSERT_TRUE(soon([&] { return latest().yield_frame > 3 && live_->deformation(0) != nullptr; }));
+  ASSERT_TRUE(soon([&] { return latest().solver_frame > 3 && live_->deformation(0) != nullptr; }));
   EXPECT_GT(sent_N(latest()), 0.01);
   EXPECT_EQ(latest().device[0].flags & kFlagInside, 0u);
 
@@ -715,8 +715,8 @@ TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
   press(1);
   ASSERT_TRUE(soon([&] { return live_->deformation(0) != nullptr && latest().device[0].contact_N[0] > 0; }));
   // a solution takes some frames to settle
-  const std::uint32_t frame = latest().yield_frame;
-  ASSERT_TRUE(soon([&] { return latest().yield_frame >= frame + 20; }));
+  const std::uint32_t frame = latest().solver_frame;
+  ASSERT_TRUE(soon([&] { return latest().solver_frame >= frame + 20; }));
   const double solved_N = latest().device[0].contact_N[0];
   EXPECT_FALSE(live_->state().law_failure);
 
@@ -976,7 +976,7 @@ TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
   EXPECT_TRUE(answer(true).outcome.ok());
   EXPECT_NEAR(loop_->parameters().rotation_target.z(), std::sin(0.2), 1e-12);
   ASSERT_EQ(reported().size(), 1u);
-  EXPECT_EQ(reported().back().by, (RequestedBy{Asker::kAgreedViewer, 3}));
+  EXPECT_EQ(reported().back().by, (RequestedBy{Originator::kViewerWithConsent, 3}));
   EXPECT_EQ(reported().back().changed, kSettingRotation);
 
   // a request for the current value changes nothing and needs no consent
@@ -1007,7 +1007,7 @@ TEST_F(Viewed, TissuesWaitForConsentToo) {
   EXPECT_EQ(live_->state().model_version, 2u);
   EXPECT_EQ(live_->state().tissues[kViewedCartilage].stiffness_N_per_mm, 0.5);
   ASSERT_EQ(reported().size(), 1u);
-  EXPECT_EQ(reported().back().by, (RequestedBy{Asker::kAgreedViewer, 5}));
+  EXPECT_EQ(reported().back().by, (RequestedBy{Originator::kViewerWithConsent, 5}));
 
   // a request that has become impossible in the meantime is refused despite consent
   request.changes[&ContactProperties::stiffness_N_per_mm] = 0.6;
@@ -1190,22 +1190,22 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
     EXPECT_EQ(events[index].by, by) << index;
     EXPECT_EQ(events[index].number, number) << index;
   };
-  expect(0, Kind::kSettings, {Asker::kControlViewer, 7}, 1);
+  expect(0, Kind::kSettings, {Originator::kControlViewer, 7}, 1);
   EXPECT_EQ(events[0].changed, kSettingFriction | kSettingMaxForce);
   EXPECT_EQ(events[0].switches, kSwitchViscosity);
   EXPECT_EQ(events[0].max_force_N, 2.5);
-  expect(1, Kind::kSettings, {Asker::kControlViewer, 7}, 2);
+  expect(1, Kind::kSettings, {Originator::kControlViewer, 7}, 2);
   EXPECT_EQ(events[1].changed, 0) << "it held already";
-  expect(2, Kind::kModel, {Asker::kControlViewer, 8}, 2);
+  expect(2, Kind::kModel, {Originator::kControlViewer, 8}, 2);
   EXPECT_EQ(events[2].change.contact.static_friction, 0.35);
-  expect(3, Kind::kStop, {Asker::kViewingViewer, 9}, 1);
-  expect(4, Kind::kRearm, {Asker::kControlViewer, 7}, 2);
-  expect(5, Kind::kStop, {Asker::kKey, 0}, 3);
-  expect(6, Kind::kRearm, {Asker::kKey, 0}, 4);
-  expect(7, Kind::kSettings, {Asker::kKey, 0}, 3);
+  expect(3, Kind::kStop, {Originator::kViewingViewer, 9}, 1);
+  expect(4, Kind::kRearm, {Originator::kControlViewer, 7}, 2);
+  expect(5, Kind::kStop, {Originator::kKey, 0}, 3);
+  expect(6, Kind::kRearm, {Originator::kKey, 0}, 4);
+  expect(7, Kind::kSettings, {Originator::kKey, 0}, 3);
   EXPECT_EQ(events[7].changed, kSettingPaused);
   EXPECT_EQ(events[7].switches, kSwitchViscosity | kSwitchPaused);
-  expect(8, Kind::kSettings, {Asker::kKey, 0}, 4);
+  expect(8, Kind::kSettings, {Originator::kKey, 0}, 4);
   EXPECT_EQ(events[8].changed, kSettingMethod);
   // and ticks acknowledge it
   EXPECT_TRUE(soon([&] {
@@ -1450,7 +1450,7 @@ TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {
     sweeps += event.kind == RecordingEvent::Kind::kSweep;
     if (event.kind != RecordingEvent::Kind::kModel || !event.change.is_of_stroke()) continue;
     strokes.push_back(event.change.tissue);
-    EXPECT_EQ(event.by, (RequestedBy{Asker::kControlViewer, 3}));
+    EXPECT_EQ(event.by, (RequestedBy{Originator::kControlViewer, 3}));
   }
   EXPECT_EQ(sweeps, cut);
   EXPECT_EQ(strokes, (std::vector{ModelChange::kUndo, ModelChange::kRedo}));
@@ -1643,7 +1643,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   for (const RecordingEvent& event : recording->events) {
     EXPECT_EQ(event.kind, RecordingEvent::Kind::kSettings);
     EXPECT_EQ(event.changed, kSettingPointer);
-    EXPECT_EQ(event.by, (RequestedBy{Asker::kControlViewer, 5}));
+    EXPECT_EQ(event.by, (RequestedBy{Originator::kControlViewer, 5}));
   }
   EXPECT_LT(recording->events[0].tick, recording->events[1].tick);
   // the displayed force has no steps while the pointer is held: 6 mm within an interval of at least 4 ms

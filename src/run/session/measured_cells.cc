@@ -36,7 +36,7 @@ std::vector<Point<Patient>> soft_borders(const Model& model) {
     const Tissue* tissue = model.tissue_of(label);
     return tissue == nullptr || !tissue->touchable;
   };
-  const auto yields = [&](LabelId label) {
+  const auto can_deform = [&](LabelId label) {
     return !is_empty(label) && model.is_deformable(*model.tissue_of(label));
   };
   std::vector<Point<Patient>> positions;
@@ -45,7 +45,7 @@ std::vector<Point<Patient>> soft_borders(const Model& model) {
     for (int j = j_step / 2; j < grid.dims[1]; j += j_step)
       for (int i = 1; i < grid.dims[0]; ++i) {
         const LabelId one = labels.at(i - 1, j, k), other = labels.at(i, j, k);
-        if ((is_empty(one) && yields(other)) || (is_empty(other) && yields(one)))
+        if ((is_empty(one) && can_deform(other)) || (is_empty(other) && can_deform(one)))
           positions.push_back(X_PatientVoxel * Point<Voxel>(i - 0.5, j, k));
       }
   return positions;
@@ -95,12 +95,12 @@ MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_
     const auto time_s = frame_s(*coarser, position, devices);
     if (time_s && *time_s <= max_frame_s) break;
   }
-  char reported[256];
-  std::snprintf(reported, sizeof reported,
+  char warning[256];
+  std::snprintf(warning, sizeof warning,
                 "soft tissue is solved in cells of %.3g mm instead of %.3g: with these a solution takes %.3g "
                 "ms on this machine, but one is due every %.3g",
                 solver_cell_mm(*coarser), solver_cell_mm(*model), 1e3 * *made_s, 1e3 * kSolverFrame_s);
-  return {std::move(coarser), reported};
+  return {std::move(coarser), warning};
 }
 
 Result<MeasuredCells> measured_under_law(const Model& model, TissueLaw law, std::size_t devices,

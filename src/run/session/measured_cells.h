@@ -6,8 +6,8 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
-#include "palpate/contact/haptics.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/contact/model.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 /// Choice of the soft-tissue solver's cell size by this machine's speed.
 namespace palpate {
@@ -15,7 +15,7 @@ namespace palpate {
 /// Model whose soft tissue can be solved in real time on this machine.
 struct MeasuredCells {
   std::shared_ptr<const Model> model;
-  std::string reported;  ///< Warning text if the cells are coarser than the scene requests; empty otherwise
+  std::string warning;  ///< Warning text if the cells are coarser than the scene requests; empty otherwise
 };
 
 /// Measures the solver's frame time on this thread, at a point where soft tissue is outermost, and increases

@@ -28,21 +28,21 @@ TEST(MeasuredCells, AreCoarserWhereAFrameTakesTooLong) {
   EXPECT_EQ(none_is_fast_enough.model->tissue_coarsened, 2);
   EXPECT_EQ(none_is_fast_enough.model->content_hash, model->content_hash);
   EXPECT_EQ(solver_cell_mm(*none_is_fast_enough.model), 2 * solver_cell_mm(*model));
-  EXPECT_THAT(none_is_fast_enough.reported, HasSubstr("cells of 2 mm instead of 1"));
+  EXPECT_THAT(none_is_fast_enough.warning, HasSubstr("cells of 2 mm instead of 1"));
 }
 
 TEST(MeasuredCells, AreAsTheSceneHasThemElsewhere) {
   const auto model = ball_under(TissueLaw::kElastic);
   const MeasuredCells fast = with_measured_cells(model, 2, 1e3);
   EXPECT_EQ(fast.model, model);
-  EXPECT_THAT(fast.reported, IsEmpty());
+  EXPECT_THAT(fast.warning, IsEmpty());
   // the law of layers needs no solver
   const auto layers = ball_under(TissueLaw::kLayers);
   EXPECT_EQ(with_measured_cells(layers, 1, 0).model, layers);
   // a model with a factor is returned unchanged
-  auto reported = std::make_shared<Model>(*model);
-  reported->tissue_coarsened = 1.6;
-  EXPECT_EQ(with_measured_cells(reported, 1, 0).model, reported);
+  auto warning = std::make_shared<Model>(*model);
+  warning->tissue_coarsened = 1.6;
+  EXPECT_EQ(with_measured_cells(warning, 1, 0).model, warning);
 }
 
 // the session may release the model that the hand planned its path in, once it uses coarser cells
@@ -52,8 +52,8 @@ TEST(MeasuredCells, TheHandKeepsTheModelThatItLooksAt) {
   ASSERT_TRUE(script);
   auto setup = set_up_run(loaded, *script, {}, {});
   ASSERT_TRUE(setup) << setup.error().message();
-  std::string reported;
-  const auto tip = tip_source_for(*setup, {}, {}, reported);
+  std::string warning;
+  const auto tip = tip_source_for(*setup, {}, {}, warning);
   ASSERT_TRUE(tip) << tip.error().message();
   const std::weak_ptr<const Model> planned_in = setup->model;
   setup->model.reset();

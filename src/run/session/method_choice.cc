@@ -81,7 +81,7 @@ void MethodChoice::choose_next() {
   };
   ForceMethod next = next_of(now);
   while (next != now && !possible(next)) next = next_of(next);
-  if (auto chosen = choose(lock, next, {Asker::kKey}); !chosen) abandon(lock, next, chosen.error());
+  if (auto chosen = choose(lock, next, {Originator::kKey}); !chosen) abandon(lock, next, chosen.error());
 }
 
 void MethodChoice::follow_script() {
@@ -95,7 +95,7 @@ void MethodChoice::follow_script() {
     abandon(lock, method, made_for_others());
   else if (failure_ && abandoned_ == model_.current(lock).version)
     abandon(lock, method, *failure_);
-  else if (auto chosen = choose(lock, method, {Asker::kScript}); !chosen)
+  else if (auto chosen = choose(lock, method, {Originator::kScript}); !chosen)
     abandon(lock, method, chosen.error());
 }
 

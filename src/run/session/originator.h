@@ -7,11 +7,11 @@ namespace palpate {
 
 /// Originator of a viewer's request.
 inline RequestedBy requested_by(const ViewerIdentity& viewer) {
-  return {viewer.control ? Asker::kControlViewer : Asker::kViewingViewer, viewer.number};
+  return {viewer.control ? Originator::kControlViewer : Originator::kViewingViewer, viewer.number};
 }
 /// Originator of a viewer's request to which an operator at this machine has consented.
-inline RequestedBy agreed_to(const ViewerIdentity& viewer) {
-  return {Asker::kAgreedViewer, viewer.number};
+inline RequestedBy with_consent_of(const ViewerIdentity& viewer) {
+  return {Originator::kViewerWithConsent, viewer.number};
 }
 
 }  // namespace palpate

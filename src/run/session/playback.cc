@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "palpate/base/force_method.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/rendered_stiffness.h"
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
@@ -21,12 +21,12 @@
 #include "session/cut_list.h"
 #include "session/deformed_labels.h"
 #include "session/nearest_line.h"
+#include "session/played_solutions.h"
 #include "session/played_task.h"
-#include "session/played_yields.h"
 #include "session/recording_line.h"
+#include "session/solution_index.h"
 #include "session/tick_blocks.h"
 #include "session/viewed_scene.h"
-#include "session/yield_index.h"
 
 namespace palpate {
 namespace {
@@ -170,7 +170,7 @@ class Playback final : public PlaybackHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
            const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest,
-           SolutionIndex yields, std::unique_ptr<const PlayedTask> task, std::shared_ptr<SharedPlan> plan)
+           SolutionIndex solutions, std::unique_ptr<const PlayedTask> task, std::shared_ptr<SharedPlan> plan)
       : header_(recording.head().header),
         model_(std::move(model)),
         scene_(std::move(scene)),
@@ -185,7 +185,7 @@ class Playback final : public PlaybackHost {
               return recording.read_at(block * TickBlocks::kTicks, TickBlocks::kTicks, progress);
             },
             std::move(begins_s)) {
-    if (yields.empty()) return;
+    if (solutions.empty()) return;
     // A solution whose input ticks are in an earlier block is rare enough to be read separately.
     const auto tick_at = [this, source = std::move(recording)](
                              std::uint64_t row, const Progress& progress) -> std::optional<TickRecord> {
@@ -194,7 +194,7 @@ class Playback final : public PlaybackHost {
       return read && !read->empty() ? std::optional(read->front()) : std::nullopt;
     };
     solutions_ =
-        std::make_unique<PlayedSolutions>(model_, std::move(yields), edits_.cuts, edits_.laws, tick_at);
+        std::make_unique<PlayedSolutions>(model_, std::move(solutions), edits_.cuts, edits_.laws, tick_at);
   }
 
   const ViewedScene& scene() const override { return scene_; }
@@ -209,7 +209,7 @@ class Playback final : public PlaybackHost {
       constexpr double kNear_s = 0.25;
       const double speed = position_.playing() ? std::max(1.0, std::abs(position_.speed())) : 1.0;
       const auto near = static_cast<std::uint32_t>(kNear_s * speed / kSolverFrame_s);
-      is_deformable ? solutions_->want(shown_.yield_frame, near) : solutions_->want(0, 0);
+      is_deformable ? solutions_->want(shown_.solver_frame, near) : solutions_->want(0, 0);
     }
     stiffness_N_per_mm = {};
     // a direct method's stiffness depends on the stiffest tissue of the model, so none is reported
@@ -367,7 +367,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   std::vector<double> begins_s;
   Edits edits(*model);
   const bool deforms_first = is_elastic(model->tissue_law);
-  auto yields = std::make_unique<SolutionIndex>(*model);
+  auto solutions = std::make_unique<SolutionIndex>(*model);
   std::uint64_t row = 0;
   const auto observed = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
@@ -375,7 +375,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
         line.observe(part);
         nearest.observe(part.ticks, part.events);
         for (const RecordingEvent& event : part.events) edits.on_event(event);
-        if (deforms_first) yields->observe(part, row);
+        if (deforms_first) solutions->observe(part, row);
         if (played)
           if (auto known = played->observe(part); !known) return known;
         for (const TickRecord& tick : part.ticks) {
@@ -389,11 +389,11 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   // the recording switches to an elastic law later: scan it again, with the surfaces that this needs
   if (!deforms_first && edits.laws.any(is_elastic)) {
     if (auto ready = with_surfaces(); !ready) return ready.error();
-    yields = std::make_unique<SolutionIndex>(*model);
+    solutions = std::make_unique<SolutionIndex>(*model);
     row = 0;
     const auto found = recording.read(
         [&](const RecordingPart& part) -> Result<void> {
-          yields->observe(part, row);
+          solutions->observe(part, row);
           row += part.ticks.size();
           return {};
         },
@@ -420,7 +420,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   try {
     return std::unique_ptr<PlaybackHost>(std::make_unique<Playback>(
         std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
-        std::move(edits), std::move(nearest), std::move(*yields), std::move(played), std::move(plan)));
+        std::move(edits), std::move(nearest), std::move(*solutions), std::move(played), std::move(plan)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "cannot start a thread to read the recording", "",
                  "close other programs"};

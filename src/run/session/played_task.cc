@@ -33,7 +33,7 @@ Result<void> PlayedTask::observe(const RecordingPart& part) {
 void PlayedTask::store_moment(double time_s) {
   stored_.push_back({time_s, viewed_run(reader_.run(), name_, kOnlyRun)});
   stored_.back().run.events.clear();
-  if (stored_.size() < kMost) return;
+  if (stored_.size() < kMaxMoments) return;
   // halve the number of samples and double the period
   std::size_t left = 0;
   for (std::size_t n = 0; n < stored_.size(); n += 2) stored_[left++] = std::move(stored_[n]);

@@ -35,7 +35,7 @@ class PlayedTask {
   }
 
  private:
-  static constexpr std::size_t kMost = 20'000;
+  static constexpr std::size_t kMaxMoments = 20'000;
   void store_moment(double time_s);
 
   std::string name_;

@@ -20,17 +20,17 @@ double force_N(const DeviceTick& device) {
   return std::isfinite(force) ? force : 0;
 }
 
-const char* name_of(Asker asker) {
+const char* name_of(Originator asker) {
   switch (asker) {
-    case Asker::kSession:
+    case Originator::kSession:
       return "session";
-    case Asker::kScript:
+    case Originator::kScript:
       return "script";
-    case Asker::kKey:
+    case Originator::kKey:
       return "key";
-    case Asker::kControlViewer:
-    case Asker::kViewingViewer:
-    case Asker::kAgreedViewer:
+    case Originator::kControlViewer:
+    case Originator::kViewingViewer:
+    case Originator::kViewerWithConsent:
       return "viewer";
   }
   return "session";

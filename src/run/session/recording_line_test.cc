@@ -104,11 +104,11 @@ TEST(RecordingLine, KeepsTheLongestOfTooManyContacts) {
 }
 
 TEST(RecordingLine, HasWhatTheRunWasTold) {
-  RecordingEvent settings = event(RecordingEvent::Kind::kSettings, 2, {Asker::kControlViewer, 3});
+  RecordingEvent settings = event(RecordingEvent::Kind::kSettings, 2, {Originator::kControlViewer, 3});
   settings.changed = kSettingMethod | kSettingMaxForce;
-  RecordingEvent model = event(RecordingEvent::Kind::kModel, 4, {Asker::kScript, 0});
+  RecordingEvent model = event(RecordingEvent::Kind::kModel, 4, {Originator::kScript, 0});
   model.change.tissue = 1;
-  const auto stop = event(RecordingEvent::Kind::kStop, 5, {Asker::kKey, 0});
+  const auto stop = event(RecordingEvent::Kind::kStop, 5, {Originator::kKey, 0});
   const ViewedRecording line =
       line_of(std::vector<LabelId>(8, 0), {settings, model, stop, event(RecordingEvent::Kind::kRearm, 9)});
   ASSERT_EQ(line.events.size(), 3u);
@@ -127,7 +127,7 @@ TEST(RecordingLine, HasWhatTheRunWasTold) {
 TEST(RecordingLine, HasStrokesThatWereUndoneAndNoCuts) {
   std::vector<RecordingEvent> events;
   for (const std::uint32_t what : {ModelChange::kCut, ModelChange::kUndo, ModelChange::kRedo}) {
-    events.push_back(event(RecordingEvent::Kind::kModel, 4, {Asker::kControlViewer, 1}));
+    events.push_back(event(RecordingEvent::Kind::kModel, 4, {Originator::kControlViewer, 1}));
     events.back().change.tissue = what;
   }
   const ViewedRecording line = line_of(std::vector<LabelId>(8, 0), events);

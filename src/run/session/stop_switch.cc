@@ -7,16 +7,16 @@
 namespace palpate {
 namespace {
 
-StoppedBy stopped_by(Asker asker) {
+StoppedBy stopped_by(Originator asker) {
   switch (asker) {
-    case Asker::kSession:
-    case Asker::kScript:
+    case Originator::kSession:
+    case Originator::kScript:
       return StoppedBy::kSession;
-    case Asker::kKey:
+    case Originator::kKey:
       return StoppedBy::kKey;
-    case Asker::kControlViewer:
-    case Asker::kViewingViewer:
-    case Asker::kAgreedViewer:
+    case Originator::kControlViewer:
+    case Originator::kViewingViewer:
+    case Originator::kViewerWithConsent:
       return StoppedBy::kViewer;
   }
   return StoppedBy::kSession;

@@ -193,7 +193,7 @@ Result<std::unique_ptr<TipSource>> source_of(const std::string& name, const RunS
 
 // applies the devices' limits to the session
 void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& options, RunSetup& setup,
-                  std::string& reported) {
+                  std::string& warning) {
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const DeviceInfo& info = devices[d];
     // the stiffness limit of a hand with the simulated device is known more precisely
@@ -204,7 +204,7 @@ void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& opt
       setup.parameters.max_force_N = std::min(setup.parameters.max_force_N, *info.continuous_force_N);
     if (const std::string careful = careful_bound_message(info); !careful.empty()) {
       setup.problems.push_back(careful);
-      reported += (reported.empty() ? "" : "\n") + careful;
+      warning += (warning.empty() ? "" : "\n") + careful;
     }
   }
   setup.limit_N = std::min(setup.limit_N, setup.parameters.max_force_N);
@@ -246,7 +246,7 @@ Result<void> check_devices(const std::vector<std::string>& names, const DeviceRe
 }
 
 Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const ExploreOptions& options,
-                                                  const Progress& progress, std::string& reported) {
+                                                  const Progress& progress, std::string& warning) {
   std::vector<std::unique_ptr<TipSource>> sources;
   for (const std::string& name : options.devices) {
     auto source = source_of(name, setup, options, progress);
@@ -271,7 +271,7 @@ Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const Explore
   const DeviceInfo& clock = devices[driver.clock_owner()];
   if (options.devices[0] != kSimulatedHand && clock.drive != DeviceInfo::Drive::kPulled && clock.rate_hz)
     setup.script.rate_hz = std::clamp(*clock.rate_hz, kMinRate_hz, kMaxRate_hz);
-  learn_limits(devices, options, setup, reported);
+  learn_limits(devices, options, setup, warning);
   return all;
 }
 

@@ -44,9 +44,9 @@ class TipSource {
 
 /// Creates the devices of a session and opens those that are physical: a single source, or several combined.
 /// @param setup  receives each device's limits; conservative bounds among them are added to its problems
-/// @param reported   receives these bounds again, one per line
+/// @param warning   receives these bounds again, one per line
 /// Errors: those of check_devices(), of ScriptedHand::create() and of opening a driver.
 Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const ExploreOptions& options,
-                                                  const Progress& progress, std::string& reported);
+                                                  const Progress& progress, std::string& warning);
 
 }  // namespace palpate

@@ -66,7 +66,7 @@ void solve_tissue_frame(SoftTissueSolver& solver, const Model& model, const Tick
 
 TissueThread::TissueThread(ServoLoop& loop, EventLog& log,
                            std::function<std::shared_ptr<const Model>()> model, Solve solve)
-    : loop_(loop), reported_(log), model_(std::move(model)), solve_(std::move(solve)), thread_([this] {
+    : loop_(loop), log_(log), model_(std::move(model)), solve_(std::move(solve)), thread_([this] {
         run();
       }) {}
 
@@ -117,7 +117,7 @@ void TissueThread::start_afresh() noexcept {
 // passes the frame that could not be solved to the loop, if there is one
 void TissueThread::publish_unsolved() {
   if (solver_.frame().number == published_) return;
-  set_unsolved_logged(loop_, reported_, solver_.frame(), last_input_);
+  set_unsolved_logged(loop_, log_, solver_.frame(), last_input_);
   published_ = solver_.frame().number;
 }
 
@@ -137,7 +137,7 @@ void TissueThread::solve_next() {
     move_mail(*model, tick);
   } else {
     solve_(solver_, *model, tick);
-    set_solution_logged(loop_, reported_, solver_.frame(), tick.tick);
+    set_solution_logged(loop_, log_, solver_.frame(), tick.tick);
     published_ = solver_.frame().number;
     show(tick);
   }

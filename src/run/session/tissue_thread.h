@@ -14,7 +14,7 @@
 #include "palpate/server/viewer_server.h"
 #include "palpate/servo/servo_loop.h"
 #include "palpate/tissue/chain_mail.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 namespace palpate {
 
@@ -57,7 +57,7 @@ class TissueThread {
   void show(const TickRecord& tick);
 
   ServoLoop& loop_;
-  EventLog& reported_;
+  EventLog& log_;
   const std::function<std::shared_ptr<const Model>()> model_;
   const Solve solve_;
   SoftTissueSolver solver_;

@@ -49,7 +49,7 @@ Training::Training(TrainingOptions options, std::vector<TaskInScene> in_scene, s
   lesson_.learner = options_.learner;
   for (const TaskInScene& task : in_scene_)
     if (task.plan) removed_ = task.plan->untouched;
-  recorder_thread_ = std::thread([this] { run_recorder(); });
+  store_thread_ = std::thread([this] { store_runs(); });
 }
 
 Result<std::unique_ptr<Training>> Training::start(const TrainingOptions& options, const Model& model,
@@ -102,7 +102,7 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
   const std::lock_guard lock(mutex_);
   if (ending_) return cannot_train("the session is over", "", "");
   if (live_) return cannot_train("a run is in progress", "begin", "end it first");
-  if (keeping_) return cannot_train("the last run is still being stored", "begin", "try again in a moment");
+  if (storing_) return cannot_train("the last run is still being stored", "begin", "try again in a moment");
   if (runs_ == kMaxRunsOfSession)
     return cannot_train("this session has had " + std::to_string(runs_) + " runs", "begin",
                         "start a new session");
@@ -116,7 +116,7 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
                           "undo the strokes, or start a new session");
     live->evaluator.set_initial_removal(*removed_);
   }
-  if (tip_holder_) note_holder(*tip_holder_, *live);
+  if (tip_holder_) note_tip_holder(*tip_holder_, *live);
   live->number = ++runs_;
   last_task_ = index;
   debriefing_ = nullptr;
@@ -128,17 +128,17 @@ void Training::set_tip_holder(const std::optional<ViewerIdentity>& holder) {
   const std::lock_guard lock(mutex_);
   viewers_move_tip_ = true;
   tip_holder_ = holder;
-  if (holder && live_) note_holder(*holder, *live_);
+  if (holder && live_) note_tip_holder(*holder, *live_);
 }
 
 // a viewer without a pseudonym that does not teach acts for the learner of the session
-void Training::note_holder(const ViewerIdentity& holder, Live& live) {
+void Training::note_tip_holder(const ViewerIdentity& holder, Live& live) {
   const bool is_other = holder.teaches || (!holder.learner.empty() && holder.learner != live.learner);
   (is_other ? live.was_driven_by_others : live.was_driven) = true;
 }
 
 // Reason why a run is not its learner's own; empty: it is. With the mutex locked.
-std::optional<Error> Training::not_own(const Live& live) const {
+std::optional<Error> Training::reason_not_own(const Live& live) const {
   if (!viewers_move_tip_ || (live.was_driven && !live.was_driven_by_others)) return {};
   return cannot_train(live.was_driven             ? "somebody else held the tip during a part of the run"
                       : live.was_driven_by_others ? "somebody else held the tip during the run"
@@ -149,7 +149,7 @@ std::optional<Error> Training::not_own(const Live& live) const {
 Result<void> Training::end_run() {
   const std::lock_guard lock(mutex_);
   if (!live_) return cannot_train("no run is in progress", "end", "");
-  over(RunEnd::kRequested);
+  finish_run(RunEnd::kRequested);
   return {};
 }
 
@@ -158,7 +158,7 @@ Result<void> Training::begin_or_end() {
   {
     const std::lock_guard lock(mutex_);
     if (live_) {
-      over(RunEnd::kRequested);
+      finish_run(RunEnd::kRequested);
       return {};
     }
     if (options_.tasks.empty())
@@ -197,15 +197,15 @@ void Training::observe(const TickRecord& tick, std::span<const RecordingEvent> e
     if (!live_) return;
     Live& live = *live_;
     if (live.evaluator.ticks() == 0) live.ticks.first = tick.tick;
-    if (!live.evaluator.observe(tick)) return over(RunEnd::kFailure);
+    if (!live.evaluator.observe(tick)) return finish_run(RunEnd::kFailure);
     live.ticks.last = tick.tick;
     live.run_hash = mix_run_hash(live.run_hash, tick.state_hash);
     live.trace.observe(live.evaluator);
-    if (live.evaluator.ended()) over(RunEnd::kTask);
+    if (live.evaluator.ended()) finish_run(RunEnd::kTask);
   } catch (const std::exception&) {
     // Out of memory: the run ends with kFailure, or is dropped if even that fails.
     try {
-      if (live_) over(RunEnd::kFailure);
+      if (live_) finish_run(RunEnd::kFailure);
     } catch (const std::exception&) {
       live_ = nullptr;
     }
@@ -213,10 +213,10 @@ void Training::observe(const TickRecord& tick, std::span<const RecordingEvent> e
 }
 
 // with the mutex locked
-void Training::over(RunEnd end) {
+void Training::finish_run(RunEnd end) {
   live_->trace.finish(live_->evaluator);
-  Over over{nullptr, {}};
-  TaskRun& run = over.run;
+  PendingRun pending{nullptr, {}};
+  TaskRun& run = pending.run;
   run.task = options_.tasks[live_->task].name;
   run.number = live_->number;
   run.end = end;
@@ -226,46 +226,46 @@ void Training::over(RunEnd end) {
   run.ticks = live_->ticks;
   run.run_hash = live_->run_hash;
   run.header = header_;
-  ViewedTraining state = seen(*live_);
+  ViewedTraining state = viewed(*live_);
   state.phase = ViewedTraining::Phase::kKeeping;
   // the run is over: no force belongs to it any more
   std::ranges::fill(state.forces_N, 0);
   std::ranges::fill(state.protected_N, 0);
   state.touch_N = 0;
   state.unseen = false;
-  over_.push_back(std::move(over));
-  over_.back().live = std::move(live_);
+  runs_to_store_.push_back(std::move(pending));
+  runs_to_store_.back().live = std::move(live_);
   state_ = std::move(state);
-  keeping_ = true;
+  storing_ = true;
   changed_.notify_all();
 }
 
-void Training::run_recorder() {
+void Training::store_runs() {
   std::unique_lock lock(mutex_);
   while (true) {
-    changed_.wait(lock, [this] { return ending_ || !over_.empty(); });
-    if (over_.empty()) return;
-    Over over = std::move(over_.front());
-    over_.pop_front();
-    const TaskFile& task = options_.tasks[over.live->task].file;
+    changed_.wait(lock, [this] { return ending_ || !runs_to_store_.empty(); });
+    if (runs_to_store_.empty()) return;
+    PendingRun pending = std::move(runs_to_store_.front());
+    runs_to_store_.pop_front();
+    const TaskFile& task = options_.tasks[pending.live->task].file;
     std::vector<TaskRun> runs;
     for (const FinishedRun& earlier : finished_)
-      if (earlier.run.task == over.run.task && earlier.run.learner == over.run.learner)
+      if (earlier.run.task == pending.run.task && earlier.run.learner == pending.run.learner)
         runs.push_back(earlier.run);
-    std::optional<Error> refused = not_own(*over.live);
+    std::optional<Error> refused = reason_not_own(*pending.live);
     lock.unlock();
-    FinishedRun finished{over.run, {}};
+    FinishedRun finished{pending.run, {}};
     std::shared_ptr<const ViewedDebriefing> debriefing;
     try {
-      runs.push_back(over.run);
+      runs.push_back(pending.run);
       finished.history = history_of(task, runs);
       // a run without ticks does not count
-      if (!keeps(over.run.learner) || over.run.score.ticks == 0) {
+      if (!stores_runs_of(pending.run.learner) || pending.run.score.ticks == 0) {
         // nothing to store
       } else if (refused) {
         finished.history.not_stored = std::move(refused);
       } else {
-        const RunHistory history = options_.over(task, over.run);
+        const RunHistory history = options_.store_run(task, pending.run);
         if (history.runs > 0) finished.history = history;
         finished.history.run_id = history.run_id;
         finished.history.not_stored = history.not_stored;
@@ -277,7 +277,7 @@ void Training::run_recorder() {
     try {
       finished.history.best.resize(task.metrics.size(), kNotKnown);
       debriefing = std::make_shared<const ViewedDebriefing>(
-          debriefed(over.live->evaluator, over.live->trace, finished));
+          debriefed(pending.live->evaluator, pending.live->trace, finished));
       std::vector<TaskEvent>& events = finished.run.score.events;
       if (events.size() > ViewedDebriefing::kMaxEvents) {
         finished.run.score.more_events += events.size() - ViewedDebriefing::kMaxEvents;
@@ -289,8 +289,8 @@ void Training::run_recorder() {
     lock.lock();
     finished_.push_back(std::move(finished));
     debriefing_ = std::move(debriefing);
-    keeping_ = !over_.empty();
-    if (!keeping_) state_.phase = ViewedTraining::Phase::kOver;
+    storing_ = !runs_to_store_.empty();
+    if (!storing_) state_.phase = ViewedTraining::Phase::kOver;
     changed_.notify_all();
   }
 }
@@ -298,28 +298,28 @@ void Training::run_recorder() {
 void Training::end() {
   {
     const std::lock_guard lock(mutex_);
-    if (live_) over(RunEnd::kSession);
+    if (live_) finish_run(RunEnd::kSession);
     ending_ = true;
   }
   changed_.notify_all();
-  if (recorder_thread_.joinable()) recorder_thread_.join();
+  if (store_thread_.joinable()) store_thread_.join();
 }
 
 // ---- state published to viewers
 
 // with the mutex locked
-ViewedTraining Training::seen(const Live& live) const {
+ViewedTraining Training::viewed(const Live& live) const {
   ViewedTraining state = viewed_run(live.evaluator, options_.tasks[live.task].name, live.number);
-  state.keeps = keeps(live.learner);
+  state.keeps = stores_runs_of(live.learner);
   state.learner = live.learner;
   return state;
 }
 
 ViewedTraining Training::state() const {
   const std::lock_guard lock(mutex_);
-  if (live_) return seen(*live_);
+  if (live_) return viewed(*live_);
   ViewedTraining state = state_;
-  if (state.phase != ViewedTraining::Phase::kKeeping) state.keeps = keeps(lesson_.learner);
+  if (state.phase != ViewedTraining::Phase::kKeeping) state.keeps = stores_runs_of(lesson_.learner);
   return state;
 }
 

@@ -80,28 +80,28 @@ class Training {
   };
 
   Training(TrainingOptions options, std::vector<TaskInScene> in_scene, std::vector<ViewedTask> viewed);
-  void over(RunEnd end);
-  ViewedTraining seen(const Live& live) const;
-  bool keeps(const std::string& learner) const { return options_.over && !learner.empty(); }
-  void run_recorder();
-  static void note_holder(const ViewerIdentity& holder, Live& live);
-  std::optional<Error> not_own(const Live& live) const;
+  void finish_run(RunEnd end);
+  ViewedTraining viewed(const Live& live) const;
+  bool stores_runs_of(const std::string& learner) const { return options_.store_run && !learner.empty(); }
+  void store_runs();
+  static void note_tip_holder(const ViewerIdentity& holder, Live& live);
+  std::optional<Error> reason_not_own(const Live& live) const;
 
   TrainingOptions options_;
   std::vector<TaskInScene> in_scene_;
   std::vector<ViewedTask> viewed_;
 
-  mutable std::mutex mutex_;  // guards the members below, except recorder_thread_
+  mutable std::mutex mutex_;  // guards the members below, except store_thread_
   std::condition_variable changed_;
   std::shared_ptr<const RecordingHeader> header_;
   std::optional<RemovalFollower> removed_;  // removed volume; set if a task has a plan
   std::unique_ptr<Live> live_;
-  struct Over {
+  struct PendingRun {
     std::unique_ptr<Live> live;
     TaskRun run;
   };
-  std::deque<Over> over_;  // queue of runs to be stored
-  bool keeping_ = false, ending_ = false;
+  std::deque<PendingRun> runs_to_store_;  // queue of runs to be stored
+  bool storing_ = false, ending_ = false;
   std::uint32_t runs_ = 0;
   bool viewers_move_tip_ = false;
   std::optional<ViewerIdentity> tip_holder_;
@@ -110,7 +110,7 @@ class Training {
   ViewedTraining state_;  // state while no run is under way
   std::shared_ptr<const ViewedDebriefing> debriefing_;
   std::vector<FinishedRun> finished_;
-  std::thread recorder_thread_;
+  std::thread store_thread_;
 };
 
 }  // namespace palpate

@@ -345,7 +345,7 @@ TEST_F(HandMade, IsToldAsItGoes) {
   EXPECT_THAT(now.forces_N, ElementsAre(0.4));
   EXPECT_THAT(now.protected_N, ElementsAre(0.4));
   EXPECT_EQ(now.touch_N, 0.4);
-  EXPECT_NEAR(now.share[0], 0.099 / 0.2, 1e-9);
+  EXPECT_NEAR(now.fraction[0], 0.099 / 0.2, 1e-9);
   ASSERT_EQ(now.events.size(), 1u) << "what is protected was touched";
   EXPECT_STREQ(now.events[0].kind, "protected");
   for (std::uint64_t n = 200; n < 400; ++n) training->observe(tick(n, n % 2 ? 0.6 : 0.4));
@@ -391,8 +391,8 @@ TEST_F(HandMade, WhatIsLongIsTracedByFewSamplesWithEveryPeak) {
   wait_until_stored(*training);
   const auto debriefing = training->debriefing();
   const auto& samples = debriefing->samples;
-  EXPECT_LE(samples.size(), RunTrace::kMost + 1);
-  EXPECT_GE(samples.size(), RunTrace::kMost / 2);
+  EXPECT_LE(samples.size(), RunTrace::kMaxSamples + 1);
+  EXPECT_GE(samples.size(), RunTrace::kMaxSamples / 2);
   int peaks = 0;
   for (std::size_t n = 0; n < samples.size(); ++n) {
     peaks += samples[n].touch_N == 0.9;
@@ -411,7 +411,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   std::vector<std::uint32_t> stored;
   std::atomic<bool> may_proceed{true};
   options.learner = "L042";
-  options.over = [&](const TaskFile& task, const TaskRun& run) {
+  options.store_run = [&](const TaskFile& task, const TaskRun& run) {
     while (!may_proceed.load()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     stored.push_back(run.number);
     RunHistory history;
@@ -461,7 +461,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
 TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   TrainingOptions options;
   std::vector<std::string> stored;
-  options.over = [&](const TaskFile&, const TaskRun& run) {
+  options.store_run = [&](const TaskFile&, const TaskRun& run) {
     stored.push_back(run.learner);
     return RunHistory{};
   };
@@ -503,7 +503,7 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
   TrainingOptions options;
   options.learner = "L042";
   std::vector<std::uint32_t> stored;
-  options.over = [&](const TaskFile& task, const TaskRun& run) {
+  options.store_run = [&](const TaskFile& task, const TaskRun& run) {
     stored.push_back(run.number);
     RunHistory history;
     history.runs = 1;
@@ -632,10 +632,10 @@ TEST(ScopeTask, TellsThatWhatIsTouchedIsNotSeen) {
   EXPECT_TRUE((*training)->state().unseen) << "on its back";
   ASSERT_EQ((*training)->state().events.size(), 1u);
   EXPECT_STREQ((*training)->state().events[0].kind, "unseen");
-  EXPECT_EQ((*training)->state().share[0], 0);
+  EXPECT_EQ((*training)->state().fraction[0], 0);
   touch_for(100, -15);
   EXPECT_FALSE((*training)->state().unseen);
-  EXPECT_NEAR((*training)->state().share[0], 0.5, 0.01);
+  EXPECT_NEAR((*training)->state().fraction[0], 0.5, 0.01);
   touch_for(150, -15);
   ASSERT_TRUE(testing::soon([&] { return (*training)->state().phase == Phase::kOver; }));
   EXPECT_NEAR((*training)->finished()[0].run.score.metrics[0].value, 0.0995, 1e-9);
@@ -703,7 +703,7 @@ TEST_F(TakeOffLive, IsToldAsItGoesAndCountsWhatIsGone) {
   EXPECT_EQ(training_->tasks()[0].steps[0].kind, "remove");
   ASSERT_TRUE(training_->begin("take-off").ok());
   ticks(100);
-  EXPECT_EQ(training_->state().share[0], 0);
+  EXPECT_EQ(training_->state().fraction[0], 0);
   ticks(150, cut());
   EXPECT_TRUE(training_->state().done[0]);
   end();

@@ -125,7 +125,7 @@ void RunTrace::observe(const TaskEvaluator& run) {
   if (const auto tip = run.tip_mm()) coming_.tip_mm = numbers_of(*tip);
   samples_.push_back(std::exchange(coming_, {}));
   next_s_ = now_s + period_s_;
-  if (samples_.size() == kMost) thin_out();
+  if (samples_.size() == kMaxSamples) thin_out();
 }
 
 void RunTrace::finish(const TaskEvaluator& run) {
@@ -139,7 +139,7 @@ void RunTrace::finish(const TaskEvaluator& run) {
 // larger forces
 void RunTrace::thin_out() {
   std::vector<ViewedDebriefing::Sample> stored;
-  stored.reserve(kMost);
+  stored.reserve(kMaxSamples);
   stored.push_back(samples_.front());
   for (std::size_t n = 2; n < samples_.size(); n += 2) {
     const ViewedDebriefing::Sample& before = samples_[n - 1];
@@ -175,7 +175,7 @@ ViewedTraining viewed_run(const TaskEvaluator& run, const std::string& name, std
   state.task = name;
   state.time_s = run.time_s();
   state.done = run.done();
-  for (std::size_t n = 0; n < state.done.size(); ++n) state.share.push_back(run.share_of_step(n));
+  for (std::size_t n = 0; n < state.done.size(); ++n) state.fraction.push_back(run.fraction_of_step(n));
   for (std::size_t n = 0; n < task.forces.size(); ++n) state.forces_N.push_back(run.force_N(n));
   for (std::size_t n = 0; n < task.protections.size(); ++n) state.protected_N.push_back(run.protected_N(n));
   state.touch_N = run.touch_N();

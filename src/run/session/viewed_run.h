@@ -15,7 +15,7 @@ namespace palpate {
 /// since the previous sample.
 class RunTrace {
  public:
-  static constexpr std::size_t kMost = 1200;  ///< Maximum number of samples, not counting the last one
+  static constexpr std::size_t kMaxSamples = 1200;  ///< Maximum number of samples, not counting the last one
 
   explicit RunTrace(std::size_t forces) : forces_(std::min(forces, ViewedDebriefing::kMaxForces)) {}
   void observe(const TaskEvaluator& run);

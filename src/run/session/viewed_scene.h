@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/scene/scene.h"
 #include "palpate/server/viewer_server.h"
 

@@ -16,18 +16,18 @@ constexpr double kMinPower_mm2 = 1e-12;
 // of drift into higher frequencies
 std::vector<double> power_mm2(std::span<const Eigen::Vector3d> tip_mm, int axis) {
   const int n = static_cast<int>(tip_mm.size());
-  const double turn = 2 * std::numbers::pi / n;
+  const double angle_step = 2 * std::numbers::pi / n;
   double mean = 0;
   for (const Eigen::Vector3d& tip : tip_mm) mean += tip[axis] / n;
-  std::vector<std::complex<double>> wheel(n);
-  for (int i = 0; i < n; ++i) wheel[i] = std::polar(1.0, -turn * i);
+  std::vector<std::complex<double>> twiddles(n);
+  for (int i = 0; i < n; ++i) twiddles[i] = std::polar(1.0, -angle_step * i);
 
   std::vector<double> power(n / 2 + 1, 0.0);
   for (int k = 1; k <= n / 2; ++k) {
     std::complex<double> sum = 0;
     for (int i = 0; i < n; ++i) {
-      const double hann = 0.5 * (1 - wheel[i].real());
-      sum += hann * (tip_mm[i][axis] - mean) * wheel[static_cast<long>(k) * i % n];
+      const double hann = 0.5 * (1 - twiddles[i].real());
+      sum += hann * (tip_mm[i][axis] - mean) * twiddles[static_cast<long>(k) * i % n];
     }
     // both signs of the frequency; the window removes 5/8 of the power
     const double sides = 2 * k == n ? 1 : 2;

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kSlowest_hz = 100, kFastest_hz = 20000;
+constexpr double kMinRate_hz = 100, kMaxRate_hz = 20000;
 // the fastest impact first, since it usually decides
 constexpr double kImpacts_m_s[] = {0.5, 0.1, 0};
 constexpr double kStep = 1.05;
@@ -27,7 +27,7 @@ std::optional<Error> fault_of(const StabilityCase& stability_case) {
     return Error{ErrorKind::kBadInput, what, "", remedy};
   };
   // written such that NaN is out of range
-  if (!(stability_case.rate_hz >= kSlowest_hz && stability_case.rate_hz <= kFastest_hz))
+  if (!(stability_case.rate_hz >= kMinRate_hz && stability_case.rate_hz <= kMaxRate_hz))
     return bad("the stiffness cannot be determined at this rate", "choose from 100 to 20000 Hz");
   if (!(stability_case.delay_s >= 0 && stability_case.delay_s <= SimulatedDevice::kMaxDelay_s))
     return bad("the stiffness cannot be determined with this delay", "choose from 0 to 20 ms");

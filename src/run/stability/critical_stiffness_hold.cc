@@ -65,7 +65,7 @@ bool has_limit_cycle(const StabilityCase& stability_case, double stiffness_N_per
   const double quiet_mm = 2 * stability_case.device.encoder_step_m * 1e3;
   WallHold hold(stability_case, stiffness_N_per_mm, impact_m_s);
   double swing_mm = hold.next_amplitude_mm();
-  for (int second = 2; second <= kLongestHold_s; ++second) {
+  for (int second = 2; second <= kMaxHold_s; ++second) {
     const double before_mm = swing_mm;
     swing_mm = hold.next_amplitude_mm();
     if (swing_mm <= quiet_mm) return false;

@@ -27,10 +27,10 @@ class WallHold {
 };
 
 /// Longest hold by which a limit cycle is distinguished from a decaying oscillation.
-inline constexpr int kLongestHold_s = 10;
+inline constexpr int kMaxHold_s = 10;
 
 /// Whether the amplitude stays above two encoder steps: it does not decrease from one second to the next, or
-/// persists after kLongestHold_s.
+/// persists after kMaxHold_s.
 bool has_limit_cycle(const StabilityCase& stability_case, double stiffness_N_per_mm, double impact_m_s);
 /// Whether the amplitude exceeds two encoder steps in the second second of the hold, decaying or not.
 bool oscillates_after_a_second(const StabilityCase& stability_case, double stiffness_N_per_mm,

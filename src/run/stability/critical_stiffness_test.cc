@@ -5,7 +5,7 @@
 #include <atomic>
 #include <cmath>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "stability/critical_stiffness_hold.h"
 
 namespace palpate {

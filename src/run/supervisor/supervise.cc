@@ -122,11 +122,11 @@ class RecordWriter {
         static_cast<long long>(event.observed_ns), static_cast<long long>(event.halted_ns), session_,
         time.data());
     struct stat before {};
-    const bool stored_size = ::fstat(file_, &before) == 0 && S_ISREG(before.st_mode);
+    const bool is_regular_file = ::fstat(file_, &before) == 0 && S_ISREG(before.st_mode);
     const ssize_t written = ::write(file_, line.data(), static_cast<std::size_t>(length));
     if (written == length) return;
     fail(written < 0 ? errno : ENOSPC);
-    if (written > 0 && stored_size) [[maybe_unused]]
+    if (written > 0 && is_regular_file) [[maybe_unused]]
       const int cut = ::ftruncate(file_, before.st_size);
   }
 
@@ -169,8 +169,9 @@ class Supervision {
   // writes a halt to every file that has not received it
   void publish_halt(std::uint64_t halt) {
     for (int n = 0; n < halt_files_; ++n) {
-      std::uint64_t& reported = reported_[static_cast<std::size_t>(n)];
-      if (reported != halt && ::write(kFirstHaltFile + n, &halt, sizeof halt) == sizeof halt) reported = halt;
+      std::uint64_t& last_written = last_halt_written_[static_cast<std::size_t>(n)];
+      if (last_written != halt && ::write(kFirstHaltFile + n, &halt, sizeof halt) == sizeof halt)
+        last_written = halt;
     }
   }
 
@@ -210,7 +211,7 @@ class Supervision {
   SharedBlock& block_;
   const int halt_files_;
   const bool kill_frozen_;
-  std::array<std::uint64_t, kMaxHaltFiles> reported_{};  // last halt written to each file
+  std::array<std::uint64_t, kMaxHaltFiles> last_halt_written_{};  // last halt written to each file
   std::int64_t last_check_ns_ = 0, last_observed_ns_ = 0, still_ns_ = 0;
 };
 

@@ -38,8 +38,8 @@ struct TestDeviceMemory {
     std::atomic<std::int64_t> at_ns{0};
     std::atomic<bool> acts{false};
   };
-  static constexpr std::size_t kMost = 4096;
-  std::array<Change, kMost> changes;
+  static constexpr std::size_t kMaxChanges = 4096;
+  std::array<Change, kMaxChanges> changes;
   std::atomic<std::uint32_t> change_count{0};
   std::atomic<double> acting_N{0};
 
@@ -165,7 +165,7 @@ class HaltFile {
     if (acts == acted) continue;
     acted = acts;
     const std::uint32_t n = memory.change_count.load();
-    if (n == TestDeviceMemory::kMost) continue;
+    if (n == TestDeviceMemory::kMaxChanges) continue;
     memory.changes[n].at_ns = monotonic_ns();
     memory.changes[n].acts = acts;
     memory.change_count = n + 1;

@@ -27,11 +27,11 @@ fs::path folder_around(const fs::path& file) {
 
 /// Sorted names in a folder; a folder with more entries than the limit does not hold a study.
 std::vector<fs::path> entries_of(const fs::path& folder) {
-  constexpr std::size_t kMost = 100'000;
+  constexpr std::size_t kMaxEntries = 100'000;
   std::vector<fs::path> found;
   std::error_code failed;
   fs::directory_iterator entry(folder, failed);
-  for (; !failed && entry != fs::directory_iterator() && found.size() < kMost; entry.increment(failed))
+  for (; !failed && entry != fs::directory_iterator() && found.size() < kMaxEntries; entry.increment(failed))
     found.push_back(entry->path());
   std::ranges::sort(found);
   return found;

@@ -101,8 +101,8 @@ Result<CommandOutput> ask(const std::vector<std::string>& command, const std::st
   if (!id) return id.error();
   Ended how;
   while (!has_ended(*id, how)) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  constexpr std::size_t kMost = 1 << 20;
-  return CommandOutput{how.exit_code, out.tail(kMost), err.tail(kMost)};
+  constexpr std::size_t kMaxOutput_bytes = 1 << 20;
+  return CommandOutput{how.exit_code, out.tail(kMaxOutput_bytes), err.tail(kMaxOutput_bytes)};
 }
 
 }  // namespace palpate::cohort

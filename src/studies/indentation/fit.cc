@@ -17,7 +17,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMaxFitted = 4000;
 /// Weights: the standard deviation of a sample is this fraction of its force plus this fraction of the
 /// greatest force of its curve, times an unknown factor.
-constexpr double kOfForce = 1, kOfMax = 0.05;
+constexpr double kRelativeNoise = 1, kNoiseFloor = 0.05;
 /// A law must reduce the sum of squares by this multiple of its mean square to replace a simpler one.
 constexpr double kSignificant = 15;
 
@@ -107,7 +107,7 @@ class Residuals : public Eigen::DenseFunctor<double> {
 
 struct Solution {
   Eigen::VectorXd x, error;  ///< Parameters and their standard errors; infinite where not determined
-  double squares = std::numeric_limits<double>::infinity();
+  double residual_sum_of_squares = std::numeric_limits<double>::infinity();
 };
 
 Solution solve(const Parameters& parameters, std::span<const Samples> curves, int samples,
@@ -121,13 +121,14 @@ Solution solve(const Parameters& parameters, std::span<const Samples> curves, in
   search.minimize(found.x);
   Eigen::VectorXd residual(samples);
   residuals(found.x, residual);
-  found.squares = residual.squaredNorm();
+  found.residual_sum_of_squares = residual.squaredNorm();
   Eigen::MatrixXd jacobian(samples, start.size());
   slopes.df(found.x, jacobian);
   const Eigen::FullPivLU<Eigen::MatrixXd> normal(jacobian.transpose() * jacobian);
   found.error.setConstant(start.size(), std::numeric_limits<double>::infinity());
-  if (!normal.isInvertible() || !std::isfinite(found.squares)) return found;
-  const double variance = found.squares / std::max<double>(1, samples - static_cast<double>(start.size()));
+  if (!normal.isInvertible() || !std::isfinite(found.residual_sum_of_squares)) return found;
+  const double variance =
+      found.residual_sum_of_squares / std::max<double>(1, samples - static_cast<double>(start.size()));
   found.error = (normal.inverse().diagonal() * variance).cwiseMax(0).cwiseSqrt();
   return found;
 }
@@ -157,10 +158,10 @@ class Fit {
     for (const IndentationCurve& curve : curves_) {
       const std::string name = curve.name.empty() ? "the curve" : "the curve \"" + curve.name + "\"";
       const double limit_mm = indentation_limit_mm(curve.setup);
-      const std::size_t every = curve.depth_mm.size() / kMaxFitted + 1;
+      const std::size_t stride = curve.depth_mm.size() / kMaxFitted + 1;
       Samples used{curve.setup, {}, {}, {}, {}, 0};
       double deepest_mm = 0;
-      for (std::size_t n = 0; n < curve.depth_mm.size(); n += every) {
+      for (std::size_t n = 0; n < curve.depth_mm.size(); n += stride) {
         // without times the order does not matter, and samples before contact say nothing
         const bool in_contact = options_.find_contact || curve.depth_mm[n] > 0;
         if (curve.depth_mm[n] > limit_mm || (!in_contact && curve.time_s.empty())) {
@@ -198,7 +199,7 @@ class Fit {
         return undetermined(name + " has only " + std::to_string(distinct) + " distinct depths",
                             "one depth fits any law: record the force while the indenter goes in");
       for (const double force_N : used.force_N)
-        used.weight.push_back(1 / (kOfForce * std::abs(force_N) + kOfMax * used.max_N));
+        used.weight.push_back(1 / (kRelativeNoise * std::abs(force_N) + kNoiseFloor * used.max_N));
       samples_ += static_cast<int>(used.depth_mm.size());
       used_.push_back(std::move(used));
     }
@@ -265,7 +266,8 @@ class Fit {
       }
       x[0] = std::log(with > 0 && of > 0 ? with / of : 1e-3);
       Solution found = solve(parameters, used_, samples_, x);
-      if (found.squares < best.squares || best.x.size() == 0) best = std::move(found);
+      if (found.residual_sum_of_squares < best.residual_sum_of_squares || best.x.size() == 0)
+        best = std::move(found);
     }
     return best;
   }
@@ -287,15 +289,19 @@ class Fit {
       Parameters more = parameters;
       more.terms = terms;
       const Solution next = solve_from_starts(more);
-      if (!improves(found.squares, next.squares) || !relaxation_is_determined(more, next)) break;
+      if (!improves(found.residual_sum_of_squares, next.residual_sum_of_squares) ||
+          !relaxation_is_determined(more, next))
+        break;
       parameters = more;
       found = next;
     }
     fit_.laws.push_back(law_fit(parameters, found));
-    squares_.push_back(found.squares);
+    squares_.push_back(found.residual_sum_of_squares);
   }
 
-  bool improves(double squares, double by) const { return (squares - by) * samples_ > kSignificant * by; }
+  bool improves(double residual_sum_of_squares, double by) const {
+    return (residual_sum_of_squares - by) * samples_ > kSignificant * by;
+  }
 
   bool relaxation_is_determined(const Parameters& parameters, const Solution& found) const {
     for (const auto& [fraction, time] : relaxation_of(parameters, found))
@@ -336,14 +342,14 @@ class Fit {
       fit.stiffening = {b, std::max(0.0, b - 2 * found.error[1]), b + 2 * found.error[1]};
     }
     fit.relaxation = relaxation_of(parameters, found);
-    double squares = 0;
+    double residual_sum_of_squares = 0;
     for (std::size_t c = 0; c < used_.size(); ++c) {
       fit.contact_mm.push_back(parameters.contact_mm(found.x, c));
       const std::vector<double> force_N = parameters.forces(found.x, used_[c], c);
       for (std::size_t n = 0; n < force_N.size(); ++n)
-        squares += std::pow((force_N[n] - used_[c].force_N[n]) / used_[c].max_N, 2);
+        residual_sum_of_squares += std::pow((force_N[n] - used_[c].force_N[n]) / used_[c].max_N, 2);
     }
-    fit.rms_percent = 100 * std::sqrt(squares / samples_);
+    fit.rms_percent = 100 * std::sqrt(residual_sum_of_squares / samples_);
     fit.undetermined = why_undetermined(fit);
     return fit;
   }

@@ -171,7 +171,7 @@ TEST(FitTissue, ItsKeysAreTakenByASceneAsTheyStand) {
   const auto scene = parse_scene(scene_text, "scene.toml");
   ASSERT_TRUE(scene.ok()) << scene.error().what << "\n" << scene_text;
   const TissueSettings& tissue = scene->tissues[0];
-  EXPECT_EQ(scene->yielding.law, TissueLaw::kExponential);
+  EXPECT_EQ(scene->deformation.law, TissueLaw::kExponential);
   EXPECT_NEAR(tissue.elastic->youngs_modulus_kPa, fit.best().youngs_modulus_kPa.value, 0.01);
   EXPECT_NEAR(tissue.elastic->stiffening, fit.best().stiffening.value, 0.01);
   EXPECT_NEAR(tissue.relaxation.term[0].part, fit.best().relaxation[0][0].value, 1e-3);

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 #include "palpate/indentation/indentation.h"
 
 namespace palpate {

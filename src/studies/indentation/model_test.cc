@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "indentation/test_curves.h"
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 
 namespace palpate {
 namespace {

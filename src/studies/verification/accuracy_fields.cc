@@ -76,14 +76,14 @@ Field ExactSolid::ramp_field(double sigma_mm, int bytes_per_voxel) const {
 
 SignedField ExactSolid::distance_field() const {
   constexpr double kStep_mm = 0.0005;
-  constexpr std::int16_t kFarthest = std::numeric_limits<std::int16_t>::max();
+  constexpr std::int16_t kMaxSteps = std::numeric_limits<std::int16_t>::max();
   Volume<std::int16_t> steps(distance_mm_.geometry());
   std::transform(distance_mm_.voxels().begin(), distance_mm_.voxels().end(), steps.voxels().begin(),
                  [](float distance) {
                    return static_cast<std::int16_t>(
-                       std::clamp<long>(std::lround(distance / kStep_mm), -kFarthest, kFarthest));
+                       std::clamp<long>(std::lround(distance / kStep_mm), -kMaxSteps, kMaxSteps));
                  });
-  return {steps, {.scale = kStep_mm, .outside = kFarthest}};
+  return {steps, {.scale = kStep_mm, .outside = kMaxSteps}};
 }
 
 }  // namespace palpate

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/phantoms/primitives.h"
 
 namespace palpate {

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <optional>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/surfaces.h"
 #include "verification/accuracy_random.h"
@@ -304,7 +304,7 @@ Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) 
         double reported = 0;
         for (int part = 0; part < result.path_segments; ++part)
           if (result.path[static_cast<std::size_t>(part)].structure == 0)
-            reported = result.path[static_cast<std::size_t>(part)].share;
+            reported = result.path[static_cast<std::size_t>(part)].fraction;
         share_off_percent =
             std::max(share_off_percent, 100 * std::abs(reported - soft_N / (soft_N + bone_N)));
         ++n;

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/verification/verification.h"
 
 namespace palpate {

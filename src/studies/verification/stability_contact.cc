@@ -30,7 +30,7 @@ constexpr double kTurn_rad = 0.03, kTurn_s = 2;
 constexpr int kTicksATurn = 100;
 constexpr double kFace_mm = 16.5;  // position of the plates' outer face
 // presses
-constexpr double kMax_N = 8.5, kFastest_mm = 0.5, kWidest_mm = 3, kEvery_mm = 0.01, kTouch_N = 0.05;
+constexpr double kMax_N = 8.5, kMaxStep_mm = 0.5, kWidest_mm = 3, kEvery_mm = 0.01, kTouch_N = 0.05;
 
 Vector<Patient> random_direction(AccuracyRandom& random) {
   return Vector<Patient>(random.direction());
@@ -63,8 +63,8 @@ struct Plane {
           volume.at(i, j, k) = in_steps((X_PatientVoxel * Point<Voxel>(i, j, k) - Point<Patient>()).dot(up));
     const SignedField field(volume, {kSurfaceStep_mm, 0, in_steps(kReach_mm)});
     // rounding increases the slope a little; the volume's boundary is not approached
-    const double steepest = 1 + kSurfaceStep_mm * grid.spacing_mm.cwiseInverse().norm();
-    contact.surface = std::make_shared<const Surface>(field, field, steepest);
+    const double max_gradient = 1 + kSurfaceStep_mm * grid.spacing_mm.cwiseInverse().norm();
+    contact.surface = std::make_shared<const Surface>(field, field, max_gradient);
     // half of all tools are points
     sphere.radius_mm = std::max(0.0, random.between(-1.5, 1.5));
   }
@@ -263,7 +263,7 @@ struct Pressed {
 };
 
 /// Presses from the free point nearest to `target`, which is inside the structure, along a random line:
-/// oblique to the surface and then sideways, limited to a random force and to kFastest_mm per tick.
+/// oblique to the surface and then sideways, limited to a random force and to kMaxStep_mm per tick.
 Pressed press(const ContactSurface& surface, const DistanceOracle& oracle, const Point<Patient>& target,
               AccuracyRandom& random) {
   constexpr double kBefore_mm = 0.5, kMaxMisaligned = 0.6, kFurther_mm = 6;
@@ -272,7 +272,7 @@ Pressed press(const ContactSurface& surface, const DistanceOracle& oracle, const
   const Vector<Patient> inward = random_direction(random);
   const Vector<Patient> lateral = inward.cross(random_direction(random)).normalized();
   const double max_mm = random.between(0.5, kMax_N) / surface.stiffness_N_per_mm;
-  const double speed_mm = random.between(0.1, kFastest_mm);
+  const double speed_mm = random.between(0.1, kMaxStep_mm);
   const Vector<Patient> askew = (inward + lateral * random.between(0, kMaxMisaligned)).normalized();
   Point<Patient> tip = target;
   while (clearance_mm(tip) < kBefore_mm) tip = tip - inward * kBefore_mm;

@@ -13,7 +13,7 @@
 #include "palpate/servo/servo.h"
 #include "palpate/stability/stability.h"
 #include "palpate/tissue/removal.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "verification/stability_names.h"
 #include "verification/stability_wall.h"
 
@@ -25,7 +25,7 @@ constexpr double kWallSpacing_mm = 0.6, kUserLimit_N = 3;
 // next target of the hand: range of heights above the surface, and maximum lateral angle from the previous
 // one
 constexpr double kDeepest_mm = -6, kHighest_mm = 5, kMaxLateral_rad = 0.6;
-constexpr double kShortest_s = 0.12, kLongest_s = 0.6;
+constexpr double kMinStroke_s = 0.12, kMaxStroke_s = 0.6;
 // the hand waits until the force is ramped in
 constexpr double kBegin_s = 0.6;
 constexpr double kPressed_N = 1, kSwingMean_s = 0.04;
@@ -96,7 +96,7 @@ class RandomHand {
   void choose() {
     elapsed_s_ = 0;
     from_ = to_;
-    time_s_ = between(random_, kShortest_s, kLongest_s);
+    time_s_ = between(random_, kMinStroke_s, kMaxStroke_s);
     if (flat_) {
       const double x = between(random_, kDeepest_mm, kHighest_mm);
       const double y = between(random_, -kMaxOnPlane_mm, kMaxOnPlane_mm);
@@ -235,7 +235,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   Wrench sent;
   EnergyBalance result;
   std::shared_ptr<const Model> model = std::make_shared<const Model>(ball);
-  VirtualClockSoftTissueSolver yields(exploration.rate_hz);
+  VirtualClockSoftTissueSolver virtual_solver(exploration.rate_hz);
   const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
   std::vector<double> positions_mm, forces_N;  // normal to the plane
   double energy_mJ = 0;
@@ -259,8 +259,8 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
     if (exploration.cuts && n % ticks_a_cut == 0)
       if (const auto cuts = finished_cuts(state.device[0].burr, 0); !cuts.empty())
         model = carved_by(*model, cuts)->applied_to(*model);
-    if (deforms_by_itself && yields.advance(*model, n > 0 ? &record : nullptr))
-      parameters.compliance = yields.frame();
+    if (deforms_by_itself && virtual_solver.advance(*model, n > 0 ? &record : nullptr))
+      parameters.compliance = virtual_solver.frame();
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(*model, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/verification/verification.h"
 

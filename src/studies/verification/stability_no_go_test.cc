@@ -48,16 +48,16 @@ TEST(StabilityNoGo, AHandGuidedAgainstARegionIsHeldAtItsBorderAndRests) {
 // with a low stable stiffness a hand sinks in by a centimetre, exactly as far as force and stiffness imply,
 // and rests
 TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
-  constexpr double kSlowest_hz = 250;
+  constexpr double kMinRate_hz = 250;
   for (const PlantDevice& device : known_plant_devices()) {
-    const auto limit = recommended_stiffness_N_per_mm(device, kSlowest_hz, 1 / kSlowest_hz);
+    const auto limit = recommended_stiffness_N_per_mm(device, kMinRate_hz, 1 / kMinRate_hz);
     ASSERT_TRUE(limit);
     for (const NoGoKind kind : {NoGoKind::kPlane, NoGoKind::kStructure, NoGoKind::kTouchable})
       for (const PlantHand& hand : known_plant_hands()) {
         SCOPED_TRACE(std::string(name_of(kind)) + ", " + device.name + ", " + hand.name);
         const NoGoResult guided = run_no_go_approach(
             stiff_no_go(kind),
-            {device, hand, kSlowest_hz, 1 / kSlowest_hz, *limit, 100, 1, kind == NoGoKind::kTouchable},
+            {device, hand, kMinRate_hz, 1 / kMinRate_hz, *limit, 100, 1, kind == NoGoKind::kTouchable},
             0.9 * *limit);
         EXPECT_LT(guided.past_mm, 0.5);
         EXPECT_GT(guided.force_N, 0.9) << "it is met";

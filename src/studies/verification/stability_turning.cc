@@ -12,7 +12,7 @@ namespace palpate {
 namespace {
 
 constexpr double kHalfPlate_mm = 1, kPlateRadius_mm = 14, kHalfGrid_mm = 19;
-constexpr double kFastestTurn_rad_s = 20, kLongestLever_mm = 100;
+constexpr double kMaxTurn_rad_s = 20, kMaxLever_mm = 100;
 constexpr double kDetectedTurn_N = 0.5, kSampled_mm = 0.02;
 // a thinner shaft penetrates more between two spheres of its row
 constexpr double kMinShaft_mm = 0.3, kSampledShaft_mm = 0.1, kAlong_mm = 0.25, kShaftDip_mm = 0.01;
@@ -65,7 +65,7 @@ class TurningHand {
     constexpr double kMinAhead = 0.6;
     Eigen::Vector3d tangent = random.direction();
     while (-tangent.dot(plate.normal) < kMinAhead) tangent = random.direction();
-    lever_ = tangent.cross(random.direction()).normalized() * random.between(25, kLongestLever_mm);
+    lever_ = tangent.cross(random.direction()).normalized() * random.between(25, kMaxLever_mm);
     // starts on the side of the plate on which the tip is
     if (lever_.dot(plate.normal) > 0) lever_ = -lever_;
     axis_ = lever_.cross(tangent).normalized();
@@ -86,7 +86,7 @@ class TurningHand {
     end_rad_ = (kHalfPlate_mm + radius_mm + kBehind_mm) / -tangent.dot(plate.normal) / lever_.norm();
     begin_rad_ = -end_rad_;
     while (clearance_mm(tip_, turn_of(begin_rad_)) < kFree_mm) begin_rad_ -= kBack_rad;
-    speed_rad_s_ = random.between(0.1, 1) * kFastestTurn_rad_s;
+    speed_rad_s_ = random.between(0.1, 1) * kMaxTurn_rad_s;
     tick_s_ = random.between(0, 1) < 0.5 ? 1e-3 : 4e-3;
     jitter_ = random.between(0, 1) < 0.5 ? 0 : 0.5;
   }

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 

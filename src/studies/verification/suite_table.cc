@@ -98,7 +98,7 @@ std::vector<std::vector<std::string>> lines_of(const Table& table) {
 }
 
 // A table with more rows is laid out as a WideTable for readability.
-constexpr std::size_t kLongest = 40;
+constexpr std::size_t kMaxRows = 40;
 
 // The parts of a figure's name: first/middle/quantity/leaf.
 struct NameParts {
@@ -223,7 +223,7 @@ std::string to_table(const SuiteReport& report) {
   for (const auto& line : head)
     text += line[0] + std::string(width + 2 - line[0].size(), ' ') + line[1] + "\n";
   for (const Table& table : arrange(report.figures)) {
-    const auto wide = table.rows.size() > kLongest ? wide_tables(table) : std::nullopt;
+    const auto wide = table.rows.size() > kMaxRows ? wide_tables(table) : std::nullopt;
     text += wide ? *wide : "\n" + aligned(lines_of(table));
   }
   return text + "\n" + limits_met(report.figures);

@@ -12,7 +12,7 @@
 #include "palpate/model/changed_model.h"
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 /// Random patients, tools and hands on deformable tissue, and a search based on force and position only.
 /// PALPATE_TEST_SCENES and PALPATE_TEST_SEARCHES increase their numbers; docs/contributing/testing.md.
@@ -169,9 +169,9 @@ TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
         const LocalCompliance& spot = tip.frame().spot[0];
         if (!spot.is_known()) continue;
         ++solved;
-        ASSERT_TRUE(std::isfinite(spot.compliance_mm_per_N) && spot.slope_per_N.all_finite());
+        ASSERT_TRUE(std::isfinite(spot.compliance_mm_per_N) && spot.gradient_per_N.all_finite());
         ASSERT_GT(spot.modulus_N_per_mm2, 0);
-        ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_slope.all_finite());
+        ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_gradient.all_finite());
       }
     };
     for (int stroke = 0; stroke < 6 && !HasFatalFailure(); ++stroke) {

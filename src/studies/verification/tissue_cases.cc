@@ -17,7 +17,7 @@ constexpr double kN_per_mm2_of_kPa = 1e-3;
 constexpr int kMaxTissueIterations = 300;
 constexpr double kTissueTolerance = 1e-5;
 
-ElasticMaterial yielding(double kPa, double poissons_ratio) {
+ElasticMaterial deformable(double kPa, double poissons_ratio) {
   return {Matter::kSoft, kPa, poissons_ratio};
 }
 
@@ -81,14 +81,14 @@ TissueCase patch_case(int cells, double poissons_ratio) {
   AccuracyRandom random(18);
   Eigen::Matrix3d slope;
   for (double& one : slope.reshaped()) one = random.between(-0.1, 0.1);
-  const Inside inside = solve_inside(yielding(10, poissons_ratio), cells,
+  const Inside inside = solve_inside(deformable(10, poissons_ratio), cells,
                                      [&](const Eigen::Vector3d& x) { return Eigen::Vector3d(slope * x); });
   return {100 * inside.off / inside.greatest, inside.iterations};
 }
 
 TissueCase turned_case(int cells) {
   ElasticGrid grid(
-      box_of({cells, cells, cells}), [](const Point<Patient>&) { return yielding(10, 0.45); }, 1);
+      box_of({cells, cells, cells}), [](const Point<Patient>&) { return deformable(10, 0.45); }, 1);
   const ElasticLayout& layout = grid.layout();
   ElasticSolver solver(grid);
   const Eigen::Vector3d centre = Eigen::Vector3d::Constant(cells / 2.0);
@@ -111,7 +111,7 @@ TissueCase cantilever_case(int cells_high) {
   constexpr double kPa = 100, kNu = 0.3, kLoad_N = 1e-3;
   const int high = cells_high, length = 6 * cells_high;
   ElasticGrid grid(
-      box_of({length, high, high}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+      box_of({length, high, high}), [](const Point<Patient>&) { return deformable(kPa, kNu); }, 1);
   const ElasticLayout& layout = grid.layout();
   ElasticField load(layout), u(layout);
   for (int k = 0; k <= high; ++k)
@@ -141,7 +141,7 @@ TissueCase cook_case(int cells_long) {
       box_of({cells_long, static_cast<int>(std::ceil(60 / h)), 1}, h),
       [](const Point<Patient>& p) {
         const bool in = p.y() > 44 * p.x() / 48 && p.y() < 44 + 16 * p.x() / 48;
-        return in ? yielding(1, 1.0 / 3) : ElasticMaterial{};
+        return in ? deformable(1, 1.0 / 3) : ElasticMaterial{};
       },
       8);
   const ElasticLayout& layout = grid.layout();
@@ -173,7 +173,7 @@ TissueCase series_case(double seam_in_cell) {
   constexpr int kCells = 8;
   const double seam = 3 + seam_in_cell, nu = 0.4;
   ElasticGrid grid(
-      box_of({3, 3, kCells}), [&](const Point<Patient>& p) { return yielding(p.z() < seam ? 5 : 50, nu); },
+      box_of({3, 3, kCells}), [&](const Point<Patient>& p) { return deformable(p.z() < seam ? 5 : 50, nu); },
       16);
   const ElasticLayout& layout = grid.layout();
   ElasticField load(layout), u(layout), force(layout);
@@ -202,8 +202,8 @@ TissueCase series_case(double seam_in_cell) {
 TissueCase boussinesq_case(int cells, double poissons_ratio) {
   constexpr double kPa = 10;
   ElasticGrid grid(
-      box_of({cells, cells, cells / 2}), [&](const Point<Patient>&) { return yielding(kPa, poissons_ratio); },
-      1);
+      box_of({cells, cells, cells / 2}),
+      [&](const Point<Patient>&) { return deformable(kPa, poissons_ratio); }, 1);
   const ElasticLayout& layout = grid.layout();
   const int middle = cells / 2, top = cells / 2;
   grid.set_boundary_springs({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
@@ -242,7 +242,7 @@ PressedHalfSpace press_half_space(const HalfSpacePress& press, const Vector<Pati
   ElasticGrid grid(
       box_of({press.cells, press.cells, press.cells}),
       [&](const Point<Patient>& p) {
-        return (p - at).dot(outward) < 0 ? yielding(kPa, press.poissons_ratio) : ElasticMaterial{};
+        return (p - at).dot(outward) < 0 ? deformable(kPa, press.poissons_ratio) : ElasticMaterial{};
       },
       16);
   grid.set_boundary_springs({true, true, true, true, true, true}, at);
@@ -312,7 +312,7 @@ TissueCase punch_case(int cells, int radius_cells) {
   constexpr double kPa = 10, kNu = 0.45, kDepth_mm = 0.1;
   const int middle = cells / 2, top = cells / 2;
   ElasticGrid grid(
-      box_of({cells, cells, top}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+      box_of({cells, cells, top}), [](const Point<Patient>&) { return deformable(kPa, kNu); }, 1);
   grid.set_boundary_springs({true, true, true, true, true, false}, Point<Patient>(middle, middle, top));
   const auto rings = node_rings(middle, middle, top, radius_cells);
   const Eigen::MatrixXd w = ring_compliance(grid, rings);
@@ -330,7 +330,7 @@ TissueCase layer_case(int cells_thick, double nu, double part) {
   constexpr double kPa = 10;
   const int thick = cells_thick, wide = 6 * thick, middle = wide / 2;
   ElasticGrid grid(
-      box_of({wide, wide, thick}), [&](const Point<Patient>&) { return yielding(kPa, nu); }, 1);
+      box_of({wide, wide, thick}), [&](const Point<Patient>&) { return deformable(kPa, nu); }, 1);
   for (int j = 0; j <= wide; ++j)
     for (int i = 0; i <= wide; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
   // far away, where the deformation is negligible, the layer simply ends
@@ -358,7 +358,7 @@ TissueCase stretched_case(double part) {
   constexpr int kCells = 4;
   constexpr double kPa = 10, kNu = 0.45;
   ElasticGrid grid(
-      box_of({kCells, kCells, kCells}), [](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+      box_of({kCells, kCells, kCells}), [](const Point<Patient>&) { return deformable(kPa, kNu); }, 1);
   const ElasticLayout& layout = grid.layout();
   ElasticField load(layout), u(layout), force(layout);
   for_each_node_of(layout, [&](int i, int j, int k) {
@@ -368,12 +368,12 @@ TissueCase stretched_case(double part) {
     u.values[layout.node(i, j, k, 2)] = static_cast<float>((part - 1) * k);
   });
   ElasticSolver solver(grid);
-  FiniteSettings settings;
+  NeoHookeanSettings settings;
   settings.max_steps = 50;
   settings.tolerance = 1e-6;
   TissueCase result;
   result.iterations = solver.solve_neo_hookean(load, u, settings).iterations;
-  solver.finite_forces(u, force);
+  solver.neo_hookean_forces(u, force);
   double pulled_N = 0;
   for (int j = 0; j <= kCells; ++j)
     for (int i = 0; i <= kCells; ++i) pulled_N += force.values[layout.node(i, j, kCells, 2)];
@@ -391,7 +391,7 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
   const int middle_x = cells[0] / 2, middle_y = cells[1] / 2, thick = cells[2];
   const double depth = part * thick, radius = thick;
   ElasticGrid grid(
-      box_of(cells), [&](const Point<Patient>&) { return yielding(kPa, kNu); }, 1);
+      box_of(cells), [&](const Point<Patient>&) { return deformable(kPa, kNu); }, 1);
   const ElasticLayout& layout = grid.layout();
   for (int j = 0; j <= cells[1]; ++j)
     for (int i = 0; i <= cells[0]; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
@@ -426,7 +426,7 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
   // in frames: all nodes follow the linear solution, then a Newton step
   FiniteLayer result;
   result.cells = grid.soft_cells();
-  FiniteSettings frame, exact;
+  NeoHookeanSettings frame, exact;
   frame.max_iterations = 3;
   frame.tolerance = 0;
   exact.max_steps = 60;
@@ -439,11 +439,11 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
     const double begin = tissue_thread_seconds();
     result.min_volume = std::min(result.min_volume, solver.solve_neo_hookean(load, u, frame).min_volume);
     seconds.push_back(tissue_thread_seconds() - begin);
-    solver.finite_forces(u, force);
+    solver.neo_hookean_forces(u, force);
     const double in_frame_N = force_of(force);
     ElasticField converged = u;
     result.converged = result.converged && solver.solve_neo_hookean(load, converged, exact).converged;
-    solver.finite_forces(converged, force);
+    solver.neo_hookean_forces(converged, force);
     const double right_N = force_of(force);
     if (n > 0)
       result.frame_off_percent = std::max(result.frame_off_percent, 100 * std::abs(in_frame_N / right_N - 1));
@@ -459,7 +459,7 @@ double convergence_order(int cells) {
   const auto off = [&](int n) {
     // a point force outside the block, a third of its edge away
     const Eigen::Vector3d source = Eigen::Vector3d(-0.33, 0.4, 0.6) * n, pull = Eigen::Vector3d(1, 0.5, -0.3);
-    const Inside inside = solve_inside(yielding(10, kNu), n, [&](const Eigen::Vector3d& x) {
+    const Inside inside = solve_inside(deformable(10, kNu), n, [&](const Eigen::Vector3d& x) {
       const Eigen::Vector3d displacement = (x - source) / n;
       const double r = displacement.norm();
       return Eigen::Vector3d(((3 - 4 * kNu) * pull + displacement * displacement.dot(pull) / (r * r)) / r);
@@ -475,7 +475,7 @@ NoduleLoop nodule_loop(int cells, int steps) {
   const Point<Patient> nodule(cells / 2.0, cells / 2.0, top - 5 - 4);
   ElasticGrid grid(
       box_of({cells, cells, top}),
-      [&](const Point<Patient>& p) { return yielding((p - nodule).norm() < 4 ? 10 * kPa : kPa, kNu); }, 2);
+      [&](const Point<Patient>& p) { return deformable((p - nodule).norm() < 4 ? 10 * kPa : kPa, kNu); }, 2);
   for (int j = 0; j <= cells; ++j)
     for (int i = 0; i <= cells; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
   ElasticSolver solver(grid);

@@ -5,11 +5,11 @@
 #include <functional>
 #include <vector>
 
-#include "palpate/contact/yield.h"
+#include "palpate/contact/soft_contact.h"
 #include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/elastic_contact.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 #include "verification/tissue_frame.h"
 
 namespace palpate {

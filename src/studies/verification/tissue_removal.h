@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 /// Soft tissue that is cut while a sphere presses it (CarvedCells), and re-centred solution boxes.
 namespace palpate {

@@ -8,7 +8,7 @@
 
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
-#include "palpate/tissue/yield_solver.h"
+#include "palpate/tissue/soft_tissue_solver.h"
 
 namespace palpate {
 namespace {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "palpate/base/result.h"
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 /// Force of the tick on soft tissue that is solved asynchronously (SoftTissueSolver), along prescribed tool
 /// paths.

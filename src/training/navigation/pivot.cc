@@ -84,13 +84,13 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
   const auto refuse = [](std::string what, std::string remedy) {
     return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
   };
-  constexpr std::size_t kFewest = 6, kSample = 4;
+  constexpr std::size_t kMinPoses = 6, kSample = 4;
   const char* turn_more =
       "keep the tip in a dimple and tilt the tool by 30 degrees or more in all directions, and rotate it "
       "about its own axis";
-  if (poses.size() < kFewest)
-    return refuse("a pivot calibration needs " + std::to_string(kFewest) + " poses at least, but there are " +
-                      std::to_string(poses.size()),
+  if (poses.size() < kMinPoses)
+    return refuse("a pivot calibration needs " + std::to_string(kMinPoses) +
+                      " poses at least, but there are " + std::to_string(poses.size()),
                   turn_more);
   for (std::size_t n = 0; n < poses.size(); ++n) {
     const Eigen::Matrix3d& r = poses[n].linear();
@@ -142,7 +142,7 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
     for (std::size_t n = 0; n < poses.size(); ++n)
       if (residual_mm(poses[n], best) <= options.outlier_deviations * std::numbers::sqrt3 * deviation + 1e-9)
         now.push_back(n);
-    if (now.size() < kFewest) break;
+    if (now.size() < kMinPoses) break;
     const bool settled = now == stored;
     stored = std::move(now);
     const auto solved = solve(poses, stored);
@@ -152,7 +152,7 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
     for (const std::size_t n : stored) squares += std::pow(residual_mm(poses[n], best), 2);
     deviation = std::sqrt(squares / (3 * static_cast<double>(stored.size()) - 6));
   }
-  const auto solved = stored.size() < kFewest ? std::nullopt : solve(poses, stored);
+  const auto solved = stored.size() < kMinPoses ? std::nullopt : solve(poses, stored);
   if (!solved || turn_of(*solved) < options.min_turn_deg)
     return refuse("too few of " + std::to_string(poses.size()) + " poses agree on the position of the tip",
                   turn_more);

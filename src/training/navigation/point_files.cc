@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kMost = 100'000;
+constexpr std::size_t kMaxPoints = 100'000;
 
 std::string_view trimmed_text(std::string_view text) {
   constexpr std::string_view kBlank = " \t\r\n";
@@ -155,7 +155,7 @@ Result<std::vector<Markup>> parse_markups(std::string_view text, const std::stri
       auto point = control_point(control, points + 1, says_ras(axes), where);
       if (!point) return point.error();
       if (!*point) continue;
-      if (points++ == kMost)
+      if (points++ == kMaxPoints)
         return bad("has more than 100 000 points", where, "leave out points that are not needed");
       made.points.push_back(**std::move(point));
     }
@@ -211,7 +211,7 @@ Result<std::vector<NamedPoint>> parse_points(std::string_view text, const std::s
     if (numbers.size() == 4 && !(numbers[3] > 0))
       return bad("the point's error must be above 0", at_line(where, line),
                  "give it in millimetres, or leave it out");
-    if (points.size() == kMost)
+    if (points.size() == kMaxPoints)
       return bad("has more than 100 000 points", where, "leave out points that are not needed");
     std::string_view name = is_fcsv    ? (cells.size() > kFcsvLabel ? cells[kFcsvLabel] : "")
                             : is_named ? cells[0]
@@ -296,7 +296,7 @@ Result<std::vector<Pose>> plus_sequence(std::string_view text, const std::string
     const auto pose = numbers && numbers->size() == 16 ? pose_of(*numbers, false) : std::nullopt;
     if (!pose)
       return bad("is not a matrix of 16 numbers", at_line(where, at.first), "record the sequence again");
-    if (poses.size() == kMost)
+    if (poses.size() == kMaxPoints)
       return bad("has more than 100 000 poses", where, "leave out points that are not needed");
     poses.push_back(*pose);
   }
@@ -322,7 +322,7 @@ Result<std::vector<Transform<Tracker, TrackedTool>>> parse_poses(std::string_vie
     may_be_heading = false;
     const auto pose = numbers ? pose_of(*numbers, format.scalar_first) : std::nullopt;
     if (!pose) return bad("is not a pose", at_line(where, line), kRemedy);
-    if (poses.size() == kMost)
+    if (poses.size() == kMaxPoints)
       return bad("has more than 100 000 poses", where, "leave out points that are not needed");
     poses.push_back(*pose);
   }

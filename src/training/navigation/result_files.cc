@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 // upper bound of plausible lengths
-constexpr double kFarthest_mm = 1e5;
+constexpr double kMaxLength_mm = 1e5;
 constexpr const char* kTipRemedy = "give the file written by palpate pivot -o";
 constexpr const char* kRegistrationRemedy = "give the file written by palpate register -o";
 
@@ -37,12 +37,12 @@ std::string written(const Json& json) {
   return json.dump(2) + "\n";
 }
 
-// a valid number from `low` to kFarthest_mm
+// a valid number from `low` to kMaxLength_mm
 std::optional<double> number_in(const Json& json, const char* key, double low) {
   const Json* found = json.find(key);
   if (found == nullptr || !found->is_number()) return {};
   const double value = found->get<double>();
-  return value >= low && value <= kFarthest_mm ? std::optional(value) : std::nullopt;
+  return value >= low && value <= kMaxLength_mm ? std::optional(value) : std::nullopt;
 }
 // an array of numbers is a matrix of one column
 template <int Rows, int Columns>
@@ -59,7 +59,7 @@ std::optional<Eigen::Matrix<double, Rows, Columns>> numbers_in(const Json& json,
       out(r, c) = each.get<double>();
     }
   }
-  if (!out.allFinite() || out.cwiseAbs().maxCoeff() > kFarthest_mm) return {};
+  if (!out.allFinite() || out.cwiseAbs().maxCoeff() > kMaxLength_mm) return {};
   return out;
 }
 

@@ -14,8 +14,8 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kFewestPoints = 12;
-constexpr int kMaxTurns = 60;
+constexpr std::size_t kMinPoints = 12;
+constexpr int kMaxIterations = 60;
 constexpr double kDamping = 1e-5;
 
 // points on the surface with outward normals, one per voxel that the surface intersects
@@ -69,13 +69,13 @@ Cloud sample_surface(const Surface& surface) {
 
 struct Fit {
   Transform<Patient, Tracker> X;
-  std::vector<SurfaceProjection> feet;
+  std::vector<SurfaceProjection> projections;
   std::vector<bool> counts;
   double rms_mm = 0;
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // centroid of the untrimmed points
   double radius_mm = 1;                              // RMS distance from the centroid
   Matrix6d information = Matrix6d::Zero();           // rotations scaled by radius_mm; per point
-  Vector6d pull = Vector6d::Zero();
+  Vector6d gradient = Vector6d::Zero();
 };
 
 class Fitter {
@@ -88,12 +88,12 @@ class Fitter {
   bool is_empty() const { return cloud_.points.empty(); }
 
   // iterates to convergence
-  Fit settle(const Transform<Patient, Tracker>& start, bool by_field) const {
+  Fit iterate(const Transform<Patient, Tracker>& start, bool by_field) const {
     Fit fit = fit_from(start, by_field);
-    for (int turn = 0; turn < kMaxTurns; ++turn) {
+    for (int turn = 0; turn < kMaxIterations; ++turn) {
       // damping keeps unconstrained directions unchanged
       const Matrix6d damped = fit.information + kDamping * Matrix6d::Identity();
-      const Vector6d step = -solve_symmetric(damped, fit.pull);
+      const Vector6d step = -solve_symmetric(damped, fit.gradient);
       const Eigen::Vector3d turned = step.tail<3>() / fit.radius_mm;
       const double angle = turned.norm();
       const Eigen::Matrix3d rotation =
@@ -127,18 +127,18 @@ class Fitter {
     std::vector<Eigen::Vector3d> at;
     for (const Point<Tracker>& point : touched_) {
       at.push_back((X * point).eigen());
-      fit.feet.push_back(project_to_surface(at.back(), by_field));
-      fit.feet.back().distance_mm -= options_.tip_radius_mm;
-      fit.feet.back().height_mm -= options_.tip_radius_mm;
+      fit.projections.push_back(project_to_surface(at.back(), by_field));
+      fit.projections.back().distance_mm -= options_.tip_radius_mm;
+      fit.projections.back().height_mm -= options_.tip_radius_mm;
     }
     // ascending by residual; stable for ties
     std::vector<std::size_t> order(at.size());
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return std::abs(fit.feet[a].distance_mm) < std::abs(fit.feet[b].distance_mm);
+      return std::abs(fit.projections[a].distance_mm) < std::abs(fit.projections[b].distance_mm);
     });
-    order.resize(std::max(kFewestPoints, at.size() - static_cast<std::size_t>(
-                                                         options_.trimmed * static_cast<double>(at.size()))));
+    order.resize(std::max(
+        kMinPoints, at.size() - static_cast<std::size_t>(options_.trimmed * static_cast<double>(at.size()))));
     fit.counts.assign(at.size(), false);
     const double count = static_cast<double>(order.size());
     for (const std::size_t n : order) {
@@ -149,11 +149,11 @@ class Fitter {
     for (const std::size_t n : order) squares += (at[n] - fit.middle).squaredNorm() / count;
     fit.radius_mm = std::max(1e-6, std::sqrt(squares));
     for (const std::size_t n : order) {
-      const auto& [distance_mm, height_mm, outward] = fit.feet[n];
+      const auto& [distance_mm, height_mm, outward] = fit.projections[n];
       Vector6d row;
       row << outward, (at[n] - fit.middle).cross(outward) / fit.radius_mm;
       fit.information += row * row.transpose() / count;
-      fit.pull += row * height_mm / count;
+      fit.gradient += row * height_mm / count;
       fit.rms_mm += distance_mm * distance_mm / count;
     }
     fit.rms_mm = std::sqrt(fit.rms_mm);
@@ -177,19 +177,19 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   const auto refuse = [](std::string what, std::string remedy) {
     return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
   };
-  const auto declared = [](const char* format, auto... numbers) {
+  const auto formatted = [](const char* format, auto... numbers) {
     char text[200];
     std::snprintf(text, sizeof text, format, numbers...);
     return std::string(text);
   };
-  if (touched.size() < kFewestPoints)
-    return refuse("a registration by a surface needs " + std::to_string(kFewestPoints) +
+  if (touched.size() < kMinPoints)
+    return refuse("a registration by a surface needs " + std::to_string(kMinPoints) +
                       " points at least, but there are " + std::to_string(touched.size()),
                   "touch more places, on all reachable sides of the structure");
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (std::size_t n = 0; n < touched.size(); ++n) {
     if (!touched[n].all_finite())
-      return refuse(declared("the coordinates of point %zu are not finite", n + 1), "touch it again");
+      return refuse(formatted("the coordinates of point %zu are not finite", n + 1), "touch it again");
     centre += (start * touched[n]).eigen() / static_cast<double>(touched.size());
   }
   const Fitter fitter(surface, touched, options);
@@ -209,8 +209,8 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
     } else if (n > 0) {
       away = {Eigen::Matrix3d::Identity(), kShift_mm * axis};
     }
-    const Fit coarse = fitter.settle(away * start, false);
-    Fit fine = fitter.settle(coarse.X, true);
+    const Fit coarse = fitter.iterate(away * start, false);
+    Fit fine = fitter.iterate(coarse.X, true);
     if (!best || fine.rms_mm < best->rms_mm) best = std::move(fine);
   }
   progress.report("register", 1);
@@ -222,30 +222,30 @@ Result<SurfaceRegistration> register_to_surface(const Surface& surface,
   out.hold = spectrum.values[0];
   if (out.rms_mm > options.max_rms_mm)
     return refuse(
-        declared("the points do not fit the surface: the residual is %.2g mm (root mean square), at "
-                 "most %.2g is allowed",
-                 out.rms_mm, options.max_rms_mm),
+        formatted("the points do not fit the surface: the residual is %.2g mm (root mean square), at "
+                  "most %.2g is allowed",
+                  out.rms_mm, options.max_rms_mm),
         "check the structure and the side of the patient, and start closer: with points that are "
         "visible in the scan");
-  const auto far = std::count_if(best->feet.begin(), best->feet.end(), [&](const SurfaceProjection& foot) {
-    return std::abs(foot.distance_mm) > options.far_mm;
-  });
+  const auto far = std::count_if(
+      best->projections.begin(), best->projections.end(),
+      [&](const SurfaceProjection& foot) { return std::abs(foot.distance_mm) > options.far_mm; });
   if (static_cast<double>(far) > options.max_far * static_cast<double>(touched.size()))
-    return refuse(declared("%d of %zu points are farther than %.2g mm from the surface",
-                           static_cast<int>(far), touched.size(), options.far_mm),
+    return refuse(formatted("%d of %zu points are farther than %.2g mm from the surface",
+                            static_cast<int>(far), touched.size(), options.far_mm),
                   "check the structure and the side of the patient, or touch again where the hand slipped");
   if (out.hold < options.min_hold) {
     const Vector6d open = spectrum.vectors.col(0);
     const bool shifts = open.head<3>().norm() > open.tail<3>().norm();
     const Eigen::Vector3d along = (shifts ? open.head<3>() : open.tail<3>()).normalized();
     return refuse(
-        declared("the points do not constrain %s (%.2f, %.2f, %.2f) in the patient: constraint %.2g of 1",
-                 shifts ? "the translation along" : "the rotation about", along.x(), along.y(), along.z(),
-                 out.hold),
+        formatted("the points do not constrain %s (%.2f, %.2f, %.2f) in the patient: constraint %.2g of 1",
+                  shifts ? "the translation along" : "the rotation about", along.x(), along.y(), along.z(),
+                  out.hold),
         "also touch other sides of the structure");
   }
   for (std::size_t n = 0; n < touched.size(); ++n) {
-    out.distances_mm.push_back(best->feet[n].distance_mm);
+    out.distances_mm.push_back(best->projections[n].distance_mm);
     out.is_trimmed.push_back(!best->counts[n]);
   }
   const Transform<Patient, Patient> moved = best->X * start.inverse();

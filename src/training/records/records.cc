@@ -106,11 +106,11 @@ class SqliteRecords final : public Records {
 };
 
 Result<std::int64_t> SqliteRecords::number_of(const char* sql) {
-  auto requested = statement(sql);
-  if (!requested) return requested.error();
-  const auto row = requested->step();
+  auto query = statement(sql);
+  if (!query) return query.error();
+  const auto row = query->step();
   if (!row) return row.error();
-  return *row ? requested->whole(0) : 0;
+  return *row ? query->whole(0) : 0;
 }
 
 // the file is untrusted: only its rows may be read, and no trigger, view or function of it may run
@@ -175,13 +175,13 @@ Result<void> SqliteRecords::check_tables() {
     made.push_back(schema.substr(at, end - at));
     at = end + 1;
   }
-  auto requested = statement("SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL");
-  if (!requested) return requested.error();
+  auto query = statement("SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL");
+  if (!query) return query.error();
   while (there.size() <= made.size()) {
-    const auto row = requested->step();
+    const auto row = query->step();
     if (!row) return row.error();
     if (!*row) break;
-    there.push_back(plain(requested->text(0)));
+    there.push_back(plain(query->text(0)));
   }
   std::sort(made.begin(), made.end());
   std::sort(there.begin(), there.end());
@@ -195,11 +195,11 @@ Result<std::int64_t> SqliteRecords::learner_of(const std::string& name) {
   auto added = statement("INSERT INTO learners(name) VALUES(?1) ON CONFLICT(name) DO NOTHING");
   if (!added) return added.error();
   if (const auto done = added->bind(1, name).step(); !done) return done.error();
-  auto requested = statement("SELECT id FROM learners WHERE name = ?1");
-  if (!requested) return requested.error();
-  const auto row = requested->bind(1, name).step();
+  auto query = statement("SELECT id FROM learners WHERE name = ?1");
+  if (!query) return query.error();
+  const auto row = query->bind(1, name).step();
   if (!row) return row.error();
-  return requested->whole(0);
+  return query->whole(0);
 }
 
 Result<std::int64_t> SqliteRecords::add(const RunRecord& run) {
@@ -269,28 +269,28 @@ Result<void> SqliteRecords::list(const RunFilter& filter,
   // the newest runs, in ascending order
   if (filter.newest > 0)
     sql = "SELECT * FROM (" + sql + " DESC LIMIT " + std::to_string(filter.newest) + ") ORDER BY 1";
-  auto requested = statement(sql.c_str());
-  if (!requested) return requested.error();
-  if (!filter.learner.empty()) requested->bind(1, filter.learner);
-  if (!filter.task.empty()) requested->bind(2, filter.task);
+  auto query = statement(sql.c_str());
+  if (!query) return query.error();
+  if (!filter.learner.empty()) query->bind(1, filter.learner);
+  if (!filter.task.empty()) query->bind(2, filter.task);
   while (true) {
-    const auto row = requested->step();
+    const auto row = query->step();
     if (!row) return row.error();
     if (!*row) return {};
-    if (auto used = visit(run_of(*requested)); !used) return used;
+    if (auto used = visit(run_of(*query)); !used) return used;
   }
 }
 
 Result<RunRecord> SqliteRecords::run(std::int64_t id) {
   const std::string sql = std::string("SELECT ") + kColumns + " WHERE runs.id = ?1";
-  auto requested = statement(sql.c_str());
-  if (!requested) return requested.error();
-  const auto row = requested->bind(1, id).step();
+  auto query = statement(sql.c_str());
+  if (!query) return query.error();
+  const auto row = query->bind(1, id).step();
   if (!row) return row.error();
   if (!*row)
     return Error{ErrorKind::kBadInput, "there is no run " + std::to_string(id), file_.string(),
                  "palpate records list shows the runs"};
-  RunRecord run = run_of(*requested);
+  RunRecord run = run_of(*query);
   auto metrics = statement(
       "SELECT name, unit, value, at_least, at_most, counts, in_band FROM metrics WHERE run = ?1 ORDER BY "
       "place");

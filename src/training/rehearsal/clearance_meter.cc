@@ -33,11 +33,11 @@ void ClearanceMeter::observe(const MeterInput& now, Structure& structure) {
   // Beyond the surface's own distance field the clearance changes by at most the displacement of the head. It
   // is not evaluated while it cannot be a new minimum and no required clearance is at stake.
   if (structure.known && !std::isnan(in_part)) {
-    const double at_least_mm = structure.gap_mm - now.head.moved_mm(structure.head);
+    const double lower_bound_mm = structure.gap_mm - now.head.moved_mm(structure.head);
     const double widest_mm = std::max(now.head.radius_mm, now.head.end_radius_mm);
-    if (at_least_mm > structure.distance->near_mm() + widest_mm &&
-        at_least_mm + kFarTolerance_mm >= static_cast<double>(in_part) &&
-        at_least_mm >= approach.requested_mm.value_or(0))
+    if (lower_bound_mm > structure.distance->near_mm() + widest_mm &&
+        lower_bound_mm + kFarTolerance_mm >= static_cast<double>(in_part) &&
+        lower_bound_mm >= approach.requested_mm.value_or(0))
       return end_breach(structure);
   }
   const double gap = gap_mm(*structure.distance, now.head);

@@ -49,17 +49,17 @@ class RunMeter {
   }
 
   Result<void> observe(const TickRecord& tick) {
-    if (!std::isfinite(tick.time_s) || (reported_.ticks > 0 && tick.time_s < time_s_))
+    if (!std::isfinite(tick.time_s) || (comparison_.ticks > 0 && tick.time_s < time_s_))
       return Error{ErrorKind::kBadInput, "the clock does not advance at tick " + std::to_string(tick.tick),
                    "", "record the run again"};
-    if (reported_.ticks == 0) started_s_ = tick.time_s;
-    const double dt_s = reported_.ticks > 0 ? tick.time_s - time_s_ : 0;
-    if (reported_.ticks > 0 && tick.tick > last_tick_ + 1) reported_.missing_s += dt_s;
+    if (comparison_.ticks == 0) started_s_ = tick.time_s;
+    const double dt_s = comparison_.ticks > 0 ? tick.time_s - time_s_ : 0;
+    if (comparison_.ticks > 0 && tick.tick > last_tick_ + 1) comparison_.missing_s += dt_s;
     last_tick_ = tick.tick;
     time_s_ = tick.time_s;
-    const std::size_t part = static_cast<std::size_t>(std::min(reported_.ticks++, all_ticks_ - 1) *
+    const std::size_t part = static_cast<std::size_t>(std::min(comparison_.ticks++, all_ticks_ - 1) *
                                                       parts_of(all_ticks_) / all_ticks_);
-    if (part == reported_.times_s.size()) reported_.times_s.push_back(time_s_ - started_s_);
+    if (part == comparison_.times_s.size()) comparison_.times_s.push_back(time_s_ - started_s_);
 
     const DeviceTick& device = tick.device[device_];
     see_turn(device);
@@ -71,7 +71,7 @@ class RunMeter {
         &device,
         shaft_ ? std::optional(tool_in_patient(model_.X_WorldPatient, tick, device, *shaft_)) : std::nullopt};
     if (!now.point.at.all_finite() || (device.flags & kFlagNotFinite) != 0) {
-      ++reported_.invalid_ticks;
+      ++comparison_.invalid_ticks;
       return {};
     }
     clearance_.observe(now);
@@ -81,12 +81,12 @@ class RunMeter {
   }
 
   PlanComparison finish() {
-    reported_.time_s = reported_.ticks > 0 ? time_s_ - started_s_ : 0;
+    comparison_.time_s = comparison_.ticks > 0 ? time_s_ - started_s_ : 0;
     for (TrajectoryMeter& trajectory : trajectories_)
-      reported_.trajectories.push_back(trajectory.finish(reports_turn_));
-    clearance_.finish(reported_);
-    reported_.path = path_.finish();
-    return std::move(reported_);
+      comparison_.trajectories.push_back(trajectory.finish(reports_turn_));
+    clearance_.finish(comparison_);
+    comparison_.path = path_.finish();
+    return std::move(comparison_);
   }
 
  private:
@@ -110,7 +110,7 @@ class RunMeter {
   ClearanceMeter clearance_;
   std::vector<TrajectoryMeter> trajectories_;
   DecimatedPath path_;
-  PlanComparison reported_;
+  PlanComparison comparison_;
 };
 
 double sum_of(const VolumesByLabel& volumes) {

@@ -3,7 +3,7 @@
 #include <limits>
 #include <vector>
 
-#include "palpate/contact/haptics.h"
+#include "palpate/contact/model.h"
 
 namespace palpate {
 

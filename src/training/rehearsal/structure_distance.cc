@@ -16,13 +16,13 @@ constexpr double kBlock_mm = 8;      // edge of the cubes by which intersection 
 constexpr double kMinNear_mm = 0.5;  // lower bound of near_mm()
 
 // intersections of the surface with grid edges, with linear interpolation along each edge
-std::vector<Eigen::Vector3f> edge_cuts(const SignedField& position, double steepest) {
+std::vector<Eigen::Vector3f> edge_cuts(const SignedField& position, double max_gradient) {
   std::vector<Eigen::Vector3f> cuts;
   const Bricks<std::int16_t>& voxels = position.bricks();
   const SignedSteps& steps = position.steps();
   const auto X = position.geometry().X_PatientVoxel();
   const auto value_mm = [&](std::int16_t stored) { return steps.offset + steps.scale * stored; };
-  const double max_mm = 1.01 * std::max(1.0, steepest) * position.geometry().spacing_mm.maxCoeff();
+  const double max_mm = 1.01 * std::max(1.0, max_gradient) * position.geometry().spacing_mm.maxCoeff();
   voxels.for_each_piece([&](const RowPiece<std::int16_t>& piece) {
     if (piece.uniform) return;
     for (int n = 0; n < piece.count; ++n) {
@@ -54,7 +54,7 @@ StructureDistance::StructureDistance(LabelId label, std::shared_ptr<const Surfac
   near_mm_ =
       std::max(kMinNear_mm, surface_->outside_mm() - surface_->position().geometry().spacing_mm.norm());
   std::map<std::array<int, 3>, std::vector<Eigen::Vector3f>> cubes;
-  for (const Eigen::Vector3f& position : edge_cuts(surface_->position(), surface_->steepest())) {
+  for (const Eigen::Vector3f& position : edge_cuts(surface_->position(), surface_->max_gradient())) {
     const Eigen::Array3f cube = (position.array() / static_cast<float>(kBlock_mm)).floor();
     cubes[{static_cast<int>(cube[0]), static_cast<int>(cube[1]), static_cast<int>(cube[2])}].push_back(
         position);

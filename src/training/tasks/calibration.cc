@@ -9,9 +9,9 @@
 namespace palpate {
 namespace {
 
-double quantile(std::vector<double> values, double share) {
+double quantile(std::vector<double> values, double fraction) {
   std::sort(values.begin(), values.end());
-  const double at = share * static_cast<double>(values.size() - 1);
+  const double at = fraction * static_cast<double>(values.size() - 1);
   const auto below = static_cast<std::size_t>(at);
   if (below + 1 >= values.size()) return values.back();
   return values[below] + (at - static_cast<double>(below)) * (values[below + 1] - values[below]);
@@ -63,21 +63,21 @@ double area_under_curve(std::span<const double> better, std::span<const double> 
 
 Result<CutOff> cut_off(std::span<const double> experts, std::span<const double> novices, bool more_is_better,
                        const CalibrationOptions& options) {
-  constexpr std::size_t kFewest = 3;
+  constexpr std::size_t kMinRuns = 3;
   const auto unusable = [](std::span<const double> values) {
     return std::any_of(values.begin(), values.end(), [](double value) { return !std::isfinite(value); });
   };
   if (unusable(experts) || unusable(novices))
     return Error{ErrorKind::kBadInput, "a run has no value of this metric", "",
                  "leave that run or that metric out"};
-  if (experts.size() < kFewest || (!novices.empty() && novices.size() < kFewest))
+  if (experts.size() < kMinRuns || (!novices.empty() && novices.size() < kMinRuns))
     return Error{ErrorKind::kBadInput,
                  "a cut-off of " +
-                     std::to_string(experts.size() < kFewest ? experts.size() : novices.size()) + " runs",
+                     std::to_string(experts.size() < kMinRuns ? experts.size() : novices.size()) + " runs",
                  "", "give at least 3 runs of each group; the interval is meaningful from 10 on"};
   const auto from = [&](const std::vector<double>& good, const std::vector<double>& bad) {
     if (!bad.empty()) return crossing(normal_of(good), normal_of(bad));
-    return quantile(good, more_is_better ? 1 - options.share : options.share);
+    return quantile(good, more_is_better ? 1 - options.fraction : options.fraction);
   };
   const std::vector<double> good(experts.begin(), experts.end()), bad(novices.begin(), novices.end());
   if (!bad.empty()) {
@@ -89,9 +89,10 @@ Result<CutOff> cut_off(std::span<const double> experts, std::span<const double> 
   CutOff found;
   found.value = from(good, bad);
   found.is_enough = good.size() >= kEnoughRuns && (bad.empty() || bad.size() >= kEnoughRuns);
-  found.method = bad.empty() ? "what " + std::to_string(static_cast<int>(std::lround(100 * options.share))) +
-                                   " % of the experts' runs reach"
-                             : "contrasting groups: where both groups' normal densities cross";
+  found.method = bad.empty()
+                     ? "what " + std::to_string(static_cast<int>(std::lround(100 * options.fraction))) +
+                           " % of the experts' runs reach"
+                     : "contrasting groups: where both groups' normal densities cross";
 
   std::mt19937_64 random(options.seed);
   const auto resample = [&](const std::vector<double>& values) {
@@ -110,13 +111,13 @@ Result<CutOff> cut_off(std::span<const double> experts, std::span<const double> 
     const auto passes = [&](double value) {
       return more_is_better ? value >= found.value : value <= found.value;
     };
-    const auto share = [&](const std::vector<double>& group, bool passing) {
+    const auto fraction = [&](const std::vector<double>& group, bool passing) {
       return static_cast<double>(std::count_if(group.begin(), group.end(),
                                                [&](double value) { return passes(value) == passing; })) /
              static_cast<double>(group.size());
     };
-    found.experts_below = share(good, false);
-    found.novices_above = share(bad, true);
+    found.experts_below = fraction(good, false);
+    found.novices_above = fraction(bad, true);
   }
   return found;
 }

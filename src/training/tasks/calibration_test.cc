@@ -64,7 +64,7 @@ TEST(CutOff, ItsIntervalHoldsTheTruthAboutNineteenTimesInTwenty) {
   constexpr int kTimes = 200;
   for (int n = 0; n < kTimes; ++n) {
     CalibrationOptions options;
-    options.share = 0.5;
+    options.fraction = 0.5;
     options.resamples = 400;
     options.seed = static_cast<std::uint64_t>(n);
     const auto found =

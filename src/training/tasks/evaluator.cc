@@ -51,7 +51,7 @@ TaskEvaluator::TaskEvaluator(TaskInScene task)
       protection_meters_(task_.protections.size()),
       metric_meters_(task_.metrics.size()),
       step_s_(task_.file.steps.size()),
-      coverage_strokes_(task_.file.steps.size()),
+      coverage_touches_(task_.file.steps.size()),
       step_condition_held_(task_.file.steps.size()),
       done_(task_.file.steps.size()),
       hash_(kHashSeed) {
@@ -299,7 +299,7 @@ void TaskEvaluator::sweep(std::size_t step) {
   for (std::size_t c = 0; c < contact_count_; ++c)
     if (counts(contacts_[c]) && (strongest == nullptr || contacts_[c].force_N > strongest->force_N))
       strongest = &contacts_[c];
-  CoverageStroke& sweep = coverage_strokes_[step];
+  CoverageTouch& sweep = coverage_touches_[step];
   if (strongest == nullptr) {
     sweep = {};
     return;
@@ -346,8 +346,8 @@ void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
     if (step.kind == StepKind::kCover) sweep(n);
     if (done_[n] || (task_.file.ordered && n > 0 && !done_[n - 1])) continue;
     bool done = false;
-    if (const auto achieved_share = progress_of(step)) {
-      done = achieved_share->part >= achieved_share->requested;
+    if (const auto achieved_fraction = progress_of(step)) {
+      done = achieved_fraction->part >= achieved_fraction->requested;
     } else {
       const bool condition_holds =
           step.kind == StepKind::kVisit
@@ -507,7 +507,7 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
   return score;
 }
 
-double TaskEvaluator::share_of_step(std::size_t n) const {
+double TaskEvaluator::fraction_of_step(std::size_t n) const {
   if (done_[n]) return 1;
   const TaskStep& step = task_.file.steps[n];
   const auto [part, requested] = progress_of(step).value_or(StepProgress{step_s_[n], step.seconds});
@@ -516,12 +516,13 @@ double TaskEvaluator::share_of_step(std::size_t n) const {
 
 Result<void> RunReader::take(const RecordingPart& part,
                              const std::function<void(const TickRecord&)>& on_tick) {
-  if (evaluator_.task().plan) reported_.insert(reported_.end(), part.events.begin(), part.events.end());
+  if (evaluator_.task().plan)
+    pending_events_.insert(pending_events_.end(), part.events.begin(), part.events.end());
   for (const TickRecord& tick : part.ticks) {
     has_last_ = has_last_ || tick.tick >= range_.last;
     if (tick.tick > range_.last || evaluator_.ended()) continue;
-    for (; !reported_.empty() && reported_.front().tick <= tick.tick; reported_.pop_front())
-      evaluator_.on_event(reported_.front());
+    for (; !pending_events_.empty() && pending_events_.front().tick <= tick.tick; pending_events_.pop_front())
+      evaluator_.on_event(pending_events_.front());
     if (tick.tick < range_.first) continue;
     if (auto known = evaluator_.observe(tick); !known) return known;
     if (on_tick) on_tick(tick);

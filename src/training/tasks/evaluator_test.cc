@@ -698,10 +698,10 @@ TEST_F(TakeOff, HeardLiveItIsTheSameBitForBit) {
     for (; event != recording.events.end() && event->tick <= tick.tick; ++event) live.on_event(*event);
     ASSERT_TRUE(live.observe(tick).ok());
     if (tick.tick == 499) {
-      EXPECT_EQ(live.share_of_step(0), 0);
+      EXPECT_EQ(live.fraction_of_step(0), 0);
     }
   }
-  EXPECT_EQ(live.share_of_step(0), 1);
+  EXPECT_EQ(live.fraction_of_step(0), 1);
   EXPECT_EQ(live.score(false).hash, score(recording).hash);
 }
 

@@ -100,8 +100,8 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
     if (bounds(at_position)) view.radius_mm = std::max(view.radius_mm, (at_position - view.middle_mm).norm());
   });
   // normals of a closed surface cancel out
-  constexpr double kMinShare = 0.05;
-  if (outward.norm() > kMinShare * faces) view.outward = outward.normalized();
+  constexpr double kMinFraction = 0.05;
+  if (outward.norm() > kMinFraction * faces) view.outward = outward.normalized();
   return view;
 }
 

@@ -53,8 +53,8 @@ void MotionMeter::observe(double time_s, const Eigen::Vector3d& tip_mm, bool tou
   }
   const double dt_s = time_s - time_s_;
   // grid times within this interval; a gap of more than a minute is excluded
-  constexpr double kLongest_s = 60;
-  if (dt_s < kLongest_s) {
+  constexpr double kMaxGap_s = 60;
+  if (dt_s < kMaxGap_s) {
     while (true) {
       const double grid_s = started_s_ + static_cast<double>(grid_points_) * kGrid_s;
       if (grid_s > time_s) break;
@@ -87,8 +87,8 @@ void MotionMeter::take_grid_point(const Eigen::Vector3d& x) {
 
 double MotionMeter::smoothness() const {
   const double length_s = static_cast<double>(grid_points_) * kGrid_s - kSettled_s - 3 * kGrid_s;
-  constexpr double kShortest_s = 0.5;
-  if (length_s < kShortest_s || !(max_speed_mm_s_ > 0) || !(jerk2_ > 0))
+  constexpr double kMinLength_s = 0.5;
+  if (length_s < kMinLength_s || !(max_speed_mm_s_ > 0) || !(jerk2_ > 0))
     return std::numeric_limits<double>::quiet_NaN();
   const double integral = jerk2_ * kGrid_s;
   return -std::log(length_s * length_s * length_s / (max_speed_mm_s_ * max_speed_mm_s_) * integral);

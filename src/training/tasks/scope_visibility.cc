@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 // maximum viewing distance
-constexpr double kFarthest_mm = 500;
+constexpr double kMaxViewing_mm = 500;
 // larger coordinates are invalid
 constexpr double kNowhere_mm = 1e6;
 
@@ -44,7 +44,7 @@ bool ScopeVisibility::is_visible(const TickRecord& tick, const Eigen::Vector3d& 
   const Vector<Patient> displacement = Point<Patient>(position_mm) - eye;
   const double far_mm = displacement.norm();
   if (!(eye.eigen().cwiseAbs().maxCoeff() < kNowhere_mm) || !(view_direction.norm() > 0.5)) return false;
-  if (!(far_mm > 0 && far_mm < kFarthest_mm)) return false;
+  if (!(far_mm > 0 && far_mm < kMaxViewing_mm)) return false;
   if (displacement.dot(view_direction) <
       std::cos(ScopeOptics::kHalfField_deg * std::numbers::pi / 180) * far_mm)
     return false;
@@ -67,7 +67,7 @@ bool ScopeVisibility::is_solid(const Point<Patient>& at) const {
     return false;
   const std::array<int, 3> low{static_cast<int>(std::floor(p[0])), static_cast<int>(std::floor(p[1])),
                                static_cast<int>(std::floor(p[2]))};
-  double share = 0;
+  double fraction = 0;
   for (int corner = 0; corner < 8; ++corner) {
     double weight = 1;
     std::array<int, 3> voxel = low;
@@ -77,9 +77,9 @@ bool ScopeVisibility::is_solid(const Point<Patient>& at) const {
       voxel[axis] += high ? 1 : 0;
       weight *= high ? part : 1 - part;
     }
-    if (weight > 0 && touchable(voxel[0], voxel[1], voxel[2])) share += weight;
+    if (weight > 0 && touchable(voxel[0], voxel[1], voxel[2])) fraction += weight;
   }
-  return share > 0.5;
+  return fraction > 0.5;
 }
 
 }  // namespace palpate

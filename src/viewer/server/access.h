@@ -10,7 +10,7 @@
 
 #include "palpate/base/result.h"
 #include "server/guess_limit.h"
-#include "server/rights.h"
+#include "server/permissions.h"
 
 /// Authentication and permissions (docs/reference/viewer-protocol.md, "Who may").
 namespace palpate::server {

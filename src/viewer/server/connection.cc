@@ -60,7 +60,7 @@ void Connection::serve() {
   auto answer = hub_.site().answer(request_);
   const bool keep_alive = request_.keep_alive && !request_.has_body;
   if (std::holds_alternative<Upgrade>(answer)) return become_viewer();
-  if (auto* ready = std::get_if<HttpAnswer>(&answer)) {
+  if (auto* ready = std::get_if<HttpResponse>(&answer)) {
     if (ready->status >= 400) hub_.log().add(http_->peer(), "refused, " + std::to_string(ready->status));
     return send(std::move(*ready), keep_alive && ready->status < 400);
   }
@@ -123,7 +123,7 @@ void Connection::extend_deadline(Clock::duration within) {
   close_by_ = last_progress_ + within;
 }
 
-bool Connection::begin_answer(HttpAnswer answer, bool keep_alive) {
+bool Connection::begin_answer(HttpResponse answer, bool keep_alive) {
   answer_ = std::move(answer);
   head_ = hub_.site().head_of(answer_, request_, keep_alive);
   phase_ = Phase::kSending;
@@ -132,12 +132,12 @@ bool Connection::begin_answer(HttpAnswer answer, bool keep_alive) {
   return request_.method != "HEAD" && answer_.status != 304;
 }
 
-void Connection::send(HttpAnswer answer, bool keep_alive) {
+void Connection::send(HttpResponse answer, bool keep_alive) {
   const std::string_view body = begin_answer(std::move(answer), keep_alive) ? answer_.text() : "";
   write(head_, body, [this, keep_alive] { sent(keep_alive); });
 }
 
-void Connection::send_volume(HttpAnswer answer, bool keep_alive) {
+void Connection::send_volume(HttpResponse answer, bool keep_alive) {
   volume_left_ = begin_answer(std::move(answer), keep_alive) ? answer_.text() : "";
   write(head_, "", [this, keep_alive] { send_part(keep_alive); });
 }

@@ -47,9 +47,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void refuse_volume(const std::string& what);
   void become_viewer();
   /// Returns whether a body follows.
-  bool begin_answer(HttpAnswer answer, bool keep_alive);
-  void send(HttpAnswer answer, bool keep_alive);
-  void send_volume(HttpAnswer answer, bool keep_alive);
+  bool begin_answer(HttpResponse answer, bool keep_alive);
+  void send(HttpResponse answer, bool keep_alive);
+  void send_volume(HttpResponse answer, bool keep_alive);
   void send_part(bool keep_alive);
   /// Writes, and extends the time limit with every 64 KiB that the system has taken.
   void write(std::string_view head, std::string_view body, std::function<void()> then);
@@ -60,7 +60,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::shared_ptr<HttpConnection> http_;
   Hub& hub_;
   HttpRequest request_;
-  HttpAnswer answer_;
+  HttpResponse answer_;
   std::string head_;
   Phase phase_ = Phase::kAwaitingRequest;
   bool closed_ = false;

@@ -147,7 +147,7 @@ TEST(GuessLimit, TheSiteSaysWhenToTryAgain) {
   request.host = "localhost:8480";
   request.local_address = "127.0.0.1";
   request.authorization = "Bearer wrong";
-  const auto answer = [&] { return std::get<HttpAnswer>(site.answer(request)); };
+  const auto answer = [&] { return std::get<HttpResponse>(site.answer(request)); };
   for (int n = 0; n < GuessLimit::kAtOnce; ++n) EXPECT_EQ(answer().status, 401);
   EXPECT_EQ(answer().status, 429);
   const std::string head = site.head_of(answer(), request, false);

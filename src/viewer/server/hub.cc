@@ -32,19 +32,19 @@ bool has_reserved_slot(Role role) {
 }
 
 // permission that a request needs
-Right right_for(const Request& request) {
+Permission right_for(const Request& request) {
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) {
     bool is_haptic = settings->law.has_value();
     visit_settings([&](const auto& setting) {
       is_haptic = is_haptic || (setting.is_haptic && settings->*setting.change);
     });
-    return is_haptic ? Right::kChangeContact : Right::kOperateTool;
+    return is_haptic ? Permission::kChangeContact : Permission::kOperateTool;
   }
-  if (std::holds_alternative<TissueRequest>(request.what)) return Right::kChangeContact;
-  if (std::holds_alternative<PlanRequest>(request.what)) return Right::kPlan;
-  if (std::holds_alternative<PlayRequest>(request.what)) return Right::kPlay;
-  if (std::holds_alternative<LessonRequest>(request.what)) return Right::kLesson;
-  return Right::kOperateTool;
+  if (std::holds_alternative<TissueRequest>(request.what)) return Permission::kChangeContact;
+  if (std::holds_alternative<PlanRequest>(request.what)) return Permission::kPlan;
+  if (std::holds_alternative<PlayRequest>(request.what)) return Permission::kPlay;
+  if (std::holds_alternative<LessonRequest>(request.what)) return Permission::kLesson;
+  return Permission::kOperateTool;
 }
 
 Result<RequestOutcome> outcome_of(const Result<void>& done) {
@@ -62,7 +62,7 @@ Error read_only_error(ViewerHost& host) {
 }  // namespace
 
 Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore* pictures,
-         DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers)
+         DownloadRateLimiter downloads, FaultLog log, std::function<void(int)> count_viewers)
     : host_(host),
       live_(host.live()),
       site_(site),
@@ -122,8 +122,8 @@ void Hub::add(std::shared_ptr<Viewer> viewer) {
 void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
   if (viewers_.erase(viewer) == 0) return;
   if (viewer->welcomed() && live_ != nullptr) live_->forget(viewer->identity());
-  if (tip_holder_ == viewer.get()) {
-    tip_holder_ = nullptr;
+  if (pointer_owner_ == viewer.get()) {
+    pointer_owner_ = nullptr;
     (void)live_->claim_pointer(false, viewer->identity());
   }
   if (viewer->welcomed()) count();
@@ -136,7 +136,7 @@ bool Hub::has_single_downloader() const {
                                kDownloadsPerViewer;
 }
 
-DownloadPace::Turn Hub::next_part(std::size_t left_bytes) {
+DownloadRateLimiter::Chunk Hub::next_part(std::size_t left_bytes) {
   return downloads_.next(left_bytes, has_single_downloader(), Clock::now());
 }
 
@@ -159,28 +159,29 @@ void Hub::drop_oldest_unauthenticated() {
   if (viewers_.size() >= kMaxViewers + kMaxUnauthenticated && ending != viewers_.end())
     std::shared_ptr(*ending)->remove_from_hub();
   std::shared_ptr<Viewer> oldest;
-  std::size_t silent = 0;
+  std::size_t unauthenticated = 0;
   for (const auto& viewer : viewers_) {
     if (!viewer->is_silent()) continue;
-    ++silent;
+    ++unauthenticated;
     if (!oldest || viewer->hello_by() < oldest->hello_by()) oldest = viewer;
   }
-  if (silent >= kMaxUnauthenticated) oldest->end(kTryAgainLater, "too many viewers: a silent one is closed");
+  if (unauthenticated >= kMaxUnauthenticated)
+    oldest->end(kTryAgainLater, "too many viewers: a silent one is closed");
 }
 
 bool Hub::make_room_for_viewer(Role role) {
   std::shared_ptr<Viewer> latest;  // most recent one without control
-  std::size_t all = 0, looking = 0;
+  std::size_t all = 0, without_reserved_place = 0;
   for (const auto& viewer : viewers_) {
     if (!viewer->welcomed() || viewer->is_ending()) continue;
     ++all;
     if (has_reserved_slot(viewer->who().role)) continue;
-    ++looking;
+    ++without_reserved_place;
     // the viewer that moves the tip is not dropped
-    if (viewer.get() == tip_holder_) continue;
+    if (viewer.get() == pointer_owner_) continue;
     if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
   }
-  if (!has_reserved_slot(role) && looking >= kMaxViewers - kReservedForControl) return false;
+  if (!has_reserved_slot(role) && without_reserved_place >= kMaxViewers - kReservedForControl) return false;
   if (all < kMaxViewers) return true;
   if (!has_reserved_slot(role) || !latest) return false;
   latest->end(kTryAgainLater, "gives its place to a viewer with control or a teacher");
@@ -193,10 +194,10 @@ void Hub::request_volume(const PayloadKey& key, std::function<void(PayloadStore:
   });
 }
 
-void Hub::request_picture(PictureKey key, std::weak_ptr<const void> asker,
+void Hub::request_picture(PictureKey key, std::weak_ptr<const void> requester,
                           std::function<void(PictureStore::Payload)> then) {
   if (pictures_ == nullptr) return loop_.post([then = std::move(then)] { then(nullptr); });
-  pictures_->want(std::move(key), std::move(asker),
+  pictures_->want(std::move(key), std::move(requester),
                   [this, then = std::move(then)](PictureStore::Payload payload) mutable {
                     loop_.post([then = std::move(then), payload = std::move(payload)] { then(payload); });
                   });
@@ -212,13 +213,13 @@ void Hub::request_curves(const std::string& learner, std::function<void(Result<s
 // ---- requests of viewers
 
 void Hub::welcome(Viewer& viewer) {
-  viewer.set_number(++greeted_);
+  viewer.set_number(++last_viewer_number_);
   count();
   publish_state();
   // the learner whose turn it is gets a free pointer
   const std::string& learner = viewer.who().learner;
-  if (!tip_holder_ && viewer.who().role == Role::kLearner && learner == state_.lesson.learner) {
-    pass_tip(&viewer);
+  if (!pointer_owner_ && viewer.who().role == Role::kLearner && learner == state_.lesson.learner) {
+    hand_over_pointer(&viewer);
     publish_state();
   }
   viewer.notify_state();
@@ -226,7 +227,7 @@ void Hub::welcome(Viewer& viewer) {
   if (viewer.receives_deformation()) publish_deformation(Clock::now());
   if (viewer.receives_training()) publish_training(Clock::now());
   viewer.notify_training();
-  if (std::exchange(posing_, true)) return;
+  if (std::exchange(pose_timer_runs_, true)) return;
   next_pose_ = Clock::now();
   wait_for_poses();
 }
@@ -251,11 +252,11 @@ Result<RequestOutcome> Hub::execute(Viewer& viewer, const Request& request) {
     return RequestOutcome::kDone;
   }
   if (const auto* refusal = std::get_if<Error>(&request.what)) return *refusal;
-  const Right right = right_for(request);
-  if (!may(viewer.who().role, right, !host_.scene().tasks.empty()))
-    return lacks_right(viewer.who().role, right);
-  if (right == Right::kOperateTool)
-    if (const auto allowed = check_hand(viewer); !allowed) return allowed.error();
+  const Permission permission = right_for(request);
+  if (!is_permitted(viewer.who().role, permission, !host_.scene().tasks.empty()))
+    return missing_permission(viewer.who().role, permission);
+  if (permission == Permission::kOperateTool)
+    if (const auto allowed = check_may_operate(viewer); !allowed) return allowed.error();
   if (const auto* play = std::get_if<PlayRequest>(&request.what)) return outcome_of(execute_play(*play));
   if (const auto* plan = std::get_if<PlanRequest>(&request.what)) return outcome_of(host_.change(*plan));
   if (const auto* lesson = std::get_if<LessonRequest>(&request.what))
@@ -277,7 +278,7 @@ Result<RequestOutcome> Hub::execute(Viewer& viewer, const Request& request) {
 }
 
 // a learner may only do what is recorded as his or her own run
-Result<void> Hub::check_hand(const Viewer& viewer) const {
+Result<void> Hub::check_may_operate(const Viewer& viewer) const {
   const Who& who = viewer.who();
   if (who.role != Role::kLearner) return {};
   const ViewedTraining training = host_.training();
@@ -293,7 +294,7 @@ Result<void> Hub::check_hand(const Viewer& viewer) const {
 // the viewer that moves the tip is the one being assessed; a teacher may begin a task without it
 Result<void> Hub::execute_task(Viewer& viewer, TaskRequest request) {
   const Who& who = viewer.who();
-  if (tip_holder_ && tip_holder_ != &viewer && !may(who.role, Right::kLesson, true))
+  if (pointer_owner_ && pointer_owner_ != &viewer && !is_permitted(who.role, Permission::kLesson, true))
     return Error{ErrorKind::kUsage, "only the viewer that moves the tip can start and end a task", "",
                  "ask that viewer, or wait until the tip is released"};
   request.learner = who.learner;
@@ -301,7 +302,7 @@ Result<void> Hub::execute_task(Viewer& viewer, TaskRequest request) {
 }
 
 Result<void> Hub::execute_lesson(const LessonRequest& request) {
-  if (auto allowed = check_pointer(request); !allowed) return allowed;
+  if (auto allowed = check_may_hand_over(request); !allowed) return allowed;
   if (request.learner || request.task || request.end) {
     if (live_ == nullptr)
       return Error{ErrorKind::kUsage, "there is no session here that a lesson could be of", "", ""};
@@ -312,15 +313,15 @@ Result<void> Hub::execute_lesson(const LessonRequest& request) {
   // whoever is named gets the pointer, and a viewer that is no longer permitted loses it
   const std::string& named = request.pointer ? *request.pointer : request.learner.value_or("");
   if (request.pointer || !named.empty())
-    pass_tip(viewer_of_learner(named));
-  else if (tip_holder_ && !check_hand(*tip_holder_))
-    pass_tip(nullptr);
+    hand_over_pointer(viewer_of_learner(named));
+  else if (pointer_owner_ && !check_may_operate(*pointer_owner_))
+    hand_over_pointer(nullptr);
   publish_state();
   return {};
 }
 
 // whether the pointer can be passed on as a teacher asks
-Result<void> Hub::check_pointer(const LessonRequest& request) const {
+Result<void> Hub::check_may_hand_over(const LessonRequest& request) const {
   if (!request.pointer) return {};
   if (live_ == nullptr || host_.scene().input != "pointer")
     return Error{ErrorKind::kUsage, "the tip of this session is not moved by a viewer", "pointer",
@@ -340,12 +341,12 @@ Result<void> Hub::check_pointer(const LessonRequest& request) const {
 
 // Makes a viewer, or nobody (null), the one that moves the tip. It is released first, so that the force fades
 // out under the old hand before it rises under the new one.
-void Hub::pass_tip(const Viewer* to) {
-  if (tip_holder_ == to) return;
-  if (tip_holder_) (void)live_->claim_pointer(false, tip_holder_->identity());
-  tip_holder_ = nullptr;
+void Hub::hand_over_pointer(const Viewer* to) {
+  if (pointer_owner_ == to) return;
+  if (pointer_owner_) (void)live_->claim_pointer(false, pointer_owner_->identity());
+  pointer_owner_ = nullptr;
   if (to != nullptr && host_.scene().input == "pointer" && live_->claim_pointer(true, to->identity()))
-    tip_holder_ = to;
+    pointer_owner_ = to;
 }
 
 // Page of a learner: the one that has the pointer, or the one that came last; null: none is open.
@@ -354,7 +355,7 @@ const Viewer* Hub::viewer_of_learner(const std::string& learner) const {
   for (const auto& viewer : viewers_) {
     if (!viewer->welcomed() || viewer->is_ending()) continue;
     if (viewer->who().role != Role::kLearner || viewer->who().learner != learner) continue;
-    if (viewer.get() == tip_holder_) return tip_holder_;
+    if (viewer.get() == pointer_owner_) return pointer_owner_;
     if (found == nullptr || viewer->identity().number > found->identity().number) found = viewer.get();
   }
   return found;
@@ -364,29 +365,29 @@ std::vector<ListedLearner> Hub::listed_learners() const {
   std::vector<ListedLearner> listed;
   for (std::string& learner : site_.access().learners()) {
     const Viewer* const page = viewer_of_learner(learner);
-    listed.push_back({std::move(learner), page != nullptr, page != nullptr && page == tip_holder_});
+    listed.push_back({std::move(learner), page != nullptr, page != nullptr && page == pointer_owner_});
   }
   return listed;
 }
 
 // the force is given back only to the viewer that moves the tip
 Result<void> Hub::execute_rearm(Viewer& viewer, RearmRequest request) {
-  if (host_.scene().input == "pointer" && tip_holder_ != &viewer)
+  if (host_.scene().input == "pointer" && pointer_owner_ != &viewer)
     return Error{ErrorKind::kUsage, "only the viewer that moves the tip can rearm the force", "",
-                 tip_holder_ ? "ask that viewer, or wait until the tip is released"
-                             : "take the pointer first (Touch), then rearm"};
+                 pointer_owner_ ? "ask that viewer, or wait until the tip is released"
+                                : "take the pointer first (Touch), then rearm"};
   request.by = viewer.identity();
   return live_->rearm(request);
 }
 
 Result<void> Hub::execute_pointer(Viewer& viewer, const PointerRequest& request) {
-  if (tip_holder_ && tip_holder_ != &viewer)
+  if (pointer_owner_ && pointer_owner_ != &viewer)
     return Error{ErrorKind::kUsage, "another viewer moves the tip", "take", "wait until the tip is released"};
   // releasing the pointer without having it changes nothing
-  if (!request.take && !tip_holder_) return {};
+  if (!request.take && !pointer_owner_) return {};
   if (live_ == nullptr) return read_only_error(host_);
   if (auto used = live_->claim_pointer(request.take, viewer.identity()); !used) return used;
-  tip_holder_ = request.take ? &viewer : nullptr;
+  pointer_owner_ = request.take ? &viewer : nullptr;
   return {};
 }
 
@@ -398,18 +399,18 @@ Result<void> Hub::execute_play(const PlayRequest& request) {
 
 void Hub::move_pointer(const Viewer& viewer, const TipMessage& tip) {
   // a viewer that has just lost the pointer may not know yet
-  if (tip_holder_ == &viewer) live_->move_pointer(tip.target);
+  if (pointer_owner_ == &viewer) live_->move_pointer(tip.target);
 }
 
-std::uint32_t Hub::holder() const {
-  return tip_holder_ ? tip_holder_->identity().number : 0;
+std::uint32_t Hub::pointer_owner() const {
+  return pointer_owner_ ? pointer_owner_->identity().number : 0;
 }
 
 std::string Hub::state_for(const Viewer& viewer) const {
   const Redaction* redaction = redaction_of(viewer);
   return state_json(redaction != nullptr ? redaction->of(state_) : state_,
-                    {viewer.identity().number, viewer.who(), holder(), welcomed_, are_hidden_names_shown_,
-                     redaction != nullptr,
+                    {viewer.identity().number, viewer.who(), pointer_owner(), welcomed_,
+                     are_hidden_names_shown_, redaction != nullptr,
                      viewer.who().role == Role::kTeacher ? listed_learners() : std::vector<ListedLearner>()});
 }
 
@@ -426,17 +427,17 @@ const Redaction* Hub::active_redaction() const {
 }
 
 const std::string& Hub::published_training(const Viewer& viewer) const {
-  return redaction_of(viewer) != nullptr ? redacted_training_ : training_;
+  return redaction_of(viewer) != nullptr ? redacted_training_json_ : training_json_;
 }
 
 std::shared_ptr<const std::string> Hub::published_plan(const Viewer& viewer) const {
-  return redaction_of(viewer) != nullptr ? nullptr : reported_plan_;
+  return redaction_of(viewer) != nullptr ? nullptr : plan_json_;
 }
 
 std::shared_ptr<const std::string> Hub::published_debriefing(const Viewer& viewer) const {
-  const bool is_own =
-      debriefed_ && (viewer.who().role != Role::kLearner || debriefed_->learner == viewer.who().learner);
-  return is_own ? debriefing_ : nullptr;
+  const bool is_own = viewed_debriefing_ && (viewer.who().role != Role::kLearner ||
+                                             viewed_debriefing_->learner == viewer.who().learner);
+  return is_own ? debriefing_json_ : nullptr;
 }
 
 // Active while the selected task is a quiz and, because any task may then be begun, while none is selected.
@@ -479,7 +480,7 @@ void Hub::publish_state() {
   update_redaction();
   // complete state, as for a teacher
   StateRecipient recipient;
-  recipient.holder = holder();
+  recipient.pointer_owner = pointer_owner();
   recipient.viewers = welcomed_;
   recipient.names = are_hidden_names_shown_;
   recipient.learners = listed_learners();
@@ -488,9 +489,9 @@ void Hub::publish_state() {
   recipient.redacted = redaction != nullptr;
   recipient.learners.clear();
   if (redaction != nullptr) redacted_text = state_json(redaction->of(state_), recipient);
-  const bool is_new = text != last_state_, is_new_redacted = redacted_text != last_redacted_state_;
-  last_state_ = std::move(text);
-  last_redacted_state_ = std::move(redacted_text);
+  const bool is_new = text != last_state_json_, is_new_redacted = redacted_text != last_redacted_state_json_;
+  last_state_json_ = std::move(text);
+  last_redacted_state_json_ = std::move(redacted_text);
   // message timing carries information, too: a redacted viewer gets no message for changes that it must not
   // see
   for (const auto& viewer : viewers_)
@@ -501,7 +502,7 @@ void Hub::publish_plan() {
   auto plan = host_.plan();
   if (plan == plan_) return;
   plan_ = std::move(plan);
-  reported_plan_ = plan_ ? std::make_shared<const std::string>(plan_json(*plan_)) : nullptr;
+  plan_json_ = plan_ ? std::make_shared<const std::string>(plan_json(*plan_)) : nullptr;
   for (const auto& viewer : viewers_) viewer->notify_plan();
 }
 
@@ -513,7 +514,7 @@ void Hub::wait_for_poses() {
   pose_timer_->wait_until(next_pose_, [this] {
     if (ended_) return;
     if (welcomed_ == 0) {
-      posing_ = false;
+      pose_timer_runs_ = false;
       return;
     }
     // schedule the next one first, whatever happens in this one
@@ -531,8 +532,8 @@ void Hub::publish_deformation(Clock::time_point now) {
     found.deformation = std::move(deformation);
     DeformationMessage next(device, found.deformation.get());
     if (found.message && next.is_indistinguishable_from(*found.message)) continue;
-    found.reported = {found.reported.number + 1, next.rests(),
-                      std::make_shared<const std::string>(next.bytes())};
+    found.published = {found.published.number + 1, next.rests(),
+                       std::make_shared<const std::string>(next.bytes())};
     found.message = std::move(next);
   }
   for (const auto& viewer : viewers_) viewer->notify_deformation();
@@ -548,15 +549,17 @@ void Hub::publish_training(Clock::time_point now) {
     redacted_text = training_json(redaction->of(training, *redacted_steps_, redacted_tick_));
   }
   auto debriefed = host_.debriefing();
-  const bool is_over = debriefed != debriefed_;
+  const bool is_over = debriefed != viewed_debriefing_;
   if (is_over) {
-    debriefed_ = std::move(debriefed);
-    debriefing_ = debriefed_ ? std::make_shared<const std::string>(debriefing_json(*debriefed_)) : nullptr;
+    viewed_debriefing_ = std::move(debriefed);
+    debriefing_json_ = viewed_debriefing_
+                           ? std::make_shared<const std::string>(debriefing_json(*viewed_debriefing_))
+                           : nullptr;
   }
-  const bool is_new = text != training_ || is_over,
-             is_new_redacted = redacted_text != redacted_training_ || is_over;
-  training_ = std::move(text);
-  redacted_training_ = std::move(redacted_text);
+  const bool is_new = text != training_json_ || is_over,
+             is_new_redacted = redacted_text != redacted_training_json_ || is_over;
+  training_json_ = std::move(text);
+  redacted_training_json_ = std::move(redacted_text);
   for (const auto& viewer : viewers_)
     if (redaction_of(*viewer) != nullptr ? is_new_redacted : is_new) viewer->notify_training();
 }
@@ -567,8 +570,8 @@ void Hub::publish_navigation(Clock::time_point now) {
   const auto navigation = live_->navigation();
   if (!navigation) return;
   std::string text = navigation_json(*navigation);
-  if (reported_navigation_ && text == *reported_navigation_) return;
-  reported_navigation_ = std::make_shared<const std::string>(std::move(text));
+  if (navigation_json_ && text == *navigation_json_) return;
+  navigation_json_ = std::make_shared<const std::string>(std::move(text));
   for (const auto& viewer : viewers_) viewer->notify_navigation();
 }
 

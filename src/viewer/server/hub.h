@@ -12,7 +12,8 @@
 #include <vector>
 
 #include "server/bundle_message.h"
-#include "server/download_pace.h"
+#include "server/deformation_message.h"
+#include "server/download_rate_limiter.h"
 #include "server/fault_log.h"
 #include "server/payload_store.h"
 #include "server/pose_message.h"
@@ -20,7 +21,6 @@
 #include "server/scene_json.h"
 #include "server/site.h"
 #include "server/transport.h"
-#include "server/yield_message.h"
 
 namespace palpate::server {
 
@@ -50,7 +50,7 @@ class Hub {
   /// @param loop, host, site, volumes, pictures  outlive the hub
   /// @param pictures  null: no pictures of the volume are rendered
   Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore* pictures,
-      DownloadPace downloads, FaultLog log, std::function<void(int)> count_viewers);
+      DownloadRateLimiter downloads, FaultLog log, std::function<void(int)> count_viewers);
   ~Hub();
 
   void begin();
@@ -80,9 +80,9 @@ class Hub {
   std::unique_ptr<Timer> timer() { return loop_.timer(); }
   FaultLog& log() { return log_; }
   /// Next part of a connection's download whose previous part has been sent.
-  DownloadPace::Turn next_part(std::size_t left_bytes);
+  DownloadRateLimiter::Chunk next_part(std::size_t left_bytes);
   /// Asynchronous requests; `then` is called on the server's thread.
-  void request_picture(PictureKey key, std::weak_ptr<const void> asker,
+  void request_picture(PictureKey key, std::weak_ptr<const void> requester,
                        std::function<void(PictureStore::Payload)> then);
   void request_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then);
   /// Only if Site::stores_runs.
@@ -113,7 +113,7 @@ class Hub {
   std::string sweeps_after(SentSweeps& sent) const;
   /// Latest deformation around a device.
   const PublishedDeformation& published_deformation(std::size_t device) const {
-    return deformations_[device].reported;
+    return deformations_[device].published;
   }
   /// Latest plan; null if there is none, and for a redacted viewer: the plan's author may have known what is
   /// hidden.
@@ -123,7 +123,7 @@ class Hub {
   /// Progress message published last; empty: the session has no tasks.
   const std::string& published_training(const Viewer& viewer) const;
   /// Latest error estimate of a tracked tip; null: none.
-  const std::shared_ptr<const std::string>& published_navigation() const { return reported_navigation_; }
+  const std::shared_ptr<const std::string>& published_navigation() const { return navigation_json_; }
   /// Debriefing of the last run; null if there is none, and for a learner if it was another learner's run.
   std::shared_ptr<const std::string> published_debriefing(const Viewer& viewer) const;
 
@@ -134,9 +134,9 @@ class Hub {
   Result<void> execute_rearm(Viewer& viewer, RearmRequest request);
   Result<void> execute_task(Viewer& viewer, TaskRequest request);
   Result<void> execute_lesson(const LessonRequest& request);
-  Result<void> check_hand(const Viewer& viewer) const;
-  Result<void> check_pointer(const LessonRequest& request) const;
-  void pass_tip(const Viewer* to);
+  Result<void> check_may_operate(const Viewer& viewer) const;
+  Result<void> check_may_hand_over(const LessonRequest& request) const;
+  void hand_over_pointer(const Viewer* to);
   const Viewer* viewer_of_learner(const std::string& learner) const;
   std::vector<ListedLearner> listed_learners() const;
   void update_redaction();
@@ -158,7 +158,7 @@ class Hub {
   Site& site_;
   PayloadStore& volumes_;
   PictureStore* const pictures_;
-  DownloadPace downloads_;
+  DownloadRateLimiter downloads_;
   FaultLog log_;
   const std::function<void(int)> count_viewers_;
 
@@ -168,14 +168,15 @@ class Hub {
   std::set<std::shared_ptr<Connection>> connections_;
   std::set<std::shared_ptr<Viewer>> viewers_;
   int welcomed_ = 0;
-  std::uint32_t greeted_ = 0;  ///< Number of viewers that have said hello so far
-  bool posing_ = false, ended_ = false;
+  std::uint32_t last_viewer_number_ = 0;  ///< Number of viewers that have said hello so far
+  bool pose_timer_runs_ = false, ended_ = false;
   /// Number of the viewer that moves the tip; 0: none.
-  std::uint32_t holder() const;
+  std::uint32_t pointer_owner() const;
 
-  const Viewer* tip_holder_ = nullptr;  ///< Viewer that moves the tip; may be null
+  const Viewer* pointer_owner_ = nullptr;  ///< Viewer that moves the tip; may be null
   ViewedState state_;
-  std::string last_state_, last_redacted_state_;  ///< Last messages: as a teacher receives them, and redacted
+  std::string last_state_json_,
+      last_redacted_state_json_;  ///< Last messages: as a teacher receives them, and redacted
   std::optional<RedactedSteps> redacted_steps_;
   TickRecord redacted_tick_;             ///< Last redacted tick
   bool are_hidden_names_shown_ = false;  ///< Whether learners are shown what a quiz hides
@@ -184,17 +185,17 @@ class Hub {
   struct LastPublished {
     std::shared_ptr<const ViewedDeformation> deformation;
     std::optional<DeformationMessage> message;  ///< Message published last
-    PublishedDeformation reported;
+    PublishedDeformation published;
   };
   std::array<LastPublished, kMaxDevices> deformations_;
   Clock::time_point next_deformation_{};
   std::shared_ptr<const ViewedPlan> plan_;
-  std::shared_ptr<const std::string> reported_plan_;
-  std::shared_ptr<const std::string> reported_navigation_;
+  std::shared_ptr<const std::string> plan_json_;
+  std::shared_ptr<const std::string> navigation_json_;
   Clock::time_point next_navigation_{};
-  std::string training_, redacted_training_;
-  std::shared_ptr<const ViewedDebriefing> debriefed_;
-  std::shared_ptr<const std::string> debriefing_;
+  std::string training_json_, redacted_training_json_;
+  std::shared_ptr<const ViewedDebriefing> viewed_debriefing_;
+  std::shared_ptr<const std::string> debriefing_json_;
   Clock::time_point next_training_{};
 };
 

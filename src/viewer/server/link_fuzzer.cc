@@ -59,7 +59,7 @@ void http(std::string_view text) {
         &request.authorization, &request.accept_encoding, &request.if_none_match})
     *part = line();
   const auto answer = site.answer(request);
-  const auto* ready = std::get_if<HttpAnswer>(&answer);
+  const auto* ready = std::get_if<HttpResponse>(&answer);
   if (!ready) return;
   // no line end of the input may appear in the head
   const std::string head = site.head_of(*ready, request, true);

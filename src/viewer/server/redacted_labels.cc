@@ -14,7 +14,7 @@ namespace {
 /// Share of a component's votes above which all of it becomes one structure. If a structure's layer is
 /// curved, lines near its lower side end in the structure beneath; in the cartilages of the knee phantom
 /// these are at most a ninth of all votes.
-constexpr double kUniformShare = 0.75;
+constexpr double kUniformFraction = 0.75;
 
 using Offset = std::array<int, 3>;
 
@@ -150,7 +150,7 @@ class HiddenBox {
     }
     // without a line that ends in one structure: the structure with the largest contact area
     const LabelId most = all.empty() ? faces.winner() : all.winner();
-    if (all.empty() || all.share_of(most) >= kUniformShare) {
+    if (all.empty() || all.share_of(most) >= kUniformFraction) {
       for (const std::size_t n : component) labels_[voxels_[n]] = most;
       return;
     }

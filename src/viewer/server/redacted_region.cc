@@ -10,7 +10,7 @@ namespace palpate::server {
 namespace {
 
 // as in session's view_of(): minimum share of a surface's area that has to face one side
-constexpr double kMinOutwardShare = 0.05;
+constexpr double kMinOutwardFraction = 0.05;
 
 std::vector<bool> set_of(const std::vector<LabelId>& labels) {
   std::vector<bool> has(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
@@ -108,7 +108,7 @@ ViewedTask::Region region_in(const ViewedScene& scene, const ViewedTask::Region&
   extent.for_each_voxel([&](int, int, int, const Eigen::Vector3d& at_position) {
     view.radius_mm = std::max(view.radius_mm, (at_position - centre).norm());
   });
-  if (outward.norm() > kMinOutwardShare * faces) view.outward = array_of(outward.normalized());
+  if (outward.norm() > kMinOutwardFraction * faces) view.outward = array_of(outward.normalized());
   return view;
 }
 

@@ -62,13 +62,13 @@ std::vector<bool> RedactedSteps::done() const {
   return done;
 }
 
-std::vector<double> RedactedSteps::share() const {
-  std::vector<double> share;
+std::vector<double> RedactedSteps::fraction() const {
+  std::vector<double> fraction;
   for (const Step& step : steps_)
-    share.push_back(step.done                    ? 1
-                    : step.requested.seconds > 0 ? std::min(1.0, step.met_s / step.requested.seconds)
-                                                 : 0);
-  return share;
+    fraction.push_back(step.done                    ? 1
+                       : step.requested.seconds > 0 ? std::min(1.0, step.met_s / step.requested.seconds)
+                                                    : 0);
+  return fraction;
 }
 
 }  // namespace palpate::server

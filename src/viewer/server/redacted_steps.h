@@ -24,7 +24,7 @@ class RedactedSteps {
   void observe(const TickRecord& tick);
 
   std::vector<bool> done() const;
-  std::vector<double> share() const;
+  std::vector<double> fraction() const;
 
  private:
   struct Step {

@@ -245,7 +245,7 @@ ViewedTraining Redaction::of(const ViewedTraining& training, const RedactedSteps
   redacted.missing_s = training.missing_s;
   redacted.keeps = training.keeps;
   redacted.done = steps.done();
-  redacted.share = steps.share();
+  redacted.fraction = steps.fraction();
   for (const ViewedTaskEvent& event : training.events)
     if (std::string_view(event.kind) == "ended") redacted.events.push_back({event.kind, 0, event.time_s, 0});
   const ViewedTask* task = task_of(training.task);

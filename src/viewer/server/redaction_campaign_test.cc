@@ -278,25 +278,25 @@ TickRecord pressed(const Draw& draw, const Eigen::Vector3d& position, double min
   constexpr double kContactWithin_mm = 6, kTremor = 0.5;
   std::normal_distribution<double> tremor(0, kTremor);
   const double distance_mm = (position - draw.centre).norm();
-  const double share = std::clamp(1 - (distance_mm - min_mm) / kContactWithin_mm, 0.0, 1.0);
+  const double fraction = std::clamp(1 - (distance_mm - min_mm) / kContactWithin_mm, 0.0, 1.0);
   TickRecord tick;
   DeviceTick& device = tick.device[0];
   device.tip_patient_mm = {position.x(), position.y(), position.z()};
-  device.force_N = {0, 0, (1 - 0.7 * share) * std::exp(tremor(random))};
+  device.force_N = {0, 0, (1 - 0.7 * fraction) * std::exp(tremor(random))};
   device.unclamped_force_N = device.force_N[2];
   device.limit_N = 5;
   device.flags = kFlagContact;
   device.depth_mm = 1;
-  const bool is_over = share > 0;
+  const bool is_over = fraction > 0;
   device.label = is_over ? draw.hidden : draw.around;
   device.contact_label = {draw.around, is_over ? draw.hidden : LabelId{0}};
-  device.contact_N = {(1 - share) * device.force_N[2], share * device.force_N[2]};
+  device.contact_N = {(1 - fraction) * device.force_N[2], fraction * device.force_N[2]};
   device.path_label = {draw.around, is_over ? draw.hidden : LabelId{0}};
-  device.path_share = {1 - share, share};
+  device.path_share = {1 - fraction, fraction};
   device.near_label = {draw.around, draw.hidden};
   device.near_mm = {is_over ? 0.5 : 0, distance_mm};
   device.no_go = is_over;
-  device.no_go_depth_mm = share;
+  device.no_go_depth_mm = fraction;
   return tick;
 }
 

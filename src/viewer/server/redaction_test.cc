@@ -155,7 +155,7 @@ TickRecord random_tick(std::mt19937& random, const DeviceTick& device_tick) {
   device.flags = (device.flags & ~kOfThePose) | (device_tick.flags & kOfThePose);
   tick.state_hash = random();
   tick.compute_s = tick.lateness_s = 1e-6 * static_cast<double>(random() % 1000);
-  tick.yield_frame = static_cast<std::uint32_t>(random());
+  tick.solver_frame = static_cast<std::uint32_t>(random());
   return tick;
 }
 
@@ -261,7 +261,7 @@ TEST(Redaction, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
   ViewedTraining run = palpate::testing::test_training();
   // from the evaluator: the ball is in contact, not the block
   run.done = {false, true};
-  run.share = {0, 1};
+  run.fraction = {0, 1};
   run.protected_N = {0.7};
   run.events = {{"over_limit", 0, 1, 2.6}, {"step_done", 1, 1, 1}, {"ended", 0, 2, 0.3}};
   RedactedSteps steps(redaction.scene());
@@ -276,8 +276,8 @@ TEST(Redaction, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
   }
   ViewedTraining training = redaction.of(run, steps, tick);
   EXPECT_EQ(training.done, std::vector<bool>({false, false}));
-  EXPECT_NEAR(training.share[0], 0.7, 1e-9);
-  EXPECT_EQ(training.share[1], 0) << "a region of hidden structures has no place";
+  EXPECT_NEAR(training.fraction[0], 0.7, 1e-9);
+  EXPECT_EQ(training.fraction[1], 0) << "a region of hidden structures has no place";
   EXPECT_EQ(training.forces_N, std::vector<double>({5}));
   EXPECT_EQ(training.protected_N, std::vector<double>({0})) << "it is hidden";
   EXPECT_EQ(training.touch_N, 5);
@@ -291,7 +291,7 @@ TEST(Redaction, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
   tick.time_s += 0.01;
   tick.device[0].force_N = {};
   steps.observe(tick);
-  EXPECT_EQ(steps.share()[0], 0);
+  EXPECT_EQ(steps.fraction()[0], 0);
   tick.device[0].force_N = {0, 3, 4};
   for (int n = 0; n < 30; ++n) {
     tick.time_s += 0.01;

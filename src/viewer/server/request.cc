@@ -230,7 +230,7 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   hello.protocol = static_cast<int>(fields.integer("protocol", 0, 1 << 16).value_or(0));
   hello.token = fields.name("token", kMaxToken_bytes).value_or("");
   hello.poses_hz = fields.number("poses_hz").value_or(hello.poses_hz);
-  hello.yielded = fields.flag("yielded").value_or(false);
+  hello.wants_deformation = fields.flag("yielded").value_or(false);
   hello.task = fields.flag("task").value_or(false);
   hello.plan = fields.flag("plan").value_or(false);
   hello.near = fields.flag("near").value_or(false);

@@ -22,12 +22,12 @@ struct Hello {
   int protocol = 0;
   std::string token;  ///< Empty: none
   double poses_hz = 60;
-  bool yielded = false;     ///< Subscribes to deformation
-  bool task = false;        ///< Subscribes to the progress of tasks
-  bool plan = false;        ///< Subscribes to the plan
-  bool near = false;        ///< Subscribes to distances and no-go regions
-  bool ticks = false;       ///< Subscribes to bundles of all ticks
-  bool navigation = false;  ///< Subscribes to the error estimate of a tracked tip
+  bool wants_deformation = false;  ///< Subscribes to deformation
+  bool task = false;               ///< Subscribes to the progress of tasks
+  bool plan = false;               ///< Subscribes to the plan
+  bool near = false;               ///< Subscribes to distances and no-go regions
+  bool ticks = false;              ///< Subscribes to bundles of all ticks
+  bool navigation = false;         ///< Subscribes to the error estimate of a tracked tip
 };
 /// Emergency stop.
 struct StopRequest {};

@@ -37,9 +37,9 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(hello->protocol, 3);
   EXPECT_EQ(hello->token, "abc");
   EXPECT_EQ(hello->poses_hz, 120);
-  EXPECT_FALSE(hello->yielded);
+  EXPECT_FALSE(hello->wants_deformation);
   EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 3})")->poses_hz, 60);
-  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "yielded": true})")->yielded);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "yielded": true})")->wants_deformation);
 
   EXPECT_FALSE(hello->task);
   EXPECT_FALSE(hello->near);

@@ -159,7 +159,7 @@ Json recording_json(const ViewedRecording& recording) {
 void add_who(Json& json, const Who& who, bool has_tasks, bool stores_runs) {
   json["role"] = name_of(who.role);
   json["learner"] = who.learner.empty() ? Json() : shown(who.learner);
-  json["may"] = rights_of(who.role, has_tasks, stores_runs);
+  json["may"] = permissions_of(who.role, has_tasks, stores_runs);
 }
 
 // the learner is disclosed to teachers and to that learner only
@@ -273,9 +273,9 @@ std::string state_json(const ViewedState& state, const StateRecipient& recipient
   json["recording"] = state.recording;
   json["playback"] = state.playback ? playback_json(*state.playback) : Json();
   json["viewers"] = recipient.viewers;
-  const bool is_holder = recipient.holder != 0 && recipient.holder == recipient.number;
+  const bool is_holder = recipient.pointer_owner != 0 && recipient.pointer_owner == recipient.number;
   json["pointer"] = is_holder;
-  json["pointer_by"] = recipient.holder == 0 ? Json() : Json(is_holder ? "you" : "viewer");
+  json["pointer_by"] = recipient.pointer_owner == 0 ? Json() : Json(is_holder ? "you" : "viewer");
   json["lesson"] = lesson_json(state.lesson, recipient);
   return text_of(json);
 }

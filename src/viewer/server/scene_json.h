@@ -7,7 +7,7 @@
 
 #include "palpate/base/result.h"
 #include "palpate/server/viewer_server.h"
-#include "server/rights.h"
+#include "server/permissions.h"
 
 /// JSON messages of the server (docs/reference/viewer-http.md, docs/reference/viewer-messages.md).
 namespace palpate::server {
@@ -38,7 +38,7 @@ struct ListedLearner {
 struct StateRecipient {
   std::uint32_t number = 0;  ///< ViewerIdentity::number; 0: none
   Who who{Role::kTeacher, {}};
-  std::uint32_t holder = 0;                  ///< Number of the viewer that moves the tip; 0: none
+  std::uint32_t pointer_owner = 0;           ///< Number of the viewer that moves the tip; 0: none
   int viewers = 0;                           ///< Number of viewers that have said hello
   bool names = false;                        ///< Whether learners are shown what a quiz hides
   bool redacted = false;                     ///< Whether this receiver is not shown it

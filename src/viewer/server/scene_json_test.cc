@@ -9,8 +9,8 @@
 namespace palpate::server {
 namespace {
 
-StateRecipient reader(std::uint32_t number, std::uint32_t holder, int viewers) {
-  return {number, {Role::kControl, {}}, holder, viewers, false, false};
+StateRecipient reader(std::uint32_t number, std::uint32_t pointer_owner, int viewers) {
+  return {number, {Role::kControl, {}}, pointer_owner, viewers, false, false};
 }
 
 using Json = nlohmann::json;
@@ -148,10 +148,10 @@ TEST(SceneJson, StateAndAnswers) {
     EXPECT_EQ(lesson["of_another"], of_another) << name_of(who.role);
     EXPECT_EQ(lesson["task"], "hold");
   }
-  for (const auto& [holder, by] :
+  for (const auto& [pointer_owner, by] :
        {std::pair(0u, Json()), std::pair(1u, Json("you")), std::pair(2u, Json("viewer"))}) {
-    const Json parsed = Json::parse(state_json(cut, reader(1, holder, 2)));
-    EXPECT_EQ(parsed["pointer"], holder == 1);
+    const Json parsed = Json::parse(state_json(cut, reader(1, pointer_owner, 2)));
+    EXPECT_EQ(parsed["pointer"], pointer_owner == 1);
     EXPECT_EQ(parsed["pointer_by"], by);
   }
   ViewedState state = host.state();

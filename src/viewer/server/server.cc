@@ -61,8 +61,8 @@ class Server : public ViewerServer {
     site_.emplace(host, std::move(access), facts, redaction_ ? &*redaction_ : nullptr);
     // bytes that a single page downloads: scan and labels
     const std::size_t voxel_bytes = (scene.scan ? 2 : 0) + (facts.wide_labels ? 2 : 1);
-    const DownloadPace downloads(scene.labels->geometry().voxel_count() * voxel_bytes,
-                                 DownloadPace::Clock::now());
+    const DownloadRateLimiter downloads(scene.labels->geometry().voxel_count() * voxel_bytes,
+                                        DownloadRateLimiter::Clock::now());
     hub_.emplace(*loop_, host, *site_, *volumes_, &*pictures_, downloads, FaultLog(options.log),
                  [this](int viewers) { viewers_ = viewers; });
     hub_->begin();

@@ -55,8 +55,8 @@ bool takes_gzip(std::string_view accept_encoding) {
   return false;
 }
 
-HttpAnswer not_modified(std::string fields) {
-  HttpAnswer answer;
+HttpResponse not_modified(std::string fields) {
+  HttpResponse answer;
   answer.status = 304;
   answer.fields = std::move(fields);
   return answer;
@@ -94,8 +94,8 @@ VolumeFacts facts_of(const ViewedScene& scene, const ScanScale& scale) {
           needs_wide_labels(*scene.labels)};
 }
 
-HttpAnswer Site::refusal(int status, const std::string& why) {
-  HttpAnswer answer;
+HttpResponse Site::refusal(int status, const std::string& why) {
+  HttpResponse answer;
   answer.status = status;
   answer.fields = field("Content-Type", "text/plain; charset=utf-8") + field("Cache-Control", "no-store");
   if (status == 401) answer.fields += field("WWW-Authenticate", "Bearer");
@@ -111,7 +111,7 @@ HttpAnswer Site::refusal(int status, const std::string& why) {
 Site::Site(ViewerHost& host, Access access, VolumeFacts facts, const Redaction* redaction)
     : host_(host), access_(std::move(access)), facts_(std::move(facts)), redaction_(redaction) {}
 
-SiteAnswer Site::answer(const HttpRequest& request) {
+SiteResponse Site::answer(const HttpRequest& request) {
   // authentication precedes routing
   if (request.ambiguous) return refusal(400);
   if (!access_.serves(request.host, request.local_address)) return refusal(421);
@@ -145,20 +145,20 @@ SiteAnswer Site::answer(const HttpRequest& request) {
 }
 
 // lookup by name in a fixed list, so path traversal is impossible
-HttpAnswer Site::file(std::string_view name, const HttpRequest& request) const {
+HttpResponse Site::file(std::string_view name, const HttpRequest& request) const {
   const EmbeddedFile* found = find_file(viewer_page(), name);
   if (!found) return refusal(404);
   const std::string tag = in_quotes(found->sha256);
   const std::string fields = field("Cache-Control", "no-cache") + field("ETag", tag);
   if (knows_tag(request.if_none_match, tag)) return not_modified(fields);
-  HttpAnswer answer;
+  HttpResponse answer;
   answer.fields = field("Content-Type", content_type_of(name)) + fields;
   answer.fixed_body = found->text;
   return answer;
 }
 
-HttpAnswer Site::scene(const Who& who) const {
-  HttpAnswer answer;
+HttpResponse Site::scene(const Who& who) const {
+  HttpResponse answer;
   answer.fields = field("Content-Type", "application/json") + field("Cache-Control", "no-store");
   const Redaction* redaction = redaction_of(who);
   VolumeFacts facts = facts_;
@@ -180,9 +180,9 @@ std::string Site::hash_for(const Who& who) const {
   return redaction != nullptr ? hash_text(redaction->scene().content_hash) : facts_.hash;
 }
 
-SiteAnswer Site::curves(const Who& who) const {
-  const bool all = may(who.role, Right::kAllRuns, true);
-  if (!all && !may(who.role, Right::kOwnRuns, true))
+SiteResponse Site::curves(const Who& who) const {
+  const bool all = is_permitted(who.role, Permission::kAllRuns, true);
+  if (!all && !is_permitted(who.role, Permission::kOwnRuns, true))
     return refusal(403,
                    "only learners (their own) and teachers may see learning curves: connect with a token for "
                    "learner or teacher");
@@ -194,8 +194,8 @@ SiteAnswer Site::curves(const Who& who) const {
   return requested;
 }
 
-SiteAnswer Site::volume(std::string_view path, std::string_view query, const HttpRequest& request,
-                        const Who& who) const {
+SiteResponse Site::volume(std::string_view path, std::string_view query, const HttpRequest& request,
+                          const Who& who) const {
   const std::string_view kind = path.substr(0, path.find('/'));
   const std::string_view hash = path.substr(std::min(path.size(), kind.size() + 1));
   const bool labels = kind == "labels", scan = kind == "scan" && host_.scene().scan;
@@ -218,8 +218,8 @@ SiteAnswer Site::volume(std::string_view path, std::string_view query, const Htt
   return requested;
 }
 
-SiteAnswer Site::picture(std::string_view hash, std::string_view query, const HttpRequest& request,
-                         const Who& who) const {
+SiteResponse Site::picture(std::string_view hash, std::string_view query, const HttpRequest& request,
+                           const Who& who) const {
   const ViewedScene& scene = host_.scene();
   if (hash != hash_for(who) || scene.labels->geometry().voxel_count() > PictureStore::kMaxVoxels)
     return refusal(404);
@@ -237,7 +237,7 @@ SiteAnswer Site::picture(std::string_view hash, std::string_view query, const Ht
   return requested;
 }
 
-std::string Site::head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const {
+std::string Site::head_of(const HttpResponse& answer, const HttpRequest& request, bool keep_alive) const {
   // older browsers match a WebSocket's scheme in 'self' only if it is listed explicitly
   std::string socket;
   if (answer.status == 200 || answer.status == 304) {

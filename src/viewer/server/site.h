@@ -16,7 +16,7 @@
 /// HTTP routing and answers, independent of sockets.
 namespace palpate::server {
 
-struct HttpAnswer {
+struct HttpResponse {
   int status = 200;
   std::string fields;  ///< Header lines specific to this answer, each with its line end
   /// Body of a GET; HEAD sends its length only.
@@ -29,25 +29,25 @@ struct HttpAnswer {
 /// Answer with a volume that may have to be generated first.
 struct VolumeRequest {
   PayloadKey key;
-  HttpAnswer head;  ///< Its body is still to be set
+  HttpResponse head;  ///< Its body is still to be set
 };
 
 /// Answer with a picture of the volume that has to be rendered.
 struct PictureRequest {
   PictureKey key;
-  HttpAnswer head;  ///< Its body is still to be set
+  HttpResponse head;  ///< Its body is still to be set
 };
 
 /// Answer with a page of learning curves that has to be generated.
 struct CurvesRequest {
   std::string learner;  ///< Pseudonym; empty: all learners
-  HttpAnswer head;      ///< Its body is still to be set
+  HttpResponse head;    ///< Its body is still to be set
 };
 
 /// Upgrade to a WebSocket.
 struct Upgrade {};
 
-using SiteAnswer = std::variant<HttpAnswer, VolumeRequest, PictureRequest, CurvesRequest, Upgrade>;
+using SiteResponse = std::variant<HttpResponse, VolumeRequest, PictureRequest, CurvesRequest, Upgrade>;
 
 /// Facts about a scene's volumes as viewers get them.
 /// @param scale  quantisation of its scan
@@ -59,7 +59,7 @@ class Site {
   /// @param redaction  applies to learners during a quiz; outlives the site; null: none
   Site(ViewerHost& host, Access access, VolumeFacts facts, const Redaction* redaction = nullptr);
 
-  SiteAnswer answer(const HttpRequest& request);
+  SiteResponse answer(const HttpRequest& request);
   Access& access() { return access_; }
   /// LiveHost::stores_runs; false for a recording.
   bool stores_runs() const;
@@ -70,24 +70,24 @@ class Site {
   const Redaction* redaction() const { return redaction_; }
   /// Redaction that applies to a viewer; null: none.
   const Redaction* redaction_of(const Who& who) const {
-    return redaction_active_ && !may(who.role, Right::kSeeHidden, true) ? redaction_ : nullptr;
+    return redaction_active_ && !is_permitted(who.role, Permission::kSeeHidden, true) ? redaction_ : nullptr;
   }
 
   /// Status line and header.
   /// @param host  Host of the request; never echoed unless this server serves it
-  std::string head_of(const HttpAnswer& answer, const HttpRequest& request, bool keep_alive) const;
+  std::string head_of(const HttpResponse& answer, const HttpRequest& request, bool keep_alive) const;
   /// Error answer with one line of text.
   /// @param why  empty: the status' reason phrase
-  static HttpAnswer refusal(int status, const std::string& why = "");
+  static HttpResponse refusal(int status, const std::string& why = "");
 
  private:
-  HttpAnswer file(std::string_view name, const HttpRequest& request) const;
-  HttpAnswer scene(const Who& who) const;
-  SiteAnswer volume(std::string_view path, std::string_view query, const HttpRequest& request,
-                    const Who& who) const;
-  SiteAnswer picture(std::string_view hash, std::string_view query, const HttpRequest& request,
-                     const Who& who) const;
-  SiteAnswer curves(const Who& who) const;
+  HttpResponse file(std::string_view name, const HttpRequest& request) const;
+  HttpResponse scene(const Who& who) const;
+  SiteResponse volume(std::string_view path, std::string_view query, const HttpRequest& request,
+                      const Who& who) const;
+  SiteResponse picture(std::string_view hash, std::string_view query, const HttpRequest& request,
+                       const Who& who) const;
+  SiteResponse curves(const Who& who) const;
   /// Hash in the URLs of the data that a viewer receives.
   std::string hash_for(const Who& who) const;
 

@@ -26,7 +26,7 @@ struct SiteTest : ::testing::Test {
   }
   int status_of(const HttpRequest& request) {
     const auto answer = site.answer(request);
-    if (const auto* ready = std::get_if<HttpAnswer>(&answer)) return ready->status;
+    if (const auto* ready = std::get_if<HttpResponse>(&answer)) return ready->status;
     return std::holds_alternative<Upgrade>(answer) ? 101 : 200;
   }
   int status_of(std::string_view target) { return status_of(get(target)); }
@@ -133,7 +133,7 @@ TEST_F(SiteTest, TokensAreAskedForWhereThereIsData) {
     HttpRequest request = get(target);
     request.authorization = authorization;
     const auto answer = guarded.answer(request);
-    const auto* ready = std::get_if<HttpAnswer>(&answer);
+    const auto* ready = std::get_if<HttpResponse>(&answer);
     return ready ? ready->status : 200;
   };
   EXPECT_EQ(status("/", ""), 200);
@@ -176,7 +176,7 @@ TEST_F(SiteTest, KnownVolumesAndFilesAreNotSentAgain) {
   request.accept_encoding = "gzip;q=0, identity";
   EXPECT_EQ(status_of(request), 200);
 
-  const auto page = std::get<HttpAnswer>(site.answer(get("/")));
+  const auto page = std::get<HttpResponse>(site.answer(get("/")));
   const std::string tag = "\"" + std::string(viewer_page().front().sha256) + "\"";
   EXPECT_NE(page.fields.find("ETag: " + tag), std::string::npos);
   EXPECT_NE(page.fields.find("Cache-Control: no-cache"), std::string::npos);
@@ -196,7 +196,7 @@ TEST_F(SiteTest, ScansAreNotPacked) {
 TEST_F(SiteTest, EveryAnswerIsGuarded) {
   for (const char* target : {"/", "/api/scene", "/nothing"}) {
     const HttpRequest request = get(target);
-    const auto answer = std::get<HttpAnswer>(site.answer(request));
+    const auto answer = std::get<HttpResponse>(site.answer(request));
     const std::string head = site.head_of(answer, request, true);
     EXPECT_TRUE(head.starts_with("HTTP/1.1 " + std::to_string(answer.status) + " "));
     EXPECT_NE(head.find("\r\nContent-Security-Policy: default-src 'none'; script-src 'self'; "),
@@ -218,7 +218,7 @@ TEST_F(SiteTest, EveryAnswerIsGuarded) {
 TEST_F(SiteTest, NothingOfARefusedRequestComesBack) {
   HttpRequest request = get("/DOE^CANARY");
   request.host = "canary.example";
-  const auto answer = std::get<HttpAnswer>(site.answer(request));
+  const auto answer = std::get<HttpResponse>(site.answer(request));
   const std::string all = site.head_of(answer, request, false) + std::string(answer.text());
   EXPECT_EQ(all.find("canary"), std::string::npos);
   EXPECT_EQ(all.find("CANARY"), std::string::npos);

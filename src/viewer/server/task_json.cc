@@ -116,7 +116,7 @@ std::string training_json(const ViewedTraining& training) {
   json["time_s"] = thousandths(training.time_s);
   json["done"] = steps_json(training.done);
   json["share"] = Json::array();
-  for (const double share : training.share) json["share"].push_back(thousandths(share));
+  for (const double fraction : training.fraction) json["share"].push_back(thousandths(fraction));
   json["forces_N"] = Json::array();
   for (const double force_N : training.forces_N) json["forces_N"].push_back(thousandths(force_N));
   json["protected_N"] = Json::array();

@@ -40,7 +40,7 @@ inline ViewedTraining test_training() {
   training.task = "hold";
   training.time_s = 1.23456;
   training.done = {false};
-  training.share = {1.0 / 3};
+  training.fraction = {1.0 / 3};
   training.forces_N = {1.1};
   training.protected_N = {0};
   training.touch_N = 1.5;
@@ -132,11 +132,11 @@ class FakeHost : public LiveHost {
   std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const override {
     const std::lock_guard lock(mutex_);
     ++deformation_requested;
-    return yields_.at(device);
+    return deformations_.at(device);
   }
-  void yield(std::size_t device, std::shared_ptr<const ViewedDeformation> yield) {
+  void set_deformation(std::size_t device, std::shared_ptr<const ViewedDeformation> value) {
     const std::lock_guard lock(mutex_);
-    yields_.at(device) = std::move(yield);
+    deformations_.at(device) = std::move(value);
   }
   std::optional<ViewedNavigation> navigation() const override {
     const std::lock_guard lock(mutex_);
@@ -345,7 +345,7 @@ class FakeHost : public LiveHost {
   ViewedScene scene_;
   mutable std::mutex mutex_;
   ViewedState state_;
-  std::array<std::shared_ptr<const ViewedDeformation>, kMaxDevices> yields_;
+  std::array<std::shared_ptr<const ViewedDeformation>, kMaxDevices> deformations_;
   DeviceTick near_;
   std::optional<ViewedNavigation> navigation_;
   std::shared_ptr<const ViewedPlan> plan_;

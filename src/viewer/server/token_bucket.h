@@ -11,8 +11,8 @@ class TokenBucket {
   using Clock = std::chrono::steady_clock;
 
   /// Initially full.
-  TokenBucket(double each_second, double at_once, Clock::time_point now)
-      : each_second_(each_second), at_once_(at_once), left_(at_once), last_(now) {}
+  TokenBucket(double rate_per_s, double burst, Clock::time_point now)
+      : each_second_(rate_per_s), at_once_(burst), left_(burst), last_(now) {}
 
   /// Number of tokens available.
   double left(Clock::time_point now) const {

@@ -119,7 +119,7 @@ void Viewer::handle_hello(const Hello& hello) {
   if (!hub_.make_room_for_viewer(admitted.who->role)) return end(kTryAgainLater, "too many viewers");
   who_ = *std::move(admitted.who);
   welcomed_ = true;
-  receives_deformation_ = hello.yielded;
+  receives_deformation_ = hello.wants_deformation;
   receives_training_ = hello.task;
   receives_near_ = hello.near;
   receives_plan_ = hello.plan;

@@ -93,8 +93,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   /// Sets the viewer's number, unique within this server.
   void set_number(std::uint32_t number) { number_ = number; }
   ViewerIdentity identity() const {
-    return {number_, may(who_.role, Right::kOperateTool, true), who_.learner,
-            may(who_.role, Right::kLesson, true)};
+    return {number_, is_permitted(who_.role, Permission::kOperateTool, true), who_.learner,
+            is_permitted(who_.role, Permission::kLesson, true)};
   }
 
  private:

@@ -326,8 +326,8 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
     for (int column = 0; column < camera.width_px; ++column, ++n) {
       const double depth = depth_mm_[n];
       const bool is_met = std::isfinite(depth);
-      const double share = is_met && most > smallest ? (depth - smallest) / (most - smallest) : 0;
-      depths.whole(static_cast<std::uint16_t>(std::lround(kDepthSteps * share)));
+      const double fraction = is_met && most > smallest ? (depth - smallest) / (most - smallest) : 0;
+      depths.whole(static_cast<std::uint16_t>(std::lround(kDepthSteps * fraction)));
       structures[n] = is_met ? static_cast<char>(place_at(column, row, depth)) : '\0';
     }
   return payload;

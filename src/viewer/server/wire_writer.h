@@ -11,9 +11,9 @@ namespace palpate::server {
 
 /// A value as messages have it: beyond the range of float infinite.
 inline float wire_float(double value) {
-  constexpr double kMost = std::numeric_limits<float>::max();
+  constexpr double kMaxFloat = std::numeric_limits<float>::max();
   constexpr float kInfinite = std::numeric_limits<float>::infinity();
-  if (std::abs(value) > kMost) return std::copysign(kInfinite, static_cast<float>(value > 0 ? 1 : -1));
+  if (std::abs(value) > kMaxFloat) return std::copysign(kInfinite, static_cast<float>(value > 0 ? 1 : -1));
   return static_cast<float>(value);
 }
 

@@ -17,7 +17,7 @@ constexpr std::size_t kMaxBody_bytes = std::size_t{1} << 16;
 // maximum size of skipped bodies: images of volumes, and everything else
 constexpr std::uint64_t kMaxImage_bytes = std::uint64_t{1} << 28, kMaxOther_bytes = std::uint64_t{1} << 24;
 // beyond the range of any tracking system
-constexpr double kFarthest_mm = 10'000;
+constexpr double kMaxPosition_mm = 10'000;
 constexpr std::size_t kTypeAt = 2, kNameAt = 14, kStampAt = 34, kBodyAt = 42, kCrcAt = 50;
 constexpr std::size_t kMatrix_bytes = 48, kQuaternion_bytes = 28;
 // name, type and a zero
@@ -90,7 +90,7 @@ std::optional<Content> content_of(unsigned version, Bytes body) {
 
 // servers send the identity in place of a missing pose
 void receive_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& at_mm, PoseMessage& out) {
-  const bool is_rigid = rotation.allFinite() && at_mm.allFinite() && at_mm.norm() < kFarthest_mm &&
+  const bool is_rigid = rotation.allFinite() && at_mm.allFinite() && at_mm.norm() < kMaxPosition_mm &&
                         (rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-3 &&
                         rotation.determinant() > 0;
   out.seen = is_rigid && !(rotation.isIdentity(0) && at_mm.isZero(0));

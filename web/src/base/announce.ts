@@ -3,7 +3,7 @@
 
 import { byId } from "./dom.js";
 
-const LEAST_MS = 1000;
+const MIN_INTERVAL_MS = 1000;
 let waiting: string[] = [];
 let spoken_ms = -Infinity;
 let timer = 0;
@@ -12,7 +12,7 @@ export function announce(text: string): void {
   if (text === "" || waiting.includes(text)) return;
   waiting.push(text);
   clearTimeout(timer);
-  timer = window.setTimeout(speak, Math.max(0, spoken_ms + LEAST_MS - performance.now()));
+  timer = window.setTimeout(flushAnnouncements, Math.max(0, spoken_ms + MIN_INTERVAL_MS - performance.now()));
 }
 
 /** Discards pending announcements; to be called after a change of the language. */
@@ -22,11 +22,11 @@ export function discardAnnouncements(): void {
   byId("spoken").textContent = "";
 }
 
-function speak(): void {
+function flushAnnouncements(): void {
   // timers may fire slightly early
-  const rest_ms = spoken_ms + LEAST_MS - performance.now();
+  const rest_ms = spoken_ms + MIN_INTERVAL_MS - performance.now();
   if (rest_ms > 0) {
-    timer = window.setTimeout(speak, rest_ms);
+    timer = window.setTimeout(flushAnnouncements, rest_ms);
     return;
   }
   const box = byId("spoken");
@@ -48,4 +48,4 @@ export function toast(text: string): void {
   hiding = window.setTimeout(() => (box.hidden = true), 6000);
 }
 /** Shows an error at the bottom of the page. */
-export const complain = (error: unknown): void => toast((error as Error).message);
+export const showError = (error: unknown): void => toast((error as Error).message);

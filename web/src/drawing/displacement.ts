@@ -2,7 +2,7 @@
 // the volume and of the sections. It is the inverse map, from a deformed position to the position at rest: one lookup
 // per sample, and no resampling of voxels.
 
-import type { Nodes } from "../protocol/yields.js";
+import type { Nodes } from "../protocol/deformation_message.js";
 import { column, compose, invert, type Affine, type Vec3 } from "../base/geometry.js";
 
 export class Displacement {

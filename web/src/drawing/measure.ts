@@ -27,7 +27,7 @@ export function measureText({ kind, points }: Pick<Measure, "kind" | "points">):
 }
 
 /** Maximum distance from the section at which a measure is drawn. */
-const FARTHEST_MM = 12;
+const MAX_DISTANCE_MM = 12;
 
 /**
  * Appearance of a measure at a distance from the section's plane; null if it is not drawn.
@@ -35,8 +35,8 @@ const FARTHEST_MM = 12;
  */
 export function shownAt(far_mm: number, within_mm: number): { strength: number; off: string } | null {
   if (far_mm <= within_mm) return { strength: 1, off: "" };
-  if (far_mm > FARTHEST_MM) return null;
-  return { strength: 0.45 - (0.3 * far_mm) / FARTHEST_MM, off: ` · ${words.offThisPlane(quantity(far_mm, "mm"))}` };
+  if (far_mm > MAX_DISTANCE_MM) return null;
+  return { strength: 0.45 - (0.3 * far_mm) / MAX_DISTANCE_MM, off: ` · ${words.offThisPlane(quantity(far_mm, "mm"))}` };
 }
 
 /** @param farness_mm  distance of a point from the section's plane */

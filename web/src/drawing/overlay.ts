@@ -14,9 +14,9 @@ const TOOL = "#4fd8ee";
 const FORCE = "#ffd34d";
 const GREY = "#a4adb3";
 /** Threshold below which a force is a rounding error without meaningful direction. */
-const LEAST_FORCE_N = 1e-5;
+const MIN_FORCE_N = 1e-5;
 /** Minimum radius from which the size of a contact shadow follows; a point tool has none. */
-const LEAST_SHADOW_MM = 1.2;
+const MIN_SHADOW_MM = 1.2;
 
 export interface Frame {
   context: CanvasRenderingContext2D;
@@ -229,7 +229,7 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
   const isSeen = projection.hasBodies === true && projection.clearness(shown) > 0.5;
   if (isSeen && device.flags & Flag.contact && !(device.flags & Flag.inside)) {
     const foot = add(shown, scale(device.normal, -tip_mm));
-    drawContactShadow(context, projection.pixel, foot, device.normal, Math.max(tip_mm, LEAST_SHADOW_MM));
+    drawContactShadow(context, projection.pixel, foot, device.normal, Math.max(tip_mm, MIN_SHADOW_MM));
   }
   for (const { from_mm, to_mm, radius_mm, end_radius_mm } of capsules) {
     const pointAt = (end: Vec3) => add(shown, session.toPatient(pose, rotate(device.orientation, end)));
@@ -260,11 +260,11 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
 
   // force on the hand
   const force_N = length(device.force);
-  if (force_N > LEAST_FORCE_N) {
+  if (force_N > MIN_FORCE_N) {
     const unit = session.toPatient(pose, scale(device.force, 1 / force_N));
-    const share = Math.min(1, force_N / Math.max(device.forceLimit, 0.1));
+    const fraction = Math.min(1, force_N / Math.max(device.forceLimit, 0.1));
     const [dx, dy] = projection.direction(unit);
-    const long = (16 + 74 * share) * ratio;
+    const long = (16 + 74 * fraction) * ratio;
     const tip: [number, number] = [tool[0] + dx * (long + radius), tool[1] + dy * (long + radius)];
     const from: [number, number] = [tool[0] + dx * radius, tool[1] + dy * radius];
     const shownLength = Math.hypot(tip[0] - from[0], tip[1] - from[1]);
@@ -321,11 +321,11 @@ export function drawForceBar(frame: Frame, session: Session, device: DevicePose)
   const { context, width, ratio } = frame;
   const [long, thick] = [96 * ratio, 9 * ratio];
   const [x, y] = [width - long - 12 * ratio, 36 * ratio];
-  const share = Math.min(1, length(device.force) / Math.max(device.forceLimit, 0.1));
+  const fraction = Math.min(1, length(device.force) / Math.max(device.forceLimit, 0.1));
   context.fillStyle = "rgba(6, 9, 11, 0.8)";
   context.fillRect(x - 2 * ratio, y - 2 * ratio, long + 4 * ratio, thick + 4 * ratio);
-  context.fillStyle = !session.isFresh.value ? GREY : share > 0.95 ? "#ff6b5e" : share > 0.7 ? "#ffa94d" : FORCE;
-  context.fillRect(x, y, long * share, thick);
+  context.fillStyle = !session.isFresh.value ? GREY : fraction > 0.95 ? "#ff6b5e" : fraction > 0.7 ? "#ffa94d" : FORCE;
+  context.fillRect(x, y, long * fraction, thick);
   text(
     frame,
     words.figureOf(

@@ -2,7 +2,7 @@
 
 import type { Frame } from "./overlay.js";
 import { ObservedSize } from "../base/screen.js";
-import { says } from "../words/words.js";
+import { setMessages } from "../words/words.js";
 
 /** Kind of a picture; also the key of its name and help in the texts. */
 export type PictureId = "volume" | "oblique" | "axial" | "sagittal" | "coronal" | "scope";
@@ -18,14 +18,14 @@ export class Picture {
     this.element = document.createElement("section");
     this.element.className = `picture picture-${id}`;
     this.element.id = `picture-${id}`;
-    says(this.element, { label: id });
+    setMessages(this.element, { label: id });
     this.head = document.createElement("header");
-    this.head.append(says(document.createElement("h2"), { text: id }));
+    this.head.append(setMessages(document.createElement("h2"), { text: id }));
     const stack = document.createElement("div");
     stack.className = "stack";
     stack.tabIndex = 0;
     stack.setAttribute("role", "application");
-    says(stack, { label: `${id}About` });
+    setMessages(stack, { label: `${id}About` });
     const canvases = [0, 1].map(() => document.createElement("canvas"));
     stack.append(...canvases);
     this.element.append(stack, this.head);

@@ -13,7 +13,7 @@ const SHADE = "rgba(6, 9, 11, 0.75)";
 /** Distance from a section's plane up to which a point counts as lying in it. */
 const IN_PLANE_MM = 1;
 /** Maximum distance from a section's plane at which a trajectory is drawn. */
-const FARTHEST_MM = 40;
+const MAX_DISTANCE_MM = 40;
 const MARK = 6;
 
 function drawEnds(
@@ -56,9 +56,9 @@ export function drawPlanOnPlane(
     const { entry_mm, target_mm } = trajectory;
     const [from, to] = [off(entry_mm), off(target_mm)];
     const meets = from < 0 !== to < 0;
-    if (!meets && Math.min(Math.abs(from), Math.abs(to)) > FARTHEST_MM) return;
+    if (!meets && Math.min(Math.abs(from), Math.abs(to)) > MAX_DISTANCE_MM) return;
     const colour = index === chosen.value ? CHOSEN : PLANNED;
-    const at = (share: number) => add(entry_mm, scale(sub(target_mm, entry_mm), share));
+    const at = (fraction: number) => add(entry_mm, scale(sub(target_mm, entry_mm), fraction));
     // interval of the trajectory within IN_PLANE_MM of the plane
     const shareAt = (mm: number) => Math.min(1, Math.max(0, (mm - from) / (to - from)));
     const isAlong = Math.abs(to - from) < 1e-6;

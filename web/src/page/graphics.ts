@@ -2,7 +2,7 @@
 // the page and restored when the browser permits it.
 
 import { effect, signal } from "@preact/signals-core";
-import { complain } from "../base/announce.js";
+import { showError } from "../base/announce.js";
 import { byId, write } from "../base/dom.js";
 import type { AnySlicer } from "../section/slicer.js";
 import type { Session } from "../state/session.js";
@@ -77,7 +77,7 @@ export class Graphics {
     try {
       while (await this.mendOne());
     } catch (error) {
-      complain(error);
+      showError(error);
     }
     this.isMending = false;
     if (sections.value !== "fine" || volume.value !== "fine") return;

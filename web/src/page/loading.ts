@@ -15,7 +15,7 @@ import { words } from "../words/words.js";
 const TOKEN_KEY = "palpate.token";
 /** Delay of the first and maximum delay of further attempts to load. */
 const FIRST_RETRY_MS = 500,
-  LONGEST_RETRY_MS = 5000;
+  MAX_RETRY_MS = 5000;
 
 export interface Loads {
   session: Session;
@@ -65,7 +65,7 @@ export class Loading {
         else {
           if (error instanceof Gone) gone = error.message;
           write(byId("cover-text"), words.failedAgain((error as Error).message));
-          await new Promise((later) => setTimeout(later, Math.min(FIRST_RETRY_MS * 2 ** tried, LONGEST_RETRY_MS)));
+          await new Promise((later) => setTimeout(later, Math.min(FIRST_RETRY_MS * 2 ** tried, MAX_RETRY_MS)));
         }
       }
     }
@@ -86,7 +86,7 @@ export class Loading {
     const { session, slicer, onVolumes } = this.loads;
     byId("cover").hidden = false;
     write(byId("cover-text"), words.loading);
-    this.showShare(0);
+    this.showProgress(0);
     const memory = memory_GB();
     let shrink = shrinkFor(scene.volume.dims, {
       mostSide: slicer.mostSide,
@@ -94,7 +94,7 @@ export class Loading {
     });
     for (;;) {
       try {
-        const volumes = await fetchVolumes(scene, shrink, this.token, (share) => this.showShare(share));
+        const volumes = await fetchVolumes(scene, shrink, this.token, (fraction) => this.showProgress(fraction));
         await slicer.load(volumes);
         // panels follow the scene after all that belongs to another patient is gone
         batch(() => {
@@ -110,10 +110,10 @@ export class Loading {
     }
     if (shrink > 1) toast(words.shrunk(`1/${shrink}`));
   }
-  private showShare(share: number): void {
+  private showProgress(fraction: number): void {
     const bar = byId<HTMLProgressElement>("cover-share");
-    bar.value = share;
-    bar.hidden = share >= 1;
+    bar.value = fraction;
+    bar.hidden = fraction >= 1;
   }
 
   /** Shows a problem and its remedy; resolves when the user requests a retry. */

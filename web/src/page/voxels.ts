@@ -1,13 +1,13 @@
 // Changes of displayed voxels: burr cuts, structures that a quiz hides, and deformation of soft tissue.
 
-import { complain } from "../base/announce.js";
+import { showError } from "../base/announce.js";
 import type { Vec3 } from "../base/geometry.js";
 import { Displacement } from "../drawing/displacement.js";
 import type { Scene, Sweep } from "../protocol/messages.js";
-import type { Nodes, DeformationMessage } from "../protocol/yields.js";
+import type { Nodes, DeformationMessage } from "../protocol/deformation_message.js";
 import type { AnySlicer } from "../section/slicer.js";
 import type { Session } from "../state/session.js";
-import type { Concealed } from "../training/quiz.js";
+import type { Redacted } from "../training/redaction.js";
 import type { VolumeRenderer } from "../volume/volume_renderer.js";
 import type { VolumeView } from "../volume/volume_view.js";
 import { Part } from "../words/part.js";
@@ -29,13 +29,13 @@ export class VoxelChanges {
   );
   // reports that are not applied yet
   private sweeps: [first: number, sweeps: Sweep[]][] = [];
-  private yields: DeformationMessage[] = [];
+  private receivedDeformations: DeformationMessage[] = [];
   private displacement: Displacement | null = null; // as displayed
   private isDeformationDue = false; // deformation has changed since it was last displayed
   private isDeforming = false; // the volume's renderer is receiving a deformation
   private changing: Promise<void> = Promise.resolve(); // changes of voxels, one at a time
   private hidden = ""; // key of the labels that a quiz hides
-  private concealed: Concealed | null = null;
+  private redacted: Redacted | null = null;
 
   constructor(
     private readonly session: Session,
@@ -47,13 +47,13 @@ export class VoxelChanges {
   /** Discards what the previous connection has reported; each connection reports in full. */
   beginAnew(): void {
     this.reportCut(0, []);
-    this.yields = [];
+    this.receivedDeformations = [];
     this.deformation.now?.forget();
     this.isDeformationDue = true;
   }
   /** Discards state of another patient's volumes, and applies to the current ones what was reported. */
   volumesChanged(): void {
-    this.concealed = null;
+    this.redacted = null;
     this.hidden = "";
     this.displace(null);
     this.isDeformationDue = true;
@@ -74,7 +74,7 @@ export class VoxelChanges {
   }
   /** Performs a change after all earlier ones. */
   private then(change: () => Promise<unknown>): void {
-    this.changing = this.changing.then(async () => void (await change())).catch(complain);
+    this.changing = this.changing.then(async () => void (await change())).catch(showError);
   }
 
   /** Takes over burr sweeps, which replace all from number `first` on. */
@@ -89,13 +89,13 @@ export class VoxelChanges {
       for (const report of this.sweeps.splice(0)) cuts?.receive(...report);
       const volumes = this.session.volumes.value,
         scene = this.session.scene.value;
-      const box = volumes && scene && cuts?.takeFrom(volumes, removable(scene));
+      const box = volumes && scene && cuts?.applyTo(volumes, removable(scene));
       if (box) await this.showBox(box.lo, box.size);
     });
   }
 
   /** Hides the names of structures, and the voxels of labels to be found in a quiz; null: restores both. */
-  hide(toFind: number[] | null, { conceal, revealed }: typeof import("../training/quiz.js")): void {
+  hide(toFind: number[] | null, { redact, revealed }: typeof import("../training/redaction.js")): void {
     const { session } = this;
     const hidden = JSON.stringify(toFind);
     if (hidden === this.hidden || !session.volumes.value || !session.scene.value) return;
@@ -106,18 +106,17 @@ export class VoxelChanges {
       const volumes = session.volumes.value,
         scene = session.scene.value;
       if (!volumes || !scene || hidden !== this.hidden) return;
-      if (this.concealed)
-        await this.updateBox(this.concealed.lo, this.concealed.size, revealed(volumes, this.concealed));
-      this.concealed = toFind && toFind.length > 0 ? conceal(scene, volumes, toFind) : null;
-      session.alike.value = this.concealed;
-      if (this.concealed) await this.updateBox(this.concealed.lo, this.concealed.size, this.concealed.now);
+      if (this.redacted) await this.updateBox(this.redacted.lo, this.redacted.size, revealed(volumes, this.redacted));
+      this.redacted = toFind && toFind.length > 0 ? redact(scene, volumes, toFind) : null;
+      session.drawnAs.value = this.redacted;
+      if (this.redacted) await this.updateBox(this.redacted.lo, this.redacted.size, this.redacted.now);
     });
   }
 
   // ---- deformation
 
   addDeformation(received: DeformationMessage): void {
-    this.yields.push(received);
+    this.receivedDeformations.push(received);
     this.isDeformationDue = true;
   }
   /** Displays the latest deformation, if it has changed; to be called for every frame. */
@@ -129,8 +128,10 @@ export class VoxelChanges {
     if (!volumes) return;
     this.isDeformationDue = false;
     this.isDeforming = true;
-    const deformation = this.yields.some(({ nodes }) => nodes) ? await this.deformation.get() : this.deformation.now;
-    for (const received of this.yields.splice(0)) deformation?.receive(received);
+    const deformation = this.receivedDeformations.some(({ nodes }) => nodes)
+      ? await this.deformation.get()
+      : this.deformation.now;
+    for (const received of this.receivedDeformations.splice(0)) deformation?.receive(received);
     const by = deformation?.displaced((p) => volumes.structureAt(p) === null);
     if (by || this.displacement) await this.displaceBy(by ? new Displacement(by.nodes, by.mm) : null);
     this.isDeforming = false;
@@ -145,8 +146,8 @@ export class VoxelChanges {
   private async displaceBy(displacement: Displacement | null): Promise<void> {
     const { session } = this;
     this.displacement = displacement;
-    session.yields.value = displacement !== null;
-    session.movedAt.value = (position) => this.deformation.now?.movedAt(position) ?? [0, 0, 0];
+    session.isDeformed.value = displacement !== null;
+    session.displacementAt.value = (position) => this.deformation.now?.displacementAt(position) ?? [0, 0, 0];
     this.slicer.displace(displacement);
     const isThere = this.renderer.displace(displacement);
     session.edits.value += 1;

@@ -3,12 +3,12 @@
 
 /** Distance to the border at which beeps begin. */
 export const HEARD_FROM_MM = 10;
-/** Frequencies at HEARD_FROM_MM, at the border, and at DEEPEST_MM. */
+/** Frequencies at HEARD_FROM_MM, at the border, and at MAX_DEPTH_MM. */
 const FAR_HZ = 440,
   BORDER_HZ = 660,
-  HIGHEST_HZ = 1320;
+  MAX_HZ = 1320;
 /** Penetration depth at which the maximum frequency is reached. */
-const DEEPEST_MM = 3;
+const MAX_DEPTH_MM = 3;
 /** Beeps per second at HEARD_FROM_MM and at the border. */
 const FAR_BEEPS = 1.5,
   BORDER_BEEPS = 8;
@@ -34,7 +34,7 @@ export function toneAt(border_mm: number): Tone | null {
   if (!(border_mm < HEARD_FROM_MM)) return null;
   if (border_mm < 0)
     return {
-      frequency_Hz: BORDER_HZ * (HIGHEST_HZ / BORDER_HZ) ** Math.min(1, -border_mm / DEEPEST_MM),
+      frequency_Hz: BORDER_HZ * (MAX_HZ / BORDER_HZ) ** Math.min(1, -border_mm / MAX_DEPTH_MM),
       beeps_per_s: 0,
     };
   const near = 1 - border_mm / HEARD_FROM_MM;

@@ -8,7 +8,7 @@ import { storeScene, recallScene } from "../state/local_storage.js";
 import { ALONG, type Along, type SectionPlacement, type SectionView } from "../section/section_view.js";
 import { LAYOUTS, type Layout, type Session, type Window } from "../state/session.js";
 import type { VolumeView } from "../volume/volume_view.js";
-import { says, words } from "../words/words.js";
+import { setMessages, words } from "../words/words.js";
 
 interface BookmarkedSection extends SectionPlacement {
   kind: PlaneKind;
@@ -98,7 +98,7 @@ export class Bookmarks {
     const { history, session } = this.page;
     if (!session.scene.value) return;
     history.gesture += 1;
-    history.note("bookmarks", { before: this.list.value, after: list, apply: (_, to) => this.set(to) });
+    history.push("bookmarks", { before: this.list.value, after: list, apply: (_, to) => this.set(to) });
     this.set(list);
   }
   private set(list: Bookmark[]): boolean {
@@ -111,13 +111,13 @@ export class Bookmarks {
   private show(list: Bookmark[]): void {
     byId("bookmarks").replaceChildren(
       ...list.map((bookmark, index) => {
-        const button = says(
+        const button = setMessages(
           element("button", { type: "button", className: "figure", textContent: bookmark.name }),
           { title: "showBookmark" },
           bookmark.name,
         );
         button.addEventListener("click", () => this.recall(bookmark.view));
-        const remove = says(
+        const remove = setMessages(
           element("button", { type: "button", textContent: "×" }),
           { label: "deleteNamed", title: "deleteNamed" },
           bookmark.name,

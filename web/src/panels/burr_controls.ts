@@ -5,7 +5,7 @@ import { byId, element, press } from "../base/dom.js";
 import type { Connection } from "../protocol/connection.js";
 import type { Session } from "../state/session.js";
 import { Part } from "../words/part.js";
-import { says } from "../words/words.js";
+import { setMessages } from "../words/words.js";
 
 export class BurrControls {
   constructor(session: Session, connection: Connection) {
@@ -13,7 +13,7 @@ export class BurrControls {
       "burrSound",
       async () => new (await import("./burr_sound.js")).BurrSound(session, connection),
     );
-    const button = says(element("button", { id: "burr-sound", type: "button" }), {
+    const button = setMessages(element("button", { id: "burr-sound", type: "button" }), {
       text: "sound",
       title: "burrSound",
     });

@@ -8,7 +8,7 @@ import { Flag, type DevicePose } from "../protocol/wire.js";
 import type { Session } from "../state/session.js";
 
 /** Highest audible partial that is synthesised. */
-const HIGHEST_HZ = 12000;
+const MAX_HZ = 12000;
 /** Centre of the noise of cutting in soft and in dense bone; measured maxima in cortical bone lie at 4 kHz. */
 const SOFT_HZ = 1000,
   DENSE_HZ = 4000;
@@ -48,8 +48,8 @@ export function burrTone(
   const load = cuttingForce / (cuttingForce + HALF_LOUD_N);
   const density = Math.min(1, cuttingEnergy / DENSE);
   return {
-    rotation_Hz: Math.min(HIGHEST_HZ, revolutions_per_s),
-    edges_Hz: Math.min(HIGHEST_HZ, revolutions_per_s * flutes),
+    rotation_Hz: Math.min(MAX_HZ, revolutions_per_s),
+    edges_Hz: Math.min(MAX_HZ, revolutions_per_s * flutes),
     edgesGain: EDGES_GAIN * load,
     noise_Hz: SOFT_HZ * (DENSE_HZ / SOFT_HZ) ** density,
     noiseGain: NOISE_GAIN * load * Math.sqrt(density),

@@ -1,6 +1,6 @@
 // Buttons for screenshots and videos, whose module is loaded on first use.
 
-import { complain } from "../base/announce.js";
+import { showError } from "../base/announce.js";
 import { byId, press, write } from "../base/dom.js";
 import { download, fileStem } from "../base/download.js";
 import type { Picture } from "../drawing/picture.js";
@@ -12,7 +12,7 @@ export class CaptureButtons {
   readonly capture = new Part("capture", async () => {
     const { Capture } = await import("./capture.js");
     return new Capture(this.session, this.pictures, byId("pictures"), this.isRedrawn, (error) => {
-      complain(error);
+      showError(error);
       press(byId("record"), false);
     });
   });
@@ -35,7 +35,7 @@ export class CaptureButtons {
     await capture
       ?.screenshot()
       .then((blob) => download(blob, `${fileStem()}.png`))
-      .catch(complain);
+      .catch(showError);
   }
   /** Begins or ends a video. */
   async record(): Promise<void> {
@@ -45,7 +45,7 @@ export class CaptureButtons {
       if (capture.isRecording) capture.stop();
       else capture.start();
     } catch (error) {
-      complain(error);
+      showError(error);
     }
     press(byId("record"), capture.isRecording);
   }

@@ -31,7 +31,7 @@ const FLAGS: (keyof Words["flags"])[] = [
   "ramp",
 ];
 /** Rotation of the object below which it counts as not turned. */
-const LEAST_TURN_DEG = 0.05;
+const MIN_TURN_DEG = 0.05;
 
 export class ContactPanel {
   private announced = ""; // conditions of the force announced last
@@ -61,7 +61,7 @@ export class ContactPanel {
     write(byId("heat"), Number.isFinite(device.heat) ? `${Math.round(100 * device.heat)} %` : "–");
     write(byId("why"), contact.label > 0 ? whyText(device, session.toPatient(pose, device.force)) : "");
     const angle = angleOf_deg(pose.rotation);
-    write(byId("turned"), angle > LEAST_TURN_DEG ? words.turnedBy(`${angle.toFixed(0)}°`) : words.notTurned);
+    write(byId("turned"), angle > MIN_TURN_DEG ? words.turnedBy(`${angle.toFixed(0)}°`) : words.notTurned);
     const conditions = this.conditionsOf(device).join(" · ");
     write(byId("flags"), conditions);
     if (conditions !== this.announced) announce(conditions);

@@ -7,7 +7,7 @@ import { digits } from "../words/figures.js";
 import type { Permissions } from "../state/permissions.js";
 import type { Requests } from "../state/requests.js";
 import type { Session } from "../state/session.js";
-import { says, words } from "../words/words.js";
+import { setMessages, words } from "../words/words.js";
 
 export class DevicePanel {
   private readonly code = signal(""); // code for arming, as entered so far
@@ -44,7 +44,7 @@ export class DevicePanel {
   }
   togglePause(): void {
     const state = this.session.state.value;
-    if (state && this.permissions.device.value) void this.requests.once({ type: "set", paused: !state.paused });
+    if (state && this.permissions.operateTool.value) void this.requests.once({ type: "set", paused: !state.paused });
   }
   private rearm(): void {
     const stop = this.session.state.value?.stop;
@@ -61,7 +61,7 @@ export class DevicePanel {
   private get mayRearm(): boolean {
     const scene = this.session.scene.value,
       state = this.session.state.value;
-    if (!this.permissions.device.value || state?.stop == null || !scene) return false;
+    if (!this.permissions.operateTool.value || state?.stop == null || !scene) return false;
     if (this.wantsCode) return /^[0-9]{6}$/.test(this.code.value);
     return scene.device.input !== "pointer" || state.pointer;
   }
@@ -69,7 +69,7 @@ export class DevicePanel {
   private allow(): void {
     void this.requests.refusals.value;
     const state = this.session.state.value;
-    const isAllowed = this.permissions.device.value;
+    const isAllowed = this.permissions.operateTool.value;
     for (const id of ["motor", "pause", "unturn"]) byId<HTMLButtonElement>(id).disabled = !isAllowed;
     byId<HTMLButtonElement>("rearm").disabled = !this.mayRearm;
     byId("arm-line").hidden = !(this.wantsCode && isAllowed && state?.stop != null);
@@ -79,16 +79,16 @@ export class DevicePanel {
     ] as const) {
       const button = byId<HTMLButtonElement>(id);
       button.disabled = !isAllowed || !count || state!.motor_is_on;
-      says(button, { title: isAllowed && state?.motor_is_on ? "motorOffFirst" : title });
+      setMessages(button, { title: isAllowed && state?.motor_is_on ? "motorOffFirst" : title });
     }
   }
 
   private showState(state: State): void {
     press(byId("motor"), state.motor);
     press(byId("pause"), state.paused);
-    says(byId("pause"), { text: state.paused ? "goOn" : "pause" });
+    setMessages(byId("pause"), { text: state.paused ? "goOn" : "pause" });
     byId("stop").classList.toggle("stopped", state.emergency_stop);
-    says(byId("stop"), { text: state.emergency_stop ? "stopped" : "stop" });
+    setMessages(byId("stop"), { text: state.emergency_stop ? "stopped" : "stop" });
   }
   /** Shows the removed volumes, those of protected structures apart, and the burr's minimum distances to the others. */
   private showRemoved({ removed, nearest }: State): void {

@@ -11,14 +11,14 @@ import { words, type Words } from "../words/words.js";
 
 type Preset = keyof Words["presets"];
 
-const percent = (share: number): string => `${Math.round(100 * share)} %`;
+const percent = (fraction: number): string => `${Math.round(100 * fraction)} %`;
 
 export class DisplayPanel {
   constructor(
     private readonly session: Session,
     private readonly history: History,
   ) {
-    history.part(
+    history.register(
       "window",
       () => session.window.value,
       (to) => (session.window.value = to),

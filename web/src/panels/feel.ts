@@ -43,7 +43,7 @@ export class FeelPanel {
     });
     effect(() => {
       for (const id of ["method", "law", "limit", ...HAPTIC_SWITCHES])
-        byId<HTMLInputElement>(id).disabled = !permissions.feel.value;
+        byId<HTMLInputElement>(id).disabled = !permissions.changeContact.value;
       // hidden from learners in control, whose tasks determine the settings
       byId("feel-settings").hidden = connection.allows("hand") && !connection.allows("feel");
     });

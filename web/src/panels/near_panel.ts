@@ -12,7 +12,7 @@ import { PAGE_KEY, type StoredPage, type Session } from "../state/session.js";
 import { words } from "../words/words.js";
 
 /** Minimum interval between changes of the text, which screen readers announce. */
-const LEAST_WORDS_MS = 1000;
+const MIN_WORDS_MS = 1000;
 const css = ([r, g, b]: Rgb): string => `rgb(${r} ${g} ${b})`;
 
 export class NearPanel {
@@ -81,7 +81,7 @@ export class NearPanel {
     byId("near-none").hidden = near.length > 0;
     if (session.scene.value!.distances)
       write(byId("near-none"), words.nothingNear(quantity(session.scene.value!.distances.reach_mm, "mm")));
-    if (now - this.worded_ms < LEAST_WORDS_MS) return;
+    if (now - this.worded_ms < MIN_WORDS_MS) return;
     this.worded_ms = now;
     const spoken = byId("near-words");
     // a live region while the sound is on, else only displayed

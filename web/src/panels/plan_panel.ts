@@ -12,7 +12,7 @@ import { besideTrajectory, breachesOf, planText, shaftOf, toTrajectory } from ".
 import type { End, PlanStore } from "../state/plan_store.js";
 import type { Session } from "../state/session.js";
 import type { DevicePose } from "../protocol/wire.js";
-import { says, words } from "../words/words.js";
+import { setMessages, words } from "../words/words.js";
 
 /** Maximum distance from a trajectory at which deviations are displayed. */
 const NEAR_MM = 40;
@@ -95,18 +95,18 @@ export class PlanPanel {
     this.shown = made;
     // keeps the focus at its position in the list
     const focused = (document.activeElement as HTMLElement | null)?.dataset.plan;
-    byId("plan-list").replaceChildren(...plans.list.map((one, position) => this.lineOf(one, position)));
+    byId("plan-list").replaceChildren(...plans.list.map((one, index) => this.lineOf(one, index)));
     if (focused) (byId("plan-list").querySelector<HTMLElement>(`[data-plan="${focused}"]`) ?? byId("plan-new")).focus();
   }
-  private lineOf(one: Trajectory, position: number): HTMLElement {
+  private lineOf(one: Trajectory, index: number): HTMLElement {
     const { plans } = this;
-    const isChosen = position === plans.chosen.value;
-    const name = says(
+    const isChosen = index === plans.chosen.value;
+    const name = setMessages(
       element("input", { type: "text", value: one.name, maxLength: 60, autocomplete: "off", spellcheck: false }),
       { label: "trajectoryName" },
     );
-    name.addEventListener("change", () => plans.replace(position, { ...one, name: name.value }));
-    const choose = says(
+    name.addEventListener("change", () => plans.replace(index, { ...one, name: name.value }));
+    const choose = setMessages(
       element("button", {
         type: "button",
         className: "figure",
@@ -116,35 +116,35 @@ export class PlanPanel {
       { title: "changeTrajectory", label: "changeTrajectory" },
       one.name,
     );
-    choose.addEventListener("click", () => void (plans.chosen.value = isChosen ? -1 : position));
-    const remove = says(
+    choose.addEventListener("click", () => void (plans.chosen.value = isChosen ? -1 : index));
+    const remove = setMessages(
       element("button", { type: "button", textContent: "×" }),
       { label: "deleteNamed", title: "deleteNamed" },
       one.name,
     );
-    remove.addEventListener("click", () => plans.remove(position));
+    remove.addEventListener("click", () => plans.remove(index));
     for (const [control, of] of [
       [name, "name"],
       [choose, "choose"],
       [remove, "remove"],
     ] as const)
-      control.dataset.plan = `${of}-${position}`;
+      control.dataset.plan = `${of}-${index}`;
     return element(
       "li",
       { className: isChosen ? "chosen" : "" },
       name,
       choose,
       remove,
-      ...(isChosen ? ENDS.map((end) => this.endOf(one, position, end)) : []),
+      ...(isChosen ? ENDS.map((end) => this.endOf(one, index, end)) : []),
     );
   }
   /** Text field for a trajectory's end, in the displayed convention (LPS or RAS), mm. */
-  private endOf(one: Trajectory, position: number, end: End): HTMLElement {
+  private endOf(one: Trajectory, index: number, end: End): HTMLElement {
     const { session, plans } = this;
     const sign = session.convention.value === "RAS" ? -1 : 1;
     const turned = ([x, y, z]: Vec3): Vec3 => [sign * x, sign * y, z];
     const about = end === "entry_mm" ? "entryAt" : "targetAt";
-    const at = says(
+    const at = setMessages(
       element("input", {
         type: "text",
         value: turned(one[end])
@@ -161,17 +161,17 @@ export class PlanPanel {
         .filter(Boolean)
         .map((x) => Number(x.replace("−", "-")));
       if (numbers.length === 3 && numbers.every(Number.isFinite))
-        return plans.replace(position, { ...one, [end]: turned(numbers as Vec3) });
+        return plans.replace(index, { ...one, [end]: turned(numbers as Vec3) });
       toast(words.threeNumbers);
       this.shown = "";
       this.showList();
     });
-    const here = says(element("button", { type: "button" }), {
+    const here = setMessages(element("button", { type: "button" }), {
       text: "here",
       title: end === "entry_mm" ? "entryHere" : "targetHere",
     });
-    here.addEventListener("click", () => plans.replace(position, { ...one, [end]: session.anchor() }));
-    const show = says(element("button", { type: "button" }), {
+    here.addEventListener("click", () => plans.replace(index, { ...one, [end]: session.anchor() }));
+    const show = setMessages(element("button", { type: "button" }), {
       text: "where",
       title: end === "entry_mm" ? "showEntry" : "showTarget",
     });
@@ -181,11 +181,11 @@ export class PlanPanel {
       [here, "here"],
       [show, "show"],
     ] as const)
-      control.dataset.plan = `${of}-${end}-${position}`;
+      control.dataset.plan = `${of}-${end}-${index}`;
     return element(
       "div",
       { className: "end" },
-      says(element("span"), { text: end === "entry_mm" ? "entry" : "target" }),
+      setMessages(element("span"), { text: end === "entry_mm" ? "entry" : "target" }),
       at,
       here,
       show,

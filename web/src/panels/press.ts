@@ -12,7 +12,7 @@ export function showPress(session: Session, permissions: Permissions): void {
   [slider.min, slider.max] = PRESS_N.map(String) as [string, string];
   slider.addEventListener("input", () => (session.press_N.value = Number(slider.value)));
   effect(() => {
-    byId("press-line").hidden = session.scene.value?.device.input !== "pointer" || !permissions.device.value;
+    byId("press-line").hidden = session.scene.value?.device.input !== "pointer" || !permissions.operateTool.value;
     slider.value = String(session.press_N.value);
     write(byId("press-value"), quantity(session.press_N.value, "N"));
   });

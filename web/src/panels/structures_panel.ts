@@ -17,7 +17,7 @@ import {
 import type { Permissions } from "../state/permissions.js";
 import type { Requests } from "../state/requests.js";
 import { readable, type KeptScene, type Session } from "../state/session.js";
-import { says, words, type MessageAbout } from "../words/words.js";
+import { setMessages, words, type MessageAbout } from "../words/words.js";
 
 const hex = (colour: Rgb): string => "#" + colour.map((x) => x.toString(16).padStart(2, "0")).join("");
 const fromHex = (text: string): Rgb => [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16)) as Rgb;
@@ -37,7 +37,7 @@ export const isFound = (name: string, wanted: string): boolean =>
     .every((word) => readable(name).toLowerCase().includes(word));
 
 /** Controls of a tissue's contact properties, and the texts of their values. */
-interface TissueRow {
+interface TissueControls {
   stiffness: HTMLInputElement;
   stiffnessValue: HTMLElement;
   friction: HTMLInputElement;
@@ -53,11 +53,11 @@ interface Group {
   rows: HTMLElement;
 }
 /** Ratio of kinetic to static friction for a tissue without friction, whose own ratio is undefined. */
-const FRICTION_OF_STATIC = 0.75;
+const KINETIC_TO_STATIC = 0.75;
 
 export class StructuresPanel {
-  private rows: TissueRow[] = []; // by index of the tissue; sparse
-  private readonly lines = new Map<number, HTMLElement>(); // row of each structure, by label
+  private rows: TissueControls[] = []; // by index of the tissue; sparse
+  private readonly rowOf = new Map<number, HTMLElement>(); // row of each structure, by label
   // controls of each structure, by index in the scene
   private controls: { eye: HTMLButtonElement; colour: HTMLInputElement; opacity: HTMLInputElement }[] = [];
   private shownAppearances: Appearance[] = []; // displayed by the controls
@@ -79,10 +79,10 @@ export class StructuresPanel {
       byId<HTMLInputElement>("find").value = "";
       this.find();
     });
-    byId("structures").addEventListener("keydown", (event) => this.goByKey(event));
+    byId("structures").addEventListener("keydown", (event) => this.onArrowKey(event));
     byId("structures").addEventListener("focusin", (event) => {
       const line = (event.target as HTMLElement).closest<HTMLElement>(".structure");
-      if (line && line !== this.focusedRow) this.enter(line);
+      if (line && line !== this.focusedRow) this.setFocusedRow(line);
     });
     const choice = byId<HTMLSelectElement>("looks");
     choice.addEventListener("change", () => {
@@ -113,7 +113,7 @@ export class StructuresPanel {
   private build(scene: Scene): void {
     const { session } = this;
     this.rows = [];
-    this.lines.clear();
+    this.rowOf.clear();
     this.controls = [];
     this.alone = null;
     this.groups = scene.tissues.flatMap((tissue, index) =>
@@ -122,8 +122,8 @@ export class StructuresPanel {
         index,
         readable(tissue.name),
         tissue.touchable
-          ? this.feelOf(scene, index)
-          : says(element("p", { className: "quiet" }), { text: "shownNotFelt" }),
+          ? this.createTissueControls(scene, index)
+          : setMessages(element("p", { className: "quiet" }), { text: "shownNotFelt" }),
       ),
     );
     this.groups.push(...this.groupOf(scene, -1, null, null));
@@ -154,16 +154,16 @@ export class StructuresPanel {
       title,
       element("span", { className: "quiet" }, String(indices.length)),
     );
-    if (name === null) says(title, { text: "feltNot" });
+    if (name === null) setMessages(title, { text: "feltNot" });
     else write(title, name);
     const eye = element("button", { type: "button", className: "eye" });
-    if (name === null) says(eye, { label: "showNotFelt" });
-    else says(eye, { label: "showGroup" }, name);
+    if (name === null) setMessages(eye, { label: "showNotFelt" });
+    else setMessages(eye, { label: "showGroup" }, name);
     const rows = element(
       "div",
       { id: `tissue-${tissue}` },
       ...(feel ? [feel] : []),
-      ...indices.map((index) => this.lineOf(scene, scene.structures[index]!)),
+      ...indices.map((index) => this.createRow(scene, scene.structures[index]!)),
     );
     fold.setAttribute("aria-controls", rows.id);
     const box = element("div", { className: "tissue" }, element("div", { className: "head" }, fold, eye), rows);
@@ -184,7 +184,7 @@ export class StructuresPanel {
       const count = indices.filter((index) => appearances[index]!.visible).length;
       const isAll = count === indices.length;
       eye.setAttribute("aria-pressed", isAll ? "true" : count === 0 ? "false" : "mixed");
-      says(eye, { text: isAll ? "shown" : count === 0 ? "hidden" : "partly" });
+      setMessages(eye, { text: isAll ? "shown" : count === 0 ? "hidden" : "partly" });
     }
   }
 
@@ -192,7 +192,7 @@ export class StructuresPanel {
   private find(): void {
     const wanted = byId<HTMLInputElement>("find").value.trim();
     for (const structure of this.session.scene.value?.structures ?? []) {
-      this.lines.get(structure.label)!.hidden = !isFound(structure.name, wanted);
+      this.rowOf.get(structure.label)!.hidden = !isFound(structure.name, wanted);
     }
     for (const { tissue, box, fold, rows } of this.groups) {
       box.hidden = box.querySelector(".structure:not([hidden])") === null;
@@ -200,27 +200,27 @@ export class StructuresPanel {
       fold.setAttribute("aria-expanded", String(!rows.hidden));
     }
     byId("none-found").hidden = this.groups.some(({ box }) => !box.hidden);
-    this.enter(this.focusedRow);
+    this.setFocusedRow(this.focusedRow);
   }
 
   /**
    * Makes a row the only one whose controls are in the tab order; if it is hidden, the first visible row instead. Arrow
    * keys move between rows (roving tabindex).
    */
-  private enter(wanted: HTMLElement | null): void {
-    const shown = [...this.lines.values()].filter((line) => line.closest("[hidden]") === null);
+  private setFocusedRow(wanted: HTMLElement | null): void {
+    const shown = [...this.rowOf.values()].filter((line) => line.closest("[hidden]") === null);
     this.focusedRow = wanted && shown.includes(wanted) ? wanted : (shown[0] ?? null);
-    for (const line of this.lines.values()) {
+    for (const line of this.rowOf.values()) {
       for (const control of line.children) (control as HTMLElement).tabIndex = line === this.focusedRow ? 0 : -1;
     }
   }
   /** Moves the focus to the same control of another visible row. */
-  private goByKey(event: KeyboardEvent): void {
+  private onArrowKey(event: KeyboardEvent): void {
     const target = event.target as HTMLElement;
     const line = target.closest<HTMLElement>(".structure");
     // arrow keys change the value of a slider
     if (!line || target.matches("input[type=range]") || event.ctrlKey || event.metaKey || event.altKey) return;
-    const shown = [...this.lines.values()].filter((one) => one.closest("[hidden]") === null);
+    const shown = [...this.rowOf.values()].filter((one) => one.closest("[hidden]") === null);
     const index = shown.indexOf(line);
     const next = {
       ArrowUp: index - 1,
@@ -250,7 +250,7 @@ export class StructuresPanel {
    * @param key  changes with equal key in one gesture are one undo step
    */
   private change(key: string, appearances: Appearance[]): void {
-    this.history.note(key, {
+    this.history.push(key, {
       before: this.session.appearances.value,
       after: appearances,
       apply: (_, to) => this.setAppearances(to),
@@ -278,7 +278,7 @@ export class StructuresPanel {
   private showAppearance({ colour, opacity, visible }: Appearance, index: number): void {
     const controls = this.controls[index]!;
     press(controls.eye, visible);
-    says(controls.eye, { text: visible ? "shown" : "hidden" });
+    setMessages(controls.eye, { text: visible ? "shown" : "hidden" });
     controls.colour.value = hex(colour);
     controls.opacity.value = String(opacity);
   }
@@ -310,17 +310,17 @@ export class StructuresPanel {
   }
 
   /** Sliders of a tissue's stiffness and static friction. */
-  private feelOf(scene: Scene, index: number): HTMLElement {
+  private createTissueControls(scene: Scene, index: number): HTMLElement {
     const { stiffness_N_per_mm: range, friction } = scene.limits;
     // range of the slider, N/mm: useful stiffnesses, as far as they are valid
     const limits: [number, number] = [Math.max(range[0], 0.01), Math.min(range[1], 10)];
     const name = readable(scene.tissues[index]!.name);
     const slider = (label: MessageAbout, max: number, step: number) =>
-      says(element("input", { type: "range", min: "0", max: String(max), step: String(step) }), { label }, name);
+      setMessages(element("input", { type: "range", min: "0", max: String(max), step: String(step) }), { label }, name);
     const stiffness = slider("stiffnessOf", 1, 0.005);
     const frictionSlider = slider("frictionOf", Math.min(friction[1], 1.5), 0.01);
     stiffness.dataset.tissue = String(index);
-    const row: TissueRow = {
+    const row: TissueControls = {
       stiffness,
       friction: frictionSlider,
       stiffnessValue: element("output"),
@@ -335,8 +335,7 @@ export class StructuresPanel {
     frictionSlider.addEventListener("input", () => {
       const value = Number(frictionSlider.value);
       const before = this.session.state.value?.tissues[index];
-      const ratio =
-        before && before.static_friction > 0 ? before.friction / before.static_friction : FRICTION_OF_STATIC;
+      const ratio = before && before.static_friction > 0 ? before.friction / before.static_friction : KINETIC_TO_STATIC;
       write(row.frictionValue, digits(value));
       void this.requests.latest(`friction ${index}`, {
         type: "tissue",
@@ -353,14 +352,14 @@ export class StructuresPanel {
       element(
         "label",
         { className: "line" },
-        says(element("span"), { text: "stiffness" }),
+        setMessages(element("span"), { text: "stiffness" }),
         stiffness,
         row.stiffnessValue,
       ),
       element(
         "label",
         { className: "line" },
-        says(element("span"), { text: "friction" }),
+        setMessages(element("span"), { text: "friction" }),
         frictionSlider,
         row.frictionValue,
       ),
@@ -368,37 +367,37 @@ export class StructuresPanel {
   }
 
   /** Row of a structure: colour, name, opacity, visibility. */
-  private lineOf(scene: Scene, structure: Structure): HTMLElement {
+  private createRow(scene: Scene, structure: Structure): HTMLElement {
     const index = scene.structures.indexOf(structure);
     const { session } = this;
     const name = readable(structure.name);
-    const colour = says(element("input", { type: "color" }), { label: "colourOf", title: "colour" }, name);
-    const opacity = says(
+    const colour = setMessages(element("input", { type: "color" }), { label: "colourOf", title: "colour" }, name);
+    const opacity = setMessages(
       element("input", { type: "range", min: "0", max: "1", step: "0.05" }),
       { label: "opacityOf", title: "opacity" },
       name,
     );
-    const eye = says(element("button", { type: "button", className: "eye" }), { label: "show" }, name);
+    const eye = setMessages(element("button", { type: "button", className: "eye" }), { label: "show" }, name);
     this.controls[index] = { eye, colour, opacity };
     colour.addEventListener("input", () => this.changeOne(index, "colour", { colour: fromHex(colour.value) }));
     opacity.addEventListener("input", () => this.changeOne(index, "opacity", { opacity: Number(opacity.value) }));
     eye.addEventListener("click", () =>
       this.setShown(session.appearances.value.map((one, other) => (other === index ? !one.visible : one.visible))),
     );
-    const alone = says(
+    const alone = setMessages(
       element("button", { type: "button", className: "name", textContent: name }),
       { title: "alone" },
       name,
     );
     alone.addEventListener("click", () => this.toggleAlone(index));
     const line = element("div", { className: "structure" }, colour, alone, opacity, eye);
-    this.lines.set(structure.label, line);
+    this.rowOf.set(structure.label, line);
     return line;
   }
 
   /** Sets the sliders to the current values, except one that is being dragged. */
   private show(state: State): void {
-    const isAllowed = this.permissions.feel.value;
+    const isAllowed = this.permissions.changeContact.value;
     // visits existing rows only: tissues without contact or structures have none
     this.rows.forEach((row, index) => {
       const tissue = state.tissues[index];
@@ -418,6 +417,6 @@ export class StructuresPanel {
 
   /** Highlights the row of the structure in contact; 0: none. */
   private touched(label: number): void {
-    for (const [own, line] of this.lines) line.classList.toggle("touched", own === label && label > 0);
+    for (const [own, line] of this.rowOf) line.classList.toggle("touched", own === label && label > 0);
   }
 }

@@ -2,7 +2,7 @@
 
 import { signal } from "@preact/signals-core";
 import { byId } from "../base/dom.js";
-import { says } from "../words/words.js";
+import { setMessages } from "../words/words.js";
 
 type Theme = "system" | "light" | "dark";
 const ORDER: Theme[] = ["system", "light", "dark"];
@@ -18,7 +18,7 @@ function chosen(): Theme {
 export function applyTheme(): void {
   const theme = chosen();
   document.documentElement.dataset.theme = theme === "system" ? (systemIsDark.matches ? "dark" : "light") : theme;
-  says(byId("theme"), { text: MESSAGES[theme] });
+  setMessages(byId("theme"), { text: MESSAGES[theme] });
   colours.value = new Map();
 }
 /** Value of a custom property of the style sheet. */

@@ -108,8 +108,8 @@ export class Timeline {
     const recording = this.recording.value;
     if (this.slider.disabled || !recording) return;
     const { left, width } = this.canvas.getBoundingClientRect();
-    const share = Math.min(1, Math.max(0, (event.clientX - left) / width));
-    this.seek(recording.begin_s + share * (recording.end_s - recording.begin_s));
+    const fraction = Math.min(1, Math.max(0, (event.clientX - left) / width));
+    this.seek(recording.begin_s + fraction * (recording.end_s - recording.begin_s));
   }
 
   /** Text of an event in the list. */

@@ -34,7 +34,7 @@ export class Toolbar {
     byId("redo").addEventListener("click", () => void history.redo());
     // the release of a slider ends an undo step
     document.addEventListener("change", () => (history.gesture += 1));
-    history.part(
+    history.register(
       "planes",
       () => session.planes.value,
       (to) => (session.planes.value = to),
@@ -70,7 +70,8 @@ export class Toolbar {
   /** Chooses a tool; the pointer is taken or released with it. */
   chooseTool(tool: Tool): void {
     const { session } = this;
-    if (tool === "touch" && (session.scene.value?.device.input !== "pointer" || !this.permissions.device.value)) return;
+    if (tool === "touch" && (session.scene.value?.device.input !== "pointer" || !this.permissions.operateTool.value))
+      return;
     const has = session.state.value?.pointer === true;
     session.tool.value = tool;
     if (has !== (tool === "touch")) void this.requests.once({ type: "pointer", take: tool === "touch" });

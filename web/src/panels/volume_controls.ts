@@ -5,7 +5,7 @@ import { element } from "../base/dom.js";
 import type { History } from "../state/history.js";
 import type { SectionView } from "../section/section_view.js";
 import type { Cutting, VolumeView } from "../volume/volume_view.js";
-import { says, type Message } from "../words/words.js";
+import { setMessages, type Message } from "../words/words.js";
 
 const CUTTINGS: [Cutting, Message][] = [
   ["none", "uncut"],
@@ -25,7 +25,7 @@ export function addVolumeControls(volume: VolumeView, history: History, sections
   const cutting = element(
     "select",
     { id: "cutting" },
-    ...CUTTINGS.map(([value, message]) => says(new Option("", value), { text: message })),
+    ...CUTTINGS.map(([value, message]) => setMessages(new Option("", value), { text: message })),
   );
   cutting.addEventListener(
     "change",
@@ -40,7 +40,7 @@ export function addVolumeControls(volume: VolumeView, history: History, sections
     return input;
   };
   const labelled = (input: HTMLElement, message: Message) =>
-    element("label", {}, input, " ", says(element("span"), { text: message }));
+    element("label", {}, input, " ", setMessages(element("span"), { text: message }));
   const perspective = tick("perspective", (isOn) => (volume.camera.isPerspective = isOn));
   const planes = tick("planes-in-volume", (isOn) => (volume.showsPlanes = isOn));
   const everyVoxel = tick("every-voxel", (isOn) => {
@@ -54,11 +54,11 @@ export function addVolumeControls(volume: VolumeView, history: History, sections
   const menu = element(
     "details",
     { className: "menu small" },
-    says(element("summary"), { text: "viewMenu", title: "viewMenuTitle" }),
+    setMessages(element("summary"), { text: "viewMenu", title: "viewMenuTitle" }),
     element(
       "div",
       {},
-      element("label", {}, says(element("span"), { text: "volumeCut" }), " ", cutting),
+      element("label", {}, setMessages(element("span"), { text: "volumeCut" }), " ", cutting),
       labelled(perspective, "perspective"),
       labelled(planes, "planesInVolume"),
       // choice of full resolution, which is always on with a graphics card
@@ -66,7 +66,7 @@ export function addVolumeControls(volume: VolumeView, history: History, sections
     ),
   );
   volume.picture.head.append(menu);
-  history.part(
+  history.register(
     "view",
     () => ({ cutting: volume.cutting, isPerspective: volume.camera.isPerspective, showsPlanes: volume.showsPlanes }),
     (to) => {

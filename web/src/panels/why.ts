@@ -13,22 +13,22 @@ const LESS: [number, keyof Words["because"]][] = [
   [Flag.passivity, "passivity"],
 ];
 /** Fraction of the force below which a contribution is not mentioned: residual friction, rounding. */
-const LEAST_PART = 0.05;
-const LEAST_N = 0.005;
+const MIN_FRACTION = 0.05;
+const MIN_FORCE_N = 0.005;
 
 /** @param force  force on the hand, patient frame, N */
 export function whyText(device: DevicePose, force: Vec3): string {
   const force_N = length(force);
-  if (!(device.flags & Flag.contact) || device.requestedForce < LEAST_N) return "";
+  if (!(device.flags & Flag.contact) || device.requestedForce < MIN_FORCE_N) return "";
   const reasons: string[] = [];
   // a single layer; those of several are listed with their shares
   if (device.path.length <= 1 && device.stiffness > 0 && Number.isFinite(device.depth)) {
     reasons.push(words.deepAt(quantity(device.depth, "mm"), quantity(device.stiffness, "N/mm")));
   }
   const along_N = length(reject(force, device.normal));
-  if (length(device.normal) > 0 && along_N > Math.max(LEAST_N, LEAST_PART * force_N))
+  if (length(device.normal) > 0 && along_N > Math.max(MIN_FORCE_N, MIN_FRACTION * force_N))
     reasons.push(words.alongSurface(quantity(along_N, "N")));
-  if (device.requestedForce - force_N > Math.max(LEAST_N, LEAST_PART * device.requestedForce)) {
+  if (device.requestedForce - force_N > Math.max(MIN_FORCE_N, MIN_FRACTION * device.requestedForce)) {
     const reason = LESS.find(([flag]) => device.flags & flag)?.[1] ?? "slew";
     reasons.push(
       words.lessBecause(quantity(force_N, "N"), quantity(device.requestedForce, "N"), words.because[reason]),

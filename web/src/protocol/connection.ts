@@ -4,7 +4,7 @@ import { batch, signal } from "@preact/signals-core";
 import type {
   Refusal,
   Request,
-  Right,
+  Permission,
   Role,
   State,
   Plan,
@@ -14,7 +14,7 @@ import type {
   TaskProgress,
 } from "./messages.js";
 import { decodeNear, isNear, type Near } from "./near.js";
-import { decodeDeformation, isDeformation, type DeformationMessage } from "./yields.js";
+import { decodeDeformation, isDeformation, type DeformationMessage } from "./deformation_message.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
 import { transport, type Socket } from "./transport.js";
 import { words } from "../words/words.js";
@@ -23,7 +23,7 @@ import { words } from "../words/words.js";
 export type Link = "connecting" | "connected" | "lost" | "refused" | "ended" | "over";
 
 const FIRST_RETRY_MS = 250;
-const LONGEST_RETRY_MS = 5000;
+const MAX_RETRY_MS = 5000;
 /** WebSocket close codes of palpate: docs/reference/viewer-protocol.md. */
 const TOKEN_REFUSED = 4401,
   OTHER_PROTOCOL = 4406;
@@ -73,7 +73,7 @@ export class Connection {
   readonly link = signal<Link>("ended");
   readonly role = signal<Role>("view");
   readonly learner = signal<string | null>(null); // pseudonym of this viewer; null: none
-  private readonly may = signal<ReadonlySet<Right>>(new Set());
+  private readonly may = signal<ReadonlySet<Permission>>(new Set());
   /** Time of arrival of the latest pose, by performance.now(). */
   poseAt_ms = -Infinity;
   readonly roundTrip_ms = signal(NaN); // round-trip time of the latest request
@@ -125,7 +125,7 @@ export class Connection {
   }
 
   /** Whether this viewer is connected and has a permission. */
-  allows(right: Right): boolean {
+  allows(right: Permission): boolean {
     return this.link.value === "connected" && this.may.value.has(right);
   }
   /** Age of the latest pose. */
@@ -231,7 +231,7 @@ export class Connection {
         batch(() => {
           this.role.value = message.role;
           this.learner.value = message.learner;
-          this.may.value = new Set(message.may as Right[]);
+          this.may.value = new Set(message.may as Permission[]);
           this.setLink("connected");
         });
         if (performance.now() - this.unsentStop_ms <= STOP_RETAINED_MS) void this.ask({ type: "stop" });
@@ -284,7 +284,7 @@ export class Connection {
     if (this.isOver) return this.setLink("over");
     this.setLink("lost");
     this.timer = window.setTimeout(() => this.open(), this.retry_ms * (0.8 + 0.4 * Math.random()));
-    this.retry_ms = Math.min(2 * this.retry_ms, LONGEST_RETRY_MS);
+    this.retry_ms = Math.min(2 * this.retry_ms, MAX_RETRY_MS);
     this.unanswered += 1;
     if (this.unanswered > 1) this.listener.onUnanswered();
   }

@@ -13,7 +13,8 @@ export type { ContactProperties, DeviceTool };
 
 export type Role = "view" | "control" | "learner" | "teacher";
 /** Permission of a viewer. */
-export type Right = "look" | "stop" | "unseen" | "hand" | "feel" | "plan" | "play" | "lesson" | "own_runs" | "all_runs";
+export type Permission =
+  "look" | "stop" | "unseen" | "hand" | "feel" | "plan" | "play" | "lesson" | "own_runs" | "all_runs";
 /** Error reported by palpate: problem, its location, and its remedy. */
 export interface Refusal {
   what: string;
@@ -65,7 +66,7 @@ export interface Scene {
   palpate: string; // version of palpate
   role: Role;
   learner: string | null;
-  may: Right[];
+  may: Permission[];
   side: "left" | "right" | "both" | "unknown";
   oriented: boolean;
   caveats: { concerns: Concern; text: string }[]; // limitations of the model that loading found, a sentence each

@@ -6,9 +6,9 @@ import { words } from "../words/words.js";
 
 const MAGIC = 0x4e504c50; // "PLPN"
 const HEAD_BYTES = 24;
-const MOST_DEVICES = 4;
-const MOST_NEAR = 8;
-const DEVICE_BYTES = 12 + 8 * MOST_NEAR;
+const MAX_DEVICES = 4;
+const MAX_NEAR = 8;
+const DEVICE_BYTES = 12 + 8 * MAX_NEAR;
 
 /** Distance between a structure and a tool. */
 export interface NearStructure {
@@ -41,7 +41,7 @@ export function decodeNear(message: ArrayBuffer): Near[] {
   const count = view.getUint16(16, true);
   if (
     count < 1 ||
-    count > MOST_DEVICES ||
+    count > MAX_DEVICES ||
     view.getUint16(6, true) !== message.byteLength ||
     message.byteLength !== HEAD_BYTES + count * DEVICE_BYTES
   )
@@ -50,7 +50,7 @@ export function decodeNear(message: ArrayBuffer): Near[] {
     noGo: view.getUint16(at, true) - 1,
     depth: view.getFloat32(at + 4, true),
     force: view.getFloat32(at + 8, true),
-    structures: Array.from({ length: MOST_NEAR }, (_, n) => at + 12 + 8 * n)
+    structures: Array.from({ length: MAX_NEAR }, (_, n) => at + 12 + 8 * n)
       .map((there) => ({ label: view.getUint16(there, true), mm: view.getFloat32(there + 4, true) }))
       .filter(({ label }) => label !== 0),
   }));

@@ -171,7 +171,7 @@ export class Volumes {
 }
 
 /** Maximum number of structures that pictures distinguish: one byte per voxel. */
-export const MOST_STRUCTURES = 255;
+export const MAX_STRUCTURES = 255;
 
 /**
  * Body of a response.
@@ -198,12 +198,12 @@ async function bytesOf(
   return bytes.buffer;
 }
 
-/** @param onShare  called with the download progress, 0 to 1 */
+/** @param onProgress  called with the download progress, 0 to 1 */
 export async function fetchVolumes(
   scene: Scene,
   shrink: 1 | 2 | 4,
   token: string | null,
-  onShare: (share: number) => void,
+  onProgress: (fraction: number) => void,
 ): Promise<Volumes> {
   const { hash, scan, labels, dims: whole, patient_from_voxel } = scene.volume;
   const dims = whole.map((n) => Math.ceil(n / shrink)) as Vec3;
@@ -214,7 +214,7 @@ export async function fetchVolumes(
   const fetchBytes = async (kind: "scan" | "labels", bytesPerVoxel: number) => {
     const query = shrink > 1 ? `?shrink=${shrink}` : "";
     return bytesOf(await get(`/api/volume/${kind}/${hash}${query}`, token), kind, voxels * bytesPerVoxel, (bytes) =>
-      onShare((come += bytes) / all),
+      onProgress((come += bytes) / all),
     );
   };
   const [scanBytes, labelBytes] = await Promise.all([
@@ -224,7 +224,7 @@ export async function fetchVolumes(
 
   // index in the scene's list + 1 by label, or 0
   const valueOfLabel = new Uint8Array(65536);
-  scene.structures.slice(0, MOST_STRUCTURES).forEach((structure, value) => (valueOfLabel[structure.label] = value + 1));
+  scene.structures.slice(0, MAX_STRUCTURES).forEach((structure, value) => (valueOfLabel[structure.label] = value + 1));
   const raw = labels.type === "uint8" ? new Uint8Array(labelBytes) : new Uint16Array(labelBytes);
   const structure = new Uint8Array(voxels);
   await inPieces(voxels, PIECE_VOXELS, (from, to) => {

@@ -6,9 +6,9 @@ import { words } from "../words/words.js";
 export const PROTOCOL = 3;
 const HEAD_BYTES = 96;
 const DEVICE_BYTES = 296;
-const MOST_DEVICES = 4;
-const MOST_PATH_PARTS = 6;
-const MOST_CONTACTS = 6;
+const MAX_DEVICES = 4;
+const MAX_PATH_PARTS = 6;
+const MAX_CONTACTS = 6;
 
 /** Bits of palpate::TickFlag that the page evaluates. */
 export const Flag = {
@@ -103,7 +103,7 @@ export function decodePose(message: ArrayBuffer): Pose {
   if (version !== PROTOCOL) throw new WireVersion(words.someOtherVersion(String(PROTOCOL)));
   const count = view.getUint8(46);
   const bytes = HEAD_BYTES + count * DEVICE_BYTES;
-  if (count < 1 || count > MOST_DEVICES || view.getUint16(6, true) !== bytes || message.byteLength !== bytes) {
+  if (count < 1 || count > MAX_DEVICES || view.getUint16(6, true) !== bytes || message.byteLength !== bytes) {
     throw new WireError(words.poseOfDevices(String(message.byteLength), String(count)));
   }
   const f32 = (at: number) => view.getFloat32(at, true);
@@ -134,10 +134,10 @@ export function decodePose(message: ArrayBuffer): Pose {
       label: view.getUint16(at + 96, true),
       cuttingForce: view.getUint16(at + 98, true) / 1e3,
       cuttingEnergy: f32(at + 100),
-      path: Array.from({ length: MOST_PATH_PARTS }, (_, n) => at + 104 + 12 * n)
+      path: Array.from({ length: MAX_PATH_PARTS }, (_, n) => at + 104 + 12 * n)
         .map((there) => ({ label: view.getUint16(there, true), depth: f32(there + 4), share: f32(there + 8) }))
         .filter(({ label }) => label !== 0),
-      contacts: Array.from({ length: MOST_CONTACTS }, (_, n) => at + 176 + 20 * n)
+      contacts: Array.from({ length: MAX_CONTACTS }, (_, n) => at + 176 + 20 * n)
         .map((there) => ({
           label: view.getUint16(there, true),
           part: view.getUint16(there + 2, true),

@@ -5,7 +5,7 @@ import { byId, element } from "../base/dom.js";
 import { download, fileStem } from "../base/download.js";
 import type { History } from "../state/history.js";
 import { measureText, measuresTable, type Measure } from "../drawing/measure.js";
-import { says, words } from "../words/words.js";
+import { setMessages, words } from "../words/words.js";
 
 export class Measures {
   readonly list = signal<readonly Measure[]>([]);
@@ -40,7 +40,7 @@ export class Measures {
   }
   private note(list: readonly Measure[]): void {
     this.history.gesture += 1;
-    this.history.note("measures", { before: this.list.value, after: list, apply: (_, to) => this.set(to) });
+    this.history.push("measures", { before: this.list.value, after: list, apply: (_, to) => this.set(to) });
   }
   private set(list: readonly Measure[]): boolean {
     this.list.value = list;
@@ -55,26 +55,29 @@ export class Measures {
     byId("measures").replaceChildren(...list.map((measure, index) => this.lineOf(measure, index)));
   }
   private lineOf(measure: Measure, index: number): HTMLElement {
-    const name = says(element("input", { type: "text", value: measure.name, autocomplete: "off", spellcheck: false }), {
-      label: "measureName",
-    });
+    const name = setMessages(
+      element("input", { type: "text", value: measure.name, autocomplete: "off", spellcheck: false }),
+      {
+        label: "measureName",
+      },
+    );
     // updates the row in place, because the focus is moving within it
     name.addEventListener("change", () => {
       const list = this.list.value.map((one, other) => (other === index ? { ...one, name: name.value } : one));
       this.note(list);
       this.shown = this.list.value = list;
-      says(button, { title: "goToMeasure" }, name.value);
-      says(remove, { label: "deleteNamed", title: "deleteNamed" }, name.value);
+      setMessages(button, { title: "goToMeasure" }, name.value);
+      setMessages(remove, { label: "deleteNamed", title: "deleteNamed" }, name.value);
     });
     // moves the focus out of the text field, in which the space bar is not the emergency stop
     name.addEventListener("keydown", (event) => event.key === "Enter" && button.focus());
-    const button = says(
+    const button = setMessages(
       element("button", { type: "button", className: "figure", textContent: measureText(measure) }),
       { title: "goToMeasure" },
       measure.name,
     );
     button.addEventListener("click", () => this.moveTo(measure));
-    const remove = says(
+    const remove = setMessages(
       element("button", { type: "button", textContent: "×" }),
       { label: "deleteNamed", title: "deleteNamed" },
       measure.name,

@@ -6,15 +6,15 @@ import type { Anatomical } from "../base/geometry.js";
 import type { History } from "../state/history.js";
 import type { Session } from "../state/session.js";
 import type { Along, SectionView } from "./section_view.js";
-import { says, type Message } from "../words/words.js";
+import { setMessages, type Message } from "../words/words.js";
 
 export function addObliqueHead(section: SectionView, session: Session, history: History): void {
   const choose = <Choice extends string>(label: Message, chosen: Signal<Choice>, options: [Choice, Message][]) => {
-    const select = says(
+    const select = setMessages(
       element(
         "select",
         { className: "small" },
-        ...options.map(([value, message]) => says(new Option("", value), { text: message })),
+        ...options.map(([value, message]) => setMessages(new Option("", value), { text: message })),
       ),
       { label, title: label },
     );
@@ -38,7 +38,7 @@ export function addObliqueHead(section: SectionView, session: Session, history: 
     ["axial", "likeAxial"],
   ]);
   section.picture.head.append(along, anatomical);
-  history.part(
+  history.register(
     "section",
     () => [section.along.value, section.anatomical.value] as [Along, Anatomical],
     (to) => ([section.along.value, section.anatomical.value] = to),

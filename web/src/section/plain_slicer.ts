@@ -7,7 +7,7 @@ import type { AnySlicer, Part, SliceStyle } from "./slicer.js";
 
 const BACKGROUND = [9, 12, 14];
 const NO_SCAN = [20, 23, 26];
-const LEAST_OUTLINE = 0.6;
+const MIN_OUTLINE = 0.6;
 /** Estimated drawing time per pixel before the first picture. */
 const FIRST_PIXEL_MS = 2e-5;
 
@@ -133,9 +133,9 @@ export class PlainSlicer implements AnySlicer {
               (step) => structureAt(add(voxel, step)) !== here || structureAt(add(voxel, scale(step, -1))) !== here,
             );
           const fill = style.fill * opacity,
-            border = isBorder ? Math.max(opacity, LEAST_OUTLINE) : 0;
-          const share = 1 - (1 - fill) * (1 - border);
-          rgb = rgb.map((value, c) => value + share * (colours[4 * here + c]! - value));
+            border = isBorder ? Math.max(opacity, MIN_OUTLINE) : 0;
+          const fraction = 1 - (1 - fill) * (1 - border);
+          rgb = rgb.map((value, c) => value + fraction * (colours[4 * here + c]! - value));
         }
         pixels[at] = opaque(rgb.map(Math.round));
       }

@@ -43,7 +43,7 @@ import {
 import { drawNoGoOnPlane, drawNoGoWarning } from "../drawing/no_go_marks.js";
 import { Picture } from "../drawing/picture.js";
 import { drawPlanOnPlane } from "../drawing/plan_marks.js";
-import { FARTHEST_MM, type PointerDevice } from "../state/pointer.js";
+import { MAX_DISTANCE_MM, type PointerDevice } from "../state/pointer.js";
 import { Touching } from "../touch/touching.js";
 import type { Session } from "../state/session.js";
 import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
@@ -75,15 +75,15 @@ const KEY_STEP_PIXELS = 2;
 const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
 const SMOOTHING = 0.2; // fraction of the difference to the target normal that one frame removes
 /** Angle to the target normal, rad, below which the plane snaps to it: under a pixel at the edge of any picture. */
-const LEAST_STEP = 1e-5;
+const MIN_STEP = 1e-5;
 /**
  * Progressive refinement. A picture that would exceed the time allowed per frame is drawn at a resolution reduced by a
  * factor of at most COARSEST per axis. After STILL_AFTER_MS without changes it is redrawn at full resolution, one band
- * of at least LEAST_ROWS rows per frame.
+ * of at least MIN_ROWS rows per frame.
  */
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
-const LEAST_ROWS = 4;
+const MIN_ROWS = 4;
 /** Drag distance of the window tool that doubles the window's width; CSS pixels. */
 const WINDOW_PIXELS = 200;
 
@@ -132,7 +132,7 @@ export class SectionView {
     private readonly history: History,
   ) {
     this.picture = new Picture(kind);
-    history.part(
+    history.register(
       kind,
       () => this.placement,
       (to) => (this.placement = to),
@@ -248,7 +248,7 @@ export class SectionView {
         // a plane has two unit normals: take the nearer one
         const same = dot(normal, this.normal) < 0 ? scale(normal, -1) : normal;
         // snap at the end: exponential smoothing never arrives, so every frame would be a redraw
-        const isThere = length(sub(same, this.normal)) < LEAST_STEP;
+        const isThere = length(sub(same, this.normal)) < MIN_STEP;
         this.normal = isThere ? same : normalize(add(scale(this.normal, 1 - SMOOTHING), scale(same, SMOOTHING)));
       }
     }
@@ -357,7 +357,7 @@ export class SectionView {
       this.drawnAppearance = appearance;
       this.drawn_ms = now;
     } else if (this.isCoarse && now - this.drawn_ms > STILL_AFTER_MS) {
-      const to = this.sharpTo + Math.max(LEAST_ROWS, Math.floor(frame.height / most));
+      const to = this.sharpTo + Math.max(MIN_ROWS, Math.floor(frame.height / most));
       this.slicer.draw(picture.base, this.plane, mm, style, { reduction: 1, from: this.sharpTo, to });
       this.sharpTo = to;
     }
@@ -407,7 +407,7 @@ export class SectionView {
       SLIDER_PIXELS,
     );
     drawScale(frame, mm);
-    if (session.strain.value) drawStrainLegend(frame, session.yields.value);
+    if (session.strain.value) drawStrainLegend(frame, session.isDeformed.value);
     drawSide(frame, session.scene.value, SLIDER_PIXELS);
     drawNoGoWarning(frame, session, top);
     drawAge(frame, session);
@@ -582,7 +582,7 @@ export class SectionView {
     const device = this.session.pose.value?.devices[0];
     if (!device || !(device.flags & Flag.contact) || device.flags & Flag.inside) return to;
     const away = sub(to, device.proxy);
-    return add(device.proxy, scale(away, Math.min(1, FARTHEST_MM / Math.max(length(away), 1e-9))));
+    return add(device.proxy, scale(away, Math.min(1, MAX_DISTANCE_MM / Math.max(length(away), 1e-9))));
   }
   /** Abandons the edit of a trajectory by the current press. */
   private dropPlan(): void {

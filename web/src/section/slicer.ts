@@ -9,7 +9,7 @@ import type { Volumes } from "../protocol/scene.js";
 import type { Slab } from "../state/session.js";
 import { isSoftware, usedProgram } from "../drawing/shader_program.js";
 import { NoMemory } from "../words/errors.js";
-import { LEAST_STRAIN, MOST_STRAIN, STRAIN_COLOURS } from "../drawing/strain.js";
+import { MIN_STRAIN, MAX_STRAIN, STRAIN_COLOURS } from "../drawing/strain.js";
 import { words } from "../words/words.js";
 
 /** GLSL constant, 0 to 1, of a colour, 0 to 255. */
@@ -64,14 +64,14 @@ float scanAt(vec3 voxel) {
   vec3 within = clamp(voxel, vec3(0.0), last);
   ivec3 low = ivec3(within);
   ivec3 high = min(low + 1, ivec3(last));
-  vec3 share = within - vec3(low);
+  vec3 fraction = within - vec3(low);
   vec4 lows = vec4(texelFetch(scan, low, 0).r, texelFetch(scan, ivec3(low.x, high.y, low.z), 0).r,
                    texelFetch(scan, ivec3(low.xy, high.z), 0).r, texelFetch(scan, ivec3(low.x, high.yz), 0).r);
   vec4 highs = vec4(texelFetch(scan, ivec3(high.x, low.yz), 0).r, texelFetch(scan, ivec3(high.xy, low.z), 0).r,
                     texelFetch(scan, ivec3(high.x, low.y, high.z), 0).r, texelFetch(scan, high, 0).r);
-  vec4 along = mix(lows, highs, share.x);
-  vec2 across = mix(along.xz, along.yw, share.y);
-  return mix(across.x, across.y, share.z);
+  vec4 along = mix(lows, highs, fraction.x);
+  vec2 across = mix(along.xz, along.yw, fraction.y);
+  return mix(across.x, across.y, fraction.z);
 }
 
 bool isInside(vec3 voxel) {
@@ -117,10 +117,10 @@ void main() {
 #if STRAIN
   float by = here > 0u ? strain(voxel) : -1.0;
   if (by >= 0.0) {
-    float at = clamp(by / ${MOST_STRAIN}, 0.0, 1.0) * ${STRAIN_COLOURS.length - 1}.0;
+    float at = clamp(by / ${MAX_STRAIN}, 0.0, 1.0) * ${STRAIN_COLOURS.length - 1}.0;
     int low = min(int(at), ${STRAIN_COLOURS.length - 2});
     vec3 strained = mix(STRAINS[low], STRAINS[low + 1], at - float(low));
-    shown = mix(shown, strained, 0.85 * smoothstep(0.0, ${LEAST_STRAIN}, by));
+    shown = mix(shown, strained, 0.85 * smoothstep(0.0, ${MIN_STRAIN}, by));
   }
 #endif
   colour = vec4(shown, 1.0);

@@ -4,7 +4,7 @@
 import { element, write } from "../base/dom.js";
 import { apply, column, dot, length, normalize, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
-import { says, words } from "../words/words.js";
+import { setMessages, words } from "../words/words.js";
 
 /** Slices with a common normal: offset of the first one along it, spacing, and count. */
 export interface Slices {
@@ -47,8 +47,11 @@ const STEPS: Record<string, number> = {
 
 export class SliceChooser {
   readonly element: HTMLElement;
-  private readonly slider = says(element("input", { type: "range", min: "1" }), { label: "slice", title: "slice" });
-  private readonly number = says(element("input", { type: "number", min: "1" }), {
+  private readonly slider = setMessages(element("input", { type: "range", min: "1" }), {
+    label: "slice",
+    title: "slice",
+  });
+  private readonly number = setMessages(element("input", { type: "number", min: "1" }), {
     label: "sliceNumber",
     title: "sliceNumber",
   });

@@ -10,7 +10,7 @@ export interface VoxelBox {
 }
 
 /** Bounding box, in voxels, of the voxels whose centres a sweep may reach. */
-function around(
+function boundsOf(
   volumes: Volumes,
   [ax, ay, az, bx, by, bz, begin, ex = 0, ey = 0, ez = 0, end = begin]: Sweep,
 ): VoxelBox {
@@ -37,32 +37,36 @@ function around(
 const within01 = (x: number): number => Math.max(0, Math.min(1, x));
 
 /** Squared distance of a position from a segment along `way`; `from`: position relative to the segment's beginning. */
-function squaredAside(way: Vec3, from: Vec3): number {
+function squaredDistanceToSegment(way: Vec3, from: Vec3): number {
   const length = way[0] ** 2 + way[1] ** 2 + way[2] ** 2;
   const part = length > 0 ? within01((from[0] * way[0] + from[1] * way[1] + from[2] * way[2]) / length) : 0;
   return (from[0] - part * way[0]) ** 2 + (from[1] - part * way[1]) ** 2 + (from[2] - part * way[2]) ** 2;
 }
 
 /** Predicate for positions inside a sweep, by the session's rule (derived in palpate/tissue/sweep.h). */
-function isIn(sweep: Sweep): (at: Vec3) => boolean {
+function insideTest(sweep: Sweep): (at: Vec3) => boolean {
   const [ax, ay, az, bx, by, bz, radius, ex, ey, ez, last] = sweep;
   const begin: Vec3 = [ax, ay, az],
     way: Vec3 = [bx - ax, by - ay, bz - az];
   if (ex === undefined || (ex === 0 && ey === 0 && ez === 0))
-    return (at) => squaredAside(way, sub(at, begin)) < radius ** 2;
+    return (at) => squaredDistanceToSegment(way, sub(at, begin)) < radius ** 2;
 
   // head: radius as a linear function of the position on its axis
   const axis: Vec3 = [ex, ey!, ez!],
-    widens = last! - radius,
+    radiusChange = last! - radius,
     axis2 = dot(axis, axis),
-    long = Math.sqrt(axis2);
-  const slope = widens / long,
+    axisLength = Math.sqrt(axis2);
+  const slope = radiusChange / axisLength,
     sine = Math.abs(slope) < 1 ? Math.sqrt(1 - slope * slope) : 0;
   const headDepth = (from: Vec3): number => {
     const foot = dot(from, axis) / axis2;
     const part =
-      sine > 0 ? within01(foot + (slope * length(sub(from, scale(axis, foot)))) / (sine * long)) : slope > 0 ? 1 : 0;
-    return radius + widens * part - length(sub(from, scale(axis, part)));
+      sine > 0
+        ? within01(foot + (slope * length(sub(from, scale(axis, foot)))) / (sine * axisLength))
+        : slope > 0
+          ? 1
+          : 0;
+    return radius + radiusChange * part - length(sub(from, scale(axis, part)));
   };
   // swept parallelogram of path and axis: radius as a linear function, by its gradient
   const across = cross(way, axis),
@@ -72,7 +76,7 @@ function isIn(sweep: Sweep): (at: Vec3) => boolean {
   const isPlane = determinant > 1e-12 * way2 * axis2;
   const normal = isPlane ? scale(across, 1 / Math.sqrt(determinant)) : across;
   const offWay = isPlane ? sub(axis, scale(way, mixed / way2)) : axis;
-  const gradient = scale(offWay, widens / dot(offWay, offWay)),
+  const gradient = scale(offWay, radiusChange / dot(offWay, offWay)),
     gradient2 = dot(gradient, gradient);
   const planeSine = Math.sqrt(1 - gradient2);
   return (at) => {
@@ -88,8 +92,8 @@ function isIn(sweep: Sweep): (at: Vec3) => boolean {
         return radius + dot(gradient, from) - height * planeSine > 0;
     }
     return (
-      squaredAside(way, from) < radius ** 2 ||
-      squaredAside(way, sub(from, axis)) < last! ** 2 ||
+      squaredDistanceToSegment(way, from) < radius ** 2 ||
+      squaredDistanceToSegment(way, sub(from, axis)) < last! ** 2 ||
       headDepth(from) > 0 ||
       headDepth(sub(from, way)) > 0
     );
@@ -107,22 +111,22 @@ function joined(a: VoxelBox | null, b: VoxelBox): VoxelBox {
 
 export class Cuts {
   private sweeps: Sweep[] = [];
-  private same = 0; // number of leading sweeps that are applied to the volumes and still valid
+  private appliedCount = 0; // number of leading sweeps that are applied to the volumes and still valid
   private volumes: Volumes | null = null;
   // indices and previous structures of removed voxels, in order of removal: a stack for undo
-  private readonly at: number[] = [];
-  private readonly was: number[] = [];
-  private readonly before: number[] = []; // for each applied sweep: number of voxels removed before it
+  private readonly removedIndices: number[] = [];
+  private readonly removedStructures: number[] = [];
+  private readonly stackSizes: number[] = []; // for each applied sweep: number of voxels removed before it
 
   /** Replaces all sweeps from number `first` on; ignored if earlier ones are missing. */
   receive(first: number, sweeps: readonly Sweep[]): void {
     if (first > this.sweeps.length) return;
     this.sweeps.length = first;
-    this.same = Math.min(this.same, first);
+    this.appliedCount = Math.min(this.appliedCount, first);
     this.sweeps.push(...sweeps);
   }
   /** Discards all sweeps; each connection reports them again. */
-  beginAnew(): void {
+  reset(): void {
     this.receive(0, []);
   }
 
@@ -131,16 +135,16 @@ export class Cuts {
    * @param isCut  whether a structure can be removed, indexed by the structure's index + 1
    * @returns bounding box of the changed voxels; null: none
    */
-  takeFrom(volumes: Volumes, isCut: readonly boolean[]): VoxelBox | null {
+  applyTo(volumes: Volumes, isCut: readonly boolean[]): VoxelBox | null {
     if (volumes !== this.volumes) {
       this.volumes = volumes;
-      this.same = 0;
-      this.at.length = this.was.length = this.before.length = 0;
+      this.appliedCount = 0;
+      this.removedIndices.length = this.removedStructures.length = this.stackSizes.length = 0;
     }
     let box = this.putBack(volumes);
-    for (; this.same < this.sweeps.length; this.same++) {
-      this.before.push(this.at.length);
-      const changed = this.take(volumes, this.sweeps[this.same]!, isCut);
+    for (; this.appliedCount < this.sweeps.length; this.appliedCount++) {
+      this.stackSizes.push(this.removedIndices.length);
+      const changed = this.take(volumes, this.sweeps[this.appliedCount]!, isCut);
       if (changed) box = joined(box, changed);
     }
     return box;
@@ -151,16 +155,16 @@ export class Cuts {
    * removed them.
    */
   private putBack(volumes: Volumes): VoxelBox | null {
-    const { at, was, before } = this;
-    const left = before[this.same] ?? at.length;
-    before.length = this.same;
-    if (left === at.length) return null;
+    const { removedIndices, removedStructures, stackSizes } = this;
+    const left = stackSizes[this.appliedCount] ?? removedIndices.length;
+    stackSizes.length = this.appliedCount;
+    if (left === removedIndices.length) return null;
     const [ni, nj] = volumes.dims;
     const lo: Vec3 = [Infinity, Infinity, Infinity],
       hi: Vec3 = [-Infinity, -Infinity, -Infinity];
-    while (at.length > left) {
-      const index = at.pop()!;
-      volumes.structure[index] = was.pop()!;
+    while (removedIndices.length > left) {
+      const index = removedIndices.pop()!;
+      volumes.structure[index] = removedStructures.pop()!;
       volumes.removed.delete(index);
       [index % ni, Math.floor(index / ni) % nj, Math.floor(index / (ni * nj))].forEach((v, axis) => {
         lo[axis] = Math.min(lo[axis]!, v);
@@ -171,9 +175,9 @@ export class Cuts {
   }
 
   private take(volumes: Volumes, sweep: Sweep, isCut: readonly boolean[]): VoxelBox | null {
-    const box = around(volumes, sweep);
+    const box = boundsOf(volumes, sweep);
     const { lo, size } = box,
-      isSwept = isIn(sweep);
+      isSwept = insideTest(sweep);
     let changes = false;
     for (let k = lo[2]; k < lo[2] + size[2]; k++) {
       for (let j = lo[1]; j < lo[1] + size[1]; j++) {
@@ -181,8 +185,8 @@ export class Cuts {
           const index = i + volumes.dims[0] * (j + volumes.dims[1] * k);
           const structure = volumes.structure[index]!;
           if (!isCut[structure] || !isSwept(apply(volumes.patientFromVoxel, [i, j, k]))) continue;
-          this.at.push(index);
-          this.was.push(structure);
+          this.removedIndices.push(index);
+          this.removedStructures.push(structure);
           volumes.structure[index] = 0;
           volumes.removed.add(index);
           changes = true;

@@ -2,24 +2,24 @@
 // inverse, from displayed positions to positions at rest, which is computed here.
 
 import { apply, column, invert, type Affine, type Vec3 } from "../base/geometry.js";
-import type { Nodes, DeformationMessage } from "../protocol/yields.js";
+import type { Nodes, DeformationMessage } from "../protocol/deformation_message.js";
 
 /** Number of nodes beyond a grid over which the displacement at its border fades to zero. */
-const FADES_OVER = 3;
+const FADE_NODES = 3;
 /** Number of nodes over which displacement is extrapolated into empty space next to displaced tissue. */
 const EMPTY_LAYERS = 4;
 /** Maximum number of nodes of the inverse grid, which is recomputed up to fifteen times a second. */
-const MOST_SEEN = 40_000;
+const MAX_INVERSE_NODES = 40_000;
 /** Tolerance and maximum number of steps of the fixed-point inversion, which converges fast unless tissue is folded. */
-const NEAR_MM = 0.002,
-  MOST_TRIES = 12;
+const TOLERANCE_MM = 0.002,
+  MAX_ITERATIONS = 12;
 
 /** Displacement field of one tool, defined everywhere in the patient. */
 class Field {
   readonly patientFromNode: Affine;
   private readonly mm: Float32Array;
   private readonly low = [0, 0, 0];
-  private readonly part = [0, 0, 0]; // interpolation weights
+  private readonly weights = [0, 0, 0]; // interpolation weights
 
   constructor(
     readonly nodes: Nodes,
@@ -27,14 +27,14 @@ class Field {
     isEmptyAt: (p: Vec3) => boolean,
   ) {
     this.patientFromNode = invert(nodes.nodeFromPatient);
-    this.mm = this.continued(moved_mm, isEmptyAt);
+    this.mm = this.extrapolated(moved_mm, isEmptyAt);
   }
 
   /**
    * Extrapolates displacements into empty nodes next to tissue; otherwise interpolation would stretch the cells at the
    * surface, and dents would be too shallow.
    */
-  private continued(moved: Float32Array, isEmptyAt: (p: Vec3) => boolean): Float32Array {
+  private extrapolated(moved: Float32Array, isEmptyAt: (p: Vec3) => boolean): Float32Array {
     const { dims } = this.nodes;
     const mm = Float32Array.from(moved);
     const strides = [1, dims[0], dims[0] * dims[1]];
@@ -67,12 +67,12 @@ class Field {
           sum[3] += 1;
         }
       }
-      const share = 1 - layer / EMPTY_LAYERS;
+      const fraction = 1 - layer / EMPTY_LAYERS;
       for (const [m, sum] of sums) {
         known[m] = 1;
         for (let a = 0; a < 3; a++) {
           whole[3 * m + a] = sum[a]! / sum[3];
-          mm[3 * m + a] = share * whole[3 * m + a]!;
+          mm[3 * m + a] = fraction * whole[3 * m + a]!;
         }
       }
       edge = next;
@@ -83,18 +83,18 @@ class Field {
   /** Adds the displacement at a position at rest, patient frame, to `to`; beyond the grid it fades to zero. */
   addAt(x: number, y: number, z: number, to: Float64Array): void {
     const { dims, nodeFromPatient: m } = this.nodes;
-    let share = 1;
-    const { low, part } = this;
+    let fraction = 1;
+    const { low, weights } = this;
     for (let axis = 0; axis < 3; axis++) {
       const row = m[axis]!;
       const node = row[0]! * x + row[1]! * y + row[2]! * z + row[3]!;
       const last = dims[axis]! - 1;
-      const beyond = Math.max(-node, node - last, 0) / FADES_OVER;
+      const beyond = Math.max(-node, node - last, 0) / FADE_NODES;
       if (beyond >= 1) return;
-      share *= 1 - beyond;
+      fraction *= 1 - beyond;
       const within = Math.min(Math.max(node, 0), last);
       low[axis] = Math.min(Math.floor(within), last - 1);
-      part[axis] = within - low[axis]!;
+      weights[axis] = within - low[axis]!;
     }
     const first = low[0]! + dims[0] * (low[1]! + dims[1] * low[2]!);
     for (let c = 0; c < 8; c++) {
@@ -102,7 +102,10 @@ class Field {
         j = (c >> 1) & 1,
         k = c >> 2;
       const weight =
-        share * (i ? part[0]! : 1 - part[0]!) * (j ? part[1]! : 1 - part[1]!) * (k ? part[2]! : 1 - part[2]!);
+        fraction *
+        (i ? weights[0]! : 1 - weights[0]!) *
+        (j ? weights[1]! : 1 - weights[1]!) *
+        (k ? weights[2]! : 1 - weights[2]!);
       const n = 3 * (first + i + dims[0] * (j + dims[1] * k));
       to[0]! += weight * this.mm[n]!;
       to[1]! += weight * this.mm[n + 1]!;
@@ -110,7 +113,7 @@ class Field {
     }
   }
   /** Whether a position is at least half a cell inside the reported grid, where strain is known. */
-  knows(x: number, y: number, z: number): boolean {
+  hasStrainAt(x: number, y: number, z: number): boolean {
     const { dims, nodeFromPatient: m } = this.nodes;
     for (let axis = 0; axis < 3; axis++) {
       const row = m[axis]!;
@@ -124,7 +127,7 @@ class Field {
 /** Deformation by all devices, from the latest report of each. */
 export class Deformation {
   private readonly latest: (DeformationMessage | undefined)[] = [];
-  private seen: Field[] = []; // fields of the latest call of displaced()
+  private fields: Field[] = []; // fields of the latest call of displaced()
 
   receive(received: DeformationMessage): void {
     this.latest[received.device] = received;
@@ -132,13 +135,13 @@ export class Deformation {
   /** Discards everything; each connection reports again in full. */
   forget(): void {
     this.latest.length = 0;
-    this.seen = [];
+    this.fields = [];
   }
 
   /** Displacement at a position at rest, by the fields of the latest call of displaced(); patient frame, mm. */
-  movedAt([x, y, z]: Vec3): Vec3 {
+  displacementAt([x, y, z]: Vec3): Vec3 {
     const moved = new Float64Array(3);
-    for (const field of this.seen) field.addAt(x, y, z, moved);
+    for (const field of this.fields) field.addAt(x, y, z, moved);
     return [moved[0]!, moved[1]!, moved[2]!];
   }
 
@@ -151,7 +154,7 @@ export class Deformation {
    */
   displaced(isEmptyAt: (p: Vec3) => boolean): { nodes: Nodes; mm: Float32Array<ArrayBuffer> } | null {
     const fields = this.latest.flatMap((one) => (one?.nodes ? [new Field(one.nodes, one.moved_mm, isEmptyAt)] : []));
-    this.seen = fields;
+    this.fields = fields;
     if (fields.length === 0) return null;
     const nodes = nodesAround(fields);
     const { dims } = nodes;
@@ -168,23 +171,23 @@ export class Deformation {
           let a = x,
             b = y,
             c = z;
-          for (let tries = 0; tries < MOST_TRIES; tries++) {
+          for (let iteration = 0; iteration < MAX_ITERATIONS; iteration++) {
             moved.fill(0);
             for (const field of fields) field.addAt(a, b, c, moved);
             const offA = x - moved[0]! - a,
               offB = y - moved[1]! - b,
               offC = z - moved[2]! - c;
             // a full step at first, half a step once the iteration oscillates
-            const share = tries < 4 ? 1 : 0.5;
-            a += share * offA;
-            b += share * offB;
-            c += share * offC;
-            if (Math.abs(offA) + Math.abs(offB) + Math.abs(offC) < NEAR_MM) break;
+            const fraction = iteration < 4 ? 1 : 0.5;
+            a += fraction * offA;
+            b += fraction * offB;
+            c += fraction * offC;
+            if (Math.abs(offA) + Math.abs(offB) + Math.abs(offC) < TOLERANCE_MM) break;
           }
           mm[n] = a - x;
           mm[n + 1] = b - y;
           mm[n + 2] = c - z;
-          for (const field of fields) if (field.knows(x, y, z)) mm[n + 3] = 1;
+          for (const field of fields) if (field.hasStrainAt(x, y, z)) mm[n + 3] = 1;
         }
       }
     return { nodes, mm };
@@ -201,18 +204,18 @@ function nodesAround(fields: Field[]): Nodes {
     patientFromNode,
   } of fields)
     for (let corner = 0; corner < 8; corner++) {
-      const at = dims.map((count, axis) => ((corner >> axis) & 1 ? count - 1 + FADES_OVER : -FADES_OVER)) as Vec3;
+      const at = dims.map((count, axis) => ((corner >> axis) & 1 ? count - 1 + FADE_NODES : -FADE_NODES)) as Vec3;
       apply(nodeFromPatient, apply(patientFromNode, at)).forEach((x, axis) => {
         least[axis] = Math.min(least[axis]!, x);
         most[axis] = Math.max(most[axis]!, x);
       });
     }
-  // spacing of the first grid, or coarser to stay below MOST_SEEN
+  // spacing of the first grid, or coarser to stay below MAX_INVERSE_NODES
   const first = least.map((x) => Math.floor(x + 1e-3)) as Vec3;
   const dimsBy = (step: number) =>
     first.map((x, axis) => Math.max(2, Math.ceil((most[axis]! - x) / step - 1e-3) + 1)) as Vec3;
   let step = 1;
-  while (dimsBy(step).reduce((a, b) => a * b) > MOST_SEEN) step *= 1.1;
+  while (dimsBy(step).reduce((a, b) => a * b) > MAX_INVERSE_NODES) step *= 1.1;
   const rows = [0, 1, 2].map((r) => {
     const [a, b, c, d] = nodeFromPatient[r]! as [number, number, number, number];
     return [a / step, b / step, c / step, (d - first[r]!) / step];

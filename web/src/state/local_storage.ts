@@ -1,7 +1,7 @@
 // Browser storage: settings of the page, and of recent scenes by their volume's hash.
 
 const SCENES_KEY = "palpate.scenes";
-const MOST_SCENES = 30;
+const MAX_SCENES = 30;
 const keyOf = (hash: string): string => `palpate.scene.${hash}`;
 
 /** Value stored under a key; empty if it cannot be parsed or storage is unavailable. */
@@ -27,8 +27,8 @@ export function storeScene<T>(hash: string, more: Partial<T>): void {
   const { seen = [] } = recall<{ seen: string[] }>(SCENES_KEY);
   if (seen[0] !== hash) {
     const now = [hash, ...seen.filter((other) => other !== hash)];
-    for (const old of now.slice(MOST_SCENES)) localStorage.removeItem(keyOf(old));
-    store<{ seen: string[] }>(SCENES_KEY, { seen: now.slice(0, MOST_SCENES) });
+    for (const old of now.slice(MAX_SCENES)) localStorage.removeItem(keyOf(old));
+    store<{ seen: string[] }>(SCENES_KEY, { seen: now.slice(0, MAX_SCENES) });
   }
   store<T>(keyOf(hash), more);
 }

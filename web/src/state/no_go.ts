@@ -69,11 +69,9 @@ export interface Approach {
 export function nearestNoGo(regions: (NoGo | null)[], parts: ToolPart[], near: Near): Approach | null {
   // a region that pushes is reported by palpate
   if (near.noGo >= 0) return near.noGo < regions.length ? { region: near.noGo, mm: -near.depth, pushes: true } : null;
-  const all = regions.flatMap((region, position): Approach[] => {
+  const all = regions.flatMap((region, index): Approach[] => {
     const away_mm = region && distanceOf(region, parts, near);
-    return away_mm === null
-      ? []
-      : [{ region: position, mm: Math.max(0, away_mm - region!.keep_away_mm), pushes: false }];
+    return away_mm === null ? [] : [{ region: index, mm: Math.max(0, away_mm - region!.keep_away_mm), pushes: false }];
   });
   return all.sort((a, b) => a.mm - b.mm)[0] ?? null;
 }

@@ -6,14 +6,14 @@ import type { Session } from "./session.js";
 
 export class Permissions {
   /** Whether this viewer may operate the device: stroke, pause, turn the object, rearm. */
-  readonly device = computed(
+  readonly operateTool = computed(
     () =>
       this.connection.allows("hand") &&
       !this.session.scene.value?.recording &&
       this.session.state.value?.lesson.of_another !== true,
   );
   /** Whether this viewer may change settings of the loop and contact properties. */
-  readonly feel = computed(() => this.connection.allows("feel") && !this.session.scene.value?.recording);
+  readonly changeContact = computed(() => this.connection.allows("feel") && !this.session.scene.value?.recording);
 
   constructor(
     private readonly session: Session,

@@ -5,13 +5,17 @@ import { add, angleAt_deg, dot, length, normalize, scale, sub, type Vec3 } from 
 import type { NearStructure } from "../protocol/near.js";
 
 /** Deviation of a tip from a trajectory. */
-export interface Beside {
+export interface TrajectoryDeviation {
   lateral_mm: number; // distance from the trajectory's line
   left_mm: number; // remaining depth to the target, negative beyond it
   angle_deg: number | null; // angle between the trajectory and the shaft, from handle to tip; null: unknown
 }
 /** @param shaft  unit direction from tip to handle; null: no shaft, or unknown orientation */
-export function besideTrajectory({ entry_mm, target_mm }: Trajectory, tip: Vec3, shaft: Vec3 | null): Beside {
+export function besideTrajectory(
+  { entry_mm, target_mm }: Trajectory,
+  tip: Vec3,
+  shaft: Vec3 | null,
+): TrajectoryDeviation {
   const axis = normalize(sub(target_mm, entry_mm));
   const left_mm = dot(sub(target_mm, tip), axis);
   const lateral_mm = length(sub(add(tip, scale(axis, left_mm)), target_mm));
@@ -21,8 +25,8 @@ export function besideTrajectory({ entry_mm, target_mm }: Trajectory, tip: Vec3,
 /** Distance of a position from the segment between a trajectory's ends, mm. */
 export function toTrajectory({ entry_mm, target_mm }: Trajectory, position: Vec3): number {
   const way = sub(target_mm, entry_mm);
-  const share = Math.min(1, Math.max(0, dot(sub(position, entry_mm), way) / dot(way, way)));
-  return length(sub(add(entry_mm, scale(way, share)), position));
+  const fraction = Math.min(1, Math.max(0, dot(sub(position, entry_mm), way) / dot(way, way)));
+  return length(sub(add(entry_mm, scale(way, fraction)), position));
 }
 
 /**

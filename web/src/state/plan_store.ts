@@ -10,10 +10,10 @@ import { words } from "../words/words.js";
 /** Length of a new trajectory, towards the centre of the volume. */
 const NEW_MM = 20;
 /** Pick radius of trajectory ends; CSS pixels. */
-const HOLD_PIXELS = 14;
+const PICK_RADIUS_PX = 14;
 /** Minimum drag distance that places the target of a new trajectory; CSS pixels. */
-const DRAWN_PIXELS = 6;
-const UNBOUND = { entry_within_mm: null, target_within_mm: null, angle_within_deg: null, depth_within_mm: null };
+const MIN_DRAG_PX = 6;
+const NO_BOUNDS = { entry_within_mm: null, target_within_mm: null, angle_within_deg: null, depth_within_mm: null };
 
 export type End = "entry_mm" | "target_mm";
 /** Distance, CSS pixels, between a press and the projection of a position. */
@@ -24,8 +24,8 @@ export class PlanStore {
   readonly chosen = signal(-1);
   private readonly published = signal<Plan | null>(null); // palpate's plan
   private readonly own = signal<Plan | null>(null); // this page's plan
-  private readonly begun = signal<Vec3 | null>(null); // entry of a new trajectory that still lacks a target
-  private readonly grip = signal<{ index: number; end: End; to: Vec3 } | null>(null);
+  private readonly draftEntry = signal<Vec3 | null>(null); // entry of a new trajectory that still lacks a target
+  private readonly draggedEnd = signal<{ index: number; end: End; to: Vec3 } | null>(null);
 
   /**
    * @param ask  requests a change of palpate's plan
@@ -53,9 +53,13 @@ export class PlanStore {
   }
   /** Displayed trajectories, including the current position of a moved end and an incomplete trajectory. */
   get drawn(): Trajectory[] {
-    const [grip, begun] = [this.grip.value, this.begun.value];
-    const list = this.list.map((one, index) => (grip?.index === index ? { ...one, [grip.end]: grip.to } : one));
-    return begun ? [...list, { ...UNBOUND, name: words.entry, entry_mm: begun, target_mm: begun }] : list;
+    const [draggedEnd, draftEntry] = [this.draggedEnd.value, this.draftEntry.value];
+    const list = this.list.map((one, index) =>
+      draggedEnd?.index === index ? { ...one, [draggedEnd.end]: draggedEnd.to } : one,
+    );
+    return draftEntry
+      ? [...list, { ...NO_BOUNDS, name: words.entry, entry_mm: draftEntry, target_mm: draftEntry }]
+      : list;
   }
   update(plan: Plan | null): void {
     this.change(() => (this.published.value = plan));
@@ -63,7 +67,7 @@ export class PlanStore {
   /** Discards the page's own plan; to be called when another scene is loaded. */
   forget(): void {
     this.change(() => {
-      this.own.value = this.begun.value = this.grip.value = null;
+      this.own.value = this.draftEntry.value = this.draggedEnd.value = null;
       this.chosen.value = -1;
     });
   }
@@ -81,7 +85,7 @@ export class PlanStore {
     const names = this.list.map(({ name }) => name);
     let number = names.length + 1;
     while (names.includes(words.trajectoryNumber(String(number)))) number += 1;
-    this.replace(names.length, { ...UNBOUND, name: words.trajectoryNumber(String(number)), entry_mm, target_mm });
+    this.replace(names.length, { ...NO_BOUNDS, name: words.trajectoryNumber(String(number)), entry_mm, target_mm });
   }
   /** Adds a trajectory of length NEW_MM from `entry` towards `to`. */
   addTowards(entry: Vec3, to: Vec3): void {
@@ -111,14 +115,14 @@ export class PlanStore {
         can_change: false,
         trajectories,
       };
-      this.history.note("plan", { before, after, apply: (_, to) => this.setOwn(to) });
+      this.history.push("plan", { before, after, apply: (_, to) => this.setOwn(to) });
       this.setOwn(after);
       return;
     }
     const { version } = this.published.value!;
     if (!(await this.ask({ version, ...request }))) return;
     // palpate increments the version for every change, undo included
-    this.history.note("plan", { before: version, after: version + 1, apply: (_, to) => this.goBack(to) });
+    this.history.push("plan", { before: version, after: version + 1, apply: (_, to) => this.goBack(to) });
   }
   private setOwn(plan: Plan | null): boolean {
     this.change(() => (this.own.value = plan));
@@ -145,32 +149,32 @@ export class PlanStore {
         (["entry_mm", "target_mm"] as const).map((end) => ({ index, end, to: at, far: pixelsTo(one[end]) })),
       )
       .sort((a, b) => a.far - b.far);
-    const entry = this.begun.value;
+    const entry = this.draftEntry.value;
     if (entry) {
-      this.begun.value = null;
+      this.draftEntry.value = null;
       this.add(entry, at);
-    } else if (nearest && nearest.far <= HOLD_PIXELS) {
-      this.grip.value = nearest;
+    } else if (nearest && nearest.far <= PICK_RADIUS_PX) {
+      this.draggedEnd.value = nearest;
       this.chosen.value = nearest.index;
-    } else this.begun.value = at;
+    } else this.draftEntry.value = at;
   }
   move(at: Vec3): void {
-    if (this.grip.value) this.grip.value = { ...this.grip.value, to: at };
+    if (this.draggedEnd.value) this.draggedEnd.value = { ...this.draggedEnd.value, to: at };
   }
   release(at: Vec3, pixelsTo: PixelsTo): void {
-    const [grip, begun] = [this.grip.value, this.begun.value];
-    this.grip.value = null;
-    if (grip) {
-      const one = this.list[grip.index];
-      if (one && length(sub(one[grip.end], grip.to)) > 0 && pixelsTo(one[grip.end]) > DRAWN_PIXELS)
-        this.replace(grip.index, { ...one, [grip.end]: grip.to });
-    } else if (begun && pixelsTo(begun) > DRAWN_PIXELS) {
-      this.begun.value = null;
-      this.add(begun, at);
+    const [draggedEnd, draftEntry] = [this.draggedEnd.value, this.draftEntry.value];
+    this.draggedEnd.value = null;
+    if (draggedEnd) {
+      const one = this.list[draggedEnd.index];
+      if (one && length(sub(one[draggedEnd.end], draggedEnd.to)) > 0 && pixelsTo(one[draggedEnd.end]) > MIN_DRAG_PX)
+        this.replace(draggedEnd.index, { ...one, [draggedEnd.end]: draggedEnd.to });
+    } else if (draftEntry && pixelsTo(draftEntry) > MIN_DRAG_PX) {
+      this.draftEntry.value = null;
+      this.add(draftEntry, at);
     }
   }
   /** Abandons a trajectory without a target, and the movement of an end. */
   drop(): void {
-    this.begun.value = this.grip.value = null;
+    this.draftEntry.value = this.draggedEnd.value = null;
   }
 }

@@ -9,38 +9,38 @@ import type { Requests } from "./requests.js";
 import type { Session } from "./session.js";
 
 /** Position on the path of the tip; patient frame. */
-export interface Step {
+export interface PathPoint {
   at: Vec3;
   into: Vec3 | null; // unit direction to press in; null: no force
 }
 
 /** Distance from the cursor beyond which a contact does not show what the cursor points at. */
-export const FARTHEST_MM = 3;
-const LEAST_INTERVAL_MS = 1000 / 120;
+export const MAX_DISTANCE_MM = 3;
+const MIN_INTERVAL_MS = 1000 / 120;
 /** Repetition interval at rest. */
 const KEEP_ALIVE_MS = 1000 / 30;
 /** Interval without messages after which palpate lets the force fade out (docs/reference/devices-without-force.md). */
 const HOLD_MS = 550;
 /** Delay of the first message of a touch, because a second finger may follow for zooming. */
 const PINCH_MS = 150;
-/** Speed of the tip, about that of a hand. A longer path of a stroke takes LONGEST_MS, at FASTEST_MM_PER_S at most. */
+/** Speed of the tip, about that of a hand. A longer path of a stroke takes MAX_PATH_MS, at MAX_MM_PER_S at most. */
 const SPEED_MM_PER_S = 300,
-  LONGEST_MS = 60,
-  FASTEST_MM_PER_S = 1800;
+  MAX_PATH_MS = 60,
+  MAX_MM_PER_S = 1800;
 /** Distance by which a released tip leaves the surface, and the time for that. */
 const LEAVES_MM = 2,
   LEAVING_MS = 60;
 /** Conditions under which palpate withholds the force, so that no depth would reach the chosen one. */
 const NO_FORCE = Flag.emergencyStop | Flag.paused | Flag.halted;
 /** Range of the force to press with; also limited to the session's force limit. */
-export const LEAST_PRESS_N = 0.1;
+export const MIN_PRESS_N = 0.1;
 
 export class PointerDevice {
-  position: Step | null = null; // target sent last while the tip is held; null: released
+  position: PathPoint | null = null; // target sent last while the tip is held; null: released
   pressure = 1; // factor of the chosen force by the pressure of a pen
   /** Called when the hold ends although the press goes on. */
   onReleasedByPause: () => void = () => {};
-  private way: Step[] = []; // remaining path; the last step is the target
+  private remainingPath: PathPoint[] = []; // remaining path; the last step is the target
   private sent_ms = 0; // time of the latest message
   private hasSent = false; // the current hold has sent a message
   private hasPressed = false; // the current hold has reached a surface
@@ -59,38 +59,38 @@ export class PointerDevice {
   }
   /** Whether a press moves the tip: this page has the pointer, or may take it because no viewer has it. */
   get isAvailable(): boolean {
-    return this.isClaimed || (this.session.state.value?.pointer_by === null && this.permissions.device.value);
+    return this.isClaimed || (this.session.state.value?.pointer_by === null && this.permissions.operateTool.value);
   }
   /** Force that a press has now, N. */
   private get force_N(): number {
     const { state, press_N } = this.session;
-    return Math.max(LEAST_PRESS_N, Math.min(press_N.value * this.pressure, state.value?.max_force_N ?? Infinity));
+    return Math.max(MIN_PRESS_N, Math.min(press_N.value * this.pressure, state.value?.max_force_N ?? Infinity));
   }
 
   /** Begins to move the tip along a path; takes the pointer first, if no viewer has it. */
-  hold(path: Step[], isFinger: boolean): void {
+  hold(path: PathPoint[], isFinger: boolean): void {
     // presses in two pictures at once are ambiguous
     if (this.session.holding.value) return this.release();
     const tip = this.session.pose.value?.devices[0]?.tip;
-    this.way = [...path];
+    this.remainingPath = [...path];
     this.position = tip ? { at: tip, into: null } : (path[0] ?? null);
     if (!this.position) return;
     this.session.holding.value = true;
     this.hasSent = this.hasPressed = false;
     this.sent_ms = performance.now() + (isFinger ? PINCH_MS : 0);
     clearInterval(this.timer);
-    this.timer = window.setInterval(() => this.send(), LEAST_INTERVAL_MS);
+    this.timer = window.setInterval(() => this.send(), MIN_INTERVAL_MS);
     this.isAwaited = !this.isClaimed;
     if (this.isAwaited)
       void this.requests.once({ type: "pointer", take: true }).then((isGranted) => isGranted || this.release());
   }
   /** Replaces the remaining path. */
-  move(step: Step): void {
-    if (this.session.holding.value) this.way = [step];
+  move(step: PathPoint): void {
+    if (this.session.holding.value) this.remainingPath = [step];
   }
   /** Continues the path. */
-  follow(path: Step[]): void {
-    if (this.session.holding.value) this.way.push(...path);
+  follow(path: PathPoint[]): void {
+    if (this.session.holding.value) this.remainingPath.push(...path);
   }
   release(): void {
     clearInterval(this.timer);
@@ -98,17 +98,17 @@ export class PointerDevice {
     this.hasSent = false;
     this.position = null;
     this.session.holding.value = false;
-    if (position && hasSent && this.isClaimed) this.leave(position);
+    if (position && hasSent && this.isClaimed) this.retract(position);
   }
   /** Leaves the surface, which would stay dented, and releases the tip. */
-  private leave({ at, into }: Step): void {
+  private retract({ at, into }: PathPoint): void {
     if (into) this.connection.moveTip(sub(at, scale(into, LEAVES_MM)));
     const lift = () => this.session.holding.value || this.connection.liftTip();
     if (into) window.setTimeout(lift, LEAVING_MS);
     else lift();
   }
   /** Releases the tip although the press goes on: the page was hidden or did not run for too long. */
-  withdraw(): void {
+  releaseByPause(): void {
     if (!this.session.holding.value) return;
     this.release();
     this.onReleasedByPause();
@@ -125,8 +125,8 @@ export class PointerDevice {
     this.isAwaited = false;
     const elapsed = now - this.sent_ms;
     // palpate has let go meanwhile, and would begin inside of the tissue
-    if (this.hasSent && elapsed > HOLD_MS) return this.withdraw();
-    if (elapsed < (this.way.length === 0 ? KEEP_ALIVE_MS : LEAST_INTERVAL_MS)) return;
+    if (this.hasSent && elapsed > HOLD_MS) return this.releaseByPause();
+    if (elapsed < (this.remainingPath.length === 0 ? KEEP_ALIVE_MS : MIN_INTERVAL_MS)) return;
     this.advance(Math.min(elapsed, 50));
     this.hasPressed ||= this.position.into !== null;
     const isPressing = this.position.into && !((this.session.pose.value?.devices[0]?.flags ?? 0) & NO_FORCE);
@@ -140,10 +140,11 @@ export class PointerDevice {
     let from = this.position!;
     let left_mm = 0;
     if (this.hasPressed)
-      for (const [n, step] of this.way.entries()) left_mm += length(sub(step.at, (this.way[n - 1] ?? from).at));
-    const speed = Math.min(Math.max(SPEED_MM_PER_S, (1000 * left_mm) / LONGEST_MS), FASTEST_MM_PER_S);
-    for (let most_mm = (speed * elapsed_ms) / 1000; this.way.length > 0;) {
-      const step = this.way[0]!;
+      for (const [n, step] of this.remainingPath.entries())
+        left_mm += length(sub(step.at, (this.remainingPath[n - 1] ?? from).at));
+    const speed = Math.min(Math.max(SPEED_MM_PER_S, (1000 * left_mm) / MAX_PATH_MS), MAX_MM_PER_S);
+    for (let most_mm = (speed * elapsed_ms) / 1000; this.remainingPath.length > 0;) {
+      const step = this.remainingPath[0]!;
       const path = sub(step.at, from.at);
       const far_mm = length(path);
       if (far_mm > most_mm) {
@@ -152,7 +153,7 @@ export class PointerDevice {
         return;
       }
       most_mm -= far_mm;
-      this.way.shift();
+      this.remainingPath.shift();
       const turns = !from.into || !step.into;
       from = this.position = step;
       // passes through the positions at which it leaves or meets a surface

@@ -12,9 +12,9 @@ import { capitalized, words } from "../words/words.js";
 
 const AT_REST_MS = 500;
 /** Settings that are switched back and forth during a session, and therefore not undone. */
-const NOT_UNDONE: readonly string[] = ["paused", "motor"];
-const isUndone = (name: string): boolean =>
-  name === "law" || ((SETTING_NAMES as readonly string[]).includes(name) && !NOT_UNDONE.includes(name));
+const NOT_UNDOABLE: readonly string[] = ["paused", "motor"];
+const isUndoable = (name: string): boolean =>
+  name === "law" || ((SETTING_NAMES as readonly string[]).includes(name) && !NOT_UNDOABLE.includes(name));
 
 type Values = Record<string, unknown>;
 /** Current values of the settings that a request changes; null for other requests. */
@@ -25,7 +25,7 @@ function holding(request: Request, state: State): Values | null {
       ? { ...state.tissues[tissue!] }
       : { ...state, method: state.method_awaited ?? state.method, law: state.law_awaited ?? state.law };
   const names = Object.keys(asked);
-  if (names.length === 0 || (type !== "tissue" && (type !== "set" || !names.every(isUndone)))) return null;
+  if (names.length === 0 || (type !== "tissue" && (type !== "set" || !names.every(isUndoable)))) return null;
   return Object.fromEntries(names.map((name) => [name, of[name]]));
 }
 const SAME_TURN_DEG = 0.01;
@@ -90,7 +90,7 @@ export class Requests {
     if (isGranted && before && !areSame(before, request)) {
       const { type, tissue } = request;
       const key = JSON.stringify([type, tissue, Object.keys(before)]);
-      this.history.note(
+      this.history.push(
         key,
         { before: { ...request, ...before }, after: request, apply: (from, to) => this.replace(from, to) },
         gesture,

@@ -85,9 +85,9 @@ export class Session {
   readonly fill = signal(0.45);
   readonly outlines = signal(true);
   readonly strain = signal(false); // strain is displayed in sections
-  readonly yields = signal(false); // some tissue is deformed
+  readonly isDeformed = signal(false); // some tissue is deformed
   /** Displacement of a position at rest, mm, as displayed. */
-  readonly movedAt = signal<(position: Vec3) => Vec3>(() => [0, 0, 0]);
+  readonly displacementAt = signal<(position: Vec3) => Vec3>(() => [0, 0, 0]);
   readonly slab = signal<Slab>({ kind: "none", mm: 10 });
   readonly scanInVolume = signal(0);
   readonly layout = signal<Layout>("two");
@@ -99,7 +99,7 @@ export class Session {
   readonly holding = signal(false); // a press on this page holds the tip
   readonly press_N = signal(1); // force with which a press touches a surface
   /** Voxel values displayed with the look of value `as`, for a quiz; null: none. */
-  readonly alike = signal<{ values: number[]; as: number } | null>(null);
+  readonly drawnAs = signal<{ values: number[]; as: number } | null>(null);
   /** Labels to be found in a quiz, during which structures have no names; null: no quiz. */
   readonly quiz = signal<number[] | null>(null);
   /** Number of changes of displayed voxels and their deformation. */
@@ -153,16 +153,16 @@ export class Session {
     const rgba = new Uint8Array(1024);
     this.appearances.value
       .slice(0, 255)
-      .forEach((appearance, position) =>
+      .forEach((appearance, index) =>
         rgba.set(
           [...appearance.colour, appearance.visible ? Math.round(255 * appearance.opacity) : 0],
-          (position + 1) * 4,
+          (index + 1) * 4,
         ),
       );
     if (this.appearances.value.length < REMOVED) rgba.set(REMOVED_RGBA, 4 * REMOVED);
-    const [lit, alike] = [this.lit.value, this.alike.value];
+    const [lit, drawnAs] = [this.lit.value, this.drawnAs.value];
     if (lit !== null && lit >= 0 && lit < 255) rgba.set(LIT, (lit + 1) * 4);
-    for (const value of alike?.values ?? []) rgba.copyWithin(4 * value, 4 * alike!.as, 4 * alike!.as + 4);
+    for (const value of drawnAs?.values ?? []) rgba.copyWithin(4 * value, 4 * drawnAs!.as, 4 * drawnAs!.as + 4);
     return rgba;
   });
   /** Gloss of 256 structures, in the order of the palette. */
@@ -171,9 +171,9 @@ export class Session {
     const scene = this.scene.value;
     scene?.structures
       .slice(0, 255)
-      .forEach(({ tissue }, position) => (values[position + 1] = glossOf(scene.tissues[tissue]?.friction)));
-    const alike = this.alike.value;
-    for (const value of alike?.values ?? []) values[value] = values[alike!.as]!;
+      .forEach(({ tissue }, index) => (values[index + 1] = glossOf(scene.tissues[tissue]?.friction)));
+    const drawnAs = this.drawnAs.value;
+    for (const value of drawnAs?.values ?? []) values[value] = values[drawnAs!.as]!;
     return values;
   });
   /** Appearance of the volume: another object after every change of colours, voxels or deformation. */
@@ -255,14 +255,14 @@ export class Session {
   nearTo(device: DevicePose): NearStructure[] {
     return (this.near.value[device.number]?.structures ?? []).filter(({ label }) => !this.isHidden(label));
   }
-  regionName(position: number): string {
-    return this.quiz.value ? words.someRegion : readable(this.scene.value!.no_go[position]!.name);
+  regionName(index: number): string {
+    return this.quiz.value ? words.someRegion : readable(this.scene.value!.no_go[index]!.name);
   }
 
   /** Displayed position of a tool, patient frame: in contact, on the deformed surface; else at the tip. */
   toolAt(device: DevicePose): Vec3 {
     if (!(device.flags & Flag.contact) || device.flags & Flag.inside) return device.tip;
-    return add(device.proxy, this.movedAt.value(device.contacts[0]?.position ?? device.proxy));
+    return add(device.proxy, this.displacementAt.value(device.contacts[0]?.position ?? device.proxy));
   }
   /** Devices in drawing order: the first one on top. */
   get drawn(): DevicePose[] {
@@ -335,8 +335,8 @@ export class Session {
     const touches = device.label > 0;
     const isTouchable = touches && !(device.flags & WITHHELD && length(device.force) === 0);
     // a tip that started inside a structure has no contact without being in free space
-    const position = this.volumes.value?.structureAt(device.tip) ?? null;
-    const around = position === null ? null : this.nameAt(position);
+    const index = this.volumes.value?.structureAt(device.tip) ?? null;
+    const around = index === null ? null : this.nameAt(index);
     const name = touches ? (this.structureName(device.label) ?? words.unnamed(String(device.label))) : around;
     if (!touches && this.hasNothingToFeel.value) return { label: 0, words: words.nothingToFeel };
     if (name === null) return { label: 0, words: device.flags & Flag.outside ? words.outside : words.free };
@@ -345,8 +345,8 @@ export class Session {
       : { label: 0, words: words.notFelt(readable(name)) };
   }
   /** Name of a structure by its index; anonymous in a quiz. */
-  nameAt(position: number): string {
-    return this.quiz.value ? words.someStructure : this.scene.value!.structures[position]!.name;
+  nameAt(index: number): string {
+    return this.quiz.value ? words.someStructure : this.scene.value!.structures[index]!.name;
   }
   /** Name of a structure in contact, with the structures that enclose it. */
   private withEnclosing(name: string, label: number): string {

@@ -4,7 +4,7 @@
 import { add, dot, length, normalize, scale, sub, tangents, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
 import { firstTouchable, type IsTouchable } from "./surface.js";
-import { FARTHEST_MM, type Step } from "../state/pointer.js";
+import { MAX_DISTANCE_MM, type PathPoint } from "../state/pointer.js";
 
 /** Point on a surface; patient frame. */
 export interface SurfacePoint {
@@ -23,7 +23,7 @@ const DRAG_PIXELS = 8;
 const HALVINGS = 4;
 /** Component of a direction along a surface below which a key does not stroke over it. */
 const LEAST_ALONG = 0.3;
-/** Time for which the contact may be farther than FARTHEST_MM from its target, while it follows. */
+/** Time for which the contact may be farther than MAX_DISTANCE_MM from its target, while it follows. */
 const CAUGHT_MS = 150;
 
 /** Distance in front of a surface from which the tip approaches it. */
@@ -105,7 +105,7 @@ export function pathTo(isTouchable: IsTouchable, tip: Vec3, surface: Vec3, into:
 }
 
 /** Finds the surface at a position along the cursor's movement, from 0, its begin, to 1; null: none. */
-export type Pick = (share: number) => SurfacePoint | null;
+export type Pick = (fraction: number) => SurfacePoint | null;
 
 export class Stroke {
   /** Surface point that the tip presses on, or is on its way to; null: it is lifted. */
@@ -123,7 +123,7 @@ export class Stroke {
     private readonly isTouchable: IsTouchable,
     tip: Vec3,
     private readonly radius_mm: number,
-    private readonly hover: (share: number, end: Vec3) => Vec3,
+    private readonly hover: (fraction: number, end: Vec3) => Vec3,
   ) {
     this.end = tip;
   }
@@ -187,7 +187,7 @@ export class Stroke {
   }
 
   /** Path of the tip to a press. */
-  begin(pick: Pick): Step[] {
+  begin(pick: Pick): PathPoint[] {
     return this.moveTo(pick(1), 1);
   }
 
@@ -195,15 +195,15 @@ export class Stroke {
    * Path of the tip for a movement of the cursor.
    * @param pixels  length of the movement
    */
-  follow(pick: Pick, pixels: number): Step[] {
+  follow(pick: Pick, pixels: number): PathPoint[] {
     const parts = Math.max(1, Math.ceil(pixels / DRAG_PIXELS));
-    const steps: Step[] = [];
+    const steps: PathPoint[] = [];
     for (let n = 1; n <= parts; n++)
       steps.push(...this.refine(pick, (n - 1) / parts, n / parts, pick(n / parts), HALVINGS));
     return steps;
   }
   /** Follows the surface between two cursor positions, or leaves it where it ends. */
-  private refine(pick: Pick, from: number, to: number, point: SurfacePoint | null, halvings: number): Step[] {
+  private refine(pick: Pick, from: number, to: number, point: SurfacePoint | null, halvings: number): PathPoint[] {
     const { point: last } = this;
     if (last && point && length(sub(point.at, last.at)) <= STEP_MM) return this.slide(point);
     if (!last && !point) return this.moveTo(null, to);
@@ -215,14 +215,14 @@ export class Stroke {
     ];
   }
 
-  private slide(point: SurfacePoint): Step[] {
+  private slide(point: SurfacePoint): PathPoint[] {
     this.point = point;
     this.end = sub(point.at, scale(point.into, this.radius_mm));
     return [{ at: this.end, into: point.into }];
   }
   /** Lifts the tip, and puts it down again on a surface, if there is one. */
-  private moveTo(point: SurfacePoint | null, share: number): Step[] {
-    const steps: Step[] = [];
+  private moveTo(point: SurfacePoint | null, fraction: number): PathPoint[] {
+    const steps: PathPoint[] = [];
     const addStep = (at: Vec3) => steps.push({ at: (this.end = at), into: null });
     if (this.point) addStep(this.outside(this.point));
     this.point = null;
@@ -231,7 +231,7 @@ export class Stroke {
       for (const at of pathTo(this.isTouchable, this.end, centre, point.from, this.volumes.voxelSize / 2)) addStep(at);
       return [...steps, ...this.slide(point)];
     }
-    const hover = this.hover(share, this.end);
+    const hover = this.hover(fraction, this.end);
     if (length(sub(hover, this.end)) > 1e-3 && this.isFree(hover)) addStep(hover);
     return steps;
   }
@@ -244,7 +244,7 @@ export class Stroke {
     const path = sub(to, this.end);
     const parts = Math.ceil(length(path) / this.volumes.voxelSize);
     return Array.from({ length: parts }, (_, n) => (n + 1) / parts).every(
-      (share) => !this.isTouchable(add(this.end, scale(path, share))),
+      (fraction) => !this.isTouchable(add(this.end, scale(path, fraction))),
     );
   }
 
@@ -255,8 +255,8 @@ export class Stroke {
    * @param isInside  contact was reset while the tip was inside, as after a halt of the loop: there is no force
    * @returns null: the contact is where it should be, or has just begun to lag
    */
-  freed(now_ms: number, target: Step, contact: Vec3 | null, isInside = false): Step[] | null {
-    const isFar = contact !== null && length(sub(contact, target.at)) > FARTHEST_MM;
+  freed(now_ms: number, target: PathPoint, contact: Vec3 | null, isInside = false): PathPoint[] | null {
+    const isFar = contact !== null && length(sub(contact, target.at)) > MAX_DISTANCE_MM;
     const isAway = target.into !== null && (isInside || isFar);
     if (!isAway) this.away_ms = NaN;
     else if (Number.isNaN(this.away_ms)) this.away_ms = now_ms;

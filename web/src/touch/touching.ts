@@ -70,11 +70,11 @@ export class Touching {
       this.isTouchable,
       device.tip,
       session.toolOf(device).radius_mm,
-      (share, end) => this.hover(this.cursorAt(share), end),
+      (fraction, end) => this.hover(this.cursorAt(fraction), end),
     );
     this.setPressure(event);
     pointer.hold(
-      this.stroke.begin((share) => this.pick(this.cursorAt(share), this.stroke!)),
+      this.stroke.begin((fraction) => this.pick(this.cursorAt(fraction), this.stroke!)),
       event.pointerType === "touch",
     );
     this.report(true);
@@ -104,7 +104,7 @@ export class Touching {
     const [x, y] = this.cursor[1];
     this.cursor = [[x, y], to];
     this.pointer.follow(
-      stroke.follow((share) => this.pick(this.cursorAt(share), stroke), Math.hypot(to[0] - x, to[1] - y)),
+      stroke.follow((fraction) => this.pick(this.cursorAt(fraction), stroke), Math.hypot(to[0] - x, to[1] - y)),
     );
   }
   /** Changes the chosen force: more with the wheel towards the user. */
@@ -126,9 +126,9 @@ export class Touching {
     [0, 0],
     [0, 0],
   ];
-  private cursorAt(share: number): Position {
+  private cursorAt(fraction: number): Position {
     const [[x, y], [to_x, to_y]] = this.cursor;
-    return [x + share * (to_x - x), y + share * (to_y - y)];
+    return [x + fraction * (to_x - x), y + fraction * (to_y - y)];
   }
   /** A pen at half pressure presses with the chosen force. */
   private setPressure({ pointerType, pressure }: Pressing): void {

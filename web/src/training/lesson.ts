@@ -8,7 +8,7 @@ import { transport } from "../protocol/transport.js";
 import { byId, element, press, write } from "../base/dom.js";
 import type { Requests } from "../state/requests.js";
 import type { Session } from "../state/session.js";
-import { says, words } from "../words/words.js";
+import { setMessages, words } from "../words/words.js";
 
 /** Shows an HTML page made by palpate inside this one, isolated with its own styles. Scripts in it are not executed. */
 function showPage(host: HTMLElement, html: string): void {
@@ -60,8 +60,8 @@ export class Lesson {
       const isSure = performance.now() - this.endAsked_ms < SURE_MS;
       this.endAsked_ms = isSure ? -Infinity : performance.now();
       if (isSure) ask({ end: true });
-      says(byId("lesson-end"), { text: isSure ? "endSession" : "endSessionAsked" });
-      if (!isSure) window.setTimeout(() => says(byId("lesson-end"), { text: "endSession" }), SURE_MS);
+      setMessages(byId("lesson-end"), { text: isSure ? "endSession" : "endSessionAsked" });
+      if (!isSure) window.setTimeout(() => setMessages(byId("lesson-end"), { text: "endSession" }), SURE_MS);
     });
     byId("curves-show").addEventListener("click", () => void this.showCurves());
     byId("curves-close").addEventListener("click", () => this.closeCurves());
@@ -102,7 +102,7 @@ export class Lesson {
     byId("lesson").hidden = !isLed && role !== "learner";
     byId("lesson-led").hidden = !isLed;
     byId("curves-show").hidden = !seesRuns;
-    says(byId("curves-show"), { text: connection.allows("all_runs") ? "allCurves" : "ownCurves" });
+    setMessages(byId("curves-show"), { text: connection.allows("all_runs") ? "allCurves" : "ownCurves" });
   }
   private showLesson(): void {
     const state = this.session.state.value;
@@ -144,7 +144,7 @@ export class Lesson {
     for (const { learner, here, pointer } of learners) {
       const { turn, status, pass } = this.rows.get(learner)!;
       press(turn, lesson.learner === learner);
-      says(status, { text: pointer ? "movesTip" : here ? "isHere" : "isAway" });
+      setMessages(status, { text: pointer ? "movesTip" : here ? "isHere" : "isAway" });
       pass.hidden = !this.hasPointer;
       pass.disabled = !here || pointer || (lesson.learner !== null && lesson.learner !== learner);
     }
@@ -156,12 +156,16 @@ export class Lesson {
       turn.addEventListener("click", () => void this.ask({ learner }));
       return turn;
     };
-    this.anyone = says(turnOf(""), { text: "anyone", title: "anyoneTitle" });
+    this.anyone = setMessages(turnOf(""), { text: "anyone", title: "anyoneTitle" });
     this.rows = new Map(
       learners.map(({ learner }) => {
-        const turn = says(turnOf(learner), { title: "nextTurn" }, learner);
+        const turn = setMessages(turnOf(learner), { title: "nextTurn" }, learner);
         turn.textContent = learner;
-        const pass = says(element("button", { type: "button" }), { text: "passTip", label: "passTipTo" }, learner);
+        const pass = setMessages(
+          element("button", { type: "button" }),
+          { text: "passTip", label: "passTipTo" },
+          learner,
+        );
         pass.addEventListener("click", () => void this.ask({ pointer: learner }));
         return [learner, { turn, status: element("span", { className: "quiet" }), pass }];
       }),
@@ -189,7 +193,7 @@ export class Lesson {
   }
   private listTasks({ tasks }: Scene): void {
     byId("lesson-task").replaceChildren(
-      says(new Option("", ""), { text: "anyTask" }),
+      setMessages(new Option("", ""), { text: "anyTask" }),
       ...(tasks ?? []).map(({ name, title }) => new Option(title, name)),
     );
     byId("lesson-task-line").hidden = (tasks ?? []).length < 2;

@@ -1,6 +1,6 @@
 // Panel of tasks: briefing, progress and results, as measured and reported by palpate.
 
-export * as Quiz from "./quiz.js"; // bundled in the same chunk
+export * as Quiz from "./redaction.js"; // bundled in the same chunk
 import { batch, effect, signal, untracked } from "@preact/signals-core";
 import type {
   Scene,
@@ -22,12 +22,12 @@ import { refusalText, type Requests } from "../state/requests.js";
 import type { Session } from "../state/session.js";
 import { drawPatches, drawPosition, drawRegion, drawPath } from "./training_marks.js";
 import type { VolumeView } from "../volume/volume_view.js";
-import { says, words, type Message } from "../words/words.js";
+import { setMessages, words, type Message } from "../words/words.js";
 
 type View = "none" | "briefing" | "running" | "debriefing";
 /** Minimum display time of a warning. */
 const WARNING_MS = 1500;
-const MOST_EVENTS = 60;
+const MAX_EVENTS = 60;
 const TOUCHED_N = 0.05;
 
 /** Hides the structures, by label, to be found in a quiz; null: shows them again. */
@@ -113,7 +113,7 @@ export class Training {
     byId("training").hidden = tasks.length === 0;
     byId("task-line").hidden = tasks.length < 2;
     byId<HTMLSelectElement>("task").replaceChildren(
-      says(new Option("", ""), { text: "noTask" }),
+      setMessages(new Option("", ""), { text: "noTask" }),
       ...tasks.map(({ name, title }) => new Option(title, name)),
     );
     if (isNew) {
@@ -364,7 +364,7 @@ export class Training {
     byId("task-rules").replaceChildren(...this.rules(task).map((rule) => element("li", {}, rule)));
     byId("task-steps").replaceChildren(
       ...task.steps.map((step, n) => {
-        const where = says(
+        const where = setMessages(
           element("button", { type: "button", className: "where" }),
           { text: "where", label: "whereIs" },
           step.name,
@@ -380,7 +380,7 @@ export class Training {
             element("span", { className: "name" }, step.name),
             element("span", { className: "state" }),
             element("span", { className: "quiet" }, this.stepText(step)),
-            says(element("meter", { min: 0, max: 1, value: 0, hidden: true }), { label: "howFar" }, step.name),
+            setMessages(element("meter", { min: 0, max: 1, value: 0, hidden: true }), { label: "howFar" }, step.name),
           ),
           where,
         );
@@ -400,7 +400,7 @@ export class Training {
     const top = 1.25 * Math.max(limit_N ?? 0, band_N?.[1] ?? 0, 1.2 * (band_N?.[0] ?? 0), 0.4);
     const percent = (force: number) => Math.min(100, (100 * force) / top);
     const value = element("span", { className: "value" });
-    const bar = says(element("div", { className: "band" }, value), { label: "forceOn" }, this.namesOf(labels));
+    const bar = setMessages(element("div", { className: "band" }, value), { label: "forceOn" }, this.namesOf(labels));
     for (const [name, now] of [
       ["role", "meter"],
       ["aria-valuemin", "0"],
@@ -556,11 +556,11 @@ export class Training {
     this.announcedRun = result.run;
     const heads: Message[] = ["figure", "yours", "expertBand", "ownBest"];
     byId("figures").replaceChildren(
-      says(element("caption"), { text: "figuresAbout" }),
+      setMessages(element("caption"), { text: "figuresAbout" }),
       element(
         "thead",
         {},
-        element("tr", {}, ...heads.map((head) => says(element("th", { scope: "col" }), { text: head }))),
+        element("tr", {}, ...heads.map((head) => setMessages(element("th", { scope: "col" }), { text: head }))),
       ),
       element(
         "tbody",
@@ -596,7 +596,7 @@ export class Training {
     );
     this.plotRun(task, result);
 
-    const events = result.events.slice(0, MOST_EVENTS);
+    const events = result.events.slice(0, MAX_EVENTS);
     const omitted = result.events.length - events.length + result.more_events;
     byId("run-events").replaceChildren(
       ...events.map((event) =>
@@ -624,7 +624,7 @@ export class Training {
             .map((force, n) => ({ name: this.namesOf(force.labels), column: 5 + n, part: n, ...force }))
         : [{ name: words.allTouched, column: 4, part: -1, labels: [], band_N: null, limit_N: null }];
     const figures = shown.map(({ name }) => {
-      const canvas = says(element("canvas"), { label: "runPlotAbout" }, name);
+      const canvas = setMessages(element("canvas"), { label: "runPlotAbout" }, name);
       canvas.setAttribute("role", "img");
       return {
         canvas,

@@ -14,7 +14,7 @@ const COVERED = "rgba(126, 217, 87, 0.85)",
   OPEN = "rgba(255, 196, 92, 0.9)";
 /** Depth tolerance with which a path on a surface counts as visible. */
 const SLACK_MM = 1.5;
-const LEAST_N = 0.05;
+const MIN_FORCE_N = 0.05;
 
 /** Draws a region of a task: a ring with the region's radius, and its name. */
 export function drawRegion(frame: Frame, projection: InVolume, region: TaskRegion, name: string): void {
@@ -31,7 +31,7 @@ export function drawRegion(frame: Frame, projection: InVolume, region: TaskRegio
 /** Contact level of a sample: 0 none, 1 contact, 2 above a limit. */
 function hardness(sample: number[], forces: TaskForce[]): number {
   const isOver = forces.some(({ limit_N }, n) => limit_N !== null && (sample[5 + n] ?? 0) > limit_N);
-  return isOver ? 2 : sample[4]! > LEAST_N ? 1 : 0;
+  return isOver ? 2 : sample[4]! > MIN_FORCE_N ? 1 : 0;
 }
 const hasPosition = (sample: number[]): boolean => sample.slice(1, 4).every((x) => x !== null && Number.isFinite(x));
 

@@ -11,7 +11,7 @@ export const BLOCK = 8;
 export const TEXEL_BYTES = 4;
 
 /** Accumulated shares of structures in the neighbourhood of a texel. */
-class Shares {
+class Fractions {
   private readonly sums = new Float64Array(256);
   private readonly met: number[] = [];
 
@@ -73,9 +73,9 @@ class Mixtures {
     this.met.length = 0;
     this.begins.push(this.structures.length);
   }
-  into(shares: Shares, n: number, weight: number): void {
+  into(fractions: Fractions, n: number, weight: number): void {
     for (let m = this.begins[n]!; m < this.begins[n + 1]!; m++)
-      shares.add(this.structures[m]!, weight * this.parts[m]!);
+      fractions.add(this.structures[m]!, weight * this.parts[m]!);
   }
 }
 
@@ -88,7 +88,7 @@ export class Field {
   readonly haze: Int16Array | null;
   readonly blocks: Vec3;
   private readonly present: Uint32Array; // bit set of the structures in each block, 8 words per block
-  private readonly shares = new Shares();
+  private readonly fractions = new Fractions();
 
   constructor(
     readonly voxels: Vec3,
@@ -231,11 +231,11 @@ export class Field {
       for (let d = -1; d <= 1; d++) {
         const one = filling[rows[r]! + Math.min(width - 1, Math.max(0, x + d))]!;
         const share = d === 0 ? 2 * weight : weight;
-        if (one >= 0) this.shares.add(one, share);
-        else mixtures.into(this.shares, -1 - one, share);
+        if (one >= 0) this.fractions.add(one, share);
+        else mixtures.into(this.fractions, -1 - one, share);
       }
     }
-    this.shares.write(this.texels, out);
+    this.fractions.write(this.texels, out);
   }
 
   private mean(piece: Piece, scan: Int16Array): void {

@@ -27,10 +27,10 @@ import { firstTouchable } from "../touch/surface.js";
 import type { View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import type { DevicePose, Pose } from "../protocol/wire.js";
-import { says, words } from "../words/words.js";
+import { setMessages, words } from "../words/words.js";
 
 /** Near clipping distance, which keeps a surface in contact from blocking the view. */
-const NEAREST_MM = 0.5;
+const MIN_DISTANCE_MM = 0.5;
 /** Distance at which the light at the camera has halved, as a depth cue. */
 const REACH_MM = 40;
 const TANGENT = Math.tan((HALF_FIELD_DEG * Math.PI) / 180);
@@ -64,7 +64,7 @@ export function scopeView({ eye, forward, right, up }: ScopeFrame, size: number)
     across: scale(right, step),
     down: scale(up, -step),
     into: forward,
-    eye: { at: eye, nearest_mm: NEAREST_MM, reach_mm: REACH_MM, isRound: true },
+    eye: { at: eye, nearest_mm: MIN_DISTANCE_MM, reach_mm: REACH_MM, isRound: true },
     cut: null,
     isFine: true,
   };
@@ -76,11 +76,11 @@ export class ScopeView {
   caption = ""; // text displayed in the picture
   private readonly live: LivePicture<CameraPlacement>;
   private readonly pointers = new Map<number, [number, number]>();
-  private readonly holder = says(element("select", { className: "small", hidden: true }), {
+  private readonly holder = setMessages(element("select", { className: "small", hidden: true }), {
     label: "scopeHolder",
     title: "scopeHolder",
   });
-  private readonly toTip = says(element("button", { type: "button", className: "small" }), {
+  private readonly toTip = setMessages(element("button", { type: "button", className: "small" }), {
     text: "toTheTip",
     title: "atTipTitle",
   });
@@ -100,7 +100,7 @@ export class ScopeView {
       session,
       pointer,
       (at, stroke) =>
-        this.isInField(at) ? stroke.surfaceAlong(this.rayAt(at), this.touching.isTouchable, NEAREST_MM) : null,
+        this.isInField(at) ? stroke.surfaceAlong(this.rayAt(at), this.touching.isTouchable, MIN_DISTANCE_MM) : null,
       (at, end) => {
         const { eye, forward } = this.frame()!;
         const { into } = this.rayAt(at);
@@ -109,7 +109,7 @@ export class ScopeView {
       () => words.nothingThere,
     );
     this.live = new LivePicture(this.picture, renderer, isSoftware, true, () => this.drawOver());
-    const optics = says(
+    const optics = setMessages(
       element("select", { className: "small" }, ...OPTICS_DEG.map((angle) => new Option(`${angle}°`, String(angle)))),
       { label: "optics", title: "optics" },
     );
@@ -117,7 +117,7 @@ export class ScopeView {
     optics.addEventListener("change", () =>
       this.change("optics", () => (this.scope.optics_deg = Number(optics.value))),
     );
-    const back = says(
+    const back = setMessages(
       element("select", { className: "small" }, ...BACK_MM.map((mm) => new Option(`${mm} mm`, String(mm)))),
       { label: "scopeBack", title: "scopeBack" },
     );
@@ -131,14 +131,14 @@ export class ScopeView {
       [optics.value, back.value] = [String(to.optics_deg), String(to.back_mm)];
       this.offerHolders();
     };
-    history.part("scope", () => this.scope.placement, this.setTo);
+    history.register("scope", () => this.scope.placement, this.setTo);
     const turns = (
       [
         ["↺", -KEY_POST_DEG, ","],
         ["↻", KEY_POST_DEG, "."],
       ] as const
     ).map(([sign, by, key]) => {
-      const button = says(
+      const button = setMessages(
         element("button", { type: "button", className: "small", textContent: sign }),
         { label: "turnOptics", title: "turnOptics" },
         key,
@@ -214,11 +214,11 @@ export class ScopeView {
     const at = (off_mm: number) => add(tool, scale(away, off_mm));
     const off_mm =
       length(away) > 0
-        ? standOff((off) => this.isClosed(at(off)), scope.back_mm, NEAREST_MM + voxelSize, voxelSize / 8)
+        ? standOff((off) => this.isClosed(at(off)), scope.back_mm, MIN_DISTANCE_MM + voxelSize, voxelSize / 8)
         : null;
     return off_mm === null ? stays : { eye: at(off_mm), off_mm };
   }
-  /** Whether an eye at a position is inside a solid, or solids surround more than half of it at NEAREST_MM. */
+  /** Whether an eye at a position is inside a solid, or solids surround more than half of it at MIN_DISTANCE_MM. */
   private isClosed(eye: Vec3): boolean {
     const volumes = this.session.volumes.value,
       appearances = this.session.appearances.value;
@@ -228,7 +228,7 @@ export class ScopeView {
     };
     return (
       isSolid(eye) ||
-      2 * AROUND.filter((direction) => isSolid(add(eye, scale(direction, NEAREST_MM)))).length > AROUND.length
+      2 * AROUND.filter((direction) => isSolid(add(eye, scale(direction, MIN_DISTANCE_MM)))).length > AROUND.length
     );
   }
 
@@ -265,7 +265,9 @@ export class ScopeView {
     const all = steps
       .flatMap((y) => steps.map((x) => [x, y] as const))
       .filter(([x, y]) => Math.hypot(x - 0.5, y - 0.5) < 0.48);
-    const inside = all.map(([x, y]) => found.at(x, y)).filter((met) => met !== null && met.way_mm < NEAREST_MM + 0.05);
+    const inside = all
+      .map(([x, y]) => found.at(x, y))
+      .filter((met) => met !== null && met.way_mm < MIN_DISTANCE_MM + 0.05);
     if (inside.length < all.length / 2) return null;
     return readable(this.session.nameAt(inside[inside.length >> 1]!.structure));
   }
@@ -317,7 +319,7 @@ export class ScopeView {
       const depth = (p: Vec3) => Math.max(dot(sub(p, eye), forward), 0.01);
       const pixelsPerMm = (p: Vec3) => radius / TANGENT / depth(p);
       const tool = session.toolAt(each);
-      if (dot(sub(tool, eye), forward) > NEAREST_MM) {
+      if (dot(sub(tool, eye), forward) > MIN_DISTANCE_MM) {
         drawTool(frame, session, each, {
           pixel: (p) => [x + dot(sub(p, eye), right) * pixelsPerMm(p), y - dot(sub(p, eye), up) * pixelsPerMm(p)],
           direction: (v) => [dot(v, right), -dot(v, up)],
@@ -390,7 +392,7 @@ export class ScopeView {
     const { from, into } = this.rayAt(at);
     return (
       this.isInField(at) &&
-      firstTouchable(this.session.volumes.value!, this.touching.isTouchable, from, into, NEAREST_MM) !== null
+      firstTouchable(this.session.volumes.value!, this.touching.isTouchable, from, into, MIN_DISTANCE_MM) !== null
     );
   }
   /** Whether a press touches: the first pointer, with the tool for it, on a surface. */

@@ -21,7 +21,7 @@ const QUICK_TEXELS = 2e6;
 /** Number of samples of a surface's surroundings, and their distance. */
 const OCCLUDERS = 5;
 const SURROUNDINGS_MM = 4;
-const LEAST_SURROUNDINGS_TEXELS = 2.5;
+const MIN_SURROUNDINGS_TEXELS = 2.5;
 /** A number as a GLSL literal. */
 const glsl = (x: number): string => (Number.isInteger(x) ? `${x}.0` : String(x));
 // Software WebGL executes both branches of every `if`, but skips loops without iterations. Expensive parts are
@@ -153,9 +153,9 @@ vec4 paint(vec3 position, vec2 kind) {
     vec3 f = mix(1.0 - w, w, vec3(o));
     uvec4 texel = texelFetch(field, first + o, 0);
     vec4 a = appearanceOf(texel.r), b = appearanceOf(texel.g);
-    vec2 share = f.x * f.y * f.z * vec2(float(texel.b) * dot(kind, kinds(a.a)), float(texel.a) * dot(kind, kinds(b.a)));
-    sum += share.x * a + share.y * b;
-    weight += share.x + share.y;
+    vec2 fraction = f.x * f.y * f.z * vec2(float(texel.b) * dot(kind, kinds(a.a)), float(texel.a) * dot(kind, kinds(b.a)));
+    sum += fraction.x * a + fraction.y * b;
+    weight += fraction.x + fraction.y;
   }
   return sum / weight;
 }
@@ -740,7 +740,7 @@ export class Caster {
     // an arthroscope has its own light alone
     gl.uniform4f(this.at("lamp"), ...scale(key, 1 / length(key)), eye?.isRound ? 0 : 1);
     const texelsPerMm = Math.max(...m.map((row) => Math.hypot(row[0]!, row[1]!, row[2]!)));
-    gl.uniform1f(this.at("surroundings"), Math.max(LEAST_SURROUNDINGS_TEXELS, SURROUNDINGS_MM * texelsPerMm));
+    gl.uniform1f(this.at("surroundings"), Math.max(MIN_SURROUNDINGS_TEXELS, SURROUNDINGS_MM * texelsPerMm));
   }
   private setClipping({ corner, across, down, into, eye }: View, cut: Cut): void {
     const gl = this.gl;

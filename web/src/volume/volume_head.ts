@@ -3,7 +3,7 @@
 import { element, press } from "../base/dom.js";
 import type { Preset } from "./camera.js";
 import type { VolumeView } from "./volume_view.js";
-import { says, type Message } from "../words/words.js";
+import { setMessages, type Message } from "../words/words.js";
 
 const VIEWS: [Preset, string, Message][] = [
   ["anterior", "A", "lookFromAnterior"],
@@ -15,14 +15,20 @@ const VIEWS: [Preset, string, Message][] = [
 ];
 
 export function addVolumeHead(volume: VolumeView): void {
-  const group = says(element("div", { className: "group small", role: "group" }), { label: "lookFrom" });
+  const group = setMessages(element("div", { className: "group small", role: "group" }), { label: "lookFrom" });
   for (const [preset, letter, message] of VIEWS) {
-    const button = says(element("button", { type: "button", textContent: letter }), { title: message, label: message });
+    const button = setMessages(element("button", { type: "button", textContent: letter }), {
+      title: message,
+      label: message,
+    });
     button.dataset.look = preset;
     button.addEventListener("click", () => volume.orient(preset));
     group.append(button);
   }
-  const turn = says(element("button", { type: "button", className: "small" }), { text: "turn", title: "turnTitle" });
+  const turn = setMessages(element("button", { type: "button", className: "small" }), {
+    text: "turn",
+    title: "turnTitle",
+  });
   press(turn, false);
   turn.id = "turn";
   turn.addEventListener("click", () => {

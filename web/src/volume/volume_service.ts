@@ -2,7 +2,7 @@
 // no WebGL 2. Pictures are drawn in short bands, so that neither newer requests nor the page's other pictures, which
 // share the graphics card, wait for a whole picture.
 
-import type { Nodes } from "../protocol/yields.js";
+import type { Nodes } from "../protocol/deformation_message.js";
 import { Displacement } from "../drawing/displacement.js";
 import { Field } from "./field.js";
 import type { Affine, Vec3 } from "../base/geometry.js";
@@ -55,7 +55,7 @@ export interface Port {
 
 /** Target duration of a band, for which other drawing is blocked. */
 const BAND_MS = 16;
-const LEAST_ROWS = 4;
+const MIN_ROWS = 4;
 
 class Service {
   private readonly queue: Extract<Asked, { type: "draw" }>[] = [];
@@ -179,7 +179,7 @@ class Service {
         if (isVoid()) break;
         caster.aim(view);
       }
-      const rows = Math.max(LEAST_ROWS, Math.floor(BAND_MS / (this.pixel_ms[kind] * view.width)));
+      const rows = Math.max(MIN_ROWS, Math.floor(BAND_MS / (this.pixel_ms[kind] * view.width)));
       const to = Math.min(view.height, from + rows);
       const took_ms = caster.band(view, from, to);
       const pixel_ms = took_ms / ((to - from) * view.width);

@@ -51,7 +51,7 @@ const ROTATION_INTERVAL_MS = 100;
 /** Maximum number of texels without a graphics card, for interactive rates. */
 const SOFTWARE_TEXELS = 1.2e6;
 /** Maximum height above a surface at which a tool's height is displayed. */
-const MOST_HEIGHT_MM = 20;
+const MAX_HEIGHT_MM = 20;
 /** Clipping in front of the tip: none, a half-space, or a hole that widens towards the viewer. */
 export type Cutting = "none" | "plane" | "hole";
 const HOLE_RADIUS_MM = 8;
@@ -113,7 +113,7 @@ export class VolumeView {
       (at, end) => this.patientAt(at, end),
       () => words.nothingThere,
     );
-    history.part(
+    history.register(
       "camera",
       () => this.placement,
       (to) => (this.placement = to),
@@ -136,7 +136,7 @@ export class VolumeView {
   sceneChanged(): void {
     this.camera.setWorldFromPatient(this.session.scene.value!.world_from_patient);
     this.isOpen = false;
-    this.ground = new Ground(this.session.volumes.value!, MOST_HEIGHT_MM);
+    this.ground = new Ground(this.session.volumes.value!, MAX_HEIGHT_MM);
     this.corners = this.session.volumes.value!.objectCorners;
     this.load();
     this.reset();

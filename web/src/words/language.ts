@@ -3,7 +3,7 @@
 import { discardAnnouncements } from "../base/announce.js";
 import { byId } from "../base/dom.js";
 import { fetchPart } from "./part.js";
-import { LANGUAGES, speak, type Language } from "./words.js";
+import { LANGUAGES, setLanguage, type Language } from "./words.js";
 
 const KEY = "palpate.language";
 const isKnown = (name: string | null): name is Language => name !== null && Object.hasOwn(LANGUAGES, name);
@@ -21,7 +21,7 @@ export function applyLanguage(): Promise<void> {
     void change(choice.value as Language);
   });
   choice.value = "en";
-  void speak("en");
+  void setLanguage("en");
   const first = isKnown(stored) ? stored : preferred(navigator.languages);
   return first === "en" ? Promise.resolve() : change(first);
 }
@@ -30,7 +30,7 @@ export function applyLanguage(): Promise<void> {
 async function change(language: Language): Promise<void> {
   const choice = byId<HTMLSelectElement>("language");
   choice.value = language;
-  const isSpoken = await fetchPart("language", async () => (await speak(language), true));
+  const isSpoken = await fetchPart("language", async () => (await setLanguage(language), true));
   if (!isSpoken) choice.value = document.documentElement.lang;
   discardAnnouncements();
 }

@@ -35,24 +35,24 @@ const PLACES = {
     set: (target: HTMLElement, said: string) => ((target as HTMLInputElement).placeholder = said),
   },
 } as const;
-type Says = Partial<Record<keyof typeof PLACES, Message>>;
-type SaysAbout = Partial<Record<keyof typeof PLACES, Message | MessageAbout>>;
+type Messages = Partial<Record<keyof typeof PLACES, Message>>;
+type MessagesAbout = Partial<Record<keyof typeof PLACES, Message | MessageAbout>>;
 
 /**
  * Sets the messages of an element, and returns it.
  * @param about  name that messages with a parameter are about
  */
-export function says<E extends HTMLElement>(target: E, messages: Says): E;
-export function says<E extends HTMLElement>(target: E, messages: SaysAbout, about: string): E;
-export function says<E extends HTMLElement>(target: E, messages: SaysAbout, about?: string): E {
+export function setMessages<E extends HTMLElement>(target: E, messages: Messages): E;
+export function setMessages<E extends HTMLElement>(target: E, messages: MessagesAbout, about: string): E;
+export function setMessages<E extends HTMLElement>(target: E, messages: MessagesAbout, about?: string): E {
   for (const [place, message] of Object.entries(messages))
     target.dataset[PLACES[place as keyof typeof PLACES].names] = message;
   if (about !== undefined) target.dataset.about = about;
-  read(target);
+  applyMessages(target);
   return target;
 }
 
-function read(target: HTMLElement): void {
+function applyMessages(target: HTMLElement): void {
   for (const { names, set } of Object.values(PLACES)) {
     const message = target.dataset[names];
     if (message === undefined) continue;
@@ -63,7 +63,7 @@ function read(target: HTMLElement): void {
 
 let wanted: Language = "en";
 /** Loads a language and switches to it, unless another one was requested meanwhile. */
-export async function speak(language: Language): Promise<void> {
+export async function setLanguage(language: Language): Promise<void> {
   wanted = language;
   const fetched = await LANGUAGES[language]();
   if (wanted !== language) return;
@@ -72,5 +72,5 @@ export async function speak(language: Language): Promise<void> {
   for (const target of document.querySelectorAll<HTMLElement>(
     "[data-words], [data-words-title], [data-words-label], [data-words-placeholder]",
   ))
-    read(target);
+    applyMessages(target);
 }

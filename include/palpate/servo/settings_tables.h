@@ -1,0 +1,176 @@
+#pragma once
+
+#include <string>
+
+#include "palpate/tissue/tissue_settings.h"
+
+/// Constants that determine the haptic behaviour besides the scene and the parameters. They are fixed for one
+/// version of palpate and written to every recording. docs/reference/feel.md lists them all.
+namespace palpate {
+
+/// Constants of the output stage, the last step before a device (docs/concepts/servo.md).
+struct OutputSettings {
+  /// Duration over which a change of model, method or parameters is blended in.
+  double blend_s = 0.1;
+  /// Duration of the ramp from zero to full force, at the start and after every fault, and of the ramp from
+  /// full force to zero, before a pause or the end.
+  double ramp_in_s = 0.5, ramp_out_s = 0.1;
+  /// Pose age up to which the force is passed in full, and age from which it is zero; linear in between.
+  double fresh_s = 5e-3, stale_s = 10e-3;
+  /// Dropouts in which the pose gets no older than this recover by the slow slew below instead of the ramp.
+  double short_dropout_s = 20e-3;
+  /// Growth rate of the force after a short dropout, and the time for which it is limited to that rate. 0.2 N
+  /// in a 1 kHz tick is too little to be a kick. 9 N, more than any known device can exert, return within 50
+  /// ms; the remaining time covers the rebound of the operator's hand. The sooner the force returns, the less
+  /// a hand that was supported by it sinks.
+  double return_N_per_s = 195, return_s = 100e-3;
+  /// Damping along the force for the same time, which stops the velocity gained during the dropout and the
+  /// rebound. It adds at most the force itself. Devices that bear less damping get less.
+  double return_damping_N_s_per_m = 15;
+  /// Tolerance for sample times in the future: up to this much is attributed to adjustment of the same clock,
+  /// more to a different clock.
+  double clock_jitter_s = 1e-3;
+  /// Time constant of the motors' heating. An assumption: vendors state a continuous and a peak force, and
+  /// the windings of small ironless motors warm within some ten seconds (docs/decisions/0008).
+  double thermal_s = 10;
+  /// Time over which the rest of the thermal budget may be spent, so that the limit falls gradually.
+  double thermal_taper_s = 0.2;
+  /// Time in which torque and gripper force may change by their whole range.
+  double full_range_s = 10e-3;
+  /// Upper bound of the tick duration used for heating, cooling and slew.
+  double max_tick_s = 0.1;
+  /// Largest plausible displacement in one tick and largest plausible speed of a device, device mm; a motion
+  /// that exceeds both is a jump (a fault).
+  double jump_mm = 10, jump_mm_s = 10e3;
+
+  template <class Visit>
+  constexpr void visit(Visit&& of) const {
+    of("blend_s", blend_s);
+    of("ramp_in_s", ramp_in_s);
+    of("ramp_out_s", ramp_out_s);
+    of("fresh_s", fresh_s);
+    of("stale_s", stale_s);
+    of("short_dropout_s", short_dropout_s);
+    of("return_N_per_s", return_N_per_s);
+    of("return_s", return_s);
+    of("return_damping_N_s_per_m", return_damping_N_s_per_m);
+    of("clock_jitter_s", clock_jitter_s);
+    of("thermal_s", thermal_s);
+    of("thermal_taper_s", thermal_taper_s);
+    of("full_range_s", full_range_s);
+    of("max_tick_s", max_tick_s);
+    of("jump_mm", jump_mm);
+    of("jump_mm_s", jump_mm_s);
+  }
+};
+
+/// Limits on a turning object (docs/concepts/passivity.md, "A turning object").
+struct RotationSettings {
+  /// Duration of the interpolation from a rotation command to its target.
+  double interval_s = 0.1;
+  /// Limit of the power that a turning object exchanges with an operator, in either direction: within the 0.2
+  /// s that a person needs to react, 1 N displaces the hand by 1 mm.
+  double max_power_mW = 5;
+  /// Limit of the speed of the material point under a tip to which a force is sent, device mm/s: a surface
+  /// that meets a tip approaches no faster than a slow hand would.
+  double max_speed_mm_s = 100;
+  /// Limit of that point's displacement per tick, given as the force that it causes at the model's stiffest
+  /// tissue.
+  double max_step_N = 0.1;
+  /// Upper bound of the tick duration that counts towards the limits, so that a late tick gets no larger
+  /// budget.
+  double max_tick_s = 0.01;
+  /// Maximum number of iterations that shorten a tick's rotation until it is within the limits. One rotation
+  /// is small enough for the path under a tip to be nearly straight.
+  int max_iterations = 6;
+
+  template <class Visit>
+  constexpr void visit(Visit&& of) const {
+    of("interval_s", interval_s);
+    of("max_power_mW", max_power_mW);
+    of("max_speed_mm_s", max_speed_mm_s);
+    of("max_step_N", max_step_N);
+    of("max_tick_s", max_tick_s);
+    of("max_iterations", max_iterations);
+  }
+};
+
+/// Vibration, kick, break-through and heating of a burr (docs/decisions/0091-vibration-of-a-burr.md).
+struct BurrRenderingSettings {
+  /// Upper end of the band in which vibration is rendered: the hand is most sensitive around 200 Hz, and a
+  /// tick of 1 ms renders a period in five steps.
+  double max_hz = 200;
+  /// The same in periods per tick, for longer ticks.
+  double max_cycles_per_tick = 0.25;
+  /// Run-out of the cutting edges, an assumption.
+  double runout_mm = 1e-3;
+  /// Largest amplitude of the vibration and largest force of a kick, at the device.
+  double max_vibration_N = 0.15, max_kick_N = 0.3;
+  /// Time constant of the mean press force: a kick follows changes that are faster.
+  double kick_s = 0.03;
+  /// Thinnest sine of the angle between spindle and contact normal at which the edges have a direction.
+  double min_sine = 0.05;
+  /// Press force from which on a burr can break through, in the patient.
+  double min_press_N = 0.02;
+  /// Free distance ahead of the head's foremost point that counts as a break-through, and the spacing at
+  /// which it is sampled, from CuttingSettings::lookahead_mm on.
+  double free_mm = 0.5, free_step_mm = 0.2;
+  /// Time for which a break-through is reported, so that viewers with 10 poses per second notice it.
+  double break_through_s = 0.1;
+  /// Bone: thermal conductivity, heat capacity by volume, and the fraction of the motor's work that heats the
+  /// bone rather than chips, tool and air (an assumption).
+  double conductivity_W_per_m_K = 0.54, capacity_mJ_per_mm3_K = 2.5, heat_fraction = 0.1;
+
+  template <class Visit>
+  constexpr void visit(Visit&& of) const {
+    of("max_hz", max_hz);
+    of("max_cycles_per_tick", max_cycles_per_tick);
+    of("runout_mm", runout_mm);
+    of("max_vibration_N", max_vibration_N);
+    of("max_kick_N", max_kick_N);
+    of("kick_s", kick_s);
+    of("min_sine", min_sine);
+    of("min_press_N", min_press_N);
+    of("free_mm", free_mm);
+    of("free_step_mm", free_step_mm);
+    of("break_through_s", break_through_s);
+    of("conductivity_W_per_m_K", conductivity_W_per_m_K);
+    of("capacity_mJ_per_mm3_K", capacity_mJ_per_mm3_K);
+    of("heat_fraction", heat_fraction);
+  }
+};
+
+inline constexpr OutputSettings kOutputSettings;
+inline constexpr RotationSettings kRotationSettings;
+inline constexpr BurrRenderingSettings kBurrRenderingSettings;
+static_assert(names_every_member<OutputSettings>() && names_every_member<RotationSettings>() &&
+              names_every_member<BurrRenderingSettings>());
+
+/// Calls `of(group, name, value)` for every setting; the value is a double or an int.
+template <class Visit>
+void visit_haptic_settings(Visit&& of) {
+  const auto group = [&](const char* title, const auto& settings) {
+    settings.visit([&](const char* name, auto value) { of(title, name, value); });
+  };
+  group("proxy", kProxySettings);
+  group("tool_turn", kToolRotationSettings);
+  group("touch", kContactSettings);
+  group("passivity", kPassivitySettings);
+  group("swing", kOscillationSettings);
+  group("bounce", kReboundSettings);
+  group("yield", kSoftTissueSettings);
+  group("solving", kSolverSettings);
+  group("cutting", kCuttingSettings);
+  group("output", kOutputSettings);
+  group("turning", kRotationSettings);
+  group("burr", kBurrRenderingSettings);
+}
+
+/// All settings in the format of a recording's header: one line "group.name value" each. Numbers are written
+/// so that they read back exactly.
+std::string haptic_settings_text();
+/// First difference between this version's settings and those in `text`, as "group.name WAS, here IS"; empty
+/// if there is none.
+std::string first_haptic_difference(const std::string& text);
+
+}  // namespace palpate
