@@ -68,6 +68,22 @@ class Literals(unittest.TestCase):
             self.assertEqual(found(f"x = {text};  // of a wall\n"), [(line, "opens with 'of'")], text)
 
 
+class Paths(unittest.TestCase):
+    def paths_of(self, comment):
+        return [what for _, what in tool.findings_in(f"int x;\n// {comment}\n", tool.bases_of(tool.ROOT / "src/core/contact/proxy.cc"))]
+
+    def test_existing_paths(self):
+        for path in ("src/core/contact/proxy.cc", "contact/proxy.cc", "palpate/contact/proxy.h", "contact/proxy.h", "proxy.h",
+                     "state/session.ts", "docs/reference/feel.md", "reference/feel.md", "https://a.org/b/c.md", "/usr/include/a/b.h",
+                     "hwy/foreach_target.h", "no/such/folder", "<sys/none.h>"):
+            self.assertEqual(self.paths_of(f"the table of {path}, row 3."), [], path)
+
+    def test_missing_paths(self):
+        for path in ("src/core/contact/none.cc", "contact/none.h", "src/contact/proxy.cc", "state/none.ts", "docs/reference/none.md"):
+            self.assertEqual(self.paths_of(f"the table ({path})."), [f"names '{path}', which does not exist: correct the path"], path)
+        self.assertEqual(tool.findings_in("// see contact/none.h\n"), [])
+
+
 class Files(unittest.TestCase):
     def test_named_files(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -10,7 +10,7 @@
 
 namespace palpate::testing {
 
-/// The ball of haptics/test_model.h as a loaded scene.
+/// The ball of contact/test_model.h as a loaded scene.
 inline LoadedScene loaded_ball(double cartilage_mm = 0) {
   Model model = ball_model({0.6, 0.6, 0.9}, 1.0, cartilage_mm);
   model.title = "ball";
