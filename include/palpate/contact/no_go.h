@@ -71,11 +71,10 @@ struct NoGoForce {
 ///
 /// At most kMaxNoGoMet regions act at a time, the deepest. Stateless; bounded work; does not allocate, lock
 /// or throw.
-/// @param spheres                  tool parts in the operator's pose
-/// @param tip                      position of the tip
-/// @param max_stiffness_N_per_mm  limit in the patient; each region has at most nine tenths of it. 0: no
-///                                 force
-/// @param max_stiffness_N_per_mm  in the patient; no region is stiffer than nine tenths of it. 0: no force
+/// @param spheres                 tool parts in the operator's pose
+/// @param tip                     position of the tip
+/// @param max_stiffness_N_per_mm  limit in the patient; no region is stiffer than nine tenths of it. 0: no
+/// force
 NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity());

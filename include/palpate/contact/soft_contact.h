@@ -32,9 +32,8 @@ struct LocalCompliance {
   Vector<Patient> gradient_per_N;  ///< grad W along the surface; mm/N per mm
   double modulus_N_per_mm2 = 0;    ///< E* = E / (1 - nu^2) of the tissue under the patch; above 0
   double patch_radius_mm = 0;      ///< rho; above 0
-  /// Neo-Hookean solution: the force F1 at which it was computed, and the coefficient C of its difference in
-  /// depth to the linear solution, C F^2; below 0: deeper. reference_force_N 0: none, the linear solution
-  /// alone applies.
+  /// Neo-Hookean solution: F1, the force at which it was computed, and C: depth = linear depth - C F^2. C <
+  /// 0: the tissue softens. reference_force_N 0: none, the linear solution alone applies.
   double reference_force_N = 0;
   double stiffening_mm_per_N2 = 0;
   Vector<Patient> stiffening_gradient = {};  ///< grad C along the surface; mm/N^2 per mm
@@ -45,8 +44,9 @@ struct LocalCompliance {
   RelaxedParts relaxed = {};
 
   double poissons_ratio = ElasticConstants{}.poissons_ratio;  ///< nu of the tissue under the patch
-  /// B: compliance of the surroundings in contacts much smaller than the thickness of the tissue, above 0 if
-  /// they are softer, below 0 if something stiff is near (ContactLaw).
+  /// B: correction of the depth in a half-space by the surroundings, d = d0(F) + B F, in contacts much
+  /// smaller than the thickness of the tissue. Above 0 if they are softer, below 0 if something stiff is
+  /// near.
   double surroundings_mm_per_N = 0;
   double surroundings_per_compliance = 1;  ///< dB/dW
 
@@ -123,7 +123,8 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
                             double strain_stiffening = 0);
 
 /// Depth by which the C term reduces a sphere's: C F^2 up to F1. Beyond, its derivative with respect to F
-/// falls as F^(-2/3), as slowly as that of the thinnest layer's depth, so that the depth never folds back.
+/// falls as F^(-2/3), as slowly as that of the thinnest layer's depth, so that the depth stays monotonic in
+/// F.
 /// @param first_N  F1
 double stiffening_depth_mm(double stiffening_mm_per_N2, double first_N, double force_N);
 

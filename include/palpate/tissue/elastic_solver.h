@@ -104,8 +104,7 @@ class ElasticSolver {
   /// the guess was computed, add the linear response to the change (`solve` from 0) to it first: otherwise
   /// cells next to these nodes may be inverted.
   /// @param constraints  constraints in addition to the held components. They are projected out in every
-  /// iteration,
-  ///              so the operators need not be rebuilt
+  ///                     iteration, so the operators need not be rebuilt
   NeoHookeanSolution solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
                                        const NeoHookeanSettings& settings,
                                        const ConstrainedMeans& constraints = {});

@@ -24,7 +24,7 @@ struct Burr {
   double grip = 0.5;
   /// Largest press force, however far the hand is from the proxy: the greatest force of the device.
   double max_press_N = std::numeric_limits<double>::infinity();
-  /// Protected structures; the head stays out of those with ProtectedStructure::kept.
+  /// Protected structures; the head stays out of those with ProtectedStructure::is_protected.
   std::span<const ProtectedStructure> spared = {};
   std::uint32_t stroke = 0;  ///< Stroke number of its sweeps
   /// Model whose surfaces are cut; its voxels measure thin bone (Model::thin_voxels). null: only surfaces

@@ -7,9 +7,8 @@ namespace palpate {
 /// Constants of material removal besides the scene. They are fixed for one version of palpate and written to
 /// every recording (docs/reference/feel.md). docs/decisions/0029 justifies the values. mm in the patient.
 struct CuttingSettings {
-  /// Distance ahead of the burr's surface at which material is sampled. An edge counts from half that depth,
-  /// so that next to a pocket, where the burr's surface leaves the material, little counts that the burr does
-  /// not touch.
+  /// Distance ahead of the burr's surface at which material is sampled. A sample counts as cut from half of
+  /// that depth; beside a pocket, where the burr's surface leaves the material, samples are less deep.
   double lookahead_mm = 0.1;
   /// Limits of the feed: depth per tick, and, while the surfaces have not been rebuilt, total inset as a
   /// fraction of the burr's least radius.

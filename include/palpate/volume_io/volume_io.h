@@ -129,7 +129,8 @@ std::string axis_codes(const Eigen::Matrix3d& direction);
 ///                functions below.
 Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume = {});
 /// True for images that are slices of a volume: a TIFF file, or a folder that contains PNG, TIFF or JPEG
-/// files but neither DICOM nor other volumes nor surfaces. They need a spacing (Placing::image_spacing_mm).
+/// files but neither DICOM nor other volumes nor surfaces. They need a spacing
+/// (PlacementOptions::image_spacing_mm).
 bool is_image_stack(const std::filesystem::path& file);
 
 /// True for a file that is one of these volumes by its name or its first bytes, or for a folder of DICOM;

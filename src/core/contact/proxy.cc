@@ -131,8 +131,9 @@ void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgres
                     part_mm + kProxySettings.substep_mm());
   work.friction.clear();
   progress.max_gradient = work.pairs.max_gradient();
+  // the segment is shortened to the reach of the set of pairs, which is less than part_mm where the set is
+  // full
   progress.remaining_in_segment_mm = std::min(part_mm, work.pairs.reach_mm());
-  // the part ends earlier where the set of pairs is full
   progress.remaining_beyond_segment_mm -= progress.remaining_in_segment_mm;
 }
 
@@ -437,7 +438,8 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
     record_vertex(in, layer, layer.position);
     is_moving =
         !moves_freely(in, layer, progress, work) && advance_substeps(in, start, layer, cache, progress, work);
-    // This is done even if the proxy has not finished moving: one tick at zero force would be felt.
+    // A blocking contact is added even if the proxy has not finished moving: one tick at zero force would be
+    // perceptible.
     const bool is_blocked = is_blocked_without_contact(in, layer);
     through_free_space = is_slipping(layer, progress) && is_blocked;
     if (!progress.wedged && !through_free_space && is_blocked)
@@ -588,8 +590,8 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   slip.left_N -= state.release.fade(slip.left_N);
   state.tip = hand.tip;
   state.stiffness_N_per_mm = 0;
-  // Whether the current layer constrains the tool: the outermost one until the tool has returned to free
-  // space, the others while the covering layer does. Once one layer does not, no layer within it does.
+  // Whether the current layer constrains the tool. The outermost layer does until the tool has returned to
+  // free space, an inner layer only while the layer that covers it does.
   bool is_constrained = !has_withdrawn(surfaces, spheres, hand, state);
   if (!is_constrained) state.compliance = {};
   for (int n = 0; n < layer_count(surfaces); ++n) {

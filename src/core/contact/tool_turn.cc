@@ -10,7 +10,7 @@
 /// sphere at distance r from the axis moves along an arc a * r. The step angle is the largest that every
 /// clearance allows, plus a small advance:
 ///
-///     a = min (clearance + kArc_mm) / (L r)        over sphere-surface pairs; L: maximum slope
+///     a = min (clearance + kArc_mm) / (L r)        over sphere-surface pairs; L: max_gradient()
 ///
 /// so that a sphere in contact still advances; the step may end at a depth of kArc_mm. The tool is then
 /// pushed out of all surfaces by one common translation p. In such a step (rotation and translation at once)
@@ -19,8 +19,8 @@
 ///
 ///     (L (a r + p) - clearance) / 2
 ///
-/// A step is accepted if that is at most half a stride, which is less than ProxySettings::max_penetration_mm;
-/// otherwise it is retried with half the angle.
+/// A step is accepted if that is at most half of substep_mm(), which is less than
+/// ProxySettings::max_penetration_mm; otherwise it is retried with half the angle.
 namespace palpate {
 namespace {
 
@@ -71,7 +71,7 @@ class Turn {
     PairSet pairs(
         surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
         kToolRotationSettings.gathering_legs * leg_rad * farthest_mm_ + kProxySettings.substep_mm());
-    // the push of a step is at most a stride and is added to the arc
+    // the push of a step is at most substep_mm() and is added to the arc
     reach_mm_ = pairs.reach_mm() - kProxySettings.substep_mm();
     double done_rad = 0;
     // beyond the work limit, the next tick continues

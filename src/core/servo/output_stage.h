@@ -26,9 +26,9 @@ struct Output {
 /// Steps, in order: faults and stale states zero the output at once; force limit; ramp; slew; force limit
 /// again; decay of a stale state.
 ///
-/// After a fault the force returns by the ramp. After a short dropout it returns by a slow slew, because
-/// nothing is wrong and a pressing hand would fall for half a second. Only one dropout within the ramp's
-/// duration counts as short: if poses arrive intermittently, it is unknown whether more will follow.
+/// After a fault the force returns by the ramp. After a short dropout a limited slew
+/// suffices; the ramp would leave a pressing hand unsupported for half a second. Only one dropout within the
+/// ramp's duration counts as short: if poses arrive intermittently, it is unknown whether more will follow.
 /// The limit keeps the force's direction and scales the torque by the same factor. It precedes the
 /// ramp, so that fading starts from the force that was rendered, and follows the slew, so that no tick
 /// exceeds it however fast it was lowered.

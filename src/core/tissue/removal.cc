@@ -13,8 +13,8 @@
 namespace palpate {
 namespace {
 
-// Depth of the sampling point in material from which an edge begins to count: half of lookahead_mm, so that
-// next to a pocket, where the burr's surface leaves the material, little counts that the burr does not touch.
+// Minimum depth in material of a sample that counts as cut: half of lookahead_mm. Beside a pocket, where the
+// burr's surface leaves the material, the samples ahead of the surface are less deep and do not count.
 constexpr double kMinSampleDepth_mm = kCuttingSettings.lookahead_mm / 2;
 
 /// Pose of the burr's head as constrained by one layer.

@@ -101,8 +101,8 @@ double to_face_mm(const ElasticBox& box, const Point<Patient>& at, const Vector<
   return nearest_mm;
 }
 
-// Adds the compliance of a rigid structure below the box, where the springs of its faces assume endless
-// tissue.
+// Corrects the compliance for a rigid structure below the box. The springs at the box's faces assume a
+// half-space of tissue there.
 void support_by_deep_base(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
                           const ElasticBox& box, const SurfacePoint& contact, LocalCompliance& spot) {
   const double depth_in_box_mm = to_face_mm(box, contact.at, -contact.outward);
@@ -193,7 +193,7 @@ std::optional<SolverBox> next_solver_box(const Model& model, const DeviceTick& d
 ///
 /// Moving the patch along the surface changes J, thereby u1. At a constant s, E then changes by s (dJ) y,
 /// where K y = f(u). The law's tangential force, F^2 / 2 grad W - F^3 / 3 grad C, is minus the change of E at
-/// a constant depth s W, i.e. minus s (dJ) y - F s grad W. With (dJ) u1 = grad W / 2 it follows that
+/// a constant depth s W, i.e. -(s (dJ) y - F s grad W). With (dJ) u1 = grad W / 2 it follows that
 ///
 ///     F^3 / 3 grad C = F (F - s) / 2 grad W + s (dJ) (y - F u1)
 struct SoftTissueSolver::NeoHookeanBody {
@@ -358,8 +358,8 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
   for (std::size_t n = 0; n < body.u_mm.values.size(); ++n)
     body.u_mm.values[n] = load_scale * unit_mm.values[n] + body.correction_mm.values[n];
 
-  // load_N is the patch's load of 1 N, here scaled to s; it only matters at nodes of the patch that are not
-  // constrained, because their column bears less than min_load_fraction
+  // load_N is the patch's load of 1 N, here scaled to s. Columns that bear less than min_load_fraction are
+  // not constrained; only at their nodes does the load act.
   for (float& value : load_N.values) value *= load_scale;
   NeoHookeanSettings settings;
   settings.max_steps = kSolverSettings.finite_steps;

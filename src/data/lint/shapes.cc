@@ -11,8 +11,8 @@ namespace palpate::internal {
 namespace {
 
 constexpr std::size_t kPatch_voxels = 12;
-// a patch is reported if it has this area and this fraction of its structure, or the larger area, or
-// kSheetFraction
+// A patch is reported if (area >= kPatch_mm2 and fraction of its structure >= kPatchFraction) or
+// area >= kLargePatch_mm2 or fraction >= kSheetFraction.
 constexpr double kPatch_mm2 = 30, kPatchFraction = 0.05, kLargePatch_mm2 = 100;
 // fraction of the structure from which a sheet is a fault
 constexpr double kSheetFraction = 0.2;
@@ -22,9 +22,13 @@ constexpr double kCore_mm3 = 10;
 // A structure counts as thick if the largest component that remains after erosion by one voxel has this
 // fraction of its voxels.
 constexpr double kThickFraction = 0.25;
+// fraction of a cavity's neighbours that must belong to one structure for a pocket of that structure
 constexpr double kOneAround = 0.95;
+// minimum area over which the volume's border cuts a structure
 constexpr double kCut_mm2 = 5;
+// number of slices on each side of a seam with which its change of the cross-section is compared
 constexpr int kSeamWindow = 3;
+// minimum change at a seam as a fraction of the smaller of the two cross-sections
 constexpr double kSeamFraction = 0.05;
 /// Ratio of the change of a cross-section at a seam to the change in the slices around it.
 struct SeamRatios {

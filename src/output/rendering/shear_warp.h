@@ -14,7 +14,7 @@ namespace palpate::internal::volume_picture {
 
 /// Rays of a picture in voxel coordinates. Parallel rays start at from + column * from_step + row * from_line
 /// with direction `path`, per mm; perspective rays start at `from` and pass through the pixels in the plane
-/// through the focus, along way + column * ray_step + row * ray_line.
+/// through the focus, along path + column * ray_step + row * ray_line.
 struct Rays {
   Rays(const GridGeometry& grid, const VolumeCamera& camera);
   Eigen::Vector3d start(double column, double row) const {

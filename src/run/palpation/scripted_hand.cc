@@ -24,21 +24,32 @@ constexpr double kMaxPressing_mm_s = 12;
 // time constant of the low-pass filter on the perceived force
 constexpr double kFeeling_s = 0.03;
 constexpr double kNormalFeeling_s = 0.15;
-// a press that has not settled by then has failed, and so has a hold that is not complete that much later
+// a press fails if it has not settled kPatience_s after the time that its travel needs; a hold fails
+// kHoldPatience_s after its requested duration
 constexpr double kPatience_s = 6, kHoldPatience_s = 3;
 constexpr double kSettledWithin = 0.1;
 // Force of a contact without a press, and approach speed. Before a gentle press the contact force is at most
 // this fraction of the press's force.
 constexpr double kTouch_N = 0.1, kTouchOfPress = 0.5, kTouching_mm_s = 8;
-// durations after which contact counts as a touch, an encounter on the way as such, and a contact as lost
-constexpr double kTouchAfter_s = 0.01, kWrongContactAfter_s = 0.03, kObstacleAfter_s = 0.25,
-                 kContactLostAfter_s = 0.1;
-// excess of the depth over what the force explains at which the hand gives up: a hand that then stops stays
-// within a millimetre or, in soft tissue, within this fraction of the explained depth, since the low-pass
-// filtered force overshoots there
+// duration of contact with the requested structure that counts as a touch
+constexpr double kTouchAfter_s = 0.01;
+// duration of contact with another structure after which an approach tries the next site
+constexpr double kWrongContactAfter_s = 0.03;
+// duration of contact, or inside of a surface, on the path to a site that counts as an obstacle
+constexpr double kObstacleAfter_s = 0.25;
+// time without contact with the requested structure, or in contact with another one, after which the contact
+// counts as lost
+constexpr double kContactLostAfter_s = 0.1;
+// The hand gives up if the depth exceeds force / stiffness by more than kMaxOver_mm, or kMaxOvershoot of that
+// depth if this is more, for kOver_s. It then overshoots by at most 1 mm. In soft tissue the force lags
+// behind the depth because of its low-pass filter, hence the relative limit.
 constexpr double kMaxOver_mm = 0.7, kMaxOvershoot = 0.4, kOver_s = 0.004;
-// tolerated distance between the tip and the intended position beyond what force and friction explain
-constexpr double kLeash_mm = 2.5, kPushedAway_mm = 4, kStuck_s = 1;
+// tolerated lag of the tip behind the commanded position in free motion, beyond the lag by friction
+constexpr double kLeash_mm = 2.5;
+// distance between tip and commanded position, beyond force and that tolerance, at which the hand gives up
+constexpr double kPushedAway_mm = 4;
+// time without progress after which the hand counts as stuck
+constexpr double kStuck_s = 1;
 // an unexpected surface is penetrated at most this far at the careful speed; higher speeds need room
 constexpr double kCarefulDip_mm = 0.3, kMinCareful_mm_s = 3, kRoom_mm = 2.4;
 // distance behind the expected surface after which the surface counts as missing

@@ -14,7 +14,8 @@
 namespace palpate {
 namespace {
 
-// viewers poll with every pose, while the health figures cover the last second
+// minimum age of the health figures before they are computed again, independent of the number of callers;
+// they cover the last second
 constexpr auto kHealthPeriod = std::chrono::milliseconds(100);
 // plausibility bound on a viewer's pointer position; distance from the volume's centre
 constexpr double kMaxTipDistance_mm = 2000;

@@ -23,7 +23,10 @@ const KEEP_ALIVE_MS = 1000 / 30;
 const HOLD_MS = 550;
 /** Delay of the first message of a touch, because a second finger may follow for zooming. */
 const PINCH_MS = 150;
-/** Speed of the tip, about that of a hand. A longer path of a stroke takes MAX_PATH_MS, at MAX_MM_PER_S at most. */
+/**
+ * Speed of the tip in contact, about that of a hand. It is raised, up to MAX_MM_PER_S, so that the remaining path takes
+ * at most MAX_PATH_MS.
+ */
 const SPEED_MM_PER_S = 300,
   MAX_PATH_MS = 60,
   MAX_MM_PER_S = 1800;

@@ -18,8 +18,9 @@ const INSIDE_MM = 2.5,
   BESIDE_MM = 1;
 /** Maximum distance between successive points of a path over a surface, unless the surface has a gap there. */
 const STEP_MM = 1.5;
-/** Distance between cursor positions that are tested at least, and the number of times that a gap is halved; pixels. */
+/** Maximum distance of successive cursor positions that are tested; pixels. */
 const DRAG_PIXELS = 8;
+/** Maximum depth of the bisection of a gap. */
 const HALVINGS = 4;
 /** Component of a direction along a surface below which a key does not stroke over it. */
 const LEAST_ALONG = 0.3;
