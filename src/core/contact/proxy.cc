@@ -523,16 +523,15 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
 void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& release) {
   const ToolPose& hand = tick.hand;
   const Vector<Patient> last_spring_mm = (layer.position - tick.tip_before) * layer.stretch_fraction;
-  const double remaining_in_segment_mm = last_spring_mm.norm() - tick.tip_moved().norm();
-  if (const double stiffness = layer.spring_N_per_mm.value_or(0);
-      stiffness > 0 && remaining_in_segment_mm > 0) {
-    const Vector<Patient> left_N =
-        last_spring_mm * (stiffness * remaining_in_segment_mm / last_spring_mm.norm());
+  const double remaining_stretch_mm = last_spring_mm.norm() - tick.tip_moved().norm();
+  if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && remaining_stretch_mm > 0) {
+    const Vector<Patient> residual_force_N =
+        last_spring_mm * (stiffness * remaining_stretch_mm / last_spring_mm.norm());
     const auto contacts = std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count));
     const ProxySpheres proxy_spheres(tick.spheres, hand.attitude, layer.attitude);
-    release.force_N += left_N;
-    release.torque_Nmm += torque_of(contacts, proxy_spheres.spheres(), left_N, stiffness);
-    release.stored_mJ += 0.5 * stiffness * remaining_in_segment_mm * remaining_in_segment_mm;
+    release.force_N += residual_force_N;
+    release.torque_Nmm += torque_of(contacts, proxy_spheres.spheres(), residual_force_N, stiffness);
+    release.stored_mJ += 0.5 * stiffness * remaining_stretch_mm * remaining_stretch_mm;
   }
   const Vector<Patient> displacement = hand.tip - layer.position;
   layer.attitude = hand.attitude;
