@@ -77,7 +77,7 @@ Shape facial_nerve(const Dimensions& size) {
 Shape sigmoid_sinus(const Dimensions& size) {
   const double y = size.canal_to_sinus + size.sinus_radius;
   return tube({from_spine(-6, y + 24, 9), from_spine(-9.5, y + 4, 3), from_spine(-12, y, -5),
-               from_spine(-17, y - 2, -11), from_spine(-24, y - 9, -8)},
+               from_spine(-17, y - 1, -11), from_spine(-26, y - 4, -9)},
               size.sinus_radius);
 }
 
