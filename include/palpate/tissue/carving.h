@@ -154,7 +154,7 @@ class Carving {
   std::vector<int> made_of_tracked_;  // index into made_ for each structure of Model::distances; -1: not cut
   std::shared_ptr<const Bricks<LabelId>> original_labels_;
   std::vector<bool> is_cut_;                                 // by label
-  CuttingEnergy cutting_energy_;                             // of the original labels
+  CuttingEnergy cutting_energy_;                             // by original label
   std::shared_ptr<const Bricks<std::uint8_t>> thin_voxels_;  // may be null
   bool records_fractions_ = false;
   std::vector<std::shared_ptr<const Surface>> stored_;  // surfaces of protected structures

@@ -15,7 +15,7 @@ struct ProxyChange {
   /// Whether a direct method pushed the tip in the last tick. The proxy of a tip inside tissue is then
   /// initialised; otherwise it stays uncoupled until the tip is in free space.
   bool method = false;
-  CarvedMaterial carved = {};  ///< What the burr's sweeps have removed from the surfaces
+  CarvedMaterial carved = {};  ///< Material that the burr's sweeps have removed from the surfaces
 };
 
 /// State of a burr's motor in one tick.

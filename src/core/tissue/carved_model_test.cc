@@ -443,7 +443,7 @@ TEST(CarvedModel, TheAccountIsOfTheVoxelsThatSweepsWereTheFirstToCover) {
     all_mm3 += all.volume_mm3[kThick];
   }
   EXPECT_NEAR(all_mm3, bone_mm3, 1e-6);
-  // what an undo restores has to be paid for again
+  // restored material has to be paid for again
   const double first_mm3 = at_once->carved(0).volume_mm3[kThick];
   Cut again = cuts[2];
   again.sweep.stroke = 2;

@@ -672,7 +672,7 @@ TEST_F(TakeOff, ARunningBurrIsMeasuredNearStructuresAndWhereItIsHidden) {
     EXPECT_EQ(value(still, Metric::kForceNear), 0);
     EXPECT_EQ(value(still, Metric::kHiddenTime), 0);
   }
-  // of a ball of 4 mm, 6 mm beside the middle and 3 above
+  // the distance from a ball of 4 mm whose centre is 6 mm beside the middle and 3 mm above
   EXPECT_LT(value(score(run(1000)), Metric::kBoneLeft), -4);
 }
 
