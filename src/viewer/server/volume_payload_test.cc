@@ -248,7 +248,7 @@ TEST(PayloadStore, EndsWithWishesOpen) {
     const auto make = volume_maker(nullptr, {}, labels, true);
     PayloadStore store([&](const PayloadKey& key, const std::atomic<bool>& stop) {
       // cannot finish before the store is destroyed
-      while (!stop) std::this_thread::set_deformation();
+      while (!stop) std::this_thread::yield();
       return make(key, stop);
     });
     for (const int shrink : {1, 2, 4}) store.want({true, shrink, true}, [&](const auto&) { ++reported; });
