@@ -25,9 +25,9 @@ struct PluginSettings {
 ///       tick               commands ──────► write()                       |  silent for kSilence_s
 ///
 /// **Fault handling**: a plug-in whose process ends, that gives no sample for kAbandoned_s, or reports one
-/// that is not finite or of another size is given up: its process is killed, samples are marked `fault` from
-/// then on, and failure() states the reason. A session that dies or stands still is silent, and its device
-/// gets zero force.
+/// that is not finite or of another size is given up: samples are marked `fault` from then on, its process
+/// halts the device and is killed kHaltPatience_s later, and failure() states the reason. A session that dies
+/// or stands still is silent, and its device gets zero force.
 class PluginDriver final : public DeviceDriver {
  public:
   explicit PluginDriver(const PluginSettings& settings);
@@ -51,6 +51,9 @@ class PluginDriver final : public DeviceDriver {
   static constexpr double kSilence_s = 0.009;
   /// Time without a sample after which the plug-in is given up.
   static constexpr double kAbandoned_s = 0.1;
+  /// Time that the process of a plug-in that was given up has for halting its device before it is killed. It
+  /// needs a millisecond, and longer on a busy processor.
+  static constexpr double kHaltPatience_s = 0.05;
 
  private:
   class Core;

@@ -64,7 +64,9 @@ void hash_value(std::uint64_t& hash, const BurrSettings& burr) {
   // whether it is called a shaver affects only the name
   const auto& [revolutions_per_s, grip, spindle, pedal, length_mm, end_radius_mm, shaver, flutes,
                irrigation] = burr;
-  hash_values(hash, revolutions_per_s, grip, spindle, pedal, length_mm, end_radius_mm, flutes, irrigation);
+  hash_values(hash, revolutions_per_s, grip, spindle, pedal, length_mm, end_radius_mm);
+  // left out at their defaults, so that recordings of versions without these members have the same model
+  if (flutes != BurrSettings{}.flutes || !irrigation) hash_values(hash, flutes, irrigation);
 }
 void hash_value(std::uint64_t& hash, const Tool& tool) {
   const auto& [name, points_mm, radius_mm, capsules, burr] = tool;

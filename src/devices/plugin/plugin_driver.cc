@@ -13,12 +13,14 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <ctime>
 #include <optional>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "palpate/base/child_process.h"
@@ -194,6 +196,9 @@ class PluginDriver::Core {
       case Loss::kEnded:
         return error("the plug-in's process has ended" + how_it_ended(), kMend);
       case Loss::kSilent:
+        // a crash may take longer than that
+        if (const auto how = ending(); how && (how->si_code == CLD_EXITED || how->si_status != SIGKILL))
+          return error("the plug-in's process has ended" + how_it_ended(), kMend);
         return error("the plug-in did not answer for 0.1 s and was ended", kMend);
       case Loss::kNotFinite:
         return error("the plug-in reported a pose that is not finite, and was ended", kMend);
@@ -296,36 +301,51 @@ class PluginDriver::Core {
       pollfd ended{process_.file(), POLLIN, 0};
       if (ended.fd >= 0) ::poll(&ended, 1, kClosePatience_ms);
     }
+    if (loss_.load() != Loss::kNone && loss_.load() != Loss::kEnded && !is_ended_) {
+      const auto patience_ns = lost_ns_ + nanoseconds(kHaltPatience_s) - monotonic_ns();
+      std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<std::int64_t>(patience_ns, 0)));
+    }
     process_.end();
     ::close(std::exchange(socket_, -1));
     ::close(std::exchange(halt_file_, -1));
     is_open_ = false;
   }
 
-  std::string how_it_ended() const {
+  // How the process has ended; empty: it has not.
+  std::optional<siginfo_t> ending() const {
     siginfo_t how{};
     if (process_.file() < 0 ||
         ::waitid(P_PIDFD, static_cast<id_t>(process_.file()), &how, WEXITED | WNOWAIT | WNOHANG) != 0 ||
         how.si_pid == 0)
-      return "";
-    if (how.si_code == CLD_EXITED) return " with exit code " + std::to_string(how.si_status);
-    return " by signal " + std::to_string(how.si_status) + " (" + ::strsignal(how.si_status) + ")";
+      return {};
+    return how;
+  }
+  std::string how_it_ended() const {
+    const auto how = ending();
+    if (!how) return "";
+    if (how->si_code == CLD_EXITED) return " with exit code " + std::to_string(how->si_status);
+    return " by signal " + std::to_string(how->si_status) + " (" + ::strsignal(how->si_status) + ")";
   }
 
   // ---- the servo thread
   void abandon(Loss loss) noexcept {
+    lost_ns_ = monotonic_ns();
     loss_.store(loss);
-    if (loss == Loss::kEnded) return;
-    halt();
-    // its own watching thread has halted the device, or does so within a millisecond
-    const timespec pause{0, 3'000'000};
-    ::nanosleep(&pause, nullptr);
+    if (loss != Loss::kEnded) halt();
+  }
+  // Ends an abandoned process once its watching thread has had time to halt the device. That takes a
+  // millisecond, and longer where the processor is busy.
+  void end_abandoned() noexcept {
+    if (is_ended_ || loss_.load() == Loss::kEnded || monotonic_ns() - lost_ns_ < nanoseconds(kHaltPatience_s))
+      return;
+    is_ended_ = true;
     if (process_.file() >= 0) ::syscall(SYS_pidfd_send_signal, process_.file(), SIGKILL, nullptr, 0);
   }
 
   void read(std::span<DeviceSample> samples) noexcept {
     if (loss_.load() == Loss::kNone) request_samples(samples);
     if (loss_.load() == Loss::kNone) return;
+    end_abandoned();
     for (DeviceSample& sample : samples) sample.fault = true;
   }
 
@@ -388,6 +408,8 @@ class PluginDriver::Core {
   std::uint64_t number_ = 0;
   std::int64_t pending_ns_ = 0;   ///< Time of the request that has no reply yet; 0: none
   std::int64_t answered_ns_ = 0;  ///< Time of the latest reply
+  std::int64_t lost_ns_ = 0;      ///< Time at which it was abandoned
+  bool is_ended_ = false;         ///< Whether it has been killed since
   std::atomic<std::uint64_t> halts_{0}, halts_ended_{0};
   std::atomic<Loss> loss_{Loss::kNone};
   std::atomic<bool> failed_{false};

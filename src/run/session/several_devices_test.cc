@@ -229,7 +229,7 @@ TEST_F(SeveralDevices, NamesThatCannotBeAreRefusedWithThoseThatAreThere) {
     EXPECT_EQ(result.error().kind, ErrorKind::kUsage);
     return result.error().message();
   };
-  EXPECT_THAT(refused({"spoon"}), HasSubstr("there are: simulated, pointer, arm"));
+  EXPECT_THAT(refused({"spoon"}), HasSubstr("there are: simulated, pointer, ros2, arm"));
   EXPECT_THAT(refused({"arm", "arm"}), HasSubstr("twice"));
   EXPECT_THAT(refused({"arm", kSimulatedHand}), HasSubstr("first"));
   EXPECT_THAT(refused({}), HasSubstr("needs a device"));

@@ -45,10 +45,10 @@ TEST(SceneJson, HasTheDocumentsKeys) {
   EXPECT_EQ(json["tool"],
             Json::parse(R"({"name": "point", "radius_mm": 0.0, "cuts": false, "points_mm": [[0, 0, 0]],
                                           "burr": "cone", "capsules": [{"from_mm": [0, 0, 0], "to_mm": [0, 0, 40],
-                                                        "radius_mm": 1.5, "end_radius_mm": 2.0}], "shaver": false})"));
+                                                        "radius_mm": 1.5, "end_radius_mm": 2.0}], "shaver": false, "revolutions_per_s": 0, "flutes": 0})"));
   EXPECT_EQ(json["tools"][0], json["tool"]);
   EXPECT_EQ(json["tools"][1], Json::parse(R"({"name": "drill", "radius_mm": 2.0, "cuts": true, "burr": "ball",
-                                              "points_mm": [[0, 0, 0]], "capsules": [], "shaver": true})"));
+                                              "points_mm": [[0, 0, 0]], "capsules": [], "shaver": true, "revolutions_per_s": 0, "flutes": 0})"));
   EXPECT_EQ(json["tools"].size(), 2u) << "one for each device";
   EXPECT_EQ(json["methods"], Json::parse(R"(["proxy", "trilinear"])"));
   EXPECT_EQ(json["laws"], Json::parse(R"(["elastic", "neo-hookean"])"));
@@ -129,7 +129,7 @@ TEST(SceneJson, StateAndAnswers) {
   cut.strokes_to_undo = 2;
   cut.strokes_to_redo = 1;
   EXPECT_EQ(Json::parse(state_json(cut, reader(1, 1, 2))), Json::parse(R"({
-    "type": "state", "method": "proxy", "law": "elastic", "law_awaited": null, "law_failed": null, "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "motor_is_on": false,
+    "type": "state", "method": "proxy", "law": "elastic", "law_awaited": null, "law_failed": null, "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "vibration": false, "motor_is_on": false,
     "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "strokes": {"undo": 2, "redo": 1}, "removed": [{"label": 1, "mm3": 12.5}], "nearest": [{"label": 1, "mm": 0.5}],
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "friction": 0, "viscosity_N_s_per_mm": 0}],

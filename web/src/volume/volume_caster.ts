@@ -153,7 +153,8 @@ vec4 paint(vec3 position, vec2 kind) {
     vec3 f = mix(1.0 - w, w, vec3(o));
     uvec4 texel = texelFetch(field, first + o, 0);
     vec4 a = appearanceOf(texel.r), b = appearanceOf(texel.g);
-    vec2 fraction = f.x * f.y * f.z * vec2(float(texel.b) * dot(kind, kinds(a.a)), float(texel.a) * dot(kind, kinds(b.a)));
+    float fa = float(texel.b) * dot(kind, kinds(a.a)), fb = float(texel.a) * dot(kind, kinds(b.a));
+    vec2 fraction = f.x * f.y * f.z * vec2(fa, fb);
     sum += fraction.x * a + fraction.y * b;
     weight += fraction.x + fraction.y;
   }
