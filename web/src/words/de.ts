@@ -19,6 +19,7 @@ export const de: Words = {
   mover: {
     script: "simulierte Hand",
     pointer: "vom Zeiger eines Betrachters geführt",
+    ros2: "von einem ROS-2-Knoten bewegt",
     device: "handgeführt",
     recording: "Aufzeichnung",
   },

@@ -17,6 +17,7 @@ export const en = {
   mover: {
     script: "simulated hand",
     pointer: "moved by a viewer's pointer",
+    ros2: "moved by a ROS 2 node",
     device: "hand-held",
     recording: "recording",
   },
