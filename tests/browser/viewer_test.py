@@ -1715,7 +1715,7 @@ class WithRamp(Viewer):
         self.assertEqual(self.page.run("return document.documentElement.lang"), "de")
         self.assertIn("Nur für Forschung und Lehre — nicht für den klinischen Einsatz", german)
         # names are the same, of what the scene has and of planes, and so are palpate's own sentences
-        names = {"palpate", "Esc", "Maximum (MIP)", "Minimum (MinIP)", "English", "Deutsch", "Pause", "Motor", "ChainMail", "Axial", "Sagittal", "axial", "sagittal", "LPS (DICOM)", "RAS (Slicer)", "Training"}
+        names = {"palpate", "Esc", "Maximum (MIP)", "Minimum (MinIP)", "English", "Deutsch", "Pause", "Motor", "Vibration", "ChainMail", "Axial", "Sagittal", "axial", "sagittal", "LPS (DICOM)", "RAS (Slicer)", "Training"}
         names |= {s["name"].replace("_", " ") for s in self.scene["structures"] + self.scene["tissues"]} | set(self.scene["methods"]) | {c["text"] for c in self.scene["caveats"]}
         same = {text for text in set(english) & set(german) - names if not text.startswith(("palpate ", "LPS "))}
         self.assertEqual(same, set())

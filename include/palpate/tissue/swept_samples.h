@@ -26,7 +26,9 @@ class SweptSamples {
     std::uint64_t samples;
   };
 
-  explicit SweptSamples(const GridGeometry& grid) : dims_(grid.dims) {}
+  /// @param labels  volume whose grid it has; null: an empty grid
+  explicit SweptSamples(const Bricks<LabelId>* labels)
+      : dims_(labels == nullptr ? std::array<int, 3>{} : labels->geometry().dims) {}
 
   /// Adds the points within a sweep, in voxels whose label is cut. Returns the newly covered ones, in an
   /// order that depends only on the sweep.

@@ -79,7 +79,7 @@ Carving::Carving(const Model& model)
       cutting_energy_(model),
       thin_voxels_(model.thin_voxels),
       records_fractions_(is_moving(model.tissue_law)),
-      left_{{}, model.labels, nullptr, SweptSamples(model.labels->geometry()), 0} {
+      left_{{}, model.labels, nullptr, SweptSamples(model.labels.get()), 0} {
   for (const ProtectedStructure& structure : model.protected_structures)
     if (structure.is_protected) stored_.push_back(structure.surface);
   for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
@@ -158,6 +158,7 @@ void Carving::take(std::span<const Cut> cuts) {
 void Carving::count(const Cut& cut) {
   CarvedMaterial& carved = carved_[cut.device];
   ++carved.sweeps;
+  if (original_labels_ == nullptr) return;
   const double sample_mm3 = original_labels_->geometry().spacing_mm.prod() / SweptSamples::kSamples;
   for (const auto& [i, j, k, samples] :
        left_.swept.add(cut.sweep, *original_labels_, cutting_energy_.has_energy())) {

@@ -8,9 +8,7 @@
 namespace palpate {
 
 RemovedVolume::RemovedVolume(const Model& model)
-    : labels_(model.labels),
-      is_cut_(labels_that_are_cut(model)),
-      left_{SweptSamples(labels_ == nullptr ? GridGeometry() : labels_->geometry()), {}} {}
+    : labels_(model.labels), is_cut_(labels_that_are_cut(model)), left_{SweptSamples(labels_.get()), {}} {}
 
 void RemovedVolume::add(std::span<const Cut> cuts) {
   for (const Cut& cut : cuts) {
