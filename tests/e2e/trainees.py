@@ -111,7 +111,7 @@ def pocket(draw, kind):
     # what is milled there is soon gone, and the bone beneath it is touched: a step that fails, as a slip does
     then = ([{"approach": "femoral_cartilage", "nearest": below, "from": [1, -0.3, -0.2], "speed": draw["speed"]}, {"motor": True},
              {"press": 1.0, "settle": 0.1}, {"motor": False}] if heavy
-            else [{"approach": [37.0, -3.0, 29.0], "speed": draw["speed"]}, {"press": 0.12, "settle": 0.1}])
+            else [{"approach": [37.0, -3.0, 29.0], "speed": draw["speed"]}, {"press": 0.2, "settle": 0.1}])
     return [[{"approach": [37.5, -3.7, 23.6], "speed": draw["speed"]}, {"motor": True}, {"press": 3.0 if heavy else 1.0, "settle": 0.1},
              {"hold": hold_s}, {"motor": False}, {"leave": True}],
             then + [{"leave": True}]]
