@@ -25,13 +25,10 @@ import { ContactPanel } from "./panels/contact.js";
 import { DevicePanel } from "./panels/device.js";
 import { DisplayPanel } from "./panels/display.js";
 import { showFacts } from "./panels/facts.js";
-import { FeelPanel } from "./panels/feel.js";
 import { Keys } from "./panels/keys.js";
 import { showLink } from "./panels/link.js";
-import { showPress } from "./panels/press.js";
 import { nextTheme } from "./panels/theme.js";
 import { Toolbar } from "./panels/toolbar.js";
-import { showTracked } from "./panels/tracked.js";
 import { addVolumeControls } from "./panels/volume_controls.js";
 import { Connection, type Link } from "./protocol/connection.js";
 import type { Scene, State } from "./protocol/messages.js";
@@ -89,11 +86,14 @@ export class Page {
   readonly captures: CaptureButtons;
   readonly later = new Part("later", async () => {
     const { session, requests, history, permissions, volume, sections } = this;
-    const { Bookmarks, BurrControls, LoopPlots, StructuresPanel } = await import("./panels/later.js");
-    new LoopPlots(session);
-    new BurrControls(session, this.connection);
-    new Bookmarks({ session, history, volume, sections, turn: (rotation) => this.turn(rotation) });
-    return new StructuresPanel(session, requests, history, permissions);
+    const parts = await import("./panels/later.js");
+    parts.showTracked(session);
+    parts.showPress(session, permissions);
+    new parts.FeelPanel(session, this.connection, requests, permissions);
+    new parts.LoopPlots(session);
+    new parts.BurrControls(session, this.connection);
+    new parts.Bookmarks({ session, history, volume, sections, turn: (rotation) => this.turn(rotation) });
+    return new parts.StructuresPanel(session, requests, history, permissions);
   });
   readonly frames: Frames;
   isWhole = false; // all dynamically imported panels are loaded
@@ -231,13 +231,10 @@ export class Page {
     const { session, connection, requests, history, permissions, panels, captures } = this;
     const toolbar = new Toolbar(session, connection, requests, history, permissions);
     const device = new DevicePanel(session, requests, permissions);
-    new FeelPanel(session, connection, requests, permissions);
     new DisplayPanel(session, history);
     new ContactPanel(session);
     showFacts(session);
     showLink(session, connection);
-    showTracked(session);
-    showPress(session, permissions);
     storeCards();
     byId("theme").addEventListener("click", nextTheme);
     byId("reload").addEventListener("click", () => location.reload());

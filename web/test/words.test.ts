@@ -135,7 +135,7 @@ function ownWords(file: string, source: string): string[] {
     ) !== undefined;
   const visit = (node: ts.Node): void => {
     // names of messages are checked by the type system
-    if (ts.isCallExpression(node) && last(node.expression) === "says")
+    if (ts.isCallExpression(node) && last(node.expression) === "setMessages")
       return void node.arguments.slice(0, 1).forEach(visit);
     const isText =
       (ts.isStringLiteralLike(node) && !ts.isImportDeclaration(node.parent)) ||

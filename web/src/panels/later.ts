@@ -2,5 +2,8 @@
 
 export { Bookmarks } from "./bookmarks.js";
 export { BurrControls } from "./burr_controls.js";
+export { FeelPanel } from "./feel.js";
 export { LoopPlots } from "./loop_plots.js";
+export { showPress } from "./press.js";
 export { StructuresPanel } from "./structures_panel.js";
+export { showTracked } from "./tracked.js";
