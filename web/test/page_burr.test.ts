@@ -65,6 +65,8 @@ testsOf(page, "a knee that is milled by a ball", () => {
       "connected again",
       () => page.viewer.link === "connected" && page.isLoaded() && strokes().undo === 1,
     );
+    // cuts are applied once their messages have arrived
+    await page.wait("cut again", () => !isThere(first));
     assert.deepEqual(places.map(isThere), [false, false, true]);
   });
 
