@@ -298,6 +298,8 @@ TEST_F(FastDds, AMessageAtStopStopsTheForce) {
     testing::FakeHost host;
     Ros2Options options;
     options.domain = domain_;
+    // stops are read more often than poses are published
+    options.rate_hz = 1;
     const auto publisher = Ros2Publisher::start(host, options);
     ASSERT_TRUE(publisher.ok());
     dds::DataWriter* const writer =

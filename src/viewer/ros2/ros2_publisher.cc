@@ -29,6 +29,8 @@ constexpr int kMaxDomain = 101;
 // ViewedScene::input of a session whose tip a node moves
 constexpr const char* kRos2Input = "ros2";
 constexpr auto kDiagnosisPeriod = std::chrono::seconds(1);
+// A stop and a commanded position are read this often, however low the rate of what is published.
+constexpr Clock::duration kMaxReadPeriod = std::chrono::milliseconds(5);
 
 std::int64_t now_ns() {
   using namespace std::chrono;
@@ -75,15 +77,17 @@ class Publisher final : public Ros2Publisher {
   void run() {
     server::be_ordinary_thread("ros2");
     const bool has_virtual_time = host_.playback() != nullptr;
-    auto next = Clock::now(), next_diagnosis = next;
+    auto next_tick = Clock::now(), next_diagnosis = next_tick;
     bool is_scene_published = false;
     std::unique_lock lock(mutex_);
-    while (!wake_.wait_until(lock, next, [this] { return ended_; })) {
-      next = std::max(next + period_, Clock::now());
+    while (!wake_.wait_until(lock, std::min(next_tick, Clock::now() + kMaxReadPeriod),
+                             [this] { return ended_; })) {
       // without memory nodes miss a sample, and the session continues
       try {
         if (session_->read_stop()) host_.emergency_stop({});
         move_hand();
+        if (Clock::now() < next_tick) continue;
+        next_tick = std::max(next_tick + period_, Clock::now());
         const std::int64_t stamp_ns = publish_tick(has_virtual_time);
         if (!std::exchange(is_scene_published, true))
           session_->publish_scene(stamp_ns, scene_text(host_.scene()), patient_in_base());
