@@ -254,7 +254,7 @@ struct ViewedDeformation {
 struct ViewerIdentity {
   std::uint32_t number = 0;  ///< From 1, in the order of the viewers' hello messages
   bool control = false;      ///< Whether it may change things; every viewer may stop
-  std::string learner;       ///< Pseudonym of a learner with a token; empty: another role
+  std::string learner{};     ///< Pseudonym of a learner with a token; empty: another role
   bool teaches = false;      ///< Whether it leads the lesson: what it does is no learner's
 };
 

@@ -368,38 +368,43 @@ TEST(BurrHeat, IsReportedWithoutIrrigationOnly) {
   EXPECT_EQ(dry.along_N, wet.along_N) << "it changes no force";
 }
 
-/// With PALPATE_DRAW_VIBRATION=FOLDER draws the pictures of docs/guide/burr.md.
-TEST(BurrVibration, WaveformAndSpectrumAreDrawn) {
-  const char* folder = std::getenv("PALPATE_DRAW_VIBRATION");
-  if (folder == nullptr) GTEST_SKIP() << "set PALPATE_DRAW_VIBRATION to a folder";
-  const std::vector<std::pair<std::string, Drilling>> drawn = [] {
-    std::vector<std::pair<std::string, Drilling>> list(3);
-    list[0].first = "100 mJ/mm³";
-    list[1].first = "10 mJ/mm³";
-    list[1].second.energy_mJ_per_mm3 = 10;
-    list[2].first = "2500/min, 2 flutes";
-    list[2].second.burr = burr_of(2500, 2);
-    for (auto& [name, drilling] : list) drilling.run();
-    return list;
-  }();
-  const std::array<std::string, 3> kinds{"after", "before", "after second"};
+/// With PALPATE_DRAW_VIBRATION=FOLDER also draws the pictures of docs/guide/burr.md.
+TEST(BurrVibration, WaveformAndSpectrumOfThreeDrillings) {
+  struct Drawn {
+    std::string name, style;
+    double hz = 0;
+    Drilling drilling;
+  };
+  std::vector<Drawn> drawn{{"100 mJ/mm³", "after", 200, {}},
+                           {"10 mJ/mm³", "before", 200, {.energy_mJ_per_mm3 = 10}},
+                           {"2500/min, 2 flutes", "after second", 250.0 / 3, {.burr = burr_of(2500, 2)}}};
   test::Chart wave("Force across the press direction", "ms", "N", 0, 60, 0.1, -0.1);
   test::Chart spectrum("Its spectrum", "Hz", "N", 0, 300, 0.1);
   for (const double ms : {0.0, 20.0, 40.0, 60.0}) wave.tick_across(ms);
   for (const double force_N : {-0.1, -0.05, 0.0, 0.05, 0.1}) wave.tick_up(force_N);
   for (const double hz : {0.0, 100.0, 200.0, 300.0}) spectrum.tick_across(hz);
   for (const double force_N : {0.0, 0.05, 0.1}) spectrum.tick_up(force_N);
-  for (std::size_t n = 0; n < drawn.size(); ++n) {
-    Drilling drilling = drawn[n].second;
-    const std::vector<double> signal = drilling.rendered_N(1);
+  std::vector<double> peaks_N;
+  for (Drawn& burr : drawn) {
+    SCOPED_TRACE(burr.name);
+    const std::vector<double> signal = burr.drilling.run().rendered_N(1);
     std::vector<std::array<double, 2>> samples, amplitudes;
-    for (std::size_t i = 0; i <= 60; ++i) samples.push_back({static_cast<double>(i), signal[i]});
+    for (std::size_t ms = 0; ms <= 60; ++ms) samples.push_back({static_cast<double>(ms), signal[ms]});
     for (double hz = 0; hz <= 300; hz += 0.5) amplitudes.push_back({hz, component(signal, hz, 1e-3)});
-    wave.line(kinds[n], drawn[n].first, samples);
-    spectrum.line(kinds[n], drawn[n].first, amplitudes);
+    // the kick of varying cutting forces lies below
+    const auto band = std::ranges::subrange(amplitudes.begin() + 80, amplitudes.end());
+    const auto peak = std::ranges::max_element(band, {}, [](const auto& point) { return point[1]; });
+    ASSERT_GE((*band.begin())[0], 40);
+    EXPECT_NEAR((*peak)[0], burr.hz, 1);
+    peaks_N.push_back((*peak)[1]);
+    wave.line(burr.style, burr.name, samples);
+    spectrum.line(burr.style, burr.name, amplitudes);
   }
-  wave.write(std::string(folder) + "/burr-vibration.svg");
-  spectrum.write(std::string(folder) + "/burr-spectrum.svg");
+  EXPECT_GT(peaks_N[0], 1.5 * peaks_N[1]) << "bone that takes ten times the energy";
+  if (const char* folder = std::getenv("PALPATE_DRAW_VIBRATION")) {
+    wave.write(std::string(folder) + "/burr-vibration.svg");
+    spectrum.write(std::string(folder) + "/burr-spectrum.svg");
+  }
 }
 
 }  // namespace
