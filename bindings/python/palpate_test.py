@@ -161,6 +161,25 @@ class Sessions(unittest.TestCase):
         one.run(tips)
         self.assertEqual(one.hash, many.hash)
 
+    def test_views_of_the_buffers_give_the_same_ticks(self):
+        model = block()
+        for devices in (1, 2):
+            copied, viewed = pp.Session(model, devices=devices), pp.Session(model, devices=devices)
+            tip, force = viewed.tip, viewed.force
+            self.assertEqual((viewed.orientation.shape[-1], viewed.torque.shape), (4, tip.shape))
+            for at in press(700):
+                at = at if devices == 1 else np.stack([at, at + [3, 0, 0]])
+                expected, torque = copied.tick(at)
+                tip[:] = at
+                viewed.advance()
+                np.testing.assert_array_equal(force, expected)
+            self.assertEqual(viewed.hash, copied.hash)
+            self.assertGreater(np.linalg.norm(force), 1)
+            np.testing.assert_array_equal(viewed.torque, torque)
+            with self.assertRaises(pp.BadInput):
+                viewed.advance(NAN)
+            self.assertEqual(viewed.hash, copied.hash)
+
     def test_frames_are_the_same_touch(self):
         model = block()
         in_patient, in_world = pp.Session(model), pp.Session(model, frame="world")

@@ -48,12 +48,51 @@ class Session:
         self._finalizer = weakref.finalize(self, c.lib.plp_session_destroy, self._handle)
         self._model = model
         self._devices = int(options.devices)
-        # bound once, so that a tick allocates nothing but its result
+        # the buffers of every tick
         self._poses = self._empty_poses(1)
         self._wrenches = np.zeros(self._devices, c.WRENCH)
         self._wrenches["size"] = c.WRENCH.itemsize
         self._tips, self._orientations = self._poses["tip_mm"][0], self._poses["orientation_wxyz"][0]
         self._pose_address, self._wrench_address = c.address(self._poses), c.address(self._wrenches)
+
+    @property
+    def tip(self) -> np.ndarray:
+        """Tip of the next advance(), mm, in the session's frame; shape (3,), with several devices (devices, 3). A view of the
+        session's buffer, to write into; tick() writes its argument there."""
+        return self._single(self._tips)
+
+    @property
+    def orientation(self) -> np.ndarray:
+        """Orientation of the next advance(), unit quaternion w, x, y, z; shape (4,) or (devices, 4). A view as `tip` is."""
+        return self._single(self._orientations)
+
+    @property
+    def force(self) -> np.ndarray:
+        """Force of the last tick on the hand, N, in the session's frame; shape of `tip`. A view of the session's buffer, which the
+        next tick overwrites."""
+        return self._single(self._wrenches["force_N"])
+
+    @property
+    def torque(self) -> np.ndarray:
+        """Torque of the last tick about the tip, N mm; a view as `force` is."""
+        return self._single(self._wrenches["torque_Nmm"])
+
+    def _single(self, each: np.ndarray) -> np.ndarray:
+        return each[0] if self._devices == 1 else each
+
+    def advance(self, dt: float = 1e-3) -> None:
+        """One tick from `tip` and `orientation` to `force` and `torque`: tick() without copies, for a controller that keeps the
+        four views.
+
+        Args:
+            dt: duration since the last tick, s.
+
+        Raises:
+            BadInput: a duration that is negative or not finite. Then the session has not changed.
+        """
+        status = c.lib.plp_session_tick(self._handle, self._pose_address, dt, self._wrench_address)
+        if status:
+            c.check(status)
 
     def _empty_poses(self, ticks: int) -> np.ndarray:
         poses = np.zeros((ticks, self._devices), c.POSE)
@@ -88,9 +127,8 @@ class Session:
         """
         self._tips[:] = tip
         self._orientations[:] = (1, 0, 0, 0) if orientation is None else orientation
-        c.check(c.lib.plp_session_tick(self._handle, self._pose_address, dt, self._wrench_address))
-        force, torque = self._wrenches["force_N"].copy(), self._wrenches["torque_Nmm"].copy()
-        return (force[0], torque[0]) if self._devices == 1 else (force, torque)
+        self.advance(dt)
+        return self.force.copy(), self.torque.copy()
 
     def run(self, tips: Any, orientations: Any = None, dt: float = 1e-3) -> np.ndarray:
         """Many ticks of one duration, without Python between them.

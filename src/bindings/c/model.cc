@@ -254,15 +254,6 @@ plp_structure plain(const Model& model, const Segment& segment) {
   return plain;
 }
 
-// the model with a method prepared, for sampling
-Result<std::shared_ptr<const Model>> sampled_by(const plp_model& model, ForceMethod method) {
-  const std::lock_guard lock(model.mutex);
-  if (model.sampled == nullptr) model.sampled = model.loaded.model;
-  auto ready = prepared_for(model.sampled, {&method, 1}, {}, cancellable());
-  if (ready) model.sampled = *ready;
-  return ready;
-}
-
 // signed distance to the nearest surface, and its slope
 FieldSample nearest_surface(const Model& model, const Point<Patient>& at) {
   FieldSample sample{std::numeric_limits<double>::infinity(), {}};
@@ -292,6 +283,16 @@ void sample_points(const Model& model, ForceMethod method, std::span<const doubl
 }
 
 }  // namespace
+
+Result<std::shared_ptr<const Model>> with_methods(const plp_model& model,
+                                                  std::span<const ForceMethod> methods) {
+  const std::lock_guard lock(model.mutex);
+  auto ready =
+      prepared_for(model.ready == nullptr ? model.loaded.model : model.ready, methods, {}, cancellable());
+  if (ready) model.ready = *ready;
+  return ready;
+}
+
 }  // namespace palpate::c
 
 using palpate::c::fail;
@@ -423,7 +424,7 @@ plp_status plp_model_sample(const plp_model* model, int32_t method, const double
     if (count > std::numeric_limits<std::ptrdiff_t>::max() / (3 * sizeof(double)))
       return fail(PLP_BAD_INPUT, "count: more points than memory can hold");
     const palpate::ForceMethod by = requested->value_or(model->method);
-    const auto ready = palpate::c::sampled_by(*model, by);
+    const auto ready = palpate::c::with_methods(*model, {&by, 1});
     if (!ready) return fail(ready.error());
     palpate::c::sample_points(**ready, by, {points_mm, 3 * count}, values, gradients);
     return PLP_OK;

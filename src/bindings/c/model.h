@@ -3,6 +3,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 
 #include "c/guard.h"
 #include "palpate/loading/loading.h"
@@ -28,6 +29,16 @@ struct plp_model {
 
   const palpate::Model& current() const { return *loaded.model; }
 
-  mutable std::mutex mutex;                               ///< Guards `sampled`
-  mutable std::shared_ptr<const palpate::Model> sampled;  ///< The version, with the methods sampled until now
+  mutable std::mutex mutex;  ///< Guards `ready`
+  /// The version, with the methods that with_methods() was called for until now.
+  mutable std::shared_ptr<const palpate::Model> ready;
 };
+
+namespace palpate::c {
+
+/// The version with force methods prepared for it, which are kept for the next call. Errors: those of
+/// prepared_for.
+Result<std::shared_ptr<const Model>> with_methods(const plp_model& model,
+                                                  std::span<const ForceMethod> methods);
+
+}  // namespace palpate::c

@@ -105,9 +105,15 @@ plp_status plp_simulate(const plp_model* model, const plp_run_options* options, 
       made->devices = static_cast<std::size_t>(tick.devices);
       for (std::size_t d = 0; d < made->devices; ++d) made->records.push_back(palpate::c::record_of(tick, d));
     };
+    // the methods of a run by default: the next run of the model finds them prepared
+    const palpate::ForceMethod methods[] = {model->method, palpate::ForceMethod::kTrilinear};
+    palpate::LoadedScene loaded = model->loaded;
+    auto ready = palpate::c::with_methods(*model, methods);
+    if (!ready) return fail(ready.error());
+    loaded.model = *std::move(ready);
     auto result =
-        palpate::simulate(model->loaded, *script, *simulation,
-                          input.recording == nullptr ? "" : input.recording, palpate::c::cancellable());
+        palpate::simulate(loaded, *script, *simulation, input.recording == nullptr ? "" : input.recording,
+                          palpate::c::cancellable());
     if (!result) return fail(result.error());
     made->result = *std::move(result);
     *run = made.release();

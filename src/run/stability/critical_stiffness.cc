@@ -1,8 +1,13 @@
 #include "palpate/stability/critical_stiffness.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <deque>
 #include <iterator>
+#include <mutex>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "stability/critical_stiffness_hold.h"
@@ -68,6 +73,41 @@ Result<double> stiffest_before(Fails fails, const StabilityCase& stability_case,
   return std::min(stiffness, kStiffestWall_N_per_mm);
 }
 
+/// What a recommended stiffness depends on: the device's dynamics, the tick rate and the delay.
+using LoopConstants = std::array<double, 7>;
+
+LoopConstants constants_of(const PlantDevice& device, double rate_hz, double delay_s) {
+  return {device.mass_kg,
+          device.damping_N_s_per_m,
+          device.coulomb_N,
+          device.encoder_step_m,
+          device.peak_force_N,
+          rate_hz,
+          delay_s};
+}
+
+/// Recommended stiffness of the last few loops: a search simulates minutes of holds, and a process that
+/// simulates many runs asks for the same one each time. From any thread.
+class Recommendations {
+ public:
+  std::optional<double> find(const LoopConstants& loop) {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [known, stiffness_N_per_mm] : known_)
+      if (known == loop) return stiffness_N_per_mm;
+    return std::nullopt;
+  }
+  void add(const LoopConstants& loop, double stiffness_N_per_mm) {
+    const std::lock_guard lock(mutex_);
+    if (known_.size() == kCapacity) known_.pop_front();
+    known_.emplace_back(loop, stiffness_N_per_mm);
+  }
+
+ private:
+  static constexpr std::size_t kCapacity = 16;
+  std::mutex mutex_;
+  std::deque<std::pair<LoopConstants, double>> known_;
+};
+
 }  // namespace
 
 Result<double> critical_stiffness_N_per_mm(const StabilityCase& stability_case, const Progress& progress) {
@@ -102,12 +142,16 @@ const std::vector<PlantHand>& recommending_grips() {
 
 Result<double> recommended_stiffness_N_per_mm(const PlantDevice& device, double rate_hz, double delay_s,
                                               const Progress& progress) {
+  static Recommendations recommendations;
+  const LoopConstants loop = constants_of(device, rate_hz, delay_s);
+  if (const auto known = recommendations.find(loop)) return *known;
   double smallest = kStiffestWall_N_per_mm;
   for (const PlantHand& grip : recommending_grips()) {
     const auto critical = critical_stiffness_N_per_mm({device, grip, rate_hz, delay_s}, progress);
     if (!critical) return critical;
     smallest = std::min(smallest, *critical);
   }
+  recommendations.add(loop, kStiffnessMargin * smallest);
   return kStiffnessMargin * smallest;
 }
 

@@ -148,6 +148,23 @@ double growth_of_swing(double mass_kg, double damping_N_s_per_mm, double rate_hz
   return late / early;
 }
 
+TEST(CriticalStiffness, TheSameLoopIsRecommendedTheSameStiffnessWithoutAnotherSearch) {
+  PlantDevice device = *find_plant_device("touch");
+  const auto first = recommended_stiffness_N_per_mm(device, 900, 0);
+  ASSERT_TRUE(first);
+  // a search that is interrupted at once returns an error
+  const std::atomic<bool> stop = true;
+  const Progress stopped({}, &stop);
+  const auto again = recommended_stiffness_N_per_mm(device, 900, 0, stopped);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(*again, *first);
+  device.encoder_step_m *= 2;
+  EXPECT_FALSE(recommended_stiffness_N_per_mm(device, 900, 0, stopped)) << "another device";
+  device.encoder_step_m /= 2;
+  EXPECT_FALSE(recommended_stiffness_N_per_mm(device, 901, 0, stopped)) << "another rate";
+  EXPECT_FALSE(recommended_stiffness_N_per_mm(device, 900, 1e-3, stopped)) << "another delay";
+}
+
 TEST(CriticalStiffness, ABareMassSwingsFromTheTheoreticalDampingOn) {
   for (const double rate_hz : {500.0, 1000.0, 10000.0})
     for (const double delay_s : {0.0, 1e-3, 3e-3})
