@@ -72,7 +72,8 @@ class Packages(unittest.TestCase):
 
     def test_the_packages_are_those_that_are_promised(self):
         self.assertEqual(sorted(self.debs), sorted(DEBS))
-        self.assertLess(sum(path.stat().st_size for path in self.debs.values() if "-dev" not in path.name), 15e6, self.listed)
+        for path in self.debs.values():
+            self.assertLess(path.stat().st_size, 5e6, self.listed)
         for name in DEBS:
             fields = dict(re.findall(r"^ ?(\w[\w-]*): (.*)$", run("dpkg-deb", "--field", self.debs[name]), re.MULTILINE))
             self.assertEqual(fields["Package"], name)
@@ -115,8 +116,9 @@ class Packages(unittest.TestCase):
         self.skip_unless("mmdebstrap")
         if subprocess.run(["unshare", "--user", "--map-root-user", "true"], stderr=subprocess.DEVNULL, check=False).returncode:
             self.skipTest("user namespaces are forbidden here")
-        before, after = self.root / "before.txt", self.root / "after.txt"
+        before, after, sizes = (self.root / name for name in ("before.txt", "after.txt", "sizes.txt"))
         listing = "cd \"$1\" && find usr etc var/lib -xdev | grep -v -e '^var/lib/dpkg' -e '^var/lib/apt' | sort >"
+        measure = f"chroot \"$1\" dpkg-query --show --showformat='${{Installed-Size}}\\n' | awk '{{ sum += $1}} END {{print sum }}' >>{sizes}"
         names = " ".join(f"/debs/{path.name}" for path in self.debs.values())
         (self.out / "use.sh").write_text(f"""palpate --version
 palpate simulate {SCENE} --seed 1 | tee /tmp/run.txt
@@ -126,10 +128,15 @@ python3 -c 'import palpate as pp; print(format(pp.simulate("{SCENE}", seed=1).ha
 """)
         run("mmdebstrap", "--mode=unshare", "--variant=apt", f"--customize-hook=copy-in {self.out} /",
             "--customize-hook=mv \"$1/out\" \"$1/debs\"", f"--customize-hook={listing} {before}",
+            f"--customize-hook={measure}",
             f"--customize-hook=chroot \"$1\" sh -c 'apt-get update && apt-get install --yes --no-install-recommends {names}'",
+            f"--customize-hook={measure}",
             "--customize-hook=chroot \"$1\" sh -e /debs/use.sh",
             f"--customize-hook=chroot \"$1\" sh -c 'apt-get purge --yes --autoremove {' '.join(DEBS)}'",
             f"--customize-hook={listing} {after}", "bookworm", "/dev/null")
+        empty_kB, full_kB = (int(line) for line in sizes.read_text().split())
+        print(f"all packages with their dependencies: {(full_kB - empty_kB) / 1e3:.0f} MB")
+        self.assertLess(full_kB - empty_kB, 300e3)
         left = set(after.read_text().splitlines()) - set(before.read_text().splitlines())
         self.assertFalse([path for path in left if "palpate" in path])
 
