@@ -26,6 +26,7 @@ class Cache(cli.KneeTest):
         done = self.succeed(*options, "simulate", scene or self.scene, "--script", self.script,
                             env={**self.environment, **environment})
         said = [line for line in done.stderr.splitlines() if not line.endswith(" %")]
+        self.progress = done.stderr
         return cli.run_hash(done.stdout), said
 
     def entries(self):
@@ -38,7 +39,9 @@ class Cache(cli.KneeTest):
         first, said = self.simulate()
         entries = self.entries()
         self.assertGreater(len(entries), 4)
+        self.assertIn("stable stiffness of the device", self.progress)
         self.assertEqual(self.simulate(), (first, said))
+        self.assertNotIn("stable stiffness of the device", self.progress)
         self.assertEqual(self.entries(), entries)
         self.assertEqual(self.simulate("--no-cache"), (first, said))
         # for its owner alone

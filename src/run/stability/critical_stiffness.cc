@@ -3,13 +3,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
 #include <deque>
 #include <iterator>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
+#include "palpate/cache/entries.h"
 #include "stability/critical_stiffness_hold.h"
 
 namespace palpate {
@@ -86,24 +91,47 @@ LoopConstants constants_of(const PlantDevice& device, double rate_hz, double del
           delay_s};
 }
 
-/// Recommended stiffness of the last few loops: a search simulates minutes of holds, and a process that
-/// simulates many runs asks for the same one each time. From any thread.
+/// Recommended stiffness of loops, of the last few in memory and of all in the cache folder: a search
+/// simulates minutes of holds. From any thread.
 class Recommendations {
  public:
   std::optional<double> find(const LoopConstants& loop) {
-    const std::lock_guard lock(mutex_);
-    for (const auto& [known, stiffness_N_per_mm] : known_)
-      if (known == loop) return stiffness_N_per_mm;
-    return std::nullopt;
+    {
+      const std::lock_guard lock(mutex_);
+      for (const auto& [known, stiffness_N_per_mm] : known_)
+        if (known == loop) return stiffness_N_per_mm;
+    }
+    const auto digest = key_of(loop);
+    const auto payload = digest ? cache::find(*digest) : std::nullopt;
+    double stiffness_N_per_mm = 0;
+    if (!payload || payload->bytes().size() != sizeof stiffness_N_per_mm) return std::nullopt;
+    std::memcpy(&stiffness_N_per_mm, payload->bytes().data(), sizeof stiffness_N_per_mm);
+    keep(loop, stiffness_N_per_mm);
+    return stiffness_N_per_mm;
   }
   void add(const LoopConstants& loop, double stiffness_N_per_mm) {
+    keep(loop, stiffness_N_per_mm);
+    if (const auto digest = key_of(loop))
+      cache::store(*digest, std::as_bytes(std::span(&stiffness_N_per_mm, 1)));
+  }
+
+ private:
+  static constexpr std::size_t kCapacity = 16;
+  // incremented whenever the search, the grips or the simulated device change
+  static constexpr std::uint32_t kVersion = 1;
+
+  static std::optional<cache::Digest> key_of(const LoopConstants& loop) {
+    if (!cache::is_cache_enabled()) return std::nullopt;
+    cache::Key key("recommended stiffness", kVersion);
+    for (const double constant : loop) key.put(constant);
+    return key.digest();
+  }
+  void keep(const LoopConstants& loop, double stiffness_N_per_mm) {
     const std::lock_guard lock(mutex_);
     if (known_.size() == kCapacity) known_.pop_front();
     known_.emplace_back(loop, stiffness_N_per_mm);
   }
 
- private:
-  static constexpr std::size_t kCapacity = 16;
   std::mutex mutex_;
   std::deque<std::pair<LoopConstants, double>> known_;
 };
