@@ -379,6 +379,7 @@ const state = {
   motor_is_on: false,
   strokes: { undo: 0, redo: 0 },
   removed: [],
+  broken_off_mm3: 0,
   nearest: [],
   emergency_stop: false,
   stop: null,

@@ -208,6 +208,11 @@ struct Model {
   /// Voxels of bone too thin for its surface to state how much of it is ahead of a burr
   /// (palpate/tissue/thin_voxels.h). null: none, or no tool is a burr.
   std::shared_ptr<const Bricks<std::uint8_t>> thin_voxels;
+  /// Attenuation at which felt rigid tissue has its cutting energy; elsewhere the energy follows `scan`,
+  /// which is a calibrated CT (palpate/tissue/bone_density.h). 0: the energy does not depend on density.
+  double full_density_HU = 0;
+  /// Ratio of every voxel's cutting energy to its tissue's, where kDensityRatioOne is 1. null: 1 everywhere.
+  std::shared_ptr<const Bricks<std::uint16_t>> density_ratios;
   /// Structures whose distance to the tool is reported in every tick.
   ReportedDistances reported_distances;
   /// Regions that the tool is pushed out of; at most kMaxNoGo.

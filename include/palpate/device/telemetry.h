@@ -61,7 +61,9 @@ inline constexpr std::uint32_t kFaultFlags =
 
 /// Volume that a burr swept along a short straight path, in the patient (Sweep, palpate/tissue/sweep.h).
 struct SweepRecord {
-  std::uint32_t device = 0;  ///< Device that drove the burr
+  /// Device of a removed fragment that a burr had cut loose.
+  static constexpr std::uint32_t kBrokenOff = 0xffffffff;
+  std::uint32_t device = 0;  ///< Device that drove the burr, or kBrokenOff
   std::array<double, 3> from_mm{}, to_mm{};
   double radius_mm = 0;
   std::uint32_t stroke = 0;  ///< Stroke number, counted from the motor's first start

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
@@ -27,6 +28,9 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
                                    const Preparing& preparing = {});
 /// Carving of a model after more cuts. The model must be prepared for the proxy.
 std::shared_ptr<const Carving> carved_by(const Model& current, std::span<const Cut> cuts);
+/// The same, without the fragments that the cuts sever from the body (palpate/tissue/fragments.h). Appends
+/// the cuts that remove these: the version is the one of carved_by() after all of them.
+std::shared_ptr<const Carving> carved_with_fragments(const Model& current, std::vector<Cut>& cuts);
 
 /// Change that undoes or redoes a stroke.
 ModelChange change_of_stroke(const Model& current, StrokeAction action);

@@ -30,8 +30,10 @@ struct ModelParts {
   double sigma_mm = 1;  ///< Gaussian width of the smooth sphere, and of a smoothed field
   /// Scene's force limit; infinite: none besides the device's and user's
   double max_force_N = std::numeric_limits<double>::infinity();
-  std::vector<NoGoRegion> no_go;         ///< Model::no_go
-  ReportedDistances reported_distances;  ///< Model::reported_distances
+  std::shared_ptr<const Volume<float>> scan;  ///< Model::scan, on the grid of `labels`; may be null
+  double full_density_HU = 0;                 ///< Model::full_density_HU; above 0: needs `scan`
+  std::vector<NoGoRegion> no_go;              ///< Model::no_go
+  ReportedDistances reported_distances;       ///< Model::reported_distances
 
   // field of the direct methods: inward ramps, or one computed elsewhere
   std::optional<double> ramp_width_mm;  ///< Empty: chosen by ramp_width_mm()

@@ -169,6 +169,9 @@ struct Scene {
   std::vector<Tool> tools{Tool()};  ///< Tools as in Model::tools: [tool], then [second_tool] if present
   WorkspaceSettings workspace;      ///< Workspace mapping of every device; not part of the model
   std::optional<double> max_force_N;
+  /// Attenuation at which bone has its tissue's cutting energy; empty: the scan is not stated to be a
+  /// calibrated CT, and energies do not follow it
+  std::optional<double> full_density_HU;
   DistanceSettings distances;
   std::vector<NoGoSettings> no_go;  ///< No-go regions, at most kMaxNoGo
   std::filesystem::path folder;     ///< Folder of the scene file

@@ -212,6 +212,7 @@ struct ViewedState : Settings {
   std::vector<std::uint64_t> undone_to;  ///< Number of sweeps left after each undo so far
   std::size_t strokes_to_undo = 0, strokes_to_redo = 0;
   std::map<LabelId, double> removed_mm3;  ///< Volume removed by the sweeps, per structure
+  double broken_off_mm3 = 0;              ///< Part of it that was not cut, but cut loose: fragments
   std::map<LabelId, double> nearest_mm;   ///< Smallest distance to each protected structure (NearestMeter)
   std::uint32_t model_version = 1;
   std::vector<ContactProperties> tissues;  ///< Current properties of each tissue

@@ -69,9 +69,10 @@ class CarvedSurface {
   double short_mm_ = 0;
 };
 
-/// Sweep of one device's burr.
+/// Sweep of one device's burr, or the removal of a fragment that was cut loose (palpate/tissue/fragments.h).
 struct Cut {
-  std::uint32_t device = 0;  ///< Below kMaxDevices
+  static constexpr std::uint32_t kBrokenOff = SweepRecord::kBrokenOff;
+  std::uint32_t device = 0;  ///< Below kMaxDevices, or kBrokenOff
   Sweep sweep;
 };
 
@@ -110,6 +111,8 @@ class Carving {
   std::size_t strokes_to_undo() const { return strokes_.done().size(); }
   std::size_t strokes_to_redo() const { return strokes_.undone().size(); }
 
+  /// Remaining labels.
+  const std::shared_ptr<const Bricks<LabelId>>& labels() const { return left_.labels; }
   /// Labels before any removal.
   const std::shared_ptr<const Bricks<LabelId>>& original_labels() const { return original_labels_; }
   /// Removed fraction of every voxel, 0 ... 255, finer than the labels so that soft tissue loses stiffness

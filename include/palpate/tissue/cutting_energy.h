@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "palpate/contact/model.h"
+#include "palpate/tissue/bone_density.h"
 
 namespace palpate {
 
@@ -15,13 +16,16 @@ class CuttingEnergy {
 
   /// Whether each possible label is in the account.
   const std::vector<bool>& has_energy() const { return *has_energy_; }
-  /// Specific energy of a voxel, mJ/mm3.
+  /// Specific energy of voxel (i, j, k), mJ/mm3.
   /// @param label  of the voxel before any removal; has an energy
-  double mJ_per_mm3(LabelId label) const { return (*energy_of_label_)[label]; }
+  double mJ_per_mm3(LabelId label, int i, int j, int k) const {
+    return (*energy_of_label_)[label] * density_ratio_at(density_ratios_.get(), i, j, k);
+  }
 
  private:
   std::shared_ptr<const std::vector<bool>> has_energy_;
-  std::shared_ptr<const std::vector<double>> energy_of_label_;  // mJ/mm3, up to the highest label in use
+  std::shared_ptr<const std::vector<double>> energy_of_label_;   // mJ/mm3, up to the highest label in use
+  std::shared_ptr<const Bricks<std::uint16_t>> density_ratios_;  // may be null
 };
 
 }  // namespace palpate

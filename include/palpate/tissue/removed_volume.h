@@ -29,6 +29,8 @@ class RemovedVolume {
   bool redo();
   /// Volumes above 0, mm3.
   std::map<LabelId, double> by_label_mm3() const;
+  /// Volume of fragments that were cut loose (palpate/tissue/fragments.h), part of the above; mm3.
+  double broken_off_mm3() const;
 
   // ---- sample points
   static constexpr int kSamples = SweptSamples::kSamples;
@@ -52,6 +54,7 @@ class RemovedVolume {
   struct Left {
     SweptSamples swept;
     std::map<LabelId, std::uint64_t> sample_counts;  // number of swept points
+    std::uint64_t broken_off_samples = 0;            // in fragments
   };
   struct Stroke {
     Left before;

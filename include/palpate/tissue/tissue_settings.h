@@ -41,6 +41,8 @@ struct CuttingSettings {
   /// sampling, and in thin bone.
   double thick_uncharged_mm3 = 1, thick_credited_mm3 = 0.3, thin_uncharged_mm3 = 0.05,
          thin_credited_mm3 = 0.2;
+  /// Range of the density of bone relative to full density, for its cutting energy (density_ratio).
+  double min_density = 0.1, max_density = 1.25;
   /// Pose age from which on a motor stands still.
   double motor_timeout_s = 10e-3;
   /// Number of sampling directions, spread evenly over a ball's projection.
@@ -73,6 +75,8 @@ struct CuttingSettings {
     of("thick_credited_mm3", thick_credited_mm3);
     of("thin_uncharged_mm3", thin_uncharged_mm3);
     of("thin_credited_mm3", thin_credited_mm3);
+    of("min_density", min_density);
+    of("max_density", max_density);
     of("motor_timeout_s", motor_timeout_s);
     of("directions", directions);
     of("thin_directions", thin_directions);

@@ -8,6 +8,7 @@
 #include "palpate/contact/tissue_values.h"
 #include "palpate/direct/direct_methods.h"
 #include "palpate/model/make_model.h"
+#include "palpate/tissue/fragments.h"
 
 namespace palpate {
 namespace {
@@ -54,9 +55,10 @@ bool is_cut(const Cut& cut) {
   const Sweep& sweep = cut.sweep;
   constexpr double kMax_mm = 1e6, kMaxRadius_mm = 1e3;
   const auto is_valid_position = [](const auto& at) { return at.eigen().cwiseAbs().maxCoeff() <= kMax_mm; };
-  return cut.device < kMaxDevices && sweep.from.all_finite() && sweep.to.all_finite() &&
-         sweep.axis_mm.all_finite() && is_valid_position(sweep.from) && is_valid_position(sweep.to) &&
-         is_valid_position(sweep.axis_mm) && sweep.radius_mm > 0 && sweep.radius_mm <= kMaxRadius_mm &&
+  return (cut.device < kMaxDevices || cut.device == Cut::kBrokenOff) && sweep.from.all_finite() &&
+         sweep.to.all_finite() && sweep.axis_mm.all_finite() && is_valid_position(sweep.from) &&
+         is_valid_position(sweep.to) && is_valid_position(sweep.axis_mm) && sweep.radius_mm > 0 &&
+         sweep.radius_mm <= kMaxRadius_mm &&
          (sweep.is_of_ball() || (sweep.end_radius_mm > 0 && sweep.end_radius_mm <= kMaxRadius_mm));
 }
 
@@ -152,6 +154,14 @@ std::shared_ptr<const Carving> carved_by(const Model& current, std::span<const C
   const std::shared_ptr<const Carving> before =
       current.carving != nullptr ? current.carving : std::make_shared<const Carving>(current);
   return before->with(cuts);
+}
+
+std::shared_ptr<const Carving> carved_with_fragments(const Model& current, std::vector<Cut>& cuts) {
+  auto carving = carved_by(current, cuts);
+  const std::vector<Cut> fragments = fragments_of(current, *carving, cuts);
+  if (fragments.empty()) return carving;
+  cuts.insert(cuts.end(), fragments.begin(), fragments.end());
+  return carving->with(fragments);
 }
 
 ModelChange change_of_stroke(const Model& current, StrokeAction action) {

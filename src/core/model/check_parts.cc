@@ -135,6 +135,19 @@ Result<void> check_settings(const ModelParts& parts) {
   return {};
 }
 
+Result<void> check_density(const ModelParts& parts) {
+  if (!is_amount(parts.full_density_HU))
+    return bad_part("full_density_HU", "give an attenuation above 0, or 0: energies do not follow density",
+                    "a full density of ", parts.full_density_HU, " HU");
+  if (parts.scan != nullptr && !parts.scan->geometry().same_grid(parts.labels->geometry()))
+    return bad_part("scan", "resample it to the grid of the labels",
+                    "the scan has another grid than the labels");
+  if (parts.full_density_HU > 0 && parts.scan == nullptr)
+    return bad_part("full_density_HU", "give a scan, or 0",
+                    "cutting energies follow a scan, but there is none");
+  return {};
+}
+
 }  // namespace
 
 Result<void> check_parts(const ModelParts& parts) {
@@ -145,6 +158,7 @@ Result<void> check_parts(const ModelParts& parts) {
     return bad_part("tools", "give one for each device, at least one", parts.tools.size(), " tools");
   for (std::size_t index = 0; index < parts.tools.size(); ++index)
     if (auto fine = check_tool(parts.tools[index], index); !fine) return fine;
+  if (auto fine = check_density(parts); !fine) return fine;
   return check_settings(parts);
 }
 

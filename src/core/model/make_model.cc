@@ -127,6 +127,12 @@ std::uint64_t content_hash(const Model& model) {
   hash_values(hash, model.tissues, model.tissue_of_label, model.tools, model.no_go, model.method_settings,
               model.tissue_law, model.tissue_cell_mm, model.sigma_mm, model.ramp_width_mm, model.reach_mm,
               model.scene_max_force_N);
+  // without density the scan is only displayed
+  if (model.full_density_HU > 0) {
+    hash_double(hash, model.full_density_HU);
+    const auto& voxels = model.scan->voxels();
+    hash_bytes(hash, voxels.data(), voxels.size() * sizeof voxels.front());
+  }
   return hash_finish(hash);
 }
 
@@ -264,6 +270,8 @@ Result<std::shared_ptr<Model>> make_model(ModelParts parts) {
   model->relaxation_times = *times;
   model->sigma_mm = parts.sigma_mm;
   model->scene_max_force_N = parts.max_force_N;
+  model->scan = std::move(parts.scan);
+  model->full_density_HU = parts.full_density_HU;
   model->no_go = std::move(parts.no_go);
   model->reported_distances = std::move(parts.reported_distances);
   model->X_WorldPatient = supine_from_feet(grid);

@@ -13,6 +13,7 @@
 #include "palpate/model/make_model.h"
 #include "palpate/model/stiffness_layers.h"
 #include "palpate/surfaces/surfaces.h"
+#include "palpate/tissue/bone_density.h"
 #include "palpate/tissue/thin_voxels.h"
 
 namespace palpate {
@@ -249,6 +250,7 @@ Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> 
   more->label_of_surface = touchable;
   set_strain_stiffening(*more);
   more->thin_voxels = more->cuts() ? thin_voxels_of(*more) : nullptr;
+  more->density_ratios = more->cuts() ? density_ratios_of(*more) : nullptr;
   return std::shared_ptr<const Model>(std::move(more));
 }
 

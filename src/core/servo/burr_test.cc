@@ -5,11 +5,13 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <vector>
 
 #include "contact/test_model.h"
 #include "palpate/servo/servo.h"
+#include "palpate/tissue/bone_density.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/nearest.h"
 #include "servo/test_guided_burr.h"
@@ -348,6 +350,131 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
     EXPECT_GT(separation_mm, cuts ? 0.2 : 1.5) << "else the test is about nothing";
     EXPECT_NEAR(meter.nearest_mm().at(kBone), 0, 0.06);
   }
+}
+
+// attenuation of full density, HU
+constexpr double kFull_HU = 1700;
+
+// bone whose attenuation is a function of the distance from the centre of the ball
+GuidedSession session_in_density(const std::function<double(double)>& HU_at_mm) {
+  Model model = burr_model(0.6);
+  Volume<float> scan(model.labels->geometry());
+  const auto X_PatientVoxel = scan.geometry().X_PatientVoxel();
+  const auto& dims = scan.geometry().dims;
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j)
+      for (int i = 0; i < dims[0]; ++i)
+        scan.at(i, j, k) =
+            static_cast<float>(HU_at_mm((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen().norm()));
+  model.scan = std::make_shared<const Volume<float>>(std::move(scan));
+  model.full_density_HU = kFull_HU;
+  model.density_ratios = density_ratios_of(model);
+  return GuidedSession(model);
+}
+
+// depth of the burr's foremost point below the surface of the ball before it was cut
+double foot_depth_mm(const GuidedSession& guided) {
+  return kBoneRadius_mm + kBurrRadius_mm - guided.state.device[0].proxy.position.eigen().norm();
+}
+
+// Force at a constant feed by the stated law: energy * volume rate = grip * force * mean speed of the edges
+// in the material, for a ball that is pressed along z into a ball, with its spindle along x.
+double law_N(double energy_mJ_per_mm3, double feed_mm_per_s, double depth_mm) {
+  const double centre_mm = kBoneRadius_mm + kBurrRadius_mm - depth_mm;
+  double area_mm2 = 0, speed = 0;
+  constexpr double kStep_mm = 0.01;
+  for (double x = -kBurrRadius_mm; x < kBurrRadius_mm; x += kStep_mm)
+    for (double y = -kBurrRadius_mm; y < kBurrRadius_mm; y += kStep_mm) {
+      const double z2 = kBurrRadius_mm * kBurrRadius_mm - x * x - y * y;
+      if (z2 < 0) continue;
+      const double z = std::sqrt(z2);
+      if (std::hypot(x, y, centre_mm - z) > kBoneRadius_mm) continue;
+      area_mm2 += kStep_mm * kStep_mm;
+      speed += kStep_mm * kStep_mm * std::hypot(y, z) / kBurrRadius_mm;
+    }
+  const BurrSettings burr;
+  const double edge_mm_per_s =
+      2 * std::numbers::pi * burr.revolutions_per_s * kBurrRadius_mm * speed / area_mm2;
+  return energy_mJ_per_mm3 * area_mm2 * feed_mm_per_s / (burr.grip * edge_mm_per_s);
+}
+
+// means of the ticks in which a burr was within 0.1 mm of a depth
+struct Passage {
+  double force_N = 0;        // mean
+  double feed_mm_per_s = 0;  // mean
+};
+
+// Passages of a hand that moves down at a constant speed. Its spring is compressed first, so the burr's own
+// feed is slower than the hand's.
+std::vector<Passage> passages_of(GuidedSession& guided, double hand_mm_per_s,
+                                 const std::vector<double>& depths_mm) {
+  std::vector<Passage> passages(depths_mm.size());
+  std::vector<int> ticks(depths_mm.size());
+  double clear_mm = 0.1;
+  for (int n = 0; foot_depth_mm(guided) < depths_mm.back() + 0.1; ++n) {
+    if (n % 20 == 0) guided.carve();
+    const double from_mm = foot_depth_mm(guided);
+    guided.lead_to(guided.above(clear_mm -= hand_mm_per_s * kBurrTick_s), 1);
+    for (std::size_t d = 0; d < depths_mm.size(); ++d) {
+      if (std::abs(from_mm - depths_mm[d]) > 0.1) continue;
+      passages[d].force_N += guided.burr().pressed_N;
+      passages[d].feed_mm_per_s += (foot_depth_mm(guided) - from_mm) / kBurrTick_s;
+      ++ticks[d];
+    }
+  }
+  for (std::size_t d = 0; d < passages.size(); ++d) {
+    passages[d].force_N /= ticks[d];
+    passages[d].feed_mm_per_s /= ticks[d];
+  }
+  return passages;
+}
+
+TEST(BurrDensity, ForceFollowsFeedDepthAndDensityByTheStatedLaw) {
+  const std::vector<double> depths_mm{0.2, 0.5, 1, 1.5, 2};
+  for (const double hand_mm_per_s : {1.0, 3.0, 10.0}) {
+    // ratio of the force to the law in bone of full density
+    std::vector<double> full_ratios;
+    for (const double HU : {1700.0, 1000.0, 600.0}) {
+      GuidedSession guided = session_in_density([&](double /*mm*/) { return HU; });
+      const double energy = 100 * density_ratio(HU, kFull_HU);
+      const std::vector<Passage> passages = passages_of(guided, hand_mm_per_s, depths_mm);
+      for (std::size_t d = 0; d < depths_mm.size(); ++d) {
+        const double ratio = passages[d].force_N / law_N(energy, passages[d].feed_mm_per_s, depths_mm[d]);
+        if (HU == kFull_HU) full_ratios.push_back(ratio);
+        const auto where = [&] {
+          return std::to_string(hand_mm_per_s) + " mm/s, " + std::to_string(HU) + " HU, " +
+                 std::to_string(depths_mm[d]) + " mm";
+        };
+        // on voxels of 0.6 mm the surface at the rim of the pocket is sampled too coarsely
+        EXPECT_NEAR(ratio, 1, 0.15) << where();
+        EXPECT_NEAR(ratio / full_ratios[d], 1, 0.05) << where();
+        if (d > 0) {
+          EXPECT_GT(passages[d].force_N, passages[d - 1].force_N) << where();
+        }
+      }
+    }
+  }
+}
+
+TEST(BurrDensity, ALayerIsRenderedWithinTwentyMilliseconds) {
+  // cortex of 1.2 mm over trabecular bone
+  GuidedSession guided =
+      session_in_density([](double mm) { return mm > kBoneRadius_mm - 1.2 ? 1700.0 : 600.0; });
+  double clear_mm = 0.1, cortex_N = 0;
+  int passed = -1, changed = -1, n = 0;
+  for (; foot_depth_mm(guided) < 4; ++n) {
+    if (n % 20 == 0) guided.carve();
+    guided.lead_to(guided.above(clear_mm -= 3 * kBurrTick_s), 1);
+    const DeviceTick& out = guided.record.device[0];
+    // the layer begins half a voxel about the centre of its last voxel
+    if (passed < 0 && foot_depth_mm(guided) > 1.2 + 0.3) passed = n;
+    if (changed < 0 && foot_depth_mm(guided) > 0.5 && out.cutting_energy_mJ_per_mm3 < 95) changed = n;
+    if (changed < 0) cortex_N = out.cutting_N;
+  }
+  ASSERT_GE(passed, 0);
+  ASSERT_GE(changed, 0);
+  EXPECT_LE(changed, passed + 20);
+  EXPECT_LT(guided.record.device[0].cutting_N, 0.6 * cortex_N);
 }
 
 TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {

@@ -124,7 +124,7 @@ void Carving::take(std::span<const Cut> cuts) {
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
   std::uint64_t hash = left_.hash != 0 ? left_.hash : kHashSeed;
   for (const Cut& cut : cuts) {
-    PALPATE_CHECK(cut.device < kMaxDevices);
+    PALPATE_CHECK(cut.device < kMaxDevices || cut.device == Cut::kBrokenOff);
     const Sweep& sweep = sweeps.emplace_back(cut.sweep);
     count(cut);
     hash_word(hash, cut.device);
@@ -154,9 +154,10 @@ void Carving::take(std::span<const Cut> cuts) {
   }
 }
 
-// adds a sweep to its device's account
+// adds a sweep to its device's account, and a fragment to none
 void Carving::count(const Cut& cut) {
-  CarvedMaterial& carved = carved_[cut.device];
+  CarvedMaterial nobody;
+  CarvedMaterial& carved = cut.device == Cut::kBrokenOff ? nobody : carved_[cut.device];
   ++carved.sweeps;
   if (original_labels_ == nullptr) return;
   const double sample_mm3 = original_labels_->geometry().spacing_mm.prod() / SweptSamples::kSamples;
@@ -165,7 +166,7 @@ void Carving::count(const Cut& cut) {
     const double mm3 = std::popcount(samples) * sample_mm3;
     const BoneClass bone = thin_voxels_ != nullptr && thin_voxels_->at(i, j, k) == kThinBone ? kThin : kThick;
     carved.volume_mm3[bone] += mm3;
-    carved.energy_mJ[bone] += mm3 * cutting_energy_.mJ_per_mm3(original_labels_->at(i, j, k));
+    carved.energy_mJ[bone] += mm3 * cutting_energy_.mJ_per_mm3(original_labels_->at(i, j, k), i, j, k);
   }
 }
 

@@ -6,7 +6,7 @@
 
 namespace palpate {
 
-CuttingEnergy::CuttingEnergy(const Model& model) {
+CuttingEnergy::CuttingEnergy(const Model& model) : density_ratios_(model.density_ratios) {
   std::vector<bool> has_energy = labels_that_are_cut(model);
   int innermost = 0;
   for (std::size_t n = 0; n < model.label_of_surface.size(); ++n)

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "palpate/base/check.h"
+#include "palpate/tissue/bone_density.h"
 #include "palpate/tissue/thin_voxels.h"
 #include "palpate/tissue/tissue_settings.h"
 
@@ -116,6 +117,7 @@ class MaterialSampler {
       near_[count_++] = static_cast<int>(s);
     }
     if (count_ == 0) return;
+    if (burr_.model != nullptr) ratios_ = burr_.model->density_ratios.get();
     // thin voxels are those of the innermost layer
     if (burr_.model != nullptr && burr_.model->thin_voxels != nullptr &&
         std::ranges::none_of(surfaces, [&](const ContactSurface& one) { return one.layer > number; }))
@@ -306,7 +308,7 @@ class MaterialSampler {
       energy += fraction.part * structure.cutting_energy_mJ_per_mm3;
     }
     if (!(cut > 0)) return {};
-    return {cut, energy / cut, kThick};
+    return {cut, energy / cut * ratio_at(position), kThick};
   }
 
   // material at a point by the voxels, in thin bone
@@ -318,12 +320,18 @@ class MaterialSampler {
     if (tissue == nullptr) return {};
     for (std::size_t n = 0; n < swept_count_; ++n)
       if (swept_[n]->depth_mm(position) >= 0) return {};
-    return {1, tissue->cutting_energy_mJ_per_mm3, kThin};
+    return {1, tissue->cutting_energy_mJ_per_mm3 * ratio_at(position), kThin};
   }
   std::array<int, 3> voxel_at(const Point<Patient>& position) const {
-    const Point<Voxel> voxel = voxels_->labels->X_VoxelPatient() * position;
+    const Point<Voxel> voxel = burr_.model->labels->X_VoxelPatient() * position;
     return {static_cast<int>(std::lround(voxel.x())), static_cast<int>(std::lround(voxel.y())),
             static_cast<int>(std::lround(voxel.z()))};
+  }
+  // Model::density_ratios
+  double ratio_at(const Point<Patient>& position) const {
+    if (ratios_ == nullptr) return 1;
+    const std::array<int, 3> voxel = voxel_at(position);
+    return density_ratio_at(ratios_, voxel[0], voxel[1], voxel[2]);
   }
   // value of Model::thin_voxels
   std::uint8_t thinness(const std::array<int, 3>& voxel) const {
@@ -347,7 +355,8 @@ class MaterialSampler {
   std::size_t count_ = 0;
   std::array<std::optional<SweptShape>, kMaxSweeps> swept_;
   std::size_t swept_count_ = 0;
-  const Model* voxels_ = nullptr;  // with thin bone in this layer; null: none
+  const Model* voxels_ = nullptr;                  // with thin bone in this layer; null: none
+  const Bricks<std::uint16_t>* ratios_ = nullptr;  // null: by structure alone
   double turn_rad_ = 0;
 };
 

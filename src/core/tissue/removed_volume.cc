@@ -8,13 +8,16 @@
 namespace palpate {
 
 RemovedVolume::RemovedVolume(const Model& model)
-    : labels_(model.labels), is_cut_(labels_that_are_cut(model)), left_{SweptSamples(labels_.get()), {}} {}
+    : labels_(model.labels), is_cut_(labels_that_are_cut(model)), left_{SweptSamples(labels_.get()), {}, 0} {}
 
 void RemovedVolume::add(std::span<const Cut> cuts) {
   for (const Cut& cut : cuts) {
     if (!strokes_.continues(cut.sweep.stroke)) strokes_.begin(cut.sweep.stroke, {left_, std::nullopt});
-    for (const auto& [i, j, k, samples] : left_.swept.add(cut.sweep, *labels_, is_cut_))
-      left_.sample_counts[labels_->at(i, j, k)] += static_cast<std::uint64_t>(std::popcount(samples));
+    for (const auto& [i, j, k, samples] : left_.swept.add(cut.sweep, *labels_, is_cut_)) {
+      const auto count = static_cast<std::uint64_t>(std::popcount(samples));
+      left_.sample_counts[labels_->at(i, j, k)] += count;
+      if (cut.device == Cut::kBrokenOff) left_.broken_off_samples += count;
+    }
   }
 }
 
@@ -38,6 +41,10 @@ std::map<LabelId, double> RemovedVolume::by_label_mm3() const {
   for (const auto& [label, samples] : left_.sample_counts)
     if (samples > 0) volumes[label] = static_cast<double>(samples) * sample_mm3(geometry());
   return volumes;
+}
+
+double RemovedVolume::broken_off_mm3() const {
+  return static_cast<double>(left_.broken_off_samples) * sample_mm3(geometry());
 }
 
 }  // namespace palpate

@@ -375,6 +375,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   parts.tissue_law = scene.deformation.law;
   parts.tissue_cell_mm = scene.deformation.cell_mm.value_or(0);
   parts.tools = scene.tools;
+  parts.full_density_HU = scene.full_density_HU.value_or(0);
   if (scene.max_force_N) parts.max_force_N = *scene.max_force_N;
   parts.ramp_width_mm = scene.preparation.ramp_width_mm;
   parts.eight_bits = scene.preparation.storage == FieldStorage::k8Bit;
@@ -553,6 +554,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
     parts.smoothed_reach_mm =
         grid.spacing_mm.maxCoeff() + 4 * parts.sigma_mm + (by_threshold ? kThresholdRamp_mm : 0);
   }
+  parts.scan = ready_made->scan;
   auto made = make_model(std::move(parts));
   if (!made) return of_scene(made.error());
   std::shared_ptr<Model> model = *std::move(made);
@@ -566,7 +568,6 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   model->caveats = merged_layers(*model);
   model->enclosing = std::move(ready_made->enclosing);
 
-  model->scan = ready_made->scan;
   model->oriented = volumes.oriented;
   const Side anatomy = volumes.oriented ? side_from_anatomy(*model) : Side::kUnknown;
   model->side_from_anatomy = scene.side == Side::kUnknown && anatomy != Side::kUnknown;

@@ -168,6 +168,9 @@ SceneKeys declared_keys() {
             {.name = "preparation", .type = kTable, .meaning = "Preparation of the field from the labels."},
             {.name = "force", .type = kTable, .meaning = "Method of computing the force."},
             {.name = "yielding", .type = kTable, .meaning = "Deformation of soft tissue under the tool."},
+            {.name = "density",
+             .type = kTable,
+             .meaning = "Cutting energy of bone by its density in a calibrated CT."},
             {.name = "tool", .type = kTable, .meaning = "The tool of every device."},
             {.name = "second_tool",
              .type = kTable,
@@ -467,6 +470,27 @@ SceneKeys declared_keys() {
              .default_text = "false",
              .meaning = "For the three elastic laws. `true`: tissues without a `relaxation` of their own "
                         "use that of their preset. `false`: they do not relax."}}},
+      .density = {"[density]",
+                  "For a burr: in a calibrated CT the cutting energy of every voxel of felt tissue without a "
+                  "modulus, "
+                  "such as bone, is its tissue's `cutting_energy` times the square of HU / `full`, which is "
+                  "limited to "
+                  "0.1 to 1.25 ([burr.md](../guide/burr.md#density)).",
+                  {{.name = "calibrated",
+                    .type = kFlag,
+                    .default_text = "false",
+                    .meaning =
+                        "`true`: the scan is a CT in calibrated Hounsfield units, and energies follow it. A "
+                        "cone-beam CT is not calibrated. `false`: energies depend on the tissue alone."},
+                   {.name = "full",
+                    .type = kNumber,
+                    .default_text = "1700",
+                    .unit = "HU",
+                    .min = 200,
+                    .max = 4000,
+                    .meaning =
+                        "Attenuation of bone that takes the whole `cutting_energy`. The default is that of "
+                        "cortical bone of 1.9 g/cm³."}}},
       .tool =
           {"[tool]",
            "A rigid set of spheres, and of capsules (below), that make contact; the first one is usually at "
@@ -1111,8 +1135,8 @@ std::string scene_keys() {
   const SceneKeys& keys = scene_key_tables();
   std::string text = table_markdown(keys.top);
   for (const TableSpec* table :
-       {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.deformation, &keys.tool,
-        &keys.capsule, &keys.workspace, &keys.limits, &keys.distances, &keys.no_go})
+       {&keys.data, &keys.tissue, &keys.preparation, &keys.force, &keys.deformation, &keys.density,
+        &keys.tool, &keys.capsule, &keys.workspace, &keys.limits, &keys.distances, &keys.no_go})
     text += concat({"\n", table_markdown(*table)});
   return text;
 }

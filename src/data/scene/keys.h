@@ -51,8 +51,8 @@ struct TableSpec {
 };
 
 struct SceneKeys {
-  TableSpec top, data, tissue, preparation, force, deformation, tool, capsule, workspace, limits, distances,
-      no_go;
+  TableSpec top, data, tissue, preparation, force, deformation, density, tool, capsule, workspace, limits,
+      distances, no_go;
   TableSpec second_tool = {}, second_capsule = {};  ///< With the same keys as tool and capsule
 };
 const SceneKeys& scene_key_tables();

@@ -217,6 +217,21 @@ void read_deformation(const TableReader& reader, Scene& scene, Problems& problem
     does_nothing("cell", "\"elastic\", \"neo-hookean\", \"exponential\" and \"chainmail\"");
 }
 
+void read_density(const TableReader& reader, Scene& scene, Problems& problems) {
+  // attenuation of cortical bone of 1.9 g/cm3 (docs/decisions/0094-density-of-bone.md)
+  constexpr double kCortical_HU = 1700;
+  const bool calibrated = reader.flag("calibrated").value_or(false);
+  const double full_HU = reader.number("full").value_or(kCortical_HU);
+  if (calibrated) scene.full_density_HU = full_HU;
+  if (!calibrated && reader.has("full"))
+    problems.add(reader.line("full"),
+                 "[density] has an attenuation, but the scan is not said to be calibrated",
+                 "add: calibrated = true, if it is a calibrated CT, or leave the table out");
+  if (calibrated && scene.modality == Modality::kMr)
+    problems.add(reader.line("calibrated"), "an MR scan has no Hounsfield units",
+                 "leave out [density], or correct the modality");
+}
+
 void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Problems& problems) {
   const TableReader reader(&table, keys, problems);
   const auto from = reader.point("from"), to = reader.point("to");
@@ -576,6 +591,9 @@ void check_volumes(const Scene& scene, int data_line, Problems& problems) {
                  "add: labels = \"...\", or scan = \"...\"");
     return;
   }
+  if (scene.full_density_HU && !scene.scan)
+    problems.add(data_line, "[density] needs a scan, and the scene has none",
+                 "add to [data]: scan = \"...\", or leave out [density]");
   if (scene.names && !scene.labels)
     problems.add(data_line, "[data] has names for labels but no labels", "add: labels = \"...\"");
   for (const TissueSettings& tissue : scene.tissues) {
@@ -678,6 +696,7 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   read_force(TableReader(top.table("force"), keys.force, problems), scene.force);
   read_deformation(TableReader(top.table("yielding"), keys.deformation, problems), scene, problems);
   if (!scene.deformation.relaxation) clear_preset_relaxation(top, scene);
+  read_density(TableReader(top.table("density"), keys.density, problems), scene, problems);
   read_tools(top, scene, problems);
   read_workspace(TableReader(top.table("workspace"), keys.workspace, problems), scene.workspace);
   scene.max_force_N = TableReader(top.table("limits"), keys.limits, problems).number("max_force");

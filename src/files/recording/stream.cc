@@ -141,7 +141,8 @@ bool is_sweep(const SweepRecord& sweep) {
   if (!std::ranges::all_of(sweep.axis_mm, along) || !(sweep.end_radius_mm <= kMaxRadius_mm) ||
       !(is_row ? sweep.end_radius_mm > 0 : sweep.end_radius_mm == 0))
     return false;
-  return sweep.device < kMaxDevices && std::ranges::all_of(sweep.from_mm, is_in_range) &&
+  const bool is_known = sweep.device < kMaxDevices || sweep.device == SweepRecord::kBrokenOff;
+  return is_known && std::ranges::all_of(sweep.from_mm, is_in_range) &&
          std::ranges::all_of(sweep.to_mm, is_in_range) && sweep.radius_mm > 0 &&
          sweep.radius_mm <= kMaxRadius_mm && distance_mm <= kMaxRadius_mm;
 }

@@ -182,7 +182,7 @@ void RemovalMeter::remove_voxels(const Cut& cut, double time_s) {
   if (!strokes_.continues(cut.sweep.stroke))
     strokes_.begin(cut.sweep.stroke, ++figures_.strokes, std::numeric_limits<std::size_t>::max());
   removed_.add({&cut, 1});
-  nearest_.observe(cut.sweep);
+  if (cut.device != Cut::kBrokenOff) nearest_.observe(cut.sweep);
   for (const auto& [label, mm3] : removed_.by_label_mm3()) {
     if (mm3 == volumes_mm3_[label]) continue;
     volumes_mm3_[label] = mm3;

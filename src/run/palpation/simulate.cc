@@ -54,7 +54,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
       if (event.kind == RecordingEvent::Kind::kSweep) {
         const Cut cut = cut_of(event.sweep);
         removed.add({&cut, 1});
-        nearest.observe(cut.sweep);
+        if (cut.device != Cut::kBrokenOff) nearest.observe(cut.sweep);
       }
       if (event.kind == RecordingEvent::Kind::kModel) follow(event.change, removed);
     }
@@ -94,6 +94,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
   progress.report("palpating", 1);
   for (const HoldMeter& meter : meters) result.holds.push_back(meter.figure());
   result.removed = removed_figures(model, removed);
+  result.broken_off_mm3 = removed.broken_off_mm3();
   result.spared = protected_figures(model, removed, nearest);
   return result;
 }

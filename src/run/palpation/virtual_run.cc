@@ -62,7 +62,7 @@ void VirtualRun::cut_what_was_swept() {
   if (scope_)
     for (const Cut& cut : finished_cuts(state_.device[1].burr, 1)) cuts.push_back(cut);
   if (cuts.empty()) return;
-  model_ = carved_by(*model_, cuts)->applied_to(*model_);
+  model_ = carved_with_fragments(*model_, cuts)->applied_to(*model_);
   for (const Cut& cut : cuts) events_.push_back(sweep_event(cut, model_->version));
   RecordingEvent& event = events_.emplace_back();
   event.number = model_->version;

@@ -44,8 +44,7 @@ void Cutter::run() {
       const bool stroke_is_over = !motor_was_on(*first_, loop.snapshot());
       for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
         for (const SweepRecord& sweep : std::span(swept).first(count)) cuts.push_back(cut_of(sweep));
-      if (!cuts.empty()) cut(cuts);
-      cuts.clear();
+      if (!cuts.empty()) cut(std::exchange(cuts, {}));
       if (stroke_is_over) change_strokes();
     } catch (const std::exception&) {
       // Out of memory: the burr waits for its sweeps to be removed and cuts nothing meanwhile. No stroke is
@@ -53,16 +52,17 @@ void Cutter::run() {
     }
 }
 
-void Cutter::cut(std::span<const Cut> cuts) {
+void Cutter::cut(std::vector<Cut> cuts) {
   const std::shared_ptr<const Model> before = model_.versions(model_.lock()).current;
-  auto carving = carved_by(*before, cuts);
+  auto carving = carved_with_fragments(*before, cuts);
   const LiveModel::Lock lock = model_.lock();
   const Model& model = model_.current(lock);
   // the law may have changed meanwhile and brought new surfaces, from which these cuts are still missing
   if (has_other_surfaces(*before, model.tissue_law)) carving = carved_by(model, cuts);
   // operations that may throw come first; repeating them is harmless
   cuts_.reserve(cuts.size());
-  for (const Cut& cut : cuts) nearest_.observe(cut.sweep);
+  for (const Cut& cut : cuts)
+    if (cut.device != Cut::kBrokenOff) nearest_.observe(cut.sweep);
   removed_.add(cuts);
   auto next = carving->applied_to(model);
   const std::uint32_t version = next->version;
@@ -150,6 +150,7 @@ void Cutter::describe(const LiveModel::Lock& lock, const std::map<LabelId, doubl
     state.strokes_to_redo = carving->strokes_to_redo();
   }
   state.removed_mm3 = removed_.by_label_mm3();
+  state.broken_off_mm3 = removed_.broken_off_mm3();
   NearestMeter nearest = nearest_;
   nearest.observe(nearest_mm);
   state.nearest_mm = nearest.nearest_mm();

@@ -69,7 +69,7 @@ class Cutter {
     RequestedBy by;
   };
   void run();
-  void cut(std::span<const Cut> cuts);
+  void cut(std::vector<Cut> cuts);
   void change_strokes();
   std::ptrdiff_t strokes_left(const LiveModel::Lock& lock, StrokeAction action) const;
 

@@ -6,7 +6,8 @@ namespace palpate {
 
 void NearestLine::observe(std::span<const TickRecord> ticks, std::span<const RecordingEvent> events) {
   for (const RecordingEvent& event : events)
-    if (event.kind == RecordingEvent::Kind::kSweep) waiting_.push_back(event);
+    if (event.kind == RecordingEvent::Kind::kSweep && event.sweep.device != Cut::kBrokenOff)
+      waiting_.push_back(event);
   for (const TickRecord& tick : ticks) {
     for (; !waiting_.empty() && waiting_.front().tick <= tick.tick; waiting_.pop_front())
       meter_.observe(cut_of(waiting_.front().sweep).sweep);

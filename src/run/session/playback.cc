@@ -90,6 +90,7 @@ struct Edits {
   struct Gone {
     std::uint32_t version = 0;
     std::map<LabelId, double> removed_mm3;
+    double broken_off_mm3 = 0;
   };
   std::vector<Gone> gone;
   std::uint32_t last_version = 0;
@@ -125,7 +126,7 @@ Result<void> compute_removed_volumes(const Model& model, const Progress& progres
   for (std::size_t n = 0;; ++n) {
     for (; change != changes.end() && change->sweeps == n; ++change) {
       change->action == StrokeAction::kUndo ? removed.undo() : removed.redo();
-      edits.gone.push_back({change->version, removed.by_label_mm3()});
+      edits.gone.push_back({change->version, removed.by_label_mm3(), removed.broken_off_mm3()});
     }
     if (n == sweeps.size()) return {};
     const Cut cut = cut_of(sweeps[n]);
@@ -134,7 +135,7 @@ Result<void> compute_removed_volumes(const Model& model, const Progress& progres
     if (progress.stopped()) return Progress::interrupted();
     progress.report("computing the removed volume",
                     static_cast<double>(n + 1) / static_cast<double>(sweeps.size()));
-    edits.gone.push_back({versions[n], removed.by_label_mm3()});
+    edits.gone.push_back({versions[n], removed.by_label_mm3(), removed.broken_off_mm3()});
   }
 }
 
@@ -249,7 +250,10 @@ class Playback final : public PlaybackHost {
     state.undone_to = edits_.cuts.undone_to(shown_.model_version);
     // last version that removed material, up to the one shown
     const auto later = std::ranges::upper_bound(edits_.gone, shown_.model_version, {}, &Edits::Gone::version);
-    if (later != edits_.gone.begin()) state.removed_mm3 = std::prev(later)->removed_mm3;
+    if (later != edits_.gone.begin()) {
+      state.removed_mm3 = std::prev(later)->removed_mm3;
+      state.broken_off_mm3 = std::prev(later)->broken_off_mm3;
+    }
     state.nearest_mm = nearest_.at(shown_.time_s);
     state.playback = {position_.playing(), position_.speed(), blocks_.failure()};
     return state;

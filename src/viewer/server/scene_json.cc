@@ -265,6 +265,7 @@ std::string state_json(const ViewedState& state, const StateRecipient& recipient
   json["removed"] = Json::array();
   for (const auto& [label, mm3] : state.removed_mm3)
     json["removed"].push_back({{"label", label}, {"mm3", mm3}});
+  json["broken_off_mm3"] = state.broken_off_mm3;
   json["nearest"] = Json::array();
   for (const auto& [label, mm] : state.nearest_mm) json["nearest"].push_back({{"label", label}, {"mm", mm}});
   json["tissues"] = Json::array();

@@ -125,12 +125,13 @@ TEST(SceneJson, StateAndAnswers) {
   FakeHost host;
   ViewedState cut = host.state();
   cut.removed_mm3 = {{1, 12.5}};
+  cut.broken_off_mm3 = 0.5;
   cut.nearest_mm = {{1, 0.5}};
   cut.strokes_to_undo = 2;
   cut.strokes_to_redo = 1;
   EXPECT_EQ(Json::parse(state_json(cut, reader(1, 1, 2))), Json::parse(R"({
     "type": "state", "method": "proxy", "law": "elastic", "law_awaited": null, "law_failed": null, "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "vibration": false, "motor_is_on": false,
-    "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "strokes": {"undo": 2, "redo": 1}, "removed": [{"label": 1, "mm3": 12.5}], "nearest": [{"label": 1, "mm": 0.5}],
+    "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "strokes": {"undo": 2, "redo": 1}, "removed": [{"label": 1, "mm3": 12.5}], "broken_off_mm3": 0.5, "nearest": [{"label": 1, "mm": 0.5}],
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "friction": 0, "viscosity_N_s_per_mm": 0}],
     "armed": false, "recording": false, "playback": null, "viewers": 2, "pointer": true, "pointer_by": "you",

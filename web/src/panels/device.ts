@@ -91,12 +91,11 @@ export class DevicePanel {
     setMessages(byId("stop"), { text: state.emergency_stop ? "stopped" : "stop" });
   }
   /** Shows the removed volumes, those of protected structures apart, and the burr's minimum distances to the others. */
-  private showRemoved({ removed, nearest }: State): void {
+  private showRemoved({ removed, broken_off_mm3: brokenOff, nearest }: State): void {
     const { session } = this;
-    write(
-      byId("removed"),
-      removed.map(({ label, mm3 }) => words.removed(`${digits(mm3)} mm³`, session.nameOf(label))).join(", "),
-    );
+    const parts = removed.map(({ label, mm3 }) => words.removed(`${digits(mm3)} mm³`, session.nameOf(label)));
+    if (brokenOff > 0) parts.push(words.brokenOff(`${digits(brokenOff)} mm³`));
+    write(byId("removed"), parts.join(", "));
     const scene = session.scene.value;
     if (!scene) return;
     const isProtected = (label: number): boolean =>

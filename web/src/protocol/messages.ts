@@ -131,6 +131,7 @@ export interface State extends Settings {
   motor_is_on: boolean; // some motor runs, by the switch or by a pedal
   strokes: { undo: number; redo: number }; // numbers of burr strokes to undo and redo; a stroke ends with the motor
   removed: { label: number; mm3: number }[]; // volume that burrs have removed from each structure
+  broken_off_mm3: number; // part of it that was cut loose in fragments
   /** Minimum distance of a running burr to each protected structure, undone strokes included. */
   nearest: { label: number; mm: number }[];
   emergency_stop: boolean;

@@ -191,6 +191,7 @@ export const de: Words = {
   pauseTitle: "Kraft aus- oder wieder einblenden (P)",
   motor: "Motor",
   removed: (volume: string, structure: string) => `${volume} ${structure} abgetragen`,
+  brokenOff: (volume: string) => `davon ${volume} abgelöst`,
   protectedGone: (volume: string, structure: string) => `Geschützt: ${volume} ${structure} abgetragen`,
   nearest: (distance: string, structure: string) => `kleinster Abstand zu ${structure}: ${distance}`,
   motorTitle: "Der Kopf rotiert und trägt berührtes Gewebe ab",

@@ -188,6 +188,7 @@ export const en = {
   pauseTitle: "Fade the force out or back in (P)",
   motor: "Motor",
   removed: (volume: string, structure: string) => `${volume} of ${structure} removed`,
+  brokenOff: (volume: string) => `${volume} of it cut loose`,
   protectedGone: (volume: string, structure: string) => `${volume} of protected ${structure} removed`,
   nearest: (distance: string, structure: string) => `closest approach to ${structure}: ${distance}`,
   motorTitle: "The head rotates and removes tissue on contact",
