@@ -243,5 +243,36 @@ TEST(Preparing, GroupsWithAStructureInCommonGoOneAfterTheOther) {
   EXPECT_EQ(disjoint_batches(Groups{{1, 2, 3}, {2, 3}, {3}, {1}, {4}}), (Goes{{0, 4}, {1, 3}, {2}}));
 }
 
+TEST(MakeModel, AScanBelongsToTheModelOnlyWhereEnergiesFollowIt) {
+  const auto hash_of = [](double full_HU, float HU) {
+    ModelParts parts = block_of_bone();
+    Volume<float> scan(parts.labels->geometry());
+    std::ranges::fill(scan.voxels(), HU);
+    parts.scan = std::make_shared<const Volume<float>>(std::move(scan));
+    parts.full_density_HU = full_HU;
+    return (*make_model(std::move(parts)))->content_hash;
+  };
+  const std::uint64_t without = (*make_model(block_of_bone()))->content_hash;
+  EXPECT_EQ(hash_of(0, 500), without);
+  EXPECT_NE(hash_of(1700, 500), without);
+  EXPECT_NE(hash_of(1700, 500), hash_of(1700, 501));
+  EXPECT_NE(hash_of(1700, 500), hash_of(1500, 500));
+  EXPECT_EQ(hash_of(1700, 500), hash_of(1700, 500));
+}
+
+TEST(MakeModel, ADensityNeedsAScanOnTheGridOfTheLabels) {
+  ModelParts parts = block_of_bone();
+  parts.full_density_HU = 1700;
+  const auto without_scan = make_model(parts);
+  ASSERT_FALSE(without_scan.ok());
+  EXPECT_THAT(without_scan.error().what, HasSubstr("there is none"));
+  parts.scan = std::make_shared<const Volume<float>>(GridGeometry{});
+  const auto elsewhere = make_model(parts);
+  ASSERT_FALSE(elsewhere.ok());
+  EXPECT_THAT(elsewhere.error().what, HasSubstr("another grid"));
+  parts.full_density_HU = -1;
+  EXPECT_FALSE(make_model(parts).ok());
+}
+
 }  // namespace
 }  // namespace palpate

@@ -159,15 +159,8 @@ class Carved {
     });
     const std::vector<char> beside_made = beside(made_, [](Steps value) { return value < 0; });
     const Surroundings all{nearby(made_, beside_made), nearby(is_, beside_), gone()};
-    // candidates are narrowed down for large blocks first, then for smaller ones inside
-    for_blocks(changing_, 16, [&](const Box& large) {
-      const std::optional<Surroundings> around_large = surroundings(all, large);
-      if (!around_large) return;
-      for_blocks(large, 4, [&](const Box& small) {
-        const std::optional<Surroundings> around_small = surroundings(*around_large, small);
-        if (around_small) fill(small, *around_small);
-      });
-    });
+    constexpr int kLargest = 16;
+    fill_blocks(changing_, kLargest, all);
     return {changing_.voxels(), std::move(position_)};
   }
 
@@ -305,6 +298,17 @@ class Carved {
     const auto reach = static_cast<float>(reach_mm());
     return Surroundings{all.made.near(middle, radius, reach), all.is.near(middle, radius, reach),
                         std::move(removed)};
+  }
+
+  // Fills a box by blocks of an edge length. Candidates are narrowed down for large blocks first, then for
+  // those of half the edge inside.
+  void fill_blocks(const Box& box, int edge, const Surroundings& around) {
+    constexpr int kSmallest = 2;
+    for_blocks(box, edge, [&](const Box& block) {
+      const std::optional<Surroundings> near = surroundings(around, block);
+      if (!near) return;
+      edge > kSmallest ? fill_blocks(block, edge / 2, *near) : fill(block, *near);
+    });
   }
 
   void fill(const Box& block, const Surroundings& around) {

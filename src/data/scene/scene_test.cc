@@ -320,6 +320,18 @@ TEST(ParseScene, WithoutDataTheVolumesComeFromTheCaller) {
   EXPECT_FALSE(scene->scan.has_value());
 }
 
+TEST(ParseScene, EnergiesFollowDensityOnlyInAScanThatIsSaidToBeCalibrated) {
+  const std::string scene =
+      "[data]\nscan = 'ct.nrrd'\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\n";
+  const auto full_HU = [&](const std::string& more) {
+    return parse_scene(scene + more, "scene.toml")->full_density_HU;
+  };
+  EXPECT_EQ(full_HU(""), std::nullopt);
+  EXPECT_EQ(full_HU("[density]\ncalibrated = false\n"), std::nullopt);
+  EXPECT_EQ(full_HU("[density]\ncalibrated = true\n"), 1700);
+  EXPECT_EQ(full_HU("[density]\ncalibrated = true\nfull = 1400\n"), 1400);
+}
+
 TEST(ParseScene, ABurrIsABallWithAMotor) {
   const auto scene = parse_scene(
       "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\ncutting_energy = 60\nprotection = "
@@ -532,6 +544,12 @@ INSTANTIATE_TEST_SUITE_P(
                  "[0, 0, 1]"},
         BadScene{TISSUE "[tool]\nkind = 'burr'\n[force]\nmethod = 'trilinear'\n", 5, "requires the proxy",
                  "method = \"proxy\""},
+        BadScene{TISSUE "[density]\nfull = 1500\n", 5, "not said to be calibrated", "calibrated = true"},
+        BadScene{TISSUE "[density]\ncalibrated = true\nfull = 100\n", 6, "outside 200 ... 4000 HU", ""},
+        BadScene{"modality = 'mr'\n" TISSUE "[density]\ncalibrated = true\n", 6, "no Hounsfield units",
+                 "[density]"},
+        BadScene{"[data]\nlabels = 'a.nrrd'\n" TISSUE "[density]\ncalibrated = true\n", 1, "needs a scan",
+                 "scan ="},
         BadScene{TISSUE "[tool]\nkind = 'drill'\n", 5, "drill", "\"burr\""},
         BadScene{TISSUE "youngs_modulus = 0.05\n", 4, "youngs_modulus = 0.05 is outside 0.1 ... 100000 kPa",
                  "a number"},

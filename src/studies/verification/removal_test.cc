@@ -4,6 +4,7 @@
 
 #include <atomic>
 
+#include "base/test_seed.h"
 #include "palpate/stability/stability.h"
 #include "verification/removal_plants.h"
 #include "verification/removal_thin.h"
@@ -60,6 +61,17 @@ TEST(ThinBone, CostsWhatIsLost) {
   for (const Figure& figure : *figures)
     EXPECT_TRUE(figure.ok()) << figure.name << ": " << figure.value << " " << figure.unit << ", limit "
                              << *figure.limit;
+}
+
+// between air cells, where no sampling direction may meet bone
+TEST(ThinBone, APressedBurrDoesNotStandStill) {
+  const unsigned seed = test::test_seed();
+  for (const double voxel_mm : {0.4, 0.6, 0.8})
+    for (unsigned run = 0; run < 3; ++run) {
+      const auto rest_s = longest_rest_s(voxel_mm, seed + run, 2);
+      ASSERT_TRUE(rest_s.ok());
+      EXPECT_LT(*rest_s, 0.1) << "voxels of " << voxel_mm << " mm, seed " << seed + run;
+    }
 }
 
 // every simulated hand on every simulated device: what the world gives out is what an encoder step hides, at

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <numbers>
+#include <random>
 #include <string>
 #include <utility>
 
@@ -54,13 +55,17 @@ double gyroid(const Eigen::Vector3d& p, double period_mm) {
   return s[0] * c[1] + s[1] * c[2] + s[2] * c[0];
 }
 
+ThinStructure cellular() {
+  return {"cellular", [](const Eigen::Vector3d& p) { return std::abs(gyroid(p, 3)) < 0.35; }};
+}
+
 std::vector<ThinStructure> thin_structures() {
   return {walls(0.2),
           walls(0.4),
           walls(0.8),
           walls(2.0),
           rods(0.6),
-          {"cellular", [](const Eigen::Vector3d& p) { return std::abs(gyroid(p, 3)) < 0.35; }},
+          cellular(),
           {"trabecular", [](const Eigen::Vector3d& p) { return gyroid(p, 1.8) > 0.7; }},
           {"solid", [](const Eigen::Vector3d&) { return true; }}};
 }
@@ -144,6 +149,36 @@ class ThinBoneHand {
     return {paid_mm3, volumes.empty() ? 0 : volumes.begin()->second};
   }
 
+  double longest_rest_s(double seconds, std::mt19937& random) {
+    constexpr double kAtRest_mm = 0.05, kPressed_N = 1, kPress_N = 1.5, kReached_mm = 0.3, kFastest_mm = 0.02;
+    std::uniform_real_distribution<double> across(-3.5, 3.5), deep(-3.5, 0);
+    const long every = std::lround(kCarvedEvery_s / options_.dt_s);
+    Point<Patient> target, rested_at;
+    double target_s = 0, rest_s = 0, longest_s = 0;
+    for (long n = 0; n < std::lround(seconds / options_.dt_s); ++n) {
+      if (n % every == 0) carve();
+      const ProxyResult result =
+          advance_burr(model_->surfaces, burr_, ToolPose(tip_), proxy_, state_, options_);
+      const Point<Patient> at = proxy_.position;
+      target_s -= options_.dt_s;
+      if (target_s <= 0 || (target - at).norm() < kReached_mm) {
+        target = Point<Patient>(across(random), across(random), deep(random));
+        target_s = 0.4;
+      }
+      const double stretched_mm = kPress_N / model_->surfaces[0].stiffness_N_per_mm;
+      const Vector<Patient> step = at + (target - at).normalized() * stretched_mm - tip_;
+      tip_ += step * std::min(1.0, kFastest_mm / std::max(step.norm(), kFastest_mm));
+      if ((at - rested_at).norm() > kAtRest_mm) {
+        rested_at = at;
+        rest_s = 0;
+      } else if (result.force_N.norm() > kPressed_N) {
+        rest_s += options_.dt_s;
+      }
+      longest_s = std::max(longest_s, rest_s);
+    }
+    return longest_s;
+  }
+
  private:
   void carve() {
     const std::vector<Cut> cuts = finished_cuts(state_, 0);
@@ -171,6 +206,13 @@ class ThinBoneHand {
 };
 
 }  // namespace
+
+Result<double> longest_rest_s(double voxel_mm, unsigned seed, double seconds) {
+  std::mt19937 random(seed);
+  auto model = thin_model(cellular(), voxel_mm, 0.6, {});
+  if (!model) return model.error();
+  return ThinBoneHand(*model, 1000, 0).longest_rest_s(seconds, random);
+}
 
 Result<std::vector<Figure>> thin_bone_figures(const ThinBone& which, const Progress& progress) {
   std::vector<Figure> figures;

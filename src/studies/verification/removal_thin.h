@@ -16,4 +16,9 @@ struct ThinBone {
 /// and tilted, at several tick rates and on several grids; with limits. Deterministic. Errors: kInterrupted.
 Result<std::vector<Figure>> thin_bone_figures(const ThinBone& which, const Progress& progress);
 
+/// Longest time in which a running burr of 4 mm stands still, although it is pressed with 1.5 N, while it is
+/// led through a cellular pattern to random points and back through what it has cut.
+/// @param voxel_mm  voxel size
+Result<double> longest_rest_s(double voxel_mm, unsigned seed, double seconds);
+
 }  // namespace palpate
