@@ -9,6 +9,7 @@
 #include "contact/test_model.h"
 #include "palpate/direct/direct_methods.h"
 #include "palpate/loading/loading.h"
+#include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
 
 namespace palpate {
@@ -305,6 +306,56 @@ TEST(ChangedModel, WhatASceneMayNotHaveIsRefusedInItsWords) {
   EXPECT_THAT(error_of(3, [](ModelChange&) {}).what, HasSubstr("no tissue 3"));
   EXPECT_THAT(error_of(0, [](ModelChange& change) { change.version = 7; }).what,
               HasSubstr("version 7 of the model does not follow version 1"));
+}
+
+// a plate of bone with a rod of 4 mm on it, on voxels of 0.5 mm, for a burr
+std::shared_ptr<const Model> plate_with_rod() {
+  GridGeometry grid;
+  grid.dims = {24, 24, 24};
+  grid.spacing_mm = Eigen::Vector3d::Constant(0.5);
+  Volume<LabelId> labels(grid);
+  for (int i = 2; i < 22; ++i)
+    for (int j = 2; j < 22; ++j)
+      for (int k = 2; k < 8; ++k) labels.at(i, j, k) = 1;
+  for (int i = 11; i < 14; ++i)
+    for (int j = 11; j < 14; ++j)
+      for (int k = 8; k < 16; ++k) labels.at(i, j, k) = 1;
+  ModelParts parts;
+  parts.labels = label_bricks(labels);
+  parts.segments = {{1, "bone", {}, 0, 1}};
+  Tissue bone;
+  bone.name = "bone";
+  bone.stiffness_N_per_mm = 1.5;
+  parts.tissues = {bone};
+  parts.tissue_of_label = {-1, 0};
+  parts.tools[0].radius_mm = 2;
+  parts.tools[0].burr = BurrSettings{};
+  constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
+  auto ready = prepared_for(*make_model(std::move(parts)), kProxyAlone);
+  PALPATE_CHECK(ready.ok());
+  return *ready;
+}
+
+TEST(ChangedModel, AFragmentIsRemovedFromTheSurfaceAndAgainFromTheRecordedCuts) {
+  const auto model = plate_with_rod();
+  const Point<Patient> foot(6, 6, 5), top(6, 6, 7.5);
+  ASSERT_LT(model->surfaces[0].surface->distance_mm(top), 0);
+  std::vector<Cut> cuts{{0, {foot, foot, 1.2, 1}}};
+  const auto carving = carved_with_fragments(*model, cuts);
+  ASSERT_GT(cuts.size(), 1u);
+  const auto next = carving->applied_to(*model);
+  EXPECT_GT(next->surfaces[0].surface->distance_mm(top), 0.5);
+  EXPECT_LT(next->surfaces[0].surface->distance_mm(Point<Patient>(3, 3, 2.5)), -0.5) << "the plate stays";
+  const auto replayed = next_version({model, model}, {2, ModelChange::kCut}, cuts);
+  ASSERT_TRUE(replayed.ok()) << replayed.error().message();
+  EXPECT_EQ(replayed->current->content_hash, next->content_hash);
+  EXPECT_EQ(replayed->current->labels->content_hash(), next->labels->content_hash());
+  EXPECT_EQ(replayed->current->surfaces[0].surface->content_hash(),
+            next->surfaces[0].surface->content_hash());
+  const auto undone = next_version({next, model}, {3, ModelChange::kUndo});
+  ASSERT_TRUE(undone.ok());
+  EXPECT_EQ(undone->current->content_hash, model->content_hash);
+  EXPECT_EQ(undone->current->surfaces[0].surface, model->surfaces[0].surface);
 }
 
 }  // namespace
