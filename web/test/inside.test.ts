@@ -186,6 +186,8 @@ test("a press picks the first surface under it", () => {
 test("the path of the tip to a surface avoids felt structures", () => {
   const { volumes, isTouchable } = room();
   const into: Vec3 = [0, 1, 0];
+  let paths = 0,
+    setDowns = 0;
   // tips behind the ball, next to it, in front of it, and within it
   for (const tip of [
     [0, 11, 0],
@@ -201,11 +203,18 @@ test("the path of the tip to a surface avoids felt structures", () => {
       [6, 0],
     ] as const) {
       const surface = firstTouchable(volumes, isTouchable, [x, -100, z], into)!;
-      const path = [...pathTo(isTouchable, tip, surface, into, 0.5), add(surface, scale(into, 0.5))];
+      const path = pathTo(isTouchable, tip, surface, into, 0.5);
       let from = tip,
         hasLeft = false,
-        through_mm = 0;
-      for (const to of path.slice(0, -1)) {
+        through_mm = 0,
+        path_mm = 0;
+      for (const { at: to, isSetDown } of path) {
+        if (isSetDown) {
+          setDowns += 1;
+          assert.ok(path.length === 1 && !isTouchable(to), "it is released, and set down where it is free");
+          continue;
+        }
+        path_mm += length(sub(to, from));
         for (let n = 0; n <= 200; n++) {
           const felt = isTouchable(add(from, scale(sub(to, from), n / 200)));
           hasLeft ||= !felt;
@@ -215,10 +224,12 @@ test("the path of the tip to a surface avoids felt structures", () => {
         }
         from = to;
       }
-      assert.ok(isTouchable(path.at(-1)!), "and it is felt at the end");
-      assert.ok(length(sub(path.at(-1)!, surface)) < 1);
+      assert.ok(path_mm <= length(sub(tip, surface)) + 60, `${path_mm} mm to ${surface}`);
+      assert.ok(length(sub(path.at(-1)!.at, surface)) <= 3 + 1e-9, "and it is in front of the surface");
+      paths += 1;
     }
   }
+  assert.ok(setDowns > 0 && setDowns < paths / 2, `${setDowns} of ${paths}`);
 });
 
 test("the height is the distance to the nearest felt structure", () => {

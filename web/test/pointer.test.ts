@@ -17,6 +17,7 @@ function pointer(isGranted = true) {
     beat: (() => void) | null = null;
   const sent: number[][] = [];
   const pressed: number[] = []; // forces of the messages
+  const setDowns: number[][] = [];
   const lifts = { count: 0, releaseByPause: 0 };
   const asked: object[] = [];
   performance.now = () => now;
@@ -38,6 +39,7 @@ function pointer(isGranted = true) {
     {
       moveTip: (p: number[], into?: number[], force_N?: number) => (sent.push(p), pressed.push(into ? force_N! : 0)),
       liftTip: () => (lifts.count += 1),
+      setTipDown: (p: number[]) => (sent.push(p), pressed.push(0), setDowns.push(p)),
     } as unknown as Device[1],
     permission as unknown as Device[2],
     { once: async (request: object) => (asked.push(request), isGranted) } as unknown as Device[3],
@@ -53,7 +55,7 @@ function pointer(isGranted = true) {
   const stall = (ms: number) => {
     now += ms;
   };
-  return { device, session, sent, pressed, lifts, asked, permission, at, stall, time: () => now };
+  return { device, session, sent, pressed, lifts, setDowns, asked, permission, at, stall, time: () => now };
 }
 
 test("a finger moves the tip only after the delay for a second finger", () => {
@@ -111,6 +113,44 @@ test("a path is followed through all its points, with force on the surface alone
   at(600);
   assert.deepEqual(sent.at(-1), [109, 0, 0]);
   assert.ok(pressed.slice(-10).every((force_N) => force_N === 0.7));
+});
+
+test("over a surface a late timer leaves out no more than 10 mm of the path", () => {
+  const { device, sent, at, stall, time } = pointer();
+  device.hold([{ at: [0, 0, 0], into: [0, 0, -1] }], false);
+  at(100);
+  for (let n = 0; n < 20; n++) {
+    const before = sent.length;
+    device.follow(Array.from({ length: 20 }, (_, step) => ({ at: [20 * n + step + 1, 0, 0], into: [0, 0, -1] })));
+    stall(40);
+    at(time() + 160);
+    for (let k = before; k < sent.length; k++) assert.ok(sent[k]![0]! - sent[k - 1]![0]! <= 10 + 1e-9);
+    assert.deepEqual(sent.at(-1), [20 * n + 20, 0, 0], "and it arrives");
+  }
+});
+
+test("a tip that is set down elsewhere covers no path in between", () => {
+  const { device, sent, setDowns, at } = pointer();
+  device.hold([{ at: [1, 0, 0], into: [1, 0, 0] }], false);
+  at(100);
+  device.follow([
+    { at: [0, 0, 0], into: null },
+    { at: [0, 90, 0], into: null, isSetDown: true },
+    { at: [1, 90, 0], into: [1, 0, 0] },
+  ]);
+  at(200);
+  assert.deepEqual(setDowns, [[0, 90, 0]]);
+  assert.deepEqual(sent.at(-1), [1, 90, 0]);
+  assert.ok(sent.every(([, y]) => y === 0 || y === 90));
+  const back = sent.findIndex(([, y]) => y === 90);
+  assert.deepEqual(sent[back - 1], [0, 0, 0], "it has left the surface before");
+  assert.deepEqual(sent[back], [0, 90, 0]);
+  // a diversion drops the remaining path
+  device.follow([{ at: [1, 200, 0], into: [1, 0, 0] }]);
+  device.divert([{ at: [0, 50, 0], into: null, isSetDown: true }]);
+  at(300);
+  assert.deepEqual(sent.at(-1), [0, 50, 0]);
+  assert.deepEqual(setDowns.at(-1), [0, 50, 0]);
 });
 
 test("stalls of 50 to 400 ms do not end a hold, 200 times", () => {

@@ -120,19 +120,69 @@ test("in a section the outline is pressed along the surface's normal, on the sid
 test("a contact that is held back from the cursor is freed, and one that just follows is not", () => {
   const { stroke: made } = stroke();
   const target = made.begin(under(made, MIDDLE, MIDDLE)).at(-1)!;
-  const away = add(target.at, [MAX_DISTANCE_MM + 1, 0, -1]);
-  assert.equal(made.freed(0, target, target.at), null);
+  const normal = scale(target.into!, -1);
+  const contact = (at: Vec3) => ({ at, normal });
+  const away = contact(add(target.at, [MAX_DISTANCE_MM + 1, 0, -1]));
+  assert.equal(made.freed(0, target, contact(target.at)), null);
   assert.equal(made.freed(10, target, away), null);
   assert.equal(made.freed(100, target, away), null);
-  assert.equal(made.freed(120, target, add(target.at, [1, 0, 0])), null, "it has come");
-  assert.equal(made.freed(600, { ...target, into: null }, away), null, "it is lifted anyway");
-  for (const [contact, isInside] of [
+  assert.equal(made.freed(120, target, contact(add(target.at, [1, 0, 0]))), null, "it has come");
+  assert.equal(made.freed(600, { ...target, into: null }, null, true), null, "it is lifted anyway");
+  const dent = add(target.at, scale(target.into!, 12));
+  for (const now_ms of [700, 900])
+    assert.equal(made.freed(now_ms, target, contact(dent)), null, "soft tissue is dented");
+  assert.equal(made.freed(910, target, contact(target.at)), null);
+  const side = { at: dent, normal: [1, 0, 0] as Vec3 };
+  assert.equal(made.freed(920, target, side), null);
+  assert.ok(made.freed(1080, target, side)![0]!.isSetDown, "on a side it has slid off");
+  for (const [held, isInside] of [
     [away, false],
     [null, true],
   ] as const) {
-    assert.equal(made.freed(1000, target, contact, isInside), null);
-    const path = made.freed(1200, target, contact, isInside)!;
-    assert.ok(path.length >= 2 && path[0]!.into === null && path.at(-1)!.into !== null);
+    assert.equal(made.freed(1200, target, held, isInside), null);
+    const path = made.freed(1400, target, held, isInside)!;
+    assert.ok(path[0]!.isSetDown && path.at(-1)!.into !== null);
+    assert.ok(length(sub(path[0]!.at, target.at)) <= 3 + 1e-9, "it is set down in front of the surface");
     assert.ok(length(sub(path.at(-1)!.at, target.at)) < 1e-9);
+  }
+  // one that is held back after the tip was lifted
+  const lifted = made.follow(() => null, 30).at(-1)!;
+  assert.equal(made.freed(2000, lifted, away), null);
+  assert.deepEqual(made.freed(2200, lifted, away), [{ at: lifted.at, into: null, isSetDown: true }]);
+});
+
+test("a surface that is seen edge-on is followed without lifting the tip", () => {
+  const { stroke: made, isTouchable } = stroke();
+  const begun = made.begin(under(made, MIDDLE, MIDDLE)).at(-1)!;
+  // one pixel further the ray meets the side of the ball, 7 mm below
+  const side = add(MIDDLE, [9, 0, 4.3]);
+  const pick = (fraction: number) =>
+    fraction < 0.9999 ? made.point : made.surfaceAlong({ from: [side[0], side[1], 60], into: [0, 0, -1] });
+  const steps = made.follow(pick, 1);
+  assert.ok(steps.length > 8 && steps.every(({ into }) => into !== null), "it is not lifted");
+  let before = begun.at;
+  for (const { at } of steps) {
+    assert.ok(Math.abs(length(sub(at, MIDDLE)) - 10) < VOXEL_MM, "on the surface");
+    assert.ok(length(sub(at, before)) <= 3, "without gaps");
+    before = at;
+  }
+  // over the edge to the wall behind the ball there is no surface
+  const wall = made.surfaceAlong({ from: [34, 20, 60], into: [0, 0, -1] })!;
+  assert.ok(!isTouchable(add(wall.at, [0, 0, 1])));
+  assert.ok(made.follow((fraction) => (fraction < 0.9999 ? made.point : wall), 1).some(({ into }) => into === null));
+});
+
+test("a tool's tip comes to a surface without touching anything else", () => {
+  const { volumes, isTouchable } = subject();
+  const made = new Stroke(volumes, isTouchable, [20, 20, 39], 2, (_, end) => end);
+  made.begin(under(made, MIDDLE, MIDDLE));
+  const steps = made.follow((fraction) => (fraction < 1 ? null : under(made, MIDDLE, [36, 20, 20])(1)), 60);
+  const waypoints = steps.filter(({ into }) => into === null);
+  assert.ok(waypoints.length >= 2);
+  for (const [n, { at, isSetDown }] of waypoints.entries()) {
+    const from = waypoints[Math.max(0, n - 1)]!.at;
+    if (!isSetDown)
+      for (let part = 0; part <= 20; part++)
+        assert.ok(length(sub(add(from, scale(sub(at, from), part / 20)), MIDDLE)) > 11.5, "clear of the ball");
   }
 });

@@ -15,12 +15,14 @@ namespace palpate {
 /// Monotonic clock, ns. Called by any thread, including the servo's, so it must not block.
 using TimeSource = std::int64_t (*)() noexcept;
 
-/// Conditions, besides the pose itself, under which a device gets no force. Bits.
+/// Conditions, besides the pose itself, under which a device gets no force, or a new contact. Bits.
 enum DeviceStatus : std::uint32_t {
   /// Caused by the device: brake, dead man's switch, over-temperature, lost connection
   kDeviceFault = 1u << 0,
   kDeviceClutched = 1u << 1,  ///< Clutch held: the tip stays in place while the hand moves
   kDeviceHalted = 1u << 2,    ///< The watchdog halted it
+  /// The tip was set down at its position, as by a pointer: there is no path to it, and its contact is reset
+  kDeviceSetDown = 1u << 3,
 };
 
 /// Sample that a driver reads from one device, in the device's own frame.
@@ -33,6 +35,7 @@ struct DeviceSample {
   double gripper_rad = kNotKnown;
   std::uint32_t buttons = 0;  ///< Bit n: button n is held
   bool fault = false;         ///< The device withholds forces by itself
+  bool set_down = false;      ///< There is no path from the previous pose to this one (kDeviceSetDown)
   /// Time of the pose, ns of CLOCK_MONOTONIC. If it is not known exactly, the earliest possible time (for a
   /// request and its reply, the sending). A time more than a millisecond in the future gets no force.
   std::int64_t taken_ns = 0;

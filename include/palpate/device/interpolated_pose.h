@@ -15,9 +15,9 @@ namespace palpate {
 ///     age          0                              |__________/    0 while updated; grows after validity_s
 ///
 /// Between two updates tip and orientation are interpolated, never extrapolated, so that the force has no
-/// steps. They lag one interval behind. The first pose, and one that follows a pose that has expired, applies
-/// at once. A pose stays valid for validity_s after an update; then its age grows and the output stage
-/// removes the force.
+/// steps. They lag one interval behind. The first pose, one that follows a pose that has expired, and one
+/// that is set down (DeviceSample) apply at once. A pose stays valid for
+/// validity_s after an update; then its age grows and the output stage removes the force.
 class InterpolatedPose {
  public:
   /// @param tip     initial position, invalid (age unlimited) until the first update
@@ -25,9 +25,11 @@ class InterpolatedPose {
   explicit InterpolatedPose(const Point<Device>& tip, double validity_s = kValidity_s)
       : validity_ns_(static_cast<std::int64_t>(validity_s * 1e9)), from_{tip}, to_{tip} {}
 
-  /// Sets the pose as of `at_ns`. A non-finite pose is a bug. Never blocks. Any thread, but only one at a
+  /// Sets the pose as of `at_ns`. It applies at once if it is `set_down`, also if a later one arrives within
+  /// the same tick. A non-finite pose is a bug. Never blocks. Any thread, but only one at a
   /// time; the same holds for release().
-  void push(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool, std::int64_t at_ns) noexcept;
+  void push(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool, std::int64_t at_ns,
+            bool set_down = false) noexcept;
   /// Invalidates the pose: its age is unlimited from the next tick on.
   void release() noexcept;
 
@@ -49,11 +51,14 @@ class InterpolatedPose {
     Pose pose;
     std::int64_t at_ns = 0;
     bool is_valid = false;
+    std::uint32_t set_downs = 0;  // number of poses until then that were set down
   };
-  void read_message(std::int64_t now_ns) noexcept;
+  // returns whether the tip is set down in this tick
+  bool read_message(std::int64_t now_ns) noexcept;
   Pose pose_at(std::int64_t now_ns) const noexcept;
 
   const std::int64_t validity_ns_;
+  std::uint32_t set_downs_ = 0;  // owned by the updating thread
   Mailbox<Message> messages_;
   // owned by the servo thread: interpolation from one place and time to another
   Pose from_, to_;

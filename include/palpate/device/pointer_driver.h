@@ -34,8 +34,9 @@ class PointerDriver final : public DeviceDriver {
   /// Sets the position, and the force to press with from there, as of now. Never blocks. Any thread, but only
   /// one at a time; the same holds for release(). Errors: kBadInput if the position or the press is not
   /// finite; the earlier ones then stay.
+  /// @param set_down  the tip is at the position at once, without a path to it, and its contact is reset
   Result<void> move(const Point<Device>& tip) { return move(tip, {}); }
-  Result<void> move(const Point<Device>& tip, const Press& press);
+  Result<void> move(const Point<Device>& tip, const Press& press, bool set_down = false);
   /// Invalidates the position: its age is unlimited from the next tick on.
   void release() noexcept;
 

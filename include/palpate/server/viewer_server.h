@@ -376,7 +376,8 @@ struct PointerTarget {
   std::array<double, 3> tip_patient_mm{};
   /// Unit direction in which the tip presses from `tip_patient_mm`, until the force is `force_N`.
   std::array<double, 3> into{};
-  double force_N = 0;  ///< 0: no press, the tip moves to `tip_patient_mm`
+  double force_N = 0;     ///< 0: no press, the tip moves to `tip_patient_mm`
+  bool set_down = false;  ///< The tip is there at once, without a path to it, and its contact is reset
 };
 
 /// Running session, which viewers may change.

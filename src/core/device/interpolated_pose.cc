@@ -12,13 +12,14 @@ constexpr std::int64_t kMinInterval_ns = 4'000'000, kMaxInterval_ns = 40'000'000
 }  // namespace
 
 void InterpolatedPose::push(const Point<Device>& tip, const Eigen::Quaterniond& R_DeviceTool,
-                            std::int64_t at_ns) noexcept {
+                            std::int64_t at_ns, bool set_down) noexcept {
   PALPATE_CHECK(tip.all_finite() && R_DeviceTool.coeffs().allFinite());
-  messages_.post({{tip, R_DeviceTool}, at_ns, true});
+  if (set_down) ++set_downs_;
+  messages_.post({{tip, R_DeviceTool}, at_ns, true, set_downs_});
 }
 
 void InterpolatedPose::release() noexcept {
-  messages_.post({});
+  messages_.post({.set_downs = set_downs_});
 }
 
 InterpolatedPose::Pose InterpolatedPose::pose_at(std::int64_t now_ns) const noexcept {
@@ -30,22 +31,24 @@ InterpolatedPose::Pose InterpolatedPose::pose_at(std::int64_t now_ns) const noex
 // Starts a new interpolation at the current position, over the expected time to the next update. A pose that
 // returns after an interruption applies at once: its path is unknown, and interpolating would drag a contact
 // along it.
-void InterpolatedPose::read_message(std::int64_t now_ns) noexcept {
+bool InterpolatedPose::read_message(std::int64_t now_ns) noexcept {
   Message message;
-  if (!messages_.take(message)) return;
+  if (!messages_.take(message)) return false;
+  const bool is_set_down = message.is_valid && message.set_downs != last_.set_downs;
   const bool comes_back =
       message.is_valid && !(last_.is_valid && message.at_ns - last_.at_ns <= validity_ns_);
-  from_ = comes_back ? message.pose : pose_at(now_ns);
+  from_ = comes_back || is_set_down ? message.pose : pose_at(now_ns);
   from_ns_ = now_ns;
   to_ = message.is_valid ? message.pose : from_;
   const std::int64_t interval_ns = std::clamp(message.at_ns - last_.at_ns, kMinInterval_ns, kMaxInterval_ns);
   const double path_ns = (to_.tip - from_.tip).norm() / kMaxSpeed_mm_s * 1e9;
   to_ns_ = now_ns + std::max(interval_ns, static_cast<std::int64_t>(std::min(path_ns, 1e18)));
   last_ = message;
+  return is_set_down;
 }
 
 void InterpolatedPose::fill(DeviceSample& sample, std::int64_t now_ns) noexcept {
-  read_message(now_ns);
+  sample.set_down = read_message(now_ns);
   const Pose pose = pose_at(now_ns);
   sample.tip = pose.tip;
   sample.R_DeviceTool = pose.R_DeviceTool;

@@ -28,14 +28,14 @@ DeviceInfo PointerDriver::info() {
   return info;
 }
 
-Result<void> PointerDriver::move(const Point<Device>& tip, const Press& press) {
+Result<void> PointerDriver::move(const Point<Device>& tip, const Press& press, bool set_down) {
   if (!tip.all_finite())
     return Error{ErrorKind::kBadInput, "is not finite", "position", "give three finite coordinates in mm"};
   if (!press.into.all_finite() || !std::isfinite(press.force_N))
     return Error{ErrorKind::kBadInput, "is not finite", "press",
                  "give a finite direction, and a finite force in N"};
   presses_.post(press);
-  reported_.push(tip, Eigen::Quaterniond::Identity(), now_());
+  reported_.push(tip, Eigen::Quaterniond::Identity(), now_(), set_down);
   return {};
 }
 
@@ -72,6 +72,7 @@ void PointerDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
   while (clock.wait()) {
     const std::int64_t now_ns = now_();
     reported_.fill(samples[0], now_ns);
+    if (samples[0].set_down) depth_mm_ = 0;
     press(samples[0], commands_[0].force_N.norm(),
           std::min(static_cast<double>(now_ns - before_ns_) * 1e-9, kMaxTick_s));
     before_ns_ = now_ns;

@@ -26,6 +26,7 @@ struct Observed {
   std::int64_t at_ns;
   Point<Device> tip;
   double age_s;
+  bool set_down;
 };
 
 // runs for a number of 1 ms ticks, every 21st of them late by three; calls `act` before each, as a page's
@@ -55,7 +56,8 @@ std::vector<Observed> run(
     bool stopped() const noexcept override { return tick_ == ticks_; }
     void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override {
       const std::int64_t now_ns = virtual_ns;
-      seen.push_back({now_ns, samples[0].tip, static_cast<double>(now_ns - samples[0].taken_ns) * 1e-9});
+      const double age_s = static_cast<double>(now_ns - samples[0].taken_ns) * 1e-9;
+      seen.push_back({now_ns, samples[0].tip, age_s, samples[0].set_down});
       commands[0].force_N = Vector<Device>(force_N_(samples[0].tip), 0, 0);
     }
     std::vector<Observed> seen;
@@ -171,6 +173,25 @@ TEST(PointerDriver, WhoComesBackIsThereAtOnce) {
     }
     EXPECT_EQ(observed.front().tip.x(), 0);
     EXPECT_EQ(observed.back().tip.x(), 90);
+  }
+}
+
+TEST(PointerDriver, ATipIsSetDownAtOnceAlsoIfMessagesArriveTogether) {
+  for (const bool follows : {false, true}) {
+    SCOPED_TRACE(follows);
+    PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
+    const auto observed = run(driver, 60, [&](int tick) {
+      if (tick == 3 || tick == 20) EXPECT_TRUE(driver.move(Point<Device>(10, 0, 0)).ok());
+      if (tick != 30) return;
+      EXPECT_TRUE(driver.move(Point<Device>(14, 0, 0), {}, true).ok());
+      if (follows) EXPECT_TRUE(driver.move(Point<Device>(14, 0, 0)).ok());
+    });
+    EXPECT_TRUE(observed[30].set_down);
+    EXPECT_EQ(std::ranges::count_if(observed, &Observed::set_down), 1);
+    for (std::size_t n = 5; n < observed.size(); ++n) {
+      EXPECT_EQ(observed[n].tip.x(), n < 30 ? 10 : 14) << n;
+      EXPECT_LT(observed[n].age_s, 1e-3) << "there is no ramp";
+    }
   }
 }
 

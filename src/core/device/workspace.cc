@@ -26,6 +26,7 @@ void copy_unmapped(const DeviceSample& sample, std::int64_t now_ns, DeviceState&
   state.gripper_rad = sample.gripper_rad;
   state.buttons = sample.buttons;
   if (sample.fault) state.status |= kDeviceFault;
+  if (sample.set_down) state.status |= kDeviceSetDown;
   // subtracted as doubles, because extreme sample times could overflow an integer
   state.age_s = (static_cast<double>(now_ns) - static_cast<double>(sample.taken_ns)) * 1e-9;
 }

@@ -296,6 +296,7 @@ void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionStat
   const Parameters& parameters = shared.parameters;
   const double dt_s = shared.tick.dt_s;
   record_inputs(in.state, in.own, out);
+  if (in.state.status & kDeviceSetDown) session.reset_path();
   const bool clutched = (in.state.status & kDeviceClutched) != 0;
   OutputRequest request{
       {}, in.state.age_s, faults_of(in.state, parameters, in.own.scale, dt_s, session), false};

@@ -535,6 +535,41 @@ TEST(Tick, TheProxyWaitsForATipThatBeginsInsideOrComesOutOfAPause) {
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
 }
 
+TEST(Tick, ATipThatIsSetDownHasNoContactAndNoJumpAndIsFeltAtOnce) {
+  // within and beyond the displacement of a jump; on the far side of the ball, where no proxy could follow
+  for (const double x_mm : {kBoneRadius_mm + 7, -kBoneRadius_mm - 3}) {
+    for (const bool set_down : {true, false}) {
+      SCOPED_TRACE(::testing::Message() << x_mm << " mm, set down " << set_down);
+      ProxyLoop loop;
+      loop.lead({kBoneRadius_mm + 3, 0, 0}, {kBoneRadius_mm - 2, 0, 0}, 100);
+      ASSERT_TRUE(loop.record.device[0].flags & kFlagContact);
+      DeviceState device;
+      device.tip = {x_mm, 0, 0};
+      device.status = set_down ? kDeviceSetDown : 0;
+      loop.at(device);
+      const DeviceTick& tick = loop.record.device[0];
+      EXPECT_EQ((tick.flags & kFlagJump) != 0, !set_down && x_mm < 0);
+      if (!set_down) continue;
+      EXPECT_EQ(tick.flags & (kFlagContact | kFlagInside | kFlagRamp), 0u);
+      EXPECT_EQ(loop.wrench.force_N, Vector<World>());
+      EXPECT_NEAR(tick.proxy_patient_mm[0], x_mm, 1e-9);
+      EXPECT_EQ(tick.velocity_patient_mm_s, (std::array<double, 3>{}));
+      loop.lead({x_mm, 0, 0}, {std::copysign(kBoneRadius_mm - 1, x_mm), 0, 0}, 100);
+      EXPECT_GT(std::copysign(1.0, x_mm) * loop.wrench.force_N.x(), 1);
+      EXPECT_EQ(tick.flags & kFlagRamp, 0u);
+    }
+  }
+  // inside of the ball the side of the surface is unknown
+  ProxyLoop loop;
+  loop.lead({kBoneRadius_mm + 3, 0, 0}, {kBoneRadius_mm - 2, 0, 0}, 100);
+  DeviceState device;
+  device.tip = {kBoneRadius_mm - 2, 0, 0};
+  device.status = kDeviceSetDown;
+  loop.at(device);
+  EXPECT_TRUE(loop.record.device[0].flags & kFlagInside);
+  EXPECT_EQ(loop.wrench.force_N, Vector<World>());
+}
+
 TEST(Tick, TheProxySticksToATurningObject) {
   ProxyLoop loop;
   for (ContactSurface& surface : loop.model.surfaces) {

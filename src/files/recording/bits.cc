@@ -83,6 +83,8 @@ std::string_view name_of(DeviceStatus status) {
       return "clutched";
     case kDeviceHalted:
       return "halted";
+    case kDeviceSetDown:
+      return "set down";
   }
   return {};
 }

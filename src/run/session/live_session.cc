@@ -371,7 +371,7 @@ void LiveSession::move_pointer(const std::optional<PointerTarget>& target) {
         X_WorldPatient * (tip_patient + Vector<Patient>(target->into[0], target->into[1], target->into[2]));
     press = {(mapping.to_device(ahead) - tip_device).normalized(), target->force_N};
   }
-  PALPATE_CHECK(parts_.pointer->move(tip_device, press).ok());
+  PALPATE_CHECK(parts_.pointer->move(tip_device, press, target->set_down).ok());
 }
 
 // ---- tasks

@@ -245,10 +245,12 @@ std::optional<ViewerMessage> read_tip(Fields& fields) {
   const auto tip = fields.numbers<3>("patient_mm");
   const auto into = fields.direction("into");
   const auto force_N = fields.number("force_N");
+  const auto set_down = fields.flag("set_down");
   fields.end();
   if (!tip || fields.refusal() || into.has_value() != force_N.has_value()) return std::nullopt;
   if (force_N && !(*force_N > 0 && *force_N <= kMaxPress_N)) return std::nullopt;
-  return TipMessage{PointerTarget{*tip, into.value_or(std::array<double, 3>{}), force_N.value_or(0)}};
+  return TipMessage{PointerTarget{*tip, into.value_or(std::array<double, 3>{}), force_N.value_or(0),
+                                  set_down.value_or(false)}};
 }
 
 std::optional<ViewerMessage> parse_message(std::string_view text) {

@@ -127,6 +127,10 @@ TEST(Request, EveryMessageOfTheDocument) {
   ASSERT_TRUE(press && press->target);
   EXPECT_NEAR(press->target->into[2], -0.8, 1e-12);
   EXPECT_EQ(press->target->force_N, 0.5);
+  EXPECT_FALSE(press->target->set_down);
+  const auto set_down = parsed<TipMessage>(R"({"type": "tip", "patient_mm": [1, 2, 3], "set_down": true})");
+  ASSERT_TRUE(set_down && set_down->target);
+  EXPECT_TRUE(set_down->target->set_down);
   const auto lift = parsed<TipMessage>(R"({"type": "lift"})");
   ASSERT_TRUE(lift);
   EXPECT_FALSE(lift->target);
@@ -226,6 +230,7 @@ TEST(Request, WhatIsNoMessage) {
            R"({"type":"tip","patient_mm":[1,2,3],"into":[0,0,2],"force_N":1})",
            R"({"type":"tip","patient_mm":[1,2,3],"into":[0,0,1],"force_N":0})",
            R"({"type":"tip","patient_mm":[1,2,3],"into":[0,0,1],"force_N":41})",
+           R"({"type":"tip","patient_mm":[1,2,3],"set_down":1})",
            R"({"type":"lift","patient_mm":[1,2,3]})",
            // nested values
            R"({"type":"set","id":1,"method":{"a":1}})",

@@ -160,6 +160,11 @@ export class Connection {
     if (this.link.peek() === "connected")
       this.socket!.send(JSON.stringify({ type: "tip", patient_mm, ...(into && { into, force_N }) }));
   }
+  /** Sets the pointer's tip down at a position, without a path to it: its contact is reset. */
+  setTipDown(patient_mm: number[]): void {
+    if (this.link.peek() === "connected")
+      this.socket!.send(JSON.stringify({ type: "tip", patient_mm, set_down: true }));
+  }
   /** Releases the pointer's tip; dropped without a connection, whose end releases it, too. */
   liftTip(): void {
     if (this.link.peek() === "connected") this.socket!.send(JSON.stringify({ type: "lift" }));

@@ -12,6 +12,8 @@ import type { Session } from "./session.js";
 export interface PathPoint {
   at: Vec3;
   into: Vec3 | null; // unit direction to press in; null: no force
+  /** The tip is here at once, without a path to it, and its contact is reset. */
+  isSetDown?: boolean;
 }
 
 /** Distance from the cursor beyond which a contact does not show what the cursor points at. */
@@ -30,6 +32,8 @@ const PINCH_MS = 150;
 const SPEED_MM_PER_S = 300,
   MAX_PATH_MS = 60,
   MAX_MM_PER_S = 1800;
+/** Maximum distance in contact between two messages, which palpate connects by a straight line. */
+const MAX_CHORD_MM = 10;
 /** Distance by which a released tip leaves the surface, and the time for that. */
 const LEAVES_MM = 2,
   LEAVING_MS = 60;
@@ -91,6 +95,10 @@ export class PointerDevice {
   move(step: PathPoint): void {
     if (this.session.holding.value) this.remainingPath = [step];
   }
+  /** Replaces the remaining path by another one. */
+  divert(path: PathPoint[]): void {
+    if (this.session.holding.value) this.remainingPath = [...path];
+  }
   /** Continues the path. */
   follow(path: PathPoint[]): void {
     if (this.session.holding.value) this.remainingPath.push(...path);
@@ -130,13 +138,17 @@ export class PointerDevice {
     // palpate has let go meanwhile, and would begin inside of the tissue
     if (this.hasSent && elapsed > HOLD_MS) return this.releaseByPause();
     if (elapsed < (this.remainingPath.length === 0 ? KEEP_ALIVE_MS : MIN_INTERVAL_MS)) return;
+    this.sent_ms = now;
+    this.hasSent = true;
+    if (this.remainingPath[0]?.isSetDown) {
+      this.position = this.remainingPath.shift()!;
+      return this.connection.setTipDown(this.position.at);
+    }
     this.advance(Math.min(elapsed, 50));
     this.hasPressed ||= this.position.into !== null;
     const isPressing = this.position.into && !((this.session.pose.value?.devices[0]?.flags ?? 0) & NO_FORCE);
     if (isPressing) this.connection.moveTip(this.position.at, this.position.into!, this.force_N);
     else this.connection.moveTip(this.position.at);
-    this.hasSent = true;
-    this.sent_ms = now;
   }
   /** Moves the position along the path by the time since the previous message. */
   private advance(elapsed_ms: number): void {
@@ -144,10 +156,12 @@ export class PointerDevice {
     let left_mm = 0;
     if (this.hasPressed)
       for (const [n, step] of this.remainingPath.entries())
-        left_mm += length(sub(step.at, (this.remainingPath[n - 1] ?? from).at));
+        if (!step.isSetDown) left_mm += length(sub(step.at, (this.remainingPath[n - 1] ?? from).at));
     const speed = Math.min(Math.max(SPEED_MM_PER_S, (1000 * left_mm) / MAX_PATH_MS), MAX_MM_PER_S);
-    for (let most_mm = (speed * elapsed_ms) / 1000; this.remainingPath.length > 0;) {
+    const path_mm = (speed * elapsed_ms) / 1000;
+    for (let most_mm = from.into ? Math.min(path_mm, MAX_CHORD_MM) : path_mm; this.remainingPath.length > 0;) {
       const step = this.remainingPath[0]!;
+      if (step.isSetDown) return;
       const path = sub(step.at, from.at);
       const far_mm = length(path);
       if (far_mm > most_mm) {

@@ -1,7 +1,8 @@
 // Stroke: the path of the tip over surfaces while a press is dragged. The tip stays on the surface under the cursor,
-// where palpate presses with the chosen force; over gaps and edges it is lifted and put down again.
+// where palpate presses with the chosen force; over gaps and edges it is lifted and put down again. Where no short path
+// is free, and where a contact is held back, the tip is set down in front of the surface without a path to it.
 
-import { add, dot, length, normalize, scale, sub, tangents, type Vec3 } from "../base/geometry.js";
+import { add, dot, length, normalize, scale, sub, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
 import { firstTouchable, type IsTouchable } from "./surface.js";
 import { MAX_DISTANCE_MM, type PathPoint } from "../state/pointer.js";
@@ -26,15 +27,25 @@ const HALVINGS = 4;
 const LEAST_ALONG = 0.3;
 /** Time for which the contact may be farther than MAX_DISTANCE_MM from its target, while it follows. */
 const CAUGHT_MS = 150;
+/**
+ * Maximum distance between two picks that are connected along the surface: a surface that is seen edge-on has distant
+ * points under neighbouring pixels.
+ */
+const EDGE_ON_MM = 12;
+
+/** Component of a dented surface's normal against the direction of the press. */
+const LEAST_FACING = 0.7;
+/** Maximum depth to which palpate presses (PointerDriver::kMaxPress_mm). */
+const MAX_DENT_MM = 15;
 
 /** Distance in front of a surface from which the tip approaches it. */
 const OUTSIDE_MM = 3;
 /** Path length within which the tip may leave its current contact. */
 const LEAVES_MM = 5;
-/** Candidate detours towards the viewer, after candidate displacements sideways for a tip below an obstacle. */
-const LIFTS_MM = [0, 3, 6, 12, 25, 50, 100, 200];
-const ASIDE_MM = [0, 6, 12, 25, 50];
-const SIDES = 8;
+/** Candidate detours towards the viewer. */
+const LIFTS_MM = [0, 3, 6, 12];
+/** Maximum length of a detour. */
+const MAX_DETOUR_MM = 60;
 
 const SPHERE: Vec3[] = Array.from(
   { length: 27 },
@@ -61,6 +72,21 @@ function inward(isTouchable: IsTouchable, at: Vec3, voxel_mm: number, directions
   return normalize(sum);
 }
 
+/** Contact of a tool: its position, and the unit normal of the surface, outward. */
+export interface ContactPoint {
+  at: Vec3;
+  normal: Vec3;
+}
+
+/** Distance of a contact from a target, without the depth of the dent that it presses into soft tissue. */
+export function distanceFrom({ at, into }: PathPoint, contact: ContactPoint): number {
+  const away = sub(contact.at, at);
+  // beside a surface nothing is dented
+  if (!into || dot(contact.normal, into) > -LEAST_FACING) return length(away);
+  const dent_mm = Math.min(Math.max(0, dot(away, into)), MAX_DENT_MM);
+  return length(sub(away, scale(into, dent_mm)));
+}
+
 /** Position of a tip in front of a surface, free of contact: closer to it in a gap; null: there is none. */
 function inFrontOf(isTouchable: IsTouchable, surface: Vec3, into: Vec3): Vec3 | null {
   for (let off_mm = OUTSIDE_MM; off_mm > 0.25; off_mm /= 2) {
@@ -70,39 +96,36 @@ function inFrontOf(isTouchable: IsTouchable, surface: Vec3, into: Vec3): Vec3 | 
   return null;
 }
 
-/** Path of the tip, free of contact, to a position in front of a surface: waypoints. */
-export function pathTo(isTouchable: IsTouchable, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): Vec3[] {
-  const outside = inFrontOf(isTouchable, surface, into) ?? sub(surface, scale(into, OUTSIDE_MM));
+/**
+ * Path of the tip to a position in front of a surface: waypoints, between which it is free of contact. Without a short
+ * one, the tip is set down there.
+ * @param isBlocked  whether the tool would touch anything at a position of its tip
+ */
+export function pathTo(isBlocked: IsTouchable, tip: Vec3, surface: Vec3, into: Vec3, step_mm: number): PathPoint[] {
+  const outside = inFrontOf(isBlocked, surface, into) ?? sub(surface, scale(into, OUTSIDE_MM));
   // leaves_mm: initial path length within which the tip may be in contact
   const isFree = (a: Vec3, b: Vec3, leaves_mm = 0) => {
     const far = length(sub(b, a));
     let hasLeft = false;
     for (let distance_mm = 0; distance_mm < far; distance_mm += step_mm) {
-      const felt = isTouchable(add(a, scale(sub(b, a), distance_mm / far)));
+      const felt = isBlocked(add(a, scale(sub(b, a), distance_mm / far)));
       hasLeft ||= !felt;
       if (felt && (hasLeft || distance_mm > leaves_mm)) return false;
     }
     return true;
   };
-  if (isFree(tip, outside, LEAVES_MM)) return [outside];
+  const through = (path: Vec3[]) => path.map((at) => ({ at, into: null }));
+  if (isFree(tip, outside, LEAVES_MM)) return through([outside]);
   // detours on the viewer's side, because the proxy would stay on the near side of an obstacle
-  const [first, second] = tangents(into);
   const least = Math.min(dot(tip, into), dot(outside, into));
   const lifted = (p: Vec3, lift: number) => sub(p, scale(into, dot(p, into) - least + lift));
-  for (const aside of ASIDE_MM) {
-    for (let side = 0; side < (aside > 0 ? SIDES : 1); side++) {
-      const angle = (2 * Math.PI * side) / SIDES;
-      const beside = add(tip, add(scale(first, aside * Math.cos(angle)), scale(second, aside * Math.sin(angle))));
-      if (!isFree(tip, beside, LEAVES_MM)) continue;
-      for (const lift of LIFTS_MM) {
-        const [a, b] = [lifted(beside, lift), lifted(outside, lift)];
-        if (isFree(beside, a, aside > 0 ? 0 : LEAVES_MM) && isFree(a, b) && isFree(b, outside))
-          return [beside, a, b, outside];
-      }
-    }
+  for (const lift of LIFTS_MM) {
+    const [a, b] = [lifted(tip, lift), lifted(outside, lift)];
+    const mm = length(sub(a, tip)) + length(sub(b, a)) + length(sub(outside, b));
+    if (mm <= MAX_DETOUR_MM && isFree(tip, a, LEAVES_MM) && isFree(a, b) && isFree(b, outside))
+      return through([a, b, outside]);
   }
-  const far = LIFTS_MM.at(-1)!;
-  return [lifted(tip, far), lifted(outside, far), outside];
+  return [{ at: outside, into: null, isSetDown: true }];
 }
 
 /** Finds the surface at a position along the cursor's movement, from 0, its begin, to 1; null: none. */
@@ -112,6 +135,7 @@ export class Stroke {
   /** Surface point that the tip presses on, or is on its way to; null: it is lifted. */
   point: SurfacePoint | null = null;
   private end: Vec3; // end of the path so far
+  private readonly rim: Vec3[]; // offsets from the tip's centre at which its surface is tested
   private away_ms = NaN; // time since which the contact is too far from its target; NaN: it is not
 
   /**
@@ -127,6 +151,8 @@ export class Stroke {
     private readonly hover: (fraction: number, end: Vec3) => Vec3,
   ) {
     this.end = tip;
+    // a tip within a voxel touches what its centre does
+    this.rim = radius_mm > volumes.voxelSize / 2 ? SPHERE.map((direction) => scale(direction, 0.9 * radius_mm)) : [];
   }
 
   /**
@@ -208,7 +234,7 @@ export class Stroke {
     const { point: last } = this;
     if (last && point && length(sub(point.at, last.at)) <= STEP_MM) return this.slide(point);
     if (!last && !point) return this.moveTo(null, to);
-    if (halvings === 0) return this.moveTo(point, to);
+    if (halvings === 0) return (last && point && this.slideAlong(last, point)) ?? this.moveTo(point, to);
     const middle = (from + to) / 2;
     return [
       ...this.refine(pick, from, middle, pick(middle), halvings - 1),
@@ -216,6 +242,36 @@ export class Stroke {
     ];
   }
 
+  /** Path over the surface between two of its points; null: they are not connected, or too far apart. */
+  private slideAlong(from: SurfacePoint, to: SurfacePoint): PathPoint[] | null {
+    const far_mm = length(sub(to.at, from.at));
+    if (far_mm > EDGE_ON_MM) return null;
+    const step_mm = this.volumes.voxelSize / 4;
+    const parts = Math.ceil((2 * far_mm) / STEP_MM);
+    const points: SurfacePoint[] = [];
+    let last = from.at;
+    for (let n = 1; n < parts; n++) {
+      const fraction = n / parts;
+      const into = normalize(add(scale(from.into, 1 - fraction), scale(to.into, fraction)));
+      const at = add(from.at, scale(sub(to.at, from.at), fraction));
+      // the surface nearest to the height of the previous point
+      const p = add(at, scale(into, dot(sub(last, at), into)));
+      const isInside = this.isTouchable(p);
+      let depth_mm = 0;
+      while (this.isTouchable(add(p, scale(into, depth_mm))) === isInside) {
+        depth_mm += isInside ? -step_mm : step_mm;
+        if (Math.abs(depth_mm) > STEP_MM) return null;
+      }
+      last = add(p, scale(into, depth_mm));
+      points.push({
+        at: last,
+        into: inward(this.isTouchable, last, this.volumes.voxelSize, SPHERE, into),
+        from: to.from,
+      });
+    }
+    if (length(sub(to.at, last)) > 2 * STEP_MM) return null;
+    return [...points, to].flatMap((point) => this.slide(point));
+  }
   private slide(point: SurfacePoint): PathPoint[] {
     this.point = point;
     this.end = sub(point.at, scale(point.into, this.radius_mm));
@@ -224,47 +280,59 @@ export class Stroke {
   /** Lifts the tip, and puts it down again on a surface, if there is one. */
   private moveTo(point: SurfacePoint | null, fraction: number): PathPoint[] {
     const steps: PathPoint[] = [];
-    const addStep = (at: Vec3) => steps.push({ at: (this.end = at), into: null });
-    if (this.point) addStep(this.outside(this.point));
+    const addStep = (step: PathPoint) => {
+      this.end = step.at;
+      steps.push(step);
+    };
+    if (this.point) addStep({ at: this.outside(this.point), into: null });
     this.point = null;
     if (point) {
-      const centre = sub(point.at, scale(point.into, this.radius_mm));
-      for (const at of pathTo(this.isTouchable, this.end, centre, point.from, this.volumes.voxelSize / 2)) addStep(at);
+      const path = pathTo(this.isBlocked, this.end, this.centreAt(point), point.from, this.volumes.voxelSize / 2);
+      path.forEach(addStep);
       return [...steps, ...this.slide(point)];
     }
     const hover = this.hover(fraction, this.end);
-    if (length(sub(hover, this.end)) > 1e-3 && this.isFree(hover)) addStep(hover);
+    if (length(sub(hover, this.end)) > 1e-3 && this.isFree(hover)) addStep({ at: hover, into: null });
     return steps;
   }
-  /** Position in front of a surface point. */
-  private outside({ at, into }: SurfacePoint): Vec3 {
-    return inFrontOf(this.isTouchable, sub(at, scale(into, this.radius_mm)), into) ?? at;
+  /** Centre of the tool's tip in contact with a surface point. */
+  private centreAt({ at, into }: SurfacePoint): Vec3 {
+    return sub(at, scale(into, this.radius_mm));
   }
+  /** Position in front of a surface point. */
+  private outside(point: SurfacePoint): Vec3 {
+    const centre = this.centreAt(point);
+    return inFrontOf(this.isBlocked, centre, point.into) ?? inFrontOf(this.isBlocked, centre, point.from) ?? point.at;
+  }
+  /** Whether the tool would touch anything at a position of its tip. */
+  private readonly isBlocked = (p: Vec3): boolean =>
+    this.isTouchable(p) || this.rim.some((offset) => this.isTouchable(add(p, offset)));
   /** Whether the straight path to a position is free of contact. */
   private isFree(to: Vec3): boolean {
     const path = sub(to, this.end);
     const parts = Math.ceil(length(path) / this.volumes.voxelSize);
     return Array.from({ length: parts }, (_, n) => (n + 1) / parts).every(
-      (fraction) => !this.isTouchable(add(this.end, scale(path, fraction))),
+      (fraction) => !this.isBlocked(add(this.end, scale(path, fraction))),
     );
   }
 
   /**
-   * Path that frees a contact which something holds back from its target, or that was reset inside of a structure.
+   * Path of a tip that is set down again, because something holds its contact back, or because the contact was reset
+   * inside of a structure. It replaces the remaining path.
    * @param target  position that the tip has been sent to
-   * @param contact  position of the tool in contact; null: no contact
+   * @param contact  null: no contact
    * @param isInside  contact was reset while the tip was inside, as after a halt of the loop: there is no force
    * @returns null: the contact is where it should be, or has just begun to lag
    */
-  freed(now_ms: number, target: PathPoint, contact: Vec3 | null, isInside = false): PathPoint[] | null {
-    const isFar = contact !== null && length(sub(contact, target.at)) > MAX_DISTANCE_MM;
-    const isAway = target.into !== null && (isInside || isFar);
+  freed(now_ms: number, target: PathPoint, contact: ContactPoint | null, isInside = false): PathPoint[] | null {
+    const isFar = contact !== null && distanceFrom(target, contact) > MAX_DISTANCE_MM;
+    const isAway = isFar || (isInside && target.into !== null);
     if (!isAway) this.away_ms = NaN;
     else if (Number.isNaN(this.away_ms)) this.away_ms = now_ms;
-    if (!(now_ms - this.away_ms > CAUGHT_MS) || !this.point) return null;
+    if (!(now_ms - this.away_ms > CAUGHT_MS)) return null;
     this.away_ms = NaN;
     const { point } = this;
-    this.point = { ...point, at: contact ?? point.at };
-    return this.moveTo(point, 1);
+    if (!point) return [{ at: this.end, into: null, isSetDown: true }];
+    return [{ at: this.outside(point), into: null, isSetDown: true }, ...this.slide(point)];
   }
 }

@@ -73,10 +73,8 @@ export class Touching {
       (fraction, end) => this.hover(this.cursorAt(fraction), end),
     );
     this.setPressure(event);
-    pointer.hold(
-      this.stroke.begin((fraction) => this.pick(this.cursorAt(fraction), this.stroke!)),
-      event.pointerType === "touch",
-    );
+    const path = this.stroke.begin((fraction) => this.pick(this.cursorAt(fraction), this.stroke!));
+    pointer.hold(path, event.pointerType === "touch");
     this.report(true);
   }
   /**
@@ -103,9 +101,12 @@ export class Touching {
   private moveCursor(stroke: Stroke, to: Position): void {
     const [x, y] = this.cursor[1];
     this.cursor = [[x, y], to];
-    this.pointer.follow(
-      stroke.follow((fraction) => this.pick(this.cursorAt(fraction), stroke), Math.hypot(to[0] - x, to[1] - y)),
+    const path = stroke.follow(
+      (fraction) => this.pick(this.cursorAt(fraction), stroke),
+      Math.hypot(to[0] - x, to[1] - y),
     );
+    this.pointer.follow(path);
+    if (path.some(({ isSetDown }) => isSetDown)) toast(words.setDown);
   }
   /** Changes the chosen force: more with the wheel towards the user. */
   wheel(deltaY: number): void {
@@ -147,7 +148,14 @@ export class Touching {
     if (!stroke || !pointer.position || !device) return;
     const isInside = (device.flags & Flag.inside) !== 0;
     const touches = !isInside && (device.flags & Flag.contact) !== 0;
-    const path = stroke.freed(performance.now(), pointer.position, touches ? device.proxy : null, isInside);
-    if (path) pointer.follow(path);
+    const path = stroke.freed(
+      performance.now(),
+      pointer.position,
+      touches ? { at: device.proxy, normal: device.normal } : null,
+      isInside,
+    );
+    if (!path) return;
+    pointer.divert(path);
+    toast(words.setDown);
   }
 }

@@ -166,6 +166,7 @@ export const de: Words = {
   nothingThere: "unter dem Zeiger ist nichts zu tasten",
   insideThere: "im Inneren einer Struktur: an ihrem Umriss drücken",
   lifted: "abgehoben: keine Oberfläche unter dem Zeiger",
+  setDown: "unter dem Zeiger aufgesetzt: die Spitze konnte nicht folgen",
   releasedByPause: "losgelassen, weil diese Seite verdeckt war oder eine halbe Sekunde nicht lief: neu drücken",
   settlesMeanwhile: "gehalten während der Messung (Esc bricht ab)",
   offThisPlane: (distance) => `${distance} von dieser Ebene`,

@@ -163,6 +163,7 @@ export const en = {
   nothingThere: "nothing to touch under the cursor",
   insideThere: "inside of a structure: press at its outline",
   lifted: "lifted: no surface under the cursor",
+  setDown: "set down under the cursor: the tip could not follow",
   releasedByPause: "released, because this page was hidden or did not run for half a second: press again",
   settlesMeanwhile: "held while measuring (Esc cancels)",
   offThisPlane: (distance: string) => `${distance} from this plane`,
