@@ -136,6 +136,7 @@ class Subject {
   private readonly connection: Connection;
   readonly punctuality = new Punctuality();
   private isSoft = false; // tissue yields
+  private lifted_ms = 0; // time of the latest message without a press
   private recorded: { force_N: number; isWithheld: boolean; isLate: boolean }[] = [];
 
   constructor(readonly name: string) {
@@ -149,7 +150,7 @@ class Subject {
           const { force, flags } = pose.devices[0]!;
           this.recorded.push({
             force_N: length(force),
-            isWithheld: (this.pointer.position?.into ?? null) === null || (flags & HALTED) !== 0,
+            isWithheld: Date.now() - this.lifted_ms < 1000 * CROSSING_S || (flags & HALTED) !== 0,
             isLate: this.punctuality.isLate,
           });
           if (flags & HALTED) resumed_ms = Date.now() + RAMP_MS;
@@ -169,6 +170,15 @@ class Subject {
       },
       null,
     );
+    const { moveTip, setTipDown } = this.connection;
+    this.connection.moveTip = (at, into, force_N) => {
+      if (!into) this.lifted_ms = Date.now();
+      moveTip.call(this.connection, at, into, force_N);
+    };
+    this.connection.setTipDown = (at) => {
+      this.lifted_ms = Date.now();
+      setTipDown.call(this.connection, at);
+    };
     const always = { device: { value: true } };
     this.pointer = new PointerDevice(
       this.session,
@@ -320,7 +330,10 @@ class Subject {
     const volumes = session.volumes.value!;
     const felt = (p: Vec3) => {
       const place = volumes.structureAt(p);
-      return place !== null && session.scene.value!.tissues[session.scene.value!.structures[place]!.tissue]!.touchable;
+      return (
+        place !== null &&
+        session.scene.value!.tissues[session.scene.value!.structures[place]!.tissue]?.touchable === true
+      );
     };
     for (;;) {
       let view: View;
