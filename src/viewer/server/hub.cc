@@ -284,11 +284,10 @@ Result<void> Hub::check_may_operate(const Viewer& viewer) const {
   const ViewedTraining training = host_.training();
   const bool is_run = training.phase == ViewedTraining::Phase::kRunning;
   if (state_.lesson.is_for(who.learner) && (!is_run || training.learner == who.learner)) return {};
-  return Error{
-      ErrorKind::kUsage,
-      is_run ? "the run in progress belongs to another viewer" : "the lesson is led by another viewer now",
-      "learner",
-      is_run ? "wait until it is over, or ask a teacher to end it" : "ask a teacher to choose you"};
+  return Error{ErrorKind::kUsage,
+               is_run ? "the run in progress belongs to another learner" : "it is another learner's turn",
+               "learner",
+               is_run ? "wait until it is over, or ask a teacher to end it" : "ask a teacher to choose you"};
 }
 
 // the viewer that moves the tip is the one being assessed; a teacher may begin a task without it

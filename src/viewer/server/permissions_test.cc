@@ -194,7 +194,9 @@ TEST(Rights, ALearnerDoesTasksAsHimOrHerselfAlone) {
   EXPECT_EQ(school.test.host.training().learner, "L042");
   // only a teacher can end another learner's run
   EXPECT_EQ(requested(*other, {{"type", "task"}, {"end", true}})["where"], "learner");
-  EXPECT_EQ(requested(*other, {{"type", "pointer"}, {"take", true}})["where"], "learner");
+  const Json during_run = requested(*other, {{"type", "pointer"}, {"take", true}});
+  EXPECT_EQ(during_run["where"], "learner");
+  EXPECT_EQ(during_run["what"], "the run in progress belongs to another learner");
   EXPECT_EQ(requested(*teacher, {{"type", "task"}, {"end", true}})["type"], "done");
   // the debriefing goes to that learner and to the teacher
   EXPECT_EQ(one->text("debriefing")["runs"], 4);
@@ -208,7 +210,9 @@ TEST(Rights, ALearnerDoesTasksAsHimOrHerselfAlone) {
   EXPECT_EQ(requested(*teacher, {{"type", "lesson"}, {"learner", "L007"}})["type"], "done");
   EXPECT_EQ(requested(*one, {{"type", "task"}, {"begin", "hold"}})["where"], "learner");
   EXPECT_TRUE(school.test.host.pointer_claimed) << "whoever is named gets it";
-  EXPECT_EQ(requested(*one, {{"type", "pointer"}, {"take", true}})["where"], "learner");
+  const Json not_chosen = requested(*one, {{"type", "pointer"}, {"take", true}});
+  EXPECT_EQ(not_chosen["where"], "learner");
+  EXPECT_EQ(not_chosen["what"], "it is another learner's turn");
   EXPECT_EQ(requested(*other, {{"type", "pointer"}, {"take", true}})["type"], "done");
   EXPECT_EQ(requested(*teacher, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
   EXPECT_EQ(school.test.host.training().learner, "L007");
