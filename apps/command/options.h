@@ -10,7 +10,7 @@ namespace palpate::app {
 
 /// Validator of a finite number in the closed interval low ... high.
 CLI::Validator number_between(double low, double high);
-/// Adds an option with `count` comma-separated numbers, each in -most ... most.
+/// Adds an option with `count` comma-separated numbers, each in -largest ... largest.
 CLI::Option* add_numbers(CLI::App& verb, const std::string& name, std::vector<double>& numbers, int count,
                          double largest, const std::string& help);
 /// Validator of an integer in decimal digits in the closed interval low ... high.

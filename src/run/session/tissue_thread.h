@@ -19,7 +19,7 @@
 namespace palpate {
 
 /// Solves deforming tissue concurrently with a running loop, frame by frame: from the latest tick, for use in
-/// the following ticks. Each solution passed to the loop is logged in `told` with the tick that it was solved
+/// the following ticks. Each solution passed to the loop is logged in `log` with the tick that it was solved
 /// from, so that a recording replays. A chain mail affects no force and is not logged. A machine that is
 /// slower than the frame rate produces fewer frames.
 ///
