@@ -201,15 +201,22 @@ std::optional<CompanionCall> companion_of(const Program& program, const std::vec
   return std::nullopt;
 }
 
-int missing(const CompanionCall& call, Console& console) {
+/// Reports a companion that is not installed; its help states its purpose and how to install it.
+int missing(const Program& program, const CompanionCall& call, Console& console) {
   const std::string name = "palpate-" + call.verb;
-  return console.fail({ErrorKind::kUnavailable, "is a separate program, which is not installed", name,
-                       "build the target " + name + ", or install it in the same folder as palpate"});
+  const std::string remedy = "build the target " + name + ", or install it in the same folder as palpate";
+  if (std::ranges::any_of(call.arguments, [](const std::string& a) { return a == "--help" || a == "-h"; })) {
+    const auto companion = std::ranges::find(program.companions, call.verb, &Companion::verb);
+    std::printf("%s\n\n%s is a separate program, which is not installed: %s.\n", companion->description,
+                name.c_str(), remedy.c_str());
+    return kExitOk;
+  }
+  return console.fail(
+      {ErrorKind::kUnavailable, "is a separate program, which is not installed", name, remedy});
 }
 
 int run_verb(const Program& program, const std::vector<std::string>& arguments, Console& console) {
   CLI::App app("palpate: feel a patient's scan. Forces computed from the voxels themselves.", "palpate");
-  app.footer(program.examples);
   app.set_version_flag("--version", version_text(), "Print version, commit and build, and exit");
   app.require_subcommand(1);
   app.fallthrough();
@@ -263,9 +270,11 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
   check_global_options(app);
   Run verb;
   for (const auto add : program.verbs) add(app, verb);
+  // set after the verbs, which would inherit it
+  app.footer(program.examples);
   for (const Companion& companion : program.companions)
     app.add_subcommand(companion.verb, companion.description);
-  if (const auto call = companion_of(program, arguments)) return missing(*call, console);
+  if (const auto call = companion_of(program, arguments)) return missing(program, *call, console);
   if (const auto helped = help_on(program, app, arguments, console)) return *helped;
   try {
     app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
@@ -300,7 +309,7 @@ struct DefaultSettings {
 int run_caught(const Program& program, const std::vector<std::string>& arguments, const Streams& streams) {
   try {
     Console console(streams);
-    // constructed before the console, because the cache's warnings use it
+    // destroyed before the console, because the cache's warnings use the console
     const DefaultSettings afterwards;
     return run_verb(program, arguments, console);
   } catch (const std::bad_alloc&) {

@@ -257,9 +257,10 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
   verb.add_option("-o,--output", options.output,
                   "Picture to write (PNG); with --orbit an animated PNG, or a folder for the frames")
       ->required();
-  verb.add_option("--from", options.request.from,
-                  "Direction from which the picture is seen; default: anterior")
-      ->transform(CLI::CheckedTransformer(kViews))
+  verb.add_option_function<std::string>(
+          "--from", [&options](const std::string& side) { options.request.from = kViews.at(side); },
+          "Direction from which the picture is seen; default: anterior")
+      ->check(CLI::IsMember(kViews))
       ->type_name("SIDE");
   verb.add_option(
           "--turn", options.request.turn_deg,
@@ -275,8 +276,10 @@ void add_render_options(CLI::App& verb, RenderOptions& options) {
       verb, "--at", options.at, 3, 1e6,
       "Point in the centre of the picture: patient coordinates in mm, LPS; default: the centre of the volume")
       ->type_name("X,Y,Z");
-  verb.add_option("--cut", options.request.cut, "Cut away everything on this side of the centre")
-      ->transform(CLI::CheckedTransformer(kViews))
+  verb.add_option_function<std::string>(
+          "--cut", [&options](const std::string& side) { options.request.cut = kViews.at(side); },
+          "Cut away everything on this side of the centre")
+      ->check(CLI::IsMember(kViews))
       ->type_name("SIDE");
   verb.add_option("--size", options.request.size_mm,
                   "Width and height of the view in mm; default: the whole volume")

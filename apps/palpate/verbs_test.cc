@@ -77,14 +77,34 @@ TEST(Verbs, OutputThatIsLostIsAFailure) {
 
 TEST(Verbs, ACompanionIsNoVerbOfTheLibrary) {
   for (const auto& command : std::vector<std::vector<std::string>>{
-           {"verify", "--list"}, {"--quiet", "verify"}, {"--memory", "1G", "verify"}, {"help", "verify"}}) {
+           {"verify", "--list"}, {"--quiet", "verify"}, {"--memory", "1G", "verify"}}) {
     const Ended missing = run_here(command);
     EXPECT_EQ(missing.code, 5);
     EXPECT_THAT(missing.err, HasSubstr("palpate-verify"));
     EXPECT_THAT(missing.out, IsEmpty());
   }
+  for (const auto& command :
+       std::vector<std::vector<std::string>>{{"verify", "--help"}, {"verify", "-h"}, {"help", "verify"}}) {
+    const Ended help = run_here(command);
+    EXPECT_EQ(help.code, 0);
+    EXPECT_THAT(help.out, HasSubstr("install it in the same folder"));
+    EXPECT_THAT(help.err, IsEmpty());
+  }
   // the name of a companion program has no effect after another verb
   EXPECT_EQ(run_here({"info", "verify"}).code, 1);
+}
+
+TEST(Verbs, HelpOfAVerbOmitsTheProgramsExamples) {
+  const std::string exit_codes = "Exit codes";
+  EXPECT_THAT(run_here({"--help"}).out, HasSubstr(exit_codes));
+  for (const std::string verb : {"plan", "task", "data"})
+    EXPECT_THAT(run_here({verb, "--help"}).out, ::testing::Not(HasSubstr(exit_codes))) << verb;
+}
+
+TEST(Verbs, HelpOfRenderListsTheSides) {
+  const std::string help = run_here({"render", "--help"}).out;
+  EXPECT_THAT(help, HasSubstr("SIDE:{anterior,"));
+  EXPECT_THAT(help, ::testing::Not(HasSubstr("->")));
 }
 
 TEST(Verbs, LeaveTheProcessAsTheyFoundIt) {
