@@ -344,10 +344,10 @@ Result<nlohmann::json> compare_free_running(const std::vector<Knee>& knees, cons
 /// Keeps every CPU but one busy during its lifetime, with arithmetic and memory accesses.
 class Load {
  public:
-  explicit Load(int spared) {
+  explicit Load(int protected_structures) {
     const int cpus = static_cast<int>(std::thread::hardware_concurrency());
     for (int cpu = 0; cpu < cpus; ++cpu)
-      if (cpu != spared) threads_.emplace_back([this, cpu] { work(cpu); });
+      if (cpu != protected_structures) threads_.emplace_back([this, cpu] { work(cpu); });
   }
   ~Load() {
     stop_ = true;

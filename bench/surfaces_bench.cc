@@ -64,7 +64,7 @@ std::vector<Segment> choose(const LabelMap& labels) {
 // a box around a random voxel at the structure's boundary, with a ball of tissue removed
 PatchOf<LabelId> dig(const PreparedSurface& surface, std::mt19937& random, const Bricks<LabelId>& labels) {
   const GridGeometry& grid = labels.geometry();
-  const auto& box = surface.workings.extent;
+  const auto& box = surface.intermediates.extent;
   for (;;) {
     std::array<int, 3> at;
     for (int a = 0; a < 3; ++a) {
@@ -94,10 +94,10 @@ PatchOf<LabelId> dig(const PreparedSurface& surface, std::mt19937& random, const
 
 /// Memory used for contact and that needed for updates, without the net.
 double bytes_of(const PreparedSurface& surface) {
-  std::size_t bytes = surface.workings.slopes.size() * sizeof(float);
+  std::size_t bytes = surface.intermediates.slopes.size() * sizeof(float);
   for (const Bricks<std::int16_t>* bricks :
-       {&surface.surface.position().bricks(), &surface.surface.normal().bricks(), &surface.workings.distance,
-        &surface.workings.broad})
+       {&surface.surface.position().bricks(), &surface.surface.normal().bricks(),
+        &surface.intermediates.distance, &surface.intermediates.broad})
     bytes += bricks->bytes();
   return static_cast<double>(bytes);
 }
@@ -151,7 +151,7 @@ Result<nlohmann::json> run(const Options& options) {
     if (patch_ms.empty() || again_ms.empty()) continue;
     const double MB = bytes_of(surface) / 1e6;
     std::printf("%-28s %9.1f %9.1f %12.2f %14.2f %14.2f %14.2f\n", segments[n].name.c_str(),
-                static_cast<double>(surface.workings.distance.geometry().voxel_count()) / 1e6, MB,
+                static_cast<double>(surface.intermediates.distance.geometry().voxel_count()) / 1e6, MB,
                 surface.surface.max_gradient(), median(patch_ms), median(again_ms), median(labels_ms));
     report["dirty_ms"][segments[n].name] = {
         {"patch", median(patch_ms)}, {"version", median(again_ms)}, {"labels", median(labels_ms)}};

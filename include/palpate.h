@@ -354,10 +354,10 @@ typedef struct plp_session_options {
   int32_t friction;   ///< 0: off
   int32_t viscosity;  ///< 0: off
   int32_t passivity;  ///< 0: observed, not controlled
-  int32_t
-      solve_soft_tissue;  ///< Solve yielding tissue within the ticks that need it, which takes milliseconds
-  double max_force_N;     ///< Limit of the force
-  double max_torque_Nmm;  ///< Limit of the torque; 0: none is sent
+  /// Solve yielding tissue within the ticks that need it, which takes milliseconds
+  int32_t solve_soft_tissue;
+  double max_force_N;             ///< Limit of the force
+  double max_torque_Nmm;          ///< Limit of the torque; 0: none is sent
   double max_stiffness_N_per_mm;  ///< Stiffer tissue is rendered with this; infinite: no bound
   double continuous_force_N;      ///< Rating of the device for its thermal limit; NaN: none
   double position_step_mm;        ///< Encoder step; NaN: unknown

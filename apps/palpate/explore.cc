@@ -218,7 +218,7 @@ std::string state_of(std::uint32_t flags, bool pointer) {
                          {kFlagThermal, "cooling"},
                          {kFlagClamped, "clamped"},
                          {kFlagPassivity, "damped"},
-                         {kFlagTurnHeld, "turn held"},
+                         {kFlagRotationLimited, "turn held"},
                          {kFlagRelease, "released"},
                          {kFlagRamp, "fading"}};
   for (const Word& word : kWords)
@@ -297,7 +297,7 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
     if (first) note_scheduling(s, requested, console);
     tracked = s.navigation;
     if (first)
-      for (const std::string& known : {s.coarser_tissue, s.careful_bounds}) {
+      for (const std::string& known : {s.coarser_tissue, s.conservative_bounds}) {
         if (!known.empty()) console.warn()(known);
         declared += known + "\n";
       }

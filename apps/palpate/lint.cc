@@ -32,7 +32,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // every tool that a scene may have can be examined for
-static_assert(kMaxLintToolRadius_mm == kWidestTool_mm);
+static_assert(kMaxLintToolRadius_mm == kMaxToolRadius_mm);
 
 struct LintVerbOptions {
   SceneSource source;

@@ -186,14 +186,14 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
     const std::uint64_t beside = memory.scan + memory.model.labels;
     std::printf(
         "memory    up to %s, of which the field keeps %s\n",
-        memory_text(std::max(memory.read + memory.model.labels, beside + memory.model.making_field)).c_str(),
+        memory_text(std::max(memory.read + memory.model.labels, beside + memory.model.peak_of_field)).c_str(),
         memory_text(memory.model.field).c_str());
     std::fflush(stdout);
   };
   // a scene rendered by the proxy is loaded without the field
   SceneMemory without_field;
   const auto report_memory = [&](const SceneMemory& memory) {
-    if (memory.model.making_field > 0)
+    if (memory.model.peak_of_field > 0)
       print_memory(memory);
     else
       without_field = memory;
@@ -209,8 +209,8 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
     return console.fail(warned.error());
   if (model.field == nullptr) {
     const FieldMemory of_field = memory_of_ramp_field(model);
-    without_field.model.field = of_field.stays;
-    without_field.model.making_field = of_field.peak;
+    without_field.model.field = of_field.permanent;
+    without_field.model.peak_of_field = of_field.peak;
     print_memory(without_field);
   }
   const auto ready = ready_for(loaded->model, std::array{ForceMethod::kTrilinear}, console.progress());

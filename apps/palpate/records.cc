@@ -352,7 +352,7 @@ Result<RunHistory> add_run_with_history(const std::filesystem::path& requested, 
   if (!id) return id.error();
   RunHistory history;
   history.run_id = *id;
-  history.best.assign(task.metrics.size(), kNotKnown);
+  history.best.assign(task.metrics.size(), kUnknown);
   std::vector<bool> in_band;
   std::vector<std::int64_t> earlier;
   const auto listed = records.list({learner, task.title, 0}, [&](const RunRecord& run) -> Result<void> {

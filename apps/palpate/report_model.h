@@ -12,7 +12,7 @@ namespace palpate::app {
 /// is reported below the surfaces that the proxy uses. Errors: those of ready_for.
 inline Result<std::shared_ptr<const Model>> report_model(std::shared_ptr<const Model> model,
                                                          const Progress& progress) {
-  if (!model->cuts()) return model;
+  if (!model->has_burr()) return model;
   constexpr std::array kProxyAlone = {ForceMethod::kProxy};
   return ready_for(std::move(model), kProxyAlone, progress);
 }

@@ -495,7 +495,7 @@ void print_relaxations(const Scene& scene) {
 void print_tool(const char* what, const Tool& tool) {
   std::printf("%-10s %s, ", what, tool.name.c_str());
   if (tool.burr)
-    std::printf("%s", burr_in_words(tool).c_str());
+    std::printf("%s", burr_description(tool).c_str());
   else
     std::printf("%zu point%s", tool.points_mm.size(), tool.points_mm.size() == 1 ? "" : "s");
   if (!tool.burr && tool.radius_mm > 0) std::printf(", radius %g mm", tool.radius_mm);

@@ -215,11 +215,11 @@ class Press {
 
   // distance of the outline of the tool from the structure, along the whole shaft
   double below_or_above(const Point<Patient>& at) const {
-    const int count = static_cast<int>(tool_.along_mm.norm() / kAlongShaft_mm);
+    const int count = static_cast<int>(tool_.axis_mm.norm() / kAlongShaft_mm);
     double min_mm = std::numeric_limits<double>::infinity();
     for (int n = 0; n <= count; ++n) {
       const double part = static_cast<double>(n) / std::max(1, count);
-      min_mm = std::min(min_mm, oracle_.distance_mm(at + tool_.along_mm * part));
+      min_mm = std::min(min_mm, oracle_.distance_mm(at + tool_.axis_mm * part));
     }
     return min_mm - tool_.radius_mm;
   }
@@ -247,7 +247,7 @@ class Press {
   }
 
   void scan_along(const Point<Patient>& a, const Point<Patient>& b) {
-    const double every_mm = tool_.along_mm == Vector<Patient>() ? kEvery_mm : kEveryOfShaft_mm;
+    const double every_mm = tool_.axis_mm == Vector<Patient>() ? kEvery_mm : kEveryOfShaft_mm;
     const int pieces = static_cast<int>((b - a).norm() / every_mm) + 1;
     for (int n = 0; n <= pieces; ++n)
       deepest_mm_ = std::max(deepest_mm_, -below_or_above(a + (b - a) * (static_cast<double>(n) / pieces)));

@@ -221,8 +221,8 @@ class SeamPress {
     const Vector<Patient> before_N = result_.force_N;
     const double before_K = result_.stiffness_N_per_mm;
     result_ = advance_proxy(body_.surfaces, {&tool_, 1}, tip_, state_);
-    const double explained_N = std::max(before_K, result_.stiffness_N_per_mm) * kStep_mm;
-    const double jump_N = (result_.force_N - before_N).norm() - explained_N;
+    const double non_slip_change_N = std::max(before_K, result_.stiffness_N_per_mm) * kStep_mm;
+    const double jump_N = (result_.force_N - before_N).norm() - non_slip_change_N;
     figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
     jumped_ = jumped_ || jump_N > kJump_N;
     inside_ = inside_ || half_.inside(state_.position, tool_.radius_mm);

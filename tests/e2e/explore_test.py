@@ -877,7 +877,7 @@ class Explore(cli.PalpateTest):
         # who asks for nothing is refused nothing
         done = self.succeed(*self.explore("--seconds", "0.1", "--no-realtime"))
         for who in ("scheduler", "watchdog", "supervisor"):
-            self.assertRegex(done.stderr, rf"(?m)^{who}: SCHED_OTHER \(SCHED_FIFO not asked for")
+            self.assertRegex(done.stderr, rf"(?m)^{who}: SCHED_OTHER \(SCHED_FIFO not requested")
         self.assertNotIn("refused", done.stderr)
 
     @cli.long

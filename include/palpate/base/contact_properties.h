@@ -65,7 +65,7 @@ inline constexpr std::array<ContactProperty, 4> kContactProperties{
       "",
       "1",
       {0, 2},
-      "Coefficient: the force along the surface is at most this times the force across it."},
+      "Kinetic friction coefficient: maximum ratio of the tangential to the normal force."},
      {&ContactProperties::viscosity_N_s_per_mm,
       "viscosity_N_s_per_mm",
       "viscosity",

@@ -15,15 +15,15 @@ namespace palpate {
 struct Heartbeat {
   static constexpr std::int64_t kResting = 0;
   /// Halt number that is never ended, for a supervisor that will not be there to end it.
-  static constexpr std::uint64_t kHaltForGood = std::numeric_limits<std::uint64_t>::max();
+  static constexpr std::uint64_t kPermanentHalt = std::numeric_limits<std::uint64_t>::max();
 
   // ---- written by the process that runs the loop
   std::atomic<std::int64_t> beat_ns{kResting};     ///< End of the last tick; ns. kResting: no tick is due.
   std::atomic<std::int64_t> checked_ns{kResting};  ///< Last check by the loop's own watchdog; ns.
-  std::atomic<std::uint64_t> halts_that_ended{0};  ///< Number of the newest halt that has ended.
+  std::atomic<std::uint64_t> ended_halts{0};       ///< Number of the newest halt that has ended.
 
   // ---- written by the supervisor
-  /// Number of the newest halt, which is in force until halts_that_ended reaches it.
+  /// Number of the newest halt, which is in force until ended_halts reaches it.
   std::atomic<std::uint64_t> halts{0};
 };
 

@@ -10,8 +10,8 @@
 
 namespace palpate {
 
-/// Histogram of latencies or durations, 15 kB whatever the number of samples: every octave has 64 buckets of
-/// equal width, from 1 ns to 17 s (the scheme of HdrHistogram).
+/// Histogram of latencies or durations, 15 kB for any number of samples: every octave has 64 buckets of equal
+/// width, from 1 ns to 17 s (the scheme of HdrHistogram).
 ///
 ///      ns        0 1 2 ... 127 | 128 130 ... 254 | 256 260 ... 508 | ... | 8.6e9 ... 17.2e9 and above
 ///      width           1       |        2        |        4        |     |

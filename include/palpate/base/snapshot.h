@@ -40,7 +40,7 @@ class Snapshot {
   Snapshot(const Snapshot&) = delete;
   Snapshot& operator=(const Snapshot&) = delete;
 
-  /// Publishes a value. Writer only; wait-free, whatever readers do.
+  /// Publishes a value. Writer only; wait-free, independently of readers.
   /// @param bytes  number of leading bytes of the value to store; the rest is unchanged
   void store(const T& value, std::size_t bytes = sizeof(T)) noexcept {
     const std::uint64_t sequence = sequence_.load(std::memory_order_relaxed);

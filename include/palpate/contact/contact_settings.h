@@ -7,7 +7,8 @@
 /// stated otherwise.
 namespace palpate {
 
-/// Whether `visit` of a settings struct covers all members, judged by their total size.
+/// Whether Settings::visit() visits every member, checked by comparing the total size of the visited values
+/// with sizeof(Settings).
 template <class Settings>
 constexpr bool names_every_member() {
   std::size_t bytes = 0;
@@ -39,32 +40,32 @@ struct ProxySettings {
   /// Maximum path length of a proxy in contact per tick, and path length allowed beyond the distance to the
   /// tip.
   double max_path_mm = 3, slack_mm = 0.2;
-  /// Length of the part of that path for which surfaces are gathered at once.
+  /// Path length of a proxy in contact for which surfaces are gathered at once.
   double gathering_mm = 0.5;
   /// Maximum fraction of a substep by which the distance to the tip may increase; needed because the normals
   /// are smoother than the surface. Every increase adds energy: at 0.1 a light grip kept oscillating over an
   /// edge. Too small a value makes the proxy lag where the surface rises between voxels: at 0.02 the force
   /// direction was off by up to 4 degrees.
   double max_distance_increase = 0.05;
-  /// The same limit for tools with capsules; a larger one lets a shaft drift over surfaces that curve between
-  /// the spheres of its row.
+  /// max_distance_increase for tools with capsules: with a larger value a shaft drifts over surfaces that
+  /// curve between the spheres of its row.
   double max_distance_increase_of_capsules = 0.02;
   /// A proxy without contact farther than lost_mm from a tip in free space is reset to it after lost_s.
   double lost_mm = 2, lost_s = 0.25;
-  /// Clearance from the outermost layer that the tool needs, besides a straight free path to its last free
-  /// pose, to count as withdrawn from the tissue; and displacement of the tip after which this is tested
-  /// again.
+  /// Conditions for withdrawal from the tissue: clearance from the outermost layer, in addition to a
+  /// collision-free straight path to the last free pose; and tip displacement after which the test is
+  /// repeated.
   double withdrawal_clearance_mm = 0.5, withdrawal_pitch_mm = 0.05;
   /// Distance from a punctured surface at which the tool counts as having left it, so that it closes.
   double closing_mm = 0.2;
-  /// Tolerance by which a tool part enters a permanent hole laterally beside its fit, and axially before its
-  /// ends.
+  /// Tolerance of a permanent hole: lateral play beyond its radius, and axial play beyond its ends.
   double hole_play_mm = 0.5;
-  /// Rows of spheres that represent capsules: maximum depth of the outline between two spheres below the
-  /// capsule's, and minimum spacing.
+  /// Row of spheres that represents a capsule: maximum distance of the row's outline inside the capsule's,
+  /// and minimum spacing of the spheres.
   double max_row_gap_mm = 0.01, min_row_pitch_mm = 0.15;
   /// Limit of the rate at which slip (off an edge or over a ridge) changes the spring force beyond the change
-  /// caused by the tip's displacement: 20 mN per millisecond are not perceived as a click.
+  /// caused by the tip's displacement: changes of up to 20 mN per millisecond are not perceived as a click
+  /// (docs/decisions/0033).
   double max_slip_N_per_s = 19;
   /// Work limits per tick: substeps, attempts per substep, halvings per attempt, projection steps back
   /// outside, searches for a direction where no normal gives one, and samples of the return path.
@@ -74,9 +75,9 @@ struct ProxySettings {
   /// dominate the cost of tools with several spheres among many constraints. Capsules need more queries.
   int max_queries = 150, max_queries_of_capsules = 1000;
 
-  /// Search for a direction where no normal gives one: number of cones around the direction to the tip, the
-  /// first of which is that direction itself, and the angle between them; number of directions on a cone; and
-  /// fraction of a substep, as a divisor, below which no shorter substep is tried.
+  /// Direction search of a proxy that is blocked without a contact (blocked_proxy.h): number of cones around
+  /// the direction to the tip, of which the first is that direction itself; directions per cone; angle
+  /// between successive cones; and divisor of a substep that gives the shortest substep tried.
   int search_cones = 4, search_directions = 8;
   double search_cone_rad = 0.47, search_shortest_divisor = 5;
   /// Search for the nearest point outside all surfaces when contact begins inside tissue: reach, which is
@@ -87,81 +88,83 @@ struct ProxySettings {
 
   /// Maximum length of a substep in contact. If both ends of a substep are at most substep_penetration_mm
   /// deep and the distance field has unit slope, the penetration between them exceeds that by at most half of
-  /// the substep's length. 0.004 mm are a margin.
+  /// the substep's length. 0.004 mm is a safety margin.
   constexpr double substep_mm() const { return 2 * (max_penetration_mm - substep_penetration_mm) - 0.004; }
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("max_penetration_mm", max_penetration_mm);
-    of("substep_penetration_mm", substep_penetration_mm);
-    of("skin_mm", skin_mm);
-    of("load_sharing_mm", load_sharing_mm);
-    of("outside_mm", outside_mm);
-    of("min_parallel_cosine", min_parallel_cosine);
-    of("at_rest_mm", at_rest_mm);
-    of("arrived_mm", arrived_mm);
-    of("max_path_mm", max_path_mm);
-    of("slack_mm", slack_mm);
-    of("gathering_mm", gathering_mm);
-    of("max_distance_increase", max_distance_increase);
-    of("max_distance_increase_of_capsules", max_distance_increase_of_capsules);
-    of("lost_mm", lost_mm);
-    of("lost_s", lost_s);
-    of("withdrawal_clearance_mm", withdrawal_clearance_mm);
-    of("withdrawal_pitch_mm", withdrawal_pitch_mm);
-    of("max_withdrawal_samples", max_withdrawal_samples);
-    of("closing_mm", closing_mm);
-    of("hole_play_mm", hole_play_mm);
-    of("max_row_gap_mm", max_row_gap_mm);
-    of("min_row_pitch_mm", min_row_pitch_mm);
-    of("max_slip_N_per_s", max_slip_N_per_s);
-    of("max_substeps", max_substeps);
-    of("max_attempts", max_attempts);
-    of("max_halvings", max_halvings);
-    of("max_corrections", max_corrections);
-    of("max_direction_searches", max_direction_searches);
-    of("max_queries", max_queries);
-    of("max_queries_of_capsules", max_queries_of_capsules);
-    of("search_cones", search_cones);
-    of("search_directions", search_directions);
-    of("search_cone_rad", search_cone_rad);
-    of("search_shortest_divisor", search_shortest_divisor);
-    of("initial_reach_mm", initial_reach_mm);
-    of("max_initial_steps", max_initial_steps);
-    of("max_initial_searches", max_initial_searches);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("max_penetration_mm", max_penetration_mm);
+    visitor("substep_penetration_mm", substep_penetration_mm);
+    visitor("skin_mm", skin_mm);
+    visitor("load_sharing_mm", load_sharing_mm);
+    visitor("outside_mm", outside_mm);
+    visitor("min_parallel_cosine", min_parallel_cosine);
+    visitor("at_rest_mm", at_rest_mm);
+    visitor("arrived_mm", arrived_mm);
+    visitor("max_path_mm", max_path_mm);
+    visitor("slack_mm", slack_mm);
+    visitor("gathering_mm", gathering_mm);
+    visitor("max_distance_increase", max_distance_increase);
+    visitor("max_distance_increase_of_capsules", max_distance_increase_of_capsules);
+    visitor("lost_mm", lost_mm);
+    visitor("lost_s", lost_s);
+    visitor("withdrawal_clearance_mm", withdrawal_clearance_mm);
+    visitor("withdrawal_pitch_mm", withdrawal_pitch_mm);
+    visitor("max_withdrawal_samples", max_withdrawal_samples);
+    visitor("closing_mm", closing_mm);
+    visitor("hole_play_mm", hole_play_mm);
+    visitor("max_row_gap_mm", max_row_gap_mm);
+    visitor("min_row_pitch_mm", min_row_pitch_mm);
+    visitor("max_slip_N_per_s", max_slip_N_per_s);
+    visitor("max_substeps", max_substeps);
+    visitor("max_attempts", max_attempts);
+    visitor("max_halvings", max_halvings);
+    visitor("max_corrections", max_corrections);
+    visitor("max_direction_searches", max_direction_searches);
+    visitor("max_queries", max_queries);
+    visitor("max_queries_of_capsules", max_queries_of_capsules);
+    visitor("search_cones", search_cones);
+    visitor("search_directions", search_directions);
+    visitor("search_cone_rad", search_cone_rad);
+    visitor("search_shortest_divisor", search_shortest_divisor);
+    visitor("initial_reach_mm", initial_reach_mm);
+    visitor("max_initial_steps", max_initial_steps);
+    visitor("max_initial_searches", max_initial_searches);
   }
 };
 
 /// Rotation of a tool with parts away from its tip (docs/decisions/archive/0019).
 struct ToolRotationSettings {
   /// Arc that a rotation step advances beyond the clearance, as a fraction of a substep; a surface hit at a
-  /// right angle pushes the tool by as much.
+  /// right angle pushes the tool out by the same length.
   double arc_substeps = 0.45;
-  /// Arc length (of the farthest sphere) for which surfaces are gathered at once, and the gathering reach as
-  /// a multiple of it, which leaves margin for pushes. A longer leg would gather too many surfaces.
+  /// Leg of a rotation: arc length (of the farthest sphere) for which surfaces are gathered at once, and
+  /// gathering reach as a multiple of it, which leaves a margin for the pushes. A longer leg would gather too
+  /// many surfaces.
   double leg_mm = 2, gathering_legs = 2.2;
   /// Work limits per tick: legs, steps of all legs, halvings per step.
   int max_legs = 8, max_steps = 48, max_halvings = 4;
-  /// No step starts after this number of surface queries, nor a retry of a step that is not the tick's first.
-  /// Tools with capsules need more queries.
+  /// Number of surface queries after which no further step starts and no step but the tick's first is
+  /// retried. Tools with capsules need more queries.
   int max_queries = 350, max_queries_of_capsules = 3000;
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("arc_substeps", arc_substeps);
-    of("leg_mm", leg_mm);
-    of("gathering_legs", gathering_legs);
-    of("max_legs", max_legs);
-    of("max_steps", max_steps);
-    of("max_halvings", max_halvings);
-    of("max_queries", max_queries);
-    of("max_queries_of_capsules", max_queries_of_capsules);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("arc_substeps", arc_substeps);
+    visitor("leg_mm", leg_mm);
+    visitor("gathering_legs", gathering_legs);
+    visitor("max_legs", max_legs);
+    visitor("max_steps", max_steps);
+    visitor("max_halvings", max_halvings);
+    visitor("max_queries", max_queries);
+    visitor("max_queries_of_capsules", max_queries_of_capsules);
   }
 };
 
 /// Rendering and reporting of contact.
 struct ContactSettings {
-  /// Direct methods: force below which the halo of a smoothed structure does not count as a touch.
+  /// Direct methods: force below which a point in the fringe of a smoothed structure does not count as
+  /// contact.
   double min_N = 0.02;
   /// Averaging window of velocities (MERL c. 1997).
   double velocity_window_s = 0.01;
@@ -173,12 +176,12 @@ struct ContactSettings {
   double min_fraction = 0.01;
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("min_N", min_N);
-    of("velocity_window_s", velocity_window_s);
-    of("full_viscosity_mm", full_viscosity_mm);
-    of("stiffness_filter_s", stiffness_filter_s);
-    of("min_share", min_fraction);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("min_N", min_N);
+    visitor("velocity_window_s", velocity_window_s);
+    visitor("full_viscosity_mm", full_viscosity_mm);
+    visitor("stiffness_filter_s", stiffness_filter_s);
+    visitor("min_share", min_fraction);
   }
 };
 
@@ -187,17 +190,19 @@ struct PassivitySettings {
   /// Minimum displacement for a velocity estimate, because a single step may be encoder flicker; and the time
   /// after which a tip without such a displacement counts as at rest.
   double min_velocity_steps = 1.5, at_rest_s = 0.007;
-  /// Energy reserve: the force times this number of steps must stay covered, to account for quantisation by
-  /// the encoder (F 2 steps, methods of Hannaford & Ryu with quantisation).
+  /// Energy reserve: the energy must cover the force times this number of encoder steps, to account for
+  /// quantisation (Hannaford & Ryu 2002).
   double reserve_steps = 2;
   /// Hysteresis of the direction of a tip too slow for a velocity estimate: displacement after which it
-  /// counts as reversed. Less than one step, and more than a rotating object adds to zero steps.
+  /// counts as reversed. Less than one step, and more than the displacement that the rotating object adds
+  /// while the encoder does not change.
   double reversal_steps = 0.8;
   /// Maximum fraction of the force that is removed during withdrawal; also limited to the force of one
   /// encoder step.
   double max_hysteresis = 0.5;
-  /// Maximum force change per encoder step while energy is owed. It is below the friction of devices with
-  /// coarse encoders, so that the tip does not bounce within a single step, which the encoder cannot detect.
+  /// Maximum force change per encoder step while the energy is negative. It is below the friction of devices
+  /// with coarse encoders, so that the tip does not bounce within a single step, which the encoder cannot
+  /// detect.
   double max_deficit_step_N = 0.15;
   /// Encoder step assumed if the device's is unknown: that of a coarse one among known devices; mm of the
   /// device.
@@ -207,27 +212,27 @@ struct PassivitySettings {
   double covered_tick_s = 1e-3;
   /// Maximum damping; more makes a firmly held tip oscillate.
   double max_damping_N_s_per_m = 20;
-  /// Maximum product of the damping and the delay of its force, T/2 + t_d. A mass m oscillates from a product
-  /// of pi/2 m on; the lightest known device, a Touch, has 0.045 kg.
+  /// Maximum product of the damping and the delay of its force, T/2 + t_d. A mass m becomes unstable at a
+  /// product of pi/2 m; the lightest known device, the Touch, has 0.045 kg.
   double max_damping_times_delay_kg = 0.045;
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("min_velocity_steps", min_velocity_steps);
-    of("at_rest_s", at_rest_s);
-    of("reserve_steps", reserve_steps);
-    of("reversal_steps", reversal_steps);
-    of("max_hysteresis", max_hysteresis);
-    of("max_deficit_step_N", max_deficit_step_N);
-    of("default_step_mm", default_step_mm);
-    of("covered_tick_s", covered_tick_s);
-    of("max_damping_N_s_per_m", max_damping_N_s_per_m);
-    of("max_damping_times_delay_kg", max_damping_times_delay_kg);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("min_velocity_steps", min_velocity_steps);
+    visitor("at_rest_s", at_rest_s);
+    visitor("reserve_steps", reserve_steps);
+    visitor("reversal_steps", reversal_steps);
+    visitor("max_hysteresis", max_hysteresis);
+    visitor("max_deficit_step_N", max_deficit_step_N);
+    visitor("default_step_mm", default_step_mm);
+    visitor("covered_tick_s", covered_tick_s);
+    visitor("max_damping_N_s_per_m", max_damping_N_s_per_m);
+    visitor("max_damping_times_delay_kg", max_damping_times_delay_kg);
   }
 };
 
-/// Detection of a self-sustained oscillation of the operator's hand (swing.h). Lengths are mm of the device,
-/// steps those of its encoder.
+/// Detection of a self-sustained oscillation of the operator's hand (oscillation.h). Lengths are mm of the
+/// device, steps those of its encoder.
 struct OscillationSettings {
   /// Maximum duration of a half cycle, and its minimum mean speed.
   double max_half_cycle_s = 0.075, min_speed_mm_s = 15;
@@ -245,27 +250,27 @@ struct OscillationSettings {
   int min_half_cycles = 3;
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("max_half_cycle_s", max_half_cycle_s);
-    of("min_speed_mm_s", min_speed_mm_s);
-    of("min_amplitude_mm", min_amplitude_mm);
-    of("min_amplitude_steps", min_amplitude_steps);
-    of("reversal_steps", reversal_steps);
-    of("min_amplitude_ratio", min_amplitude_ratio);
-    of("reset_s", reset_s);
-    of("delay_increment_s", delay_increment_s);
-    of("max_extra_delay_s", max_extra_delay_s);
-    of("extra_delay_decay", extra_delay_decay);
-    of("min_half_cycles", min_half_cycles);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("max_half_cycle_s", max_half_cycle_s);
+    visitor("min_speed_mm_s", min_speed_mm_s);
+    visitor("min_amplitude_mm", min_amplitude_mm);
+    visitor("min_amplitude_steps", min_amplitude_steps);
+    visitor("reversal_steps", reversal_steps);
+    visitor("min_amplitude_ratio", min_amplitude_ratio);
+    visitor("reset_s", reset_s);
+    visitor("delay_increment_s", delay_increment_s);
+    visitor("max_extra_delay_s", max_extra_delay_s);
+    visitor("extra_delay_decay", extra_delay_decay);
+    visitor("min_half_cycles", min_half_cycles);
   }
 };
 
-/// Impact of a falling tip (bounce.h).
+/// Impact of a falling tip (rebound.h).
 struct ReboundSettings {
   /// Maximum ratio of the rebound speed to the impact speed.
   double max_restitution = 0.95;
-  /// Minimum impact speed in encoder steps per second; slower ones are deliberate approaches. Three steps in
-  /// 4 ms.
+  /// Minimum impact speed in encoder steps per second; slower contacts are deliberate. 750 steps per second
+  /// are three steps in 4 ms.
   double min_steps_per_s = 750;
   /// Encoder steps of deceleration needed before the apparent mass is estimated, and steps added to account
   /// for quantisation, which makes the estimated mass lighter and the predicted rebound faster.
@@ -275,12 +280,12 @@ struct ReboundSettings {
   double max_contact_s = 0.03;
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("max_restitution", max_restitution);
-    of("min_steps_per_s", min_steps_per_s);
-    of("min_deceleration_steps", min_deceleration_steps);
-    of("quantisation_steps", quantisation_steps);
-    of("max_contact_s", max_contact_s);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("max_restitution", max_restitution);
+    visitor("min_steps_per_s", min_steps_per_s);
+    visitor("min_deceleration_steps", min_deceleration_steps);
+    visitor("quantisation_steps", quantisation_steps);
+    visitor("max_contact_s", max_contact_s);
   }
 };
 
@@ -302,15 +307,15 @@ struct SoftTissueSettings {
   double dent_radii = 2;
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("min_radius_mm", min_radius_mm);
-    of("blend_s", blend_s);
-    of("min_extrapolation", min_extrapolation);
-    of("max_extrapolation", max_extrapolation);
-    of("min_compliance_mm_per_N", min_compliance_mm_per_N);
-    of("max_stiffening", max_stiffening);
-    of("stiffening_factor", stiffening_factor);
-    of("dent_radii", dent_radii);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("min_radius_mm", min_radius_mm);
+    visitor("blend_s", blend_s);
+    visitor("min_extrapolation", min_extrapolation);
+    visitor("max_extrapolation", max_extrapolation);
+    visitor("min_compliance_mm_per_N", min_compliance_mm_per_N);
+    visitor("max_stiffening", max_stiffening);
+    visitor("stiffening_factor", stiffening_factor);
+    visitor("dent_radii", dent_radii);
   }
 };
 

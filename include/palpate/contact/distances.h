@@ -16,7 +16,7 @@
 #include "palpate/sampling/surface_tree.h"
 #include "palpate/volume/volume.h"
 
-/// Distances of a tool to structures, whether felt or not, in every tick.
+/// Distances of a tool to structures, touchable or not, in every tick.
 namespace palpate {
 
 /// Structures whose distances are reported.

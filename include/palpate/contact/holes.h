@@ -13,7 +13,7 @@ namespace palpate {
 /// Correspondence of a surface to those before a change of the surfaces.
 struct SurfaceCorrespondence {
   std::int16_t index;  ///< Index of the same structure's surface before the change. -1: none
-  bool same;           ///< Whether shape and position are unchanged; contact properties may differ
+  bool is_unchanged;   ///< Whether shape and position are unchanged; contact properties may differ
 };
 
 /// Straight cylindrical path into a structure with the radius of the tool part that made it.
@@ -43,8 +43,8 @@ class Holes {
   /// Extends the holes around a tool part that has punctured a structure to its current centre.
   void extend(int structure, const Point<Patient>& centre);
   /// Transfers the holes to a changed set of surfaces; holes in structures that no longer exist are dropped.
-  /// @param before  correspondence for each of the new surfaces
-  void transfer(std::span<const SurfaceCorrespondence> before);
+  /// @param correspondences  correspondence for each of the new surfaces
+  void transfer(std::span<const SurfaceCorrespondence> correspondences);
   void hash_into(std::uint64_t& hash) const;
 
  private:

@@ -30,15 +30,15 @@ namespace palpate {
 enum class Protection : std::uint8_t {
   kNone,   ///< The structure is cut like any other
   kAlarm,  ///< The structure is cut, and the damage is reported, e.g. to a trainee
-  kKeep,   ///< The burr is kept out of the structure and removes nothing from it
+  kBlock,  ///< The burr cannot enter the structure or remove any of it
 };
 
 /// Constitutive law of soft tissue under a tool.
 enum class TissueLaw : std::uint8_t {
   kLayers,   ///< Rigid geometry: each structure resists by its own spring stiffness
   kElastic,  ///< Tissues with ElasticConstants are linear elastic bodies (docs/concepts/tissue.md)
-  /// Tissues with ElasticConstants are neo-Hookean bodies where that solution exists, otherwise linear
-  /// elastic.
+  /// Tissues with ElasticConstants are neo-Hookean bodies where the solver finds such a solution, otherwise
+  /// linear elastic.
   kNeoHookean,
   /// Forces as in kLayers; tissues with ElasticConstants move visibly as a chain mail
   /// (palpate/tissue/chain_mail.h).
@@ -69,19 +69,19 @@ struct FixedProperties {
   double friction_damping_N_s_per_mm = 0.005;
   /// Direct methods: limit of the tangential force of the preset (as published)
   double friction_max_N = 0.5;
-  /// Specific energy of cutting: work of a burr's motor per volume removed, mJ/mm^3; above 0. The default is
+  /// Specific cutting energy: work of a burr's motor per volume removed, mJ/mm^3; above 0. The default is
   /// that of cortical bone under a burr (docs/decisions/0029-removal.md).
   double cutting_energy_mJ_per_mm3 = 100;
-  Protection protection = Protection::kNone;  ///< Only of tissue that can be touched
+  Protection protection = Protection::kNone;  ///< Protection from burrs; applies only to touchable tissue
   /// Elastic constants for the elastic laws; ignored by kLayers. Empty: rigid (bone, a tooth, an implant),
   /// and soft tissue adheres to it.
   std::optional<ElasticConstants> elastic;
   /// Stress relaxation under the elastic laws; `elastic` has the instantaneous constants.
   Relaxation relaxation;
-  double opacity = 1.0;  ///< In pictures, 0 ... 1
+  double opacity = 1.0;  ///< Opacity in rendered images, 0 ... 1
 };
 
-/// All properties of a tissue, as a scene gives them.
+/// All properties of a tissue, as set in a scene.
 struct TissueProperties : ContactProperties, FixedProperties {};
 
 /// A group of labels with common properties.
@@ -92,7 +92,7 @@ struct Tissue : TissueProperties {
 };
 
 /// Maximum radius of a tool's sphere or capsule, that of a finger.
-inline constexpr double kWidestTool_mm = 12;
+inline constexpr double kMaxToolRadius_mm = 12;
 
 /// A capsule of a tool, for a shaft or a hook: a cylinder with hemispherical ends.
 struct ToolCapsule {
@@ -106,7 +106,7 @@ struct BurrSettings {
   double revolutions_per_s = 1000;      ///< Rotation rate while the motor runs; above 0
   double grip = 0.5;                    ///< As Burr::grip
   Eigen::Vector3d spindle = {0, 0, 1};  ///< Axis of rotation in the tip's frame; unit
-  int pedal = -1;                       ///< Button of the device that runs the motor while held. -1: none
+  int pedal = -1;                       ///< Button of the device that runs the motor while pressed. -1: none
   /// Burr::length_mm: distance between the first and last centre of the row. 0: a ball.
   double length_mm = 0;
   double end_radius_mm = 0;  ///< As Burr::end_radius_mm
@@ -129,19 +129,19 @@ struct Tool {
 
   /// Whether the burr's motor runs.
   /// @param switched_on  state of the motor's switch
-  /// @param buttons      button bit mask of the device that holds the tool
+  /// @param buttons      button bit mask of the tool's device
   bool motor_is_on(bool switched_on, std::uint32_t buttons) const {
     return burr && (switched_on || (burr->pedal >= 0 && (buttons >> burr->pedal & 1u) != 0));
   }
 };
 inline constexpr int kMaxToolParts = static_cast<int>(kMaxToolSpheres);
 
-/// Shape of the burr: "ball", "cylinder" or "cone". Empty: the tool is no burr.
+/// Shape of the burr: "ball", "cylinder" or "cone". Empty: the tool is not a burr.
 std::string burr_shape(const Tool& tool);
 /// Name of the burr: "burr" or "shaver". Empty: the tool is neither.
 std::string cutter_name(const Tool& tool);
 /// Description such as "burr: a cone of 2.3 mm, 1.2 mm at its tip, 8 mm long". Empty: the tool is no burr.
-std::string burr_in_words(const Tool& tool);
+std::string burr_description(const Tool& tool);
 
 /// Body side shown by a scan. kBoth: a scan of head or torso, which needs no side mark.
 enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
@@ -168,8 +168,8 @@ struct Model {
   /// Number of versions up to this one that were local edits, i.e. only removed or restored tissue. Their
   /// forces are not blended in, and contact with surfaces they did not change continues without interruption.
   std::uint32_t edits = 0;
-  std::uint64_t content_hash =
-      0;  ///< Hash of labels, tissues, tools, limits and settings, and of a smoothed field
+  /// Hash of labels, tissues, tools, limits and settings, and of a smoothed field
+  std::uint64_t content_hash = 0;
   std::uint64_t hash_before_removal = 0;  ///< content_hash of the same model without any removal
   std::string title;
   Side side = Side::kUnknown;
@@ -203,9 +203,10 @@ struct Model {
   std::vector<ContactSurface> surfaces;
   /// Label of each structure surface, i.e. of the first entries of `surfaces`.
   std::vector<LabelId> label_of_surface;
-  /// Felt structures that a burr should spare, with their surfaces before any removal. Empty without a burr.
+  /// Touchable structures with a Protection other than kNone, with their surfaces before any removal. Empty
+  /// without a burr.
   std::vector<ProtectedStructure> protected_structures;
-  /// Voxels of bone too thin for its surface to state how much of it is ahead of a burr
+  /// Voxels of bone that is too thin for the material ahead of a burr to be measured from its surface
   /// (palpate/tissue/thin_voxels.h). null: none, or no tool is a burr.
   std::shared_ptr<const Bricks<std::uint8_t>> thin_voxels;
   /// Attenuation at which felt rigid tissue has its cutting energy; elsewhere the energy follows `scan`,
@@ -224,16 +225,16 @@ struct Model {
   MethodSettings method_settings;
   TissueLaw tissue_law = TissueLaw::kLayers;
   double tissue_cell_mm = 0;  ///< Cell edge of the elastic solver. 0: chosen from the voxel size
-  /// Factor by which the cells of the elastic solver are enlarged, with as many fewer cells per axis, on a
-  /// machine on which a solver frame would take too long. At least 1. A property of the session, not of the
-  /// scene, and therefore not part of any content hash.
+  /// Factor by which the elastic solver's cells are enlarged, and their number per axis reduced, on a machine
+  /// on which a frame would otherwise exceed its time budget. At least 1. A property of the session, not of
+  /// the scene, and therefore not part of any content hash.
   double tissue_coarsened = 1;
   /// Relaxation times of all elastic tissues. Empty: nothing relaxes.
   RelaxationTimes relaxation_times;
 
   double sigma_mm = 1.0;  ///< Standard deviation of the Gaussian that smoothed the field; unused with ramps
-  double ramp_width_mm =
-      0;  ///< Width of the field's inward ramps (palpate/surfaces/ramps.h). 0: smoothed labels
+  /// Width of the field's inward ramps (palpate/surfaces/ramps.h). 0: smoothed labels
+  double ramp_width_mm = 0;
   /// Search distance for the structure in contact at a point, and for its surface. It is the reach of a
   /// smoothed field outside a structure; for ramps, which act only inside, their maximum depth.
   double reach_mm = 5.0;
@@ -249,7 +250,7 @@ struct Model {
   /// Tool of a device, index from 0. Devices beyond the list have the first tool.
   const Tool& tool_of(std::size_t device) const { return tools[device < tools.size() ? device : 0]; }
   /// Whether any tool is a burr.
-  bool cuts() const {
+  bool has_burr() const {
     return std::any_of(tools.begin(), tools.end(), [](const Tool& tool) { return tool.burr.has_value(); });
   }
   const Segment* find(const std::string& name) const;
@@ -282,12 +283,12 @@ struct Model {
   const ForceField& force_field(ForceMethod method) const {
     return *methods[has(method) && method != ForceMethod::kProxy ? index_of(method) : 0];
   }
-  /// Maximum stiffness of the felt tissues, N/mm; the stiffness at field value 1.
+  /// Maximum stiffness of the touchable tissues, N/mm; the stiffness at field value 1.
   double max_stiffness_N_per_mm() const;
   /// Name of the label, or e.g. "label 7" if it has none.
   std::string name_of(LabelId id) const;
   /// Structures in which the label is nested, as a suffix of its name: " (within liver)". Empty: none.
-  std::string enclosing_in_words(LabelId id) const;
+  std::string enclosing_suffix(LabelId id) const;
   /// Labels in which this one is nested, smallest first.
   std::span<const LabelId> enclosing_of(LabelId id) const {
     return id < enclosing.size() ? std::span<const LabelId>(enclosing[id]) : std::span<const LabelId>();
@@ -305,8 +306,8 @@ std::string cutter_name(const Model& model);
 /// The pose described at Model::X_WorldPatient for a grid.
 Transform<World, Patient> supine_from_feet(const GridGeometry& grid);
 /// Pose of the patient while the object is rotated by `rotation` about the world's origin.
-inline Transform<World, Patient> turned_object(const Transform<World, Patient>& X_WorldPatient,
-                                               const Eigen::Quaterniond& rotation) {
+inline Transform<World, Patient> rotated_object_pose(const Transform<World, Patient>& X_WorldPatient,
+                                                     const Eigen::Quaterniond& rotation) {
   return Transform<World, World>(Rotation<World, World>(rotation), Vector<World>()) * X_WorldPatient;
 }
 

@@ -15,7 +15,7 @@
 /// on the distance to the region.
 namespace palpate {
 
-/// Region of one structure, whether felt or not.
+/// Region of one structure, touchable or not.
 struct NoGoStructure {
   /// Label of the structure.
   LabelId label = 0;

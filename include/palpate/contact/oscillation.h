@@ -17,9 +17,9 @@ struct OscillationState {
   double extra_delay_s = 0;          ///< Estimate of the force delay beyond the known one
 };
 
-/// Detects a self-sustained oscillation of the operator's hand against a contact, and estimates by how much
-/// the actual force delay exceeds the known one: what sustains the oscillation is energy that the observer
-/// does not measure.
+/// Detects a self-sustained oscillation of the operator's hand against a contact. The energy that sustains it
+/// is not measured by the passivity observer, which indicates that the actual force delay exceeds the known
+/// one; the excess is estimated.
 ///
 /// A self-sustained oscillation reverses along the force at least three times without decaying. It is faster
 /// than 6.7 Hz, has an amplitude of at least OscillationSettings::min_amplitude_mm and a mean speed of 15

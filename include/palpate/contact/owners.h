@@ -10,13 +10,13 @@
 /// Ownership of points on a surface that several structures share.
 namespace palpate {
 
-/// Share of a structure in a point, 0 ... 1.
+/// Ownership share of a structure at a point, 0 ... 1.
 struct OwnerFraction {
   int structure = -1;
-  double part = 0;
+  double fraction = 0;
 };
 
-/// Shares of the structures in a point, largest first; their sum is 1.
+/// Ownership shares at a point, largest first; their sum is 1.
 class OwnerFractions {
  public:
   static constexpr std::size_t kCapacity = 8;  ///< Capacity
@@ -52,8 +52,8 @@ class Owners {
   /// Shares of the structures with outer voxels within R, at most kCapacity. If there are none, or `x` is not
   /// finite, a single structure has share 1.
   OwnerFractions at(const Point<Patient>& x) const;
-  /// Shares in a point beneath the original surface that was exposed by removal: those of the structures of
-  /// the surrounding voxels by trilinear interpolation. As at() if there are none.
+  /// Shares at a point below the original surface that was exposed by removal: trilinear interpolation of the
+  /// structures of the surrounding voxels. As at() if there are none.
   /// @param labels  labels of which the surface was made
   OwnerFractions within(const Bricks<LabelId>& labels, const Point<Patient>& x) const;
   double reach_mm() const { return reach_mm_; }
@@ -92,8 +92,8 @@ class Owners {
   std::array<std::vector<float>, 3> index_;        // voxel indices of the runs, by axis
   // Shortcut, since most points are far from a seam: the only structure within reach of a block, or a mark
   // for none or several.
-  std::vector<std::int16_t> only_;
-  std::int16_t any_ = -1;
+  std::vector<std::int16_t> single_structure_;
+  std::int16_t first_structure_ = -1;
 };
 
 }  // namespace palpate

@@ -9,7 +9,8 @@ namespace palpate {
 
 /// State of the passivity observer and controller of one device.
 struct PassivityState {
-  double energy_mJ = 0;  ///< Energy put in by the operator and not yet returned; below 0: energy is owed
+  double energy_mJ = 0;  ///< Energy put in by the operator and not yet returned; negative: more was returned
+                         ///< than put in
   // velocity estimate along the force: displacement and time since the last estimate, and that estimate
   double displacement_mm = 0, time_s = 0, speed_mm_s = 0;
   // direction along the force, with hysteresis: displacement within the dead band, and whether the tip last
@@ -21,9 +22,9 @@ struct PassivityState {
 
 /// Inputs of control_passivity() for one tick.
 struct PassivityInput {
-  Vector<World> force_N;   ///< Requested force, after force limit and ramp
-  double unlimited_N = 0;  ///< Magnitude of that force without the limit
-  Vector<World> acted_N;   ///< Force that acted since the last tick
+  Vector<World> force_N;         ///< Requested force, after force limit and ramp
+  double unlimited_N = 0;        ///< Magnitude of that force without the limit
+  Vector<World> acting_force_N;  ///< Force that acted since the last tick
   /// Displacement of the tip since then, relative to the object; mm of the device
   Vector<World> displacement_mm;
   double stored_mJ = 0;  ///< Elastic energy that the contact stores now, an upper limit; infinite: unknown
@@ -51,8 +52,8 @@ struct PassivityOutput {
 /// velocity, a damper along the force removes the uncovered part. It acts only while the force pushes the tip
 /// along its motion, and never reverses a force. For a tip too slow for a velocity estimate, the force is
 /// reduced during withdrawal where the energy does not cover two encoder steps, by at most the force of one
-/// step. A wall so stiff that the tip bounces within a single encoder step is softened while energy is owed.
-/// A falling tip does not rebound faster than it arrived (bounce.h).
+/// step. While the energy is negative, the force is reduced on a contact so stiff that the tip would bounce
+/// within a single encoder step. A falling tip does not rebound faster than its impact speed (rebound.h).
 /// @param act  false: observer only
 PassivityOutput control_passivity(const PassivityInput& input, bool act, PassivityState& state);
 

@@ -35,7 +35,8 @@ namespace palpate {
 /// (soft_contact.h) instead of from a spring stiffness. A deformable structure belongs to the outermost of
 /// the layers that it touches; rigid structures within keep their whole stiffness.
 struct ContactSurface : ContactProperties {
-  /// Signed-distance surface. null: the structure is only touched through common surfaces.
+  /// Signed-distance surface. null: the structure has no surface of its own and is in contact only through
+  /// common surfaces.
   std::shared_ptr<const Surface> surface;
   /// Normal force above which the tool punctures the structure; infinite: never.
   double puncture_N = std::numeric_limits<double>::infinity();
@@ -54,28 +55,27 @@ struct ContactSurface : ContactProperties {
   /// Layer index, 0 is the outermost. The entry of a structure has the innermost layer that contributes to
   /// its stiffness.
   int layer = 0;
-  /// Stiffness interval that this layer contributes, N/mm. For a structure whose own layer this is, the
-  /// contribution is everything above the lower bound.
-  double from_N_per_mm = 0, to_N_per_mm = std::numeric_limits<double>::infinity();
+  /// Stiffness interval contributed by this layer, N/mm. In a structure's own layer the interval has no upper
+  /// bound: the contribution is all stiffness above lower_N_per_mm.
+  double lower_N_per_mm = 0, upper_N_per_mm = std::numeric_limits<double>::infinity();
   /// Specific cutting energy: work of a burr's motor per volume removed (palpate/tissue/removal.h). Infinite:
   /// a burr cannot cut it.
   double cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
-  /// After removal of tissue (palpate/tissue/carving.h): the surface before removal, and the labels it was
-  /// built from. Ownership of a point below that original surface follows these labels. null: nothing was
-  /// removed.
-  std::shared_ptr<const Surface> made = nullptr;
+  /// Surface before any tissue was removed (palpate/tissue/carving.h), and the labels from which it was
+  /// built; null if nothing was removed. Points below that surface are owned according to these labels.
+  std::shared_ptr<const Surface> original_surface = nullptr;
   std::shared_ptr<const Bricks<LabelId>> original_labels = nullptr;
   /// Whether burrs are blocked from removing this structure (palpate/tissue/removal.h).
   bool is_protected = false;
-  /// Maximum error by which the distance to a carved part of the surface is underestimated
-  /// (CarvedSurface::clearance_error_mm).
+  /// Maximum amount by which Surface::distance_mm() underestimates the distance to a carved part of the
+  /// surface (CarvedSurface::clearance_error_mm).
   double clearance_error_mm = 0;
   /// Plane-strain modulus E / (1 - nu^2) of a deformable structure. 0: not deformable, a spring.
   double plane_strain_modulus_N_per_mm2 = 0;
   /// Exponent of a deformable structure's strain stiffening (ElasticConstants::stiffening). 0: none.
   double strain_stiffening = 0;
   /// Relaxation fractions of a deformable structure, one per time constant of the model.
-  RelaxedParts relaxed = {};
+  RelaxationFractions relaxed = {};
 };
 /// A touchable structure that a burr should spare.
 struct ProtectedStructure {
@@ -91,7 +91,7 @@ OwnerFractions owners_at(std::span<const ContactSurface> surfaces, int index, co
 /// tick.
 class OwnerCache {
  public:
-  /// Cached owners_at().
+  /// Result of owners_at(), taken from the cache if available.
   OwnerFractions at(std::span<const ContactSurface> surfaces, int index, const Point<Patient>& position);
 
  private:
@@ -118,42 +118,42 @@ struct ToolSphere {
   Vector<Patient> offset_mm;  ///< Centre relative to the tip, in the tool's current attitude
   double radius_mm = 0;
   /// Axis of a capsule, from the end at offset_mm to the other end; mm. 0: a sphere.
-  Vector<Patient> along_mm = {};
+  Vector<Patient> axis_mm = {};
   /// Radius at the other end of a capsule minus radius_mm; negative where it tapers. If not 0, both radii are
   /// above 0.
-  double widens_mm = 0;
-  /// Radius that determines the spacing of the row of spheres by which a capsule is represented. 0: its own
-  /// radius. With a fixed value the spheres stay at the same positions of the axis when the radius changes.
+  double radius_change_mm = 0;
+  /// Radius from which the spacing of a capsule's row of spheres is computed; 0: the capsule's own radius. A
+  /// fixed value keeps the spheres at the same axis positions when the radius changes.
   double row_radius_mm = 0;
 
   /// @param axis_fraction  position on the axis, 0 at offset_mm ... 1 at the other end
-  double radius_at_mm(double axis_fraction) const { return radius_mm + widens_mm * axis_fraction; }
+  double radius_at_mm(double axis_fraction) const { return radius_mm + radius_change_mm * axis_fraction; }
 };
 /// Maximum number of spheres and capsules of a tool.
 inline constexpr std::size_t kMaxToolSpheres = 4;
 
 /// Closest approach of a tool part to a surface.
 struct NearestPart {
-  /// Signed distance of the sphere centre there, minus the increase of the capsule's radius up to that point;
-  /// mm. Clearance is distance_mm - radius_mm.
+  /// Signed distance from the nearest point of the part's axis to the surface, minus the increase of the
+  /// capsule's radius from offset_mm to that point; mm. The clearance is distance_mm - ToolSphere::radius_mm.
   double distance_mm = 0;
   double axis_fraction = 0;  ///< Position on the axis, 0 ... 1
 };
 /// Closest approach, evaluated on the same row of spheres that the proxy uses for a capsule. Does not
 /// allocate, lock or throw.
 /// @param at         position of the tip
-/// @param enough_mm  early-out for capsules: if the distance is nowhere below this, the result may be any
+/// @param cutoff_mm  early-out for capsules: if the distance is nowhere below this, the result may be any
 ///                   lower bound above it
 NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
-                         double enough_mm = std::numeric_limits<double>::infinity());
+                         double cutoff_mm = std::numeric_limits<double>::infinity());
 
 /// Pose of the tool as held by the operator.
 struct ToolPose {
   Point<Patient> tip;           ///< Position of the tip; finite
   Eigen::Quaterniond attitude;  ///< Rotation from tool axes to patient axes; unit quaternion
 
-  /// A tool without rotation has the identity attitude.
-  /// @param turned  rotation; any non-zero norm, normalised here
+  /// Pose with the tip at `at`; the attitude defaults to the identity.
+  /// @param turned  attitude; any non-zero norm, normalised by the constructor
   ToolPose(const Point<Patient>& at, const Eigen::Quaterniond& turned = Eigen::Quaterniond::Identity())
       : tip(at), attitude(turned.normalized()) {}
 };
@@ -177,12 +177,13 @@ struct ProxyContact {
   int sphere = 0;            ///< Index of the tool part
   double axis_fraction = 0;  ///< Position on a capsule's axis, 0 at offset_mm ... 1 at the other end
   Vector<Patient> normal;    ///< Outward surface normal; unit
-  /// Multiplier of the contact: its contribution along `normal` to the vector from tip to proxy.
+  /// Constraint multiplier: component along `normal` that this contact contributes to the vector from tip to
+  /// proxy.
   double multiplier_mm = 0;
 };
 /// Lever arm: vector from the tip to the contact point.
 inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
-  return sphere.offset_mm + sphere.along_mm * contact.axis_fraction -
+  return sphere.offset_mm + sphere.axis_mm * contact.axis_fraction -
          contact.normal * sphere.radius_at_mm(contact.axis_fraction);
 }
 /// Friction coefficients of a contact.
@@ -208,7 +209,7 @@ class RestingContacts {
                                    std::span<const ToolSphere> spheres) const;
   void store(const Point<Patient>& position, const SurfaceSet& punctured, std::span<const ToolSphere> spheres,
              std::span<const Constraint> constraints);
-  void forget() { count_ = 0; }
+  void invalidate() { count_ = 0; }
 
  private:
   struct Sphere {
@@ -221,7 +222,7 @@ class RestingContacts {
   SurfaceSet punctured_;
   std::array<Sphere, kMaxToolSpheres> sphere_;
 };
-/// Up to three active half-spaces (a corner), each shared by every sphere of the tool.
+/// Maximum number of contacts of a layer: three active half-spaces (a corner) for every part of the tool.
 inline constexpr std::size_t kMaxContacts = 3 * kMaxToolSpheres;
 
 /// Maximum number of layers (docs/decisions/0077-twelve-layers.md).
@@ -229,9 +230,9 @@ inline constexpr int kMaxLayers = 12;
 
 /// State of one layer's proxy between ticks.
 struct ProxyLayer {
-  /// Whether the proxy constrains the tip. False until the tip has been in free space since the contact was
-  /// reset (start, clutch, pause, jump, a surface that grew over the tip): the side of the surface on which
-  /// the tip belongs is unknown until then, and the force is zero.
+  /// Whether the proxy constrains the tip. After a contact reset (start, clutch, pause, jump, a surface that
+  /// grew over the tip) it is false, and the force zero, until the tip has been in free space: before that,
+  /// the free side of the surface is unknown.
   bool coupled = false;
   bool sticking = false;    ///< Whether static friction holds the proxy
   Point<Patient> position;  ///< Position of the tip's proxy
@@ -249,7 +250,8 @@ struct ProxyLayer {
   std::optional<double> spring_N_per_mm;
   /// Displacement of the device while the proxy was catching up through free space at zero force.
   double catch_up_mm = 0;
-  double lost_s = 0;      ///< Time for which the proxy has been left behind by a tip in free space
+  double stranded_s = 0;  ///< Time since the proxy stopped farther than ProxySettings::lost_mm from a tip in
+                          ///< free space
   int contact_count = 0;  ///< Number of valid entries of `contacts`
   std::array<ProxyContact, kMaxContacts> contacts;
 };
@@ -262,7 +264,7 @@ struct ProxyLayerCache {
 
 /// Residual force of layers whose proxies were released because the tool has left the covering layer. It
 /// fades out at a limited rate.
-struct ProxyRelease {
+struct ResidualForce {
   Vector<Patient> force_N;     ///< Force on the tip
   Vector<Patient> torque_Nmm;  ///< Torque about the tip
   double stored_mJ = 0;        ///< Elastic energy of a spring with that force
@@ -281,7 +283,7 @@ struct ProxyState : ProxyLayer {
   double stiffness_N_per_mm = 0;  ///< Sum of the layers' tangent stiffnesses in the last tick. 0: no contact
   ComplianceState compliance;     ///< State of the deformable structures of the outermost layer
   RelaxationState relaxation;     ///< Relaxation state of the outermost layer
-  ProxyRelease release;
+  ResidualForce release;
   /// Last tip position in free space, where the outermost proxy coincided with the tip.
   Point<Patient> free_tip;
   Eigen::Quaterniond free_attitude = Eigen::Quaterniond::Identity();  ///< Attitude of the tool at free_tip
@@ -296,7 +298,7 @@ struct ProxyState : ProxyLayer {
   /// Resets all layers but the outermost.
   void reset_inner_layers() {
     inner_layers = {};
-    for (std::size_t n = 1; n < caches.size(); ++n) caches[n].at_rest.forget();
+    for (std::size_t n = 1; n < caches.size(); ++n) caches[n].at_rest.invalidate();
   }
 };
 
@@ -313,14 +315,14 @@ struct ProxyOptions {
   const ComplianceFrame* compliance = nullptr;
   std::size_t device = 0;
   /// Contacts of all devices with deformable tissue in the last tick. Empty: there is one device.
-  std::span<const TissuePress> presses = {};
+  std::span<const TissueContact> presses = {};
   /// Relaxation times of the model. null: nothing relaxes.
   const RelaxationTimes* relaxation_times = nullptr;
   /// Permanent holes of all tools in structures with stays_open. null: every puncture closes.
   Holes* holes = nullptr;
   /// Maximum fraction of a substep by which the distance to the tip may increase.
   double max_distance_increase = kProxySettings.max_distance_increase;
-  /// Limit of the force sent to the device; a release starts with at most this force.
+  /// Upper bound of the residual force of released layers: the device's peak force, converted to the patient.
   double max_force_N = std::numeric_limits<double>::infinity();
 };
 
@@ -328,8 +330,8 @@ struct ProxyOptions {
 struct ProxyForce {
   Vector<Patient> force_N;     ///< Force on the tip
   Vector<Patient> torque_Nmm;  ///< Torque about the tip, with lever arms in the proxy's attitude
-  /// Secant stiffness (force over depth), averaged over contacts by their multipliers and shares and summed
-  /// over layers.
+  /// Secant stiffness (force over depth): mean over the contacts, weighted by multiplier and ownership share,
+  /// summed over the layers.
   double stiffness_N_per_mm = 0;
   /// Tangent stiffness (derivative of the force by depth). Differs from the secant for deformable structures.
   double tangent_N_per_mm = 0;
@@ -341,8 +343,8 @@ struct ProxyForce {
 /// path, so each structure contributes its stiffness times the length of the path within it.
 struct PathSegment {
   int structure = -1;  ///< Index into the surfaces
-  /// Length of the path within the structure; at a seam its share of that length, so that the depths add up
-  /// to the whole path.
+  /// Path length within the structure. Where structures share a surface, the length is divided by ownership
+  /// share, so that the depths sum to the path length.
   double depth_mm = 0;
   double fraction = 0;  ///< Fraction of the force, 0 ... 1
 };
@@ -351,9 +353,9 @@ inline constexpr std::size_t kMaxPathSegments = 6;  ///< Capacity of ProxyResult
 /// Total over all layers, including the force still being released.
 struct ProxyResult : ProxyForce {
   std::array<ProxyForce, kMaxLayers> of_layer;  ///< Contribution of each layer
-  ProxyRelease release;                         ///< Residual force included in the total; it has no contacts
-  /// Structures along the penetration path, outermost first; empty without contact. If there are more than
-  /// fit, those with the largest shares.
+  ResidualForce release;                        ///< Residual force included in the total; it has no contacts
+  /// Structures along the penetration path, outermost first; empty without contact. If more than
+  /// kMaxPathSegments structures contribute, the ones with the largest fractions.
   std::array<PathSegment, kMaxPathSegments> path;
   int path_segments = 0;  ///< Number of valid entries of `path`
   /// Mean friction coefficient of the contacts: static if sticking, otherwise kinetic. 0 if friction is
@@ -361,12 +363,12 @@ struct ProxyResult : ProxyForce {
   double friction = 0;
   /// Force-weighted mean of the contact normals of all layers; unit. 0 without contact.
   Vector<Patient> normal;
-  /// The half-spaces have no common point, i.e. the tool is wider than the gap it is in. The proxy keeps its
-  /// position, or its attitude if the rotation is blocked. A proxy that starts inside surfaces after a tool
-  /// change gives no force until the tip is in free space.
+  /// Whether the half-spaces have no common point, i.e. the tool is wider than the gap around it. The proxy
+  /// then keeps its position or, if the rotation is infeasible, its attitude. A proxy that starts inside
+  /// surfaces after a tool change gives no force until the tip is in free space.
   bool wedged = false;
-  bool ruptured = false;  ///< Whether a structure was punctured in this tick
-  TissuePress press;      ///< Contact with deformable tissue; unset if there is none
+  bool ruptured = false;         ///< Whether a structure was punctured in this tick
+  TissueContact tissue_contact;  ///< Contact with deformable tissue; unset if there is none
   /// Whether the proxy has not reached its goal: the tool moved or turned farther than the work limit of one
   /// tick allows, or the proxy slips. It continues in the next tick. Contacts cannot be punctured meanwhile.
   bool lagging = false;
@@ -380,26 +382,25 @@ struct ProxyResult : ProxyForce {
 /// - Capsules are represented by a row of spheres, spaced so that their outline is at most 0.01 mm inside the
 ///   capsule's, or 0.15 mm apart if that is larger (docs/decisions/archive/0023). The contact point is the
 ///   nearest point, or the middle of the touching interval where the capsule lies along the surface.
-/// - Rotation: the attitude follows the operator's, which no force resists; when the tool rotates into a
-///   surface the proxy's position is pushed out instead, so that the penetration generates a force at the tip
-///   (docs/decisions/archive/0019).
+/// - Rotation: the proxy's attitude follows the operator's without resistance. Where the tool rotates into a
+///   surface, the proxy's position is pushed out of it, and the resulting distance to the tip generates the
+///   force (docs/decisions/archive/0019).
 /// - Free space is crossed in substeps of the clearance (sphere tracing, Hart 1996).
 /// - In contact the goal is the point nearest to the tip in the intersection of the half-spaces of all
-///   touched surfaces, found by an active-set method; corners, gaps and both sides of a notch are handled
-///   alike.
-/// - Slip: where the nearest point jumps, e.g. at an edge, the proxy moves there at a speed at which the
-///   spring force changes by at most max_slip_N_per_s, through free space too. A punctured surface releases
-///   at once (docs/decisions/0033). The stiffness is rate-limited in the same way where the proxy moves from
-///   one structure to another with a stretched spring.
+///   touched surfaces, found by an active-set method; corners, gaps and notches need no special case.
+/// - Slip: where the goal jumps, e.g. at an edge, the proxy approaches it, if necessary through free space,
+///   at a speed that changes the spring force by at most max_slip_N_per_s. A punctured surface releases at
+///   once (docs/decisions/0033). The stiffness is rate-limited in the same way when the proxy moves from one
+///   structure to another under load.
 /// - A layer constrains the tool only while the covering layer does. Once the outer proxy coincides with the
 ///   tip, the tip is outside all inner layers: their proxies are reset to the tip and their residual force
 ///   fades at the slip rate (docs/decisions/0076-layers-hold-while-covered.md).
 /// - The outermost layer constrains the tool until it has returned from the tissue, i.e. it is clear of the
 ///   layer and the straight path to the last free pose is free. A proxy still trapped elsewhere, for example
 ///   in a pocket of the surface, is then reset in the same way.
-/// - Friction: the proxy sticks while its distance to the goal is at most the static coefficient times the
-///   depth, and otherwise slides to a distance of the kinetic coefficient times the depth (friction cone:
-///   Harwin & Melder 2002).
+/// - Friction: the proxy sticks while its tangential distance from the frictionless goal is at most the
+///   static coefficient times the depth; otherwise it slides to a distance of the kinetic coefficient times
+///   the depth from that goal (friction cone: Harwin & Melder 2002).
 /// - Stiffness and friction are averaged over the touched structures, weighted by the contact multipliers
 ///   and, on a common surface, by the ownership shares. Each layer has its own proxy, and the forces add up.
 /// - Puncture: a structure is punctured when its contribution to the spring force exceeds its puncture force.
@@ -409,35 +410,36 @@ struct ProxyResult : ProxyForce {
 ///   with it fit into its holes, it is passed again without force.
 ///
 /// @param surfaces  at most kMaxSurfaces; the same in every call with one `state`
-/// @param spheres   1 ... kMaxToolSpheres tool parts, in the attitude of `hand`
-/// @param hand      pose of the tool
+/// @param spheres   1 ... kMaxToolSpheres tool parts, in the attitude of `tool_pose`
+/// @param tool_pose      pose of the tool
 /// @param state     state of this tool, updated
 ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const ToolPose& hand, ProxyState& state, const ProxyOptions& options = {});
+                          const ToolPose& tool_pose, ProxyState& state, const ProxyOptions& options = {});
 
 /// Transfers the state to a changed set of surfaces. Proxies are unaffected by surfaces whose shape is
 /// unchanged: position, sticking and punctures stay. A structure that was punctured and has changed shape
 /// stays punctured. A proxy inside a surface that is new or changed shape is uncoupled, because the side on
 /// which it belongs is unknown.
-/// @param hand    pose of the tool, in whose attitude `spheres` are given
-/// @param before  correspondence for each of `surfaces`; empty: unknown, all surfaces are new
+/// @param tool_pose    pose of the tool, in whose attitude `spheres` are given
+/// @param correspondences  correspondence for each of `surfaces`; empty: unknown, all surfaces are new
 void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                    const ToolPose& hand, std::span<const SurfaceCorrespondence> before, ProxyState& state);
+                    const ToolPose& tool_pose, std::span<const SurfaceCorrespondence> correspondences,
+                    ProxyState& state);
 
 /// Couples a tip that is inside tissue: each layer's proxy is initialised at the nearest point outside all
 /// surfaces. Returns false if there is none within reach of the distance fields. The caller ramps the force
 /// in.
 bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                      const ToolPose& hand, ProxyState& state);
+                      const ToolPose& tool_pose, ProxyState& state);
 
 /// Transfers the state to surfaces whose structures have been assigned to different layers. The outermost
 /// proxy is treated as by transfer_proxy. If it was uncoupled, and for all inner layers, a proxy is
 /// initialised at the nearest point outside the surfaces that the tool has not punctured; punctures stay. The
 /// deformation and relaxation states are reset. A tip that was uncoupled before stays without force until it
 /// is in free space. The caller blends the force.
-/// @param before  as for transfer_proxy
+/// @param correspondences  as for transfer_proxy
 void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
-                                  std::span<const ToolSphere> spheres, const ToolPose& hand,
-                                  std::span<const SurfaceCorrespondence> before, ProxyState& state);
+                                  std::span<const ToolSphere> spheres, const ToolPose& tool_pose,
+                                  std::span<const SurfaceCorrespondence> correspondences, ProxyState& state);
 
 }  // namespace palpate

@@ -23,7 +23,7 @@ struct ProxyPath {
 /// advance_proxy() of palpate/contact/proxy.h that also records the path of the outermost proxy.
 /// @param path  receives the path; may be null
 ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const ToolPose& hand, ProxyState& state, const ProxyOptions& options,
+                          const ToolPose& tool_pose, ProxyState& state, const ProxyOptions& options,
                           ProxyPath* path);
 
 }  // namespace palpate

@@ -22,19 +22,19 @@ inline constexpr RelaxationTimeRange kRelaxationTimeRange{0.01, 1000};
 
 /// Term of a Prony series.
 struct RelaxationTerm {
-  double part = 0;    ///< Fraction of the modulus that is lost in the long term. 0: no term
-  double time_s = 0;  ///< Time constant, after which 1/e of that fraction is left; in kRelaxationTimeRange
+  double fraction = 0;  ///< Fraction of the modulus that is lost in the long term. 0: no term
+  double time_s = 0;    ///< Time constant, after which 1/e of that fraction is left; in kRelaxationTimeRange
   bool operator==(const RelaxationTerm&) const = default;
 };
 
 /// Prony series E(t) = E (1 - sum of g_i (1 - exp(-t / tau_i))) of a tissue, where E is the instantaneous
-/// modulus. Terms with a part precede empty ones.
+/// modulus. Non-empty terms come first.
 struct Relaxation {
   std::array<RelaxationTerm, kMaxRelaxationTerms> term;
 
   /// Fraction of the modulus that all terms together lose in the long term; below 1.
-  double part() const;
-  bool relaxes() const { return term[0].part > 0; }
+  double total_fraction() const;
+  bool relaxes() const { return term[0].fraction > 0; }
   bool operator==(const Relaxation&) const = default;
 };
 
@@ -50,14 +50,14 @@ struct RelaxationTimes {
 };
 
 /// Relaxing fraction of the modulus for each time constant of the model; in sum below 1.
-struct RelaxedParts {
+struct RelaxationFractions {
   std::array<double, kMaxRelaxationTimes> of_time{};
 
   /// Adds a tissue's series.
   /// @param times   time constants of the model
   /// @param weight  weight of the tissue
   void add(const Relaxation& relaxation, const RelaxationTimes& times, double weight);
-  void add(const RelaxedParts& other, double weight);
+  void add(const RelaxationFractions& other, double weight);
   bool any() const;
   /// Entries of 0 do not change the hash.
   void hash_into(std::uint64_t& hash) const;
@@ -70,11 +70,11 @@ struct RelaxationState {
   /// Low-pass filtered elastic force for each time constant of the model: a fraction g of the modulus loses
   /// the force g times this.
   std::array<double, kMaxRelaxationTimes> lagging_N{};
-  RelaxedParts parts;    ///< Fractions as rendered last, or at the dent
-  Point<Patient> at;     ///< Last contact point on the undeformed surface
-  bool presses = false;  ///< Whether the tool pressed in the last tick
+  RelaxationFractions parts;  ///< Fractions used in the last tick, or those of the dent
+  Point<Patient> at;          ///< Last contact point on the undeformed surface
+  bool presses = false;       ///< Whether the tool pressed in the last tick
 
-  bool remembers() const { return elastic_N > 0; }
+  bool is_active() const { return elastic_N > 0; }
   void hash_into(std::uint64_t& hash) const;
 };
 
@@ -88,10 +88,10 @@ Decay decay(double x);
 
 /// Contact of a tool with relaxing tissue.
 struct RelaxingContact {
-  RelaxedParts parts;   ///< Relaxing fractions of the tissue
-  Point<Patient> at;    ///< Contact point on the undeformed surface
-  double reach_mm = 1;  ///< Radius of the dent that the tool makes; above 0
-  double blend_s = 1;   ///< Time over which new fractions replace those rendered before; above 0
+  RelaxationFractions parts;  ///< Relaxing fractions of the tissue
+  Point<Patient> at;          ///< Contact point on the undeformed surface
+  double reach_mm = 1;        ///< Radius of the dent that the tool makes; above 0
+  double blend_s = 1;         ///< Time over which new fractions replace those rendered before; above 0
 };
 
 /// Advances the relaxation by one tick. Returns the viscoelastic force for an elastic one,

@@ -33,30 +33,31 @@ struct LocalCompliance {
   double modulus_N_per_mm2 = 0;    ///< E* = E / (1 - nu^2) of the tissue under the patch; above 0
   double patch_radius_mm = 0;      ///< rho; above 0
   /// Neo-Hookean solution: F1, the force at which it was computed, and C: depth = linear depth - C F^2. C <
-  /// 0: the tissue softens. reference_force_N 0: none, the linear solution alone applies.
+  /// 0: the tissue softens. reference_force_N == 0: no neo-Hookean solution; the linear one applies.
   double reference_force_N = 0;
   double stiffening_mm_per_N2 = 0;
   Vector<Patient> stiffening_gradient = {};  ///< grad C along the surface; mm/N^2 per mm
   /// ElasticConstants::stiffening of the tissues, weighted by their shares of the displacement. 0: none, or
   /// the law is not TissueLaw::kExponential.
   double strain_stiffening = 0;
-  /// Relaxing fractions of the tissues, weighted likewise.
-  RelaxedParts relaxed = {};
+  /// Relaxing fractions of the tissues, weighted by their shares of the displacement.
+  RelaxationFractions relaxed = {};
 
   double poissons_ratio = ElasticConstants{}.poissons_ratio;  ///< nu of the tissue under the patch
   /// B: correction of the depth in a half-space by the surroundings, d = d0(F) + B F, in contacts much
-  /// smaller than the thickness of the tissue. Above 0 if they are softer, below 0 if something stiff is
-  /// near.
+  /// smaller than the thickness of the tissue. Positive if the surroundings are softer than the tissue under
+  /// the patch, negative if they are stiffer.
   double surroundings_mm_per_N = 0;
   double surroundings_per_compliance = 1;  ///< dB/dW
 
   bool is_known() const { return compliance_mm_per_N > 0; }
   bool has_neo_hookean() const { return reference_force_N > 0; }
   /// Sets B and dB/dW from W, rho, E* and nu (surroundings_of_patch).
-  void find_surroundings();
+  void compute_surroundings();
 };
 
-/// Result of one solver frame: for each device the point that it presses or is about to press.
+/// Result of one solver frame: for each device the local compliance at its current or predicted contact
+/// point.
 struct ComplianceFrame {
   std::uint32_t number = 0;  ///< Frame number, from 1. 0: none yet
   std::array<LocalCompliance, kMaxDevices> spot;
@@ -73,7 +74,7 @@ struct ComplianceState {
   double surroundings_offset_mm_per_N = 0, stiffening_offset_mm_per_N2 = 0, reference_force_offset_N = 0,
          poissons_ratio_offset = 0, strain_stiffening_offset = 0;
   /// The same for the modulus, relative to the frame's value; above -1, so that the blended modulus stays
-  /// above 0 wherever the tool moves meanwhile.
+  /// above 0 at any position of the tool.
   double modulus_offset = 0;
   /// Time since the current frame arrived, up to SoftTissueSettings::blend_s.
   double elapsed_s = 0;
@@ -128,9 +129,9 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
 /// @param first_N  F1
 double stiffening_depth_mm(double stiffening_mm_per_N2, double first_N, double force_N);
 
-/// Contact of a device's tool with deformable tissue in one tick, as it displaces the tissue under the tools
-/// of other devices.
-struct TissuePress {
+/// Contact of a device's tool with deformable tissue in one tick; input of the interaction with the tools of
+/// other devices (displaced_by_others()).
+struct TissueContact {
   double force_N = 0;            ///< Normal force on the tissue; 0: none
   double tangent_N_per_mm = 0;   ///< dF / d depth
   double displaced_mm = 0;       ///< Depth by which the other tools lowered the surface under this one
@@ -151,15 +152,15 @@ struct NeighbourEffect {
   Vector<Patient> force_per_N;  ///< Tangential force on it per unit of its own normal force
 };
 /// Superposition of the point forces of other tools (Boussinesq 1885): on a half-space each lowers the
-/// surface by F / (pi E* r) at a distance r, on a layer less, as the places of one tool do (footprint.h).
-/// Only tools on the same surface count, by the cosine between their normals. The mutual compliance is
-/// symmetric in both tools, and limited so that their common stiffness matrix stays positive definite. The
-/// tangential force makes the superposition conservative: each tool is pushed towards the dent of the other.
+/// surface by F / (pi E* r) at a distance r, less on a layer (pair_interaction_per_mm() in footprint.h). Only
+/// tools on the same surface count, by the cosine between their normals. The mutual compliance is symmetric
+/// in both tools, and limited so that their common stiffness matrix stays positive definite. The tangential
+/// force makes the superposition conservative: each tool is pushed towards the dent of the other.
 /// @param presses  contacts of all devices in the last tick
 /// @param device   index of the tool in `presses`; its own entry supplies its last tangent stiffness
 /// @param own      its contact; force, tangent and displacement are not read
-NeighbourEffect displaced_by_others(std::span<const TissuePress> presses, std::size_t device,
-                                    const TissuePress& own);
+NeighbourEffect displaced_by_others(std::span<const TissueContact> presses, std::size_t device,
+                                    const TissueContact& own);
 
 /// Force of a rigid frictionless sphere at a depth d. d0(F) is the depth in a half-space of E* (Sneddon
 /// 1965).

@@ -32,7 +32,7 @@ std::optional<TissueFault> support_fault(const SupportValues& tissue, const Supp
 /// Checks a tissue's values: ranges, friction and supports, with the messages used for a scene file.
 /// @param tissues  all tissues
 /// @param index    tissue whose values are new
-/// Errors: kBadInput; the error's place is ContactProperty::name.
+/// Errors: kBadInput; Error::where is ContactProperty::name.
 Result<void> check_tissue_values(const std::vector<Tissue>& tissues, std::size_t index);
 
 }  // namespace palpate

@@ -19,15 +19,15 @@ namespace palpate {
 struct TickContext {
   const Model& model;
   ForceMethod method = ForceMethod::kTrilinear;
-  bool friction = true, viscosity = true;  ///< Whether they are rendered
+  bool friction = true, viscosity = true;  ///< Whether friction and viscosity are rendered
   double dt_s = 0.001;                     ///< Length of the tick
   /// Pose of the patient in the world, including the object's rotation.
   Transform<World, Patient> X_WorldPatient;
   Transform<Patient, World> X_PatientWorld;
-  const ComplianceFrame* compliance =
-      nullptr;             ///< Local compliance of deformable tissue; null: no solution yet
-  Holes* holes = nullptr;  ///< As ProxyOptions::holes
-  std::span<const TissuePress> presses = {};  ///< As ProxyOptions::presses
+  /// Local compliance of deformable tissue; null: no solution yet
+  const ComplianceFrame* compliance = nullptr;
+  Holes* holes = nullptr;                       ///< As ProxyOptions::holes
+  std::span<const TissueContact> presses = {};  ///< As ProxyOptions::presses
 };
 
 /// Tick inputs of one device.
@@ -37,7 +37,7 @@ struct DeviceContext {
   Eigen::Matrix3d R_WorldTool;    ///< Rotation from tool axes to world axes
   Point<Patient> tip;             ///< Position of the tool's origin
   Vector<Patient> velocity_mm_s;  ///< Velocity of the tip relative to the object
-  std::size_t number = 0;         ///< Index of the device
+  std::size_t device_index = 0;   ///< Index of the device
 
   /// Transforms a vector from tool axes to patient axes.
   /// @param of_tool  vector in the tool's frame
@@ -51,8 +51,8 @@ struct DeviceContext {
 };
 
 /// Upper limit of the stiffness rendered for deformable tissue, N/mm in the patient: the stiffness of the
-/// stiffest felt tissue if that one is rigid, so that nothing that deforms resists more than bone. Infinity
-/// if the stiffest tissue deforms, or if the law deforms none.
+/// stiffest touchable tissue if that tissue is rigid, so that deformable tissue is never stiffer than bone.
+/// Infinite if that tissue is deformable, or under a law without deformable tissue.
 double max_deformable_stiffness_N_per_mm(const Model& model);
 
 /// Contact of one point of the tool.
@@ -62,13 +62,15 @@ struct PointContact {
   /// Structure in contact.
   ContactSite site;
   Vector<Patient> force_N;  ///< Force on the tool, friction and viscosity included
-  Point<Patient> proxy;     ///< Proxy of the tool's origin; its own position for a direct method
-  bool presses = false;     ///< With the proxy: whether the tool is below the surface and meets a force
+  Point<Patient> proxy;     ///< Proxy of the tool's origin; with a direct method, the tool's origin itself
+  bool presses = false;     ///< Proxy method only: whether the tip is below the surface and the contact force
+                            ///< is not zero
 
-  /// Whether it counts as a touch. With the proxy: `presses`, however small the force, because that of soft
-  /// tissue becomes perceptible only at a depth. With a direct method, or inside a punctured structure: the
-  /// force is perceptible, or the point is so deep inside a structure that the field has no direction.
-  bool is_touch() const;
+  /// Whether the point counts as in contact. With the proxy: `presses`, for any force, because the force of
+  /// soft tissue is imperceptible at small depths. With a direct method, or inside a punctured structure:
+  /// whether the force is perceptible, or the point is so deep inside a structure that the field gradient
+  /// vanishes.
+  bool is_contact() const;
 };
 
 /// Contact of a part of the tool with a structure.
@@ -83,7 +85,8 @@ struct ContactPoint {
 /// Structure along the penetration path.
 struct PathStructure {
   LabelId label = 0;
-  double depth_mm = 0;  ///< Length of the path within the structure; NaN: deeper than is measured
+  double depth_mm = 0;  ///< Length of the path within the structure; NaN: beyond the range of the distance
+                        ///< field
   double fraction = 0;  ///< Fraction of the force, 0 ... 1
 };
 
@@ -101,18 +104,18 @@ struct ToolContact {
   double stored_mJ = std::numeric_limits<double>::infinity();
   double stiffness_N_per_mm = 0;  ///< Maximum contact stiffness at the device
   std::uint32_t flags = 0;  ///< Flags of the proxy: kFlagInside, kFlagWedged, kFlagRuptured, kFlagRelease
-  TissuePress press;        ///< Contact with deformable tissue; unset if there is none
-  /// Work that the other tools have done on that contact in this tick, at the device; below 0: they took
-  /// energy from it.
+  TissueContact tissue_contact;  ///< Contact with deformable tissue; unset if there is none
+  /// Work that the other tools have done on `tissue_contact` in this tick, scaled to the device; negative:
+  /// energy taken from it.
   double received_mJ = 0;
-  /// Whether the proxy was reset because tissue was put back over it; its force fades out.
+  /// Whether the proxy was uncoupled because restored tissue covers it; its force is blended out.
   bool released = false;
 };
 
 /// The tool's spheres and capsules in the operator's pose, in the patient frame.
 class PosedTool {
  public:
-  PosedTool(const TickContext& tick, const DeviceContext& hand);
+  PosedTool(const TickContext& tick, const DeviceContext& context);
   const ToolPose& pose() const { return pose_; }
   std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
   /// Replaces the first sphere, which is the head of a burr.
@@ -128,20 +131,20 @@ class PosedTool {
 struct CouplingState {
   double stiffness_N_per_mm = 0;  ///< Filtered rendered stiffness. 0: no contact
   Vector<Patient> multiplier_mm;  ///< Vector from the tip to the proxy
-  VelocityWindow
-      spring_velocity;  ///< Velocity of multiplier_mm, including free space; unused without damping
+  /// Velocity of multiplier_mm, including free space; unused without damping
+  VelocityWindow spring_velocity;
 };
 
 /// Options of advance_proxy() for a device in this tick.
-ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand);
+ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& context);
 
-/// Force and contacts of a proxy that has been advanced. Friction comes from the proxy, viscosity is that of
-/// the direct methods.
+/// Force and contacts of a proxy that has been advanced. Friction is computed by the proxy; viscosity is
+/// viscous_force(), as for the direct methods.
 /// @param posed_tool  tool with which the proxy was advanced
 /// @param proxy     state after the advance
 /// @param result    result of the advance
 /// @param coupling  spring and damper, updated
-ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& posed_tool,
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context, const PosedTool& posed_tool,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);
 
 }  // namespace palpate

@@ -30,7 +30,7 @@ inline double theoretical_stiffness_N_per_mm(double damping_N_s_per_m, double ra
 double neutral_damping_N_s_per_mm(double mass_kg, double rate_hz, double delay_s);
 
 /// Values assumed for a device that does not state them.
-struct CarefulDevice {
+struct ConservativeDevice {
   double rate_hz = 250;          ///< Slowest loop rate, kMinRate_hz
   double delay_s = 4e-3;         ///< Longer than any device's published delay known to us
   double mass_kg = 0.045;        ///< Mass of the lightest known device, the Touch
@@ -39,15 +39,15 @@ struct CarefulDevice {
 };
 
 /// Delay from a command to its force as the device states it, s. If it states none or an implausible value
-/// (outside 0 ... 1 s): CarefulDevice::delay_s, or 0 for a simulated device.
-double careful_delay_s(const DeviceInfo& info);
+/// (outside 0 ... 1 s): ConservativeDevice::delay_s, or 0 for a simulated device.
+double conservative_delay_s(const DeviceInfo& info);
 
 /// Conservative limits for a device.
-struct CarefulBounds {
+struct ConservativeBounds {
   double stiffness_N_per_mm = 0, damping_N_s_per_mm = 0;  ///< Limits at the device
 };
-/// kStiffnessMargin times the theoretical limits, using the device's stated properties and CarefulDevice for
-/// the others. For a device that states nothing: 0.2 N/mm and 0.0042 N s/mm.
-CarefulBounds careful_bounds(const DeviceInfo& info);
+/// kStiffnessMargin times the theoretical limits, using the device's stated properties and ConservativeDevice
+/// for the others. For a device without any of these: 0.2 N/mm and 0.0042 N s/mm.
+ConservativeBounds conservative_bounds(const DeviceInfo& info);
 
 }  // namespace palpate

@@ -29,10 +29,10 @@ enum DeviceStatus : std::uint32_t {
 struct DeviceSample {
   Point<Device> tip;  ///< mm
   Eigen::Quaterniond R_DeviceTool = Eigen::Quaterniond::Identity();
-  /// Velocities estimated by the device; kNotKnown if it provides none.
-  Vector<Device> velocity_mm_s{kNotKnown, kNotKnown, kNotKnown};
-  Vector<Device> angular_velocity_rad_s{kNotKnown, kNotKnown, kNotKnown};
-  double gripper_rad = kNotKnown;
+  /// Velocities estimated by the device; kUnknown if it provides none.
+  Vector<Device> velocity_mm_s{kUnknown, kUnknown, kUnknown};
+  Vector<Device> angular_velocity_rad_s{kUnknown, kUnknown, kUnknown};
+  double gripper_rad = kUnknown;
   std::uint32_t buttons = 0;  ///< Bit n: button n is held
   bool fault = false;         ///< The device withholds forces by itself
   bool set_down = false;      ///< There is no path from the previous pose to this one (kDeviceSetDown)
@@ -52,17 +52,18 @@ struct DeviceCommand {
 struct DeviceState {
   Point<World> tip;  ///< mm
   Eigen::Quaterniond R_WorldTool = Eigen::Quaterniond::Identity();
-  /// Velocities estimated by the device; kNotKnown if it provides none. The tick measures the tip's velocity
+  /// Velocities estimated by the device; kUnknown if it provides none. The tick measures the tip's velocity
   /// itself.
-  Vector<World> velocity_mm_s{kNotKnown, kNotKnown, kNotKnown};
-  Vector<World> angular_velocity_rad_s{kNotKnown, kNotKnown, kNotKnown};
-  double gripper_rad = kNotKnown;
+  Vector<World> velocity_mm_s{kUnknown, kUnknown, kUnknown};
+  Vector<World> angular_velocity_rad_s{kUnknown, kUnknown, kUnknown};
+  double gripper_rad = kUnknown;
   std::uint32_t buttons = 0;  ///< Bit n: button n is held
   std::uint32_t status = 0;   ///< DeviceStatus bits
   double age_s = 0;           ///< Age of the pose
 };
 
-/// Output of a tick for one device: force and torque about the tip, as rendered to the hand, in World axes.
+/// Output of a tick for one device: force and torque about the tip, as rendered to the operator, in World
+/// axes.
 struct Wrench {
   Vector<World> force_N;
   Vector<World> torque_Nmm;
@@ -107,7 +108,8 @@ struct DeviceInfo {
   Rotation<World, Device> R_WorldDevice;
 };
 
-// the vendors' axes in World: a vector (x, y, z) of the vendor's is
+// Device axes of each vendor in World; the comments give the World components of a vector (x, y, z) in the
+// vendor's axes.
 Rotation<World, Device> openhaptics_axes();      ///< (x, -z, y): right, up, towards the user
 Rotation<World, Device> force_dimension_axes();  ///< (y, -x, z): towards the user, right, up
 Rotation<World, Device> haply_axes();            ///< (x, y, z): the same as World
@@ -153,8 +155,8 @@ class DeviceDriver {
   virtual Result<void> open(bool may_move) = 0;
   /// Calls `servo` once per update until `clock` is stopped, then sends zeros. Runs on the servo thread.
   virtual void run(ServoFunction& servo, ServoClock& clock) noexcept = 0;
-  /// Sends zeros to the devices from now on, whatever update() returns. Any thread, at any time, including
-  /// while the servo thread hangs: the watchdog calls it.
+  /// Sends zeros to the devices from now on, regardless of what update() returns. Any thread, at any time,
+  /// including while the servo thread hangs: the watchdog calls it.
   virtual void halt() noexcept = 0;
   /// Ends halt(), and halts received by halt_file() up to the given number. A newer one stays in force, even
   /// if the device receives it first.
@@ -162,10 +164,10 @@ class DeviceDriver {
   virtual void resume(std::uint64_t newest) noexcept = 0;
   /// File descriptor of a pipe for devices that another process holds; -1: the devices are held by this
   /// process. Writing to it, from any process, halts the devices like halt(), even after this process has
-  /// ended. The data written is the halt's number, eight bytes in native byte order; Heartbeat::kHaltForGood,
-  /// and hang-up of all writers, halt permanently. The device reads all pending numbers before it acts on a
-  /// command, and exerts no force while the largest number read is above every number that resume() has
-  /// ended. Open from construction to destruction.
+  /// ended. The data written is the halt's number, eight bytes in native byte order;
+  /// Heartbeat::kPermanentHalt, and hang-up of all writers, halt permanently. The device reads all pending
+  /// numbers before it acts on a command, and exerts no force while the largest number read is above every
+  /// number that resume() has ended. Open from construction to destruction.
   virtual int halt_file() const noexcept { return -1; }
   /// Why a device currently provides no force or no pose, with its remedy, for the user: a lost connection,
   /// an engaged brake. Empty: no problem. Any thread but the servo's; may block briefly.

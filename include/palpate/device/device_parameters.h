@@ -9,14 +9,14 @@
 
 namespace palpate {
 
-/// Output limits of one device; kNotKnown where unknown. Then forces are limited by the user's limit alone,
+/// Output limits of one device; kUnknown where unknown. Then forces are limited by the user's limit alone,
 /// and torque and gripper force, for which the user sets no limit, stay off.
 struct OutputLimits {
-  double peak_force_N = kNotKnown;
+  double peak_force_N = kUnknown;
   /// Rating that the thermal budget is based on; unknown: no thermal limit
-  double continuous_force_N = kNotKnown;
-  double peak_torque_Nmm = kNotKnown;
-  double peak_gripper_N = kNotKnown;
+  double continuous_force_N = kUnknown;
+  double peak_torque_Nmm = kUnknown;
+  double peak_gripper_N = kUnknown;
   /// Limit of the rate of change of the force, N/s. A surface of 2 N/mm met at 0.5 m/s requires 1000 N/s.
   double slew_N_per_s = 2000;
 };
@@ -24,10 +24,10 @@ struct OutputLimits {
 OutputLimits limits_of(const DeviceInfo& info);
 /// Largest stiffness to render with a device, device N/mm: the value that its vendor vouches for, or 0 if
 /// that is invalid (negative, NaN). If the vendor states none or an infinite one: infinite for a simulated
-/// device, careful_bounds() for a physical one, which is never run without a bound.
-double bound_of_stiffness_N_per_mm(const DeviceInfo& info);
-/// Message for the user if the bound is careful_bounds() instead of the vendor's value; else empty.
-std::string careful_bound_message(const DeviceInfo& info);
+/// device, conservative_bounds() for a physical one, which is never run without a bound.
+double stiffness_bound_N_per_mm(const DeviceInfo& info);
+/// Message for the user if the bound is conservative_bounds() instead of the vendor's value; else empty.
+std::string conservative_bound_message(const DeviceInfo& info);
 
 /// Tick inputs that belong to one device.
 struct DeviceParameters {
@@ -39,10 +39,10 @@ struct DeviceParameters {
   /// by the direct methods all are scaled by one factor.
   double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   /// Encoder step; the passivity controller ignores smaller displacements
-  double position_step_mm = kNotKnown;
+  double position_step_mm = kUnknown;
   /// Largest damping that the device renders stably, device N s/mm. Viscosity of tissue, the published
-  /// friction and the coupling's damping are clamped to it. Not above 0 or NaN: unknown, nothing is clamped.
-  double max_damping_N_s_per_mm = kNotKnown;
+  /// friction and the coupling's damping are clamped to it. Not above 0 or NaN: unknown, no clamping.
+  double max_damping_N_s_per_mm = kUnknown;
   /// Delay from a command to its force, s; 0: none. Used by the passivity observer. The caller of
   /// ServoLoop::start() may state a longer delay than the device does, but not a shorter one.
   double delay_s = 0;

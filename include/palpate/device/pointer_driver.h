@@ -40,7 +40,7 @@ class PointerDriver final : public DeviceDriver {
   /// Invalidates the position: its age is unlimited from the next tick on.
   void release() noexcept;
 
-  /// Simulated, because nothing moves. States neither a force limit, a stiffness limit nor a position step.
+  /// Simulated, because it has no mechanism. Has no force limit, stiffness limit or position step.
   static DeviceInfo info();
   std::span<const DeviceInfo> devices() const override { return {&info_, 1}; }
   Result<void> open(bool may_move) override;

@@ -30,7 +30,7 @@ class RenderedStiffness {
   /// Converts `device_N_per_mm` at the device to the patient.
   double in_patient(double device_N_per_mm) const { return device_N_per_mm / factor_; }
   /// Largest stiffness in the patient that is rendered unclamped, N/mm, at least 0. NaN if unknown, which
-  /// clamps nothing.
+  /// does not clamp.
   double max_in_patient() const {
     const double largest = in_patient(max_N_per_mm_);
     return largest < 0 ? 0 : largest;

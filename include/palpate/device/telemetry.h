@@ -23,7 +23,7 @@ inline constexpr int kMaxContactsReported = 6;
 inline constexpr std::size_t kMaxNearReported = 8;
 
 /// Value of unknown quantities: not a number.
-inline constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
+inline constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 /// Conditions of a tick: contact, and why its output was changed or withheld. Bits.
 enum TickFlag : std::uint32_t {
@@ -32,7 +32,7 @@ enum TickFlag : std::uint32_t {
   kFlagOutside = 1u << 2,    ///< The tip is outside the volume, in free space
   kFlagPaused = 1u << 3,     ///< Paused or about to stop: the force fades out and stays off
   kFlagContact = 1u << 4,    ///< A structure is in contact
-  /// The commanded rotation was no unit quaternion; the previous one stays in effect
+  /// The commanded rotation was not a unit quaternion; the previous one stays in effect
   kFlagRotationIgnored = 1u << 5,
   kFlagThermal = 1u << 6,  ///< The limit was below the peak force to protect the motors from heat
   kFlagSlew = 1u << 7,     ///< The force changed at the slew limit towards its requested value
@@ -49,9 +49,10 @@ enum TickFlag : std::uint32_t {
   kFlagWedged = 1u << 18,         ///< The tool is wider than the gap that it is in; the proxy stayed in place
   kFlagRuptured = 1u << 19,       ///< The tool punctured a surface
   kFlagPassivity = 1u << 20,      ///< The passivity controller reduced the force
-  kFlagTurnHeld = 1u << 21,       ///< The object rotated slower than commanded, to limit the work on the hand
-  kFlagNoGo = 1u << 22,           ///< The tool is closer to a no-go region than its keep_away distance
-  kFlagRelease = 1u << 23,        ///< The tool left the layer around a structure, whose force fades out
+  kFlagRotationLimited = 1u << 21,  ///< The object rotated slower than commanded, to limit the work on the
+                                    ///< operator
+  kFlagNoGo = 1u << 22,             ///< The tool is closer to a no-go region than its keep_away distance
+  kFlagRelease = 1u << 23,          ///< The tool left the layer around a structure, whose force fades out
   /// A cutting burr broke through: set from that tick on for kBurrRenderingSettings.break_through_s
   kFlagBreakThrough = 1u << 24,
 };
@@ -109,19 +110,19 @@ struct DeviceTick {
   // inputs
   std::array<double, 3> tip_world_mm{};
   std::array<double, 4> orientation_wxyz{1, 0, 0, 0};
-  std::array<double, 3> velocity_world_mm_s{kNotKnown, kNotKnown, kNotKnown};  ///< Estimated by the device
+  std::array<double, 3> velocity_world_mm_s{kUnknown, kUnknown, kUnknown};  ///< Estimated by the device
   /// Estimated by the device
-  std::array<double, 3> angular_velocity_world_rad_s{kNotKnown, kNotKnown, kNotKnown};
-  double gripper_rad = kNotKnown;
+  std::array<double, 3> angular_velocity_world_rad_s{kUnknown, kUnknown, kUnknown};
+  double gripper_rad = kUnknown;
   std::uint32_t buttons = 0;
   std::uint32_t status = 0;  ///< DeviceStatus bits
   double age_s = 0;          ///< Age of the pose
   // inputs: DeviceParameters; NaN: unknown
   double force_gain = 1, scale = 1;
-  double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, peak_torque_Nmm = kNotKnown;
-  double peak_gripper_N = kNotKnown, slew_N_per_s = kNotKnown;
-  double max_stiffness_N_per_mm = kNotKnown, position_step_mm = kNotKnown;
-  double max_damping_N_s_per_mm = kNotKnown;  ///< NaN: unknown
+  double peak_force_N = kUnknown, continuous_force_N = kUnknown, peak_torque_Nmm = kUnknown;
+  double peak_gripper_N = kUnknown, slew_N_per_s = kUnknown;
+  double max_stiffness_N_per_mm = kUnknown, position_step_mm = kUnknown;
+  double max_damping_N_s_per_mm = kUnknown;  ///< NaN: unknown
   double delay_s = 0;
   // outputs
   std::array<double, 3> force_N{};     ///< Force sent, World
@@ -130,11 +131,12 @@ struct DeviceTick {
   double unclamped_force_N = 0;        ///< Magnitude before the output stage
   double limit_N = 0;            ///< Least of the device's, user's, scene's and thermal limit in this tick
   double heat = 0;               ///< Fraction of the thermal budget in use, 0 ... 1
-  double energy_mJ = 0;          ///< Energy that the hand has put in and not got back (passivity observer)
+  double energy_mJ = 0;          ///< Energy put in by the operator minus energy returned (passivity observer)
   double damping_N_s_per_m = 0;  ///< Damping along the force, added by the passivity controller
-  double turned_mJ = 0;          ///< Work that the turning object has done on the hand since the run began
-  double cutting_N = 0;          ///< Press force of a burr while it cuts, in the patient; 0: it cuts nothing
-  /// Mean specific cutting energy of the material ahead of a burr while it cuts; 0: it cuts nothing
+  double turned_mJ = 0;          ///< Work that the object's rotation has done on the operator since the start
+                                 ///< of the run
+  double cutting_N = 0;          ///< Press force of a burr while it cuts, in the patient; 0: not cutting
+  /// Mean specific cutting energy of the material ahead of a burr while it cuts; 0: not cutting
   double cutting_energy_mJ_per_mm3 = 0;
   double vibration_hz = 0;  ///< Frequency of a burr's rendered vibration; 0: none is rendered
   double vibration_N = 0;   ///< Amplitude of that vibration
@@ -142,15 +144,15 @@ struct DeviceTick {
   double bone_rise_K = 0;   ///< Estimated temperature rise of the bone at a burr without irrigation
   std::array<double, 3> tip_patient_mm{};
   /// Position of the proxy in the outermost layer; for a burr, in the layer in which it cuts, which is the
-  /// position of its head. By a direct method, the tip.
+  /// position of its head. With a direct method, the tip.
   std::array<double, 3> proxy_patient_mm{};
   /// Outward unit normal of all contacts together; zero in free space
   std::array<double, 3> normal_patient{};
   /// Windowed mean velocity of the tip relative to the object
   std::array<double, 3> velocity_patient_mm_s{};
-  double field = 0;  ///< Field value at the tip, 0 ... 1; 0 by the proxy, which does not sample a field
-  /// ContactSite::depth_mm: NaN if no surface is within reach, 0 if nothing is touched. By the proxy,
-  /// distance from the proxy to the tip.
+  double field = 0;  ///< Field value at the tip, 0 ... 1; 0 with the proxy, which does not sample a field
+  /// ContactSite::depth_mm: NaN if no surface is within reach, 0 without contact. With the proxy, distance
+  /// from the proxy to the tip.
   double depth_mm = 0;
   std::uint16_t label = 0;  ///< Touched structure; 0: none
   /// Contacts of the tool: structure, part of the tool (its points, then its capsules), position on the
@@ -158,8 +160,8 @@ struct DeviceTick {
   /// the strongest first; the first one belongs to `label`. Label 0 ends the list.
   std::array<std::uint16_t, kMaxContactsReported> contact_label{}, contact_part{};
   /// Origin of the force: structures along the tip's path into the tissue, outermost first, the length of the
-  /// path within each, and each one's share of the force, 0 ... 1. By a direct method the touched structure
-  /// with share 1. Label 0 ends the list; empty without contact.
+  /// path within each, and each one's share of the force, 0 ... 1. With a direct method, the touched
+  /// structure with share 1. Label 0 ends the list; empty without contact.
   std::array<std::uint16_t, kMaxStructuresReported> path_label{};
   /// Structures near the tool, nearest first (nearest_structures). Label 0 ends the list.
   std::array<std::uint16_t, kMaxNearReported> near_label{};

@@ -35,10 +35,10 @@ Result<std::shared_ptr<const Model>> with_methods(std::shared_ptr<const Model> m
                                                   std::span<const ForceMethod> methods,
                                                   const Progress& progress = {});
 
-/// Finds the structure in contact: the first felt label along the inward normal within Model::reach_mm,
+/// Finds the structure in contact: the first touchable label along the inward normal within Model::reach_mm,
 /// sampled every half voxel. If there is none (in a valley between structures, or deep inside where the field
 /// has no direction), the nearest one along 14 directions. The surface is the same for every force method:
-/// for smoothed labels where the field is midway between the label's level and that of the felt label
+/// for smoothed labels where the field is midway between the label's level and that of the touchable label
 /// covering it or free space; for ramps the boundary of the label's voxels. Bounded: at most a few hundred
 /// voxel look-ups.
 /// @param sample  sample of the force method at x; its gradient gives the normal
@@ -53,7 +53,7 @@ Vector<Patient> pseudo_friction(const Tissue& tissue, const Vector<Patient>& vel
 
 /// Contact by a direct force method: sum over the tool's points.
 /// @param tick  inputs common to all devices
-/// @param hand  inputs of this device
-ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand);
+/// @param context  inputs of this device
+ToolContact touch_directly(const TickContext& tick, const DeviceContext& context);
 
 }  // namespace palpate

@@ -13,7 +13,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/contact/model.h"
 #include "palpate/model/memory_forecast.h"
-#include "palpate/model/preparing.h"
+#include "palpate/model/model_preparation.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
 #include "palpate/volume/volume.h"
@@ -69,7 +69,7 @@ struct SceneMemory {
 
   /// Peak usage, and usage after loading.
   std::uint64_t peak() const { return std::max(read + model.labels, scan + model.labels + model.peak); }
-  std::uint64_t stays() const { return scan + model.stays(); }
+  std::uint64_t permanent() const { return scan + model.permanent(); }
 };
 /// Called with the estimate before the memory is allocated.
 using MemoryCallback = std::function<void(const SceneMemory&)>;
@@ -166,6 +166,6 @@ Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> mode
 
 /// Slow preparation steps of a model that changes (next_version, palpate/model/changed_model.h), with results
 /// taken from the cache. An instance serves one model.
-std::unique_ptr<const Preparing> cached_preparation();
+std::unique_ptr<const ModelPreparation> cached_preparation();
 
 }  // namespace palpate

@@ -6,7 +6,7 @@
 
 #include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/model/preparing.h"
+#include "palpate/model/model_preparation.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/removed_volume.h"
 #include "palpate/tissue/tissue_laws.h"
@@ -20,12 +20,13 @@ struct ModelVersions {
   std::shared_ptr<const Model> current, prepared;
 };
 /// Versions after a ModelChange of any kind. Errors: those of the functions below; kBadInput without a
-/// current version, and for a cut by an unknown device, of no radius or at no place.
+/// current version, and for a cut with an unknown device, a radius that is not positive, or a non-finite
+/// position.
 /// @param cuts       cuts to apply; used by kCut only
 /// @param preparing  computes surfaces if a law requires other ones
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
                                    std::span<const Cut> cuts = {}, const Progress& progress = {},
-                                   const Preparing& preparing = {});
+                                   const ModelPreparation& preparing = {});
 /// Carving of a model after more cuts. The model must be prepared for the proxy.
 std::shared_ptr<const Carving> carved_by(const Model& current, std::span<const Cut> cuts);
 /// The same, without the fragments that the cuts sever from the body (palpate/tissue/fragments.h). Appends
@@ -38,8 +39,8 @@ ModelChange change_of_stroke(const Model& current, StrokeAction action);
 /// Change that selects another constitutive law for soft tissue, as the next version.
 /// @param coarsened  new Model::tissue_coarsened; 0: unchanged
 ModelChange change_of_law(const Model& current, TissueLaw law, double coarsened = 0);
-/// Whether soft tissue can use a law. Errors: kBadInput if no felt tissue has elastic constants; for a law
-/// under which tissue moves, if material was cut without recording fractions of voxels
+/// Whether soft tissue can use a law. Errors: kBadInput if no touchable tissue has elastic constants; for a
+/// law under which tissue moves, if material was cut without recording fractions of voxels
 /// (Carving::records_fractions); for a change between a law with deformable contact and one without, if there
 /// are no surfaces for the proxy or something was cut from them.
 Result<void> check_law(const Model& current, TissueLaw law);
@@ -49,7 +50,7 @@ bool has_other_surfaces(const Model& current, TissueLaw law);
 /// computed, which takes seconds. Errors: those of check_law and prepared_for; kBadInput for an invalid
 /// relaxation; kInterrupted.
 Result<std::shared_ptr<const Model>> under_law(const Model& current, TissueLaw law,
-                                               const Preparing& preparing = {},
+                                               const ModelPreparation& preparing = {},
                                                const Progress& progress = {});
 /// Next version after a change of law, using a model from under_law() instead of computing it.
 /// @param under  under_law() of `current`
@@ -85,7 +86,7 @@ Result<std::shared_ptr<const Model>> changed_model(const Model& current, const M
 bool fields_match(const Model& current, const Model& prepared);
 
 /// Whether the fields can be recomputed: inward ramps can; a union Gaussian needs the scene's files.
-bool can_make_fields(const Model& model);
+bool can_compute_fields(const Model& model);
 /// The current model with fields for its stiffnesses and every direct method of `prepared`; version and
 /// content hash are unchanged. Takes seconds. Methods that cannot be prepared are omitted. Errors: those of
 /// prepare_ramps.

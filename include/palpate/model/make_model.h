@@ -11,7 +11,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
 #include "palpate/contact/model.h"
-#include "palpate/model/preparing.h"
+#include "palpate/model/model_preparation.h"
 
 /// Builds a Model from labels.
 namespace palpate {
@@ -53,7 +53,7 @@ struct ModelParts {
 Result<std::shared_ptr<Model>> make_model(ModelParts parts);
 
 /// Result of with_ramp_field().
-struct MadeField {
+struct RampFieldResult {
   std::shared_ptr<const Model> model;  ///< Prepared for the trilinear method
   std::vector<RampFigures> ramps;      ///< One per touchable structure
   double full_force_N = 0;             ///< Full scale of these ramps
@@ -61,15 +61,15 @@ struct MadeField {
 /// The model with a new field of inward ramps for its tissues, and with no direct method but the trilinear
 /// one. Requires Model::ramp_width_mm > 0. Version and content hash do not change. Errors: those of
 /// prepare_ramps; kInterrupted.
-Result<MadeField> with_ramp_field(const Model& model, const Preparing& preparing = {},
-                                  const Progress& progress = {});
+Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparation& preparing = {},
+                                        const Progress& progress = {});
 
 /// The model prepared for additional direct methods, with their field if it has none yet; the same object if
 /// it already is. Version and content hash do not change. Errors: those of with_ramp_field() and of
 /// with_methods() (palpate/direct/direct_methods.h).
 Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const Model> model,
                                                          std::span<const ForceMethod> methods,
-                                                         const Preparing& preparing = {},
+                                                         const ModelPreparation& preparing = {},
                                                          const Progress& progress = {});
 
 /// The model prepared for these methods in addition to its own; the same object if it already is. For a
@@ -82,14 +82,14 @@ Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const M
 /// surfaces than the proxy supports; kInterrupted.
 Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,
-                                                  const Preparing& preparing = {},
+                                                  const ModelPreparation& preparing = {},
                                                   const Progress& progress = {});
 
 /// Adds only the surfaces and trees for distances and no-go regions; the same object if it has them. Without
 /// them, no-go regions of structures exert no force. Requires that nothing was cut. Errors: those of
 /// prepare_surfaces; kInterrupted.
 Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model> model,
-                                                    const Preparing& preparing = {},
+                                                    const ModelPreparation& preparing = {},
                                                     const Progress& progress = {});
 
 /// Structures that distances and no-go regions need, ascending, without duplicates.

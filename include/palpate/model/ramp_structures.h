@@ -8,7 +8,8 @@
 
 namespace palpate {
 
-/// Felt structures that occur in a volume, with the structures that support each, as input of prepare_ramps.
+/// Touchable structures that occur in a volume, with the structures that support each, as input of
+/// prepare_ramps.
 std::vector<RampStructure> ramp_structures(const Model& model, const Bricks<LabelId>& labels);
 
 /// A tissue's fraction of the field's full scale, of 255: its stiffness relative to the stiffest, at least 1.

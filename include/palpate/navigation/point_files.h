@@ -13,8 +13,8 @@ namespace palpate {
 
 struct NamedPoint {
   std::string name;  ///< Name; "1", "2" ... if the file has none
-  Eigen::Vector3d at_mm =
-      Eigen::Vector3d::Zero();   ///< LPS if the file declares its axes, otherwise as written
+  /// LPS if the file declares its axes, otherwise as written
+  Eigen::Vector3d at_mm = Eigen::Vector3d::Zero();
   std::optional<double> fle_mm;  ///< RMS localisation error, as PointPair::fle_mm
 };
 

@@ -56,7 +56,7 @@ struct HoldFigure {
   double peak_force_N = 0;
 };
 
-class NearestMeter;
+class ProtectedDistanceMeter;
 class RemovedVolume;
 
 /// Volume that burrs removed from a structure.
@@ -71,14 +71,14 @@ struct ProtectedFigure {
   std::string structure;
   LabelId label = 0;
   bool within_limit = false;
-  /// Distance of the burr's head from the structure as prepared (NearestMeter). Empty: never near.
+  /// Distance of the burr's head from the structure as prepared (ProtectedDistanceMeter). Empty: never near.
   std::optional<double> nearest_mm;
   double removed_mm3 = 0;
 };
 /// Figures, ascending by label.
 std::vector<RemovedFigure> removed_figures(const Model& model, const RemovedVolume& removed);
 std::vector<ProtectedFigure> protected_figures(const Model& model, const RemovedVolume& removed,
-                                               const NearestMeter& meter);
+                                               const ProtectedDistanceMeter& meter);
 
 /// Contact point of an approach with its structure.
 struct TouchFigure {

@@ -51,8 +51,8 @@ struct RecordingHeader {
   std::string clock = "virtual";  ///< "virtual" or "real"
   std::string scheduler;          ///< Scheduling of the servo thread; empty on the virtual clock
   double tissue_coarsened = 1;    ///< Model::tissue_coarsened; 1 in older files without it
-  std::string
-      feel;  ///< haptic_settings_text() (palpate/servo/settings_tables.h); empty in older files without it
+  /// haptic_settings_text() (palpate/servo/settings_tables.h); empty in older files without it
+  std::string feel;
   RecordedTask task;        ///< Empty in older files without it
   std::string script_text;  ///< Text of the script
   struct Structure {

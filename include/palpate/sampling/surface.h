@@ -26,7 +26,7 @@ class Surface {
   ///                  outside; at least 1, the slope of an exact distance, is used
   Surface(SignedField position, SignedField normal, double max_gradient);
   /// A copy with a box of each field replaced (SignedField::with); the rest is shared. The bounding box used
-  /// by is_beyond() is only enlarged, so is_beyond() stays conservative.
+  /// by is_farther_than() is only enlarged, so is_farther_than() stays conservative.
   Surface with(const PatchOf<std::int16_t>& position, const PatchOf<std::int16_t>& normal,
                double max_gradient) const;
 
@@ -41,13 +41,13 @@ class Surface {
 
   /// Whether distance_mm() equals outside_mm() up to rounding everywhere within a distance of x.
   /// Conservative, tested by a bounding box: may be false where it is true.
-  bool is_beyond(const Point<Patient>& x, double within_mm) const {
+  bool is_farther_than(const Point<Patient>& x, double within_mm) const {
     const Eigen::Array3d away_mm =
         (low_ - x.eigen().array()).max(x.eigen().array() - high_).max(Eigen::Array3d::Zero());
     return away_mm.square().sum() > within_mm * within_mm;
   }
   /// The same within a distance of a box, given by its minimum and maximum coordinates.
-  bool is_beyond(const Eigen::Array3d& low, const Eigen::Array3d& high, double within_mm) const {
+  bool is_farther_than(const Eigen::Array3d& low, const Eigen::Array3d& high, double within_mm) const {
     return (low - high_ > within_mm).any() || (low_ - high > within_mm).any();
   }
   double outside_mm() const { return outside_mm_; }
@@ -66,8 +66,8 @@ class Surface {
   struct Voxels {
     std::array<int, 3> first, last;
   };
-  void reach_around(const Voxels& different);
-  void find_least(std::size_t brick);
+  void extend_bounds(const Voxels& different);
+  void update_block_minimum(std::size_t brick);
   void hash_content();
 
   // bounding box, in the patient frame, of all points with a position other than outside_mm_; read by every
@@ -76,7 +76,7 @@ class Surface {
   double max_gradient_ = 1, outside_mm_ = 0;
   SignedField position_, normal_;
   // minimum stored position of every block of cells; the eight blocks of a brick are consecutive, i fastest
-  std::vector<std::int16_t> least_ = std::vector<std::int16_t>(8);
+  std::vector<std::int16_t> block_minima_ = std::vector<std::int16_t>(8);
   std::uint64_t content_hash_ = 0;
 };
 

@@ -37,7 +37,7 @@ struct ViewedTask {
   struct Step {
     std::string name, kind;  ///< "touch", "visit", "cover", "remove"
     std::size_t region = 0;
-    std::array<double, 2> force_N{0, kNotKnown};  ///< Force range of a touch; NaN: unbounded
+    std::array<double, 2> force_N{0, kUnknown};  ///< Force range of a touch; NaN: unbounded
     double seconds = 0, coverage = 0;
     bool seen = false;  ///< Whether the region also has to be in the scope's view
   };
@@ -114,7 +114,7 @@ struct ViewedDebriefing {
   double time_s = 0, missing_s = 0;
   std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;
   struct Metric {
-    double value = kNotKnown, best = kNotKnown;
+    double value = kUnknown, best = kUnknown;
     bool in_band = false;
   };
   std::vector<Metric> metrics;
@@ -123,8 +123,8 @@ struct ViewedDebriefing {
   std::uint64_t more_events = 0;
   struct Sample {
     double time_s = 0;
-    std::array<double, 3> tip_mm{kNotKnown, kNotKnown, kNotKnown};  ///< Patient frame
-    double touch_N = 0;                                             ///< Total contact force
+    std::array<double, 3> tip_mm{kUnknown, kUnknown, kUnknown};  ///< Patient frame
+    double touch_N = 0;                                          ///< Total contact force
     /// Contact force per measured force of the task, for the first of them
     std::array<double, kMaxForces> forces_N{};
   };

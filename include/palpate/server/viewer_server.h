@@ -154,10 +154,10 @@ struct ViewedScene {
   std::vector<std::string> laws;     ///< Tissue laws that can be chosen; none without soft tissue
   std::string device_name;
   bool simulated = true;
-  std::string input =
-      "script";  ///< Source of the tip's motion: "script", "pointer", "ros2", "device", "recording"
-  /// Ratings of the first device; kNotKnown: unknown.
-  double peak_force_N = kNotKnown, continuous_force_N = kNotKnown, max_stiffness_N_per_mm = kNotKnown;
+  /// Source of the tip's motion: "script", "pointer", "ros2", "device", "recording"
+  std::string input = "script";
+  /// Ratings of the first device; kUnknown: unknown.
+  double peak_force_N = kUnknown, continuous_force_N = kUnknown, max_stiffness_N_per_mm = kUnknown;
   ValueRange max_force_range{};  ///< Range of the user's force limit; N
   double rate_hz = 1000;
   std::optional<ViewedRecording> recording;  ///< Recording shown in place of a session
@@ -213,7 +213,8 @@ struct ViewedState : Settings {
   std::size_t strokes_to_undo = 0, strokes_to_redo = 0;
   std::map<LabelId, double> removed_mm3;  ///< Volume removed by the sweeps, per structure
   double broken_off_mm3 = 0;              ///< Part of it that was not cut, but cut loose: fragments
-  std::map<LabelId, double> nearest_mm;   ///< Smallest distance to each protected structure (NearestMeter)
+  std::map<LabelId, double>
+      nearest_mm;  ///< Smallest distance to each protected structure (ProtectedDistanceMeter)
   std::uint32_t model_version = 1;
   std::vector<ContactProperties> tissues;  ///< Current properties of each tissue
   /// Number of the stop in effect (Arming::number), to which a rearm refers; empty: the force is not stopped.

@@ -8,10 +8,10 @@
 /// sources are in docs/decisions/0091-vibration-of-a-burr.md.
 namespace palpate {
 
-/// State of a burr's rendering between two ticks. All zero while the motor stands still, except for the
-/// temperature rise and the time for which a break-through is still reported.
+/// State of a burr's rendering between two ticks. All zero while the motor is off, except for the temperature
+/// rise and the time for which a break-through is still reported.
 struct BurrRenderingState {
-  double frequency_hz = 0;     ///< Frequency of the vibration since the motor's start; 0: it stands still
+  double frequency_hz = 0;     ///< Frequency of the vibration since the motor's start; 0: motor off
   double phase = 0;            ///< Phase of the vibration in periods, 0 ... 1
   double mean_N = 0;           ///< Low-pass filtered press force, from which the kick is computed
   double break_through_s = 0;  ///< Time for which a break-through is still reported

@@ -31,11 +31,12 @@ struct CompositeDriverSettings {
 /// Neither side waits for the other: states and commands are exchanged by mailboxes. A follower's update
 /// returns the force that a tick computed from the state of the update before. Its force is therefore later
 /// than without the combination by one of its own periods and one of the owner's. devices() includes this in
-/// delay_s and, because of it, limits a physical follower to careful_bounds() even if its vendor vouches for
-/// more. Commands older than kOldCommand_s are ignored.
+/// delay_s and, because of it, limits a physical follower to conservative_bounds() even if its vendor vouches
+/// for more. Commands older than kOldCommand_s are ignored.
 ///
-/// The owner is the driver whose devices exert force: physical ones before simulated ones, among those the
-/// fastest. Simulated devices without force (a pointer) come last. Devices keep the order of the drivers.
+/// The owner is a driver whose devices exert force: physical drivers take precedence over simulated ones, and
+/// faster ones over slower ones. Simulated devices without force (a pointer) are chosen last. Devices keep
+/// the order of the drivers.
 class CompositeDriver final : public DeviceDriver {
  public:
   /// @param drivers  at least one, with at most kMaxDevices devices in total, all held by this process
@@ -49,7 +50,7 @@ class CompositeDriver final : public DeviceDriver {
   void run(ServoFunction& servo, ServoClock& clock) noexcept override;
   void halt() noexcept override;
   void resume(std::uint64_t newest) noexcept override;
-  /// Trouble of the first device that has any; also reports a follower whose driver has given up.
+  /// Failure of the first device that reports one; also reports a follower whose driver has terminated.
   std::optional<Error> failure() const override;
 
   /// The followers' threads, in the order of their drivers; for one that has not run yet, only the name.

@@ -31,10 +31,10 @@ struct RealtimeGrant {
   std::string memory = {};     ///< "locked", or the actual state and the reason
 };
 
-/// Gives the calling thread the requested real-time privileges as far as the system allows, and returns those
-/// granted. It also touches 512 KiB of the thread's stack (or all of it, if that is less), sets the timer
-/// slack to 1 ns, names the thread and blocks every signal on it. Memory stays locked until the thread ends
-/// or calls this without lock_memory. Allocates, so it must not be called from within the loop.
+/// Requests real-time privileges for the calling thread, and returns those granted. It also touches 512 KiB
+/// of the thread's stack (or all of it, if that is less), sets the timer slack to 1 ns, names the thread and
+/// blocks every signal on it. Memory stays locked until the thread ends or calls this without lock_memory.
+/// Allocates, so it must not be called from within the loop.
 RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request);
 
 /// Scheduling policy and priority of a thread: "SCHED_FIFO 80", "SCHED_OTHER". Empty if there is no such
@@ -52,7 +52,7 @@ class CpuExclusion {
   CpuExclusion();
   /// Sets the affinity mask to all CPUs of the mask at construction except `cpu`; to all of them if `cpu` is
   /// negative or the only one. Makes a system call only if `cpu` differs from the last call.
-  void than(int cpu);
+  void exclude(int cpu);
 
  private:
   cpu_set_t all_;

@@ -27,7 +27,8 @@ namespace palpate {
 struct Parameters : Settings {
   bool emergency_stop = false;  ///< Set the forces to zero at once
   std::array<DeviceParameters, kMaxDevices> device;
-  /// Latest solution of deformable tissue. The contact itself blends over to a new one.
+  /// Latest solution of deformable tissue. A new solution is blended in by the contact law
+  /// (blend_compliance()).
   ComplianceFrame compliance;
 };
 
@@ -40,8 +41,8 @@ struct OutputState {
   double gain = 0;           ///< Ramp gain, 0 ... 1
   double heat = 0;           ///< Fraction of the thermal budget in use, 0 ... 1
   double since_fault_s = 0;  ///< Time since the last fault or dropout; saturates at ramp_in_s
-  bool in_dropout =
-      false;  ///< No fresh pose at present, in a dropout that is still short: the ramp gain is held
+  /// In a dropout that still counts as short; the ramp gain is not reset
+  bool in_dropout = false;
   bool returning = false;  ///< Recovering from a short dropout: the force grows at return_N_per_s at most
 };
 
@@ -53,26 +54,29 @@ struct SessionState {
     Point<Patient> previous_tip;
     VelocityWindow velocity;
     ProxyState proxy;
-    std::uint32_t proxy_version = 0;  ///< Version of the model whose surfaces the proxy is on
-    bool pushed_directly = false;     ///< A direct method pushed the tip in the previous tick
+    std::uint32_t proxy_version = 0;       ///< Version of the model whose surfaces the proxy is on
+    bool pushed_by_direct_method = false;  ///< A direct method pushed the tip in the previous tick
     CouplingState coupling;
-    TissuePress press;  ///< Contact with deformable tissue in the last tick; unset with a single device
-    BurrState burr;     ///< Default-constructed unless the tool is a burr
+    TissueContact
+        tissue_contact;  ///< Contact with deformable tissue in the last tick; unset with a single device
+    BurrState burr;      ///< Default-constructed unless the tool is a burr
     BurrRenderingState burr_rendering;
-    // last requested force after blending, and the offset to the previous source's force, which is fading out
+    // last requested wrench after blending, and its initial difference to the wrench of the previous force
+    // source, which fades out
     Wrench requested;
     Wrench difference;
     double blend_elapsed_s = kOutputSettings.blend_s;
     PassivityState passivity;
     OscillationState oscillation;
     DelayLine delay;
-    double turned_mJ = 0;  ///< Work that the turning object has done on this hand since the run began
+    double turned_mJ = 0;  ///< Work that the object's rotation has done on the operator since the start of
+                           ///< the run
     OutputState output;
 
-    /// Resets the contact: the side of each surface on which the tip lies is unknown.
+    /// Resets the contact. For use when it is unknown on which side of each surface the tip lies.
     void reset_contact();
-    /// Resets everything that depends on the path of the tip, which is unknown. The output stage, and the
-    /// material that a burr removes, stay.
+    /// Resets all state that is derived from the path of the tip, for use after the path was interrupted. The
+    /// output stage and the burr's sweeps are retained.
     void reset_path();
   };
 
@@ -86,7 +90,8 @@ struct SessionState {
   // digest of everything that selects the force computation; 0 before the first tick. A new value starts a
   // blend
   std::uint64_t force_source = 0;
-  // cutting tools: number of times that a motor was started while all were off, and whether any is running
+  // cutting tools: number of strokes, each of which begins when a motor starts while all are off, and whether
+  // any motor is on
   std::uint32_t strokes = 0;
   bool motor_on = false;
   Holes holes;  // holes left open by punctures
@@ -100,8 +105,8 @@ struct SessionState {
     std::uint32_t version = 0;  ///< Version of that model; 0 before the first tick
     std::uint32_t edits = 0;    ///< Model::edits of that model
     int count = 0;
-    bool is_deformable =
-        false;  ///< is_elastic(Model::tissue_law); a change assigns structures to other layers
+    /// is_elastic(Model::tissue_law); a change assigns structures to other layers
+    bool is_deformable = false;
     std::array<LabelId, kMaxSurfaces> label{};
     std::array<std::uint64_t, kMaxSurfaces> content{};  ///< Surface::content_hash()
   } surfaces;
@@ -113,7 +118,7 @@ struct SessionState {
 /// One servo tick. Does not allocate, lock, log or throw, and makes no system call.
 ///
 /// The tick is refused if `dt_s` is negative or not finite, the number of devices is not 1 ... kMaxDevices,
-/// `wrenches` has another length, or the model is prepared neither for the proxy nor for the trilinear
+/// `wrenches` has a different length, or the model is prepared neither for the proxy nor for the trilinear
 /// method. Then all wrenches are zero, the state is unchanged, and every device has kFlagNotFinite.
 /// @param devices   1 ... kMaxDevices states; `wrenches` has the same length
 /// @param dt_s      duration since the last tick; finite, at least 0

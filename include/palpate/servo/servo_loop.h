@@ -14,7 +14,7 @@
 /// The tick on the real clock: its thread, its watchdog, and the data it publishes.
 ///
 ///    change, set_model, emergency_stop                 any thread but the servo's
-///         │ mailbox, pointer, flag: never waited for
+///         │ mailbox, pointer, flag: the servo never waits
 ///         ▼
 ///    servo thread   clock ─► samples ─► workspace ─► tick ─► workspace ─► commands
 ///         │             │                             │
@@ -22,7 +22,8 @@
 ///         │                             halts a       └─ every tick, ring ─► ring(): recorder
 ///         │                             hung device
 ///
-/// Nothing on the right can make a tick wait: the latest value is overwritten, a full ring counts a drop.
+/// No reader can delay a tick: the latest value is overwritten, and a full ring drops the record and counts
+/// it.
 namespace palpate {
 
 template <class T>
@@ -71,7 +72,7 @@ struct TickingThread {
   /// In the format of Scheduling::scheduler; queried from the kernel for a vendor's thread
   std::string scheduler;
   std::uint64_t updates = 0;  ///< Number of updates since the thread started
-  LateCounts late;            ///< Updates that came later than half a period
+  LateCounts late;            ///< Updates that were late by more than half a period
 };
 
 /// Percentiles and maximum of a duration.
@@ -82,7 +83,7 @@ struct Percentiles {
 /// Timing statistics since the loop was started or last reset.
 struct LoopHealth {
   std::uint64_t ticks = 0;
-  std::uint64_t skipped = 0;  ///< Grid points that passed without a tick
+  std::uint64_t skipped = 0;  ///< Scheduled ticks that were skipped
   std::uint64_t dropped = 0;  ///< Ticks that are not recorded because the ring was full
   std::uint64_t stalls = 0;   ///< Number of times that the watchdog halted the devices
   double rate_hz = 0;         ///< Measured tick rate
@@ -145,17 +146,16 @@ class ServoLoop {
   virtual std::uint32_t change(const std::function<void(Parameters&)>& edit) = 0;
   virtual Parameters parameters() const = 0;
   /// Replaces the model from the next tick on. The force blends over in kOutputSettings.blend_s, except for a
-  /// local edit (Model::edits), which applies at once. A model of the same version must be the same apart
-  /// from being prepared for more methods. The old model is freed by a later call of set_model() or
+  /// local edit (Model::edits), which applies at once. A model with the current version number must be the
+  /// same model, prepared for additional methods. The old model is freed by a later call of set_model() or
   /// collect(), never on the servo thread. Errors: kBadInput if the model is null or of a lower version; the
   /// loop then keeps its model.
   virtual Result<void> set_model(std::shared_ptr<const Model> model) = 0;
   /// Frees models that no tick uses any more. Returns the number of models still held.
   virtual std::size_t collect() = 0;
-  /// Sets forces to zero from the next tick on, until a rearm() answers this stop or a later one. Idempotent:
-  /// repeated calls only ever stop. Any thread at any time, signal handlers included. Returns the stop's
-  /// number, shared with rearm()'s; a tick has taken it into account if its TickRecord::arming_number is not
-  /// lower.
+  /// Sets forces to zero from the next tick on, until a rearm() answers this stop or a later one. Idempotent.
+  /// Any thread at any time, signal handlers included. Returns the stop's number, shared with rearm()'s; a
+  /// tick has taken it into account if its TickRecord::arming_number is not lower.
   virtual std::uint32_t emergency_stop() noexcept = 0;
   /// Ends a stop if it is the latest one and no device is in contact. If a tip is in contact in the tick that
   /// would apply it, that tick stays stopped and the rearm is void. Any thread.
@@ -182,9 +182,9 @@ class ServoLoop {
   /// Resets the statistics of health() with the next tick.
   virtual void reset_health() noexcept = 0;
   virtual const Scheduling& scheduling() const noexcept = 0;
-  /// The thread that ticks: the loop's own, or a vendor's that calls back.
+  /// Thread that runs the ticks: the loop's own, or the vendor's callback thread.
   virtual TickingThread ticking() const = 0;
-  /// CPU that the latest tick ran on, for threads that keep off it; -1: no tick yet.
+  /// CPU on which the latest tick ran, for threads that must avoid it; -1: no tick yet.
   virtual int cpu() const noexcept = 0;
   virtual std::span<const DeviceInfo> devices() const = 0;
 };

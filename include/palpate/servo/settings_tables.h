@@ -19,10 +19,10 @@ struct OutputSettings {
   double fresh_s = 5e-3, stale_s = 10e-3;
   /// Dropouts in which the pose gets no older than this recover by the slow slew below instead of the ramp.
   double short_dropout_s = 20e-3;
-  /// Growth rate of the force after a short dropout, and the time for which it is limited to that rate. 0.2 N
-  /// in a 1 kHz tick is too little to be a kick. 9 N, more than any known device can exert, return within 50
-  /// ms; the remaining time covers the rebound of the operator's hand. The sooner the force returns, the less
-  /// a hand that was supported by it sinks.
+  /// Growth rate of the force after a short dropout, and the time for which it is limited to that rate. 195
+  /// N/s is 0.2 N per 1 kHz tick, which is not perceived as a kick. At this rate 9 N, more than any known
+  /// device exerts, are restored within 50 ms; the remaining time covers the rebound of the operator's hand.
+  /// With a lower rate a supported hand would sink deeper.
   double return_N_per_s = 195, return_s = 100e-3;
   /// Damping along the force for the same time, which stops the velocity gained during the dropout and the
   /// rebound. It adds at most the force itself. Devices that bear less damping get less.
@@ -44,23 +44,23 @@ struct OutputSettings {
   double jump_mm = 10, jump_mm_s = 10e3;
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("blend_s", blend_s);
-    of("ramp_in_s", ramp_in_s);
-    of("ramp_out_s", ramp_out_s);
-    of("fresh_s", fresh_s);
-    of("stale_s", stale_s);
-    of("short_dropout_s", short_dropout_s);
-    of("return_N_per_s", return_N_per_s);
-    of("return_s", return_s);
-    of("return_damping_N_s_per_m", return_damping_N_s_per_m);
-    of("clock_jitter_s", clock_jitter_s);
-    of("thermal_s", thermal_s);
-    of("thermal_taper_s", thermal_taper_s);
-    of("full_range_s", full_range_s);
-    of("max_tick_s", max_tick_s);
-    of("jump_mm", jump_mm);
-    of("jump_mm_s", jump_mm_s);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("blend_s", blend_s);
+    visitor("ramp_in_s", ramp_in_s);
+    visitor("ramp_out_s", ramp_out_s);
+    visitor("fresh_s", fresh_s);
+    visitor("stale_s", stale_s);
+    visitor("short_dropout_s", short_dropout_s);
+    visitor("return_N_per_s", return_N_per_s);
+    visitor("return_s", return_s);
+    visitor("return_damping_N_s_per_m", return_damping_N_s_per_m);
+    visitor("clock_jitter_s", clock_jitter_s);
+    visitor("thermal_s", thermal_s);
+    visitor("thermal_taper_s", thermal_taper_s);
+    visitor("full_range_s", full_range_s);
+    visitor("max_tick_s", max_tick_s);
+    visitor("jump_mm", jump_mm);
+    visitor("jump_mm_s", jump_mm_s);
   }
 };
 
@@ -71,8 +71,8 @@ struct RotationSettings {
   /// Limit of the power that a turning object exchanges with an operator, in either direction: within the 0.2
   /// s that a person needs to react, 1 N displaces the hand by 1 mm.
   double max_power_mW = 5;
-  /// Limit of the speed of the material point under a tip to which a force is sent, device mm/s: a surface
-  /// that meets a tip approaches no faster than a slow hand would.
+  /// Limit of the speed of the material point under a tip to which a force is sent, device mm/s: a rotating
+  /// surface approaches a tip no faster than a slow hand motion.
   double max_speed_mm_s = 100;
   /// Limit of that point's displacement per tick, given as the force that it causes at the model's stiffest
   /// tissue.
@@ -80,18 +80,19 @@ struct RotationSettings {
   /// Upper bound of the tick duration that counts towards the limits, so that a late tick gets no larger
   /// budget.
   double max_tick_s = 0.01;
-  /// Maximum number of iterations that shorten a tick's rotation until it is within the limits. One rotation
-  /// is small enough for the path under a tip to be nearly straight.
+  /// Maximum number of iterations that shorten a tick's rotation until it is within the limits. The rotation
+  /// of one tick is small enough for the path of the point to be nearly straight, so that few iterations
+  /// suffice.
   int max_iterations = 6;
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("interval_s", interval_s);
-    of("max_power_mW", max_power_mW);
-    of("max_speed_mm_s", max_speed_mm_s);
-    of("max_step_N", max_step_N);
-    of("max_tick_s", max_tick_s);
-    of("max_iterations", max_iterations);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("interval_s", interval_s);
+    visitor("max_power_mW", max_power_mW);
+    visitor("max_speed_mm_s", max_speed_mm_s);
+    visitor("max_step_N", max_step_N);
+    visitor("max_tick_s", max_tick_s);
+    visitor("max_iterations", max_iterations);
   }
 };
 
@@ -100,7 +101,7 @@ struct BurrRenderingSettings {
   /// Upper end of the band in which vibration is rendered: the hand is most sensitive around 200 Hz, and a
   /// tick of 1 ms renders a period in five steps.
   double max_hz = 200;
-  /// The same in periods per tick, for longer ticks.
+  /// Upper end of the band in periods per tick; determines the band for longer ticks.
   double max_cycles_per_tick = 0.25;
   /// Run-out of the cutting edges, an assumption.
   double runout_mm = 1e-3;
@@ -108,9 +109,10 @@ struct BurrRenderingSettings {
   double max_vibration_N = 0.15, max_kick_N = 0.3;
   /// Time constant of the mean press force: a kick follows changes that are faster.
   double kick_s = 0.03;
-  /// Thinnest sine of the angle between spindle and contact normal at which the edges have a direction.
+  /// Minimum sine of the angle between spindle and contact normal at which the direction of the cutting edges
+  /// is defined.
   double min_sine = 0.05;
-  /// Press force from which on a burr can break through, in the patient.
+  /// Minimum press force, in the patient, for a break-through to be reported.
   double min_press_N = 0.02;
   /// Free distance ahead of the head's foremost point that counts as a break-through, and the spacing at
   /// which it is sampled, from CuttingSettings::lookahead_mm on.
@@ -122,21 +124,21 @@ struct BurrRenderingSettings {
   double conductivity_W_per_m_K = 0.54, capacity_mJ_per_mm3_K = 2.5, heat_fraction = 0.1;
 
   template <class Visit>
-  constexpr void visit(Visit&& of) const {
-    of("max_hz", max_hz);
-    of("max_cycles_per_tick", max_cycles_per_tick);
-    of("runout_mm", runout_mm);
-    of("max_vibration_N", max_vibration_N);
-    of("max_kick_N", max_kick_N);
-    of("kick_s", kick_s);
-    of("min_sine", min_sine);
-    of("min_press_N", min_press_N);
-    of("free_mm", free_mm);
-    of("free_step_mm", free_step_mm);
-    of("break_through_s", break_through_s);
-    of("conductivity_W_per_m_K", conductivity_W_per_m_K);
-    of("capacity_mJ_per_mm3_K", capacity_mJ_per_mm3_K);
-    of("heat_fraction", heat_fraction);
+  constexpr void visit(Visit&& visitor) const {
+    visitor("max_hz", max_hz);
+    visitor("max_cycles_per_tick", max_cycles_per_tick);
+    visitor("runout_mm", runout_mm);
+    visitor("max_vibration_N", max_vibration_N);
+    visitor("max_kick_N", max_kick_N);
+    visitor("kick_s", kick_s);
+    visitor("min_sine", min_sine);
+    visitor("min_press_N", min_press_N);
+    visitor("free_mm", free_mm);
+    visitor("free_step_mm", free_step_mm);
+    visitor("break_through_s", break_through_s);
+    visitor("conductivity_W_per_m_K", conductivity_W_per_m_K);
+    visitor("capacity_mJ_per_mm3_K", capacity_mJ_per_mm3_K);
+    visitor("heat_fraction", heat_fraction);
   }
 };
 
@@ -148,9 +150,9 @@ static_assert(names_every_member<OutputSettings>() && names_every_member<Rotatio
 
 /// Calls `of(group, name, value)` for every setting; the value is a double or an int.
 template <class Visit>
-void visit_haptic_settings(Visit&& of) {
+void visit_haptic_settings(Visit&& visitor) {
   const auto group = [&](const char* title, const auto& settings) {
-    settings.visit([&](const char* name, auto value) { of(title, name, value); });
+    settings.visit([&](const char* name, auto value) { visitor(title, name, value); });
   };
   group("proxy", kProxySettings);
   group("tool_turn", kToolRotationSettings);

@@ -113,7 +113,7 @@ struct ExploreStatus {
   std::string coarser_tissue;
   /// Reasons why a device's stiffness is limited to a conservative bound, one per line. Empty if every vendor
   /// specifies its stiffness.
-  std::string careful_bounds;
+  std::string conservative_bounds;
   /// Threads other than the loop's own that exchange states and commands with a device.
   std::vector<TickingThread> followers;
   /// Reason why a device currently delivers no force or no pose.

@@ -54,7 +54,7 @@ inline constexpr std::uint32_t kMaxRunsOfSession = 1000;
 struct RunHistory {
   int runs = 0, in_a_row = 0;
   /// Best value of each metric over the earlier runs that were in band; a run that was broken off would win
-  /// by a short path and low forces. kNotKnown if there is none.
+  /// by a short path and low forces. kUnknown if there is none.
   std::vector<double> best;
   std::optional<std::int64_t> run_id;  ///< Number of this run in the records
   std::optional<Error> not_stored;

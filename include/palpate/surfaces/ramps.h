@@ -41,7 +41,7 @@ struct RampOptions {
   /// Depth at which the stiffest tissue reaches the full force K_greatest * width_mm, mm; kMinRampWidth_mm
   /// ... kMaxRampWidth_mm.
   double width_mm = 4;
-  int threads = 0;  ///< 0: as many as the machine has; does not affect the result
+  int threads = 0;  ///< 0: one per processor; does not affect the result
 };
 /// Maximum number of chains of structures resting on each other.
 inline constexpr int kMaxRampChains = 2000;

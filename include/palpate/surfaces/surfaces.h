@@ -45,7 +45,7 @@ struct SurfaceOptions {
   double stray_below_mm3 = 20;
   /// Volume below which components are omitted, mm3. 0: keep all.
   double drop_below_mm3 = 0;
-  int threads = 0;  ///< 0: as many as the machine has; does not affect the result
+  int threads = 0;  ///< 0: one per processor; does not affect the result
 };
 
 /// A component of a structure that is small enough to be a segmentation error.
@@ -81,7 +81,7 @@ struct PreparedSurface {
   /// Extent of the position in voxels of the label volume; larger than the structure, and may exceed the
   /// volume near its border.
   VoxelBox box;
-  SurfaceIntermediates workings;
+  SurfaceIntermediates intermediates;
 };
 
 /// Surfaces of some structures of a label volume. Structures end at the volume's border; the axes of the grid
@@ -124,9 +124,10 @@ struct Leaks {
 };
 /// Structures whose voxels are connected by edges or corners alone, so that free voxels on both sides meet
 /// across an edge or corner: within two voxels of it neither side is connected to the other through faces,
-/// and at most half of the voxels are felt. The surface may be open there. Sides of fewer than 9 voxels are
-/// pockets and do not count; neither do two structures that touch in this way, nor holes of voxels that share
-/// faces, which are as drawn. None are found within two voxels of the volume's border, where structures end.
+/// and at most half of the voxels are touchable. The surface may be open there. Sides of fewer than 9 voxels
+/// are pockets and do not count; neither do two structures that touch in this way, nor face-connected holes,
+/// which are taken as intended by the segmentation. None are found within two voxels of the volume's border,
+/// where structures end.
 /// @param structures  all touchable structures: together they form the barrier to the tool
 /// Errors: kInterrupted.
 Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::vector<LabelId>& structures,

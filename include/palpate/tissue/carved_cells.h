@@ -11,15 +11,15 @@
 
 namespace palpate {
 
-/// Material of each label of a model: soft if its tissue is felt and has a modulus, rigid if it is felt and
-/// has none, else empty.
+/// Material of each label of a model: soft if its tissue is touchable and has a modulus, rigid if it is
+/// touchable and has none, otherwise empty.
 std::vector<ElasticMaterial> materials_of(const Model& model);
 
 /// Label volume together with what has been removed from it.
 struct CarvedLabels {
-  std::shared_ptr<const Bricks<LabelId>> made;  // labels before removal
-  /// Carving::taken; null: nothing removed.
-  std::shared_ptr<const Bricks<std::uint8_t>> taken;
+  std::shared_ptr<const Bricks<LabelId>> original;  // labels before removal
+  /// Carving::removed_fraction; null: no tissue removed.
+  std::shared_ptr<const Bricks<std::uint8_t>> removed_fraction;
 };
 /// Labels before removal, and the removal, of a model.
 CarvedLabels carved_labels(const Model& model);
@@ -46,18 +46,18 @@ class CarvedCells {
   /// @returns cells that may have changed
   CellBox follow(const CarvedLabels& labels, ElasticSolver& solver);
   /// Cells that have not reached their target fill yet.
-  const CellBox& changing_cells() const { return in_progress_; }
+  const CellBox& changing_cells() const { return changing_cells_; }
   /// Copies the state of cells that are still changing in `other` to the same cells here.
   /// @param offset  added to a cell's index here gives its index in `other`
   void copy_overlap(const CarvedCells& other, const std::array<int, 3>& offset);
 
  private:
-  void note_changes(const CarvedLabels& labels);
+  void mark_changed_cells(const CarvedLabels& labels);
 
   CarvedLabels labels_;
   LabelCells cells_;
   ElasticGrid grid_;
-  CellBox in_progress_;
+  CellBox changing_cells_;
 };
 
 }  // namespace palpate

@@ -37,17 +37,17 @@ namespace palpate {
 ///
 /// The distance to the remaining material is the least, over voxels y in the cells through which the surface
 /// passes and slightly deeper, of |p - y| plus the (negative) distance at y: an additively weighted distance
-/// transform, which the weights make more accurate than a voxel. It is exact if such a voxel lies on the line
-/// through the nearest point. In front of an edge between two sweeps it is slightly too small, so that no
-/// slope is much steeper than that of a distance.
+/// transform, accurate to less than a voxel because of the weights. It is exact if such a voxel lies on the
+/// line through the nearest point. In front of an edge between two sweeps it is slightly too small, so that
+/// no slope is much steeper than that of a distance.
 ///
 /// The normal is the prepared one where nothing was removed, and that of the new position elsewhere.
 class CarvedSurface {
  public:
-  /// @param made  prepared surface; the axes of its grid must be perpendicular
-  /// @param stored  surfaces of protected structures
-  explicit CarvedSurface(std::shared_ptr<const Surface> made,
-                         std::vector<std::shared_ptr<const Surface>> stored = {});
+  /// @param original  prepared surface; the axes of its grid must be perpendicular
+  /// @param protected_surfaces  surfaces of protected structures
+  explicit CarvedSurface(std::shared_ptr<const Surface> original,
+                         std::vector<std::shared_ptr<const Surface>> protected_surfaces = {});
 
   /// Version after more sweeps. The cost is proportional to the volume of their bounding box.
   CarvedSurface with(std::span<const Sweep> sweeps) const;
@@ -55,18 +55,18 @@ class CarvedSurface {
   /// Current surface. Identical to made() while nothing has been removed.
   const std::shared_ptr<const Surface>& surface() const { return now_; }
   /// Prepared surface.
-  const std::shared_ptr<const Surface>& made() const { return made_; }
+  const std::shared_ptr<const Surface>& original() const { return original_; }
   /// Largest amount by which a head exceeds the clearance at a position it has just cut, in the interpolated
   /// surface: the axis of a hole lies on a ridge of the distance, which trilinear interpolation flattens.
-  double clearance_error_mm() const { return short_mm_; }
+  double clearance_error_mm() const { return clearance_error_mm_; }
 
  private:
-  std::shared_ptr<const Surface> made_, now_;
-  std::vector<std::shared_ptr<const Surface>> stored_;
+  std::shared_ptr<const Surface> original_, now_;
+  std::vector<std::shared_ptr<const Surface>> protected_surfaces_;
   Bricks<std::int16_t> cut_;  ///< C, in units of the position's steps
   /// Greatest slope of each brick of the position that differs from the prepared one; 0: unchanged.
   std::vector<double> max_gradient_;
-  double short_mm_ = 0;
+  double clearance_error_mm_ = 0;
 };
 
 /// Sweep of one device's burr, or the removal of a fragment that was cut loose (palpate/tissue/fragments.h).
@@ -80,13 +80,14 @@ struct Cut {
 Cut cut_of(const SweepRecord& sweep);
 SweepRecord plain(const Cut& cut);
 
-/// Thick bone, which a burr's law measures by its surface, and thin bone, which it measures by its voxels
-/// (Model::thin_voxels); index of an array.
+/// Bone classes, as array indices: thick bone, which is measured from its surface, and thin bone, which is
+/// measured from its voxels (Model::thin_voxels).
 enum BoneClass : std::size_t { kThick, kThin, kBoneClasses };
 
-/// Material that the sweeps of a burr were the first to cover, counted in sample points of the voxels
-/// (SweptSamples). Volume and cutting energy are those of the structures in the innermost layer of contact,
-/// on which a burr's motor works (palpate/tissue/removal.h); softer structures around them are not counted.
+/// Material removed by a burr, i.e. covered by its sweeps but by no earlier ones, counted in sample points of
+/// the voxels (SweptSamples). Volume and cutting energy are those of the structures in the innermost layer of
+/// contact, on which a burr's motor works (palpate/tissue/removal.h); softer structures around them are not
+/// counted.
 struct CarvedMaterial {
   std::uint64_t sweeps = 0;  ///< Number of sweeps
   std::array<double, kBoneClasses> volume_mm3{}, energy_mJ{};
@@ -99,7 +100,7 @@ class Carving {
  public:
   /// Nothing removed yet.
   explicit Carving(const Model& model);
-  /// Version after more cuts; takes milliseconds for some milliseconds of cutting. Voxels of felt,
+  /// Version after further cuts; takes milliseconds for a few milliseconds of cutting. Voxels of touchable,
   /// unprotected labels are cleared if their centre was swept.
   std::shared_ptr<const Carving> with(std::span<const Cut> cuts) const;
 
@@ -112,13 +113,15 @@ class Carving {
   std::size_t strokes_to_redo() const { return strokes_.undone().size(); }
 
   /// Remaining labels.
-  const std::shared_ptr<const Bricks<LabelId>>& labels() const { return left_.labels; }
+  const std::shared_ptr<const Bricks<LabelId>>& labels() const { return remaining_.labels; }
   /// Labels before any removal.
   const std::shared_ptr<const Bricks<LabelId>>& original_labels() const { return original_labels_; }
   /// Removed fraction of every voxel, 0 ... 255, finer than the labels so that soft tissue loses stiffness
   /// gradually (SoftTissueSolver). The maximum over all sweeps, so independent of their order. null while
   /// nothing is removed, and for models without deformable tissue.
-  const std::shared_ptr<const Bricks<std::uint8_t>>& taken() const { return left_.taken; }
+  const std::shared_ptr<const Bricks<std::uint8_t>>& removed_fraction() const {
+    return remaining_.removed_fraction;
+  }
   /// Whether taken() is recorded: the tissue was deformable (TissueLaw) when the carving began.
   bool records_fractions() const { return records_fractions_; }
 
@@ -136,33 +139,34 @@ class Carving {
 
  private:
   // remaining material
-  struct Left {
+  struct Remaining {
     std::vector<std::shared_ptr<const CarvedSurface>> surfaces;  // null: nothing removed from it
     std::shared_ptr<const Bricks<LabelId>> labels;
-    std::shared_ptr<const Bricks<std::uint8_t>> taken;
+    std::shared_ptr<const Bricks<std::uint8_t>> removed_fraction;
     SweptSamples swept;      // in labels with a cutting energy
     std::uint64_t hash = 0;  // digest of all cuts applied, in order; 0: none
   };
   struct Stroke {
-    std::shared_ptr<const Left> before, after;  // after: set by the first undo
+    std::shared_ptr<const Remaining> before, after;  // after: set by the first undo
   };
   void take(std::span<const Cut> cuts);
   void count(const Cut& cut);
-  void take_parts(const Sweep& sweep);
+  void record_removed_fractions(const Sweep& sweep);
 
   // Prepared surfaces: those of the model by index, then those that distances are measured to but that have
   // no contact. null: part of a common surface, or protected.
-  std::vector<std::shared_ptr<const Surface>> made_;
-  std::size_t tracked_surfaces_ = 0;  // number of made_ that are surfaces of the model
-  std::vector<int> made_of_tracked_;  // index into made_ for each structure of Model::distances; -1: not cut
+  std::vector<std::shared_ptr<const Surface>> original_surfaces_;
+  std::size_t tracked_surfaces_ = 0;      // number of original_surfaces_ that are surfaces of the model
+  std::vector<int> original_of_tracked_;  // index into original_surfaces_ for each structure of
+                                          // Model::distances; -1: not cut
   std::shared_ptr<const Bricks<LabelId>> original_labels_;
-  std::vector<bool> is_cut_;                                 // by label
+  std::vector<bool> is_cuttable_;                            // by label
   CuttingEnergy cutting_energy_;                             // by original label
   std::shared_ptr<const Bricks<std::uint8_t>> thin_voxels_;  // may be null
   bool records_fractions_ = false;
-  std::vector<std::shared_ptr<const Surface>> stored_;  // surfaces of protected structures
+  std::vector<std::shared_ptr<const Surface>> protected_surfaces_;  // surfaces of protected structures
   std::array<CarvedMaterial, kMaxDevices> carved_{};
-  Left left_;
+  Remaining remaining_;
   StrokeHistory<Stroke> strokes_;
 };
 

@@ -10,8 +10,8 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/tissue/elastic_grid.h"
 
-/// Deformation of tissue by 3D ChainMail, for display only. It computes no forces; those are the force
-/// layers'.
+/// Deformation of tissue by 3D ChainMail, for display only. It computes no forces; the force is that of
+/// TissueLaw::kLayers.
 namespace palpate {
 
 /// Contact of a tool with a surface, and the dent that it makes.
@@ -21,8 +21,8 @@ struct Dent {
   double depth_mm = 0;      ///< Depth of the tool's deepest point below it; 0 or less: no dent
   double radius_mm = 0;     ///< Radius of the tool's sphere
 };
-/// Dent of a device's tool in deformable tissue (Model::moves), from a tick. Returns false without such a
-/// contact.
+/// Dent of a device's tool in deformable tissue (Model::moves_visibly), from a tick. Returns false without
+/// such a contact.
 bool find_dent(const Model& model, const TickRecord& tick, std::size_t device, Dent& dent);
 
 /// 3D ChainMail (S. Gibson, "3D ChainMail: a fast algorithm for deforming volumetric objects", Symposium on
@@ -50,7 +50,7 @@ class ChainMail {
   /// moved stay constrained until the next dent.
   void press(const Dent& dent);
   /// Releases the nodes constrained by the tool.
-  void let_go();
+  void release();
   /// Relaxes all nodes `passes` times.
   void relax(int passes);
   /// Copies the displacements of nodes shared with another instance.
@@ -61,7 +61,7 @@ class ChainMail {
   const ElasticField& moved_mm() const { return moved_mm_; }
   const ElasticBox& box() const { return box_; }
   const ElasticLayout& layout() const { return layout_; }
-  double max_moved_mm() const;
+  double max_displacement_mm() const;
 
  private:
   struct Bounds;

@@ -22,7 +22,7 @@ class DisplacedTissue {
   ///               is at rest
   DisplacedTissue(const Model& model, const TickRecord& tick);
 
-  bool rests() const { return parts_.empty(); }
+  bool is_at_rest() const { return parts_.empty(); }
   /// Displacement of the material that rests at a point, patient mm; linear between nodes. Empty space
   /// follows adjacent tissue with decreasing magnitude, so that a dent appears as a dent in an image; beyond
   /// the box it fades out over kFadeCells.

@@ -25,10 +25,10 @@ class DisplacementField {
   }
   const Eigen::Vector3f& at(int i, int j, int k) const { return moved_mm_[node(box_, i, j, k)]; }
   /// Adds the displacement of the material that rests at `at_rest`, patient mm; linear between nodes.
-  void add_moved(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const;
+  void add_displacement(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const;
 
  private:
-  void continue_into_what_is_empty(const std::vector<bool>& empty);
+  void extrapolate_into_empty_nodes(const std::vector<bool>& empty);
 
   ElasticBox box_;
   double fade_cells_;

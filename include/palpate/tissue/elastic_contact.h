@@ -37,9 +37,9 @@ class PressurePatch {
   double displacement(const ElasticField& u_mm) const;
   /// Derivative of displacement() when the patch moves along the surface: (dJ) u, mm per mm, tangential.
   Vector<Patient> gradient_along_surface(const ElasticField& u_mm) const;
-  /// Constraints that hold the patch in place without prescribing a pressure distribution: for each column of
-  /// nodes along the axis nearest to `outward` and each component, the mean of the column's nodes weighted by
-  /// their loads, which is the displacement of the surface between them.
+  /// Constraints that fix the patch without prescribing a pressure distribution: for each column of nodes
+  /// along the axis nearest to `outward` and each component, the mean of the column's nodes weighted by their
+  /// loads, which is the displacement of the surface between them.
   /// @param part  columns that bear less than this fraction of the most loaded column are left free; nodes
   ///              held by the grid belong to no column
   ConstrainedMeans columns(double part) const;
@@ -56,7 +56,7 @@ class PressurePatch {
     std::uint32_t column, value;  ///< Column of the node, and index of its first component
     float weight;
   };
-  std::vector<Borne> supported_;  ///< Loads of nodes that are not held, for a force of 1; column by column
+  std::vector<Borne> supported_;  ///< Loads of unconstrained nodes, for a force of 1; column by column
   std::uint32_t row_ = 0;         ///< Stride from a node's component to the next
   Eigen::Vector3d outward_ = Eigen::Vector3d::UnitZ();
   Eigen::Matrix3d axes_ = Eigen::Matrix3d::Identity();

@@ -19,7 +19,7 @@ namespace palpate {
 
 /// Kind of material.
 enum class Matter : std::uint8_t {
-  kNone,   ///< Air, or anything without resistance
+  kNone,   ///< Air, or other matter without stiffness
   kSoft,   ///< Deformable
   kRigid,  ///< Bone; soft tissue is bonded to it
 };
@@ -80,7 +80,7 @@ struct ElasticCell {
 /// Intermediate state of a cell between two materials: its fill changes by at most `max_change`, while its
 /// solid matter has the moduli of `from`, or of `to` if that is soft. Changes to and from rigid material are
 /// immediate.
-ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double max_change);
+ElasticCell step_towards(const ElasticCell& from, const ElasticCell& to, double max_change);
 
 /// Allocates at multiples of 64 bytes, so that a whole SIMD vector lies in one cache line.
 template <class T>
@@ -141,9 +141,9 @@ struct ElasticField {
 /// exact for layers compressed normally, even with an interface inside a cell (Backus 1962). Air enters only
 /// through the fraction.
 ///
-/// Nodes of a rigid cell are held. Nodes that touch no solid cell do not exist and never move. A loose part
-/// of the tissue (whose cells share no faces with a cell whose nodes are held or rest on springs) is held in
-/// place.
+/// Nodes of a rigid cell are constrained. Nodes adjacent to no solid cell are excluded from the system and
+/// have no displacement. A floating component of the tissue (whose cells share no faces with a cell whose
+/// nodes are constrained or rest on springs) is constrained in place.
 class ElasticGrid {
  public:
   /// Material at a point; called from one thread, in a fixed order.
@@ -159,7 +159,7 @@ class ElasticGrid {
   /// @param by_label  material per label; label 0 and labels beyond its end are air
   /// @param box       from elastic_box_of() or elsewhere; intended for cells of 1 to 3 times the smallest
   ///                  voxel spacing
-  /// @param removed     removed fraction of every voxel, 0 ... 255 (Carving::taken); null: none
+  /// @param removed     removed fraction of every voxel, 0 ... 255 (Carving::removed_fraction); null: none
   /// Errors: kBadInput for an invalid material, a cell size not above 0, or a box without cells.
   static Result<ElasticGrid> of_labels(const Bricks<LabelId>& labels,
                                        std::span<const ElasticMaterial> by_label, const ElasticBox& box,
@@ -169,7 +169,7 @@ class ElasticGrid {
   /// the same as constructing all of them. Constraints that constrain() added to their nodes are removed.
   /// Does not allocate.
   /// @param made  returns the new material of a cell; called once for each in a fixed order
-  /// @returns whether the set of soft cells or of held nodes has changed
+  /// @returns whether the set of soft cells or of constrained nodes has changed
   bool set_cells(const CellBox& cells, const std::function<ElasticCell(int, int, int)>& made);
 
   const ElasticBox& box() const { return box_; }
@@ -186,7 +186,7 @@ class ElasticGrid {
   /// Number of soft cells.
   std::size_t soft_cells() const;
 
-  /// Bits for the held components of a node, along the box's axes.
+  /// Bits for the constrained components of a node, along the box's axes.
   static constexpr std::uint8_t kFixedX = 1, kFixedY = 2, kFixedZ = 4, kFixed = 7;
   /// The node touches no solid cell.
   static constexpr std::uint8_t kNoNode = 8;
@@ -211,9 +211,9 @@ class ElasticGrid {
 
   /// Holds every part that is not connected to a constraint; returns the number of its cells. Solvers call
   /// it.
-  std::size_t hold_loose_parts();
-  /// Same as hold_loose_parts(), applied to a copy of the constraints, by node_number().
-  class LooseParts {
+  std::size_t constrain_floating_components();
+  /// Same as constrain_floating_components(), applied to a copy of the constraints, by node_number().
+  class FloatingComponents {
    public:
     std::size_t constrain(const ElasticGrid& grid, std::vector<std::uint8_t>& constraints);
 
@@ -237,7 +237,7 @@ class ElasticGrid {
   ElasticValues mu_, lambda_, stiffening_, fill_, springs_;
   std::vector<std::uint8_t> constraints_;  ///< By node_number()
   std::array<bool, 6> beyond_{};           ///< Faces given to set_boundary_springs()
-  Eigen::Vector3d about_mm_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d load_point_mm_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace palpate

@@ -18,9 +18,9 @@ struct ElasticSolution {
   bool converged = false;  ///< The residual is within the tolerance
 };
 
-/// Linear constraints on a field: weighted means of its values that are kept at 0. No value belongs to two
-/// means. A mean represents one component of a node (one value, weight 1), or of the point at which an edge
-/// between nodes crosses a surface.
+/// Linear constraints on a field: weighted means of its values that are constrained to 0. No value belongs to
+/// two means. A mean represents one component of a node (one value, weight 1), or of the point at which an
+/// edge between nodes crosses a surface.
 class ConstrainedMeans {
  public:
   struct Weight {
@@ -70,10 +70,11 @@ struct NeoHookeanSettings {
 /// Linear elasticity of a grid: solves K u = f by conjugate gradients, preconditioned by a multigrid V-cycle.
 /// Solves do not allocate. One instance per thread. Bit-identical on every SIMD target.
 ///
-/// A component of a node's displacement is either held (prescribed) or free.
+/// A component of a node's displacement is either constrained (prescribed) or free.
 class ElasticSolver {
  public:
-  /// Copies what it needs from the grid, and holds loose parts (ElasticGrid::hold_loose_parts()).
+  /// Copies the required data from the grid, and constrains floating components
+  /// (ElasticGrid::constrain_floating_components()).
   explicit ElasticSolver(const ElasticGrid& grid);
   ~ElasticSolver();
   ElasticSolver(ElasticSolver&&) noexcept;
@@ -86,16 +87,15 @@ class ElasticSolver {
   /// bounds of the smoothers never decrease. Operators are updated in the box of the changed cells only; the
   /// coarsest grid is factorised again.
   /// @param cells  box passed to set_cells()
-  /// @param topology_changed  return value of set_cells(): the set of soft cells or of held nodes has
-  /// changed. If true,
-  ///               loose parts are found again, which visits the whole grid
+  /// @param topology_changed  return value of set_cells(): whether the set of soft cells or of constrained
+  /// nodes has changed. If true, floating components are searched again, which visits the whole grid
   void update_cells(const ElasticGrid& grid, const CellBox& cells, bool topology_changed);
-  /// Sets the displacements of all held components to 0.
+  /// Sets the displacements of all constrained components to 0.
   void zero_constrained(ElasticField& displacement_mm) const;
 
-  /// Solves for the free components of `displacement_mm`, whose values are the initial guess. Its held
+  /// Solves for the free components of `displacement_mm`, whose values are the initial guess. Its constrained
   /// components are the prescribed displacements and do not change.
-  /// @param force_N    forces on all nodes; ignored where components are held
+  /// @param force_N    forces on all nodes; ignored for constrained components
   /// @param tolerance  ElasticSolution::residual at which it stops
   ElasticSolution solve(const ElasticField& force_N, ElasticField& displacement_mm, int max_iterations,
                         double tolerance);
@@ -103,15 +103,15 @@ class ElasticSolver {
   /// Newton's method with `displacement_mm` as initial guess. If prescribed displacements have changed since
   /// the guess was computed, add the linear response to the change (`solve` from 0) to it first: otherwise
   /// cells next to these nodes may be inverted.
-  /// @param constraints  constraints in addition to the held components. They are projected out in every
-  ///                     iteration, so the operators need not be rebuilt
+  /// @param constraints  constraints in addition to the constrained components. They are projected out in
+  ///                     every iteration, so the operators need not be rebuilt
   NeoHookeanSolution solve_neo_hookean(const ElasticField& force_N, ElasticField& displacement_mm,
                                        const NeoHookeanSettings& settings,
                                        const ConstrainedMeans& constraints = {});
   /// Nodal forces of the neo-Hookean body, like forces().
   void neo_hookean_forces(const ElasticField& displacement_mm, ElasticField& force_N);
 
-  /// Nodal forces K u everywhere: at held nodes the reaction, at free nodes the imbalance.
+  /// Nodal forces K u everywhere: at constrained nodes the reaction, at free nodes the imbalance.
   void forces(const ElasticField& displacement_mm, ElasticField& force_N);
 
  private:

@@ -9,7 +9,8 @@
 #include "palpate/contact/proxy.h"
 #include "palpate/tissue/carving.h"
 
-/// A burr that removes bone, rendered in the tick in which it cuts. Positions are in the patient frame.
+/// Removal of bone by a burr, rendered in the tick in which the burr cuts. Positions are in the patient
+/// frame.
 namespace palpate {
 
 /// A rotating head: a ball, or a row of balls along the spindle that forms a cylinder or cone with round ends
@@ -22,10 +23,10 @@ struct Burr {
   Vector<Patient> axis = {0, 0, 1};
   /// Ratio of the cutting edges' tangential to normal force (a coefficient of friction).
   double grip = 0.5;
-  /// Largest press force, however far the hand is from the proxy: the greatest force of the device.
+  /// Upper bound of the press force: the maximum force of the device.
   double max_press_N = std::numeric_limits<double>::infinity();
   /// Protected structures; the head stays out of those with ProtectedStructure::is_protected.
-  std::span<const ProtectedStructure> spared = {};
+  std::span<const ProtectedStructure> protected_structures = {};
   std::uint32_t stroke = 0;  ///< Stroke number of its sweeps
   /// Model whose surfaces are cut; its voxels measure thin bone (Model::thin_voxels). null: only surfaces
   /// count.
@@ -35,8 +36,8 @@ struct Burr {
 
   /// Head as a part of the tool, with all radii reduced by `inset_mm`, at the hand's attitude.
   ToolSphere head(double inset_mm) const;
-  double thinnest_mm() const;
-  double widest_mm() const;
+  double min_radius_mm() const;
+  double max_radius_mm() const;
 };
 
 /// Maximum number of sweeps that are not carved yet.
@@ -56,24 +57,26 @@ struct BurrState {
   double work_mJ = 0;            ///< Motor work since the start
   double removed_mm3 = 0;        ///< Volume removed since the start, by the energy balance
   int layer = -1;                ///< Layer of the proxy in which it cuts; -1: none
-  bool closed = false;  ///< The last sweep is complete and is not extended, as for a burr that stands still
-  Vector<Patient> began_axis_mm;  ///< Axis of the head at the start of the last sweep
-  double open_s = 0;              ///< Time since the last sweep began
-  bool full = false;  ///< No capacity for more sweeps: the burr does not cut until the surfaces are rebuilt
-  std::uint64_t first = 0;  ///< Number of the first sweep stored here, counted from the start
-  int sweeps = 0;
+  bool sweep_closed = false;  ///< Whether the last sweep is complete and must not be extended, e.g. because
+                              ///< the motor is off
+  Vector<Patient> sweep_start_axis_mm;  ///< Axis of the head at the start of the last sweep
+  double sweep_age_s = 0;               ///< Time since the last sweep began
+  bool sweeps_full =
+      false;  ///< No capacity for more sweeps: the burr does not cut until the surfaces are rebuilt
+  std::uint64_t first_sweep = 0;  ///< Number of the first sweep stored here, counted from the start
+  int sweep_count = 0;            ///< Number of pending sweeps
   std::array<Sweep, kMaxSweeps> sweep;
-  /// Motor work spent on each of these sweeps.
-  std::array<std::array<double, kBoneClasses>, kMaxSweeps> paid_mJ{};
-  /// Energy account. Material removed by sweeps up to the last settlement (settle_burr); difference between
-  /// its energy and the work spent on it that is not charged yet, negative for a credit; and the debt, which
-  /// the motor works off before the burr advances, with the specific energy of what it was for.
+  /// Motor work spent on each pending sweep, by bone class.
+  std::array<std::array<double, kBoneClasses>, kMaxSweeps> spent_mJ{};
+  /// Energy account: material removed up to the last settlement (settle_burr()); cutting energy not covered
+  /// by motor work and not charged yet, negative for a credit; the debt, which the motor must work off before
+  /// the burr advances; and the specific cutting energy of the material that caused the debt.
   CarvedMaterial settled;
   std::array<double, kBoneClasses> balance_mJ{};
-  double owed_mJ = 0, owed_mJ_per_mm3 = 0;
+  double debt_mJ = 0, debt_mJ_per_mm3 = 0;
   std::uint64_t thin_ticks = 0;  ///< Number of ticks in which thin bone was measured
 
-  std::span<const Sweep> pending() const { return {sweep.data(), static_cast<std::size_t>(sweeps)}; }
+  std::span<const Sweep> pending() const { return {sweep.data(), static_cast<std::size_t>(sweep_count)}; }
 };
 
 /// Advances a burr by one tick: it removes material, then the proxy advances to the position allowed with the
@@ -97,23 +100,24 @@ struct BurrState {
 /// No layer's proxy moves any part of the head, with its full radius, deeper into a protected structure than
 /// it was: the head slides along that structure's prepared surface. Protected structures do not count as
 /// material ahead. Bounded work; does not allocate, lock or throw.
-/// @param hand  pose to whose attitude `burr.axis` belongs
-ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
-                         ProxyState& proxy, BurrState& state, const ProxyOptions& options = {});
+/// @param tool_pose  pose to whose attitude `burr.axis` belongs
+ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& burr,
+                         const ToolPose& tool_pose, ProxyState& proxy, BurrState& state,
+                         const ProxyOptions& options = {});
 
 /// Adapts the state to rebuilt surfaces, from which the first `carved` sweeps (counted from the start) have
 /// been removed. Must be called before transfer_proxy. If an undo has restored material around the burr, the
 /// overlap counts as inset, so that the force does not jump. If the overlap reaches the least radius, as when
 /// a ball's centre is inside the material, transfer_proxy drops the proxy and the force fades out.
-/// @param hand  pose to whose attitude `burr.axis` belongs
-void rebase_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& hand,
+/// @param tool_pose  pose to whose attitude `burr.axis` belongs
+void rebase_burr(std::span<const ContactSurface> surfaces, const Burr& burr, const ToolPose& tool_pose,
                  std::uint64_t carved, const ProxyState& proxy, BurrState& state);
 
-/// Settles the energy account for sweeps that have been carved: what their material's cutting energy exceeds
-/// the work spent on them becomes a debt, which the motor works off before the burr advances. Overlaps and
-/// protected voxels cost nothing. In bone thick enough for its surface the difference is within the tolerance
-/// of the account (CuttingSettings), and nothing is charged. Must be called before rebase_burr.
-/// @param carved  of the burr, since the start
+/// Settles the energy account for sweeps that have been carved: the excess of the removed material's cutting
+/// energy over the work spent becomes a debt, which the motor works off before the burr advances. Overlaps
+/// and protected voxels cost nothing. In bone thick enough for its surface the difference is within the
+/// tolerance of the account (CuttingSettings), and nothing is charged. Must be called before rebase_burr.
+/// @param carved  material removed by the burr since the start
 void settle_burr(const CarvedMaterial& carved, BurrState& state);
 
 /// Number of complete sweeps since the start; these can be carved from a surface.

@@ -16,8 +16,8 @@ namespace palpate {
 
 /// Measures the volume swept from each structure by sampling every voxel at 4 x 4 x 4 evenly spaced points,
 /// so that repeated sweeps count once and the order does not matter. Structures are those of the labels
-/// before any removal; structures that are not felt, or are protected, are not removed and do not count. A
-/// ball of 4 mm in one structure is within 1 % of its volume for voxels of up to 0.6 mm.
+/// before any removal; structures that are not touchable, or are protected, cannot be removed and do not
+/// count. A ball of 4 mm in one structure is within 1 % of its volume for voxels of up to 0.6 mm.
 class RemovedVolume {
  public:
   /// @param model  with nothing removed yet
@@ -39,31 +39,31 @@ class RemovedVolume {
   }
   static double sample_mm3(const GridGeometry& grid) { return grid.spacing_mm.prod() / kSamples; }
   const GridGeometry& geometry() const { return labels_->geometry(); }
-  /// Whether a label counts: it is felt and not protected.
-  bool counts(LabelId label) const { return is_cut_[label]; }
+  /// Whether a label counts: it is touchable and not protected.
+  bool counts(LabelId label) const { return is_cuttable_[label]; }
   /// Swept points of a voxel; 0 outside the volume.
-  std::uint64_t swept_samples(int i, int j, int k) const { return left_.swept.at(i, j, k); }
+  std::uint64_t swept_samples(int i, int j, int k) const { return remaining_.swept.at(i, j, k); }
   /// Calls visit(i, j, k, label, places) for every voxel with swept points, in no particular order.
   template <class Visit>
   void for_each_swept(const Visit& visit) const {
-    left_.swept.for_each(
+    remaining_.swept.for_each(
         [&](int i, int j, int k, std::uint64_t samples) { visit(i, j, k, labels_->at(i, j, k), samples); });
   }
 
  private:
-  struct Left {
+  struct Remaining {
     SweptSamples swept;
     std::map<LabelId, std::uint64_t> sample_counts;  // number of swept points
     std::uint64_t broken_off_samples = 0;            // in fragments
   };
   struct Stroke {
-    Left before;
-    std::optional<Left> after;  // set by the first undo
+    Remaining before;
+    std::optional<Remaining> after;  // set by the first undo
   };
 
   std::shared_ptr<const Bricks<LabelId>> labels_;
-  std::vector<bool> is_cut_;  // by label
-  Left left_;
+  std::vector<bool> is_cuttable_;  // by label
+  Remaining remaining_;
   StrokeHistory<Stroke> strokes_;
 };
 

@@ -22,17 +22,17 @@ inline constexpr double kSolverFrame_s = kSoftTissueSettings.blend_s;
 /// Number of ticks per solver frame, rounded; at least 1.
 std::uint64_t ticks_of_solver_frame(double rate_hz);
 
-/// Default edge length of the cells on which soft tissue is solved, mm: the finest that the budget of a frame
-/// permits (SolverSettings::box_radii). Under a law of finite strain, whose box has fewer cells,
+/// Default edge length of the cells on which soft tissue is solved, mm: the smallest that the time budget of
+/// a frame permits (SolverSettings::box_radii). For a finite-strain law, whose box has fewer cells,
 /// max_cell_voxels voxels.
 /// @param voxel_mm  smallest voxel spacing; above 0
-/// @param tools     all tools of the model; their widest part counts
+/// @param tools     all tools of the model; the largest radius of any part is used
 double default_solver_cell_mm(TissueLaw law, double voxel_mm, std::span<const Tool> tools);
 /// Edge length of a model's cells, mm: Model::tissue_cell_mm or, if that is 0, the default; multiplied by
 /// Model::tissue_coarsened.
 double solver_cell_mm(const Model& model);
-/// Diameter in cells from which a stiff nodule is resolved. A smaller one is rendered with a fraction of
-/// its contrast.
+/// Minimum diameter, in cells, at which a stiff nodule is resolved; smaller nodules are rendered with reduced
+/// contrast.
 inline constexpr double kResolvedNoduleCells = 5;
 
 /// Displacement field of soft tissue around a tool, mm per N of the tool's force.
@@ -57,8 +57,8 @@ struct SolverBox {
 std::optional<SolverBox> next_solver_box(const Model& model, const DeviceTick& device,
                                          const std::optional<SolverBox>& before);
 
-/// Solver of a box of cells around each device's current or predicted contact point: by linear elasticity
-/// (ElasticSolver) and, under the neo-Hookean law, also as a neo-Hookean body. Deterministic: the result
+/// Solves a box of cells around each device's current or predicted contact point: by linear elasticity
+/// (ElasticSolver) and, under a neo-Hookean law, also as a neo-Hookean body. Deterministic: the result
 /// depends only on the sequence of models and ticks passed to it, not on timing, threads or the machine. Not
 /// thread-safe.
 class SoftTissueSolver {
@@ -66,9 +66,9 @@ class SoftTissueSolver {
   SoftTissueSolver();
   ~SoftTissueSolver();
 
-  /// Solves the next frame; the first is number 1. A device's spot is unknown if its position or velocity is
-  /// not finite, no surface is within SolverSettings::reach_mm of its tool, or there is no soft tissue at the
-  /// predicted contact.
+  /// Solves the next frame; the first is number 1. A device's LocalCompliance is unknown if its position or
+  /// velocity is not finite, no surface is within SolverSettings::reach_mm of its tool, or there is no soft
+  /// tissue at the predicted contact.
   /// @param model  with deformable tissues (Model::tissue_law) and surfaces for the proxy. Boxes are reused
   ///               as long as labels, materials, tissue law and relaxation stay the same
   /// @param tick   most recent tick
@@ -90,9 +90,9 @@ class SoftTissueSolver {
   /// Displacement field of the linear solution in the last frame. Valid until the next frame.
   /// @returns false if the device has no box or its spot is unknown; `field` is then unchanged
   bool field_of(std::size_t device, UnitDisplacementField& field) const;
-  /// Force in a tick by which the tissue's displacement is scaled, N: the contact force or, in relaxing
-  /// tissue, the instantaneous (unrelaxed) force at the tool's depth, because the force decays while the
-  /// displacement persists.
+  /// Force by which the displacement field is scaled in a tick, N: the contact force or, in relaxing tissue,
+  /// the instantaneous (unrelaxed) force at the tool's depth, because the force decays while the displacement
+  /// persists.
   double displacing_force_N(std::size_t device, const DeviceTick& device_tick) const;
 
  private:
@@ -108,14 +108,14 @@ class SoftTissueSolver {
 class VirtualClockSoftTissueSolver {
  public:
   explicit VirtualClockSoftTissueSolver(double rate_hz) : ticks_(ticks_of_solver_frame(rate_hz)) {}
-  /// Must be called before every tick, unless rest() is.
+  /// Call before every tick; while no tissue is deformable, call rest() instead.
   /// @param before  previous tick; null if there was none
   /// @returns whether frame() has changed
   bool advance(const Model& model, const TickRecord* before);
   /// Replaces advance() while no tissue is deformable. Publishes a pending solution immediately, so that no
   /// stale one is published when tissue becomes deformable again.
   /// @returns whether frame() has changed
-  bool rest();
+  bool publish_pending();
   /// Last frame published: input of the next tick.
   const ComplianceFrame& frame() const { return frame_; }
   std::uint64_t input_tick() const { return input_tick_; }  ///< Tick from which frame() was solved

@@ -23,7 +23,7 @@ struct Sweep {
 
   bool is_of_ball() const { return axis_mm == Vector<Patient>(); }
   /// Radius of the larger ball.
-  double widest_mm() const;
+  double max_radius_mm() const;
 };
 
 /// A sweep prepared for evaluation at many points.
@@ -45,7 +45,7 @@ class SweptShape {
   /// Bounding box of the ball centres, in the patient.
   const Eigen::Array3d& low() const { return low_; }
   const Eigen::Array3d& high() const { return high_; }
-  double widest_mm() const { return sweep_.widest_mm(); }
+  double max_radius_mm() const { return sweep_.max_radius_mm(); }
 
  private:
   // depth of a point in a stationary head at `from`, in coordinates relative to it

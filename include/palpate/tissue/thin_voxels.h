@@ -10,7 +10,7 @@ namespace palpate {
 /// Values of Model::thin_voxels.
 inline constexpr std::uint8_t kNoThinBone = 0, kThinBone = 1;
 /// Voxel of no structure in CuttingEnergy next to thin bone alone, whose surface may reach into it.
-inline constexpr std::uint8_t kBesideThinBone = 2;
+inline constexpr std::uint8_t kNextToThinBone = 2;
 
 /// Model::thin_voxels: voxels of the structures in CuttingEnergy that no ball of kCuttingSettings.thick_mm
 /// diameter within the structures' surfaces covers, such as walls between air cells, trabeculae and sharp

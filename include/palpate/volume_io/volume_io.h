@@ -54,8 +54,8 @@ struct VolumeHeader {
 struct ScanFile {
   VolumeHeader header;
   Volume<float> scan;  ///< Integers up to 24 bits are represented exactly.
-  std::string evidence =
-      {};  ///< Why read_volume() classified it as a scan: "its 205 values change from voxel to voxel".
+  /// Why read_volume() classified it as a scan: "its 205 values change from voxel to voxel".
+  std::string evidence = {};
 };
 
 /// Source of the names of a label map.

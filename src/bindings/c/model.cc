@@ -193,7 +193,8 @@ Result<ModelVersions> changed(const plp_model& model, std::size_t tissue, const 
                     properties.viscosity_N_s_per_mm};
   auto next = next_version({model.loaded.model, model.prepared}, change, {}, cancellable());
   const bool by_field = model.method != ForceMethod::kProxy;
-  if (!next || !by_field || fields_match(*next->current, *next->prepared) || !can_make_fields(*next->current))
+  if (!next || !by_field || fields_match(*next->current, *next->prepared) ||
+      !can_compute_fields(*next->current))
     return next;
   return next_version(*next, {.version = next->current->version + 1, .tissue = ModelChange::kFieldsRebuilt},
                       {}, cancellable());

@@ -76,7 +76,8 @@ void solve_soft_tissue(plp_session& session, double dt_s) {
   const bool is_deformable = before != nullptr && session.last_model != nullptr &&
                              is_elastic(session.last_model->tissue_law) &&
                              session.last_model->has(ForceMethod::kProxy);
-  if (is_deformable ? session.soft_tissue->advance(*session.last_model, before) : session.soft_tissue->rest())
+  if (is_deformable ? session.soft_tissue->advance(*session.last_model, before)
+                    : session.soft_tissue->publish_pending())
     session.setup.parameters.compliance = session.soft_tissue->frame();
 }
 

@@ -18,18 +18,18 @@ Error no_direct_methods() {
 Result<Ramps> CachedPreparation::ramps(const Bricks<LabelId>& labels,
                                        const std::vector<RampStructure>& structures,
                                        const RampOptions& options, const Progress& progress) const {
-  return Preparing::ramps(labels, structures, options, progress);
+  return ModelPreparation::ramps(labels, structures, options, progress);
 }
 
 Result<std::vector<std::pair<LabelId, LabelId>>> CachedPreparation::touching_pairs(
     const Bricks<LabelId>& labels, const std::vector<LabelId>& structures, const Progress& progress) const {
-  return Preparing::touching_pairs(labels, structures, progress);
+  return ModelPreparation::touching_pairs(labels, structures, progress);
 }
 
 Result<std::vector<std::shared_ptr<const Surface>>> CachedPreparation::outer_surfaces(
     const Bricks<LabelId>& labels, const std::vector<std::vector<LabelId>>& groups,
     const SurfaceOptions& options, const Progress& progress) const {
-  return Preparing::outer_surfaces(labels, groups, options, progress);
+  return ModelPreparation::outer_surfaces(labels, groups, options, progress);
 }
 
 Result<Volume<std::uint8_t>> cached_smooth(const Volume<std::uint8_t>& /*weights*/,

@@ -83,7 +83,7 @@ Result<std::unique_ptr<WorkerSession>> WorkerSession::open(const std::string& sc
   if (!loaded) return loaded.error();
   if (auto touchable = has_touchable_tissue(*loaded->model); !touchable)
     return Error{ErrorKind::kBadInput, "has no tissue that can be touched", scene, ""};
-  if (loaded->model->cuts())
+  if (loaded->model->has_burr())
     return Error{ErrorKind::kUnavailable, "a burr cannot cut in a browser", scene,
                  "leave the burr out, or open the scene with palpate installed on a computer"};
   if (is_moving(loaded->model->tissue_law))

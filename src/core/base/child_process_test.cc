@@ -36,7 +36,7 @@ bool ended(const ChildProcess& process) {
   return ::poll(&file, 1, 10'000) == 1;
 }
 
-TEST(ChildProcess, IsEndedWhateverItDoes) {
+TEST(ChildProcess, EndTerminatesAndReapsTheChild) {
   const pid_t id = fork_to(wait_for_ever);
   ChildProcess process(id);
   ASSERT_GE(process.file(), 0);
@@ -46,7 +46,7 @@ TEST(ChildProcess, IsEndedWhateverItDoes) {
   EXPECT_TRUE(::waitpid(id, nullptr, 0) < 0 && errno == ECHILD);
 }
 
-TEST(ChildProcess, EndsWithItsObject) {
+TEST(ChildProcess, DestructorEndsTheChild) {
   const pid_t id = fork_to(wait_for_ever);
   {
     ChildProcess process(id);
@@ -57,7 +57,7 @@ TEST(ChildProcess, EndsWithItsObject) {
 }
 
 // the process id may be reused by then: no signal must be sent to it
-TEST(ChildProcess, ThatHasEndedIsLeftAloneWhereNobodyHeedsItsEnd) {
+TEST(ChildProcess, SendsNoSignalToAnEndedChild) {
   for (const bool ignored : {false, true}) {
     testing::Child child([&] {
       if (ignored) ::signal(SIGCHLD, SIG_IGN);

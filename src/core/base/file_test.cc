@@ -33,20 +33,20 @@ class FileTest : public ::testing::Test {
   test::TemporaryFolder folder_;
 };
 
-TEST_F(FileTest, WritesAndReadsBackWhatWasWritten) {
+TEST_F(FileTest, WrittenBytesAreReadBack) {
   const std::string bytes("a\0b\n", 4);
   ASSERT_TRUE(write_file(folder_ / "a.bin", bytes).ok());
   EXPECT_EQ(*read_file(folder_ / "a.bin"), bytes);
   EXPECT_EQ(folder_.count(), 1u);
 }
 
-TEST_F(FileTest, OverwritesWhole) {
+TEST_F(FileTest, OverwriteReplacesTheWholeContent) {
   ASSERT_TRUE(write_file(folder_ / "a", "longer content").ok());
   ASSERT_TRUE(write_file(folder_ / "a", "short").ok());
   EXPECT_EQ(*read_file(folder_ / "a"), "short");
 }
 
-TEST_F(FileTest, UncommittedFileLeavesNothing) {
+TEST_F(FileTest, UncommittedFileIsRemoved) {
   {
     auto pending = PendingFile::create(folder_ / "x.nii.gz");
     ASSERT_TRUE(pending.ok());
@@ -56,7 +56,7 @@ TEST_F(FileTest, UncommittedFileLeavesNothing) {
   EXPECT_EQ(folder_.count(), 0u);
 }
 
-TEST_F(FileTest, AFullDiskIsAnOutputErrorThatKeepsTheOldFile) {
+TEST_F(FileTest, FullDiskIsAnOutputErrorAndKeepsTheOldFile) {
   // the file size limit stands in for a full disk
   ASSERT_TRUE(write_file(folder_ / "a", "old").ok());
   const auto ignored = std::signal(SIGXFSZ, SIG_IGN);
@@ -74,7 +74,7 @@ TEST_F(FileTest, AFullDiskIsAnOutputErrorThatKeepsTheOldFile) {
   EXPECT_NE(output_error("a", ENOSPC).message().find("disk is full"), std::string::npos);
 }
 
-TEST_F(FileTest, WhoEndsAtOnceLeavesNothingUnfinished) {
+TEST_F(FileTest, AbruptExitLeavesNoPartialFile) {
   ASSERT_TRUE(write_file(folder_ / "whole", "x").ok());
   const auto pending = PendingFile::create(folder_ / "pending");
   ASSERT_TRUE(pending.ok());
@@ -95,7 +95,7 @@ TEST_F(FileTest, WhoEndsAtOnceLeavesNothingUnfinished) {
   EXPECT_TRUE(fs::exists(folder));
 }
 
-TEST_F(FileTest, ADeviceIsNotReplaced) {
+TEST_F(FileTest, DeviceFileIsNotReplaced) {
   const auto result = write_file("/dev/null", "x");
   ASSERT_FALSE(result.ok());
   EXPECT_NE(result.error().what.find("regular file"), std::string::npos);
@@ -109,7 +109,7 @@ TEST_F(FileTest, MissingFolderNamesTheFolder) {
   EXPECT_NE(result.error().what.find("does not exist"), std::string::npos);
 }
 
-TEST_F(FileTest, WhatStandsInTheWayIsNamed) {
+TEST_F(FileTest, ObstructingPathIsNamed) {
   ASSERT_TRUE(write_file(folder_ / "a", "a").ok());
   for (const char* below : {"a/b", "a/b/c"})
     EXPECT_EQ(write_file(folder_ / below, "x").error().where, (folder_ / "a").string());
@@ -119,7 +119,7 @@ TEST_F(FileTest, WhatStandsInTheWayIsNamed) {
   EXPECT_NE(write_file("/proc/x.h5", "x").error().what.find("does not accept files"), std::string::npos);
 }
 
-TEST_F(FileTest, ALinkStaysAndItsTargetIsWritten) {
+TEST_F(FileTest, WriteThroughALinkReplacesItsTarget) {
   ASSERT_TRUE(write_file(folder_ / "target", "old").ok());
   fs::create_symlink("target", folder_ / "link");
   fs::create_symlink(folder_ / "link", folder_ / "second");
@@ -136,7 +136,7 @@ TEST_F(FileTest, ALinkStaysAndItsTargetIsWritten) {
   EXPECT_EQ(write_file(folder_ / "ring-a", "x").error().kind, ErrorKind::kOutput);
 }
 
-TEST_F(FileTest, NamesAsLongAsTheSystemTakesAreWritten) {
+TEST_F(FileTest, LongestPermittedNameIsWritten) {
   for (const std::string ending : {"", ".h5", ".nii.gz", ".seg.nrrd"}) {
     const std::string name = std::string(255 - ending.size(), 'n') + ending;
     EXPECT_TRUE(write_file(folder_ / name, "x").ok()) << ending;
@@ -148,7 +148,7 @@ TEST_F(FileTest, NamesAsLongAsTheSystemTakesAreWritten) {
   EXPECT_NE(checked.error().what.find("too long"), std::string::npos);
 }
 
-TEST_F(FileTest, TemporariesKeepTheEndingThatNamesTheFormat) {
+TEST_F(FileTest, TemporaryKeepsTheFormatExtension) {
   for (const auto& [name, ending] : {std::pair<const char*, std::string>{"a.b.nii.gz", ".nii.gz"},
                                      {"a.seg.nrrd", ".seg.nrrd"},
                                      {"2024.a long remark.h5", ".h5"},
@@ -160,7 +160,7 @@ TEST_F(FileTest, TemporariesKeepTheEndingThatNamesTheFormat) {
   }
 }
 
-TEST_F(FileTest, AnOutputDoesNotReplaceAnInput) {
+TEST_F(FileTest, OutputOverAnInputIsRejected) {
   const fs::path input = folder_ / "in.nrrd";
   ASSERT_TRUE(write_file(input, "scan").ok());
   fs::create_symlink("in.nrrd", folder_ / "link.nrrd");
@@ -176,7 +176,7 @@ TEST_F(FileTest, AnOutputDoesNotReplaceAnInput) {
   EXPECT_TRUE(claim_output(input).ok());
 }
 
-TEST_F(FileTest, OneFileHasManyNamesAlsoBeforeItIsThere) {
+TEST_F(FileTest, SameFileResolvesLinksOfMissingFiles) {
   fs::create_directory(folder_ / "sub");
   fs::create_symlink("sub", folder_ / "way");
   fs::create_symlink("sub/new", folder_ / "link");
@@ -186,14 +186,14 @@ TEST_F(FileTest, OneFileHasManyNamesAlsoBeforeItIsThere) {
   EXPECT_FALSE(same_file(folder_ / "sub/new", folder_ / "new"));
 }
 
-TEST_F(FileTest, ClaimingAnOutputLeavesNothing) {
+TEST_F(FileTest, ClaimingAnOutputCreatesNoFile) {
   EXPECT_TRUE(claim_output(folder_ / "a.html").ok());
   EXPECT_EQ(folder_.count(), 0u);
   EXPECT_EQ(claim_output(folder_ / "missing/a.html").error().kind, ErrorKind::kOutput);
   EXPECT_EQ(claim_output(folder_.path()).error().kind, ErrorKind::kOutput);
 }
 
-TEST_F(FileTest, WhatOneProcessWritesNoOtherDoes) {
+TEST_F(FileTest, ConcurrentWritersAreRejected) {
   fs::create_symlink("a.h5", folder_ / "link.h5");
   fs::create_directory(folder_ / "sub");
   auto claim = claim_output(folder_ / "a.h5");
@@ -220,7 +220,7 @@ TEST_F(FileTest, WhatOneProcessWritesNoOtherDoes) {
   EXPECT_EQ(*read_file(folder_ / "a.h5"), "theirs");
 }
 
-TEST_F(FileTest, WhatAKilledRunLeftIsSweptByTheNextInItsFolder) {
+TEST_F(FileTest, TemporariesOfAKilledRunAreRemovedByTheNext) {
   for (const char* next : {"a.nrrd", "c.nrrd"}) {
     testing::Shared<std::atomic<bool>> begun;
     testing::Child killed([&] {
@@ -239,7 +239,7 @@ TEST_F(FileTest, WhatAKilledRunLeftIsSweptByTheNextInItsFolder) {
   }
 }
 
-TEST_F(FileTest, NothingOfARunThatLivesIsSwept) {
+TEST_F(FileTest, TemporariesOfARunningProcessAreKept) {
   testing::Shared<std::atomic<bool>> begun, done;
   testing::Child beside([&] {
     {
@@ -267,7 +267,7 @@ TEST_F(FileTest, NothingOfARunThatLivesIsSwept) {
 }
 
 // each run sweeps the folder into which the others write
-TEST_F(FileTest, RunsThatSweepOneFolderDisturbNoneOfTheOthers) {
+TEST_F(FileTest, ConcurrentRunsKeepEachOthersTemporaries) {
   constexpr int kRuns = 3, kFiles = 60;
   std::vector<std::unique_ptr<testing::Child>> runs;
   for (int run = 0; run < kRuns; ++run)
@@ -279,7 +279,7 @@ TEST_F(FileTest, RunsThatSweepOneFolderDisturbNoneOfTheOthers) {
   EXPECT_EQ(folder_.count(), static_cast<std::size_t>(kRuns * 4));
 }
 
-TEST_F(FileTest, WhatOthersNamedIsNotSwept) {
+TEST_F(FileTest, ForeignFilesAreNotRemoved) {
   const std::string prefix = ".palpate-0123456789abcdef";
   ASSERT_TRUE(write_file(folder_ / "elsewhere", "kept").ok());
   for (const std::string name :
@@ -299,12 +299,12 @@ TEST_F(FileTest, WhatOthersNamedIsNotSwept) {
   EXPECT_EQ(folder_.count(), 9u);
 }
 
-TEST_F(FileTest, AFolderIsNeitherReadNorWritten) {
+TEST_F(FileTest, FolderIsRejectedAsInputAndOutput) {
   EXPECT_EQ(read_file(folder_.path()).error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(write_file(folder_.path(), "x").error().kind, ErrorKind::kOutput);
 }
 
-TEST_F(FileTest, WhatOnlyLooksLikeAFileIsRefusedAtOnce) {
+TEST_F(FileTest, NonRegularFilesAreRejected) {
   const auto refused_as = [](const fs::path& file, const char* kind) {
     const auto read = read_file(file);
     ASSERT_FALSE(read.ok()) << file;
@@ -333,7 +333,7 @@ TEST_F(FileTest, WhatOnlyLooksLikeAFileIsRefusedAtOnce) {
   ::close(socket);
 }
 
-TEST_F(FileTest, AnOpenFileStaysWhatItWas) {
+TEST_F(FileTest, OpenFileKeepsItsContentAfterReplacement) {
   ASSERT_TRUE(write_file(folder_ / "a", "0123456789").ok());
   auto opened = InputFile::open(folder_ / "a");
   ASSERT_TRUE(opened.ok());

@@ -14,7 +14,7 @@
 namespace palpate {
 namespace {
 
-TEST(ForEachIndex, TakesEachOnceForAnyNumberOfWorkers) {
+TEST(ForEachIndex, VisitsEachIndexOnceForAnyNumberOfWorkers) {
   for (const int workers : {1, 2, 3, 64}) {
     for (const int count : {0, 1, 2, 7, 1000}) {
       std::vector<std::atomic<int>> used(static_cast<std::size_t>(count));
@@ -32,7 +32,7 @@ TEST(ForEachIndex, TakesEachOnceForAnyNumberOfWorkers) {
   }
 }
 
-TEST(ForEachIndex, WorksAtTheSameTime) {
+TEST(ForEachIndex, RunsConcurrently) {
   std::atomic<int> there{0};
   EXPECT_TRUE(for_each_index(2, 2, [&](int, int) {
     // each waits for the other
@@ -41,7 +41,7 @@ TEST(ForEachIndex, WorksAtTheSameTime) {
   }));
 }
 
-TEST(ForEachIndex, BeginsNoFurtherOnceItIsStopped) {
+TEST(ForEachIndex, StopsAfterACallReturnsFalse) {
   for (const int workers : {1, 4}) {
     std::atomic<int> begun{0};
     EXPECT_FALSE(for_each_index(1'000'000, workers, [&](int, int) { return ++begun < 10; }));
@@ -50,7 +50,7 @@ TEST(ForEachIndex, BeginsNoFurtherOnceItIsStopped) {
   }
 }
 
-TEST(ForEachIndex, WhatIsThrownIsTheCallers) {
+TEST(ForEachIndex, RethrowsExceptionsInTheCaller) {
   for (const int workers : {1, 4}) {
     std::atomic<int> begun{0};
     EXPECT_THROW(for_each_index(1'000'000, workers,
@@ -63,7 +63,7 @@ TEST(ForEachIndex, WhatIsThrownIsTheCallers) {
   }
 }
 
-TEST(ForEachIndex, WithoutThreadsTheCallerDoesItAll) {
+TEST(ForEachIndex, WithoutThreadsTheCallerVisitsAllIndices) {
   const test::NoThreads none;
   int used = 0;
   EXPECT_TRUE(for_each_index(100, 4, [&](int worker, int) {
@@ -73,7 +73,7 @@ TEST(ForEachIndex, WithoutThreadsTheCallerDoesItAll) {
   EXPECT_EQ(used, 100);
 }
 
-TEST(ForEachIndex, AsManyWorkersAsThereAreProcessorsToRunOn) {
+TEST(ForEachIndex, WorkerCountDefaultsToAvailableProcessors) {
   EXPECT_EQ(worker_count(3, 100), 3);
   EXPECT_EQ(worker_count(3, 2), 2);
   EXPECT_EQ(worker_count(3, 0), 1);
@@ -85,7 +85,7 @@ TEST(ForEachIndex, AsManyWorkersAsThereAreProcessorsToRunOn) {
 
 #ifdef __SANITIZE_THREAD__
 // ThreadSanitizer knows where a loop begins and ends, and still reports a race between two calls of work.
-TEST(ForEachIndexDeathTest, ThreadSanitizerSeesARaceOfTwoCalls) {
+TEST(ForEachIndexDeathTest, ThreadSanitizerReportsARaceOfTwoCalls) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const auto race = [] {
     std::atomic<int> there{0};

@@ -23,7 +23,7 @@ TEST(Hash, IsGolden) {
   EXPECT_EQ(hash_of("the tip touches the femur"), 13214131960942926874ull);
 }
 
-TEST(Hash, EveryBitOfALongInputCounts) {
+TEST(Hash, EveryBitOfALongInputChangesTheHash) {
   std::string bytes(100, 'x');
   std::set<std::uint64_t> visited{hash_of(bytes)};
   for (std::size_t i = 0; i < bytes.size(); ++i)
@@ -34,13 +34,13 @@ TEST(Hash, EveryBitOfALongInputCounts) {
     }
 }
 
-TEST(Hash, LengthAndOrderCount) {
+TEST(Hash, LengthAndOrderChangeTheHash) {
   EXPECT_NE(hash_of(""), hash_of(std::string(1, '\0')));
   EXPECT_NE(hash_of(std::string(8, '\0')), hash_of(std::string(16, '\0')));
   EXPECT_NE(hash_of("abcdefgh12345678"), hash_of("12345678abcdefgh"));
 }
 
-TEST(HashOfWords, EveryBitAndTheOrderCount) {
+TEST(HashOfWords, EveryBitAndTheOrderChangeTheHash) {
   constexpr std::size_t kWords = 41;
   const auto hash_of_words = [](const std::vector<std::uint64_t>& words) {
     HashOfWords hash;
@@ -71,7 +71,7 @@ TEST(HashOfWords, EveryBitAndTheOrderCount) {
     }
 }
 
-TEST(HashOfWords, OfBytesLengthBitsAndOrderCount) {
+TEST(HashOfWords, LengthBitsAndOrderOfBytesChangeTheHash) {
   constexpr std::size_t kBytes = 5000;
   std::vector<unsigned char> bytes(kBytes);
   for (std::size_t n = 0; n < kBytes; ++n)
@@ -113,7 +113,7 @@ TEST(HashOfWords, OfBytesLengthBitsAndOrderCount) {
   }
 }
 
-TEST(HashOfWords, DoublesCountByTheirBits) {
+TEST(HashOfWords, DoublesAreHashedByTheirBits) {
   const auto hash_of_double = [](double value) {
     HashOfWords hash;
     hash.add(value);

@@ -30,7 +30,7 @@ double quantile_of_sorted(const std::vector<std::int64_t>& sorted, double q) {
   return static_cast<double>(sorted[rank - 1]);
 }
 
-TEST(LatencyHistogram, AgreesWithSortedSamplesToABucket) {
+TEST(LatencyHistogram, QuantilesMatchSortedSamplesWithinABucket) {
   for (const std::uint64_t seed : {20240704, 20240705, 20240706})
     for (const std::size_t count : {1, 2, 3, 100, 1001, 50000}) {
       SCOPED_TRACE(::testing::Message() << "seed " << seed << ", " << count << " samples");
@@ -60,7 +60,7 @@ TEST(LatencyHistogram, AgreesWithSortedSamplesToABucket) {
     }
 }
 
-TEST(LatencyHistogram, FractionAtMostIsTrueToABucketAndNeverTooGood) {
+TEST(LatencyHistogram, FractionAtMostIsConservativeWithinABucket) {
   std::vector<std::int64_t> samples = random_samples(20240707, 5000);
   std::sort(samples.begin(), samples.end());
   LatencyHistogram histogram;
@@ -78,7 +78,7 @@ TEST(LatencyHistogram, FractionAtMostIsTrueToABucketAndNeverTooGood) {
   EXPECT_EQ(histogram.fraction_at_most(-1), 0);
 }
 
-TEST(LatencyHistogram, BucketsAreNarrowAtEveryBorder) {
+TEST(LatencyHistogram, BucketsAreNarrowAtEveryPowerOfTwo) {
   for (int bits = 0; bits <= 34; ++bits)
     for (const std::int64_t step : {-1, 0, 1}) {
       const std::int64_t ns = (std::int64_t{1} << bits) + step;
@@ -96,7 +96,7 @@ TEST(LatencyHistogram, BucketsAreNarrowAtEveryBorder) {
     }
 }
 
-TEST(LatencyHistogram, TakesWhateverItIsGiven) {
+TEST(LatencyHistogram, AcceptsExtremeAndNegativeSamples) {
   LatencyHistogram histogram;
   EXPECT_EQ(histogram.summary().n, 0u);
   EXPECT_EQ(histogram.summary().p99_us, 0);
@@ -113,7 +113,7 @@ TEST(LatencyHistogram, TakesWhateverItIsGiven) {
   EXPECT_EQ(histogram.quantile_us(0.5), 0);
 }
 
-TEST(LatencyHistogram, MergesAndForgets) {
+TEST(LatencyHistogram, MergeAddsAndClearEmpties) {
   const std::vector<std::int64_t> samples = random_samples(20240708, 3000);
   LatencyHistogram whole, first, second;
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -134,7 +134,7 @@ TEST(LatencyHistogram, MergesAndForgets) {
   expect_same(first, whole);
 }
 
-TEST(LatencyHistogram, MayBeReadWhileItIsAddedTo) {
+TEST(LatencyHistogram, ConcurrentReadsAreConsistent) {
   constexpr std::uint64_t kSamples = 300000;
   LatencyHistogram histogram;
   std::thread writer([&] {

@@ -29,7 +29,7 @@ struct Letter {
   std::array<std::uint64_t, words> word;
 };
 
-TEST(Mailbox, HoldsTheLatestPostUntilItIsTaken) {
+TEST(Mailbox, KeepsTheLatestPostUntilTaken) {
   constexpr std::uint64_t kSeed = 20240703;
   SCOPED_TRACE(kSeed);
   std::mt19937_64 random(kSeed);
@@ -49,7 +49,7 @@ TEST(Mailbox, HoldsTheLatestPostUntilItIsTaken) {
   }
 }
 
-TEST(Mailbox, BetweenTwoThreadsLettersAreWholeAndNewerAndTheLastArrives) {
+TEST(Mailbox, ConcurrentPostsAreConsistentAndOrdered) {
   constexpr std::uint64_t kTaken = 20000;
   Mailbox<Letter<16>> mailbox;
   std::atomic<std::uint64_t> used = 0;
@@ -80,7 +80,7 @@ TEST(Mailbox, BetweenTwoThreadsLettersAreWholeAndNewerAndTheLastArrives) {
   EXPECT_GT(used, 4u);
 }
 
-TEST(Mailbox, AWriterThatDiesHalfWayHoldsTheReaderUpByNothing) {
+TEST(Mailbox, KilledWriterDoesNotBlockTheReader) {
   // large enough that the writer is nearly always interrupted within a post
   using Large = Letter<32 * 1024>;
   struct Scene {

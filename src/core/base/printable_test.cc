@@ -9,13 +9,13 @@
 namespace palpate {
 namespace {
 
-TEST(Printable, WhatIsReadStays) {
+TEST(Printable, PrintableTextIsUnchanged) {
   for (const std::string text :
        {"femur, 5 mm", "os fémur", "大腿骨", "ترقوة", "\U0001F9B4", "a\n\tb", "~", " ", "\u00a0", ""})
     EXPECT_EQ(printable(text), text);
 }
 
-TEST(Printable, WhatCommandsIsSpelledOutAsInJson) {
+TEST(Printable, ControlCharactersAreEscapedAsInJson) {
   EXPECT_EQ(printable(std::string_view("\0\a\b\r\x1b[2J\x7f", 9)),
             "\\u0000\\u0007\\u0008\\u000d\\u001b[2J\\u007f");
   EXPECT_EQ(printable("\u0080\u009b\u009f"), "\\u0080\\u009b\\u009f") << "C1, in UTF-8";
@@ -24,7 +24,7 @@ TEST(Printable, WhatCommandsIsSpelledOutAsInJson) {
   EXPECT_EQ(printable("\U000E0041"), "\\udb40\\udc41") << "a tag";
 }
 
-TEST(Printable, WhatIsNoUtf8IsSpelledOutByteByByte) {
+TEST(Printable, InvalidUtf8IsEscapedByteByByte) {
   EXPECT_EQ(printable("\x9b"
                       "31m"),
             "\\x9b31m");
@@ -35,11 +35,11 @@ TEST(Printable, WhatIsNoUtf8IsSpelledOutByteByByte) {
   EXPECT_EQ(printable("\xe2\x80"), "\\xe2\\x80") << "breaks off";
 }
 
-TEST(Printable, ANameStaysWithinItsLine) {
+TEST(Printable, LineBreaksInNamesAreEscaped) {
   EXPECT_EQ(printable_name("a\npalpate: error: b\tc"), "a\\u000apalpate: error: b\\u0009c");
 }
 
-TEST(Printable, PiecesShowWhatTheWholeShows) {
+TEST(Printable, PiecewiseOutputEqualsTheWhole) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);

@@ -13,13 +13,13 @@ using std::chrono::seconds;
 
 constexpr ProgressLines::Time kStarted{};
 
-TEST(ProgressLines, WhatIsDoneSoonIsSilent) {
+TEST(ProgressLines, ShortTasksPrintNothing) {
   ProgressLines lines(kStarted);
   for (int ms = 0; ms < 2000; ms += 10)
     EXPECT_FALSE(lines.line(ms < 1000 ? "reading" : "smoothing", ms / 2000.0, kStarted + milliseconds(ms)));
 }
 
-TEST(ProgressLines, AStageIsToldOnceAndThenEachTenSeconds) {
+TEST(ProgressLines, StagePrintsOnceThenEveryTenSeconds) {
   ProgressLines lines(kStarted);
   std::vector<std::string> reported;
   std::vector<int> when_s;
@@ -37,7 +37,7 @@ TEST(ProgressLines, AStageIsToldOnceAndThenEachTenSeconds) {
   EXPECT_EQ(when_s, (std::vector<int>{2, 12, 22, 32, 35}));
 }
 
-TEST(ProgressLines, StagesThatFollowEachOtherFastAreNotAllTold) {
+TEST(ProgressLines, RapidStagesAreRateLimited) {
   ProgressLines lines(kStarted);
   int reported = 0;
   for (int n = 0; n < 1000; ++n)
@@ -45,7 +45,7 @@ TEST(ProgressLines, StagesThatFollowEachOtherFastAreNotAllTold) {
   EXPECT_EQ(reported, 4) << "in ten seconds";
 }
 
-TEST(ProgressLines, AnEndIsNoNewsAndAFractionThatIsNoneIsZero) {
+TEST(ProgressLines, CompletionPrintsNothingAndInvalidFractionIsZero) {
   ProgressLines lines(kStarted);
   EXPECT_FALSE(lines.line("reading", 1, kStarted + seconds(60)));
   EXPECT_EQ(lines.line("reading", std::numeric_limits<double>::quiet_NaN(), kStarted + seconds(60)),

@@ -18,7 +18,7 @@ class ReadingTest : public ::testing::Test {
 
 constexpr std::uint64_t kGiB = std::uint64_t{1} << 30;
 
-TEST_F(ReadingTest, AmountsAreReadAsTheyAreWritten) {
+TEST_F(ReadingTest, ParsesFormattedAmounts) {
   EXPECT_EQ(memory_bytes("800M"), 800u << 20);
   EXPECT_EQ(memory_bytes("1.5GiB"), 3 * kGiB / 2);
   EXPECT_EQ(memory_bytes("4 gb"), 0u) << "bits or bytes?";
@@ -30,7 +30,7 @@ TEST_F(ReadingTest, AmountsAreReadAsTheyAreWritten) {
   EXPECT_EQ(memory_bytes(memory_text(kGiB)), kGiB);
 }
 
-TEST_F(ReadingTest, MemoryIsAllowedUpToTheLimitWithWhatIsTakenAlready) {
+TEST_F(ReadingTest, MemoryLimitIncludesMemoryInUse) {
   set_reading_limits({.max_memory_bytes = 4 * kGiB});
   EXPECT_TRUE(allow_memory(kGiB, "a").ok());
   EXPECT_FALSE(allow_memory(4 * kGiB, "a").ok()) << "the process has some itself";
@@ -46,12 +46,12 @@ TEST_F(ReadingTest, MemoryIsAllowedUpToTheLimitWithWhatIsTakenAlready) {
       << "also where a run has taken more itself";
 }
 
-TEST_F(ReadingTest, ByDefaultNoMoreThanHalfOfTheMachine) {
+TEST_F(ReadingTest, DefaultMemoryLimitIsHalfOfTheMachine) {
   EXPECT_TRUE(allow_memory(1 << 20, "a").ok());
   EXPECT_FALSE(allow_memory(std::uint64_t{1} << 62, "a").ok());
 }
 
-TEST_F(ReadingTest, AFileStaysInItsFolder) {
+TEST_F(ReadingTest, PathOutsideTheFolderIsRejected) {
   const fs::path home = folder_ / "home";
   test::write_text(home / "below/data", "x");
   test::write_text(folder_ / "home2/data", "x");

@@ -21,20 +21,20 @@ TEST(Result, HoldsAValueOrAnError) {
   EXPECT_EQ(error.error().message(), "a.nrrd: is odd\n  make it even");
 }
 
-TEST(Result, MovesWhatCannotBeCopied) {
+TEST(Result, SupportsMoveOnlyValues) {
   Result<std::unique_ptr<int>> result = std::make_unique<int>(7);
   const std::unique_ptr<int> used = std::move(result).value();
   EXPECT_EQ(*used, 7);
 }
 
-TEST(ResultDeathTest, ReadingTheSideThatIsNotThereNamesItself) {
+TEST(ResultDeathTest, AccessToTheInactiveAlternativeAborts) {
   const Result<int> error = Error{};
   EXPECT_DEATH((void)error.value(), "bug: check 'ok\\(\\)' failed");
   const Result<void> success;
   EXPECT_DEATH((void)success.error(), "bug: check '!ok\\(\\)' failed");
 }
 
-TEST(ReasonOf, NamesNoFile) {
+TEST(ReasonOf, OmitsTheFileName) {
   const std::error_code failed = std::make_error_code(std::errc::no_such_file_or_directory);
   EXPECT_EQ(reason_of(std::filesystem::filesystem_error("cannot open", "/home/DOE^CANARY", failed)),
             failed.message());

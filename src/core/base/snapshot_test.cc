@@ -44,7 +44,7 @@ void expect_round_trips(std::mt19937_64& random) {
   }
 }
 
-TEST(Snapshot, GivesBackEveryByteOfAnySize) {
+TEST(Snapshot, RoundTripsEveryByteOfAnySize) {
   constexpr std::uint64_t kSeed = 20240702;
   SCOPED_TRACE(kSeed);
   std::mt19937_64 random(kSeed);
@@ -55,7 +55,7 @@ TEST(Snapshot, GivesBackEveryByteOfAnySize) {
   expect_round_trips<984>(random);
 }
 
-TEST(Snapshot, StoresNoMoreOfAValueThanItIsTold) {
+TEST(Snapshot, StoresOnlyTheGivenNumberOfBytes) {
   Snapshot<Block<4>> snapshot(Block<4>(7));
   snapshot.store(Block<4>(9), 2 * sizeof(std::uint64_t));
   EXPECT_EQ(snapshot.load().word, (std::array<std::uint64_t, 4>{9, 9, 7, 7}));
@@ -63,7 +63,7 @@ TEST(Snapshot, StoresNoMoreOfAValueThanItIsTold) {
   EXPECT_EQ(snapshot.load().word, (std::array<std::uint64_t, 4>{5, 5, 5, 5}));
 }
 
-TEST(Snapshot, IsNeverTornAndNeverOlder) {
+TEST(Snapshot, LoadsAreConsistentAndNeverOlder) {
   constexpr std::uint64_t kChanges = 20000;
   Snapshot<Block<16>> snapshot;
   std::atomic<bool> done = false;
@@ -115,7 +115,7 @@ void load_for_ever(LargeScene& scene) {
   }
 }
 
-TEST(Snapshot, AReaderThatStandsStillOrDiesHalfWayHoldsNobodyUp) {
+TEST(Snapshot, StoppedOrKilledReaderDoesNotBlockTheWriter) {
   testing::Shared<LargeScene> scene;
   testing::Child reader([&] { load_for_ever(*scene); });
   auto written = std::make_unique<Large>();
@@ -144,7 +144,7 @@ TEST(Snapshot, AReaderThatStandsStillOrDiesHalfWayHoldsNobodyUp) {
   EXPECT_EQ(scene->torn, 0u);
 }
 
-TEST(Snapshot, AWriterThatDiesHalfWayLeavesNothingToBeTakenForAValue) {
+TEST(Snapshot, KilledWriterLeavesNoReadableValue) {
   testing::Shared<LargeScene> scene;
   testing::Child writer([&] {
     static Large value;

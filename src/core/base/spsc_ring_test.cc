@@ -33,7 +33,7 @@ TEST(SpscRing, RoundsItsCapacityUpToAPowerOfTwo) {
   EXPECT_EQ(SpscRing<int>(1024).capacity(), 1024u);
 }
 
-TEST(SpscRing, DoesWhatABoundedDequeDoes) {
+TEST(SpscRing, EqualsABoundedDeque) {
   constexpr std::uint64_t kSeed = 20240701;
   SCOPED_TRACE(kSeed);
   std::mt19937_64 random(kSeed);
@@ -63,7 +63,7 @@ TEST(SpscRing, DoesWhatABoundedDequeDoes) {
   }
 }
 
-TEST(SpscRing, CopiesNoMoreOfAnItemThanItIsTold) {
+TEST(SpscRing, CopiesOnlyTheGivenNumberOfBytes) {
   SpscRing<Item> ring(2);
   std::array<Item, 2> out;
   for (std::uint64_t n = 1; n <= 5; ++n) {
@@ -73,7 +73,7 @@ TEST(SpscRing, CopiesNoMoreOfAnItemThanItIsTold) {
   }
 }
 
-TEST(SpscRing, HasItsPagesBeforeTheyAreNeeded) {
+TEST(SpscRing, PagesAreResidentAtConstruction) {
   struct Page {
     std::array<char, 4096> bytes;  // no initialisation that would touch the memory
   };
@@ -134,11 +134,11 @@ void run_two_threads(std::size_t capacity, std::uint64_t items, bool retry) {
   EXPECT_TRUE(!retry || dropped == 0);
 }
 
-TEST(SpscRing, LosesNothingBetweenTwoThreadsButWhatItRefused) {
+TEST(SpscRing, ConcurrentPushesAreLostOnlyWhenRejected) {
   run_two_threads(64, 300000, false);
 }
 
-TEST(SpscRing, LosesNothingBetweenTwoThreadsWhereTheProducerTriesAgain) {
+TEST(SpscRing, RetriedPushesLoseNothing) {
   for (const std::size_t capacity : {1, 2, 16, 4096}) run_two_threads(capacity, 20000, true);
 }
 

@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-TEST(TableField, NoTextIsAFormula) {
+TEST(TableField, FormulaTextIsQuoted) {
   for (const std::string text : {"=cmd|' /C calc'!A0", "+1", "-1+1", "@SUM(A1)", "\t=1", "\r=1", "\n=1"})
     for (const std::string& field : {csv_field(text), tsv_field(text)}) {
       SCOPED_TRACE(text);
@@ -17,7 +17,7 @@ TEST(TableField, NoTextIsAFormula) {
   }
 }
 
-TEST(TableField, EndsWhereItEnds) {
+TEST(TableField, SeparatorsAndQuotesAreEscaped) {
   EXPECT_EQ(csv_field("a,\"b\"\n"), "\"a,\"\"b\"\"\n\"");
   EXPECT_EQ(tsv_field("a\tb\n"), "a\\u0009b\\u000a");
 }

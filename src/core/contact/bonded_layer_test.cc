@@ -33,7 +33,7 @@ TEST(LayerOracle, MatchesSneddonOnAThickLayerAndTheFoundationOnAThinOne) {
   EXPECT_NEAR(wide.force / (std::numbers::pi * confined * 1e4 * wide.depth * wide.depth), 1, 0.12);
 }
 
-TEST(BondedLayer, ForceOfASphereIsThatOfTheExactSolutionUpToHalfTheThickness) {
+TEST(BondedLayer, SphereForceMatchesTheExactSolutionToHalfTheThickness) {
   for (const double poissons_ratio : kRatios) {
     const LayerOracle oracle(poissons_ratio);
     for (const double thickness_mm : {2.0, 3.0, 5.0, 10.0, 20.0})
@@ -88,7 +88,7 @@ TEST(BondedLayer, SurroundingsAreRecoveredFromAPatchOfAnyRadius) {
   }
 }
 
-TEST(BondedLayer, SoftAndStiffSurroundingsMeetWithoutAStep) {
+TEST(BondedLayer, SoftAndStiffSurroundingsBlendWithoutAStep) {
   const double half_space = 0.6 / 3;
   for (const double more : {-1e-6, 1e-6}) {
     const auto found = surroundings_of_patch(half_space + more, 3, 1, 0.45);

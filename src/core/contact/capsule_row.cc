@@ -11,19 +11,19 @@ namespace {
 double distance_of_step(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
                         int steps, int step) {
   const double part = static_cast<double>(step) / steps;
-  return surface.distance_mm(centre + shape.along_mm * part) - shape.widens_mm * part;
+  return surface.distance_mm(centre + shape.axis_mm * part) - shape.radius_change_mm * part;
 }
 
 class RowSearch {
  public:
   RowSearch(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape, int steps,
-            double enough_mm)
+            double cutoff_mm)
       : surface_(surface),
         centre_(centre),
         shape_(shape),
         steps_(steps),
-        rise_mm_((surface.max_gradient() * shape.along_mm.norm() + std::abs(shape.widens_mm)) / steps),
-        enough_mm_(enough_mm) {}
+        rise_mm_((surface.max_gradient() * shape.axis_mm.norm() + std::abs(shape.radius_change_mm)) / steps),
+        enough_mm_(cutoff_mm) {}
 
   double evaluate(int step) {
     ++queries_;
@@ -39,7 +39,7 @@ class RowSearch {
     const double distance_mm = evaluate(middle);
     const double min_mm = distance_mm - rise_mm_ * (last - middle);
     if (min_mm > std::min(enough_mm_, nearest_.distance_mm)) {
-      if (last > first) left_out_mm_ = std::min(left_out_mm_, min_mm);
+      if (last > first) min_rejected_mm_ = std::min(min_rejected_mm_, min_mm);
       return;
     }
     search(first, middle - 1);
@@ -48,7 +48,7 @@ class RowSearch {
 
   NearestInRow nearest() const {
     if (nearest_.distance_mm <= enough_mm_) return nearest_;
-    return {std::min(nearest_.distance_mm, left_out_mm_), nearest_.step};
+    return {std::min(nearest_.distance_mm, min_rejected_mm_), nearest_.step};
   }
   int queries() const { return queries_; }
 
@@ -60,26 +60,26 @@ class RowSearch {
   const double rise_mm_;  // maximum change of the distance from one step to the next
   const double enough_mm_;
   NearestInRow nearest_{std::numeric_limits<double>::infinity(), 0};
-  double left_out_mm_ = std::numeric_limits<double>::infinity();
+  double min_rejected_mm_ = std::numeric_limits<double>::infinity();
   int queries_ = 0;
 };
 
 }  // namespace
 
 int row_steps(const ToolSphere& sphere) {
-  if (sphere.along_mm == Vector<Patient>()) return 0;
+  if (sphere.axis_mm == Vector<Patient>()) return 0;
   // between two spheres the outline dips by r - sqrt(r^2 - (pitch / 2)^2), which is below pitch^2 / (8 r) *
   // 1.04 for these values
   const double thinnest_mm =
       sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
   const double pitch_mm =
       std::max(kProxySettings.min_row_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxySettings.max_row_gap_mm));
-  return static_cast<int>(std::ceil(sphere.along_mm.norm() / pitch_mm));
+  return static_cast<int>(std::ceil(sphere.axis_mm.norm() / pitch_mm));
 }
 
 NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
-                            int steps, int begin, double enough_mm, int& queries) {
-  RowSearch row(surface, centre, shape, steps, enough_mm);
+                            int steps, int begin, double cutoff_mm, int& queries) {
+  RowSearch row(surface, centre, shape, steps, cutoff_mm);
   row.evaluate(begin);
   row.search(0, begin - 1);
   row.search(begin + 1, steps);
@@ -88,12 +88,12 @@ NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre
 }
 
 NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
-                         double enough_mm) {
+                         double cutoff_mm) {
   const Point<Patient> centre = at + sphere.offset_mm;
   const int steps = row_steps(sphere);
   if (steps == 0) return {surface.distance_mm(centre), 0};
   int queries = 0;
-  const NearestInRow nearest = nearest_in_row(surface, centre, sphere, steps, steps / 2, enough_mm, queries);
+  const NearestInRow nearest = nearest_in_row(surface, centre, sphere, steps, steps / 2, cutoff_mm, queries);
   return {nearest.distance_mm, static_cast<double>(nearest.step) / steps};
 }
 

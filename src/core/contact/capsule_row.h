@@ -18,7 +18,7 @@ int row_steps(const ToolSphere& sphere);
 /// Whether any part of the tool is a capsule.
 inline bool has_capsules(std::span<const ToolSphere> spheres) {
   return std::any_of(spheres.begin(), spheres.end(),
-                     [](const ToolSphere& sphere) { return sphere.along_mm != Vector<Patient>(); });
+                     [](const ToolSphere& sphere) { return sphere.axis_mm != Vector<Patient>(); });
 }
 
 /// Nearest sphere of a row.
@@ -28,7 +28,7 @@ struct NearestInRow {
   int step = 0;  ///< Index of the sphere, 0 ... row_steps
 };
 
-/// Nearest sphere of a row to a surface. If none is nearer than `enough_mm`, distance_mm may be any lower
+/// Nearest sphere of a row to a surface. If none is nearer than `cutoff_mm`, distance_mm may be any lower
 /// bound above that. Branch and bound by bisection of the row: along it the distance changes at most by the
 /// surface's maximum slope, and the radius linearly. Does not allocate, lock or throw.
 /// @param centre  centre of the row's first sphere
@@ -37,7 +37,7 @@ struct NearestInRow {
 /// @param begin   step evaluated first; the last known nearest one saves queries
 /// @param queries   incremented by the number of surface queries
 NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
-                            int steps, int begin, double enough_mm, int& queries);
+                            int steps, int begin, double cutoff_mm, int& queries);
 
 /// Middle of the interval of a row that touches a surface together with one step, 0 ... 1 along the axis:
 /// mean of the adjacent steps whose distance differs by less than `beside_mm`, weighted linearly by that

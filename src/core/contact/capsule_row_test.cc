@@ -52,28 +52,28 @@ TEST(CapsuleRow, NearestSphereEqualsExhaustiveSearch) {
     const double x = about(random), y = about(random), z = about(random);
     const Point<Patient> centre(x, y, z);
     // every tenth capsule is parallel to the plate
-    Vector<Patient> along_mm = random_direction(random) * (0.1 + 7 * unit(random));
-    if (n % 20 == 1) along_mm = {along_mm.x(), along_mm.y(), 0};
-    ToolSphere shape{{}, 0.01 + 2 * unit(random), along_mm};
+    Vector<Patient> axis_mm = random_direction(random) * (0.1 + 7 * unit(random));
+    if (n % 20 == 1) axis_mm = {axis_mm.x(), axis_mm.y(), 0};
+    ToolSphere shape{{}, 0.01 + 2 * unit(random), axis_mm};
     // every third capsule is tapered
-    if (n % 3 == 2) shape.widens_mm = 2 * unit(random) - shape.radius_mm;
+    if (n % 3 == 2) shape.radius_change_mm = 2 * unit(random) - shape.radius_mm;
     const int steps = row_steps(shape);
-    const double enough_mm = n % 3 == 0 ? std::numeric_limits<double>::infinity() : 3 * unit(random);
+    const double cutoff_mm = n % 3 == 0 ? std::numeric_limits<double>::infinity() : 3 * unit(random);
     const int begin = static_cast<int>(unit(random) * steps);
 
     double min_mm = std::numeric_limits<double>::infinity();
     const auto at_step = [&](int step) {
       const double part = static_cast<double>(step) / steps;
-      return surface.distance_mm(centre + along_mm * part) - shape.widens_mm * part;
+      return surface.distance_mm(centre + axis_mm * part) - shape.radius_change_mm * part;
     };
     for (int step = 0; step <= steps; ++step) min_mm = std::min(min_mm, at_step(step));
-    const NearestInRow nearest = nearest_in_row(surface, centre, shape, steps, begin, enough_mm, queries);
+    const NearestInRow nearest = nearest_in_row(surface, centre, shape, steps, begin, cutoff_mm, queries);
     all += steps + 1;
-    if (nearest.distance_mm <= enough_mm) {
+    if (nearest.distance_mm <= cutoff_mm) {
       ASSERT_EQ(nearest.distance_mm, min_mm);
       ASSERT_EQ(at_step(nearest.step), min_mm);
     } else {
-      ASSERT_GT(min_mm, enough_mm);
+      ASSERT_GT(min_mm, cutoff_mm);
       ASSERT_LE(nearest.distance_mm, min_mm + 1e-12);
       ++bounds;
     }

@@ -19,8 +19,8 @@ const Friction& friction_of(std::size_t constraint, const ContactProblem& proble
   const OwnerFractions fractions = owners.at(problem.surfaces, pair.index, at);
   for (const OwnerFraction& fraction : fractions.all()) {
     const ContactSurface& structure = problem.surfaces[static_cast<std::size_t>(fraction.structure)];
-    friction.static_coefficient += fraction.part * structure.static_friction;
-    friction.kinetic_coefficient += fraction.part * structure.friction;
+    friction.static_coefficient += fraction.fraction * structure.static_friction;
+    friction.kinetic_coefficient += fraction.fraction * structure.friction;
   }
   return coefficients.store(index, friction);
 }

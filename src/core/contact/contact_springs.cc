@@ -24,10 +24,11 @@ Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<cons
 
 double LayerStiffness::contribution(const ContactSurface& surface, const ContactSurface& structure) const {
   const double own = std::min(structure.stiffness_N_per_mm, max_N_per_mm_);
-  const double up_to = surface.layer >= structure.layer ? own : std::min(own, surface.to_N_per_mm);
+  const double upper = surface.layer >= structure.layer ? own : std::min(own, surface.upper_N_per_mm);
   // relative tolerance: rounding of the sum must not count as a shortfall
-  const bool less = contributed_N_per_mm_ && *contributed_N_per_mm_ < surface.from_N_per_mm * (1 - 1e-9);
-  return up_to - std::min(own, less ? *contributed_N_per_mm_ : surface.from_N_per_mm);
+  const bool has_shortfall =
+      contributed_N_per_mm_ && *contributed_N_per_mm_ < surface.lower_N_per_mm * (1 - 1e-9);
+  return upper - std::min(own, has_shortfall ? *contributed_N_per_mm_ : surface.lower_N_per_mm);
 }
 
 ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerCache& owners) {
@@ -42,19 +43,19 @@ ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerC
     mean.multiplier_mm += contact.multiplier_mm;
     for (const OwnerFraction& fraction : owners_[n].all()) {
       const ContactSurface& structure = surfaces_[static_cast<std::size_t>(fraction.structure)];
-      const double multiplier_mm = contact.multiplier_mm * fraction.part;
+      const double multiplier_mm = contact.multiplier_mm * fraction.fraction;
       mean.friction += multiplier_mm * (in.layer.sticking ? structure.static_friction : structure.friction);
       if (structure.plane_strain_modulus_N_per_mm2 > 0) {
         mean.pressed.add(multiplier_mm, structure, arm_mm, sphere.radius_at_mm(contact.axis_fraction));
         continue;
       }
-      mean.own_stiffness += multiplier_mm * own_.contribution(surface, structure);
-      mean.stiffness += multiplier_mm * rendered_.contribution(surface, structure);
+      mean.unclamped_stiffness += multiplier_mm * unclamped_.contribution(surface, structure);
+      mean.stiffness += multiplier_mm * clamped_.contribution(surface, structure);
     }
   }
   if (!(mean.multiplier_mm > 0)) return mean;
   mean.stiffness /= mean.multiplier_mm;
-  mean.own_stiffness /= mean.multiplier_mm;
+  mean.unclamped_stiffness /= mean.multiplier_mm;
   return mean;
 }
 
@@ -66,16 +67,16 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
   ProxyForce force;
   if (!(mean.multiplier_mm > 0)) {
     compliance = {};
-    forget_outer_layers();
+    invalidate_outer_layers();
     return force;
   }
-  if (pressed.any()) forget_outer_layers();
-  rendered_.add(mean.stiffness);
-  own_.add(mean.own_stiffness);
+  if (pressed.any()) invalidate_outer_layers();
+  clamped_.add(mean.stiffness);
+  unclamped_.add(mean.unclamped_stiffness);
 
   // rigid structures
   const Vector<Patient> stretched_mm = (in.layer.position - tip_) * in.layer.stretch_fraction;
-  double stiffness = mean.stiffness, own_stiffness = mean.own_stiffness;
+  double stiffness = mean.stiffness, unclamped_stiffness = mean.unclamped_stiffness;
   // stiffness of deformable tissue is not limited here: its solution has time constants of its own
   if (!pressed.any())
     stiffness = limit_stiffness(stiffness, in.layer.spring_N_per_mm, stretched_mm, in.slip_N, in.motion);
@@ -89,10 +90,10 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
                        options_, compliance, relaxation);
     relaxed_ = relaxed_ || tissue.relaxed;
     const double fraction = pressed.multiplier_mm / mean.multiplier_mm;
-    press_ = tissue.press;
-    press_.force_N *= fraction;
+    tissue_contact_ = tissue.tissue_contact;
+    tissue_contact_.force_N *= fraction;
     stiffness += fraction * tissue.secant_N_per_mm;
-    own_stiffness += fraction * tissue.own_secant_N_per_mm;
+    unclamped_stiffness += fraction * tissue.unclamped_secant_N_per_mm;
     force.tangent_N_per_mm += fraction * tissue.law.tangent_N_per_mm;
     force.stored_mJ += fraction * tissue.law.stored_mJ;
     force.force_N = tissue.law.tangential_force_N * fraction;
@@ -108,20 +109,21 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
   path_.begin_layer(stretched_mm, stiffness);
   for (std::size_t n = 0; n < contacts.size(); ++n) {
     for (const OwnerFraction& fraction : owners_[n].all())
-      path_.add_owner(fraction.structure, fraction.part * contacts[n].multiplier_mm / mean.multiplier_mm);
+      path_.add_owner(fraction.structure, fraction.fraction * contacts[n].multiplier_mm / mean.multiplier_mm);
     normals_N_ += contacts[n].normal * (contacts[n].multiplier_mm * stiffness);
   }
-  if (in.has_arrived) add_puncture_forces(contacts, own_stiffness);
+  if (in.has_arrived) add_puncture_forces(contacts, unclamped_stiffness);
   friction_N_ += mean.friction * stiffness;
   normal_N_ += mean.multiplier_mm * stiffness;
   return force;
 }
 
-void ContactSprings::add_puncture_forces(std::span<const ProxyContact> contacts, double own_stiffness) {
+void ContactSprings::add_puncture_forces(std::span<const ProxyContact> contacts, double unclamped_stiffness) {
   for (std::size_t n = 0; n < contacts.size(); ++n)
     for (const OwnerFraction& fraction : owners_[n].all())
       if (std::isfinite(surfaces_[static_cast<std::size_t>(fraction.structure)].puncture_N))
-        puncture_forces_.add(fraction.structure, contacts[n].multiplier_mm * own_stiffness * fraction.part);
+        puncture_forces_.add(fraction.structure,
+                             contacts[n].multiplier_mm * unclamped_stiffness * fraction.fraction);
 }
 
 }  // namespace palpate

@@ -39,7 +39,7 @@ class LayerStiffness {
   }
   /// Makes the layers' lower bounds apply from now on: after a layer without contact, or with a deformable
   /// structure, the sum is unknown.
-  void forget() { contributed_N_per_mm_.reset(); }
+  void invalidate() { contributed_N_per_mm_.reset(); }
 
  private:
   double max_N_per_mm_;
@@ -51,8 +51,8 @@ struct SpringInputs {
   const ProxyLayer& layer;
   std::span<const ToolSphere> spheres;  ///< Tool parts in the proxy's attitude
   const SpringMotion& motion;
-  /// Whether the proxy has reached its goal. Otherwise the spring force is not the operator's, and punctures
-  /// nothing.
+  /// Whether the proxy has reached its goal. Otherwise the spring force is not that of an equilibrium, and
+  /// nothing is punctured.
   bool has_arrived = false;
   double slip_N = 0;  ///< Permitted force change in this tick beyond that caused by the tool's displacement
 
@@ -69,8 +69,8 @@ class ContactSprings {
       : surfaces_(surfaces),
         tip_(tip),
         options_(options),
-        rendered_(options.max_stiffness_N_per_mm),
-        own_(std::numeric_limits<double>::infinity()) {}
+        clamped_(options.max_stiffness_N_per_mm),
+        unclamped_(std::numeric_limits<double>::infinity()) {}
 
   /// Adds a layer; layers are added from outside to inside.
   /// @param compliance  state of the deformable structures, used by the outermost layer only
@@ -91,36 +91,36 @@ class ContactSprings {
   const PunctureForces& puncture_forces() const { return puncture_forces_; }
   const PenetrationPath& path() const { return path_; }
   /// Contact with deformable tissue; unset if there is none.
-  const TissuePress& press() const { return press_; }
+  const TissueContact& tissue_contact() const { return tissue_contact_; }
 
  private:
   // contact properties of a layer, averaged over its contacts by their multipliers and ownership shares
   struct LayerMean {
-    double multiplier_mm = 0;   // sum over the contacts
-    double stiffness = 0;       // contributed by rigid structures, clamped to the device's limit
-    double own_stiffness = 0;   // the same, not clamped; it determines puncture
-    double friction = 0;        // sum of the coefficients, weighted by the multipliers
-    DeformableContact pressed;  // contact with deformable structures
+    double multiplier_mm = 0;        // sum over the contacts
+    double stiffness = 0;            // contributed by rigid structures, clamped to the device's limit
+    double unclamped_stiffness = 0;  // the same, not clamped; it determines puncture
+    double friction = 0;             // sum of the coefficients, weighted by the multipliers
+    DeformableContact pressed;       // contact with deformable structures
   };
   LayerMean average(const SpringInputs& in, OwnerCache& owners);
-  void forget_outer_layers() {
-    rendered_.forget();
-    own_.forget();
+  void invalidate_outer_layers() {
+    clamped_.invalidate();
+    unclamped_.invalidate();
   }
-  void add_puncture_forces(std::span<const ProxyContact> contacts, double own_stiffness);
+  void add_puncture_forces(std::span<const ProxyContact> contacts, double unclamped_stiffness);
 
   std::span<const ContactSurface> surfaces_;
   const Point<Patient> tip_;
   const ProxyOptions options_;
   // clamped to the device's limit, and not clamped
-  LayerStiffness rendered_, own_;
+  LayerStiffness clamped_, unclamped_;
   UninitialisedArray<OwnerFractions, kMaxContacts> owners_;  // by contact of the layer that was added last
   PenetrationPath path_;
   Vector<Patient> normals_N_;
   double friction_N_ = 0, normal_N_ = 0;
   bool relaxed_ = false;  // whether a layer's contact has advanced the relaxation state
   PunctureForces puncture_forces_;
-  TissuePress press_;
+  TissueContact tissue_contact_;
 };
 
 }  // namespace palpate

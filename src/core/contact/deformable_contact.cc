@@ -15,7 +15,7 @@ namespace {
 Footprint footprint_under(const DeformableContact& pressed, const PressingTool& tool, double base_per_mm) {
   const double per_multiplier = 1 / pressed.multiplier_mm, depth_mm = tool.stretched_mm.norm();
   const Footprint one{depth_mm, pressed.radius_mm * per_multiplier, 0, 1, pressed.arm_mm * per_multiplier};
-  if ((tool.spheres.size() == 1 && tool.spheres[0].along_mm == Vector<Patient>()) || !(depth_mm > 0))
+  if ((tool.spheres.size() == 1 && tool.spheres[0].axis_mm == Vector<Patient>()) || !(depth_mm > 0))
     return one;
   std::array<int, kMaxContacts> touched;
   std::size_t count = 0;
@@ -63,7 +63,7 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
   // a contact with a force that rounds to 0 also has a secant stiffness of 0
   const double left = elastic_N > 0 ? force_N / elastic_N : 1;
   force.secant_N_per_mm *= left;
-  force.own_secant_N_per_mm *= left;
+  force.unclamped_secant_N_per_mm *= left;
   force.law.tangential_force_N = tissue.gradient_per_N * std::max(0.0, lateral.of_compliance_N2) -
                                  tissue.stiffening_gradient * std::max(0.0, lateral.of_stiffening_N3);
 }
@@ -85,7 +85,7 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
                        options.dt_s, compliance, pressed.strain_stiffening * per_multiplier);
   tissue.surroundings_mm_per_N += foot.interaction_per_mm / tissue.modulus_N_per_mm2;
   DeformableForce force;
-  TissuePress& own = force.press;
+  TissueContact& own = force.tissue_contact;
   own.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
   own.base_per_mm = base_per_mm;
   own.radius_mm = std::max(pressed.radius_mm * per_multiplier, kSoftTissueSettings.min_radius_mm);
@@ -102,7 +102,7 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   const bool limited = force.law.tangent_N_per_mm >= (1 - kRounding) * max_N_per_mm;
   force.law.tangent_N_per_mm *= foot.stiffer;
   force.secant_N_per_mm = force.law.force_N / length_mm;
-  force.own_secant_N_per_mm =
+  force.unclamped_secant_N_per_mm =
       limited ? soft_contact_force(tissue, foot.depth_mm, foot.radius_mm).force_N / length_mm
               : force.secant_N_per_mm;
   const auto finish = [&] {

@@ -15,7 +15,7 @@ struct DeformableContact {
   double multiplier_mm = 0;
   double modulus = 0, strain_stiffening = 0, radius_mm = 0;
   Vector<Patient> arm_mm;  ///< From the tip
-  RelaxedParts relaxed;
+  RelaxationFractions relaxed;
 
   bool any() const { return multiplier_mm > 0; }
   void add(double multiplier, const ContactSurface& structure, const Vector<Patient>& arm, double radius) {
@@ -41,9 +41,9 @@ struct PressingTool {
 struct DeformableForce {
   SoftContactForce law;  ///< Force, tangent stiffness and energy
   /// Force over the length of the spring vector; `own` is without the device's stiffness limit.
-  double secant_N_per_mm = 0, own_secant_N_per_mm = 0;
-  bool relaxed = false;  ///< Whether the relaxation state was advanced by this tick
-  TissuePress press;     ///< The contact as other tools meet it
+  double secant_N_per_mm = 0, unclamped_secant_N_per_mm = 0;
+  bool relaxed = false;          ///< Whether the relaxation state was advanced by this tick
+  TissueContact tissue_contact;  ///< Contact as input of displaced_by_others() for the other tools
 };
 
 /// Force of deformable tissue at the depth of the spring vector.

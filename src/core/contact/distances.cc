@@ -20,13 +20,13 @@ class NearestOfTool {
 
   void accumulate(const ToolSphere& sphere) {
     count_ = 0;
-    const double length_mm = sphere.along_mm.norm();
+    const double length_mm = sphere.axis_mm.norm();
     if (!(length_mm > 0)) {
       accumulate(sphere, 0, 0);
       return;
     }
     // Lipschitz bound of the clearance over the whole axis
-    const double whole_mm = length_mm + std::abs(sphere.widens_mm);
+    const double whole_mm = length_mm + std::abs(sphere.radius_change_mm);
     if (!accumulate(sphere, 0.5, 0.5 * whole_mm)) return;
     accumulate(sphere, 0, 0);
     accumulate(sphere, 1, 0);
@@ -52,7 +52,7 @@ class NearestOfTool {
                            [](const auto& a, const auto& b) { return a.distance_mm < b.distance_mm; });
       if (!best->on_surface) return;
       const Vector<Patient> displacement = *best->on_surface - (tip_ + sphere.offset_mm);
-      const double part = std::clamp(displacement.dot(sphere.along_mm) / (length_mm * length_mm), 0.0, 1.0);
+      const double part = std::clamp(displacement.dot(sphere.axis_mm) / (length_mm * length_mm), 0.0, 1.0);
       if (std::abs(part - best->part) * length_mm < kStill_mm) return;
       accumulate(sphere, part, 0);
     }
@@ -76,7 +76,7 @@ class NearestOfTool {
 
   // evaluates one point; true if a surface is within reach; keeps the points sorted along the axis
   bool accumulate(const ToolSphere& sphere, double part, double farther_mm) {
-    const Point<Patient> centre = tip_ + sphere.offset_mm + sphere.along_mm * part;
+    const Point<Patient> centre = tip_ + sphere.offset_mm + sphere.axis_mm * part;
     const double radius_mm = sphere.radius_at_mm(part);
     const auto near = tree_.nearest(centre, within_mm_ + radius_mm + farther_mm);
     Slot here{part, within_mm_ + farther_mm, {}};
@@ -141,7 +141,7 @@ ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& t
   box.high = -box.low;
   for (const ToolSphere& sphere : spheres)
     for (const double part : {0.0, 1.0}) {
-      const Eigen::Array3d at = (tip + sphere.offset_mm + sphere.along_mm * part).eigen().array();
+      const Eigen::Array3d at = (tip + sphere.offset_mm + sphere.axis_mm * part).eigen().array();
       box.low = box.low.min(at - sphere.radius_at_mm(part));
       box.high = box.high.max(at + sphere.radius_at_mm(part));
     }

@@ -91,7 +91,7 @@ std::size_t press_points(std::span<const ContactSurface> all, std::span<const in
       std::min(points.size(), kMaxFootprintPoints) / std::max<std::size_t>(1, spheres.size());
   std::size_t count = 0;
   for (const ToolSphere& sphere : spheres) {
-    const double length_mm = sphere.along_mm.norm();
+    const double length_mm = sphere.axis_mm.norm();
     // positions on the axis are independent of the capsule's attitude, so that no place appears or vanishes
     // in a rotation
     const double radius =
@@ -101,7 +101,7 @@ std::size_t press_points(std::span<const ContactSurface> all, std::span<const in
                           : 0;
     for (int n = 0; n <= steps; ++n) {
       const double part = steps == 0 ? 0 : static_cast<double>(n) / steps;
-      FootprintPoint point{sphere.offset_mm + sphere.along_mm * part, sphere.radius_at_mm(part), 0};
+      FootprintPoint point{sphere.offset_mm + sphere.axis_mm * part, sphere.radius_at_mm(part), 0};
       for (const int s : surfaces) {
         const ContactSurface& surface = all[static_cast<std::size_t>(s)];
         if (surface.surface == nullptr) continue;

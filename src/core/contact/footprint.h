@@ -17,13 +17,13 @@ struct FootprintPoint {
 };
 inline constexpr std::size_t kMaxFootprintPoints = 24;
 
-/// Sphere equivalent to several press places under the contact law of a tick (soft_contact.h).
+/// Sphere that is equivalent to several press points under the contact law of a tick (soft_contact.h).
 struct Footprint {
   double depth_mm = 0, radius_mm = 0;
-  /// Additional compliance by interaction of the places, times E*: each is lowered by the pressure at the
-  /// others, 1 / (pi E* r) at a distance r (Boussinesq), and on a layer the less, the farther they are apart.
+  /// Additional compliance from the interaction of the press points, times E*: pressure at one lowers the
+  /// surface at another by 1 / (pi E* r) per unit force at a distance r (Boussinesq), and by less on a layer.
   double interaction_per_mm = 0;
-  /// Ratio of dF/dd of all places moved together to that of the equivalent sphere; at least 1.
+  /// Ratio of dF/dd of all press points displaced together to that of the equivalent sphere; at least 1.
   double stiffer = 1;
   /// Force-weighted mean of the vectors from the tip to the points of action on the surface.
   Vector<Patient> arm_mm;
@@ -38,15 +38,14 @@ struct Footprint {
 /// @param points       1 ... kMaxFootprintPoints
 /// @param along        direction in which the tissue pushes the tool back; unit
 /// @param base_per_mm  -B E* of tissue on a rigid base (layer_base_mm_per_N); 0: a half-space, or softer.
-/// Places
-///                     farther apart than the layer is thick do not lower each other, and each is supported
-///                     by the base under its own force only
+///                     Press points farther apart than the layer is thick do not lower each other, and each
+///                     is supported by the base under its own force only
 Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Patient>& along,
                        double base_per_mm = 0);
 
-/// Compliance between two places under unit forces, times E*, plus `base_per_mm` because the law of the
-/// sphere takes the base away again under the sum of all forces: 1 / (pi r) (1 - x)^2 with x = pi base r / 2,
-/// and 0 from x = 1 on. Places closer than a radius count partly as one place.
+/// Compliance between two places under unit forces, times E*, plus `base_per_mm` because the sphere law
+/// subtracts the base's contribution for the sum of all forces: 1 / (pi r) (1 - x)^2 with x = pi base r / 2,
+/// and 0 from x = 1 on. Press points closer than a radius are partly merged.
 /// @param lateral_mm     lateral distance r
 /// @param radius_mm    the smaller radius; above 0
 /// @param base_per_mm  as of footprint_of

@@ -101,7 +101,7 @@ TEST(Footprint, MatchesTheHalfSpaceSolution) {
 // Spheres farther apart than a layer is thick press as if each were alone, and close ones as on a half-space
 // with the layer's base. The sphere that stands for both is blunter than each, so that the correction of a
 // paraboloid to a sphere is smaller: up to a tenth of the force at a third of the radius.
-TEST(Footprint, PlacesOnALayerAreSupportedByTheirOwnBase) {
+TEST(Footprint, PressPointsOnALayerHaveTheirOwnBase) {
   const double modulus = 0.0125, thickness_mm = 3;
   const ContactLaw layer{layer_base_mm_per_N(thickness_mm, modulus, 0.45), {}, modulus};
   const double base_per_mm = -layer.surroundings_mm_per_N * modulus;

@@ -7,11 +7,12 @@ namespace {
 
 // force change of a layer that is not slip: caused by the tool's displacement, or, where infinite, exempt
 // from the limit (last force unknown, deformable contact that begins, puncture)
-double explained_N(std::optional<double> before_N_per_mm, const ProxyForce& now, const SpringMotion& motion) {
-  constexpr double kAll = std::numeric_limits<double>::infinity();
-  if (!before_N_per_mm) return kAll;
-  if (*before_N_per_mm == 0) return now.deformable ? kAll : now.tangent_N_per_mm * motion.catch_up_mm;
-  if (!std::isfinite(motion.max_change_mm)) return kAll;
+double non_slip_change_N(std::optional<double> before_N_per_mm, const ProxyForce& now,
+                         const SpringMotion& motion) {
+  constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+  if (!before_N_per_mm) return kUnlimited;
+  if (*before_N_per_mm == 0) return now.deformable ? kUnlimited : now.tangent_N_per_mm * motion.catch_up_mm;
+  if (!std::isfinite(motion.max_change_mm)) return kUnlimited;
   return std::max(*before_N_per_mm, now.tangent_N_per_mm) * motion.tool_mm;
 }
 
@@ -44,28 +45,29 @@ double limit_stiffness(double requested, std::optional<double> before, const Vec
   if (!std::isfinite(motion.max_change_mm)) return requested;
   // Stiffnesses whose force lies in a ball around the last force; its radius is the last stiffness times
   // max_change_mm. Lengths are relative to the current spring.
-  const double along = motion.last_spring_mm.dot(stretched_mm) / (length_mm * length_mm);
-  const double across = motion.last_spring_mm.squared_norm() / (length_mm * length_mm) - along * along;
+  const double projection = motion.last_spring_mm.dot(stretched_mm) / (length_mm * length_mm);
+  const double transverse_squared =
+      motion.last_spring_mm.squared_norm() / (length_mm * length_mm) - projection * projection;
   const double change = motion.max_change_mm / length_mm;
-  const double largest = change * change - across;
-  if (!(largest > 0)) return *before;
-  return std::clamp(requested, *before * (along - std::sqrt(largest)),
-                    *before * (along + std::sqrt(largest)));
+  const double discriminant = change * change - transverse_squared;
+  if (!(discriminant > 0)) return *before;
+  return std::clamp(requested, *before * (projection - std::sqrt(discriminant)),
+                    *before * (projection + std::sqrt(discriminant)));
 }
 
 void SlipBudget::spend(std::optional<double> before_N_per_mm, const ProxyForce& now,
                        const SpringMotion& motion) {
   const double changed_N = (now.force_N - motion.last_spring_mm * before_N_per_mm.value_or(0)).norm();
-  left_N -= std::clamp(changed_N - explained_N(before_N_per_mm, now, motion), 0.0, left_N);
+  left_N -= std::clamp(changed_N - non_slip_change_N(before_N_per_mm, now, motion), 0.0, left_N);
 }
 
-double ProxyRelease::fade(double max_N) {
+double ResidualForce::fade(double max_N) {
   const double before_N = force_N.norm();
   limit(std::max(0.0, before_N - max_N));
   return std::min(before_N, max_N);
 }
 
-void ProxyRelease::limit(double max_N) {
+void ResidualForce::limit(double max_N) {
   const double before_N = force_N.norm();
   if (!(before_N > max_N)) return;
   // a zero limit clears the torque and the energy exactly
@@ -86,7 +88,7 @@ double arc_of_rotation_mm(std::span<const ToolSphere> spheres, const Eigen::Quat
   double farthest_mm = 0;
   for (const ToolSphere& sphere : spheres)
     farthest_mm =
-        std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.along_mm).norm()});
+        std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.axis_mm).norm()});
   return farthest_mm * from.angularDistance(to);
 }
 

@@ -44,17 +44,17 @@ void Holes::extend(int structure, const Point<Patient>& centre) {
   }
 }
 
-void Holes::transfer(std::span<const SurfaceCorrespondence> before) {
+void Holes::transfer(std::span<const SurfaceCorrespondence> correspondences) {
   const Holes old = *this;
   *this = {};
   // in order of creation
   for (std::size_t n = 0; n < old.count_; ++n) {
     Hole hole = old.hole_[(old.oldest_ + n) % old.count_];
-    const auto now = std::find_if(before.begin(), before.end(), [&](const SurfaceCorrespondence& one) {
-      return one.index == hole.structure;
-    });
-    if (now == before.end()) continue;
-    hole.structure = static_cast<int>(now - before.begin());
+    const auto now =
+        std::find_if(correspondences.begin(), correspondences.end(),
+                     [&](const SurfaceCorrespondence& one) { return one.index == hole.structure; });
+    if (now == correspondences.end()) continue;
+    hole.structure = static_cast<int>(now - correspondences.begin());
     add(hole);
   }
 }

@@ -27,7 +27,7 @@ std::string Model::name_of(LabelId id) const {
   return segment && !segment->name.empty() ? segment->name : "label " + std::to_string(id);
 }
 
-std::string Model::enclosing_in_words(LabelId id) const {
+std::string Model::enclosing_suffix(LabelId id) const {
   std::string names;
   for (const LabelId larger : enclosing_of(id)) names += (names.empty() ? "" : ", ") + name_of(larger);
   return names.empty() ? "" : " (within " + names + ")";
@@ -50,7 +50,7 @@ std::string cutter_name(const Model& model) {
   return burr && shaver ? "burr or shaver" : burr ? "burr" : shaver ? "shaver" : "";
 }
 
-std::string burr_in_words(const Tool& tool) {
+std::string burr_description(const Tool& tool) {
   if (!tool.burr) return "";
   const BurrSettings& burr = *tool.burr;
   const bool is_row = burr.length_mm > 0;

@@ -14,7 +14,7 @@ TEST(Model, FindsSegmentsByNameAndId) {
   EXPECT_EQ(model.find(LabelId{4}), nullptr);
 }
 
-TEST(Model, LiesSupineSeenFromTheFeet) {
+TEST(Model, DefaultPoseIsSupineViewedFromTheFeet) {
   GridGeometry grid;
   grid.dims = {11, 21, 31};
   grid.spacing_mm = {1, 2, 0.5};

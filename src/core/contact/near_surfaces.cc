@@ -7,23 +7,23 @@ namespace palpate {
 namespace {
 
 // axis-aligned bounds of the centres of a part's spheres, in the patient frame
-struct AxisBox {
+struct AxisBounds {
   Eigen::Array3d low, high;
 
-  AxisBox(const Point<Patient>& at, const ToolSphere& shape) {
+  AxisBounds(const Point<Patient>& at, const ToolSphere& shape) {
     const Eigen::Array3d begin = (at + shape.offset_mm).eigen().array();
-    const Eigen::Array3d end = begin + shape.along_mm.eigen().array();
+    const Eigen::Array3d end = begin + shape.axis_mm.eigen().array();
     low = begin.min(end);
     high = begin.max(end);
   }
 };
 
 // whether the surface's bounding box excludes that any sphere of the part comes within a distance
-bool is_known_beyond(const Surface& surface, const ToolSphere& shape, const Point<Patient>& at,
-                     double distance_mm) {
-  if (shape.along_mm == Vector<Patient>()) return surface.is_beyond(at + shape.offset_mm, distance_mm);
-  const AxisBox box(at, shape);
-  return surface.is_beyond(box.low, box.high, distance_mm);
+bool is_certainly_beyond(const Surface& surface, const ToolSphere& shape, const Point<Patient>& at,
+                         double distance_mm) {
+  if (shape.axis_mm == Vector<Patient>()) return surface.is_farther_than(at + shape.offset_mm, distance_mm);
+  const AxisBounds box(at, shape);
+  return surface.is_farther_than(box.low, box.high, distance_mm);
 }
 
 }  // namespace
@@ -31,11 +31,11 @@ bool is_known_beyond(const Surface& surface, const ToolSphere& shape, const Poin
 void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                      const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
   count_ = 0;
-  left_out_mm_ = std::numeric_limits<double>::infinity();
-  AxisBox tool(at, spheres[0]);
+  min_rejected_mm_ = std::numeric_limits<double>::infinity();
+  AxisBounds tool(at, spheres[0]);
   double widest_mm = 0;
   for (const ToolSphere& sphere : spheres) {
-    const AxisBox box(at, sphere);
+    const AxisBounds box(at, sphere);
     tool.low = tool.low.min(box.low);
     tool.high = tool.high.max(box.high);
     widest_mm = std::max({widest_mm, sphere.radius_mm, sphere.radius_at_mm(1)});
@@ -45,10 +45,10 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
     const Surface& surface = *surfaces[s].surface;
     // early-out for the common case: the path does not reach the surface's bounding box
     const bool known_free = surface.outside_mm() > widest_mm + kProxySettings.skin_mm;
-    if (known_free && surface.is_beyond(tool.low, tool.high, reach_mm)) continue;
+    if (known_free && surface.is_farther_than(tool.low, tool.high, reach_mm)) continue;
     for (std::size_t k = 0; k < spheres.size(); ++k) {
       const ToolSphere& sphere = spheres[k];
-      if (known_free && is_known_beyond(surface, sphere, at, reach_mm)) continue;
+      if (known_free && is_certainly_beyond(surface, sphere, at, reach_mm)) continue;
       const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
       const double far_mm = reach_mm * surface.max_gradient();
       if (pair.steps == 0 && surface.lower_bound_mm(at + sphere.offset_mm) > far_mm + sphere.radius_mm)
@@ -58,7 +58,7 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
         insert(pair, evaluation.clearance_mm / surface.max_gradient(), evaluation);
     }
   }
-  reach_mm_ = std::max(0.0, std::min(reach_mm, left_out_mm_));
+  reach_mm_ = std::max(0.0, std::min(reach_mm, min_rejected_mm_));
 }
 
 bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
@@ -87,22 +87,22 @@ double PairSet::max_gradient() const {
   return max_gradient;
 }
 
-PairSet::Evaluation PairSet::evaluate(const ContactPair& pair, const Point<Patient>& proxy, double enough_mm,
+PairSet::Evaluation PairSet::evaluate(const ContactPair& pair, const Point<Patient>& proxy, double cutoff_mm,
                                       int begin) {
-  const ContactPair::Clearance clearance = pair.clearance(proxy, enough_mm, begin, queries_);
+  const ContactPair::Clearance clearance = pair.clearance(proxy, cutoff_mm, begin, queries_);
   return {proxy + pair.shape.offset_mm, clearance.mm,
-          pair.steps == 0 ? std::numeric_limits<double>::infinity() : enough_mm, clearance.step};
+          pair.steps == 0 ? std::numeric_limits<double>::infinity() : cutoff_mm, clearance.step};
 }
 
-double PairSet::clearance(std::size_t n, const Point<Patient>& proxy, double enough_mm) {
+double PairSet::clearance(std::size_t n, const Point<Patient>& proxy, double cutoff_mm) {
   Evaluation& evaluation = evaluations_[n];
   const ContactPair& pair = pairs_[n];
   const Point<Patient> centre = proxy + pair.shape.offset_mm;
   const double moved_mm = (centre - evaluation.centre).norm();
   const double lower_bound_mm = evaluation.clearance_mm - moved_mm * pair.surface->max_gradient();
-  if (moved_mm == 0 && evaluation.clearance_mm <= evaluation.enough_mm) return evaluation.clearance_mm;
-  if (lower_bound_mm > enough_mm) return lower_bound_mm;
-  evaluation = evaluate(pair, proxy, enough_mm, evaluation.step);
+  if (moved_mm == 0 && evaluation.clearance_mm <= evaluation.cutoff_mm) return evaluation.clearance_mm;
+  if (lower_bound_mm > cutoff_mm) return lower_bound_mm;
+  evaluation = evaluate(pair, proxy, cutoff_mm, evaluation.step);
   return evaluation.clearance_mm;
 }
 
@@ -119,8 +119,8 @@ void PairSet::turn(std::span<const ToolSphere> spheres) {
     if (pairs_[n].steps > 0) {
       // bound for the displacement of the last sphere beyond that of the first
       evaluations_[n].clearance_mm -=
-          (turned.along_mm - pairs_[n].shape.along_mm).norm() * pairs_[n].surface->max_gradient();
-      evaluations_[n].enough_mm = -std::numeric_limits<double>::infinity();
+          (turned.axis_mm - pairs_[n].shape.axis_mm).norm() * pairs_[n].surface->max_gradient();
+      evaluations_[n].cutoff_mm = -std::numeric_limits<double>::infinity();
     }
     pairs_[n].shape = turned;
   }
@@ -129,7 +129,7 @@ void PairSet::turn(std::span<const ToolSphere> spheres) {
 // insertion sort by clearance, so that the nearest pairs are kept
 void PairSet::insert(const ContactPair& pair, double clearance_mm, const Evaluation& evaluation) {
   if (count_ == kMaxPairs)
-    left_out_mm_ = std::min(left_out_mm_, std::max(clearance_mm, clearances_mm_[kMaxPairs - 1]));
+    min_rejected_mm_ = std::min(min_rejected_mm_, std::max(clearance_mm, clearances_mm_[kMaxPairs - 1]));
   std::size_t index = count_;
   while (index > 0 && clearances_mm_[index - 1] > clearance_mm) --index;
   if (index == kMaxPairs) return;

@@ -44,25 +44,25 @@ struct ContactPair {
   /// Position of a step on the capsule's axis, 0 ... 1.
   double axis_fraction(int step) const { return steps == 0 ? 0 : static_cast<double>(step) / steps; }
   /// Vector from the tip to the centre of a step's sphere.
-  Vector<Patient> offset_mm(int step) const { return shape.offset_mm + shape.along_mm * axis_fraction(step); }
+  Vector<Patient> offset_mm(int step) const { return shape.offset_mm + shape.axis_mm * axis_fraction(step); }
   double radius_mm(int step) const { return shape.radius_at_mm(axis_fraction(step)); }
 
   struct Clearance {
     double mm;  ///< Signed clearance by the distance field; negative: penetration
     int step;   ///< Step of the nearest sphere
   };
-  /// Clearance with the tip's proxy at `proxy`. For a capsule that is nowhere nearer than `enough_mm` the
+  /// Clearance with the tip's proxy at `proxy`. For a capsule that is nowhere nearer than `cutoff_mm` the
   /// result may be any lower bound above that.
   /// @param begin  step at which the search starts
   /// @param queries  incremented by the number of surface queries
-  Clearance clearance(const Point<Patient>& proxy, double enough_mm, int begin, int& queries) const {
+  Clearance clearance(const Point<Patient>& proxy, double cutoff_mm, int begin, int& queries) const {
     const Point<Patient> centre = proxy + shape.offset_mm;
     if (steps == 0) {
       ++queries;
       return {surface->distance_mm(centre) - shape.radius_mm, 0};
     }
     const NearestInRow nearest =
-        nearest_in_row(*surface, centre, shape, steps, begin, enough_mm + shape.radius_mm, queries);
+        nearest_in_row(*surface, centre, shape, steps, begin, cutoff_mm + shape.radius_mm, queries);
     return {nearest.distance_mm - shape.radius_mm, nearest.step};
   }
 };
@@ -85,7 +85,7 @@ class PairSet {
   /// Empties the set.
   void clear() { count_ = 0; }
   /// Adds a pair from an earlier tick, with unknown clearance. Precondition: count() < kMaxPairs.
-  const ContactPair& recall(const ContactPair& pair) { return pairs_.make(count_++, pair); }
+  const ContactPair& add_cached(const ContactPair& pair) { return pairs_.make(count_++, pair); }
 
   std::size_t count() const { return count_; }
   const ContactPair& operator[](std::size_t n) const { return pairs_[n]; }
@@ -98,13 +98,13 @@ class PairSet {
   /// Whether any sphere was inside a surface at the position passed to gather().
   bool penetrates() const { return count_ > 0 && clearances_mm_[0] <= -kProxySettings.outside_mm; }
 
-  /// Clearance of pair n, or a lower bound above `enough_mm` where that is cheaper. Cached: a clearance
+  /// Clearance of pair n, or a lower bound above `cutoff_mm` where that is cheaper. Cached: a clearance
   /// decreases by at most the surface's maximum slope times the displacement.
   double clearance(std::size_t n, const Point<Patient>& proxy,
-                   double enough_mm = std::numeric_limits<double>::infinity());
+                   double cutoff_mm = std::numeric_limits<double>::infinity());
   /// Step of the capsule's row at which the last clearance of pair n was found.
   int step(std::size_t n) const { return evaluations_[n].step; }
-  /// Middle of the interval of a capsule's axis that touches the surface together with `step`, 0 ... 1.
+  /// Middle of the contact interval on a capsule's axis that contains sphere `step`, 0 ... 1.
   double middle_of_touching(std::size_t n, const Point<Patient>& proxy, int step);
 
   /// Number of surface queries since construction; the measure of a tick's work.
@@ -119,11 +119,11 @@ class PairSet {
   struct Evaluation {
     Point<Patient> centre;
     double clearance_mm = 0;
-    double enough_mm = 0;  // above this, clearance_mm may be a lower bound
+    double cutoff_mm = 0;  // above this, clearance_mm may be a lower bound
     int step = 0;
   };
 
-  Evaluation evaluate(const ContactPair& pair, const Point<Patient>& proxy, double enough_mm, int begin);
+  Evaluation evaluate(const ContactPair& pair, const Point<Patient>& proxy, double cutoff_mm, int begin);
 
   void insert(const ContactPair& pair, double clearance_mm, const Evaluation& evaluation);
 
@@ -132,8 +132,8 @@ class PairSet {
   UninitialisedArray<Evaluation, kMaxPairs> evaluations_;
   std::size_t count_ = 0;
   int queries_ = 0;
-  // clearance of the nearest pair that did not fit
-  double left_out_mm_ = std::numeric_limits<double>::infinity();
+  // smallest clearance of a pair rejected because the set was full
+  double min_rejected_mm_ = std::numeric_limits<double>::infinity();
   double reach_mm_ = 0;
 };
 
@@ -153,7 +153,7 @@ class ContactConstraints {
   /// @param step  step of the capsule's row that has this clearance
   bool add(const ContactPair& pair, int step, const Point<Patient>& at, double clearance_mm);
   /// Adds the half-space of a sphere from an earlier tick. Precondition: not full.
-  void recall(const ContactPair& pair, const HalfSpace& plane) { put(count_++, pair, 0, plane); }
+  void add_cached(const ContactPair& pair, const HalfSpace& plane) { put(count_++, pair, 0, plane); }
   std::size_t count() const { return count_; }
   std::span<const HalfSpace> half_spaces() const { return {half_spaces_.data(), count_}; }
   const HalfSpace& half_space(std::size_t n) const { return half_spaces_[n]; }

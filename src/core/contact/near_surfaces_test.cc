@@ -40,8 +40,7 @@ double min_of_row(const Surface& surface, const ToolSphere& sphere, const Point<
   const int steps = std::max(1, row_steps(sphere));
   double min_mm = std::numeric_limits<double>::infinity();
   for (int step = 0; step <= steps; ++step) {
-    const Vector<Patient> offset_mm =
-        sphere.offset_mm + sphere.along_mm * (static_cast<double>(step) / steps);
+    const Vector<Patient> offset_mm = sphere.offset_mm + sphere.axis_mm * (static_cast<double>(step) / steps);
     min_mm = std::min(min_mm, surface.distance_mm(at + offset_mm) - sphere.radius_mm);
   }
   return min_mm;
@@ -65,7 +64,7 @@ TEST(PairSet, CulledPairsAreNotReachedOnThePath) {
     std::vector<ToolSphere> spheres;
     for (int k = 0; k <= n % 4; ++k) {
       spheres.push_back({Vector<Patient>(point_within(15, random)), 2.5 * unit(random)});
-      if ((n + k) % 3 == 0) spheres.back().along_mm = Vector<Patient>(point_within(10, random));
+      if ((n + k) % 3 == 0) spheres.back().axis_mm = Vector<Patient>(point_within(10, random));
     }
     const Point<Patient> at(point_within(25, random));
     const PairSet near(surfaces, spheres, 0, punctured, at, 4 * unit(random));
@@ -105,7 +104,7 @@ TEST(PairSet, BoundsAreConservative) {
       const double distance_mm = surface.distance_mm(at), within_mm = 4 * unit(random);
       ASSERT_LE(surface.lower_bound_mm(at), distance_mm);
       tells += surface.lower_bound_mm(at) > 0.5;
-      if (!surface.is_beyond(at, within_mm)) continue;
+      if (!surface.is_farther_than(at, within_mm)) continue;
       ++beyond;
       const Point<Patient> there = at + random_direction(random) * within_mm;
       ASSERT_NEAR(surface.distance_mm(there), surface.outside_mm(), 1e-9);
@@ -138,19 +137,19 @@ TEST(PairSet, ClearanceEqualsExhaustiveSearch) {
       const RotatedTool turned(tool, Eigen::Quaterniond::Identity(), attitude);
       near.turn(turned.spheres());
       if (n % 4 != 0) at += random_direction(random) * 0.1;
-      const double enough_mm = n % 5 == 0 ? std::numeric_limits<double>::infinity() : 2 * unit(random);
+      const double cutoff_mm = n % 5 == 0 ? std::numeric_limits<double>::infinity() : 2 * unit(random);
       for (std::size_t i = 0; i < near.count(); ++i) {
         const ToolSphere& sphere = turned.spheres()[static_cast<std::size_t>(near[i].sphere)];
         const double min_mm = min_of_row(*near[i].surface, sphere, at);
-        const double reported_mm = near.clearance(i, at, enough_mm);
-        if (reported_mm <= enough_mm) {
+        const double reported_mm = near.clearance(i, at, cutoff_mm);
+        if (reported_mm <= cutoff_mm) {
           ASSERT_NEAR(reported_mm, min_mm, 1e-9);
           const Point<Patient> centre = at + near[i].offset_mm(near.step(i));
           ASSERT_NEAR(near[i].surface->distance_mm(centre) - sphere.radius_mm, min_mm, 1e-9);
           ++exact;
         } else {
           ASSERT_LE(reported_mm, min_mm + 1e-9);
-          ASSERT_GT(min_mm, enough_mm - 1e-9);
+          ASSERT_GT(min_mm, cutoff_mm - 1e-9);
           ++bounds;
         }
       }
@@ -173,7 +172,7 @@ TEST(PairSet, FreeTestEqualsExhaustiveSearch) {
     // radii below and above the constant distance outside the surfaces
     std::vector<ToolSphere> spheres{{Vector<Patient>(point_within(10, random)), 1.6 * unit(random)},
                                     {{}, 0.5}};
-    if (n % 2 == 0) spheres[0].along_mm = Vector<Patient>(point_within(6, random));
+    if (n % 2 == 0) spheres[0].axis_mm = Vector<Patient>(point_within(6, random));
     const Point<Patient> at(point_within(30, random));
     SurfaceSet but;
     but[static_cast<std::size_t>(n % 40)] = true;

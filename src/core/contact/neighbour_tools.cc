@@ -16,7 +16,7 @@ constexpr double kMaxMutual = 0.8;
 
 }  // namespace
 
-void TissuePress::hash_into(std::uint64_t& hash) const {
+void TissueContact::hash_into(std::uint64_t& hash) const {
   for (const double value :
        {force_N, tangent_N_per_mm, displaced_mm, modulus_N_per_mm2, base_per_mm, radius_mm})
     hash_double(hash, value);
@@ -27,11 +27,11 @@ void TissuePress::hash_into(std::uint64_t& hash) const {
   hash_word(hash, static_cast<std::uint64_t>(surface));
 }
 
-NeighbourEffect displaced_by_others(std::span<const TissuePress> presses, std::size_t device,
-                                    const TissuePress& own) {
+NeighbourEffect displaced_by_others(std::span<const TissueContact> presses, std::size_t device,
+                                    const TissueContact& own) {
   NeighbourEffect effect;
   for (std::size_t d = 0; d < presses.size(); ++d) {
-    const TissuePress& other = presses[d];
+    const TissueContact& other = presses[d];
     if (d == device || !(other.force_N > 0) || !own.is_known() || other.surface != own.surface) continue;
     const double aligned = other.outward.dot(own.outward);
     const Vector<Patient> away = own.at - other.at;

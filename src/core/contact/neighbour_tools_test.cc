@@ -14,8 +14,8 @@ namespace {
 
 constexpr double kSoftModulus = 0.0125, kPressRadius_mm = 4;
 
-TissuePress press_at(const Point<Patient>& at, double force_N, double modulus = kSoftModulus) {
-  TissuePress press;
+TissueContact press_at(const Point<Patient>& at, double force_N, double modulus = kSoftModulus) {
+  TissueContact press;
   press.force_N = force_N;
   press.tangent_N_per_mm = 1e-3;
   press.modulus_N_per_mm2 = modulus;
@@ -26,11 +26,11 @@ TissuePress press_at(const Point<Patient>& at, double force_N, double modulus = 
   return press;
 }
 
-NeighbourEffect effect_on_first(const std::array<TissuePress, 2>& presses) {
+NeighbourEffect effect_on_first(const std::array<TissueContact, 2>& presses) {
   return displaced_by_others(presses, 0, presses[0]);
 }
 
-TEST(NeighbourTools, AHalfSpaceIsLoweredAsByBoussinesq) {
+TEST(NeighbourTools, HalfSpaceDisplacementMatchesBoussinesq) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -45,7 +45,7 @@ TEST(NeighbourTools, AHalfSpaceIsLoweredAsByBoussinesq) {
   }
 }
 
-TEST(NeighbourTools, TheTangentialForceIsTheSlopeOfASymmetricCompliance) {
+TEST(NeighbourTools, TangentialForceIsTheGradientOfASymmetricCompliance) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -53,7 +53,7 @@ TEST(NeighbourTools, TheTangentialForceIsTheSlopeOfASymmetricCompliance) {
   for (int n = 0; n < 200; ++n) {
     const Point<Patient> at(20 * unit(random), 20 * unit(random), 0);
     std::array presses{press_at(at, 0.1, kSoftModulus * (1 + unit(random))), press_at({10, 10, 0}, 0.2)};
-    for (TissuePress& press : presses) press.base_per_mm = 0.1 * unit(random);
+    for (TissueContact& press : presses) press.base_per_mm = 0.1 * unit(random);
     const NeighbourEffect effect = effect_on_first(presses);
     const NeighbourEffect back = displaced_by_others(presses, 1, presses[1]);
     EXPECT_NEAR(effect.displaced_mm / presses[1].force_N, back.displaced_mm / presses[0].force_N, 1e-12);
@@ -69,7 +69,7 @@ TEST(NeighbourTools, TheTangentialForceIsTheSlopeOfASymmetricCompliance) {
   }
 }
 
-TEST(NeighbourTools, OnlyToolsOnTheSameSideOfTheSameTissueCount) {
+TEST(NeighbourTools, OnlyToolsOnTheSameSideOfTheSameTissueInteract) {
   const std::array together{press_at({0, 0, 0}, 0.1), press_at({8, 0, 0}, 0.2)};
   EXPECT_GT(effect_on_first(together).displaced_mm, 0);
   std::array changed = together;
@@ -83,11 +83,11 @@ TEST(NeighbourTools, OnlyToolsOnTheSameSideOfTheSameTissueCount) {
   EXPECT_EQ(effect_on_first(changed).displaced_mm, 0);
   // farther apart than a layer is thick
   changed = together;
-  for (TissuePress& press : changed) press.base_per_mm = 0.55 / 5;
+  for (TissueContact& press : changed) press.base_per_mm = 0.55 / 5;
   EXPECT_EQ(effect_on_first(changed).displaced_mm, 0);
 }
 
-TEST(NeighbourTools, TheirCommonStiffnessStaysPositiveDefinite) {
+TEST(NeighbourTools, CommonStiffnessStaysPositiveDefinite) {
   std::array presses{press_at({0, 0, 0}, 0.1), press_at({kPressRadius_mm, 0, 0}, 0.2)};
   presses[0].tangent_N_per_mm = 2;
   presses[1].tangent_N_per_mm = 0.5;

@@ -38,7 +38,7 @@ MetRegion nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres
   for (const ToolSphere& sphere : spheres)
     // with a linearly changing radius the extremum is at one of the ends
     for (const double part : {0.0, 1.0}) {
-      const Point<Patient> centre = tip + sphere.offset_mm + sphere.along_mm * part;
+      const Point<Patient> centre = tip + sphere.offset_mm + sphere.axis_mm * part;
       const double radius_mm = sphere.radius_at_mm(part);
       retain_nearest({plane.outward.dot(centre - plane.point) - radius_mm, centre, plane.outward, radius_mm},
                      nearest);
@@ -48,12 +48,12 @@ MetRegion nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres
 
 // position on a tapered capsule's axis where the line from the point is perpendicular to its outline
 double nearest_part_of_axis(const ToolSphere& sphere, const Vector<Patient>& to_point) {
-  const double length2 = sphere.along_mm.squared_norm();
+  const double length2 = sphere.axis_mm.squared_norm();
   if (!(length2 > 0)) return 0;
-  const double foot = to_point.dot(sphere.along_mm) / length2;
-  const double beside_mm = (to_point - sphere.along_mm * foot).norm();
-  const double slant2 = length2 - sphere.widens_mm * sphere.widens_mm;
-  const double ahead = slant2 > 0 ? beside_mm * sphere.widens_mm / std::sqrt(slant2 * length2) : 0;
+  const double foot = to_point.dot(sphere.axis_mm) / length2;
+  const double beside_mm = (to_point - sphere.axis_mm * foot).norm();
+  const double slant2 = length2 - sphere.radius_change_mm * sphere.radius_change_mm;
+  const double ahead = slant2 > 0 ? beside_mm * sphere.radius_change_mm / std::sqrt(slant2 * length2) : 0;
   return std::clamp(foot + ahead, 0.0, 1.0);
 }
 
@@ -62,7 +62,7 @@ MetRegion nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres
   for (const ToolSphere& sphere : spheres) {
     const Point<Patient> end = tip + sphere.offset_mm;
     const double part = nearest_part_of_axis(sphere, ball.centre - end);
-    const Point<Patient> centre = end + sphere.along_mm * part;
+    const Point<Patient> centre = end + sphere.axis_mm * part;
     const Vector<Patient> displacement = centre - ball.centre;
     const double radius_mm = sphere.radius_at_mm(part);
     retain_nearest(
@@ -131,7 +131,7 @@ class Envelope {
   }
 
   // Newton's method with line search; the function is convex and piecewise quadratic
-  Eigen::Vector3d find_least() const {
+  Eigen::Vector3d update_block_minimum() const {
     constexpr int kSteps = 32, kHalvings = 24;
     constexpr double kEnough_mm = 1e-9, kEnoughOfSlope = 1e-4;
     Eigen::Vector3d u = Eigen::Vector3d::Zero();
@@ -180,7 +180,7 @@ void add_up(std::span<const Push> pushes, NoGoForce& all) {
 
 void take_together(std::span<const Push> pushes, double max_N_per_mm, NoGoForce& all) {
   const Envelope envelope(pushes, max_N_per_mm);
-  const Eigen::Vector3d u = envelope.find_least();
+  const Eigen::Vector3d u = envelope.update_block_minimum();
   for (std::size_t n = 0; n < pushes.size(); ++n) {
     const Vector<Patient> force_N = pushes[n].outward * envelope.force_N(n, u);
     all.force_N += force_N;
@@ -196,7 +196,7 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
     return Error{ErrorKind::kBadInput, std::move(what), "", std::move(remedy)};
   };
   if (regions.size() > kMaxNoGo)
-    return wrong(std::to_string(regions.size()) + " no-go regions",
+    return wrong("there are " + std::to_string(regions.size()) + " no-go regions",
                  "a model has at most " + std::to_string(kMaxNoGo) + ": leave out the others");
   for (const NoGoRegion& region : regions) {
     const std::string name = "no-go region \"" + region.name + "\": ";
@@ -204,18 +204,18 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
       return value >= range.min && value <= range.max;
     };
     if (!(region.keep_away_mm >= 0 && region.keep_away_mm <= kMaxKeepAway_mm))
-      return wrong(name + "to keep away by " + std::to_string(region.keep_away_mm) + " mm",
+      return wrong(name + "the distance to keep away is " + std::to_string(region.keep_away_mm) + " mm",
                    "give 0 to 20 mm");
     if (!is_in(region.stiffness_N_per_mm, kNoGoStiffness_N_per_mm))
-      return wrong(name + "a stiffness of " + std::to_string(region.stiffness_N_per_mm) + " N/mm",
+      return wrong(name + "the stiffness is " + std::to_string(region.stiffness_N_per_mm) + " N/mm",
                    "give 0.01 to 20 N/mm");
     if (const auto* plane = std::get_if<NoGoPlane>(&region.shape))
       if (!plane->point.all_finite() || !(std::abs(plane->outward.norm() - 1) < 1e-6))
-        return wrong(name + "a plane without a point or a direction",
+        return wrong(name + "the plane has no valid point or direction",
                      "give a point, and a unit vector towards the permitted side");
     if (const auto* ball = std::get_if<NoGoSphere>(&region.shape))
       if (!ball->centre.all_finite() || !is_in(ball->radius_mm, kNoGoRadius_mm))
-        return wrong(name + "a sphere without a centre, or with a radius of " +
+        return wrong(name + "the sphere has no valid centre, or a radius of " +
                          std::to_string(ball->radius_mm) + " mm",
                      "give a centre, and a radius of 0.1 to 500 mm");
   }
@@ -228,7 +228,7 @@ NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& dist
   // a series spring needs a region softer than the limit: at equality its own stiffness would be infinite
   constexpr double kMaxOfIt = 0.9;
   NoGoForce all;
-  // NaN: the limit is unknown, and nothing is limited
+  // NaN: the limit is unknown, and the stiffness is not limited
   const bool capped = max_stiffness_N_per_mm < std::numeric_limits<double>::infinity();
   if (capped && !(max_stiffness_N_per_mm > 0)) return all;
   ActiveRegions pushes;

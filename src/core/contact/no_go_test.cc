@@ -135,7 +135,7 @@ TEST(NoGo, ActsOnEveryPartOfTheTool) {
   double min_mm = 1e3;
   for (int n = 0; n <= 100000; ++n) {
     const double part = n / 1e5;
-    const Vector<Patient> at = cone.offset_mm + cone.along_mm * part;
+    const Vector<Patient> at = cone.offset_mm + cone.axis_mm * part;
     min_mm = std::min(min_mm, (at - Vector<Patient>(4, 0, 0)).norm() - cone.radius_at_mm(part) - 1);
   }
   EXPECT_NEAR(pushed(ball, {}, 2, {}, {cone}).depth_mm, 1 - min_mm, 1e-6);

@@ -8,15 +8,16 @@ namespace palpate {
 namespace {
 
 // evaluates a completed half cycle, from the last reversal to the extremum
-void end_half(double encoder_step_mm, OscillationState& state) {
+void end_half_cycle(double encoder_step_mm, OscillationState& state) {
   const double length_mm = std::abs(state.farthest_mm), time_s = state.farthest_s;
-  const bool by_itself = length_mm >= std::max(kOscillationSettings.min_amplitude_mm,
-                                               kOscillationSettings.min_amplitude_steps * encoder_step_mm) &&
-                         time_s <= kOscillationSettings.max_half_cycle_s &&
-                         length_mm >= kOscillationSettings.min_speed_mm_s * time_s &&
-                         state.lateral_mm.norm() <= length_mm;
-  const bool as_large = length_mm >= kOscillationSettings.min_amplitude_ratio * state.previous_amplitude_mm;
-  state.half_cycles = !by_itself ? 0 : as_large ? state.half_cycles + 1 : 1;
+  const bool is_self_sustained =
+      length_mm >= std::max(kOscillationSettings.min_amplitude_mm,
+                            kOscillationSettings.min_amplitude_steps * encoder_step_mm) &&
+      time_s <= kOscillationSettings.max_half_cycle_s &&
+      length_mm >= kOscillationSettings.min_speed_mm_s * time_s && state.lateral_mm.norm() <= length_mm;
+  const bool has_not_decayed =
+      length_mm >= kOscillationSettings.min_amplitude_ratio * state.previous_amplitude_mm;
+  state.half_cycles = !is_self_sustained ? 0 : has_not_decayed ? state.half_cycles + 1 : 1;
   if (state.half_cycles >= kOscillationSettings.min_half_cycles)
     state.extra_delay_s = std::min(kOscillationSettings.max_extra_delay_s,
                                    state.extra_delay_s + kOscillationSettings.delay_increment_s);
@@ -52,7 +53,7 @@ void detect_oscillation(const Vector<World>& force_N, const Vector<World>& displ
   if (std::abs(state.farthest_mm - state.displacement_mm) <
       kOscillationSettings.reversal_steps * encoder_step_mm)
     return;
-  end_half(encoder_step_mm, state);
+  end_half_cycle(encoder_step_mm, state);
   // the next half cycle began at the extremum of this one
   state.displacement_mm -= state.farthest_mm;
   state.time_s -= state.farthest_s;

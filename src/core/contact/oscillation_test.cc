@@ -51,7 +51,7 @@ MeasuredSwing watch_swing(double frequency_hz, double peak_to_peak_mm, double ra
       wall_N, 2, rate_hz);
 }
 
-TEST(Swing, LimitCycleIsDetectedWithin100msOrThreeHalfPeriods) {
+TEST(Oscillation, LimitCycleIsDetectedWithin100msOrThreeHalfPeriods) {
   const struct {
     double frequency_hz, peak_to_peak_mm;
   } cycles[] = {{37, 0.9}, {20, 0.88}, {16, 1.2}, {12, 1.9}, {9, 6}, {60, 0.3}};
@@ -68,7 +68,7 @@ TEST(Swing, LimitCycleIsDetectedWithin100msOrThreeHalfPeriods) {
     }
 }
 
-TEST(Swing, IsDetectedAtTheEndOfItsLastHalfPeriod) {
+TEST(Oscillation, IsDetectedAtTheEndOfItsLastHalfPeriod) {
   constexpr double kLeg_mm = 2, kLeg_s = 0.04;
   const auto to_and_fro = [](double t) {
     const double phase = std::fmod(t / kLeg_s, 2);
@@ -79,7 +79,7 @@ TEST(Swing, IsDetectedAtTheEndOfItsLastHalfPeriod) {
   EXPECT_LT(found_s, (kOscillationSettings.min_half_cycles + 0.25) * kLeg_s);
 }
 
-TEST(Swing, HandMotionIsNoLimitCycle) {
+TEST(Oscillation, HandMotionIsNoLimitCycle) {
   for (const double frequency_hz : {8.0, 10.0, 12.0}) {
     SCOPED_TRACE("a tremor of " + std::to_string(frequency_hz) + " Hz");
     EXPECT_EQ(watch_swing(frequency_hz, 0.4).extra_delay_s, 0);
@@ -113,7 +113,7 @@ TEST(Swing, HandMotionIsNoLimitCycle) {
   }
 }
 
-TEST(Swing, DetectionDecaysSlowly) {
+TEST(Oscillation, DetectionDecaysSlowly) {
   OscillationState state;
   state.extra_delay_s = 3e-3;
   for (int n = 0; n < 10'000; ++n) detect_oscillation({}, {}, kSwingStep_mm, 1e-3, state);

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-constexpr std::int16_t kNobody = -1, kSeveral = -2;
+constexpr std::int16_t kNoStructure = -1, kSeveral = -2;
 
 std::uint64_t next_number() {
   static std::atomic<std::uint64_t> last{0};
@@ -18,15 +18,15 @@ std::uint64_t next_number() {
 }
 
 std::int16_t joined(std::int16_t a, std::int16_t b) {
-  if (a == kNobody || a == b) return b;
-  return b == kNobody ? a : kSeveral;
+  if (a == kNoStructure || a == b) return b;
+  return b == kNoStructure ? a : kSeveral;
 }
 
 // calls body(i, j, k, structure) for every outer voxel of a slice
 template <class Body>
 void for_each_outer_voxel(const Bricks<LabelId>& labels, int k,
                           const std::vector<std::int16_t>& structure_of_label, const Body& body) {
-  const auto is_out = [&](LabelId label) { return structure_of_label[label] == kNobody; };
+  const auto is_out = [&](LabelId label) { return structure_of_label[label] == kNoStructure; };
   const auto& faces = BrickLayout::kFaces;
   const auto visit_piece = [&](const RowPiece<LabelId>& piece) {
     if (piece.uniform) return;
@@ -41,7 +41,7 @@ void for_each_outer_voxel(const Bricks<LabelId>& labels, int k,
 }
 
 // an outer voxel with its block
-struct InBlock {
+struct OuterVoxel {
   std::size_t block;
   std::int16_t structure;
   std::array<int, 3> index;
@@ -56,7 +56,7 @@ Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& s
       reach_mm_(std::max(kReach_mm, 1.5 * spacing_mm_.maxCoeff())),
       X_VoxelPatient_(labels.geometry().X_PatientVoxel().inverse()),
       dims_(labels.geometry().dims) {
-  PALPATE_CHECK(structure_of_label[labels.outside()] == kNobody);
+  PALPATE_CHECK(structure_of_label[labels.outside()] == kNoStructure);
   std::size_t count = 1;
   for (std::size_t a = 0; a < 3; ++a) {
     // a point is at most half a voxel from the centre of the voxel that determines its block
@@ -67,42 +67,43 @@ Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& s
 
   // structures of each block; threads work on layers of blocks
   const int layers = blocks_[2], workers = worker_count(0, layers);
-  only_.assign(count, kNobody);
-  std::vector<std::int16_t> any_of_layer(static_cast<std::size_t>(layers), kNobody);
+  single_structure_.assign(count, kNoStructure);
+  std::vector<std::int16_t> any_of_layer(static_cast<std::size_t>(layers), kNoStructure);
   for_each_index(layers, workers, [&](int /*worker*/, int layer) {
     each_of_layer(labels, layer, [&](int i, int j, int k, std::int16_t structure) {
-      std::int16_t& only = only_[block_of(i, j, k)];
+      std::int16_t& only = single_structure_[block_of(i, j, k)];
       only = joined(only, structure);
       any_of_layer[static_cast<std::size_t>(layer)] = structure;
     });
     return true;
   });
   for (const std::int16_t any : any_of_layer)
-    if (any != kNobody) any_ = any;
-  PALPATE_CHECK(any_ >= 0);
-  spread(only_, joined);
+    if (any != kNoStructure) first_structure_ = any;
+  PALPATE_CHECK(first_structure_ >= 0);
+  spread(single_structure_, joined);
 
   // outer voxels of the blocks that a point with several structures in reach may need
   std::vector<std::uint8_t> is_visible(count);
-  std::transform(only_.begin(), only_.end(), is_visible.begin(), [](auto only) { return only == kSeveral; });
+  std::transform(single_structure_.begin(), single_structure_.end(), is_visible.begin(),
+                 [](auto only) { return only == kSeveral; });
   spread(is_visible, [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a | b); });
-  std::vector<std::vector<InBlock>> of_layer(static_cast<std::size_t>(layers));
+  std::vector<std::vector<OuterVoxel>> of_layer(static_cast<std::size_t>(layers));
   for_each_index(layers, workers, [&](int /*worker*/, int layer) {
-    std::vector<InBlock>& voxels = of_layer[static_cast<std::size_t>(layer)];
+    std::vector<OuterVoxel>& voxels = of_layer[static_cast<std::size_t>(layer)];
     each_of_layer(labels, layer, [&](int i, int j, int k, std::int16_t structure) {
       const std::size_t block = block_of(i, j, k);
       if (is_visible[block] != 0) voxels.push_back({block, structure, {i, j, k}});
     });
-    std::stable_sort(voxels.begin(), voxels.end(), [](const InBlock& a, const InBlock& b) {
+    std::stable_sort(voxels.begin(), voxels.end(), [](const OuterVoxel& a, const OuterVoxel& b) {
       return std::pair(a.block, a.structure) < std::pair(b.block, b.structure);
     });
     return true;
   });
   first_run_of_block_.reserve(count + 1);
-  for (const std::vector<InBlock>& voxels : of_layer)
+  for (const std::vector<OuterVoxel>& voxels : of_layer)
     for (auto next = voxels.begin(); next != voxels.end();) {
       first_run_of_block_.resize(next->block + 1, static_cast<std::uint32_t>(runs_.size()));
-      const auto end = std::find_if(next, voxels.end(), [&](const InBlock& voxel) {
+      const auto end = std::find_if(next, voxels.end(), [&](const OuterVoxel& voxel) {
         return voxel.block != next->block || voxel.structure != next->structure;
       });
       runs_.push_back({static_cast<std::uint32_t>(index_[0].size()), next->structure});
@@ -112,7 +113,7 @@ Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& s
         for (std::vector<float>& index : index_) index.push_back(kFarAway);
     }
   first_run_of_block_.resize(count + 1, static_cast<std::uint32_t>(runs_.size()));
-  runs_.push_back({static_cast<std::uint32_t>(index_[0].size()), kNobody});
+  runs_.push_back({static_cast<std::uint32_t>(index_[0].size()), kNoStructure});
 }
 
 template <class Body>
@@ -169,13 +170,13 @@ OwnerFractions Owners::at(const Point<Patient>& x) const {
   for (std::size_t a = 0; a < 3; ++a) {
     const double at = p[static_cast<int>(a)], voxels = reach_mm_ / spacing_mm_[static_cast<int>(a)];
     // not finite, or out of reach of all voxels
-    if (!(at + voxels >= 0 && at - voxels <= dims_[a] - 1)) return OwnerFractions(any_);
+    if (!(at + voxels >= 0 && at - voxels <= dims_[a] - 1)) return OwnerFractions(first_structure_);
     nearest[a] = std::clamp(static_cast<int>(std::lround(at)), 0, dims_[a] - 1);
     low[a] = std::max(0, static_cast<int>(std::ceil(at - voxels))) / block_[a];
     high[a] = std::min(dims_[a] - 1, static_cast<int>(std::floor(at + voxels))) / block_[a];
   }
-  const std::int16_t owner = only_[block_of(nearest[0], nearest[1], nearest[2])];
-  if (owner != kSeveral) return OwnerFractions(owner == kNobody ? any_ : owner);
+  const std::int16_t owner = single_structure_[block_of(nearest[0], nearest[1], nearest[2])];
+  if (owner != kSeveral) return OwnerFractions(owner == kNoStructure ? first_structure_ : owner);
 
   OwnerFractions fractions;
   std::array<float, 3> point{}, per_reach{};  // as a fraction of the radius
@@ -189,7 +190,7 @@ OwnerFractions Owners::at(const Point<Patient>& x) const {
     // more structures than that do not meet in tissue
     if (n == OwnerFractions::kCapacity) return;
     if (n == fractions.count_) fractions.fraction_[fractions.count_++] = {structure, 0};
-    fractions.fraction_[n].part += weight;
+    fractions.fraction_[n].fraction += weight;
   };
   for (int c = low[2]; c <= high[2]; ++c)
     for (int b = low[1]; b <= high[1]; ++b) {
@@ -202,7 +203,7 @@ OwnerFractions Owners::at(const Point<Patient>& x) const {
         if (const double weight = weight_of(run, point, per_reach); weight > 0)
           add(runs_[run].structure, weight);
     }
-  return fractions.count_ > 0 ? in_order(fractions) : OwnerFractions(any_);
+  return fractions.count_ > 0 ? in_order(fractions) : OwnerFractions(first_structure_);
 }
 
 OwnerFractions Owners::within(const Bricks<LabelId>& labels, const Point<Patient>& x) const {
@@ -224,11 +225,11 @@ OwnerFractions Owners::within(const Bricks<LabelId>& labels, const Point<Patient
       part *= next ? beyond : 1 - beyond;
     }
     const std::int16_t structure = structure_of_label_[labels.anywhere(voxel[0], voxel[1], voxel[2])];
-    if (structure == kNobody || !(part > 0)) continue;
+    if (structure == kNoStructure || !(part > 0)) continue;
     std::size_t n = 0;
     while (n < fractions.count_ && fractions.fraction_[n].structure != structure) ++n;
     if (n == fractions.count_) fractions.fraction_[fractions.count_++] = {structure, 0};
-    fractions.fraction_[n].part += part;
+    fractions.fraction_[n].fraction += part;
   }
   return fractions.count_ > 0 ? in_order(fractions) : at(x);
 }
@@ -236,12 +237,12 @@ OwnerFractions Owners::within(const Bricks<LabelId>& labels, const Point<Patient
 // normalises the shares and sorts them by decreasing size
 OwnerFractions Owners::in_order(OwnerFractions fractions) {
   double all = 0;
-  for (std::size_t n = 0; n < fractions.count_; ++n) all += fractions.fraction_[n].part;
-  for (std::size_t n = 0; n < fractions.count_; ++n) fractions.fraction_[n].part /= all;
+  for (std::size_t n = 0; n < fractions.count_; ++n) all += fractions.fraction_[n].fraction;
+  for (std::size_t n = 0; n < fractions.count_; ++n) fractions.fraction_[n].fraction /= all;
   std::sort(fractions.fraction_.begin(),
             fractions.fraction_.begin() + static_cast<std::ptrdiff_t>(fractions.count_),
             [](const OwnerFraction& a, const OwnerFraction& b) {
-              return a.part > b.part || (a.part == b.part && a.structure < b.structure);
+              return a.fraction > b.fraction || (a.fraction == b.fraction && a.structure < b.structure);
             });
   return fractions;
 }

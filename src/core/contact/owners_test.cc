@@ -32,7 +32,7 @@ Volume<LabelId> two_halves(const Eigen::Vector3d& spacing_mm) {
 
 double part_of(const OwnerFractions& fractions, int structure) {
   for (const OwnerFraction& fraction : fractions.all())
-    if (fraction.structure == structure) return fraction.part;
+    if (fraction.structure == structure) return fraction.fraction;
   return 0;
 }
 
@@ -44,7 +44,7 @@ TEST(Owners, SharesVarySmoothlyAcrossBorders) {
     for (double x = -4; x <= 4; x += 0.01) {
       const OwnerFractions fractions = owners.at(Point<Patient>(x, 0.4, -0.3));
       double all = 0;
-      for (const OwnerFraction& fraction : fractions.all()) all += fraction.part;
+      for (const OwnerFraction& fraction : fractions.all()) all += fraction.fraction;
       EXPECT_NEAR(all, 1, 1e-12);
       EXPECT_EQ(fractions.largest(), fractions.all()[0].structure);
       const double right = part_of(fractions, 1);
@@ -118,7 +118,7 @@ TEST(Owners, EqualTheSumOverAllOuterVoxels) {
       if (all == 0) {
         ASSERT_EQ(fractions.all().size(), 1u) << "one of them";
         EXPECT_GE(fractions.largest(), 0);
-        EXPECT_EQ(fractions.all()[0].part, 1);
+        EXPECT_EQ(fractions.all()[0].fraction, 1);
         continue;
       }
       ASSERT_EQ(fractions.all().size(), expected.size()) << "round " << round << ", place " << n;
@@ -126,7 +126,7 @@ TEST(Owners, EqualTheSumOverAllOuterVoxels) {
         EXPECT_NEAR(part_of(fractions, structure), weight / all, 1e-5)
             << "round " << round << ", place " << n;
       for (std::size_t s = 1; s < fractions.all().size(); ++s)
-        EXPECT_GE(fractions.all()[s - 1].part, fractions.all()[s].part);
+        EXPECT_GE(fractions.all()[s - 1].fraction, fractions.all()[s].fraction);
     }
   }
 }
@@ -166,7 +166,7 @@ TEST(Owners, CachedLookupEqualsFreshLookupAfterAnyChange) {
         surface.owners = nullptr;
         break;
       case 4:
-        surface.made = surface.made == nullptr ? as_made : nullptr;
+        surface.original_surface = surface.original_surface == nullptr ? as_made : nullptr;
         surface.original_labels = labels;
         break;
       default:
@@ -180,7 +180,7 @@ TEST(Owners, CachedLookupEqualsFreshLookupAfterAnyChange) {
     several += known.all().size() > 1;
     for (std::size_t s = 0; s < known.all().size(); ++s) {
       ASSERT_EQ(known.all()[s].structure, fresh.all()[s].structure) << n;
-      ASSERT_EQ(known.all()[s].part, fresh.all()[s].part) << n;
+      ASSERT_EQ(known.all()[s].fraction, fresh.all()[s].fraction) << n;
     }
   }
   EXPECT_GT(several, 100);
@@ -211,7 +211,7 @@ TEST(Owners, AtMostEightSharesAndOneFarFromAnyStructure) {
   const OwnerFractions many = owners.at(Point<Patient>(3, 3, 3));
   EXPECT_EQ(many.all().size(), OwnerFractions::kCapacity);
   double all = 0;
-  for (const OwnerFraction& fraction : many.all()) all += fraction.part;
+  for (const OwnerFraction& fraction : many.all()) all += fraction.fraction;
   EXPECT_NEAR(all, 1, 1e-12);
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   for (const Point<Patient>& nowhere :

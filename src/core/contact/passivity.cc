@@ -29,7 +29,7 @@ void update_direction(double along_mm, double step_mm, PassivityState& state) {
   state.dead_band_mm = std::copysign(half_mm, state.dead_band_mm);
 }
 
-// Factor for a wall's stiffness while energy is owed.
+// Factor for the contact stiffness while the energy is negative.
 double softening_factor(const PassivityInput& input, double step_mm, const PassivityState& state) {
   const double step_N = input.stiffness_N_per_mm * step_mm;
   if (state.energy_mJ >= 0 || step_N <= kPassivitySettings.max_deficit_step_N) return 1;
@@ -58,9 +58,9 @@ double damping_factor(const PassivityInput& input, double force_N, double step_m
   return std::max(0.0, 1 - damping_N_s_per_m * state.speed_mm_s / (kMillimetresPerMetre * force_N));
 }
 
-// Factor for the force during withdrawal where the energy does not cover the reserve, so that motions too
-// slow for the damper also repay what they gave out. The reduction is limited to the force of one encoder
-// step, which is below the force flicker of the encoder itself.
+// Factor for the force during withdrawal where the energy does not cover the reserve, so that an energy
+// deficit is also removed in motions too slow for the damper. The reduction is limited to the force of one
+// encoder step, which is below the force flicker of the encoder itself.
 double withdrawal_factor(double force_N, double stiffness_N_per_mm, double step_mm,
                          const PassivityState& state) {
   if (!state.moves_with_force) return 1;
@@ -73,10 +73,10 @@ double withdrawal_factor(double force_N, double stiffness_N_per_mm, double step_
 
 PassivityOutput control_passivity(const PassivityInput& input, bool act, PassivityState& state) {
   // energy put in, limited to what the contact can store
-  state.energy_mJ = std::min(state.energy_mJ - input.acted_N.dot(input.displacement_mm) + input.received_mJ,
-                             input.stored_mJ);
+  state.energy_mJ = std::min(
+      state.energy_mJ - input.acting_force_N.dot(input.displacement_mm) + input.received_mJ, input.stored_mJ);
 
-  // in free space only a debt remains
+  // in free space only a negative energy is retained
   const double force_N = input.force_N.norm();
   if (!(force_N > 0) || !(input.dt_s > 0)) {
     const double owed_mJ = std::min(state.energy_mJ, 0.0);
@@ -90,7 +90,7 @@ PassivityOutput control_passivity(const PassivityInput& input, bool act, Passivi
   update_speed(along_mm, step_mm, input.dt_s, state);
   update_direction(along_mm, step_mm, state);
   const Vector<World> out = input.force_N / force_N;
-  const double max_N = limit_rebound_N({input.acted_N.dot(out), along_mm, input.velocity_mm_s.dot(out),
+  const double max_N = limit_rebound_N({input.acting_force_N.dot(out), along_mm, input.velocity_mm_s.dot(out),
                                         step_mm, input.pending_N_s, input.dt_s},
                                        state.rebound);
   if (!act) return {};

@@ -102,7 +102,7 @@ TEST(Passivity, OneStepEncoderNoiseChangesTheForceByAtMostTwoSteps) {
   }
 }
 
-TEST(Passivity, SlowSpringRepaysItsEnergyDebt) {
+TEST(Passivity, SlowSpringRecoversItsEnergyDeficit) {
   // in and out much more slowly than a velocity can be estimated, with a quantised position; forces act until
   // the next tick
   constexpr double kDeepest_mm = 0.5, kSpeed_mm_s = 2;
@@ -140,7 +140,7 @@ TEST(Passivity, DissipatedEnergyIsNoCredit) {
   EXPECT_EQ(guided.state.energy_mJ, 0);
 }
 
-TEST(Passivity, EnergyDebtSurvivesFreeSpace) {
+TEST(Passivity, EnergyDeficitPersistsInFreeSpace) {
   Led guided;
   guided.act = false;
   guided.advance({}, {1, 0, 0});
@@ -164,7 +164,7 @@ TEST(Passivity, SlidingAroundABallIsPassive) {
   EXPECT_NEAR(guided.state.energy_mJ, 0, 0.1) << "per axis it would be 15 mJ";
 }
 
-TEST(Passivity, StiffWallSoftensWhileEnergyIsOwed) {
+TEST(Passivity, StiffContactIsSoftenedWhileTheEnergyIsNegative) {
   constexpr double kStiff_N_per_mm = 20, kLimit_N = 0.9;
   constexpr double kStep_N = kStiff_N_per_mm * kStep_mm;
   const auto sent_N = [&](double energy_mJ, double stiffness_N_per_mm, double depth_mm) {
@@ -193,7 +193,7 @@ TEST(Passivity, UnknownEncoderStepIsTreatedAsCoarse) {
   const PassivityInput input{push,        push.norm(),         push,     {0.08, 0, 0},
                              kUnknown_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s};
   PassivityInput blind = input;
-  blind.step_mm = kNotKnown;
+  blind.step_mm = kUnknown;
   EXPECT_GT(control_passivity(input, true, known).damping_N_s_per_m, 0) << "more than two steps";
   EXPECT_EQ(control_passivity(blind, true, unknown).damping_N_s_per_m, 0) << "perhaps one";
 }

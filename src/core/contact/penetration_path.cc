@@ -11,7 +11,7 @@ void PenetrationPath::add_owner(int structure, double fraction) {
   const auto same = std::find_if(own.begin(), own.end(),
                                  [&](const OwnerFraction& one) { return one.structure == structure; });
   if (same != own.end())
-    same->part += fraction;
+    same->fraction += fraction;
   else if (owners_ < owner_.size())
     owner_.make(owners_++, structure, fraction);
 }
@@ -35,8 +35,8 @@ void PenetrationPath::report(ProxyResult& result) const {
       std::size_t at = 0;
       while (at < segments && segment[at].structure != owner_[n].structure) ++at;
       if (at == segments) segment.make(segments++).structure = owner_[n].structure;
-      segment[at].depth_mm += depth_mm * owner_[n].part;
-      segment[at].fraction += force_N * owner_[n].part;
+      segment[at].depth_mm += depth_mm * owner_[n].fraction;
+      segment[at].fraction += force_N * owner_[n].fraction;
     }
   }
   if (!(all_N > 0)) return;

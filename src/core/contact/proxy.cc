@@ -42,19 +42,19 @@
 namespace palpate {
 namespace {
 
-// Reach of push_out(): the distance if every projection step has its maximum length. It is used when a proxy
-// starts inside a surface, e.g. after a change to a larger tool.
+// Reach of push_out(): number of projection steps times their maximum length. It is used when a proxy starts
+// inside a surface, e.g. after a change to a larger tool.
 constexpr double kMaxPushOut_mm = kProxySettings.max_corrections * kProxySettings.substep_mm();
 
 /// Inputs of a tick that all layers share.
 struct TickInputs {
   std::span<const ContactSurface> surfaces;
   std::span<const ToolSphere> spheres;  ///< Tool parts in the operator's attitude
-  const ToolPose& hand;
+  const ToolPose& tool_pose;
   Point<Patient> tip_before;  ///< Tip position of the last tick
   const ProxyOptions& options;
 
-  Vector<Patient> tip_moved() const { return hand.tip - tip_before; }
+  Vector<Patient> tip_moved() const { return tool_pose.tip - tip_before; }
 };
 
 /// Inputs of the update of one layer's proxy position.
@@ -64,13 +64,14 @@ struct UpdateInputs {
   int layer;
   Point<Patient> tip;
   double max_mm;                   ///< Maximum path length
-  DisplacementBall limit;          ///< Before a release by static friction extends it (take_friction)
+  DisplacementBall limit;          ///< Displacement limit before a release of static friction extends it
+                                   ///< (adopt_friction())
   Vector<Patient> last_spring_mm;  ///< Spring vector of the last tick, tip to proxy
   bool friction;                   ///< Whether friction is rendered
   bool has_capsules;
-  double
-      max_distance_increase;  ///< Maximum fraction of a substep by which the distance to the tip may increase
-  ProxyPath* path;            ///< Receives every vertex of the path; may be null
+  /// Maximum fraction of a substep by which the distance to the tip may increase
+  double max_distance_increase;
+  ProxyPath* path;  ///< Receives every vertex of the path; may be null
 };
 
 /// Working memory shared by the position updates of a tick; constructing it takes longer than many updates.
@@ -86,11 +87,11 @@ struct UpdateProgress {
   FrictionState friction;
   DisplacementBall limit;
   bool at_limit = false;          ///< The last substep was shortened by the displacement limit
-  bool wedged = false;            ///< The half-spaces have no common point
+  bool wedged = false;            ///< Whether the half-spaces have no common point
   bool contacts_updated = false;  ///< The layer's contacts are from this update; false: from the last tick
-  double remaining_beyond_segment_mm;  ///< Path length left after the current part, the one with gathered
-                                       ///< surfaces
-  double remaining_in_segment_mm = 0;  ///< Path length left in the current part
+  double remaining_beyond_segment_mm;  ///< Path length left after the current segment, i.e. the one whose
+                                       ///< surfaces have been gathered
+  double remaining_in_segment_mm = 0;  ///< Path length left in the current segment
   double max_gradient = 1;             ///< Maximum slope of the gathered distance fields, mm/mm; at least 1
   int max_queries = 0;                 ///< Surface queries after which no substep starts
 
@@ -114,12 +115,12 @@ bool is_slipping(const ProxyLayer& layer, const UpdateProgress& progress) {
   return progress.at_limit && progress.limit.is_at_limit(layer.position);
 }
 
-// whether the proxy is away from the tip although it has no contact (blocked_proxy.h)
+// whether the proxy has not reached the tip although it has no contact (blocked_proxy.h)
 bool is_blocked_without_contact(const UpdateInputs& in, const ProxyLayer& layer) {
   return layer.contact_count == 0 && (in.tip - layer.position).norm() > kProxySettings.arrived_mm;
 }
 
-// Gathers the surfaces within reach of the next part of the path. In free space this is the whole path. In
+// Gathers the surfaces within reach of the next path segment. In free space the segment is the whole path. In
 // contact it is at most ProxySettings::gathering_mm, because the proxy usually moves only a small fraction of
 // the distance to the tip and a shorter reach yields fewer pairs.
 void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgress& progress,
@@ -158,15 +159,15 @@ std::optional<Solution> solve(const UpdateInputs& in, const ProxyLayer& layer, c
 
 // Adopts the friction state of a solution. Where static friction has released the proxy, the displacement
 // limit grows by the released distance, which is exempt from the slip limit.
-void take_friction(const UpdateInputs& in, const Solution& solution, UpdateProgress& progress) {
+void adopt_friction(const UpdateInputs& in, const Solution& solution, UpdateProgress& progress) {
   progress.friction = solution.friction;
   if (solution.released_mm) progress.limit.radius_mm = in.limit.radius_mm + *solution.released_mm;
 }
 
-// Whether the proxy remains at rest under its cached contacts, the common case; this queries no surface. If
-// not, layer and progress are unchanged and the constraints are empty.
-bool stays_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& cache,
-                   UpdateProgress& progress, UpdateWorkspace& work) {
+// Whether the proxy remains at rest under its cached contacts, the common case, which needs no surface query.
+// If not, layer and progress are unchanged and the constraints are empty.
+bool try_stay_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& cache,
+                      UpdateProgress& progress, UpdateWorkspace& work) {
   const auto cached = cache.at_rest.find(layer.position, layer.punctured, in.spheres);
   if (cached.empty()) return false;
   work.pairs.clear();
@@ -175,8 +176,9 @@ bool stays_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& c
     const ContactSurface& surface = in.surfaces[static_cast<std::size_t>(one.surface)];
     const ToolSphere& sphere = in.spheres[static_cast<std::size_t>(one.sphere)];
     const std::size_t index = work.pairs.count();
-    const ContactPair& pair = work.pairs.recall({surface.surface.get(), one.surface, one.sphere, sphere, 0});
-    work.constraints.recall(pair, {one.normal, one.offset_mm});
+    const ContactPair& pair =
+        work.pairs.add_cached({surface.surface.get(), one.surface, one.sphere, sphere, 0});
+    work.constraints.add_cached(pair, {one.normal, one.offset_mm});
     if (one.friction) work.friction.store(index, *one.friction);
   }
   FrictionState friction = progress.friction;
@@ -184,7 +186,7 @@ bool stays_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& c
   const auto solution = solve(in, layer, friction, work, cache.owners);
   if (solution && solution->nearest.count > 0 &&
       (solution->goal - layer.position).norm() <= kProxySettings.at_rest_mm) {
-    take_friction(in, *solution, progress);
+    adopt_friction(in, *solution, progress);
     store_contacts(solution->nearest, work.pairs, work.constraints, layer, work.origins);
     progress.contacts_updated = true;
     layer.stretch_fraction = 1;
@@ -214,8 +216,8 @@ void cache_contacts_at_rest(const UpdateInputs& in, const ProxyLayer& layer, con
 
 // Moves the proxy straight to the tip if no surface is in reach, the common case for most layers. Returns
 // false, without a change, if a surface is in reach or the proxy was in contact.
-bool moves_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress,
-                  const UpdateWorkspace& work) {
+bool try_move_freely(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress,
+                     const UpdateWorkspace& work) {
   const Vector<Patient> to_tip = in.tip - layer.position;
   const double length_mm = to_tip.norm();
   if (work.pairs.count() > 0 || layer.contact_count > 0 ||
@@ -263,7 +265,7 @@ bool retry_shorter(const UpdateInputs& in, ProxyLayer& layer, OwnerCache& owners
                    UpdateWorkspace& work) {
   const auto solution = solve(in, layer, progress.friction, work, owners);
   if (!solution) return false;
-  take_friction(in, *solution, progress);
+  adopt_friction(in, *solution, progress);
   Vector<Patient> displacement =
       limited_end(solution->goal, progress.substep_mm(), layer, progress, work) - layer.position;
   for (int halving = 0; halving < kProxySettings.max_halvings; ++halving) {
@@ -293,7 +295,7 @@ bool advance_substep(const UpdateInputs& in, const Point<Patient>& start, ProxyL
       progress.wedged = true;
       return false;
     }
-    take_friction(in, *solution, progress);
+    adopt_friction(in, *solution, progress);
     store_contacts(solution->nearest, work.pairs, work.constraints, layer, work.origins);
     progress.contacts_updated = true;
     if ((solution->goal - layer.position).norm() <= kProxySettings.at_rest_mm) {
@@ -427,7 +429,7 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
   progress.remaining_beyond_segment_mm = in.max_mm;
   work.constraints.clear();
   bool is_moving = false, through_free_space = false;
-  if (stays_at_rest(in, layer, cache, progress, work)) {
+  if (try_stay_at_rest(in, layer, cache, progress, work)) {
     record_vertex(in, layer, layer.position);
   } else {
     gather_pairs(in, layer, progress, work);
@@ -436,8 +438,8 @@ PositionUpdate update_position(const UpdateInputs& in, ProxyLayer& layer, ProxyL
       return {.wedged = true, .inside = true};
     }
     record_vertex(in, layer, layer.position);
-    is_moving =
-        !moves_freely(in, layer, progress, work) && advance_substeps(in, start, layer, cache, progress, work);
+    is_moving = !try_move_freely(in, layer, progress, work) &&
+                advance_substeps(in, start, layer, cache, progress, work);
     // A blocking contact is added even if the proxy has not finished moving: one tick at zero force would be
     // perceptible.
     const bool is_blocked = is_blocked_without_contact(in, layer);
@@ -463,24 +465,24 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
                            ProxyLayerCache& cache, ProxyPath* path, UpdateWorkspace& work) {
   const std::span<const ContactSurface> surfaces = tick.surfaces;
   const std::span<const ToolSphere> spheres = tick.spheres;
-  const Point<Patient>& tip = tick.hand.tip;
+  const Point<Patient>& tip = tick.tool_pose.tip;
   ProxyAdvance result;
   if (!layer.coupled) {
     if (!is_free(surfaces, spheres, n, {}, {}, tip)) return result;
     layer = {};
-    cache.at_rest.forget();
+    cache.at_rest.invalidate();
     layer.coupled = true;
     layer.position = tip;
-    layer.attitude = tick.hand.attitude;
+    layer.attitude = tick.tool_pose.attitude;
   }
-  layer.punctured = still_open(surfaces, spheres, tick.hand, layer);
+  layer.punctured = still_open(surfaces, spheres, tick.tool_pose, layer);
 
   // rotation
   const Eigen::Quaterniond attitude_before = layer.attitude;
   const Vector<Patient> tip_moved = tick.tip_moved();
   result.spring.last_spring_mm = (layer.position - (tip - tip_moved)) * layer.stretch_fraction;
-  const ToolTurn turn = turn_tool(surfaces, spheres, n, tick.hand.attitude, layer, path);
-  const ProxySpheres proxy_spheres(spheres, tick.hand.attitude, layer.attitude);
+  const ToolTurn turn = turn_tool(surfaces, spheres, n, tick.tool_pose.attitude, layer, path);
+  const ProxySpheres proxy_spheres(spheres, tick.tool_pose.attitude, layer.attitude);
   const double turned_mm = arc_of_rotation_mm(spheres, attitude_before, layer.attitude);
 
   // Position. Without contact the path may be as long as the distance to the tip; in contact its length per
@@ -503,13 +505,14 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
 
   // A proxy is reset to a tip in free space at once if it is inside surfaces, and after lost_s if it has
   // stopped far from the tip without a contact.
-  const bool far = !update.lagging && !turn.lagging && (tip - layer.position).norm() > kProxySettings.lost_mm;
-  const bool lost = layer.contact_count == 0 && (update.inside || far) &&
-                    is_free(surfaces, spheres, n, layer.punctured, {}, tip);
-  layer.lost_s = lost ? layer.lost_s + tick.options.dt_s : 0;
-  if (lost && (update.inside || layer.lost_s > kProxySettings.lost_s)) {
+  const bool is_far =
+      !update.lagging && !turn.lagging && (tip - layer.position).norm() > kProxySettings.lost_mm;
+  const bool is_stranded = layer.contact_count == 0 && (update.inside || is_far) &&
+                           is_free(surfaces, spheres, n, layer.punctured, {}, tip);
+  layer.stranded_s = is_stranded ? layer.stranded_s + tick.options.dt_s : 0;
+  if (is_stranded && (update.inside || layer.stranded_s > kProxySettings.lost_s)) {
     layer.position = tip;
-    layer.attitude = tick.hand.attitude;
+    layer.attitude = tick.tool_pose.attitude;
   }
   result.lagging = update.lagging || turn.lagging;
   result.wedged = update.wedged || turn.blocked;
@@ -520,23 +523,23 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
 // without collision checks. Its last spring force becomes a residual force, with the stretch reduced by the
 // tip's displacement in this tick: there is no residual force if the tip moved at least as far as the spring
 // was stretched.
-void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& release) {
-  const ToolPose& hand = tick.hand;
+void release_layer(const TickInputs& tick, ProxyLayer& layer, ResidualForce& release) {
+  const ToolPose& tool_pose = tick.tool_pose;
   const Vector<Patient> last_spring_mm = (layer.position - tick.tip_before) * layer.stretch_fraction;
   const double remaining_stretch_mm = last_spring_mm.norm() - tick.tip_moved().norm();
   if (const double stiffness = layer.spring_N_per_mm.value_or(0); stiffness > 0 && remaining_stretch_mm > 0) {
     const Vector<Patient> residual_force_N =
         last_spring_mm * (stiffness * remaining_stretch_mm / last_spring_mm.norm());
     const auto contacts = std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count));
-    const ProxySpheres proxy_spheres(tick.spheres, hand.attitude, layer.attitude);
+    const ProxySpheres proxy_spheres(tick.spheres, tool_pose.attitude, layer.attitude);
     release.force_N += residual_force_N;
     release.torque_Nmm += torque_of(contacts, proxy_spheres.spheres(), residual_force_N, stiffness);
     release.stored_mJ += 0.5 * stiffness * remaining_stretch_mm * remaining_stretch_mm;
   }
-  const Vector<Patient> displacement = hand.tip - layer.position;
-  layer.attitude = hand.attitude;
+  const Vector<Patient> displacement = tool_pose.tip - layer.position;
+  layer.attitude = tool_pose.attitude;
   if (!layer.coupled || displacement.norm() > kProxySettings.at_rest_mm) {
-    layer.position = hand.tip;
+    layer.position = tool_pose.tip;
     layer.last_displacement = displacement;
   }
   layer.coupled = true;
@@ -544,8 +547,8 @@ void release_layer(const TickInputs& tick, ProxyLayer& layer, ProxyRelease& rele
   layer.contact_count = 0;
   layer.stretch_fraction = 1;
   layer.spring_N_per_mm = 0;
-  layer.catch_up_mm = layer.lost_s = 0;
-  layer.punctured = still_open(tick.surfaces, tick.spheres, hand, layer);
+  layer.catch_up_mm = layer.stranded_s = 0;
+  layer.punctured = still_open(tick.surfaces, tick.spheres, tool_pose, layer);
 }
 
 // sum of the spring stiffnesses of layer `first` and all layers within it; those of the last tick for layers
@@ -568,7 +571,7 @@ void add_layer(int n, const ProxyForce& force, ProxyResult& result) {
 }
 
 // adds the residual force of released layers to the total
-void add_release(const ProxyRelease& release, ProxyResult& result) {
+void add_release(const ResidualForce& release, ProxyResult& result) {
   result.release = release;
   result.force_N += release.force_N;
   result.torque_Nmm += release.torque_Nmm;
@@ -578,29 +581,29 @@ void add_release(const ProxyRelease& release, ProxyResult& result) {
 }  // namespace
 
 ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const ToolPose& hand, ProxyState& state, const ProxyOptions& options,
+                          const ToolPose& tool_pose, ProxyState& state, const ProxyOptions& options,
                           ProxyPath* path) {
   PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && !spheres.empty() && spheres.size() <= kMaxToolSpheres);
-  const TickInputs tick{surfaces, spheres, hand, state.tip, options};
+  const TickInputs tick{surfaces, spheres, tool_pose, state.tip, options};
   ProxyResult result;
-  ContactSprings springs(surfaces, hand.tip, options);
+  ContactSprings springs(surfaces, tool_pose.tip, options);
   UpdateWorkspace work;
   SlipBudget slip{options.max_slip_N_per_s * options.dt_s, state.stiffness_N_per_mm};
   slip.left_N -= state.release.fade(slip.left_N);
-  state.tip = hand.tip;
+  state.tip = tool_pose.tip;
   state.stiffness_N_per_mm = 0;
   // Whether the current layer constrains the tool. The outermost layer does until the tool has returned to
   // free space, an inner layer only while the layer that covers it does.
-  bool is_constrained = !has_withdrawn(surfaces, spheres, hand, state);
+  bool is_constrained = !has_withdrawn(surfaces, spheres, tool_pose, state);
   if (!is_constrained) state.compliance = {};
   for (int n = 0; n < layer_count(surfaces); ++n) {
     ProxyLayer& layer = state.layer(n);
     ProxyPath* const layer_path = n == 0 ? path : nullptr;
-    is_constrained = is_constrained &&
-                     (n == 0 || !state.layer(n - 1).coupled || !coincides_with(state.layer(n - 1), hand));
+    is_constrained = is_constrained && (n == 0 || !state.layer(n - 1).coupled ||
+                                        !coincides_with(state.layer(n - 1), tool_pose));
     if (!is_constrained) {
       release_layer(tick, layer, state.release);
-      // the proxy was reset: a single vertex, no path
+      // the proxy was reset: the path consists of a single vertex
       if (layer_path != nullptr) layer_path->add(layer.position, layer.attitude);
       continue;
     }
@@ -612,7 +615,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     result.wedged = result.wedged || advance.wedged;
     result.lagging = result.lagging || advance.lagging;
     if (!state.coupled) {
-      // no force: the side of the surfaces on which the tip belongs is unknown
+      // no force while the free side of the surfaces is unknown
       state.reset_inner_layers();
       state.release = {};
       springs.recover(state.relaxation);
@@ -621,7 +624,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
 
     // force of its spring; only the outermost layer contains deformable structures
     ComplianceState none;
-    const ProxySpheres proxy_spheres(spheres, hand.attitude, layer.attitude);
+    const ProxySpheres proxy_spheres(spheres, tool_pose.attitude, layer.attitude);
     const bool has_arrived = !advance.lagging && !advance.wedged;
     const ProxyForce force =
         springs.add({layer, proxy_spheres.spheres(), advance.spring, has_arrived, slip.left_N},
@@ -634,9 +637,9 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     slip.spend(before_N_per_mm, force, advance.spring);
     slip.stiffness_N_per_mm = stiffness_from(state, n + 1);
   }
-  if (coincides_with(state, hand)) {
-    state.free_tip = hand.tip;
-    state.free_attitude = hand.attitude;
+  if (coincides_with(state, tool_pose)) {
+    state.free_tip = tool_pose.tip;
+    state.free_attitude = tool_pose.attitude;
   }
   springs.recover(state.relaxation);
   state.release.limit(options.max_force_N);
@@ -644,15 +647,15 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   add_release(state.release, result);
   result.normal = springs.normal();
   result.friction = springs.friction();
-  result.press = springs.press();
+  result.tissue_contact = springs.tissue_contact();
   springs.path().report(result);
-  result.ruptured = puncture(surfaces, spheres, hand, springs.puncture_forces(), options.holes, state);
+  result.ruptured = puncture(surfaces, spheres, tool_pose, springs.puncture_forces(), options.holes, state);
   return result;
 }
 
 ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                          const ToolPose& hand, ProxyState& state, const ProxyOptions& options) {
-  return advance_proxy(surfaces, spheres, hand, state, options, nullptr);
+                          const ToolPose& tool_pose, ProxyState& state, const ProxyOptions& options) {
+  return advance_proxy(surfaces, spheres, tool_pose, state, options, nullptr);
 }
 
 }  // namespace palpate

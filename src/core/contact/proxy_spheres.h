@@ -11,15 +11,15 @@ namespace palpate {
 class ProxySpheres {
  public:
   /// @param spheres  tool parts in the operator's attitude; must outlive this object
-  ProxySpheres(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& hand,
+  ProxySpheres(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& tool_pose,
                const Eigen::Quaterniond& proxy)
-      : as_in_hand_(spheres) {
-    if (proxy.coeffs() != hand.coeffs()) turned_.emplace(spheres, hand, proxy);
+      : original_(spheres) {
+    if (proxy.coeffs() != tool_pose.coeffs()) turned_.emplace(spheres, tool_pose, proxy);
   }
-  std::span<const ToolSphere> spheres() const { return turned_ ? turned_->spheres() : as_in_hand_; }
+  std::span<const ToolSphere> spheres() const { return turned_ ? turned_->spheres() : original_; }
 
  private:
-  std::span<const ToolSphere> as_in_hand_;
+  std::span<const ToolSphere> original_;
   std::optional<RotatedTool> turned_;
 };
 

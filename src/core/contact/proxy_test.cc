@@ -57,7 +57,7 @@ TEST(Proxy, FollowsTheTipInFreeSpace) {
   }
 }
 
-TEST(Proxy, FollowsAHandAtOnceInFreeSpace) {
+TEST(Proxy, FollowsTheToolAtOnceInFreeSpace) {
   // up to 2.8 m/s, down to the distance at which a surface becomes a constraint
   ProxyRun run = on_floor();
   SCOPED_TRACE("seed " + std::to_string(kProxySeed));
@@ -159,7 +159,7 @@ TEST(Proxy, ReleasesAToolThatReturnedToFreeSpace) {
 }
 
 // the tip stays in place while the end of a lever rotates to the other side of a plate and back
-TEST(Proxy, ConstrainsALeverUntilItTurnsBack) {
+TEST(Proxy, ConstrainsALeverUntilItRotatesBack) {
   ProxyRun run;
   run.surfaces = {make_contact_surface(cube_grid(9, kKnee_mm),
                                        [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 1; })};
@@ -294,7 +294,7 @@ TEST(Proxy, WedgedTurningToolRecoversWhenItsTipIsFree) {
   EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm);
 }
 
-TEST(Proxy, SlightPenetrationByATurnIsCorrectedWithoutANewConstraint) {
+TEST(Proxy, SlightPenetrationByRotationIsCorrectedWithoutANewConstraint) {
   ProxyRun run;
   run.surfaces = {make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
                   make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
@@ -549,9 +549,9 @@ ProxyRun layered(double soft_N_per_mm, double hard_N_per_mm, const Distance& har
   const GridGeometry grid = cube_grid(20, {0.5, 0.5, 0.5});
   ProxyRun run;
   run.surfaces = {make_contact_surface(grid, floor_mm), make_contact_surface(grid, hard_mm)};
-  run.surfaces[0].stiffness_N_per_mm = run.surfaces[0].to_N_per_mm = soft_N_per_mm;
+  run.surfaces[0].stiffness_N_per_mm = run.surfaces[0].upper_N_per_mm = soft_N_per_mm;
   run.surfaces[1].stiffness_N_per_mm = hard_N_per_mm;
-  run.surfaces[1].from_N_per_mm = soft_N_per_mm;
+  run.surfaces[1].lower_N_per_mm = soft_N_per_mm;
   run.surfaces[1].layer = 1;
   return run;
 }
@@ -734,17 +734,17 @@ TEST(ProxyLayers, PunctureOpensEveryLayer) {
   run.surfaces.resize(3);
   run.surfaces[0] = make_contact_surface(grid, skin_mm);  // layer 1, skin's own
   run.surfaces[0].stiffness_N_per_mm = 0.3;
-  run.surfaces[0].from_N_per_mm = 0.05;
-  run.surfaces[0].to_N_per_mm = 0.3;
+  run.surfaces[0].lower_N_per_mm = 0.05;
+  run.surfaces[0].upper_N_per_mm = 0.3;
   run.surfaces[0].layer = 1;
   run.surfaces[0].puncture_N = 0.4;
   run.surfaces[1].stiffness_N_per_mm = 0.05;  // fat
   run.surfaces[2] = make_contact_surface(grid, bone_mm);
   run.surfaces[2].stiffness_N_per_mm = 1.5;
-  run.surfaces[2].from_N_per_mm = 0.05;
+  run.surfaces[2].lower_N_per_mm = 0.05;
   run.surfaces[2].layer = 1;
   const auto in_first_layer = [&](ContactSurface surface) {
-    surface.to_N_per_mm = 0.05;
+    surface.upper_N_per_mm = 0.05;
     surface.static_friction = surface.friction = 0;
     return surface;
   };
@@ -753,7 +753,7 @@ TEST(ProxyLayers, PunctureOpensEveryLayer) {
   common.opened_by = {0};
   run.surfaces.push_back(common);
   ContactSurface skin = in_first_layer(run.surfaces[0]);
-  skin.from_N_per_mm = 0;
+  skin.lower_N_per_mm = 0;
   skin.layer = 0;
   skin.structure = 0;
   skin.covered_by = 3;
@@ -779,7 +779,7 @@ TEST(ProxyLayers, PunctureOpensEveryLayer) {
   EXPECT_NEAR(run.result.force_N.z(), 0.3, 0.01) << "closed again";
 }
 
-TEST(ProxyLayers, HoleOfAnInnerStructureIsAsLongAsItsOwnProxyWent) {
+TEST(ProxyLayers, HoleOfAnInnerStructureReachesAsDeepAsItsProxy) {
   // a membrane of 1 mm in soft tissue that is not punctured
   ProxyRun run = layered(0.05, 1, [](const Eigen::Vector3d& p) { return std::abs(p.z() + 4) - 0.5; });
   run.surfaces[1].puncture_N = 0.5;
@@ -895,8 +895,9 @@ double largest_change_N(ProxyRun& run, const Point<Patient>& from, const Point<P
   for (int n = 1; n <= steps; ++n) {
     const ProxyResult before = run.result;
     run.at(from + (to - from) * (static_cast<double>(n) / steps));
-    const double explained_N = std::max(before.stiffness_N_per_mm, run.result.stiffness_N_per_mm) * step_mm;
-    largest_N = std::max(largest_N, (run.result.force_N - before.force_N).norm() - explained_N);
+    const double non_slip_change_N =
+        std::max(before.stiffness_N_per_mm, run.result.stiffness_N_per_mm) * step_mm;
+    largest_N = std::max(largest_N, (run.result.force_N - before.force_N).norm() - non_slip_change_N);
   }
   return largest_N;
 }
@@ -1344,7 +1345,7 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
                              .empty();
       const ProxyResult is =
           advance_proxy(run.surfaces, spheres.spheres(), hand, run.state, {.holes = &run.holes});
-      for (int layer = 0; layer < kMaxLayers; ++layer) without_cache.cache(layer).at_rest.forget();
+      for (int layer = 0; layer < kMaxLayers; ++layer) without_cache.cache(layer).at_rest.invalidate();
       const ProxyResult expected =
           advance_proxy(run.surfaces, spheres.spheres(), hand, without_cache, {.holes = &holes});
       ASSERT_EQ(is.force_N, expected.force_N) << "scene " << scene << ", tick " << n;
@@ -1367,7 +1368,7 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
         ASSERT_EQ(layer.stretch_fraction, other.stretch_fraction);
         ASSERT_EQ(layer.spring_N_per_mm, other.spring_N_per_mm);
         ASSERT_EQ(layer.catch_up_mm, other.catch_up_mm);
-        ASSERT_EQ(layer.lost_s, other.lost_s);
+        ASSERT_EQ(layer.stranded_s, other.stranded_s);
         ASSERT_EQ(layer.contact_count, other.contact_count);
         for (int c = 0; c < layer.contact_count; ++c) {
           const ProxyContact &contact = layer.contacts[static_cast<std::size_t>(c)],
@@ -1388,7 +1389,7 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
   EXPECT_GT(ruptures, 0);
 }
 
-TEST(Proxy, RestCacheIsKeyedByToolAndPlace) {
+TEST(Proxy, RestCacheIsKeyedByToolAndPosition) {
   const Point<Patient> position(1, 2, 3);
   const ToolSphere sphere{{0, 0, 1}, 0.5};
   const RestingContacts::Constraint plane{{0, 0, 1}, 2.5, 4, 0};
@@ -1404,7 +1405,7 @@ TEST(Proxy, RestCacheIsKeyedByToolAndPlace) {
     EXPECT_TRUE(touched.find(position, {}, {&other, 1}).empty());
   const std::array two{sphere, sphere};
   EXPECT_TRUE(touched.find(position, {}, two).empty());
-  touched.forget();
+  touched.invalidate();
   EXPECT_TRUE(touched.find(position, {}, {&sphere, 1}).empty());
 }
 

@@ -29,7 +29,7 @@ void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<con
       const ToolSphere& sphere = turned_tool.spheres()[static_cast<std::size_t>(contact.sphere)];
       const double radius_mm = sphere.radius_at_mm(contact.axis_fraction);
       const Point<Patient> centre =
-          layer.position + sphere.offset_mm + sphere.along_mm * contact.axis_fraction;
+          layer.position + sphere.offset_mm + sphere.axis_mm * contact.axis_fraction;
       if (owners_at(surfaces, contact.surface, centre - contact.normal * radius_mm).largest() == structure)
         visit(contact, centre, radius_mm);
     }
@@ -53,7 +53,7 @@ void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
       const RotatedTool turned_tool(spheres, hand.attitude, layer.attitude);
       for (const ToolSphere& sphere : turned_tool.spheres())
         for (const double end : {0.0, 1.0})
-          holes.extend(structure, layer.position + sphere.offset_mm + sphere.along_mm * end);
+          holes.extend(structure, layer.position + sphere.offset_mm + sphere.axis_mm * end);
       continue;
     }
     bool in_contact = false, fits = true;

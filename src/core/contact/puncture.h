@@ -13,7 +13,7 @@ namespace palpate {
 /// ProxySettings::closing_mm from it both in the operator's pose and in the proxy's: a tip may have emerged
 /// from the surface while its proxy is still inside.
 SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                      const ToolPose& hand, const ProxyLayer& layer);
+                      const ToolPose& tool_pose, const ProxyLayer& layer);
 
 /// Whether the surface of any contact of the last tick was punctured, so that the proxy is released without a
 /// rate limit.
@@ -54,6 +54,6 @@ class PunctureForces {
 /// @param holes  permanent holes of all tools; null: every puncture closes
 /// @return whether any structure was punctured
 bool puncture(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-              const ToolPose& hand, const PunctureForces& forces, Holes* holes, ProxyState& state);
+              const ToolPose& tool_pose, const PunctureForces& forces, Holes* holes, ProxyState& state);
 
 }  // namespace palpate

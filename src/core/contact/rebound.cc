@@ -18,25 +18,26 @@ double limit_rebound_N(const ReboundInput& input, ReboundState& state) {
   if (state.time_s >= kReboundSettings.max_contact_s) return kNone;
 
   // the force was constant during the tick
-  state.pushed_N_s2 += (state.push_N_s + 0.5 * input.acted_N * input.dt_s) * input.dt_s;
-  state.push_N_s += input.acted_N * input.dt_s;
+  state.impulse_integral_N_s2 += (state.impulse_N_s + 0.5 * input.acting_force_N * input.dt_s) * input.dt_s;
+  state.impulse_N_s += input.acting_force_N * input.dt_s;
   state.time_s += input.dt_s;
   state.depth_mm -= input.along_mm;
 
   // lag behind unhindered motion, fitted against the double integral of the force
-  const double back_mm = state.impact_mm_s * state.time_s - state.depth_mm;
-  state.back_N_s2_mm +=
-      (back_mm + kReboundSettings.quantisation_steps * input.encoder_step_mm) * state.pushed_N_s2;
-  state.squares_N2_s4 += state.pushed_N_s2 * state.pushed_N_s2;
-  if (back_mm < kReboundSettings.min_deceleration_steps * input.encoder_step_mm || !(state.back_N_s2_mm > 0))
+  const double lag_mm = state.impact_mm_s * state.time_s - state.depth_mm;
+  state.sum_lag_impulse_N_s2_mm +=
+      (lag_mm + kReboundSettings.quantisation_steps * input.encoder_step_mm) * state.impulse_integral_N_s2;
+  state.sum_impulse_squared_N2_s4 += state.impulse_integral_N_s2 * state.impulse_integral_N_s2;
+  if (lag_mm < kReboundSettings.min_deceleration_steps * input.encoder_step_mm ||
+      !(state.sum_lag_impulse_N_s2_mm > 0))
     return kNone;
 
   // change of speed per impulse, mm/s per N s: 1000 over the apparent mass in kg
-  const double lightness_mm_s_per_N_s = state.back_N_s2_mm / state.squares_N2_s4;
+  const double inverse_mass_mm_s_per_N_s = state.sum_lag_impulse_N_s2_mm / state.sum_impulse_squared_N2_s4;
   const double out_mm_s =
-      (state.push_N_s + std::max(0.0, input.pending_N_s)) * lightness_mm_s_per_N_s - state.impact_mm_s;
-  const double left_mm_s = kReboundSettings.max_restitution * state.impact_mm_s - out_mm_s;
-  return std::max(0.0, left_mm_s) / (lightness_mm_s_per_N_s * input.dt_s);
+      (state.impulse_N_s + std::max(0.0, input.pending_N_s)) * inverse_mass_mm_s_per_N_s - state.impact_mm_s;
+  const double margin_mm_s = kReboundSettings.max_restitution * state.impact_mm_s - out_mm_s;
+  return std::max(0.0, margin_mm_s) / (inverse_mass_mm_s_per_N_s * input.dt_s);
 }
 
 }  // namespace palpate

@@ -65,7 +65,7 @@ struct Falling {
   }
 };
 
-TEST(Bounce, ReboundSpeedIsAtMostTheImpactSpeedAtAnyWallDepth) {
+TEST(Rebound, ReboundSpeedIsAtMostTheImpactSpeedAtAnySurfaceDepth) {
   // bare devices on their recommended walls, and a heavier one; at any position of the wall within a step
   const struct {
     double mass_kg, stiffness_N_per_mm, step_mm;
@@ -86,7 +86,7 @@ TEST(Bounce, ReboundSpeedIsAtMostTheImpactSpeedAtAnyWallDepth) {
       }
 }
 
-TEST(Bounce, PressingHandIsUnaffected) {
+TEST(Rebound, PressingHandIsUnaffected) {
   for (const double fall_mm_s : {10.0, 40.0, 100.0, 200.0})
     for (const double damping_N_s_per_mm : {0.002, 0.006}) {
       SCOPED_TRACE(std::to_string(fall_mm_s) + " mm/s, " + std::to_string(damping_N_s_per_mm) + " N s/mm");
@@ -98,13 +98,13 @@ TEST(Bounce, PressingHandIsUnaffected) {
     }
 }
 
-TEST(Bounce, SlowContactGivesNoMassEstimate) {
+TEST(Rebound, SlowContactGivesNoMassEstimate) {
   Falling slow{0.046, 5.01, 0.055, 0.7 * 750 * 0.055};
   slow.advance(0.2);
   EXPECT_EQ(slow.limited, 0);
 }
 
-TEST(Bounce, EndsAfterItsTimeLimit) {
+TEST(Rebound, EndsAfterItsTimeLimit) {
   // a tip suspended in a wall, as if about to reverse for ever
   ReboundState state;
   const double impact_mm_s = 100, step_mm = 0.03;
@@ -119,7 +119,7 @@ TEST(Bounce, EndsAfterItsTimeLimit) {
   EXPECT_LE(last * kBounceTick_s, kReboundSettings.max_contact_s + kBounceTick_s);
 }
 
-TEST(Bounce, UnforcedMotionGivesNoMassEstimate) {
+TEST(Rebound, UnforcedMotionGivesNoMassEstimate) {
   ReboundState state;
   for (int n = 0; n < 30; ++n)
     EXPECT_EQ(limit_rebound_N({3, -0.1, -100, 0.03, 3e-3, kBounceTick_s}, state), kNone) << n;

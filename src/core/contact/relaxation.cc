@@ -13,15 +13,15 @@ constexpr double kMinRemembered_N = 1e-6;
 
 }  // namespace
 
-double Relaxation::part() const {
+double Relaxation::total_fraction() const {
   double sum = 0;
-  for (const RelaxationTerm& one : term) sum += one.part;
+  for (const RelaxationTerm& one : term) sum += one.fraction;
   return sum;
 }
 
 bool RelaxationTimes::add(const Relaxation& relaxation) {
   for (const RelaxationTerm& one : relaxation.term) {
-    if (!(one.part > 0)) continue;
+    if (!(one.fraction > 0)) continue;
     const auto end = time_s.begin() + static_cast<std::ptrdiff_t>(count);
     const auto after = std::lower_bound(time_s.begin(), end, one.time_s);
     if (after != end && *after == one.time_s) continue;
@@ -33,21 +33,21 @@ bool RelaxationTimes::add(const Relaxation& relaxation) {
   return true;
 }
 
-void RelaxedParts::add(const Relaxation& relaxation, const RelaxationTimes& times, double weight) {
+void RelaxationFractions::add(const Relaxation& relaxation, const RelaxationTimes& times, double weight) {
   for (const RelaxationTerm& one : relaxation.term)
     for (std::size_t n = 0; n < times.count; ++n)
-      if (one.part > 0 && times.time_s[n] == one.time_s) of_time[n] += weight * one.part;
+      if (one.fraction > 0 && times.time_s[n] == one.time_s) of_time[n] += weight * one.fraction;
 }
 
-void RelaxedParts::add(const RelaxedParts& other, double weight) {
+void RelaxationFractions::add(const RelaxationFractions& other, double weight) {
   for (std::size_t n = 0; n < kMaxRelaxationTimes; ++n) of_time[n] += weight * other.of_time[n];
 }
 
-bool RelaxedParts::any() const {
+bool RelaxationFractions::any() const {
   return std::any_of(of_time.begin(), of_time.end(), [](double part) { return part > 0; });
 }
 
-void RelaxedParts::hash_into(std::uint64_t& hash) const {
+void RelaxationFractions::hash_into(std::uint64_t& hash) const {
   for (std::size_t n = 0; n < kMaxRelaxationTimes; ++n) {
     if (of_time[n] == 0) continue;
     hash_word(hash, n);
@@ -88,7 +88,7 @@ double advance_relaxation(const RelaxationTimes& times, double elastic_N, const 
   double near = 1;
   if (contact != nullptr && elastic_N > 0) {
     if (!state.presses) near = 1 - (contact->at - state.at).norm() / contact->reach_mm;
-    if (!state.remembers() || !(near > 0)) {
+    if (!state.is_active() || !(near > 0)) {
       state = {};
       state.parts = contact->parts;
       near = 1;

@@ -49,14 +49,14 @@ struct Relaxing {
 double left_of(const Relaxation& relaxation, double time_s) {
   double left = 1;
   for (const RelaxationTerm& one : relaxation.term)
-    if (one.part > 0) left -= one.part * (1 - std::exp(-time_s / one.time_s));
+    if (one.fraction > 0) left -= one.fraction * (1 - std::exp(-time_s / one.time_s));
   return left;
 }
 // force for an elastic force that increases by 1 N/s from time 0
 double ramped_N(const Relaxation& relaxation, double time_s) {
-  double force_N = (1 - relaxation.part()) * time_s;
+  double force_N = (1 - relaxation.total_fraction()) * time_s;
   for (const RelaxationTerm& one : relaxation.term)
-    if (one.part > 0) force_N += one.part * one.time_s * (1 - std::exp(-time_s / one.time_s));
+    if (one.fraction > 0) force_N += one.fraction * one.time_s * (1 - std::exp(-time_s / one.time_s));
   return force_N;
 }
 
@@ -84,7 +84,7 @@ TEST(RelaxationTimes, AreSortedAndUnique) {
   EXPECT_EQ(times.time_s[0], 0.5);
   EXPECT_EQ(times.time_s[1], 2);
   EXPECT_EQ(times.time_s[2], 8);
-  RelaxedParts parts;
+  RelaxationFractions parts;
   parts.add({{{{0.1, 8}, {0.2, 0.5}}}}, times, 0.5);
   EXPECT_EQ(parts.of_time[0], 0.1);
   EXPECT_EQ(parts.of_time[1], 0);
@@ -105,7 +105,7 @@ TEST(AdvanceRelaxation, HeldStepMatchesTheStandardLinearSolid) {
       if (n > 0) worst = std::max(worst, std::abs(force_N / (2 * left_of(relaxation, time_s)) - 1));
     }
     EXPECT_LT(worst, 1e-5);
-    EXPECT_NEAR(tissue.at(2, 1e6), 2 * (1 - relaxation.part()), 1e-6) << "in the end";
+    EXPECT_NEAR(tissue.at(2, 1e6), 2 * (1 - relaxation.total_fraction()), 1e-6) << "in the end";
   }
 }
 
@@ -135,8 +135,8 @@ TEST(AdvanceRelaxation, SineDissipationMatchesThePronySeries) {
     double stored = 1, lost = 0;
     for (const RelaxationTerm& one : kTwoTerms.term) {
       const double x = omega * one.time_s;
-      stored -= one.part / (1 + x * x);
-      lost += one.part * x / (1 + x * x);
+      stored -= one.fraction / (1 + x * x);
+      lost += one.fraction * x / (1 + x * x);
     }
     // continuous contact; over whole periods after the transient has decayed
     Relaxing tissue(kTwoTerms);
@@ -204,7 +204,7 @@ TEST(AdvanceRelaxation, ReleasedDentRecoversLikeFreeTissue) {
   EXPECT_NEAR(beyond.at(0.1, 1e-6), 0.1, 1e-6);
   // in the end the state is empty
   for (int n = 0; n < 100; ++n) tissue.at(0, 1);
-  EXPECT_FALSE(tissue.state.remembers());
+  EXPECT_FALSE(tissue.state.is_active());
   EXPECT_EQ(tissue.state.lagging_N[0], 0);
 }
 
@@ -327,7 +327,7 @@ TEST(AdvanceRelaxation, IsAtMostAsStiffAsTheInstantaneousLaw) {
     sphere.to(std::max(sphere.depth_mm, 0.0) + (n < 1000 ? kDown_mm : -kDown_mm), kShort_s);
     double relaxed_N = 0;
     for (const RelaxationTerm& one : kTwoTerms.term)
-      relaxed_N += one.part * sphere.relaxing.state.elastic_N * kShort_s / one.time_s;
+      relaxed_N += one.fraction * sphere.relaxing.state.elastic_N * kShort_s / one.time_s;
     const double change_N = sphere.force_N - before_N;
     ASSERT_LE(change_N, n < 1000 ? kMax_N_per_mm * kDown_mm * (1 + 1e-9) : relaxed_N) << n;
     ASSERT_GE(change_N, -kMax_N_per_mm * kDown_mm * (1 + 1e-9) - relaxed_N) << n;
@@ -354,7 +354,7 @@ struct RelaxingFloor {
   ProxyRun run;
 };
 
-TEST(ProxyOnWhatRelaxes, ForceDecaysFromTickToTick) {
+TEST(ProxyOnRelaxingTissue, ForceDecaysFromTickToTick) {
   RelaxingFloor floor(kTwoTerms);
   floor.run.lead({0, 0, 5}, {0, 0, 3.05}, 0.05);
   floor.run.lead({0, 0, 3.05}, {0, 0, 1}, 0.41);
@@ -375,7 +375,7 @@ TEST(ProxyOnWhatRelaxes, ForceDecaysFromTickToTick) {
   EXPECT_NEAR(floor.run.result.stiffness_N_per_mm, floor.run.result.force_N.z() / 2, 1e-3);
 }
 
-TEST(ProxyOnWhatRelaxes, LeavesADentOnlyAtTheContact) {
+TEST(ProxyOnRelaxingTissue, LeavesADentOnlyAtTheContact) {
   RelaxingFloor floor({{{{0.6, 0.5}, {}}}});
   floor.run.lead({0, 0, 5}, {0, 0, 0}, 0.05);
   floor.wait({0, 0, 0}, 3);
@@ -396,7 +396,7 @@ TEST(ProxyOnWhatRelaxes, LeavesADentOnlyAtTheContact) {
   EXPECT_GT(sustained_N, 0);
 }
 
-TEST(ProxyOnWhatRelaxes, EmptySeriesEqualsNoSeriesBitwise) {
+TEST(ProxyOnRelaxingTissue, EmptySeriesEqualsNoSeriesBitwise) {
   RelaxingFloor floor(kTwoTerms);
   floor.run.surfaces[0].relaxed = {};
   ProxyRun without = floor.run;
@@ -415,7 +415,7 @@ TEST(ProxyOnWhatRelaxes, EmptySeriesEqualsNoSeriesBitwise) {
   }
 }
 
-TEST(ProxyOnWhatRelaxes, FrameReportsTheRelaxingFraction) {
+TEST(ProxyOnRelaxingTissue, FrameReportsTheRelaxingFraction) {
   RelaxingFloor floor(kTwoTerms);
   ComplianceFrame frame;
   frame.number = 1;
@@ -427,7 +427,7 @@ TEST(ProxyOnWhatRelaxes, FrameReportsTheRelaxingFraction) {
   const double at_once_N =
       soft_contact_force({16 - 0.6 / (3 * kModulus_N_per_mm2), {}, kModulus_N_per_mm2}, 2, 3).force_N;
   floor.wait({0, 0, 1}, 100);
-  EXPECT_NEAR(floor.run.result.force_N.z() / at_once_N, 1 - 0.5 * kTwoTerms.part(), 0.01);
+  EXPECT_NEAR(floor.run.result.force_N.z() / at_once_N, 1 - 0.5 * kTwoTerms.total_fraction(), 0.01);
 }
 
 TEST(ComplianceFrame, HashCoversRelaxationOnlyWherePresent) {

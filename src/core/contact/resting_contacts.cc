@@ -9,7 +9,7 @@ std::span<const RestingContacts::Constraint> RestingContacts::find(
   bool same = count_ > 0 && position == position_ && spheres.size() == spheres_ && punctured == punctured_;
   for (std::size_t k = 0; same && k < spheres.size(); ++k)
     same = spheres[k].offset_mm == sphere_[k].offset_mm && spheres[k].radius_mm == sphere_[k].radius_mm &&
-           spheres[k].along_mm == Vector<Patient>();
+           spheres[k].axis_mm == Vector<Patient>();
   return {constraint_.data(), same ? count_ : 0};
 }
 

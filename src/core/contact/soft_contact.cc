@@ -63,7 +63,7 @@ std::uint64_t ComplianceFrame::hash() const {
   return hash_finish(hash);
 }
 
-void LocalCompliance::find_surroundings() {
+void LocalCompliance::compute_surroundings() {
   const auto [surroundings, per_compliance] =
       surroundings_of_patch(compliance_mm_per_N, patch_radius_mm, modulus_N_per_mm2, poissons_ratio);
   surroundings_mm_per_N = surroundings;

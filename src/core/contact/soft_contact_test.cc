@@ -205,7 +205,7 @@ ComplianceFrame frame_of(std::uint32_t number, double compliance, const Vector<P
   ComplianceFrame frame;
   frame.number = number;
   frame.spot[0] = {Point<Patient>(0, 0, 0), compliance, slope, kModulus, 3};
-  frame.spot[0].find_surroundings();
+  frame.spot[0].compute_surroundings();
   return frame;
 }
 
@@ -387,7 +387,7 @@ TEST(ProxyOnSoftTissue, BoneInsideKeepsItsFullStiffness) {
                                              [](const Eigen::Vector3d& p) { return p.z() + 4; });
   bone.stiffness_N_per_mm = 5;
   bone.layer = 1;
-  bone.from_N_per_mm = 0;
+  bone.lower_N_per_mm = 0;
   run.surfaces.push_back(bone);
   run.lead({0, 0, 5}, {0, 0, -1.5}, 0.02);
   for (int n = 0; n < 200; ++n) run.at({0, 0, -1.5});

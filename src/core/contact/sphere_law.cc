@@ -126,7 +126,8 @@ double SphereLaw::first_limited(double end, double smallest) const {
   if (elastic_compliance_mm_per_N(end) * (c_ > 0 ? 1 - kMaxStiffened : 1) >= smallest) return kNever;
   const auto excess = [&](double s) { return at(s).per_s - 3 * s * s * smallest; };
   double low = 0, high = end;
-  // With C above 0 the compliance decreases up to F1, with C below 0 beyond it: there the end tells.
+  // The compliance decreases monotonically up to F1 if C > 0, and beyond F1 if C < 0; on these intervals it
+  // suffices to evaluate the end.
   const double kink = std::min(first_s_, end);
   const auto first_below = [&](double from, double to, int steps) {
     for (int n = 1; n <= steps && to > from; ++n) {

@@ -23,7 +23,7 @@ ContactLaw stiffening_half_space(double b) {
 
 // Force over that of Hertz at a depth over the radius, from finite elements of its own: axisymmetric, nine
 // nodes, a true sphere, thickness 12 R, nu 0.45, Fung's law (tools/indentation_fe).
-TEST(StrainStiffening, IsThatOfFiniteElementsOnAHalfSpace) {
+TEST(StrainStiffening, MatchesFiniteElementsOnAHalfSpace) {
   struct Case {
     double b, relative_depth, over_hertz;
   };
@@ -39,7 +39,7 @@ TEST(StrainStiffening, IsThatOfFiniteElementsOnAHalfSpace) {
   }
 }
 
-TEST(StrainStiffening, OfNoneIsTheLawWithoutItToTheBit) {
+TEST(StrainStiffening, ZeroStiffeningIsBitIdenticalToTheBaseLaw) {
   ContactLaw tissue{3, {-0.8, 0.3, 0}, kHalfSpaceModulus};
   tissue.stiffening_mm_per_N2 = 12;
   tissue.reference_force_N = 0.02;
@@ -59,7 +59,7 @@ ContactLaw random_tissue(std::mt19937& random) {
   return tissue;
 }
 
-TEST(StrainStiffening, ForceIsTheSlopeOfTheEnergyAndNoStifferThanTheLimit) {
+TEST(StrainStiffening, ForceIsTheEnergyGradientWithinTheStiffnessLimit) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -89,7 +89,7 @@ TEST(StrainStiffening, ForceIsTheSlopeOfTheEnergyAndNoStifferThanTheLimit) {
   }
 }
 
-TEST(StrainStiffening, TheForceAlongTheSurfaceIsTheLossOfEnergyThere) {
+TEST(StrainStiffening, TangentialForceIsTheEnergyGradient) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -114,7 +114,7 @@ TEST(StrainStiffening, TheForceAlongTheSurfaceIsTheLossOfEnergyThere) {
   }
 }
 
-TEST(StrainStiffening, AClosedPathOverTissueThatVariesDoesNoWork) {
+TEST(StrainStiffening, ClosedPathOverVaryingTissueDoesNoWork) {
   // down, aside to where the surroundings are twice as soft, up and back above the surface
   ContactLaw tissue = stiffening_half_space(20);
   tissue.gradient_per_N = {0.3 / kHalfSpaceModulus / 4, 0, 0};
@@ -135,7 +135,7 @@ TEST(StrainStiffening, AClosedPathOverTissueThatVariesDoesNoWork) {
   EXPECT_LE(std::abs(work), 1e-5 * gross);
 }
 
-TEST(StrainStiffening, BlendsFromFrameToFrameWithoutAStepOfForce) {
+TEST(StrainStiffening, FramesBlendWithoutAForceStep) {
   LocalCompliance spot;
   spot.compliance_mm_per_N = 20;
   spot.modulus_N_per_mm2 = kHalfSpaceModulus;

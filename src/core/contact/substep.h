@@ -25,8 +25,8 @@ LimitedStep limit_step(const ProxyLayer& layer, const Point<Patient>& goal, doub
 struct StepConditions {
   Point<Patient> tip;
   double substep_mm = 0;  ///< Maximum length of a substep in contact
-  double max_distance_increase =
-      0;  ///< Maximum fraction of the substep by which the distance to the tip may increase
+  /// Maximum fraction of the substep by which the distance to the tip may increase
+  double max_distance_increase = 0;
 };
 
 /// Result of the validation of a substep.
@@ -40,9 +40,10 @@ struct ValidatedStep {
 /// Validate stage: projects the end of a substep out of the surfaces. The substep is rejected if
 /// - no position outside is found,
 /// - the projection is longer than a substep, so that its ends no longer bound the penetration between them,
-/// - or the distance to the tip increases by more than max_distance_increase times its length. The proxy
-/// therefore comes to
-///   rest instead of oscillating where the normals change within one substep.
+/// - or the distance to the tip increases by more than max_distance_increase times its length.
+///
+/// Because of the last condition the proxy comes to rest instead of oscillating where the normals change
+/// within one substep.
 ValidatedStep validate_step(PairSet& pairs, const Point<Patient>& from, const Point<Patient>& end,
                             const StepConditions& conditions, const DisplacementBall& limit);
 

@@ -156,8 +156,8 @@ inline Model as_one_body(Model model, double cartilage_mm) {
   ContactSurface outer;
   outer.surface = std::make_shared<const Surface>(field, field, steepest_of(field));
   outer.owners = std::make_shared<const Owners>(*label_bricks(observed), structure_of_label);
-  outer.to_N_per_mm = model.surfaces[1].stiffness_N_per_mm;
-  model.surfaces[0].from_N_per_mm = outer.to_N_per_mm;
+  outer.upper_N_per_mm = model.surfaces[1].stiffness_N_per_mm;
+  model.surfaces[0].lower_N_per_mm = outer.upper_N_per_mm;
   model.surfaces[0].layer = 1;
   model.surfaces[1].surface = nullptr;
   model.surfaces.push_back(outer);

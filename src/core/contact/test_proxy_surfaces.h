@@ -127,7 +127,7 @@ struct ProxyRun {
     double farthest_mm = 0;
     for (const ToolSphere& sphere : spheres)
       farthest_mm =
-          std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.along_mm).norm()});
+          std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.axis_mm).norm()});
     const double path_mm = (b.tip - a.tip).norm() + farthest_mm * a.attitude.angularDistance(b.attitude);
     const int pieces = static_cast<int>(path_mm / kEvery_mm) + 1;
     for (int n = 0; n <= pieces;) {
@@ -155,13 +155,13 @@ struct ProxyRun {
   /// @returns distance in mm that it may move without exceeding it
   double scan_row(const Surface& surface, const Point<Patient>& tip, const ToolSphere& sphere) {
     constexpr double kAlong_mm = 0.1;
-    const double length_mm = sphere.along_mm.norm();
+    const double length_mm = sphere.axis_mm.norm();
     const int count = length_mm > 0 ? static_cast<int>(length_mm / kAlong_mm) + 1 : 0;
     double free_mm = 1e3;
     for (int index = 0; index <= count;) {
       const double part = count > 0 ? static_cast<double>(index) / count : 0;
       const double outside_mm =
-          surface.distance_mm(tip + sphere.offset_mm + sphere.along_mm * part) - sphere.radius_mm;
+          surface.distance_mm(tip + sphere.offset_mm + sphere.axis_mm * part) - sphere.radius_mm;
       deepest_mm = std::max(deepest_mm, -outside_mm);
       const double its_mm = (outside_mm + deepest_mm) / (1.001 * surface.max_gradient());
       free_mm = std::min(free_mm, its_mm);

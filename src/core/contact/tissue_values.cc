@@ -30,8 +30,8 @@ std::optional<TissueFault> friction_fault(const ContactProperties& properties) {
 std::optional<TissueFault> support_fault(const SupportValues& tissue, const SupportValues& support) {
   if (!support.touchable)
     return TissueFault{
-        text_of("tissue \"", tissue.name, "\" rests on \"", support.name, "\", which is not felt"),
-        "the force would point inward where they meet; let both be felt, or remove it from rests_on"};
+        text_of("tissue \"", tissue.name, "\" rests on \"", support.name, "\", which is not touchable"),
+        "the force would point inward where they meet; set both touchable, or remove it from rests_on"};
   if (tissue.stiffness_N_per_mm <= support.stiffness_N_per_mm) return std::nullopt;
   return TissueFault{
       text_of("tissue \"", tissue.name, "\" (", tissue.stiffness_N_per_mm, " N/mm) is stiffer than \"",

@@ -24,7 +24,7 @@ LabelId label_at(const Model& model, const Point<Patient>& at) {
   return model.labels->at(index[0], index[1], index[2]);
 }
 
-// site of a felt label; empty for other labels
+// contact site of a touchable label; empty for other labels
 ContactSite site_of(const Model& model, LabelId label, double depth_mm) {
   ContactSite site;
   if (!model.is_touchable(label)) return site;
@@ -43,7 +43,7 @@ LabelId label_under(const Model& model, const ProxyContact& contact, const Point
   const LabelId label = label_at(model, at - contact.normal * half_voxel_mm);
   // a tissue softer than the layer's lower bound belongs to an outer layer
   const ContactSurface& surface = model.surfaces[static_cast<std::size_t>(contact.surface)];
-  if (model.is_touchable(label) && model.tissue_of(label)->stiffness_N_per_mm > surface.from_N_per_mm)
+  if (model.is_touchable(label) && model.tissue_of(label)->stiffness_N_per_mm > surface.lower_N_per_mm)
     return label;
   const int structure = owners.at(model.surfaces, contact.surface, at).largest();
   return model.label_of_surface[static_cast<std::size_t>(structure)];
@@ -95,7 +95,7 @@ std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<
   return n;
 }
 
-// the proxy's contacts in the form of a direct method's contact: that of the strongest contact's structure
+// the proxy's contacts summarised as one PointContact, attributed to the structure of the strongest contact
 PointContact strongest_of(const Model& model, const ProxyState& proxy, const ContactPoint& most,
                           const Point<Patient>& tip, const ProxyResult& result,
                           const Vector<Patient>& force_N) {
@@ -110,7 +110,7 @@ PointContact strongest_of(const Model& model, const ProxyState& proxy, const Con
   return contact;
 }
 
-PathStructure all_of_it(const PointContact& contact) {
+PathStructure single_structure_path(const PointContact& contact) {
   return {contact.site.label, contact.site.depth_mm, 1};
 }
 
@@ -124,7 +124,7 @@ std::array<PathStructure, kMaxStructuresReported> path_of_proxy(const Model& mod
                                          part.depth_mm, part.fraction};
   }
   // inside a punctured structure only viscosity acts
-  if (result.path_segments == 0) path[0] = all_of_it(strongest);
+  if (result.path_segments == 0) path[0] = single_structure_path(strongest);
   return path;
 }
 
@@ -132,8 +132,8 @@ std::array<PathStructure, kMaxStructuresReported> path_of_proxy(const Model& mod
 // stiffness. The rendered stiffness is low-pass filtered, so that it is continuous across the seam of two
 // structures; it starts at the contacts' value. The damper's velocity is averaged over a window that includes
 // free space, so the damping builds up with the spring; it reduces the spring force to zero at most.
-double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, double damping_N_s_per_mm,
-               double dt_s, CouplingState& state) {
+double coupling_force_ratio(const ProxyForce& spring, const Vector<Patient>& multiplier_mm,
+                            double damping_N_s_per_mm, double dt_s, CouplingState& state) {
   if (damping_N_s_per_mm > 0) state.spring_velocity.push(multiplier_mm - state.multiplier_mm, dt_s);
   state.multiplier_mm = multiplier_mm;
   const double stiffness = spring.stiffness_N_per_mm, length_mm = multiplier_mm.norm();
@@ -154,7 +154,7 @@ double coupled(const ProxyForce& spring, const Vector<Patient>& multiplier_mm, d
 
 }  // namespace
 
-bool PointContact::is_touch() const {
+bool PointContact::is_contact() const {
   const bool inside = sample.value >= 0.5 * site.level;
   return site.label != 0 && (presses || inside || force_N.norm() >= kContactSettings.min_N);
 }
@@ -179,48 +179,49 @@ double max_deformable_stiffness_N_per_mm(const Model& model) {
   return stiffest == nullptr || model.is_deformable(*stiffest) ? kUnlimited : stiffest->stiffness_N_per_mm;
 }
 
-PosedTool::PosedTool(const TickContext& tick, const DeviceContext& hand)
-    : pose_(hand.tip, Eigen::Quaterniond(Eigen::Matrix3d(tick.X_PatientWorld.linear() * hand.R_WorldTool))) {
-  const auto in_patient = [&](const Eigen::Vector3d& of_tool) { return hand.in_patient(tick, of_tool); };
-  for (const Eigen::Vector3d& offset_mm : hand.tool.points_mm)
-    spheres_[count_++] = {in_patient(offset_mm), hand.tool.radius_mm};
-  for (const ToolCapsule& capsule : hand.tool.capsules)
+PosedTool::PosedTool(const TickContext& tick, const DeviceContext& context)
+    : pose_(context.tip,
+            Eigen::Quaterniond(Eigen::Matrix3d(tick.X_PatientWorld.linear() * context.R_WorldTool))) {
+  const auto in_patient = [&](const Eigen::Vector3d& of_tool) { return context.in_patient(tick, of_tool); };
+  for (const Eigen::Vector3d& offset_mm : context.tool.points_mm)
+    spheres_[count_++] = {in_patient(offset_mm), context.tool.radius_mm};
+  for (const ToolCapsule& capsule : context.tool.capsules)
     spheres_[count_++] = {in_patient(capsule.from_mm), capsule.radius_mm,
                           in_patient(capsule.to_mm - capsule.from_mm)};
 }
 
-ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& hand) {
+ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& context) {
   const RelaxationTimes& times = tick.model.relaxation_times;
-  const double peak_N = hand.device.limits.peak_force_N;
+  const double peak_N = context.device.limits.peak_force_N;
   ProxyOptions options;
   options.friction = tick.friction;
-  // fmin, because the device's limit is NaN if unknown. Layers, which are rigid, are within the other one.
+  // fmin, because the device's limit is NaN if unknown. Rigid tissues never exceed the second limit.
   options.max_stiffness_N_per_mm =
-      std::fmin(hand.max_stiffness_N_per_mm(), max_deformable_stiffness_N_per_mm(tick.model));
+      std::fmin(context.max_stiffness_N_per_mm(), max_deformable_stiffness_N_per_mm(tick.model));
   options.dt_s = tick.dt_s;
-  options.max_slip_N_per_s = kProxySettings.max_slip_N_per_s / hand.device.force_gain;
+  options.max_slip_N_per_s = kProxySettings.max_slip_N_per_s / context.device.force_gain;
   options.compliance = tick.compliance;
-  options.device = hand.number;
+  options.device = context.device_index;
   options.relaxation_times = times.any() ? &times : nullptr;
   options.holes = tick.holes;
   options.presses = tick.presses;
-  if (peak_N > 0) options.max_force_N = peak_N / hand.device.force_gain;
+  if (peak_N > 0) options.max_force_N = peak_N / context.device.force_gain;
   return options;
 }
 
-ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, const PosedTool& posed_tool,
+ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context, const PosedTool& posed_tool,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling) {
   const Model& model = tick.model;
-  const DeviceParameters& gains = hand.device;
+  const DeviceParameters& gains = context.device;
   const Vector<Patient> multiplier_mm =
-      proxy.coupled ? (proxy.position - hand.tip) * proxy.stretch_fraction : Vector<Patient>();
-  const double max_N_s_per_mm = hand.max_damping_N_s_per_mm();
+      proxy.coupled ? (proxy.position - context.tip) * proxy.stretch_fraction : Vector<Patient>();
+  const double max_N_s_per_mm = context.max_damping_N_s_per_mm();
   const double damping_N_s_per_mm =
       std::min(model.method_settings.coupling_damping_N_s_per_mm, max_N_s_per_mm);
   // inner layers are not filtered: their force starts from zero depth anyway
   const ProxyForce& outermost = result.of_layer[0];
-  const double part = coupled(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling),
-               less = 1 - part;
+  const double part = coupling_force_ratio(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling),
+               reduction = 1 - part;
   ToolContact tool;
   std::size_t contacts = 0;
   for (int n = 0; n < kMaxLayers; ++n) {
@@ -234,28 +235,28 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& hand, c
                            turned.spheres()};
     contacts += append_contacts(model, force, std::span(tool.contacts).subspan(contacts));
   }
-  tool.strongest = strongest_of(model, proxy, tool.contacts[0], hand.tip, result,
-                                result.force_N - outermost.force_N * less);
+  tool.strongest = strongest_of(model, proxy, tool.contacts[0], context.tip, result,
+                                result.force_N - outermost.force_N * reduction);
   ContactSite& site = tool.strongest.site;
   if (site.tissue < 0 && proxy.punctured.any())
-    site = site_of(model, label_at(model, hand.tip), kContactSettings.full_viscosity_mm);
+    site = site_of(model, label_at(model, context.tip), kContactSettings.full_viscosity_mm);
   if (tick.viscosity && site.tissue >= 0)
     tool.strongest.force_N += viscous_force(
-        model.tissues[static_cast<std::size_t>(site.tissue)], hand.velocity_mm_s,
+        model.tissues[static_cast<std::size_t>(site.tissue)], context.velocity_mm_s,
         site.depth_mm / kContactSettings.full_viscosity_mm, max_N_s_per_mm - damping_N_s_per_mm);
   tool.path = path_of_proxy(model, result, tool.strongest);
   tool.requested.force_N = tick.X_WorldPatient * tool.strongest.force_N * gains.force_gain;
-  tool.requested.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * less) *
+  tool.requested.torque_Nmm = tick.X_WorldPatient * (result.torque_Nmm - outermost.torque_Nmm * reduction) *
                               (gains.force_gain / gains.scale);
   const double stored_mJ = outermost.deformable
                                ? outermost.stored_mJ
                                : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();
   tool.stored_mJ = (stored_mJ + result.stored_mJ - outermost.stored_mJ) * (gains.force_gain / gains.scale);
-  tool.press = result.press;
-  if (hand.number < tick.presses.size()) {
-    // at the place of the last tick: the tool's own motion is work of its operator
-    const TissuePress& before = tick.presses[hand.number];
-    const double now_mm = displaced_by_others(tick.presses, hand.number, before).displaced_mm;
+  tool.tissue_contact = result.tissue_contact;
+  if (context.device_index < tick.presses.size()) {
+    // evaluated at the last tick's contact point: work by the tool's own displacement is done by its operator
+    const TissueContact& before = tick.presses[context.device_index];
+    const double now_mm = displaced_by_others(tick.presses, context.device_index, before).displaced_mm;
     tool.received_mJ = before.force_N * (before.displaced_mm - now_mm) * (gains.force_gain / gains.scale);
   }
   const double stiffness_N_per_mm =

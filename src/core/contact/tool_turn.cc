@@ -60,7 +60,7 @@ class Turn {
       // the ends of a capsule's axis bound the arcs of all points between them
       const ToolSphere& sphere = tool.spheres()[k];
       radius_mm_[k] = std::max(rest.axis().cross(sphere.offset_mm.eigen()).norm(),
-                               rest.axis().cross((sphere.offset_mm + sphere.along_mm).eigen()).norm());
+                               rest.axis().cross((sphere.offset_mm + sphere.axis_mm).eigen()).norm());
       farthest_mm_ = std::max(farthest_mm_, radius_mm_[k]);
     }
     const double whole_mm = rest.angle() * farthest_mm_;

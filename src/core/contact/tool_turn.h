@@ -14,10 +14,9 @@ struct ToolTurn {
 };
 
 /// Rotates a layer's proxy about the tip towards an attitude, along the shorter arc, and pushes its position
-/// out of surfaces that the tool rotates into: the attitude follows the operator's, the position gives way.
-/// Swept in steps; between the ends of a step no sphere penetrates deeper than
-/// ProxySettings::max_penetration_mm. If the position cannot give way, the attitude stays behind. Bounded
-/// work; does not allocate, lock or throw.
+/// out of surfaces that the tool rotates into: the attitude has priority over the position. Swept in steps;
+/// between the ends of a step no sphere penetrates deeper than ProxySettings::max_penetration_mm. If no free
+/// position is found, the attitude lags behind. Bounded work; does not allocate, lock or throw.
 /// @param spheres   tool parts in `attitude`
 /// @param attitude  target attitude
 /// @param state     proxy of the layer, updated

@@ -216,7 +216,7 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
           {Vector<Patient>(lever_mm, 0, 0) + random_direction(random) * 4.0, 0.8 * unit(random)});
     if (scene >= kWithoutCapsules) {
       run.spheres[0].radius_mm = 0.3 + 0.7 * unit(random);
-      run.spheres[0].along_mm = lever_mm > 0 ? run.spheres[0].offset_mm * -0.9 : random_direction(random) * 8;
+      run.spheres[0].axis_mm = lever_mm > 0 ? run.spheres[0].offset_mm * -0.9 : random_direction(random) * 8;
     }
     Point<Patient> midpoint(0, 0, 16);
     Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();

@@ -12,7 +12,7 @@ namespace palpate {
 /// std::array would be initialised as a whole, which takes longer than the work on those elements.
 template <class T, std::size_t kSize>
 class UninitialisedArray {
-  static_assert(std::is_trivially_destructible_v<T>, "nothing ends what was made here");
+  static_assert(std::is_trivially_destructible_v<T>, "UninitialisedArray never calls a destructor");
 
  public:
   // user-provided: a defaulted constructor would zero the storage when an enclosing object is initialised by

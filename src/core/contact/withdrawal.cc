@@ -13,19 +13,19 @@ namespace {
 // (linear tip motion, spherical interpolation of the attitude). Sphere tracing (Hart 1996); false if that
 // exceeds the work limit of a tick.
 bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                  const SurfaceSet& punctured, const ToolPose& hand, const ToolPose& to) {
-  const Vector<Patient> displacement_mm = to.tip - hand.tip;
-  const double arc_mm = arc_of_rotation_mm(spheres, hand.attitude, to.attitude);
+                  const SurfaceSet& punctured, const ToolPose& tool_pose, const ToolPose& to) {
+  const Vector<Patient> displacement_mm = to.tip - tool_pose.tip;
+  const double arc_mm = arc_of_rotation_mm(spheres, tool_pose.attitude, to.attitude);
   const double length_mm = displacement_mm.norm() + arc_mm,
                reach_mm = std::max(length_mm, kProxySettings.withdrawal_clearance_mm);
-  PairSet pairs(surfaces, spheres, 0, punctured, hand.tip, reach_mm);
+  PairSet pairs(surfaces, spheres, 0, punctured, tool_pose.tip, reach_mm);
   if (pairs.reach_mm() < reach_mm) return false;
   const auto clearance_mm = [&](const Point<Patient>& at) {
     double min_mm = std::numeric_limits<double>::infinity();
     for (std::size_t n = 0; n < pairs.count(); ++n) min_mm = std::min(min_mm, pairs.clearance(n, at));
     return min_mm;
   };
-  double free_mm = clearance_mm(hand.tip);
+  double free_mm = clearance_mm(tool_pose.tip);
   if (free_mm < kProxySettings.withdrawal_clearance_mm) return false;
   double traced_mm = 0;
   for (int sample = 0; sample < kProxySettings.max_withdrawal_samples; ++sample) {
@@ -34,8 +34,9 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
     if (traced_mm >= length_mm) return true;
     const double fraction = traced_mm / length_mm;
     if (arc_mm > 0)
-      pairs.turn(RotatedTool(spheres, hand.attitude, hand.attitude.slerp(fraction, to.attitude)).spheres());
-    free_mm = clearance_mm(hand.tip + displacement_mm * fraction);
+      pairs.turn(RotatedTool(spheres, tool_pose.attitude, tool_pose.attitude.slerp(fraction, to.attitude))
+                     .spheres());
+    free_mm = clearance_mm(tool_pose.tip + displacement_mm * fraction);
   }
   return false;
 }
@@ -43,18 +44,18 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
 }  // namespace
 
 bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                   const ToolPose& hand, ProxyState& state) {
+                   const ToolPose& tool_pose, ProxyState& state) {
   if (state.contact_count == 0 ||
-      (hand.tip - state.last_search_tip).norm() < kProxySettings.withdrawal_pitch_mm)
+      (tool_pose.tip - state.last_search_tip).norm() < kProxySettings.withdrawal_pitch_mm)
     return false;
-  state.last_search_tip = hand.tip;
+  state.last_search_tip = tool_pose.tip;
   // early-out: the tip usually lies below the surface in contact
   const ProxyContact& contact = state.contacts[0];
   const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
   const Surface& surface = *surfaces[static_cast<std::size_t>(contact.surface)].surface;
-  const double enough_mm = sphere.radius_mm + kProxySettings.withdrawal_clearance_mm;
-  if (nearest_part(surface, sphere, hand.tip, enough_mm).distance_mm < enough_mm) return false;
-  return is_path_free(surfaces, spheres, state.punctured, hand, {state.free_tip, state.free_attitude});
+  const double cutoff_mm = sphere.radius_mm + kProxySettings.withdrawal_clearance_mm;
+  if (nearest_part(surface, sphere, tool_pose.tip, cutoff_mm).distance_mm < cutoff_mm) return false;
+  return is_path_free(surfaces, spheres, state.punctured, tool_pose, {state.free_tip, state.free_attitude});
 }
 
 }  // namespace palpate

@@ -9,14 +9,14 @@
 namespace palpate {
 
 /// Whether the layer's proxy coincides with the operator's pose without contact.
-inline bool coincides_with(const ProxyLayer& layer, const ToolPose& hand) {
-  return layer.contact_count == 0 && layer.attitude.coeffs() == hand.attitude.coeffs() &&
-         (hand.tip - layer.position).norm() <= kProxySettings.arrived_mm;
+inline bool coincides_with(const ProxyLayer& layer, const ToolPose& tool_pose) {
+  return layer.contact_count == 0 && layer.attitude.coeffs() == tool_pose.attitude.coeffs() &&
+         (tool_pose.tip - layer.position).norm() <= kProxySettings.arrived_mm;
 }
 
-/// Whether the tool is back in free space on the side from which contact began. The remaining contacts then
-/// hold it from elsewhere, e.g. a pocket into which the proxy was pressed.
+/// Whether the tool is back in free space on the side from which contact began. Any remaining contacts then
+/// constrain the proxy elsewhere, e.g. in a pocket into which it was pressed.
 bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                   const ToolPose& hand, ProxyState& state);
+                   const ToolPose& tool_pose, ProxyState& state);
 
 }  // namespace palpate

@@ -23,14 +23,14 @@ double neutral_damping_N_s_per_mm(double mass_kg, double rate_hz, double delay_s
   return damping_N_s_per_m * 1e-3;
 }
 
-double careful_delay_s(const DeviceInfo& info) {
-  return known_or(info.delay_s, info.simulated ? 0 : CarefulDevice{}.delay_s, 0, 1);
+double conservative_delay_s(const DeviceInfo& info) {
+  return known_or(info.delay_s, info.simulated ? 0 : ConservativeDevice{}.delay_s, 0, 1);
 }
 
-CarefulBounds careful_bounds(const DeviceInfo& info) {
-  const CarefulDevice careful;
+ConservativeBounds conservative_bounds(const DeviceInfo& info) {
+  const ConservativeDevice careful;
   const double rate_hz = known_or(info.rate_hz, careful.rate_hz, 1, 1e5);
-  const double delay_s = careful_delay_s(info);
+  const double delay_s = conservative_delay_s(info);
   const double mass_kg = known_or(info.mass_kg, careful.mass_kg, 1e-3, 100);
   const double damping_N_s_per_m =
       careful.hand_N_s_per_m + known_or(info.damping_N_s_per_m, careful.damping_N_s_per_m, 0, 100);

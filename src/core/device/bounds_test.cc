@@ -19,9 +19,9 @@ DeviceInfo physical(std::optional<double> declared_N_per_mm = {}) {
   return info;
 }
 
-TEST(CarefulBounds, AreTheoryForTheWorstOfWhatIsNotKnown) {
+TEST(ConservativeBounds, AreTheTheoryForTheWorstUnknownValues) {
   // 0.6 b / (T/2 + t_d) with the light grip's 2 N s/m, 250 Hz and 4 ms
-  const CarefulBounds nothing_known = careful_bounds(physical());
+  const ConservativeBounds nothing_known = conservative_bounds(physical());
   EXPECT_NEAR(nothing_known.stiffness_N_per_mm, 0.6 * 2 / (0.002 + 0.004) * 1e-3, 1e-12);
   EXPECT_NEAR(nothing_known.damping_N_s_per_mm, 0.6 * neutral_damping_N_s_per_mm(0.045, 250, 4e-3), 1e-12);
   EXPECT_NEAR(nothing_known.damping_N_s_per_mm, 0.0042, 0.0001);
@@ -31,8 +31,8 @@ TEST(CarefulBounds, AreTheoryForTheWorstOfWhatIsNotKnown) {
   known.delay_s = 0;
   known.damping_N_s_per_m = 1;
   known.mass_kg = 0.2;
-  EXPECT_NEAR(careful_bounds(known).stiffness_N_per_mm, 0.6 * 3 / 0.0005 * 1e-3, 1e-12);
-  EXPECT_NEAR(careful_bounds(known).damping_N_s_per_mm, 0.6 * neutral_damping_N_s_per_mm(0.2, 1000, 0),
+  EXPECT_NEAR(conservative_bounds(known).stiffness_N_per_mm, 0.6 * 3 / 0.0005 * 1e-3, 1e-12);
+  EXPECT_NEAR(conservative_bounds(known).damping_N_s_per_mm, 0.6 * neutral_damping_N_s_per_mm(0.2, 1000, 0),
               1e-12);
   // non-finite or implausible values count as unknown
   for (const double odd : {0.0, -3.0, 1e-300, 1e300, std::nan(""), std::numeric_limits<double>::infinity()}) {
@@ -40,40 +40,40 @@ TEST(CarefulBounds, AreTheoryForTheWorstOfWhatIsNotKnown) {
     info.rate_hz = info.mass_kg = odd;
     // an undamped arm and one without delay are plausible
     if (odd != 0 && odd != 1e-300) info.damping_N_s_per_m = info.delay_s = odd;
-    EXPECT_EQ(careful_bounds(info).stiffness_N_per_mm, nothing_known.stiffness_N_per_mm) << odd;
-    EXPECT_EQ(careful_bounds(info).damping_N_s_per_mm, nothing_known.damping_N_s_per_mm) << odd;
+    EXPECT_EQ(conservative_bounds(info).stiffness_N_per_mm, nothing_known.stiffness_N_per_mm) << odd;
+    EXPECT_EQ(conservative_bounds(info).damping_N_s_per_mm, nothing_known.damping_N_s_per_mm) << odd;
   }
 }
 
-TEST(CarefulBounds, TakeADelayThatNobodyStatesForALongOne) {
+TEST(ConservativeBounds, AssumeALongDelayIfNoneIsStated) {
   DeviceInfo info = physical();
-  EXPECT_EQ(careful_delay_s(info), 4e-3);
+  EXPECT_EQ(conservative_delay_s(info), 4e-3);
   EXPECT_EQ(device_parameters(info, {}).delay_s, 4e-3);
   for (const double declared_s : {0.0, 1e-3, 0.02}) {
     info.delay_s = declared_s;
     EXPECT_EQ(device_parameters(info, {}).delay_s, declared_s);
   }
   info.delay_s = std::nan("");
-  EXPECT_EQ(careful_delay_s(info), 4e-3);
+  EXPECT_EQ(conservative_delay_s(info), 4e-3);
   info.simulated = true;
-  EXPECT_EQ(careful_delay_s(info), 0);
+  EXPECT_EQ(conservative_delay_s(info), 0);
 }
 
-TEST(CarefulBounds, BoundEveryPhysicalDevice) {
-  const double careful = careful_bounds(physical()).stiffness_N_per_mm;
-  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical()), careful);
-  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(std::numeric_limits<double>::infinity())), careful);
-  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(2)), 2);
-  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(-1)), 0);
-  EXPECT_EQ(bound_of_stiffness_N_per_mm(physical(std::nan(""))), 0);
-  EXPECT_NE(careful_bound_message(physical()).find("0.2 N/mm"), std::string::npos)
-      << careful_bound_message(physical());
-  EXPECT_EQ(careful_bound_message(physical(2)), "");
+TEST(ConservativeBounds, ApplyToEveryPhysicalDevice) {
+  const double careful = conservative_bounds(physical()).stiffness_N_per_mm;
+  EXPECT_EQ(stiffness_bound_N_per_mm(physical()), careful);
+  EXPECT_EQ(stiffness_bound_N_per_mm(physical(std::numeric_limits<double>::infinity())), careful);
+  EXPECT_EQ(stiffness_bound_N_per_mm(physical(2)), 2);
+  EXPECT_EQ(stiffness_bound_N_per_mm(physical(-1)), 0);
+  EXPECT_EQ(stiffness_bound_N_per_mm(physical(std::nan(""))), 0);
+  EXPECT_NE(conservative_bound_message(physical()).find("0.2 N/mm"), std::string::npos)
+      << conservative_bound_message(physical());
+  EXPECT_EQ(conservative_bound_message(physical(2)), "");
   // a simulated device exerts no physical force
   DeviceInfo simulated = physical();
   simulated.simulated = true;
-  EXPECT_EQ(bound_of_stiffness_N_per_mm(simulated), std::numeric_limits<double>::infinity());
-  EXPECT_EQ(careful_bound_message(simulated), "");
+  EXPECT_EQ(stiffness_bound_N_per_mm(simulated), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(conservative_bound_message(simulated), "");
 
   // independent of the other properties
   const unsigned seed = test::test_seed();

@@ -9,10 +9,10 @@ namespace palpate {
 
 OutputLimits limits_of(const DeviceInfo& info) {
   OutputLimits limits;
-  limits.peak_force_N = info.peak_force_N.value_or(kNotKnown);
-  limits.continuous_force_N = info.continuous_force_N.value_or(kNotKnown);
-  limits.peak_torque_Nmm = info.peak_torque_Nmm.value_or(kNotKnown);
-  limits.peak_gripper_N = info.peak_gripper_N.value_or(kNotKnown);
+  limits.peak_force_N = info.peak_force_N.value_or(kUnknown);
+  limits.continuous_force_N = info.continuous_force_N.value_or(kUnknown);
+  limits.peak_torque_Nmm = info.peak_torque_Nmm.value_or(kUnknown);
+  limits.peak_gripper_N = info.peak_gripper_N.value_or(kUnknown);
   return limits;
 }
 
@@ -25,18 +25,18 @@ bool bound_is_ours(const DeviceInfo& info) {
 
 }  // namespace
 
-double bound_of_stiffness_N_per_mm(const DeviceInfo& info) {
-  if (bound_is_ours(info)) return careful_bounds(info).stiffness_N_per_mm;
+double stiffness_bound_N_per_mm(const DeviceInfo& info) {
+  if (bound_is_ours(info)) return conservative_bounds(info).stiffness_N_per_mm;
   const double vouched = info.stiffness_N_per_mm.value_or(std::numeric_limits<double>::infinity());
   return vouched > 0 ? vouched : 0;
 }
 
-std::string careful_bound_message(const DeviceInfo& info) {
+std::string conservative_bound_message(const DeviceInfo& info) {
   if (!bound_is_ours(info)) return "";
   char text[160];
   std::snprintf(text, sizeof text,
                 "the stable stiffness of %s is unknown: stiffness is limited to a conservative %.2g N/mm",
-                info.name.c_str(), careful_bounds(info).stiffness_N_per_mm);
+                info.name.c_str(), conservative_bounds(info).stiffness_N_per_mm);
   return text;
 }
 
@@ -46,10 +46,10 @@ DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettin
   parameters.force_gain = info.in_patient ? 1 : settings.force_gain;
   parameters.scale = info.in_patient ? 1 : settings.scale;
   parameters.limits = limits_of(info);
-  parameters.max_stiffness_N_per_mm = bound_of_stiffness_N_per_mm(info);
-  if (!info.simulated) parameters.max_damping_N_s_per_mm = careful_bounds(info).damping_N_s_per_mm;
-  parameters.delay_s = careful_delay_s(info);
-  parameters.position_step_mm = info.position_step_mm.value_or(kNotKnown);
+  parameters.max_stiffness_N_per_mm = stiffness_bound_N_per_mm(info);
+  if (!info.simulated) parameters.max_damping_N_s_per_mm = conservative_bounds(info).damping_N_s_per_mm;
+  parameters.delay_s = conservative_delay_s(info);
+  parameters.position_step_mm = info.position_step_mm.value_or(kUnknown);
   return parameters;
 }
 

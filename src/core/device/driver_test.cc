@@ -132,7 +132,7 @@ class EveryDriver : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Port, EveryDriver, ::testing::Values("pulled", "callback", "exchange"),
                          [](const auto& tested) { return std::string(tested.param); });
 
-TEST_P(EveryDriver, SaysWhatItIs) {
+TEST_P(EveryDriver, ReportsItsDevice) {
   const Rig rig(GetParam());
   ASSERT_EQ(rig.driver->devices().size(), 1u);
   const DeviceInfo& info = rig.driver->devices()[0];
@@ -144,7 +144,7 @@ TEST_P(EveryDriver, SaysWhatItIs) {
   EXPECT_EQ(info.drive, expected);
 }
 
-TEST_P(EveryDriver, GivesTheSameServoTheSameForce) {
+TEST_P(EveryDriver, RendersTheSameForceForTheSameServo) {
   // equilibrium of the hand's spring and the wall: the same position, whichever side owns the clock
   Rig rig(GetParam());
   Running running(*rig.driver);
@@ -154,7 +154,7 @@ TEST_P(EveryDriver, GivesTheSameServoTheSameForce) {
   EXPECT_EQ(rig.violations(), 0);
 }
 
-TEST_P(EveryDriver, HaltGivesZerosUntilResume) {
+TEST_P(EveryDriver, HaltSendsZerosUntilResume) {
   Rig rig(GetParam());
   Running running(*rig.driver);
   const Wall& servo = running.servo();
@@ -181,7 +181,7 @@ TEST_P(EveryDriver, HaltGivesZerosUntilResume) {
   EXPECT_TRUE(halted > 5 || (!rig.vendor && !rig.peer)) << halted;
 }
 
-TEST_P(EveryDriver, HaltReachesADeviceWhoseServoHangs) {
+TEST_P(EveryDriver, HaltStopsADeviceWhoseServoHangs) {
   Rig rig(GetParam());
   Running running(*rig.driver);
   Wall& servo = running.servo();
@@ -200,7 +200,7 @@ TEST_P(EveryDriver, HaltReachesADeviceWhoseServoHangs) {
   EXPECT_NEAR(servo.tip_x_mm(), Rig::kIntended_mm, 0.05);
 }
 
-TEST_P(EveryDriver, MayBeHaltedBeforeItRuns) {
+TEST_P(EveryDriver, HaltBeforeRunIsEffective) {
   Rig rig(GetParam());
   rig.driver->halt();
   Running running(*rig.driver);
@@ -210,7 +210,7 @@ TEST_P(EveryDriver, MayBeHaltedBeforeItRuns) {
   EXPECT_TRUE(settles_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
 }
 
-TEST_P(EveryDriver, StopLeavesZerosAndRunGoesOn) {
+TEST_P(EveryDriver, StopSendsZerosAndCanRunAgain) {
   Rig rig(GetParam());
   {
     Running running(*rig.driver);
@@ -246,7 +246,7 @@ TEST_P(EveryDriver, SamplesAreNotFromTheFuture) {
   }
 }
 
-TEST(CallbackDriver, ACommandIsSetWithinTheFrameOfItsSample) {
+TEST(CallbackDriver, CommandIsSetInTheFrameOfItsSample) {
   Rig rig("callback");
   Running running(*rig.driver);
   ASSERT_TRUE(settles_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
@@ -263,7 +263,7 @@ TEST(CallbackDriver, ACommandIsSetWithinTheFrameOfItsSample) {
   EXPECT_GT(moving, 3);
 }
 
-TEST(CallbackDriver, TheFakeVendorNoticesWhatIsForbidden) {
+TEST(CallbackDriver, FakeVendorDetectsForbiddenCalls) {
   // otherwise the counts of violations above could be zero because nothing is detected
   SimulatedDevice device(kLight, kStill);
   const auto violations = [&](const std::function<void(FakeVendor&)>& frame) {
@@ -300,7 +300,7 @@ TEST(CallbackDriver, TheFakeVendorNoticesWhatIsForbidden) {
       << "another thread";
 }
 
-TEST(ExchangeDriver, ARequestAnswersTheReplyBefore) {
+TEST(ExchangeDriver, RequestAnswersThePreviousReply) {
   Rig rig("exchange");
   Running running(*rig.driver);
   ASSERT_TRUE(settles_at(running.servo(), pressed_mm(Rig::kIntended_mm)));
@@ -315,7 +315,7 @@ TEST(ExchangeDriver, ARequestAnswersTheReplyBefore) {
   EXPECT_GT(answered, 3);
 }
 
-TEST(ExchangeDriver, ASilentPeerLetsTheStateAge) {
+TEST(ExchangeDriver, SilentPeerIncreasesThePoseAge) {
   Rig rig("exchange");
   Running running(*rig.driver);
   const Wall& servo = running.servo();
@@ -334,7 +334,7 @@ TEST(ExchangeDriver, ASilentPeerLetsTheStateAge) {
   EXPECT_TRUE(settles_at(servo, pressed_mm(Rig::kIntended_mm)));
 }
 
-TEST(Consent, AnArmThatMovesByItselfAsksFirst) {
+TEST(Consent, SelfMovingArmRequiresConsent) {
   FakeVendor vendor(SimulatedDevice(kLight, kStill));
   CallbackDriver driver(vendor, true);
   const auto refused = driver.open(false);

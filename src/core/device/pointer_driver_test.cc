@@ -74,7 +74,7 @@ std::vector<Observed> run(
   return servo.seen;
 }
 
-TEST(PointerDriver, KnowsNothingOfForces) {
+TEST(PointerDriver, HasNoForceProperties) {
   const PointerDriver driver(Point<Device>(1, 2, 3));
   const DeviceInfo& info = driver.devices()[0];
   EXPECT_TRUE(info.simulated) << "nothing can move";
@@ -83,7 +83,7 @@ TEST(PointerDriver, KnowsNothingOfForces) {
   EXPECT_EQ(info.degrees_of_freedom_out, 0);
 }
 
-TEST(PointerDriver, UntilItIsMovedItsPoseIsOld) {
+TEST(PointerDriver, PoseIsInvalidBeforeTheFirstUpdate) {
   PointerDriver driver(Point<Device>(1, 2, 3), virtual_time);
   for (const Observed& observed : run(driver, 20, [](int) {})) {
     EXPECT_EQ(observed.tip, Point<Device>(1, 2, 3));
@@ -91,7 +91,7 @@ TEST(PointerDriver, UntilItIsMovedItsPoseIsOld) {
   }
 }
 
-TEST(PointerDriver, GoesEvenlyBetweenMessagesAndNeverBeyondThem) {
+TEST(PointerDriver, InterpolatesWithoutExtrapolation) {
   // a stroke back and forth, one message every eighth tick: 0, 4, 8, ... 40, 36, ... 0 mm
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto declared_mm = [](int message) { return 4.0 * (message <= 10 ? message : 20 - message); };
@@ -118,7 +118,7 @@ TEST(PointerDriver, GoesEvenlyBetweenMessagesAndNeverBeyondThem) {
   EXPECT_EQ(observed.back().tip.x(), 0);
 }
 
-TEST(PointerDriver, APoseHoldsForItsTimeAndThenGrowsOld) {
+TEST(PointerDriver, PoseExpiresAfterItsValidity) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   std::int64_t moved_ns = 0;
   const auto observed = run(driver, 1000, [&](int tick) {
@@ -143,7 +143,7 @@ TEST(PointerDriver, APoseHoldsForItsTimeAndThenGrowsOld) {
   EXPECT_GT(old, 300);
 }
 
-TEST(PointerDriver, LetGoItIsOldAtOnceAndRestsWhereItIs) {
+TEST(PointerDriver, ReleaseInvalidatesThePoseAtOnce) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto observed = run(driver, 60, [&](int tick) {
     if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0)).ok());
@@ -157,7 +157,7 @@ TEST(PointerDriver, LetGoItIsOldAtOnceAndRestsWhereItIs) {
   EXPECT_EQ(last.tip, observed[observed.size() - 20].tip);
 }
 
-TEST(PointerDriver, WhoComesBackIsThereAtOnce) {
+TEST(PointerDriver, FirstPoseAfterExpiryAppliesAtOnce) {
   // released, or silent for longer than a pose is valid, and then 80 mm away
   for (const bool release : {true, false}) {
     SCOPED_TRACE(release);
@@ -195,7 +195,7 @@ TEST(PointerDriver, ATipIsSetDownAtOnceAlsoIfMessagesArriveTogether) {
   }
 }
 
-TEST(PointerDriver, AClickElsewhereIsAWayAndNoJump) {
+TEST(PointerDriver, DistantClickIsApproachedAtLimitedSpeed) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto observed = run(driver, 350, [&](int tick) {
     if (tick % 10 == 0) EXPECT_TRUE(driver.move(Point<Device>(tick < 50 ? 0 : 300, 0, 0)).ok());
@@ -209,7 +209,7 @@ TEST(PointerDriver, AClickElsewhereIsAWayAndNoJump) {
 }
 
 // a page's main thread is blocked 200 times for 50 to 400 ms, between keep-alive messages every 33 ms
-TEST(PointerDriver, StallsOfAPageDoNotDropTheHold) {
+TEST(PointerDriver, ShortPageStallsKeepThePose) {
   const auto seed = static_cast<unsigned>(::testing::UnitTest::GetInstance()->random_seed());
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -234,7 +234,7 @@ TEST(PointerDriver, StallsOfAPageDoNotDropTheHold) {
 }
 
 // longer stalls: the force is gone 0.6 s after the last message; the output stage removes it within 10 ms
-TEST(PointerDriver, ALongStallReleasesInTime) {
+TEST(PointerDriver, LongPageStallExpiresThePose) {
   for (const int stall_ms : {1000, 2000, 10'000}) {
     PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
     std::int64_t last_ns = 0;
@@ -250,7 +250,7 @@ TEST(PointerDriver, ALongStallReleasesInTime) {
 
 // a press against surfaces from soft to hard, whose height differs from the page's by up to 0.5 mm while the
 // tip moves
-TEST(PointerDriver, APressHasItsForceWhateverTheStiffness) {
+TEST(PointerDriver, PressReachesItsForceForAnyStiffness) {
   for (const double stiffness_N_per_mm : {0.2, 1.0, 3.0, 10.0}) {
     for (const double target_N : {0.3, 1.0, 2.0}) {
       if (target_N / stiffness_N_per_mm > PointerDriver::kMaxPress_mm - 1) continue;
@@ -282,7 +282,7 @@ TEST(PointerDriver, APressHasItsForceWhateverTheStiffness) {
   }
 }
 
-TEST(PointerDriver, APressIsTheSameWhenItsClockPauses) {
+TEST(PointerDriver, PressIsIndependentOfClockPauses) {
   const auto tips = [](int portion) {
     virtual_ns = 3'600'000'000'000;
     PointerDriver driver(Point<Device>(0, 0, 1), virtual_time);
@@ -302,7 +302,7 @@ TEST(PointerDriver, APressIsTheSameWhenItsClockPauses) {
   EXPECT_EQ(tips(4), whole);
 }
 
-TEST(PointerDriver, APressEndsAndDoesNotWindUp) {
+TEST(PointerDriver, PressEndsWithoutWindup) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   // nothing to press against, then the press ends
   const auto observed = run(
@@ -320,7 +320,7 @@ TEST(PointerDriver, APressEndsAndDoesNotWindUp) {
               4 * PointerDriver::kMaxPressSpeed_mm_s * 1e-3 + 1e-9);
 }
 
-TEST(PointerDriver, ComesFromAnotherThreadAtAnyTime) {
+TEST(PointerDriver, PoseIsConsistentAcrossThreads) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   std::atomic<int> declared{0};
   std::atomic<bool> ended{false};
@@ -345,7 +345,7 @@ TEST(PointerDriver, ComesFromAnotherThreadAtAnyTime) {
   }
 }
 
-TEST(PointerDriver, RefusesAPositionThatIsNotFiniteAndKeepsTheEarlierOne) {
+TEST(PointerDriver, RejectsNonFinitePositionsAndKeepsTheLast) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto observed = run(driver, 40, [&](int tick) {
     if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(1, 2, 3)).ok());
@@ -360,7 +360,7 @@ TEST(PointerDriver, RefusesAPositionThatIsNotFiniteAndKeepsTheEarlierOne) {
 }
 
 // half of the path has half of the rotation, along the shorter arc
-TEST(InterpolatedPose, TurnsEvenly) {
+TEST(InterpolatedPose, RotatesAtConstantSpeed) {
   InterpolatedPose pose{Point<Device>()};
   const auto about_z = [](double rad) {
     return Eigen::Quaterniond(Eigen::AngleAxisd(rad, Eigen::Vector3d::UnitZ()));

@@ -11,7 +11,7 @@ namespace {
 constexpr double kTick_s = 1e-3;
 const PlantDevice kIdeal{"ideal", 0.05, 0, 0, 0, 1e9, 1e9};
 
-TEST(SimulatedDevice, SwingsAsADampedOscillator) {
+TEST(SimulatedDevice, OscillatesAsADampedOscillator) {
   // m x'' + b x' + k x = 0 from 10 mm, compared with the closed-form solution
   const PlantHand hand{"hand", 0.15, 2, 80};
   SimulatedDevice plant(kIdeal, hand);
@@ -141,7 +141,7 @@ TEST(SimulatedDevice, WallTurnsUnstableAtTheTheoreticalStiffness) {
   }
 }
 
-TEST(SimulatedDevice, IsBitForBitRepeatable) {
+TEST(SimulatedDevice, IsDeterministic) {
   const auto run = [] {
     SimulatedDevice plant(*find_plant_device("touch"), *find_plant_hand("firm-grip"), 1e-3);
     plant.reset(Point<Device>(1, 2, 3));

@@ -77,7 +77,7 @@ SimulatedDevice device_at(const PlantHand& hand, const Point<Device>& tip) {
   return device;
 }
 
-TEST(SimulatedDriver, LeadsTheHandEvenlyAndRestsThere) {
+TEST(SimulatedDriver, MovesTheHandAtConstantSpeedToTheTarget) {
   SimulatedDriver driver(device_at(kIron, Point<Device>(1, 2, 3)), virtual_time);
   const Point<Device> target(11, -8, 8);
   const std::int64_t begin_ns = virtual_ns, at_ns = begin_ns + 80 * kMillisecond_ns;
@@ -100,7 +100,7 @@ TEST(SimulatedDriver, LeadsTheHandEvenlyAndRestsThere) {
   EXPECT_LT((driver.true_tip() - target).norm(), 0.02);
 }
 
-TEST(SimulatedDriver, ANewIntentionBeginsWhereTheHandIs) {
+TEST(SimulatedDriver, NewIntentionStartsAtTheCurrentPosition) {
   // reversed halfway: never beyond the half, and no jump
   SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
   driver.intend(Point<Device>(20, 0, 0), virtual_ns + 120 * kMillisecond_ns);
@@ -128,7 +128,7 @@ TEST(SimulatedDriver, ANewIntentionBeginsWhereTheHandIs) {
   EXPECT_LT(driver.true_tip().x(), 0.1);
 }
 
-TEST(SimulatedDriver, APastIntentionIsForNow) {
+TEST(SimulatedDriver, PastIntentionAppliesImmediately) {
   SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
   driver.intend(Point<Device>(0, 0, 2), 0);
   Servo servo([](const DeviceSample&) { return DeviceCommand{}; });
@@ -137,7 +137,7 @@ TEST(SimulatedDriver, APastIntentionIsForNow) {
   EXPECT_NEAR(driver.true_tip().z(), 2, 0.01);
 }
 
-TEST(SimulatedDriver, ThePlantGoesOnByTheRealTime) {
+TEST(SimulatedDriver, PlantAdvancesByElapsedTime) {
   // a free mass under a constant force: its speed measures the elapsed time. 130 ms of stall count as 100
   SimulatedDriver driver(device_at(kNone, Point<Device>()), virtual_time);
   Servo servo([](const DeviceSample&) { return DeviceCommand{Vector<Device>(0, 0.02, 0), {}}; });
@@ -156,7 +156,7 @@ TEST(SimulatedDriver, ThePlantGoesOnByTheRealTime) {
   EXPECT_NEAR(speed_mm_s, 0.02 / 0.1 * contact_s * 1e3, 1e-6);
 }
 
-TEST(SimulatedDriver, NoCommandOutlivesItsRun) {
+TEST(SimulatedDriver, CommandEndsWithItsRun) {
   // a free mass that was pushed keeps its speed, bit for bit, when it is run again without a force
   SimulatedDriver driver(device_at(kNone, Point<Device>()), virtual_time);
   Servo pushes([](const DeviceSample&) { return DeviceCommand{Vector<Device>(0.3, -0.2, 0.1), {}}; });
@@ -169,7 +169,7 @@ TEST(SimulatedDriver, NoCommandOutlivesItsRun) {
   EXPECT_EQ(driver.device().true_velocity_mm_s(), speed);
 }
 
-TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
+TEST(SimulatedDriver, IntentionsAreConsistentAcrossThreads) {
   SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
   std::atomic<int> declared{0};
   std::atomic<bool> ended{false};
@@ -198,7 +198,7 @@ TEST(SimulatedDriver, IntentionsMayComeFromAnotherThreadAtAnyTime) {
   }
 }
 
-TEST(SimulatedDriver, ThePlantIsOutOfReachWhileItRuns) {
+TEST(SimulatedDriver, PlantAccessWhileRunningAborts) {
   SimulatedDriver driver(device_at(kIron, Point<Device>()), virtual_time);
   Servo servo([&](const DeviceSample&) {
     (void)driver.true_tip();
@@ -209,7 +209,7 @@ TEST(SimulatedDriver, ThePlantIsOutOfReachWhileItRuns) {
   EXPECT_DEATH(driver.intend(Point<Device>(0, std::nan(""), 0), 0), "finite");
 }
 
-TEST(SimulatedDriver, KnowsWhatIsKnownOfItsDevice) {
+TEST(SimulatedDriver, ReportsTheDeviceSpecifications) {
   const SimulatedDriver driver(SimulatedDevice(*find_plant_device("touch"), *find_plant_hand("light-grip")));
   const DeviceInfo& info = driver.devices()[0];
   EXPECT_EQ(info.drive, DeviceInfo::Drive::kPulled);

@@ -50,7 +50,7 @@ DeviceSample at(const Point<Device>& tip, std::uint32_t buttons = 0) {
   return sample;
 }
 
-TEST(Workspace, GoesThereAndBack) {
+TEST(Workspace, RoundTripIsExact) {
   std::cout << "seed " << kSeed << "\n";
   Dice dice;
   for (int n = 0; n < 500; ++n) {
@@ -69,12 +69,12 @@ TEST(Workspace, GoesThereAndBack) {
   }
 }
 
-TEST(Workspace, WithoutSettingsADeviceLiesInTheOrigin) {
+TEST(Workspace, DefaultSettingsPlaceTheDeviceAtTheOrigin) {
   WorkspaceMapping mapping(DeviceInfo{}, WorkspaceSettings{});
   EXPECT_EQ(mapping.to_world(at(Point<Device>(1, -2, 3)), 0).tip, Point<World>(1, -2, 3));
 }
 
-TEST(Workspace, MakersAxesBecomeRightForwardUp) {
+TEST(Workspace, VendorAxesMapToRightForwardUp) {
   // by the meaning of each vendor's axes to the person in front of the device
   struct Maker {
     Rotation<World, Device> R_WorldDevice;
@@ -104,7 +104,7 @@ TEST(Workspace, MakersAxesBecomeRightForwardUp) {
   EXPECT_TRUE(near(force_dimension_axes() * v, {2, -1, 3}));
 }
 
-TEST(Workspace, YawTurnsTheDeviceAboutUp) {
+TEST(Workspace, YawRotatesTheDeviceAboutUp) {
   WorkspaceSettings settings;
   settings.yaw_deg = 90;
   WorkspaceMapping mapping(DeviceInfo{}, settings);
@@ -113,7 +113,7 @@ TEST(Workspace, YawTurnsTheDeviceAboutUp) {
   EXPECT_LT((tip - Point<World>(0, 5, 2)).norm(), 1e-14);
 }
 
-TEST(Workspace, WorkAtTheDeviceIsGainOverScaleOfThatInThePatient) {
+TEST(Workspace, DeviceWorkIsPatientWorkTimesGainOverScale) {
   // the tool as a rigid body: force and torque do work on velocity and rotation, both scaled by the same
   // factor, and unchanged where gain and scale are equal
   Dice dice;
@@ -139,7 +139,7 @@ TEST(Workspace, WorkAtTheDeviceIsGainOverScaleOfThatInThePatient) {
   }
 }
 
-TEST(Workspace, VelocityIsThatOfTheTip) {
+TEST(Workspace, VelocityEqualsTheTipDisplacementRate) {
   Dice dice;
   WorkspaceMapping mapping(dice.info(), dice.settings());
   DeviceSample sample = at(Point<Device>(dice.vector(50)));
@@ -150,7 +150,7 @@ TEST(Workspace, VelocityIsThatOfTheTip) {
   EXPECT_LT(((next - state.tip) / kStep_s - state.velocity_mm_s).norm(), 1e-6);
 }
 
-TEST(Workspace, TheToolTurnsWithTheDevice) {
+TEST(Workspace, ToolRotatesWithTheDevice) {
   // an axis of the tool in World is the axis in the device's frame, transformed to World
   Dice dice;
   for (int n = 0; n < 50; ++n) {
@@ -201,7 +201,7 @@ double measured_stiffness_N_per_mm(const PlantDevice& device, const PlantHand& h
   return (n * sxy - sx * sy) / (n * sxx - sx * sx);
 }
 
-TEST(Workspace, FeltStiffnessIsScaleTimesGainTimesTheTissues) {
+TEST(Workspace, RenderedStiffnessIsScaleTimesGainTimesStiffness) {
   struct Case {
     double scale, gain, yaw_deg, wall_N_per_mm;
   };
@@ -231,7 +231,7 @@ class Clutch : public ::testing::Test {
   WorkspaceMapping mapping_{DeviceInfo{}, settings()};
 };
 
-TEST_F(Clutch, HoldsTheTipBitForBitAndGoesOnWithoutAJump) {
+TEST_F(Clutch, KeepsTheTipBitIdenticalAndResumesWithoutAJump) {
   Dice dice;
   Point<Device> hand(dice.vector(40));
   Point<World> before = guided(hand, 0).tip;
@@ -253,7 +253,7 @@ TEST_F(Clutch, HoldsTheTipBitForBitAndGoesOnWithoutAJump) {
   }
 }
 
-TEST_F(Clutch, SurvivesTipsThatAreNoNumbers) {
+TEST_F(Clutch, IgnoresNonFiniteTips) {
   const Point<World> start = guided(Point<Device>(1, 2, 3), 0).tip;
   const Point<Device> lost(kNan, 0, 0);
   // pressed on a lost sample, or lost while held: passed on unchanged and not stored
@@ -268,7 +268,7 @@ TEST_F(Clutch, SurvivesTipsThatAreNoNumbers) {
   EXPECT_LT((guided(Point<Device>(-4, 9, 9), 0).tip - start).norm(), 1e-12);
 }
 
-TEST_F(Clutch, TheWayBackMovesWithIt) {
+TEST_F(Clutch, InverseMappingIncludesTheClutchOffset) {
   // a simulated hand gets the correct position behind a clutch too
   guided(Point<Device>(1, 2, 3), 0);
   guided(Point<Device>(1, 2, 3), kHeld);
@@ -277,7 +277,7 @@ TEST_F(Clutch, TheWayBackMovesWithIt) {
   EXPECT_LT((mapping_.to_device(tip) - Point<Device>(-30, 8, 1)).norm(), 1e-12);
 }
 
-TEST(Workspace, AClutchThatCannotBePressedIsNone) {
+TEST(Workspace, InvalidClutchButtonIsIgnored) {
   for (const int button : {-1, -7, 32, 33, 1000, std::numeric_limits<int>::min()}) {
     WorkspaceSettings settings;
     settings.clutch_button = button;
@@ -296,7 +296,7 @@ TEST(Workspace, AClutchThatCannotBePressedIsNone) {
 
 // ---- pass-through ----
 
-TEST(Workspace, CarriesFaultButtonsGripperAndWhatIsUnknown) {
+TEST(Workspace, PassesFaultButtonsGripperAndUnknownValues) {
   WorkspaceSettings settings;
   settings.clutch_button = 0;
   WorkspaceMapping mapping(DeviceInfo{}, settings);
@@ -314,7 +314,7 @@ TEST(Workspace, CarriesFaultButtonsGripperAndWhatIsUnknown) {
   EXPECT_EQ(mapping.to_device(Wrench{{}, {}, 1.5}).gripper_N, 1.5);
 }
 
-TEST(Workspace, AgeIsTheTimeSinceThePoseWasTrue) {
+TEST(Workspace, AgeIsTheTimeSinceThePoseWasSampled) {
   WorkspaceMapping mapping(DeviceInfo{}, {});
   DeviceSample sample;
   sample.taken_ns = 5'000'000'000;
@@ -331,7 +331,7 @@ TEST(Workspace, AgeIsTheTimeSinceThePoseWasTrue) {
   }
 }
 
-TEST(Workspace, APlaceInThePatientLiesWhereThePatientIs) {
+TEST(Workspace, PatientFrameSampleMapsToTheObject) {
   const Transform<World, Patient> X(
       Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix(),
       Eigen::Vector3d(5, -6, 7));

@@ -16,7 +16,7 @@ constexpr double kDirections[14][3] = {{1, 0, 0},      {-1, 0, 0},     {0, 1, 0}
                                        {kD, -kD, kD},  {kD, -kD, -kD}, {-kD, kD, kD}, {-kD, kD, -kD},
                                        {-kD, -kD, kD}, {-kD, -kD, -kD}};
 
-// felt label of the voxel at a point; 0 if none is felt
+// touchable label of the voxel at a point; 0 if there is none
 LabelId touchable_label_at(const Model& model, const Point<Voxel>& p) {
   const Bricks<LabelId>& labels = *model.labels;
   const auto& dims = labels.geometry().dims;
@@ -41,7 +41,7 @@ class LabelRay {
   LabelId here() const { return touchable_label_at(model_, start_); }
   double step_mm() const { return step_mm_; }
 
-  // first felt label along a unit direction, including that at x itself
+  // first touchable label along a unit direction, including that at x itself
   LabelId first_along(const Vector<Patient>& direction) const {
     const Vector<Voxel> step = model_.labels->X_VoxelPatient() * (direction * step_mm_);
     Point<Voxel> p = start_;
@@ -50,7 +50,7 @@ class LabelRay {
     return 0;
   }
 
-  // nearest felt label along the patient's axes and diagonals
+  // nearest touchable label along the patient's axes and diagonals
   LabelId nearest() const {
     std::array<Vector<Voxel>, 14> step;
     for (std::size_t d = 0; d < step.size(); ++d) {
@@ -68,22 +68,22 @@ class LabelRay {
   double depth_in(LabelId own, const Vector<Patient>& outward) const {
     const bool inside = here() == own;
     const Vector<Voxel> per_mm = model_.labels->X_VoxelPatient() * (inside ? outward : -outward);
-    const auto is_beyond = [&](double distance_mm) {
+    const auto is_farther_than = [&](double distance_mm) {
       return (touchable_label_at(model_, start_ + per_mm * distance_mm) == own) != inside;
     };
     for (int n = 1; n <= steps_; ++n) {
-      if (!is_beyond(n * step_mm_)) continue;
+      if (!is_farther_than(n * step_mm_)) continue;
       double near = (n - 1) * step_mm_, far = n * step_mm_;
       for (int halving = 0; halving < 6; ++halving) {
         const double midpoint = 0.5 * (near + far);
-        (is_beyond(midpoint) ? far : near) = midpoint;
+        (is_farther_than(midpoint) ? far : near) = midpoint;
       }
       return inside ? far : -far;
     }
     return std::numeric_limits<double>::quiet_NaN();
   }
 
-  // felt label that covers `own` in the outward direction; 0 for free space or none within reach
+  // touchable label that covers `own` in the outward direction; 0 for free space or none within reach
   LabelId cover_of(LabelId own, const Vector<Patient>& outward) const {
     const Vector<Voxel> step = model_.labels->X_VoxelPatient() * (outward * step_mm_);
     Point<Voxel> p = start_;

@@ -14,7 +14,7 @@ namespace {
 constexpr double kFlat_per_mm = 1e-6;
 
 Error nothing_touchable() {
-  return {ErrorKind::kBadInput, "no structure is felt, so the method has nothing to sample", "",
+  return {ErrorKind::kBadInput, "no structure is touchable, so the method has nothing to sample", "",
           "set touchable = true on a tissue"};
 }
 
@@ -28,7 +28,7 @@ Result<SmoothSphere> smooth_of(const Model& model, LabelVoxels voxels) {
   return SmoothSphere::make(std::move(voxels), std::max(model.sigma_mm, kMinSigma_mm));
 }
 
-// felt labels by level
+// touchable labels by level
 std::map<double, LabelSet> labels_by_level(const Model& model) {
   std::map<double, LabelSet> by_level;
   for (std::size_t id = 1; id < model.level_of_label.size(); ++id)

@@ -56,27 +56,27 @@ Vector<Patient> pseudo_friction(const Tissue& tissue, const Vector<Patient>& vel
   return along_surface * (-magnitude / speed);
 }
 
-ToolContact touch_directly(const TickContext& tick, const DeviceContext& hand) {
-  const DeviceParameters& gains = hand.device;
-  const auto points = static_cast<double>(hand.tool.points_mm.size());
+ToolContact touch_directly(const TickContext& tick, const DeviceContext& context) {
+  const DeviceParameters& gains = context.device;
+  const auto points = static_cast<double>(context.tool.points_mm.size());
   ToolContact tool;
   // forces of points in contact at the same time add up
   const double stiffness_N_per_mm = tick.model.max_stiffness_N_per_mm() * points;
-  const double max_N_s_per_mm = hand.max_damping_N_s_per_mm() / points;
+  const double max_N_s_per_mm = context.max_damping_N_s_per_mm() / points;
   const double softer = RenderedStiffness(gains).direct_method_factor(stiffness_N_per_mm);
   const double full_force_N = tick.model.force_field(tick.method).full_force_N() * softer;
   tool.stiffness_N_per_mm = RenderedStiffness(gains).at_device(stiffness_N_per_mm * softer);
   std::size_t contact_count = 0;
-  for (std::size_t part = 0; part < hand.tool.points_mm.size(); ++part) {
-    const Vector<World> arm_mm(hand.R_WorldTool * hand.tool.points_mm[part]);
+  for (std::size_t part = 0; part < context.tool.points_mm.size(); ++part) {
+    const Vector<World> arm_mm(context.R_WorldTool * context.tool.points_mm[part]);
     const PointForce encountered = touch(tick, full_force_N, max_N_s_per_mm,
-                                         hand.tip + tick.X_PatientWorld * arm_mm, hand.velocity_mm_s);
+                                         context.tip + tick.X_PatientWorld * arm_mm, context.velocity_mm_s);
     const Vector<World> force_N = tick.X_WorldPatient * encountered.contact.force_N;
     tool.requested.force_N += force_N * gains.force_gain;
     tool.requested.torque_Nmm += arm_mm.cross(force_N) * (gains.force_gain / gains.scale);
     if (part == 0 || encountered.contact.force_N.squared_norm() > tool.strongest.force_N.squared_norm())
       tool.strongest = encountered.contact;
-    if (!encountered.contact.is_touch()) continue;
+    if (!encountered.contact.is_contact()) continue;
     static_assert(kMaxContactsReported >= kMaxToolParts);
     tool.contacts[contact_count++] = {encountered.contact.site.label, static_cast<int>(part),
                                       encountered.contact.proxy, encountered.normal_N};

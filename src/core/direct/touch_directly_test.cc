@@ -25,7 +25,7 @@ TEST(NormalForce, PushesAgainstTheGradientInProportionToTheField) {
   EXPECT_EQ(normal_force(sample, 4), Vector<Patient>()) << "no direction, no force";
 }
 
-TEST(PseudoFriction, IsTangentialOpposesTheMotionAndKeepsBothCaps) {
+TEST(PseudoFriction, IsTangentialOpposesTheMotionAndIsClampedTwice) {
   std::mt19937 random(11);
   Tissue tissue;
   tissue.friction = 0.2;
@@ -53,9 +53,9 @@ TEST(TouchDirectly, ReportsEveryPointInside) {
   model.tools[0].points_mm = {{0, 0, 0}, {0, 0, -1}, {0, 0, 5}};
   const TickContext tick{model, ForceMethod::kTrilinear, false, false, 1e-3, {}, {}};
   const DeviceParameters device;
-  const DeviceContext hand{
+  const DeviceContext context{
       model.tools[0], device, Eigen::Matrix3d::Identity(), {0, 0, kBoneRadius_mm - 0.5}, {}};
-  const ToolContact contact = touch_directly(tick, hand);
+  const ToolContact contact = touch_directly(tick, context);
   const auto is_used = [](const ContactPoint& point) { return point.label != 0; };
   ASSERT_EQ(std::ranges::count_if(contact.contacts, is_used), 2);
   EXPECT_EQ(contact.contacts[0].part, 1);

@@ -39,12 +39,12 @@ void hash_after(const Model& current, const ModelChange& change, Model& next) {
 }
 
 Result<std::shared_ptr<const Model>> next_law(const Model& current, const ModelChange& change,
-                                              const Preparing& preparing, const Progress& progress) {
+                                              const ModelPreparation& preparing, const Progress& progress) {
   // a file may contain any value
   const double coarsened = change.contact.stiffness_N_per_mm;
   if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMaxTissueCoarsening))
-    return Error{ErrorKind::kBadInput, "cells cannot be " + std::to_string(coarsened) + " times as long", "",
-                 ""};
+    return Error{ErrorKind::kBadInput, "the coarsening factor of the cells is " + std::to_string(coarsened),
+                 "", "give a factor from 1 to 2"};
   auto under = under_law(current, law_of(change), preparing, progress);
   if (!under) return under.error();
   return with_law(current, **under, change);
@@ -68,8 +68,8 @@ Result<void> check_versions(const ModelVersions& now, std::span<const Cut> cuts)
     return Error{ErrorKind::kBadInput, "there is no version of a model to change", "",
                  "give the current version, and the one for which its fields were made"};
   if (!std::all_of(cuts.begin(), cuts.end(), is_cut))
-    return Error{ErrorKind::kBadInput, "a cut is of an unknown device, of no place, or of no radius", "cuts",
-                 "give positions in the patient, and radii above 0"};
+    return Error{ErrorKind::kBadInput, "a cut has an unknown device, a non-finite position or no radius",
+                 "cuts", "give positions in the patient, and radii above 0"};
   return {};
 }
 
@@ -118,13 +118,13 @@ Result<std::shared_ptr<const Model>> changed_model(const Model& current, const M
   return std::shared_ptr<const Model>(std::move(next));
 }
 
-bool can_make_fields(const Model& model) {
+bool can_compute_fields(const Model& model) {
   return model.ramp_width_mm > 0;
 }
 
 Result<std::shared_ptr<const Model>> with_rebuilt_fields(const Model& current, const Model& prepared,
                                                          const Progress& progress) {
-  if (!can_make_fields(current))
+  if (!can_compute_fields(current))
     return Error{ErrorKind::kBadInput,
                  "a union Gaussian is prepared only once, for the stiffness values of the scene", "", ""};
   auto field = with_ramp_field(current, {}, progress);
@@ -182,29 +182,32 @@ Result<void> check_law(const Model& current, TissueLaw law) {
   const bool is_soft = std::ranges::any_of(
       current.tissues, [](const Tissue& tissue) { return tissue.touchable && tissue.elastic.has_value(); });
   if (!is_soft)
-    return Error{ErrorKind::kBadInput, "no tissue that is felt has a Young's modulus", "",
+    return Error{ErrorKind::kBadInput, "no touchable tissue has a Young's modulus", "",
                  "give one `youngs_modulus`, or a preset that has one"};
   if (has_other_surfaces(current, law)) {
     const bool is_deformable = is_elastic(law);
     if (!current.has(ForceMethod::kProxy))
-      return Error{ErrorKind::kBadInput,
-                   "tissue yields only with the proxy, and no surfaces are prepared for it", "",
-                   "set the law in the scene's [yielding], and method = \"proxy\" in [force]"};
+      return Error{
+          ErrorKind::kBadInput,
+          "soft tissue deforms only with the proxy method, and the model has no surfaces for the proxy", "",
+          "set the law in the scene's [yielding], and method = \"proxy\" in [force]"};
     if (current.carving != nullptr)
       return Error{ErrorKind::kBadInput,
                    std::string("tissue was cut, and tissue that ") +
-                       (is_deformable ? "yields" : "is felt by layers") +
+                       (is_deformable ? "deforms" : "is rendered as rigid layers") +
                        " has other surfaces, which are prepared from uncut tissue",
                    "", "start with that law, or change to it before cutting"};
   }
   if (is_moving(law) && current.carving != nullptr && !current.carving->records_fractions())
-    return Error{ErrorKind::kBadInput, "volume cut from fixed tissue was not counted in fractions of voxels",
-                 "", "start with a law under which it moves, or change to it before cutting"};
+    return Error{
+        ErrorKind::kBadInput,
+        "the removed fraction of each voxel was not recorded, because the tissue was rigid when it was cut",
+        "", "start with a law under which it moves, or change to it before cutting"};
   return {};
 }
 
 Result<std::shared_ptr<const Model>> under_law(const Model& current, TissueLaw law,
-                                               const Preparing& preparing, const Progress& progress) {
+                                               const ModelPreparation& preparing, const Progress& progress) {
   if (auto fine = check_law(current, law); !fine) return fine.error();
   auto next = std::make_shared<Model>(current);
   next->tissue_law = law;
@@ -240,7 +243,7 @@ void follow(const ModelChange& change, RemovedVolume& removed) {
 
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
                                    std::span<const Cut> cuts, const Progress& progress,
-                                   const Preparing& preparing) {
+                                   const ModelPreparation& preparing) {
   if (auto fine = check_versions(now, cuts); !fine) return fine.error();
   if (change.tissue == ModelChange::kCut) {
     if (!now.current->has(ForceMethod::kProxy))

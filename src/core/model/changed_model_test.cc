@@ -36,7 +36,7 @@ std::shared_ptr<const Model> stiffened(const Model& current, const Model& prepar
   return *next;
 }
 
-TEST(ChangedModel, SharesWhatDidNotChange) {
+TEST(ChangedModel, UnchangedPartsAreShared) {
   const auto made = ball();
   ModelChange change = unchanged(*made, kCartilageTissue);
   change.contact.stiffness_N_per_mm = 0.6;
@@ -64,7 +64,7 @@ TEST(ChangedModel, SharesWhatDidNotChange) {
   EXPECT_EQ((*changed_model(*made, *made, change))->content_hash, model.content_hash);
 }
 
-TEST(ChangedModel, FieldsAreThereOnlyForTheStiffnessThatTheyWereMadeFor) {
+TEST(ChangedModel, FieldsAreAvailableOnlyForTheirStiffnesses) {
   const auto made = ball();
   ModelChange rougher = unchanged(*made, kCartilageTissue);
   rougher.contact.static_friction = 0.5;
@@ -75,7 +75,7 @@ TEST(ChangedModel, FieldsAreThereOnlyForTheStiffnessThatTheyWereMadeFor) {
   const auto third = stiffened(*second, *made, kCartilageTissue, 0.5);
   EXPECT_FALSE(fields_match(*third, *made));
   EXPECT_TRUE(third->has(ForceMethod::kProxy));
-  EXPECT_TRUE(third->has(ForceMethod::kTrilinear)) << "a tick has to have it";
+  EXPECT_TRUE(third->has(ForceMethod::kTrilinear)) << "a tick requires the trilinear method";
   EXPECT_FALSE(third->has(ForceMethod::kSpline));
   EXPECT_FALSE(third->has(ForceMethod::kSmoothSphere));
 
@@ -86,7 +86,7 @@ TEST(ChangedModel, FieldsAreThereOnlyForTheStiffnessThatTheyWereMadeFor) {
 
 // A direct method's force is F_full times the field, scaled by most / (stiffest tissue): if the stiffest
 // tissue becomes softer, the field must be scaled by the same ratio to stay below what a hand can hold.
-TEST(ChangedModel, WhatIsLeftOfTheFieldsIsNeverStifferThanTheStiffestTissue) {
+TEST(ChangedModel, TrilinearFieldIsScaledToTheStiffestTissue) {
   const auto made = ball();
   const double made_N = made->force_field(ForceMethod::kTrilinear).full_force_N();
   const auto soft_shell = stiffened(*made, *made, kCartilageTissue, 0.3);
@@ -99,7 +99,7 @@ TEST(ChangedModel, WhatIsLeftOfTheFieldsIsNeverStifferThanTheStiffestTissue) {
 
 // pressed onto the bone through the shell, which was punctured at 0.3 N, while both tissues are edited
 // alternately
-TEST(ChangedModel, EditsWhileATissueIsPuncturedKeepWhatIsFelt) {
+TEST(ChangedModel, EditsKeepTheForceWhileATissueIsPunctured) {
   Model ball_to_puncture = *ball();
   ball_to_puncture.tissues[kCartilageTissue].puncture_N = 0.3;
   ball_to_puncture.surfaces[1].puncture_N = 0.3;
@@ -174,7 +174,7 @@ std::shared_ptr<const Model> built(double left, double right, double shell, cons
 }
 
 // oracle: the scene built with the new stiffnesses from the start
-TEST(ChangedModel, FieldsMadeAnewAreThoseOfASceneWithTheseStiffnesses) {
+TEST(ChangedModel, RebuiltFieldsEqualAFreshScene) {
   for (const std::string more : {"", "[preparation]\nbits = 8\n", "[preparation]\nramp_width = 3\n"}) {
     SCOPED_TRACE(more);
     const auto made = built(1.5, 1.2, 0.5, more), oracle = built(0.9, 1.3, 0.7, more);
@@ -188,7 +188,7 @@ TEST(ChangedModel, FieldsMadeAnewAreThoseOfASceneWithTheseStiffnesses) {
       now = *std::move(next);
       EXPECT_EQ(now.prepared, made);
     }
-    ASSERT_TRUE(can_make_fields(*now.current));
+    ASSERT_TRUE(can_compute_fields(*now.current));
     const auto last = next_version(now, {now.current->version + 1, ModelChange::kFieldsRebuilt});
     ASSERT_TRUE(last.ok()) << last.error().message();
     const Model &current = *(*last).current, &expected = *oracle;
@@ -214,13 +214,13 @@ TEST(ChangedModel, FieldsMadeAnewAreThoseOfASceneWithTheseStiffnesses) {
   }
 }
 
-TEST(ChangedModel, AUnionGaussianIsMadeOnce) {
+TEST(ChangedModel, UnionGaussianCannotBeRebuilt) {
   const auto made = ball();
-  EXPECT_FALSE(can_make_fields(*made));
+  EXPECT_FALSE(can_compute_fields(*made));
   EXPECT_FALSE(next_version({made, made}, {2, ModelChange::kFieldsRebuilt}).ok());
 }
 
-TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
+TEST(ChangedModel, LawChangeWithinAGroupNeedsNoNewSurfaces) {
   Model soft = *ball();
   soft.tissues[0].elastic = ElasticConstants{20, 0.45};
   const auto layers = std::make_shared<const Model>(soft);
@@ -250,7 +250,7 @@ TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
   Model bare = *layers;
   bare.surfaces.clear();
   EXPECT_TRUE(check_law(bare, TissueLaw::kChainMail).ok());
-  EXPECT_THAT(check_law(bare, TissueLaw::kElastic).error().what, HasSubstr("yields only with the proxy"));
+  EXPECT_THAT(check_law(bare, TissueLaw::kElastic).error().what, HasSubstr("deforms only with the proxy"));
   // the coarser cells of a slower machine are part of the change
   const auto coarser = next_version({elastic, elastic}, change_of_law(*elastic, TissueLaw::kNeoHookean, 1.6));
   ASSERT_TRUE(coarser.ok());
@@ -266,7 +266,7 @@ TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
   laws.on_event({7, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kElastic), 7});
   EXPECT_EQ(laws.coarsened_at(4), 1.25);
   EXPECT_EQ(laws.coarsened_at(5), 1.6);
-  EXPECT_EQ(laws.coarsened_at(9), 1.6) << "no machine asks for that";
+  EXPECT_EQ(laws.coarsened_at(9), 1.6) << "coarsening above kMaxTissueCoarsening is ignored";
   EXPECT_FALSE(laws.any([](TissueLaw law) { return law == TissueLaw::kLayers; }));
   EXPECT_EQ(laws.at(0), TissueLaw::kElastic);
   EXPECT_EQ(laws.at(4), TissueLaw::kElastic);
@@ -275,7 +275,7 @@ TEST(ChangedModel, ALawIsChangedAtOnceWithinItsPair) {
   EXPECT_EQ(laws.at(4000), TissueLaw::kElastic);
 }
 
-TEST(ChangedModel, WhatASceneMayNotHaveIsRefusedInItsWords) {
+TEST(ChangedModel, InvalidValuesAreRejectedWithTheSceneMessages) {
   const auto made = ball();
   const auto error_of = [&](std::size_t tissue, auto&& edit) {
     ModelChange change = unchanged(*made, kBoneTissue);

@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-// greatest distance of a tool's parts from its tip
+// maximum distance of a tool's parts from its tip
 constexpr double kMaxToolReach_mm = 1000;
 constexpr int kMaxPedal = 31, kMaxFlutes = 100;
 
@@ -35,18 +35,18 @@ Result<void> check_tissue(const std::vector<Tissue>& tissues, std::size_t index)
   const std::string where = element("tissues", index);
   for (const ContactProperty& property : kContactProperties)
     if (!is_amount(tissue.*property.value))
-      return bad_part(where, "give a finite number, at least 0", property.words, " of ",
+      return bad_part(where, "give a finite number, at least 0", property.words, " is ",
                       tissue.*property.value);
   if (tissue.touchable && tissue.stiffness_N_per_mm == 0)
-    return bad_part(where, "give a stiffness above 0, or let the tissue not be felt",
-                    "a tissue that is felt has no stiffness");
+    return bad_part(where, "set a stiffness above 0, or set touchable to false",
+                    "a touchable tissue has no stiffness");
   if (!(tissue.puncture_N > 0))
-    return bad_part(where, "give a force above 0; infinite: never", "a puncture force of ", tissue.puncture_N,
-                    " N");
+    return bad_part(where, "give a force above 0; infinite: never", "the puncture force is ",
+                    tissue.puncture_N, " N");
   for (const double value : {tissue.friction_damping_N_s_per_mm, tissue.friction_max_N, tissue.opacity})
-    if (!is_amount(value)) return bad_part(where, "give a finite number, at least 0", "a value of ", value);
+    if (!is_amount(value)) return bad_part(where, "give a finite number, at least 0", "a value is ", value);
   if (!(tissue.cutting_energy_mJ_per_mm3 > 0) || !std::isfinite(tissue.cutting_energy_mJ_per_mm3))
-    return bad_part(where, "give a finite energy above 0", "a cutting energy of ",
+    return bad_part(where, "give a finite energy above 0", "the cutting energy is ",
                     tissue.cutting_energy_mJ_per_mm3, " mJ/mm^3");
   for (const int support : tissue.rests_on)
     if (support < 0 || static_cast<std::size_t>(support) >= tissues.size())
@@ -59,20 +59,21 @@ Result<void> check_burr(const Tool& tool, const std::string& where) {
   const BurrSettings& burr = *tool.burr;
   if (tool.points_mm.size() != 1 || !tool.points_mm.front().isZero() || !tool.capsules.empty() ||
       !(tool.radius_mm > 0))
-    return bad_part(where, "give it one sphere at the tip, with its radius", "a burr that is no single ball");
+    return bad_part(where, "give it one sphere at the tip, with its radius",
+                    "the tool of the burr is not a single sphere");
   if (!is_amount(burr.revolutions_per_s) || burr.revolutions_per_s == 0 || !is_amount(burr.grip))
-    return bad_part(where, "give finite numbers above 0", "a burr of ", burr.revolutions_per_s,
-                    " revolutions per second with a grip of ", burr.grip);
+    return bad_part(where, "give finite numbers above 0", "the burr has ", burr.revolutions_per_s,
+                    " revolutions per second and a grip of ", burr.grip);
   if (burr.flutes < 1 || burr.flutes > kMaxFlutes)
-    return bad_part(where, "give 1 to 100 flutes", "a burr of ", burr.flutes, " flutes");
+    return bad_part(where, "give 1 to 100 flutes", "the burr has ", burr.flutes, " flutes");
   if (!(std::abs(burr.spindle.norm() - 1) < 1e-3))
-    return bad_part(where, "give a unit vector", "a burr whose spindle has the length ", burr.spindle.norm());
+    return bad_part(where, "give a unit vector", "the burr's spindle has the length ", burr.spindle.norm());
   if (burr.pedal < -1 || burr.pedal > kMaxPedal)
-    return bad_part(where, "give a button from 0 to 31, or -1", "a burr whose pedal is button ", burr.pedal);
+    return bad_part(where, "give a button from 0 to 31, or -1", "the burr's pedal is button ", burr.pedal);
   if (!(burr.length_mm >= 0 && burr.length_mm <= kMaxToolReach_mm) ||
-      (burr.length_mm > 0 && !(burr.end_radius_mm > 0 && burr.end_radius_mm <= kWidestTool_mm)))
-    return bad_part(where, "give a length, and a radius of its end above 0", "a burr of ", burr.length_mm,
-                    " mm whose end has a radius of ", burr.end_radius_mm, " mm");
+      (burr.length_mm > 0 && !(burr.end_radius_mm > 0 && burr.end_radius_mm <= kMaxToolRadius_mm)))
+    return bad_part(where, "give a length, and a radius of its end above 0", "the burr has a length of ",
+                    burr.length_mm, " mm and an end radius of ", burr.end_radius_mm, " mm");
   return {};
 }
 
@@ -81,32 +82,34 @@ Result<void> check_tool(const Tool& tool, std::size_t index) {
   const std::size_t parts = tool.points_mm.size() + tool.capsules.size();
   if (tool.points_mm.empty() || parts > static_cast<std::size_t>(kMaxToolParts))
     return bad_part(where, "give at least one point, and at most 4 points and capsules together",
-                    "a tool of ", tool.points_mm.size(), " points and ", tool.capsules.size(), " capsules");
+                    "the tool has ", tool.points_mm.size(), " points and ", tool.capsules.size(),
+                    " capsules");
   const auto is_near = [](const Eigen::Vector3d& at) { return at.norm() <= kMaxToolReach_mm; };
-  const auto is_radius = [](double radius_mm) { return radius_mm >= 0 && radius_mm <= kWidestTool_mm; };
+  const auto is_radius = [](double radius_mm) { return radius_mm >= 0 && radius_mm <= kMaxToolRadius_mm; };
   if (!is_radius(tool.radius_mm))
-    return bad_part(where, "give 0 to 12 mm", "a tool with a radius of ", tool.radius_mm, " mm");
+    return bad_part(where, "give 0 to 12 mm", "the tool radius is ", tool.radius_mm, " mm");
   for (const Eigen::Vector3d& point : tool.points_mm)
     if (!is_near(point))
-      return bad_part(where, "give points within a metre of the tip", "a point of a tool that is ",
-                      point.norm(), " mm from its tip");
+      return bad_part(where, "give points within a metre of the tip", "a point of the tool is ", point.norm(),
+                      " mm from its tip");
   for (const ToolCapsule& capsule : tool.capsules)
     if (!is_radius(capsule.radius_mm) || !is_near(capsule.from_mm) || !is_near(capsule.to_mm) ||
         !((capsule.to_mm - capsule.from_mm).norm() > 0))
       return bad_part(where, "give two distinct ends within a metre of the tip, and a radius of 0 to 12 mm",
-                      "a capsule with a radius of ", capsule.radius_mm, " mm whose ends are ",
+                      "a capsule has a radius of ", capsule.radius_mm, " mm and ends that are ",
                       (capsule.to_mm - capsule.from_mm).norm(), " mm apart");
   return tool.burr ? check_burr(tool, where) : Result<void>();
 }
 
 Result<void> check_labels(const ModelParts& parts) {
-  if (parts.labels == nullptr) return bad_part("labels", "give the result of label_bricks()", "no labels");
+  if (parts.labels == nullptr)
+    return bad_part("labels", "give the result of label_bricks()", "there are no labels");
   if (auto fine = check_grid(parts.labels->geometry()); !fine) return fine.error();
   const std::size_t tissues = parts.tissues.size();
   if (tissues > static_cast<std::size_t>(std::numeric_limits<std::int16_t>::max()))
-    return bad_part("tissues", "give at most 32767", tissues, " tissues");
+    return bad_part("tissues", "give at most 32767", "there are ", tissues, " tissues");
   if (parts.tissue_of_label.size() > std::numeric_limits<LabelId>::max() + std::size_t{1})
-    return bad_part("tissue_of_label", "labels are 0 to 65535", parts.tissue_of_label.size(),
+    return bad_part("tissue_of_label", "labels are 0 to 65535", "there are ", parts.tissue_of_label.size(),
                     " labels with tissues");
   for (std::size_t label = 0; label < parts.tissue_of_label.size(); ++label) {
     const int tissue = parts.tissue_of_label[label];
@@ -122,16 +125,16 @@ Result<void> check_labels(const ModelParts& parts) {
 
 Result<void> check_settings(const ModelParts& parts) {
   if (!(parts.max_force_N >= 0))
-    return bad_part("max_force_N", "give at least 0 N; infinite: none", "a force limit of ",
+    return bad_part("max_force_N", "give at least 0 N; infinite: none", "the force limit is ",
                     parts.max_force_N, " N");
   for (const double value : {parts.sigma_mm, parts.method_settings.sphere_sigma_voxels,
                              parts.method_settings.coupling_damping_N_s_per_mm, parts.smoothed_reach_mm,
                              parts.reported_distances.reach_mm})
     if (!is_amount(value))
-      return bad_part("method_settings", "give finite numbers, at least 0", "a setting of ", value);
+      return bad_part("method_settings", "give finite numbers, at least 0", "a setting is ", value);
   if (parts.smoothed != nullptr && parts.smoothed->geometry().dims != parts.labels->geometry().dims)
     return bad_part("smoothed", "compute it on the labels' grid",
-                    "a smoothed field on another grid than the labels");
+                    "the smoothed field is not on the grid of the labels");
   return {};
 }
 
@@ -155,7 +158,8 @@ Result<void> check_parts(const ModelParts& parts) {
   for (std::size_t index = 0; index < parts.tissues.size(); ++index)
     if (auto fine = check_tissue(parts.tissues, index); !fine) return fine;
   if (parts.tools.empty() || parts.tools.size() > kMaxDevices)
-    return bad_part("tools", "give one for each device, at least one", parts.tools.size(), " tools");
+    return bad_part("tools", "give one for each device, at least one", "there are ", parts.tools.size(),
+                    " tools");
   for (std::size_t index = 0; index < parts.tools.size(); ++index)
     if (auto fine = check_tool(parts.tools[index], index); !fine) return fine;
   if (auto fine = check_density(parts); !fine) return fine;

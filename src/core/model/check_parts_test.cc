@@ -60,7 +60,7 @@ std::string fault_after(const std::function<void(ModelParts&)>& change) {
   return fault_of(std::move(parts));
 }
 
-TEST(CheckParts, WithoutLabelsOrWithATissueBeyondTheListThereIsNoModel) {
+TEST(CheckParts, MissingLabelsAndInvalidTissueIndicesAreRejected) {
   EXPECT_EQ(fault_of(block()), "none");
   EXPECT_EQ(fault_of({}), "labels");
   EXPECT_EQ(fault_after([](ModelParts& p) { p.tissue_of_label = {-1, 1}; }), "tissue_of_label[1]");
@@ -73,7 +73,7 @@ TEST(CheckParts, WithoutLabelsOrWithATissueBeyondTheListThereIsNoModel) {
   EXPECT_EQ(fault_after([](ModelParts& p) { p.labels = std::make_shared<const Bricks<LabelId>>(); }), "dims");
 }
 
-TEST(CheckParts, AGridOfNoSizeIsRefused) {
+TEST(CheckParts, DegenerateGridIsRejected) {
   for (const double spacing_mm : {0.0, -1.0, kNaN, kInfinity})
     EXPECT_EQ(fault_of(block([&](GridGeometry& grid) { grid.spacing_mm[1] = spacing_mm; })), "spacing_mm")
         << spacing_mm;
@@ -81,7 +81,7 @@ TEST(CheckParts, AGridOfNoSizeIsRefused) {
   EXPECT_EQ(fault_of(block([](GridGeometry& grid) { grid.origin = Point<Patient>(0, kNaN, 0); })), "origin");
 }
 
-TEST(CheckParts, PropertiesAndToolsThatAreNoNumbersAreRefused) {
+TEST(CheckParts, NonFinitePropertiesAndToolsAreRejected) {
   for (const double value : {-1.0, kNaN, kInfinity}) {
     for (const ContactProperty& property : kContactProperties)
       EXPECT_EQ(fault_after([&](ModelParts& p) { p.tissues[0].*property.value = value; }), "tissues[0]");
@@ -113,7 +113,7 @@ TEST(CheckParts, PropertiesAndToolsThatAreNoNumbersAreRefused) {
   EXPECT_EQ(burr([](BurrSettings& b) { b.length_mm = 5; }), "tools[0]") << "no radius of its end";
 }
 
-TEST(CheckParts, NothingIsPreparedOrChangedWithoutAModel) {
+TEST(CheckParts, NullModelIsRejected) {
   const ForceMethod proxy = ForceMethod::kProxy;
   EXPECT_FALSE(prepared_for(nullptr, {&proxy, 1}).ok());
   EXPECT_FALSE(next_version({}, {.version = 2, .tissue = 0}).ok());
@@ -139,7 +139,7 @@ TEST(CheckParts, NothingIsPreparedOrChangedWithoutAModel) {
 }
 
 // random values from ordinary to hostile, in every number of the parts
-TEST(CheckParts, RandomPartsGiveAModelThatTicksOrAnError) {
+TEST(CheckParts, RandomPartsGiveAUsableModelOrAnError) {
   const unsigned seed = test::test_seed();
   std::mt19937_64 random(seed);
   const auto number = [&](double usual) {

@@ -48,7 +48,7 @@ std::shared_ptr<const Model> thick_block(double radius_mm) {
     parts.tissue_of_label = {-1, 0};
     parts.tissue_law = TissueLaw::kElastic;
     Tool tool;
-    tool.radius_mm = kWidestTool_mm;
+    tool.radius_mm = kMaxToolRadius_mm;
     parts.tools = {tool};
     auto made = make_model(std::move(parts));
     PALPATE_CHECK(made.ok());
@@ -113,7 +113,7 @@ double hertz_N_per_mm15(double radius_mm) {
 
 class DeformableTouch : public ::testing::TestWithParam<double> {};
 
-TEST_P(DeformableTouch, BeginsAtTheSurfaceWithTheForceOfHertz) {
+TEST_P(DeformableTouch, BeginsAtTheSurfaceWithTheHertzForce) {
   constexpr double kStep_mm = 0.01, kPerceived_N = 1e-3, kPressed_mm = 1;
   const double limit_mm = 0.1 * kVoxel_mm, radius_mm = GetParam();
   PressingTools tool(radius_mm, 1);
@@ -154,7 +154,7 @@ std::array<double, 2> superposed_N(const std::array<double, 2>& depth_mm, double
   return force_N;
 }
 
-TEST(NeighbouringTools, LoseForceAsTheSuperpositionOfBoussinesqSays) {
+TEST(NeighbouringTools, ForceLossMatchesBoussinesqSuperposition) {
   constexpr double kDepth_mm = 1;
   PressingTools tools(kPairRadius_mm, 2);
   tools.devices[0] = {-3.5, kDepth_mm};
@@ -185,7 +185,7 @@ TEST(NeighbouringTools, LoseForceAsTheSuperpositionOfBoussinesqSays) {
   EXPECT_NEAR(tools.force_N(0).norm(), first_N, 0.01 * first_N);
 }
 
-TEST(NeighbouringTools, GiveBackWhatBothHandsPutIn) {
+TEST(NeighbouringTools, ReturnNoMoreEnergyThanBothHandsPutIn) {
   PressingTools tools(kPairRadius_mm, 2);
   tools.devices = {{-3.5, -0.2}, {3.5, -0.2}};
   tools.stay(40);
@@ -213,7 +213,7 @@ TEST(NeighbouringTools, GiveBackWhatBothHandsPutIn) {
 }
 
 // A neighbour that comes and goes leaves the passivity observer of the other tool as it was.
-TEST(NeighbouringTools, WhatANeighbourReturnsIsNotTakenForEnergyFromNowhere) {
+TEST(NeighbouringTools, WorkOfANeighbourIsNotCountedAsGeneratedEnergy) {
   constexpr double kDepth_mm = 2, kStep_mm = 0.02;
   PressingTools both(kPairRadius_mm, 2, true), alone(kPairRadius_mm, 2, true);
   for (PressingTools* tools : {&both, &alone}) {

@@ -106,7 +106,7 @@ class GuidedTip {
  private:
   void tick() {
     const bool is_deformable = ticked_ != nullptr && is_elastic(ticked_->tissue_law);
-    if (is_deformable ? solver_.advance(*ticked_, &record_) : solver_.rest())
+    if (is_deformable ? solver_.advance(*ticked_, &record_) : solver_.publish_pending())
       parameters_.compliance = solver_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * Point<Patient>(0, 0, z_);
@@ -133,7 +133,7 @@ double sent_N(const GuidedTip& tip) {
   return Eigen::Map<const Eigen::Vector3d>(tip.record().device[0].force_N.data()).norm();
 }
 
-TEST(LawChange, OtherSurfacesAreThoseOfASceneThatBeginsWithThatLaw) {
+TEST(LawChange, SurfacesEqualThoseOfASceneWithTheNewLaw) {
   const auto layers = limb(TissueLaw::kLayers), elastic = limb(TissueLaw::kElastic);
   ASSERT_NE(layers->surfaces.size(), elastic->surfaces.size());
   for (const auto& [from, to] : {std::pair(layers, elastic), std::pair(elastic, layers)}) {
@@ -150,8 +150,8 @@ TEST(LawChange, OtherSurfacesAreThoseOfASceneThatBeginsWithThatLaw) {
         EXPECT_EQ(a.surface->content_hash(), b.surface->content_hash()) << s;
       }
       EXPECT_EQ(a.layer, b.layer) << s;
-      EXPECT_EQ(a.from_N_per_mm, b.from_N_per_mm) << s;
-      EXPECT_EQ(a.to_N_per_mm, b.to_N_per_mm) << s;
+      EXPECT_EQ(a.lower_N_per_mm, b.lower_N_per_mm) << s;
+      EXPECT_EQ(a.upper_N_per_mm, b.upper_N_per_mm) << s;
       EXPECT_EQ(a.stiffness_N_per_mm, b.stiffness_N_per_mm) << s;
       EXPECT_EQ(a.plane_strain_modulus_N_per_mm2, b.plane_strain_modulus_N_per_mm2) << s;
       EXPECT_EQ(a.strain_stiffening, b.strain_stiffening) << s;
@@ -159,7 +159,7 @@ TEST(LawChange, OtherSurfacesAreThoseOfASceneThatBeginsWithThatLaw) {
   }
 }
 
-TEST(LawChange, TissueStiffensUnderTheExponentialLawAloneAtOnce) {
+TEST(LawChange, StiffeningAppliesOnlyUnderTheExponentialLaw) {
   const auto of_muscle = [](const Model& model) {
     for (std::size_t s = 0; s < model.label_of_surface.size(); ++s)
       if (model.label_of_surface[s] == kMuscle) return model.surfaces[s].strain_stiffening;
@@ -173,7 +173,7 @@ TEST(LawChange, TissueStiffensUnderTheExponentialLawAloneAtOnce) {
 }
 
 // Depths at which the tip lies in each layer in turn, and in the bone's.
-TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
+TEST(LawChange, ForceBlendsToTheNewLaw) {
   for (const double depth_mm : {5.0, 11.0}) {
     for (const auto& [from, to] : {std::pair(TissueLaw::kLayers, TissueLaw::kElastic),
                                    std::pair(TissueLaw::kElastic, TissueLaw::kLayers),
@@ -206,7 +206,7 @@ TEST(LawChange, TheForceGoesOverToThatOfTheOtherLaw) {
 
 // Compressed to half their height and more, neo-Hookean cells have no solution in some attempts. That the law
 // is in force at all shows in the ratio to the linear force, which grows with depth.
-TEST(LawChange, AHandAtRestFeelsNoTriesOfANeoHookeanBody) {
+TEST(LawChange, FailedNeoHookeanAttemptsDoNotChangeARestingForce) {
   double previous_ratio = 1.01;
   for (const double depth_mm : {4.0, 5.0, 6.0}) {
     GuidedTip tip(limb(TissueLaw::kNeoHookean));
@@ -228,7 +228,7 @@ TEST(LawChange, AHandAtRestFeelsNoTriesOfANeoHookeanBody) {
   }
 }
 
-TEST(LawChange, WhatTheToolHasGoneThroughStaysOpen) {
+TEST(LawChange, PuncturesPersistAcrossALawChange) {
   for (const auto& [from, to] : {std::pair(TissueLaw::kLayers, TissueLaw::kElastic),
                                  std::pair(TissueLaw::kElastic, TissueLaw::kLayers)}) {
     constexpr double kDepth_mm = 7, kPuncture_N = 0.3;
@@ -249,7 +249,7 @@ TEST(LawChange, WhatTheToolHasGoneThroughStaysOpen) {
 }
 
 // a frame solved before tissue ceased to be deformable is ignored when it becomes deformable again
-TEST(LawChange, AFrameFromBeforeIsNotFeltAgain) {
+TEST(LawChange, StaleSolverFramesAreIgnored) {
   GuidedTip tip(limb(TissueLaw::kElastic));
   tip.press(4);
   tip.stay(0.3);
@@ -269,7 +269,7 @@ TEST(LawChange, AFrameFromBeforeIsNotFeltAgain) {
   EXPECT_NEAR(sent_N(tip), elastic_N, 0.02 * elastic_N);
 }
 
-TEST(LawChange, WhoWasInsideWithoutForceStaysSo) {
+TEST(LawChange, UncoupledTipStaysUncoupled) {
   const auto model = limb(TissueLaw::kLayers);
   SessionState state;
   Parameters parameters;
@@ -290,7 +290,7 @@ TEST(LawChange, WhoWasInsideWithoutForceStaysSo) {
   EXPECT_EQ(Eigen::Map<const Eigen::Vector3d>(record.device[0].force_N.data()).norm(), 0);
 }
 
-TEST(LawChange, IsRefusedOnceSomethingIsCut) {
+TEST(LawChange, IsRejectedAfterRemoval) {
   const auto model = limb(TissueLaw::kElastic);
   const Cut cut{0, {Point<Patient>(0, 0, 1), Point<Patient>(0, 0, -1), 2, 1}};
   const auto carved = carved_by(*model, {&cut, 1})->applied_to(*model);

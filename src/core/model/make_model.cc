@@ -173,7 +173,7 @@ Result<void> check_elastic(const ModelParts& parts) {
   }
   const double cell_mm = parts.tissue_cell_mm;
   if (cell_mm == 0 || (std::isfinite(cell_mm) && cell_mm > 0)) return {};
-  return Error{ErrorKind::kBadInput, "cells of " + std::to_string(cell_mm) + " mm", "",
+  return Error{ErrorKind::kBadInput, "the cell size is " + std::to_string(cell_mm) + " mm", "",
                "give their edge in millimetres, or 0 to derive it from the voxel spacing"};
 }
 
@@ -185,20 +185,21 @@ Result<void> check_relaxation(const Relaxation& relaxation) {
                  "0.01 to 1000 s"};
   };
   for (const RelaxationTerm& term : relaxation.term) {
-    if (term.part == 0 && term.time_s == 0) continue;
-    if (!(term.part > 0 && term.part < 1))
-      return wrong("a relaxation by " + std::to_string(term.part) + " of its modulus");
+    if (term.fraction == 0 && term.time_s == 0) continue;
+    if (!(term.fraction > 0 && term.fraction < 1))
+      return wrong("a relaxation by " + std::to_string(term.fraction) + " of its modulus");
     if (!(term.time_s >= kRelaxationTimeRange.min_s && term.time_s <= kRelaxationTimeRange.max_s))
       return wrong("a relaxation time of " + std::to_string(term.time_s) + " s");
   }
-  if (!(relaxation.part() < 1)) return wrong("a relaxation of the whole modulus");
-  if (!relaxation.relaxes() && relaxation.part() > 0) return wrong("a relaxation whose first term is empty");
+  if (!(relaxation.total_fraction() < 1)) return wrong("a relaxation of the whole modulus");
+  if (!relaxation.relaxes() && relaxation.total_fraction() > 0)
+    return wrong("a relaxation whose first term is empty");
   return {};
 }
 
 // each label's level in the field, 1 for the stiffest tissue
 void set_levels(Model& model) {
-  // without felt tissue the value is irrelevant
+  // without touchable tissue the value is irrelevant
   const double greatest = model.max_stiffness_N_per_mm();
   const double stiffest = greatest > 0 ? greatest : 1;
   model.level_of_label.assign(model.tissue_of_label.size(), 0.f);
@@ -294,7 +295,8 @@ Result<std::shared_ptr<Model>> make_model(ModelParts parts) {
   return model;
 }
 
-Result<MadeField> with_ramp_field(const Model& model, const Preparing& preparing, const Progress& progress) {
+Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparation& preparing,
+                                        const Progress& progress) {
   auto ramps = preparing.ramps(
       *model.labels, ramp_structures(model, *model.labels),
       {.stiffest_N_per_mm = model.max_stiffness_N_per_mm(), .width_mm = model.ramp_width_mm}, progress);
@@ -304,12 +306,12 @@ Result<MadeField> with_ramp_field(const Model& model, const Preparing& preparing
   auto field =
       model.field_in_eight_bits ? field_of(in_eight_bits(ramps->field)) : field_of(std::move(ramps->field));
   if (auto set = set_field(std::move(field), *made); !set) return set.error();
-  return MadeField{std::move(made), std::move(ramps->structures), ramps->full_force_N};
+  return RampFieldResult{std::move(made), std::move(ramps->structures), ramps->full_force_N};
 }
 
 Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const Model> model,
                                                          std::span<const ForceMethod> methods,
-                                                         const Preparing& preparing,
+                                                         const ModelPreparation& preparing,
                                                          const Progress& progress) {
   if (methods.empty()) return model;
   if (model->field == nullptr) {

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "palpate/model/memory_forecast.h"
-#include "palpate/model/preparing.h"
+#include "palpate/model/model_preparation.h"
 #include "palpate/servo/servo.h"
 
 namespace palpate {
@@ -60,7 +60,7 @@ ModelParts block_of_bone() {
   return parts;
 }
 
-TEST(MakeModel, ElasticConstantsWithoutASolutionAreRefused) {
+TEST(MakeModel, InvalidElasticConstantsAreRejected) {
   const auto complaint = [](ElasticConstants of, double cell_mm = 0) {
     const auto made = make_model(soft_block(of, cell_mm));
     return made.ok() ? std::string("no error") : made.error().what;
@@ -79,7 +79,7 @@ TEST(MakeModel, ElasticConstantsWithoutASolutionAreRefused) {
     EXPECT_THAT(complaint({10, 0.45}, cell_mm), HasSubstr("cells of")) << cell_mm;
 }
 
-TEST(MakeModel, ARelaxationThatNoneHasIsRefused) {
+TEST(MakeModel, InvalidRelaxationIsRejected) {
   const auto complaint = [](const Relaxation& of) {
     ModelParts parts = soft_block({10, 0.45});
     parts.tissues[0].relaxation = of;
@@ -97,7 +97,7 @@ TEST(MakeModel, ARelaxationThatNoneHasIsRefused) {
   EXPECT_THAT(complaint({{{{}, {0.5, 2}}}}), HasSubstr("first term is empty"));
 }
 
-TEST(MakeModel, TissuesRelaxWithSoManyDifferentTimesAndNoMore) {
+TEST(MakeModel, RelaxationTimesBeyondTheMaximumAreRejected) {
   ModelParts parts = soft_block({10, 0.45});
   const auto add = [&](double time_s) {
     Tissue tissue = parts.tissues[0];
@@ -119,7 +119,7 @@ TEST(MakeModel, TissuesRelaxWithSoManyDifferentTimesAndNoMore) {
 
 // The same block in a grid with more background at its end: bricks and their positions are equal, but World,
 // which depends on the grid's centre, is not.
-TEST(MakeModel, AGridsSizeIsPartOfTheHash) {
+TEST(MakeModel, HashCoversTheGridSize) {
   const auto hash_of = [](std::array<int, 3> dims) {
     ModelParts parts = soft_block({10, 0.45});
     parts.tissue_law = TissueLaw::kLayers;
@@ -160,7 +160,7 @@ std::vector<std::array<double, 3>> pressed_forces_N(const Model& model, ForceMet
   return forces_N;
 }
 
-TEST(PreparedFor, ProxyAloneNeedsNoFieldOfTheDirectMethods) {
+TEST(PreparedFor, ProxyAloneComputesNoField) {
   const auto made = make_model(block_of_bone());
   ASSERT_TRUE(made.ok()) << made.error().message();
   EXPECT_EQ((*made)->field, nullptr);
@@ -186,7 +186,7 @@ TEST(PreparedFor, ProxyAloneNeedsNoFieldOfTheDirectMethods) {
   EXPECT_EQ(forces_N, pressed_forces_N(**by_proxy, trilinear)) << "the proxy stands in";
 }
 
-TEST(PreparedFor, AnyDirectMethodGetsTheFieldAndTheTrilinearOne) {
+TEST(PreparedFor, AnyDirectMethodComputesTheFieldAndTrilinear) {
   for (const bool eight_bits : {false, true})
     for (const ForceMethodInfo& info : kDirectMethods) {
       SCOPED_TRACE(info.name);
@@ -205,7 +205,7 @@ TEST(PreparedFor, AnyDirectMethodGetsTheFieldAndTheTrilinearOne) {
     }
 }
 
-TEST(PreparedFor, HashKnowsTheFieldBeforeItIsMade) {
+TEST(PreparedFor, HashCoversTheFieldBeforeItIsComputed) {
   const auto hash_of = [](bool eight_bits, std::optional<double> width_mm) {
     ModelParts parts = block_of_bone();
     parts.eight_bits = eight_bits;
@@ -220,21 +220,21 @@ TEST(PreparedFor, HashKnowsTheFieldBeforeItIsMade) {
   EXPECT_NE(hash_of(false, 5), hash);
 }
 
-TEST(MemoryForecast, CountsTheFieldOnlyWhereItIsMade) {
+TEST(MemoryForecast, CountsTheFieldOnlyIfItIsComputed) {
   const ModelParts parts = block_of_bone();
   const auto by_proxy = forecast_memory(parts, {.proxy = true, .field = false});
   const auto by_both = forecast_memory(parts, {.proxy = true, .field = true});
   ASSERT_TRUE(by_proxy.ok() && by_both.ok());
   EXPECT_EQ(by_proxy->field, 0u);
-  EXPECT_EQ(by_proxy->making_field, 0u);
+  EXPECT_EQ(by_proxy->peak_of_field, 0u);
   EXPECT_GT(by_both->field, 0u);
   EXPECT_EQ(by_proxy->surfaces, by_both->surfaces);
-  EXPECT_EQ(by_both->stays(), by_proxy->stays() + by_both->field);
+  EXPECT_EQ(by_both->permanent(), by_proxy->permanent() + by_both->field);
   const auto made = make_model(block_of_bone());
-  EXPECT_EQ(memory_of_ramp_field(**made).stays, by_both->field);
+  EXPECT_EQ(memory_of_ramp_field(**made).permanent, by_both->field);
 }
 
-TEST(Preparing, GroupsWithAStructureInCommonGoOneAfterTheOther) {
+TEST(ModelPreparation, GroupsSharingAStructureAreSequential) {
   using Groups = std::vector<std::vector<LabelId>>;
   using Goes = std::vector<std::vector<std::size_t>>;
   EXPECT_EQ(disjoint_batches(Groups{}), Goes{});

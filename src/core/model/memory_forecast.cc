@@ -170,7 +170,7 @@ class Estimate {
 // ---- the proxy
 
 struct SurfaceBytes {
-  double stays = 0, makes = 0;
+  double permanent = 0, makes = 0;
 };
 
 SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>& group,
@@ -188,13 +188,13 @@ SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>&
   constexpr double kNode_bytes = 240, kOwned_bytes = 16;
   const double cells = kFacesPerSurface * body.surface_mm2 / std::pow(mm.prod(), 2.0 / 3);
   SurfaceBytes bytes;
-  bytes.stays = fine + coarse + (group.size() > 1 ? cells * kOwned_bytes : 0);
+  bytes.permanent = fine + coarse + (group.size() > 1 ? cells * kOwned_bytes : 0);
   // the distance in bricks and the net, plus the position
   bytes.makes = cells * kNode_bytes + 2 * fine + making_bytes(body, mm, options.reach_mm);
   return bytes;
 }
 
-// nodes of a SurfaceTree: twice as many as its leaf boxes
+// nodes of a SurfaceTree: twice the number of its leaf boxes
 double tree_bytes(const Estimate& estimate, LabelId label) {
   constexpr double kPiece_bytes = 72;
   const Eigen::Array3d mm = estimate.grid().spacing_mm;
@@ -209,8 +209,8 @@ SurfaceBytes bytes_of_all(const Estimate& estimate, const std::vector<std::vecto
   SurfaceBytes all;
   for (const std::vector<LabelId>& group : groups) {
     const SurfaceBytes bytes = surface_bytes(estimate, group, options);
-    all.makes = std::max(all.makes, labels + all.stays + bytes.makes);
-    all.stays += bytes.stays;
+    all.makes = std::max(all.makes, labels + all.permanent + bytes.makes);
+    all.permanent += bytes.permanent;
   }
   return all;
 }
@@ -245,7 +245,7 @@ FieldMemory field_memory(const Model& model, const Estimate& estimate, double ra
 }  // namespace
 
 Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOptions& options,
-                                       const Preparing& preparing, const Progress& progress) {
+                                       const ModelPreparation& preparing, const Progress& progress) {
   Model model;
   model.labels = parts.labels;
   model.tissues = parts.tissues;
@@ -259,9 +259,9 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOp
   FieldMemory of_field;
   if (options.field)
     of_field = field_memory(model, estimate, parts.ramp_width_mm.value_or(kUsualRampWidth_mm));
-  forecast.field = of_field.stays;
-  forecast.making_field = of_field.peak;
-  const double field = static_cast<double>(of_field.stays);
+  forecast.field = of_field.permanent;
+  forecast.peak_of_field = of_field.peak;
+  const double field = static_cast<double>(of_field.permanent);
   double peak = 0;
   double surfaces = 0;
   // surfaces for the tool's distances that the proxy does not have, and all trees
@@ -278,14 +278,14 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOp
       if (group.size() == 1) std::erase(tracked, group.front());
     const SurfaceBytes bytes = bytes_of_all(estimate, *groups, *of_surfaces, labels);
     peak = std::max(peak, field + bytes.makes);
-    surfaces = bytes.stays;
+    surfaces = bytes.permanent;
   }
   if (!tracked.empty()) {
     std::vector<std::vector<LabelId>> alone;
     for (const LabelId label : tracked) alone.push_back({label});
     const SurfaceBytes bytes = bytes_of_all(estimate, alone, *of_surfaces, labels);
     peak = std::max(peak, field + surfaces + bytes.makes);
-    surfaces += bytes.stays;
+    surfaces += bytes.permanent;
   }
   surfaces += trees;
   forecast.labels = parts.labels->bytes();
@@ -300,7 +300,7 @@ FieldMemory memory_of_ramp_field(const Model& model) {
   return field_memory(model, estimate, model.ramp_width_mm);
 }
 
-Result<std::uint64_t> memory_of_surfaces(const Model& model, const Preparing& preparing,
+Result<std::uint64_t> memory_of_surfaces(const Model& model, const ModelPreparation& preparing,
                                          const Progress& progress) {
   const auto groups = surfaces_needed(model, preparing, progress);
   if (!groups) return groups.error();
@@ -309,7 +309,7 @@ Result<std::uint64_t> memory_of_surfaces(const Model& model, const Preparing& pr
   if (!options) return options.error();
   const SurfaceBytes bytes =
       bytes_of_all(estimate, *groups, *options, static_cast<double>(model.labels->bytes()));
-  return static_cast<std::uint64_t>(with_heap(std::max(bytes.makes, bytes.stays)));
+  return static_cast<std::uint64_t>(with_heap(std::max(bytes.makes, bytes.permanent)));
 }
 
 }  // namespace palpate

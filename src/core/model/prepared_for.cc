@@ -19,7 +19,7 @@
 namespace palpate {
 namespace {
 
-// felt labels that have voxels, ascending
+// touchable labels that have voxels, ascending
 std::vector<LabelId> touchable_structures(const Model& model) {
   const std::vector<std::size_t> voxels = label_counts(*model.labels);
   std::vector<LabelId> touchable;
@@ -69,7 +69,7 @@ class SurfacesNeeded {
       structure.puncture_N = tissue.puncture_N;
       structure.stays_open = tissue.stays_open;
       structure.cutting_energy_mJ_per_mm3 = tissue.cutting_energy_mJ_per_mm3;
-      structure.is_protected = model.cuts() && tissue.protection == Protection::kKeep;
+      structure.is_protected = model.has_burr() && tissue.protection == Protection::kBlock;
       surfaces_.push_back(structure);
     }
     for (const std::vector<LabelId>& group : touching_groups(touchable, touching)) {
@@ -92,8 +92,8 @@ class SurfacesNeeded {
   }
 
   /// The model's surfaces with their geometry. Errors: those of prepare_outer_surfaces.
-  Result<std::vector<ContactSurface>> prepare(const Bricks<LabelId>& labels, const Preparing& preparing,
-                                              const Progress& progress) {
+  Result<std::vector<ContactSurface>> prepare(const Bricks<LabelId>& labels,
+                                              const ModelPreparation& preparing, const Progress& progress) {
     const std::vector<std::vector<LabelId>> all = groups();
     const auto options = touchable_surface_options(model_.tools, labels.geometry());
     if (!options) return options.error();
@@ -172,8 +172,8 @@ class SurfacesNeeded {
     surface.structure = own ? -1 : structure;
     surface.covered_by = covered_by;
     surface.layer = layer;
-    surface.from_N_per_mm = from;
-    surface.to_N_per_mm = to;
+    surface.lower_N_per_mm = from;
+    surface.upper_N_per_mm = to;
     return index;
   }
 
@@ -211,16 +211,16 @@ constexpr double kReportedWithin_mm = 10;
 // structures that a burr must not cut, each with its own surface, whether or not it touches others
 Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
                                                              const std::vector<LabelId>& touchable,
-                                                             const Preparing& preparing,
+                                                             const ModelPreparation& preparing,
                                                              const Progress& progress) {
   std::vector<ProtectedStructure> structures;
-  if (!model.cuts()) return structures;
+  if (!model.has_burr()) return structures;
   std::vector<std::vector<LabelId>> alone;
   for (const LabelId label : touchable) {
     const Protection protection = model.tissue_of(label)->protection;
     if (protection == Protection::kNone) continue;
     alone.push_back({label});
-    structures.push_back({label, nullptr, protection == Protection::kKeep});
+    structures.push_back({label, nullptr, protection == Protection::kBlock});
   }
   if (structures.empty()) return structures;
   auto surfaces = preparing.outer_surfaces(*model.labels, alone, {.reach_mm = kReportedWithin_mm}, progress);
@@ -232,7 +232,8 @@ Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
 }  // namespace
 
 Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
-                                                   const Preparing& preparing, const Progress& progress) {
+                                                   const ModelPreparation& preparing,
+                                                   const Progress& progress) {
   const std::vector<LabelId> touchable = touchable_structures(*model);
   if (touchable.size() > kMaxSurfaces) return too_many(touchable.size(), 0);
   const auto touching = preparing.touching_pairs(*model->labels, touchable, progress);
@@ -249,8 +250,8 @@ Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> 
   more->surfaces = *std::move(surfaces);
   more->label_of_surface = touchable;
   set_strain_stiffening(*more);
-  more->thin_voxels = more->cuts() ? thin_voxels_of(*more) : nullptr;
-  more->density_ratios = more->cuts() ? density_ratios_of(*more) : nullptr;
+  more->thin_voxels = more->has_burr() ? thin_voxels_of(*more) : nullptr;
+  more->density_ratios = more->has_burr() ? density_ratios_of(*more) : nullptr;
   return std::shared_ptr<const Model>(std::move(more));
 }
 
@@ -262,7 +263,8 @@ void set_strain_stiffening(Model& model) {
   }
 }
 
-Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, const Preparing& preparing,
+Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model,
+                                                          const ModelPreparation& preparing,
                                                           const Progress& progress) {
   const std::vector<LabelId> touchable = touchable_structures(model);
   if (touchable.size() > kMaxSurfaces) return too_many(touchable.size(), 0);
@@ -276,12 +278,13 @@ Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model, co
 
 Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,
-                                                  const Preparing& preparing, const Progress& progress) {
+                                                  const ModelPreparation& preparing,
+                                                  const Progress& progress) {
   if (model == nullptr || model->labels == nullptr)
     return Error{ErrorKind::kBadInput, "there is no model to prepare", "model", "make one by make_model()"};
   if (model->is_touchable(model->labels->outside()))
-    return Error{ErrorKind::kBadInput, "what surrounds the volume belongs to a tissue that is felt", "labels",
-                 "let background surround the labels, as label_bricks() does"};
+    return Error{ErrorKind::kBadInput, "the background label belongs to a touchable tissue", "labels",
+                 "surround the labels with background, as label_bricks() does"};
   std::vector<ForceMethod> direct(methods.begin(), methods.end());
   const bool proxy = std::erase(direct, ForceMethod::kProxy) > 0;
   auto ready = with_direct_methods(std::move(model), direct, preparing, progress);
@@ -303,12 +306,14 @@ std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go,
 }
 
 Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model> model,
-                                                    const Preparing& preparing, const Progress& progress) {
+                                                    const ModelPreparation& preparing,
+                                                    const Progress& progress) {
   const std::vector<LabelId> tracked = tracked_structures(model->no_go, model->reported_distances);
   if (tracked.empty() || !model->distances.structures().empty()) return model;
   PALPATE_CHECK(model->carving == nullptr);
 
-  // reuses the proxy's surfaces where they exist, builds others for structures that touch or are not felt
+  // reuses the proxy's surfaces where they exist, builds others for structures that touch or are not
+  // touchable
   std::vector<std::shared_ptr<const Surface>> surfaces(tracked.size());
   std::vector<std::vector<LabelId>> missing;
   for (std::size_t n = 0; n < tracked.size(); ++n) {

@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-TEST(StiffnessLayers, AreOneForEachStiffnessThatAHandTellsApart) {
+TEST(StiffnessLayers, MergeImperceptibleDifferences) {
   EXPECT_TRUE(stiffness_layers({}).empty());
   const auto layers = stiffness_layers({1.5, 0.036, 0.9, 1.45, 0.036});
   ASSERT_EQ(layers.size(), 3u);
@@ -22,7 +22,7 @@ TEST(StiffnessLayers, AreOneForEachStiffnessThatAHandTellsApart) {
   EXPECT_EQ(layers[2].max_N_per_mm, 1.5);
 }
 
-TEST(StiffnessLayers, OfTooManyTheClosestBecomeOne) {
+TEST(StiffnessLayers, MergeTheClosestBeyondTheMaximum) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -49,7 +49,7 @@ TEST(StiffnessLayers, OfTooManyTheClosestBecomeOne) {
   }
 }
 
-TEST(StiffnessLayers, AsManyAsThereIsRoomForAreWithinTheErrorOfOne) {
+TEST(StiffnessLayers, MergingOneLayerStaysWithinItsError) {
   std::vector<double> twelve;
   for (int n = 0; n < kMaxLayers; ++n) twelve.push_back(0.03 * std::pow(1.4, n));
   for (const StiffnessRange& layer : stiffness_layers(twelve)) EXPECT_EQ(layer.error(), 0);

@@ -31,14 +31,14 @@ double reach_mm(const std::vector<Tool>& tools, double slice_mm) {
 
 }  // namespace surface_reach
 
-TEST(SurfaceReach, IsTheUsualOneForToolsOfThreeMillimetresOnFineVoxels) {
+TEST(SurfaceReach, SmallToolsOnFineVoxelsUseTheDefault) {
   for (const double radius_mm : {0.0, 1.5, 3.0})
     for (const double slice_mm : {0.3, 0.8, 1.0})
       EXPECT_EQ(surface_reach::reach_mm({surface_reach::sphere(radius_mm)}, slice_mm),
                 SurfaceOptions().reach_mm);
 }
 
-TEST(SurfaceReach, GrowsWithTheWidestPartOfAnyToolAndWithTheSlices) {
+TEST(SurfaceReach, GrowsWithToolRadiusAndSliceSpacing) {
   using surface_reach::reach_mm, surface_reach::sphere;
   EXPECT_EQ(reach_mm({sphere(3)}, 2.5), 7);
   EXPECT_EQ(reach_mm({sphere(0)}, 5), 9);
@@ -52,11 +52,11 @@ TEST(SurfaceReach, GrowsWithTheWidestPartOfAnyToolAndWithTheSlices) {
   EXPECT_EQ(reach_mm({burr}, 1), 5);
 }
 
-TEST(SurfaceReach, ThickSlicesAreTakenAsFarAsASurfaceReaches) {
+TEST(SurfaceReach, ThickSlicesAreClampedToTheMaximum) {
   EXPECT_EQ(surface_reach::reach_mm({surface_reach::sphere(3)}, 10), kMaxSurfaceReach_mm);
 }
 
-TEST(SurfaceReach, AToolThatIsTooWideForTheSlicesIsRefused) {
+TEST(SurfaceReach, TooWideToolIsRejected) {
   const auto options = touchable_surface_options(std::vector<Tool>{Tool(), surface_reach::sphere(12)},
                                                  surface_reach::grid_of(5));
   ASSERT_FALSE(options.ok());

@@ -5,13 +5,13 @@
 namespace palpate {
 namespace {
 
-TEST(Field, IsFreeSpaceBeforeItHoldsAnything) {
+TEST(Field, DefaultFieldIsFreeSpace) {
   const Field field;
   EXPECT_EQ(sample_value(field, Point<Patient>(0, 0, 0)), 0);
   EXPECT_EQ(sample_central_differences(field, Point<Patient>(0, 0, 0)).gradient, Vector<Patient>());
 }
 
-TEST(Field, KnowsHowItIsStored) {
+TEST(Field, ReportsItsStorage) {
   GridGeometry grid;
   grid.dims = {2, 3, 4};
   EXPECT_EQ(Field(Volume<std::uint8_t>(grid)).bytes_per_voxel(), 1);
@@ -19,7 +19,7 @@ TEST(Field, KnowsHowItIsStored) {
   EXPECT_EQ(Field(Volume<std::uint16_t>(grid)).geometry().dims, grid.dims);
 }
 
-TEST(Field, TransformsAreThoseOfAnObliqueLeftHandedGrid) {
+TEST(Field, TransformsMatchAnObliqueLeftHandedGrid) {
   GridGeometry grid;
   grid.dims = {4, 5, 6};
   grid.spacing_mm = {0.3, 0.7, 1.1};

@@ -47,7 +47,7 @@ double plane_weight(double sigma) {
   return std::exp(-2.5 * 2.5 / (2 * sigma * sigma)) / (sigma * std::sqrt(2 * std::numbers::pi));
 }
 
-TEST(GaussianSphere, FastFormGivesTheLiteralNumbersAnywhere) {
+TEST(GaussianSphere, FastFormEqualsTheLiteralForm) {
   SCOPED_TRACE("seed " + std::to_string(kGaussianSeed));
   std::mt19937 random(kGaussianSeed);
   for (const auto& dims : {std::array{11, 9, 8}, std::array{3, 4, 2}, std::array{1, 1, 1}}) {
@@ -71,7 +71,7 @@ TEST(GaussianSphere, FastFormGivesTheLiteralNumbersAnywhere) {
   }
 }
 
-TEST(GaussianSphere, LiteralFormIsTheFormula) {
+TEST(GaussianSphere, LiteralFormMatchesTheFormula) {
   SCOPED_TRACE("seed " + std::to_string(kGaussianSeed));
   std::mt19937 random(kGaussianSeed);
   for (int kind = 0; kind < 4; ++kind) {
@@ -108,7 +108,7 @@ TEST(GaussianSphere, WeightsDoNotSumToOneAsPublished) {
   EXPECT_EQ(sphere.sample(grid.X_PatientVoxel() * Point<Voxel>(8.2, 8.4, 7.7)).gradient, Vector<Patient>());
 }
 
-TEST(GaussianSphere, JumpsWhereTheWindowMovesAndNowhereElse) {
+TEST(GaussianSphere, JumpsOnlyWhereTheWindowMoves) {
   // along i across a flat wall of all voxels beyond i = 8, at sigma 1
   const GridGeometry grid = test::make_grid({20, 12, 12}, 0);
   Volume<LabelId> wall(grid);
@@ -161,7 +161,7 @@ TEST(GaussianSphere, ForceIsChoppyAlongAPathExactlyAtHalfVoxels) {
   }
 }
 
-TEST(GaussianSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
+TEST(GaussianSphere, IsZeroInFreeSpaceAndAtNonFinitePositions) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
   const GaussianSphere sphere = gaussian_sphere_of({label_bricks(Volume<LabelId>(grid, LabelId{7})), {7}}, 1);
   auto points = test::invalid_points(grid);
@@ -175,7 +175,7 @@ TEST(GaussianSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
   }
 }
 
-TEST(GaussianSphere, RefusesASigmaThatItsVoxelsCannotHold) {
+TEST(GaussianSphere, RejectsASigmaOutOfRange) {
   const LabelVoxels voxels(label_bricks(Volume<LabelId>(test::make_grid({4, 4, 4}, 0))), {1});
   for (const double sigma : {0.0, -1.0, 0.49, 2.01, std::numeric_limits<double>::quiet_NaN()}) {
     const auto sphere = GaussianSphere::make(voxels, sigma);

@@ -35,7 +35,7 @@ void expect_same_bits_everywhere(const Method& method, const std::vector<Point<P
   }
 }
 
-TEST(LabelMethodTargets, AreWhatTheMachineHas) {
+TEST(LabelMethodTargets, CoverAtLeastTwoTargets) {
   std::string names;
   for (const std::int64_t target : test::all_targets()) names += " " + test::target_name(target);
   std::cout << "SIMD targets tested:" << names << "\n";
@@ -63,7 +63,7 @@ TEST(LabelMethodTargets, GiveTheSameBitsForSpheres) {
 
 // Sums of rows within one brick, in several, and across two: a sphere moved by whole voxels together with its
 // labels sums the same voxels in the same order.
-TEST(LabelMethodTargets, GiveTheSameBitsWhereverBricksMeet) {
+TEST(LabelMethodTargets, GiveTheSameBitsForAnyBrickBoundary) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);
   GridGeometry small;

@@ -7,7 +7,7 @@
 namespace palpate {
 namespace {
 
-TEST(LabelSet, HoldsWhatWasInsertedAndNotErased) {
+TEST(LabelSet, ContainsInsertedLabelsUntilErased) {
   std::mt19937 random(11);
   LabelSet set;
   std::set<unsigned> expected;
@@ -37,7 +37,7 @@ TEST(LabelSet, HoldsWhatWasInsertedAndNotErased) {
   EXPECT_EQ(in_runs, expected);
 }
 
-TEST(LabelSet, AllIsOneRunWithoutBackground) {
+TEST(LabelSet, AllIsOneRangeWithoutBackground) {
   const auto ranges = LabelSet::all().ranges();
   ASSERT_EQ(ranges.size(), 1u);
   EXPECT_EQ(ranges[0].first, 1);
@@ -46,11 +46,11 @@ TEST(LabelSet, AllIsOneRunWithoutBackground) {
   EXPECT_TRUE(LabelSet().ranges().empty());
 }
 
-TEST(LabelSetDeathTest, RefusesBackground) {
+TEST(LabelSetDeathTest, RejectsBackground) {
   EXPECT_DEATH(LabelSet{0}, "check 'id != 0' failed");
 }
 
-TEST(LabelVoxels, AreMembersInLabelsAndMaskAlike) {
+TEST(LabelVoxels, MembershipIsEqualInLabelsAndMask) {
   std::mt19937 random(5);
   const GridGeometry grid = test::make_grid({9, 7, 5}, 3);
   const auto labels = internal::random_labels(grid, random);

@@ -27,7 +27,7 @@ double angle_degrees(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
 }
 
-TEST(Octahedral, EveryCodeIsADirectionThatReturnsToIt) {
+TEST(Octahedral, EveryCodeRoundTrips) {
   for (int a = -127; a <= 127; ++a) {
     for (int b = -127; b <= 127; ++b) {
       const Eigen::Vector3d n = decode_octahedral({a, b}, 127);
@@ -39,7 +39,7 @@ TEST(Octahedral, EveryCodeIsADirectionThatReturnsToIt) {
   }
 }
 
-TEST(Octahedral, CodeIsTheNearestOfAll) {
+TEST(Octahedral, EncodesTheNearestDirection) {
   SCOPED_TRACE("seed " + std::to_string(kOctahedralSeed));
   std::mt19937 random(kOctahedralSeed);
   const int levels = 15;
@@ -69,7 +69,7 @@ TEST(Octahedral, AxesAreExact) {
   }
 }
 
-TEST(StoredNormal, ErrorsAreInTheRatiosThatTheEncodingsPromise) {
+TEST(StoredNormal, ErrorsMatchTheDocumentedRatios) {
   SCOPED_TRACE("seed " + std::to_string(kOctahedralSeed));
   std::mt19937 random(kOctahedralSeed);
   const auto mean_error = [&](NormalEncoding encoding) {
@@ -93,7 +93,7 @@ TEST(StoredNormal, ErrorsAreInTheRatiosThatTheEncodingsPromise) {
   EXPECT_EQ(3 * normal_bytes(NormalEncoding::kOctahedral16), 2 * normal_bytes(NormalEncoding::kBytes));
 }
 
-TEST(StoredNormal, NoneStaysNone) {
+TEST(StoredNormal, ZeroVectorStaysZero) {
   for (const auto encoding :
        {NormalEncoding::kBytes, NormalEncoding::kOctahedral16, NormalEncoding::kOctahedral24}) {
     EXPECT_EQ(stored_normal(Vector<Patient>(), encoding), Vector<Patient>());

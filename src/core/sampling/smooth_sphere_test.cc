@@ -15,7 +15,7 @@ SmoothSphere smooth_sphere_of(const LabelVoxels& voxels, double sigma_mm) {
   return SmoothSphere::make(voxels, sigma_mm).value();
 }
 
-TEST(SmoothSphere, VectorFormGivesTheLiteralNumbersAnywhere) {
+TEST(SmoothSphere, VectorFormEqualsTheLiteralForm) {
   SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
   std::mt19937 random(kSmoothSeed);
   for (const auto& dims : {std::array{19, 9, 8}, std::array{3, 4, 2}, std::array{1, 1, 1}}) {
@@ -38,7 +38,7 @@ TEST(SmoothSphere, VectorFormGivesTheLiteralNumbersAnywhere) {
   }
 }
 
-TEST(SmoothSphere, GivesTheLiteralNumbersForAKernelOfManyVectors) {
+TEST(SmoothSphere, LargeKernelEqualsTheLiteralForm) {
   std::mt19937 random(kSmoothSeed);
   GridGeometry grid = test::make_grid({90, 12, 9}, 0);
   grid.spacing_mm = {0.1, 0.9, 1.3};
@@ -72,7 +72,7 @@ TEST(SmoothSphere, GradientIsTheDerivativePerMillimetreInThePatientFrame) {
   }
 }
 
-TEST(SmoothSphere, IsExactlyFlatWhereAllVoxelsWithinReachAreEqual) {
+TEST(SmoothSphere, IsExactlyFlatWithinUniformVoxels) {
   SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
   std::mt19937 random(kSmoothSeed);
   for (int kind = 0; kind < 4; ++kind) {
@@ -162,7 +162,7 @@ TEST(SmoothSphere, FlatWallHasTheDocumentedSlope) {
   }
 }
 
-TEST(SmoothSphere, DoesNotJumpWhereItsWindowMoves) {
+TEST(SmoothSphere, IsContinuousWhereTheWindowMoves) {
   SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
   std::mt19937 random(kSmoothSeed);
   const GridGeometry grid = test::make_grid({20, 20, 20}, 0);
@@ -178,7 +178,7 @@ TEST(SmoothSphere, DoesNotJumpWhereItsWindowMoves) {
   }
 }
 
-TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
+TEST(SmoothSphere, ForceIsSmoothAtTheRecommendedRadius) {
   SCOPED_TRACE("seed " + std::to_string(kSmoothSeed));
   std::mt19937 random(kSmoothSeed);
   GridGeometry grid = test::make_grid({90, 90, 64}, 0);
@@ -203,7 +203,7 @@ TEST(SmoothSphere, ForceIsSmoothAtTheRadiusOfTheRule) {
   EXPECT_GT(of_smallest.quantile(0.99), 1);
 }
 
-TEST(SmoothSphere, FeelsNothingInFreeSpaceNorWhereThereIsNoPlace) {
+TEST(SmoothSphere, IsZeroInFreeSpaceAndAtNonFinitePositions) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
   const SmoothSphere sphere = smooth_sphere_of({label_bricks(Volume<LabelId>(grid, LabelId{7})), {7}}, 0.5);
   auto points = test::invalid_points(grid);

@@ -28,7 +28,7 @@ test::SumOf64 oracle_of(const SplineField& field) {
 
 // ---- prefilter -----------------------------------------------------------------------------------------
 
-TEST(SplinePrefilter, GivesBackTheValuesWhenTheSplineIsSampled) {
+TEST(SplinePrefilter, SplineOfCoefficientsReproducesTheValues) {
   // (c[k-1] + 4 c[k] + c[k+1]) / 6 along every axis, with 0 beyond the ends
   std::mt19937 random(test::kSeed);
   for (const auto& dims :
@@ -52,7 +52,7 @@ TEST(SplinePrefilter, GivesBackTheValuesWhenTheSplineIsSampled) {
   }
 }
 
-TEST(SplinePrefilter, GivesTheSameBitsForAnyNumberOfThreads) {
+TEST(SplinePrefilter, IsBitIdenticalForAnyNumberOfThreads) {
   std::mt19937 random(test::kSeed);
   const auto values = random_values(make_grid({30, 19, 23}, 0), random);
   auto alone = values;
@@ -64,7 +64,7 @@ TEST(SplinePrefilter, GivesTheSameBitsForAnyNumberOfThreads) {
   }
 }
 
-TEST(SplinePrefilter, IsDoneWhereNoThreadIsToBeHad) {
+TEST(SplinePrefilter, WorksWithoutThreads) {
   std::mt19937 random(test::kSeed);
   auto alone = random_values(make_grid({30, 19, 23}, 0), random), refused = alone;
   internal::spline_prefilter(alone, 1);
@@ -106,7 +106,7 @@ TEST(Spline, PassesThroughItsVoxels) {
   }
 }
 
-TEST(Spline, EqualsTheSumOf64AnywhereOnAnyGrid) {
+TEST(Spline, EqualsTheSumOf64TermsOnAnyGrid) {
   SCOPED_TRACE("seed " + std::to_string(test::kSeed));
   std::mt19937 random(test::kSeed);
   for (const auto& dims : {std::array{9, 7, 8}, std::array{4, 4, 4}, std::array{2, 3, 2}, std::array{1, 6, 1},
@@ -127,7 +127,7 @@ TEST(Spline, EqualsTheSumOf64AnywhereOnAnyGrid) {
   }
 }
 
-TEST(Spline, EqualsTheSumOf64OnEveryFaceEdgeAndCorner) {
+TEST(Spline, EqualsTheSumOf64TermsOnEveryFaceEdgeAndCorner) {
   // a grid with exactly representable points, because the gradient is discontinuous one voxel outside
   std::mt19937 random(test::kSeed);
   const auto values = random_values(make_grid({5, 6, 4}, 0), random);
@@ -140,7 +140,7 @@ TEST(Spline, EqualsTheSumOf64OnEveryFaceEdgeAndCorner) {
   }
 }
 
-TEST(Spline, ReachesTheValueOutsideOneVoxelBeyondTheGridWithoutAJump) {
+TEST(Spline, BlendsToTheOutsideValueOneVoxelBeyondTheGrid) {
   std::mt19937 random(test::kSeed);
   const auto values = random_values(make_grid({6, 5, 7}, 1), random);
   const SplineField field(values, {.storage = SplineStorage::kFloat, .outside = 3});
@@ -154,7 +154,7 @@ TEST(Spline, ReachesTheValueOutsideOneVoxelBeyondTheGridWithoutAJump) {
   }
 }
 
-TEST(Spline, HasAGradientThatIsTheDerivativeOfItsValue) {
+TEST(Spline, GradientIsTheDerivativeOfTheValue) {
   std::mt19937 random(test::kSeed);
   const auto values = random_values(make_grid({9, 8, 7}, 3), random);
   const SplineField field(values, {.storage = SplineStorage::kFloat});
@@ -199,7 +199,7 @@ TEST(Spline, ReproducesACubicPolynomialAwayFromTheBorder) {
   }
 }
 
-TEST(Spline, IsThatOfTheFieldsItIsMadeFrom) {
+TEST(Spline, MatchesItsSourceField) {
   std::mt19937 random(test::kSeed);
   const GridGeometry grid = make_grid({6, 7, 8}, 2);
   const Field bytes(test::random_volume<std::uint8_t>(grid, random));
@@ -220,14 +220,14 @@ TEST(Spline, IsThatOfTheFieldsItIsMadeFrom) {
   }
 }
 
-TEST(Spline, OfNothingIsNothing) {
+TEST(Spline, DefaultSplineIsZeroAndUniformIsFlat) {
   const SplineField nothing;
   EXPECT_EQ(sample_spline(nothing, Point<Patient>(0, 0, 0)).value, 0);
   const SplineField flat(Volume<float>(make_grid({3, 3, 3}, 0), 2.f), {.outside = 2});
   EXPECT_EQ(sample_spline(flat, flat.geometry().centre()).value, 2);
 }
 
-TEST(Spline, KnowsHowItIsStored) {
+TEST(Spline, ReportsItsStorage) {
   const Volume<float> values(make_grid({2, 3, 4}, 0));
   EXPECT_EQ(SplineField(values).bytes_per_voxel(), 2);
   EXPECT_EQ(SplineField(values, {.storage = SplineStorage::kFloat}).bytes_per_voxel(), 4);

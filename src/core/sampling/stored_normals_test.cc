@@ -29,7 +29,7 @@ Volume<T> random_ramp(const GridGeometry& grid, std::mt19937& random) {
   return ramp;
 }
 
-TEST(StoredNormals, VectorFormGivesTheLiteralNumbersAnywhere) {
+TEST(StoredNormals, VectorFormEqualsTheLiteralForm) {
   SCOPED_TRACE("seed " + std::to_string(kNormalsSeed));
   std::mt19937 random(kNormalsSeed);
   for (const auto& dims : {std::array{9, 8, 7}, std::array{1, 3, 2}, std::array{1, 1, 1}}) {
@@ -50,7 +50,7 @@ TEST(StoredNormals, VectorFormGivesTheLiteralNumbersAnywhere) {
   }
 }
 
-TEST(StoredNormals, AreWeighedByInverseDistanceAsPublished) {
+TEST(StoredNormals, AreWeightedByInverseDistanceAsPublished) {
   // by hand: one corner of the cell is full with a normal along x, the others are empty
   GridGeometry grid;
   grid.dims = {2, 2, 2};
@@ -126,7 +126,7 @@ TEST(StoredNormals, BytesFlattenASurfaceThatRunsNearlyParallelToAnAxis) {
   EXPECT_GE(steps(NormalEncoding::kOctahedral24), 180u);
 }
 
-TEST(StoredNormals, CountTheirStorage) {
+TEST(StoredNormals, ReportTheirStorage) {
   std::mt19937 random(kNormalsSeed);
   const auto ramp = random_ramp<std::uint8_t>(test::make_grid({10, 6, 5}, 1), random);
   const auto occupied =
@@ -143,7 +143,7 @@ TEST(StoredNormals, CountTheirStorage) {
   }
 }
 
-TEST(StoredNormals, FeelNothingInFreeSpaceNorWhereThereIsNoPlace) {
+TEST(StoredNormals, AreZeroInFreeSpaceAndAtNonFinitePositions) {
   const GridGeometry grid = test::make_grid({6, 5, 4}, 2);
   auto points = test::invalid_points(grid);
   points.push_back(grid.X_PatientVoxel() * Point<Voxel>(-1.01, 2, 2));

@@ -67,14 +67,14 @@ Surface::Surface(SignedField position, SignedField normal, double max_gradient)
       normal_(std::move(normal)) {
   const Bricks<std::int16_t>& bricks = position_.bricks();
   const std::array<int, 3>& counts = bricks.counts();
-  least_.resize(8 * static_cast<std::size_t>(counts[0]) * static_cast<std::size_t>(counts[1]) *
-                static_cast<std::size_t>(counts[2]));
+  block_minima_.resize(8 * static_cast<std::size_t>(counts[0]) * static_cast<std::size_t>(counts[1]) *
+                       static_cast<std::size_t>(counts[2]));
   Voxels different{position_.geometry().dims, {-1, -1, -1}};
   std::size_t brick = 0;
   for (int c = 0; c < counts[2]; ++c) {
     for (int b = 0; b < counts[1]; ++b) {
       for (int a = 0; a < counts[0]; ++a, ++brick) {
-        find_least(brick);
+        update_block_minimum(brick);
         find_different(bricks, brick, {a, b, c}, different.first, different.last);
       }
     }
@@ -82,7 +82,7 @@ Surface::Surface(SignedField position, SignedField normal, double max_gradient)
   constexpr double kFar = std::numeric_limits<double>::infinity();
   low_.setConstant(kFar);
   high_.setConstant(-kFar);
-  reach_around(different);
+  extend_bounds(different);
   hash_content();
 }
 
@@ -94,22 +94,22 @@ Surface Surface::with(const PatchOf<std::int16_t>& position, const PatchOf<std::
   now.normal_ = normal_.with(normal);
   const Bricks<std::int16_t>& before = position_.bricks();
   const Bricks<std::int16_t>& after = now.position_.bricks();
-  for (std::size_t brick = 0; brick < least_.size() / 8; ++brick)
-    if (after.brick(brick) != before.brick(brick)) now.find_least(brick);
+  for (std::size_t brick = 0; brick < block_minima_.size() / 8; ++brick)
+    if (after.brick(brick) != before.brick(brick)) now.update_block_minimum(brick);
   if (!position.values.empty()) {
     Voxels changed;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       changed.first[axis] = position.box.first[axis];
       changed.last[axis] = changed.first[axis] + position.box.size[axis] - 1;
     }
-    now.reach_around(changed);
+    now.extend_bounds(changed);
   }
   now.hash_content();
   return now;
 }
 
 /// Extends the bounding box by the cells that touch a range of voxels.
-void Surface::reach_around(const Voxels& different) {
+void Surface::extend_bounds(const Voxels& different) {
   // margin for rounding
   constexpr double kRounding_mm = 1e-6;
   const auto X_PatientVoxel = position_.geometry().X_PatientVoxel();
@@ -123,10 +123,10 @@ void Surface::reach_around(const Voxels& different) {
   }
 }
 
-void Surface::find_least(std::size_t brick) {
+void Surface::update_block_minimum(std::size_t brick) {
   const Bricks<std::int16_t>& bricks = position_.bricks();
   const std::int16_t outside = position_.steps().outside;
-  std::int16_t* const least = &least_[8 * brick];
+  std::int16_t* const least = &block_minima_[8 * brick];
   const std::int16_t* const voxels = bricks.brick(brick);
   if (bricks.is_uniform(brick)) {
     std::fill_n(least, 8, std::min(outside, voxels[0]));
@@ -173,7 +173,7 @@ double Surface::lower_bound_mm(const Point<Patient>& x) const {
       4 * half(2) + 2 * half(1) + half(0);
   // margin for rounding by the interpolation
   constexpr double kRounding_mm = 1e-9;
-  return position_.steps().offset + position_.steps().scale * least_[block] - kRounding_mm;
+  return position_.steps().offset + position_.steps().scale * block_minima_[block] - kRounding_mm;
 }
 
 }  // namespace palpate

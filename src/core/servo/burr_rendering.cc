@@ -23,7 +23,7 @@ bool is_material(const std::vector<ContactSurface>& surfaces, const ProxyLayer& 
   for (std::size_t s = 0; s < surfaces.size() && !inside; ++s) {
     const ContactSurface& surface = surfaces[s];
     if (surface.layer != number || surface.surface == nullptr || layer.punctured[s]) continue;
-    inside = !surface.surface->is_beyond(at, 0) && surface.surface->distance_mm(at) < 0;
+    inside = !surface.surface->is_farther_than(at, 0) && surface.surface->distance_mm(at) < 0;
   }
   if (!inside) return false;
   for (const Sweep& sweep : burr.pending())
@@ -33,12 +33,12 @@ bool is_material(const std::vector<ContactSurface>& surfaces, const ProxyLayer& 
 
 // Foremost point of a head in a direction; the first ball's centre is at `at`.
 Point<Patient> foremost(const ToolSphere& head, const Point<Patient>& at, const Vector<Patient>& ahead) {
-  const double end = head.along_mm.dot(ahead) + head.widens_mm > 0 ? 1 : 0;
-  return at + head.along_mm * end + ahead * head.radius_at_mm(end);
+  const double end = head.axis_mm.dot(ahead) + head.radius_change_mm > 0 ? 1 : 0;
+  return at + head.axis_mm * end + ahead * head.radius_at_mm(end);
 }
 
-// direction in which the hand presses the head, unit; zero without contact
-Vector<Patient> push_of(const SessionState::DeviceSession& session) {
+// direction in which the operator presses the head, unit; zero without contact
+Vector<Patient> press_direction_of(const SessionState::DeviceSession& session) {
   const ProxyLayer& layer = session.proxy.layer(std::max(session.burr.layer, 0));
   const Vector<Patient> pressed_mm = session.proxy.tip - layer.position;
   const double length_mm = pressed_mm.norm();
@@ -46,26 +46,26 @@ Vector<Patient> push_of(const SessionState::DeviceSession& session) {
 }
 
 // Updates whether a burr is about to break through: material is directly ahead of the head's foremost point,
-// and ends within free_mm. Returns whether that material ended in this tick, while the hand pressed.
+// and ends within free_mm. Returns whether that material ended in this tick under pressure.
 bool breaks_through(const std::vector<ContactSurface>& surfaces, const ToolSphere& head,
-                    const BurrBefore& before, SessionState::DeviceSession& session) {
+                    const BurrSnapshot& before, SessionState::DeviceSession& session) {
   const BurrState& burr = session.burr;
   const int number = std::max(burr.layer, 0);
   const ProxyLayer& layer = session.proxy.layer(number);
-  Vector<Patient> push = push_of(session);
-  if (push == Vector<Patient>()) push = before.push;
-  // a hand that withdraws leaves its own pocket
-  const bool advances = (layer.position - before.at).dot(push) >= -kCuttingSettings.at_rest_mm;
+  Vector<Patient> press_direction = press_direction_of(session);
+  if (press_direction == Vector<Patient>()) press_direction = before.press_direction;
+  // a withdrawing head leaves the cavity that it has cut
+  const bool advances = (layer.position - before.at).dot(press_direction) >= -kCuttingSettings.at_rest_mm;
   const bool pressed = before.front_mm2 > 0 && before.pressed_N >= kRendering.min_press_N;
   const bool was_thin = std::exchange(session.burr_rendering.is_wall_thin, false);
-  if (push == Vector<Patient>() || !advances || !pressed) return false;
-  const Point<Patient> foot = foremost(head, layer.position, push);
+  if (press_direction == Vector<Patient>() || !advances || !pressed) return false;
+  const Point<Patient> foot = foremost(head, layer.position, press_direction);
   const auto is_material_at = [&](double ahead_mm) {
-    return is_material(surfaces, layer, number, burr, foot + push * ahead_mm);
+    return is_material(surfaces, layer, number, burr, foot + press_direction * ahead_mm);
   };
   const double lookahead_mm = kCuttingSettings.lookahead_mm;
   const bool touches = is_material_at(lookahead_mm);
-  // without a thin wall nothing can end
+  // a break-through requires that the material ahead was thin
   if (!touches && !was_thin) return false;
   const int samples = static_cast<int>(std::floor(kRendering.free_mm / kRendering.free_step_mm));
   int material = 0;
@@ -79,7 +79,7 @@ bool breaks_through(const std::vector<ContactSurface>& surfaces, const ToolSpher
 Vector<World> rolling_direction(const TickContext& tick, const DeviceContext& context,
                                 const Vector<World>& force_N, double& sine) {
   const Vector<Patient> spindle = context.in_patient(tick, context.tool.burr->spindle);
-  // seen from the handle the head turns clockwise
+  // the head rotates clockwise when viewed from the handle
   const Vector<World> rotation = tick.X_WorldPatient * (spindle * -1.0);
   const Vector<World> across = rotation.cross(force_N.normalized());
   sine = across.norm();
@@ -118,9 +118,9 @@ double bone_rise_K(double rise_K, double radius_mm, double work_mJ, double dt_s)
   return std::max(0.0, rise_K * std::exp(-dt_s / time_s) + heated_K);
 }
 
-BurrBefore before_cutting(const SessionState::DeviceSession& session) {
+BurrSnapshot burr_snapshot(const SessionState::DeviceSession& session) {
   const BurrState& burr = session.burr;
-  return {session.proxy.layer(std::max(burr.layer, 0)).position, push_of(session), burr.front_mm2,
+  return {session.proxy.layer(std::max(burr.layer, 0)).position, press_direction_of(session), burr.front_mm2,
           burr.pressed_N, burr.work_mJ};
 }
 
@@ -152,7 +152,7 @@ void render_burr(const TickContext& tick, const DeviceContext& context, const Bu
   // temperature
   if (!settings.irrigation) {
     const double work_mJ = std::max(0.0, burr.work_mJ - conditions.before.work_mJ);
-    state.bone_rise_K = bone_rise_K(state.bone_rise_K, head.widest_mm(), work_mJ, dt_s);
+    state.bone_rise_K = bone_rise_K(state.bone_rise_K, head.max_radius_mm(), work_mJ, dt_s);
     out.bone_rise_K = state.bone_rise_K;
   }
 
@@ -170,8 +170,9 @@ void render_burr(const TickContext& tick, const DeviceContext& context, const Bu
   const Vector<World>& contact_N = contact.requested.force_N;
   const double force_N = contact_N.norm();
   if (!(force_N > 0) || !std::isfinite(force_N)) return;
-  const DeviceParameters& own = context.device;
-  const double step_mm = own.position_step_mm > 0 ? own.position_step_mm : kPassivitySettings.default_step_mm;
+  const DeviceParameters& device = context.device;
+  const double step_mm =
+      device.position_step_mm > 0 ? device.position_step_mm : kPassivitySettings.default_step_mm;
   double allowed_N = std::max(0.0, conditions.limit_N - force_N);
   allowed_N = std::min(allowed_N, std::max(0.0, session.passivity.energy_mJ) / (2 * step_mm));
   const auto limited = [&](double wanted_N, double max_N) {
@@ -183,10 +184,10 @@ void render_burr(const TickContext& tick, const DeviceContext& context, const Bu
   double sine = 0;
   const Vector<World> along = rolling_direction(tick, context, contact_N, sine);
   out.vibration_hz = state.frequency_hz;
-  out.vibration_N = limited(own.force_gain * vibration_amplitude_N(settings, burr, state.frequency_hz),
+  out.vibration_N = limited(device.force_gain * vibration_amplitude_N(settings, burr, state.frequency_hz),
                             kRendering.max_vibration_N);
   out.kick_N =
-      limited(own.force_gain * settings.grip * sine * (pressed_N - state.mean_N), kRendering.max_kick_N);
+      limited(device.force_gain * settings.grip * sine * (pressed_N - state.mean_N), kRendering.max_kick_N);
   const double wave = std::sin(2 * std::numbers::pi * state.phase);
   contact.requested.force_N += along * (out.vibration_N * wave + out.kick_N);
 }

@@ -93,7 +93,7 @@ struct Drilling {
   }
 };
 
-TEST(BurrVibration, FrequencyIsThatOfTheEdgesInTheBandOrElseOfTheRotation) {
+TEST(BurrVibration, FrequencyFollowsTheEdgesWithinTheBandOrTheRotation) {
   EXPECT_NEAR(vibration_hz(burr_of(2500, 2), 1e-3), 2 * 2500 / 60.0, 1e-12);
   EXPECT_NEAR(vibration_hz(burr_of(1500, 8), 1e-3), 200, 1e-12) << "at the band's end";
   EXPECT_NEAR(vibration_hz(burr_of(9000, 8), 1e-3), 150, 1e-12) << "a revolution";
@@ -218,7 +218,7 @@ TEST(BurrVibration, IsOffByDefaultAndDoesNotChangeTheCut) {
   }
 }
 
-TEST(BurrVibration, StaysWithinTheForceThatTheLimitLeaves) {
+TEST(BurrVibration, StaysWithinTheRemainingForceLimit) {
   for (const double limit_N : {0.2, 0.5, 1.0}) {
     Drilling drilling;
     drilling.max_force_N = limit_N;
@@ -238,7 +238,7 @@ TEST(BurrVibration, StaysWithinTheForceThatTheLimitLeaves) {
   }
 }
 
-TEST(BurrVibration, AContactThatOwesEnergyGetsNone) {
+TEST(BurrVibration, IsZeroWhileTheEnergyIsNegative) {
   GuidedSession guided;
   guided.parameters.vibration = true;
   guided.lead_to(guided.above(0.2), 100);
@@ -250,7 +250,7 @@ TEST(BurrVibration, AContactThatOwesEnergyGetsNone) {
   EXPECT_EQ(guided.record.device[0].kick_N, 0);
 }
 
-TEST(BurrKick, RollsTheHeadClockwiseSeenFromTheHandle) {
+TEST(BurrKick, RollsTheHeadClockwiseViewedFromTheHandle) {
   // the spindle points along x: on top of the ball the head rolls along y, with its sign
   for (const double sign : {1.0, -1.0}) {
     Drilling drilling;
@@ -270,7 +270,7 @@ TEST(BurrKick, RollsTheHeadClockwiseSeenFromTheHandle) {
   }
 }
 
-TEST(BurrKick, ThereIsLittleAlongTheSpindle) {
+TEST(BurrKick, IsSmallAlongTheSpindle) {
   const auto largest_N = [](const Eigen::Vector3d& spindle) {
     Drilling drilling;
     drilling.burr.spindle = spindle;
@@ -335,7 +335,7 @@ TEST(BurrBreakThrough, IsNotReportedInSolidBoneNorWhenTheHandWithdraws) {
   }
 }
 
-TEST(BurrHeat, ApproachesThatOfASteadySourceAtEveryTickRate) {
+TEST(BurrHeat, ApproachesTheSteadySourceAtEveryTickRate) {
   constexpr double kPower_mW = 1000, kRadius_mm = 2;
   // a hemisphere on a half-space: P / (2 pi k r)
   const double steady_K = 0.1 * kPower_mW / (2 * std::numbers::pi * 0.54 * kRadius_mm);

@@ -13,7 +13,7 @@
 #include "palpate/servo/servo.h"
 #include "palpate/tissue/bone_density.h"
 #include "palpate/tissue/carving.h"
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 #include "servo/test_guided_burr.h"
 
 /// Tests of a burr in the complete tick.
@@ -27,7 +27,7 @@ using testing::kBoneRadius_mm;
 using testing::kBurrRadius_mm;
 using testing::kBurrTick_s;
 
-TEST(BurrTick, AMotorThatIsOffLeavesABall) {
+TEST(BurrTick, StoppedBurrEqualsABallTool) {
   GuidedSession off, ball;
   off.parameters.motor = false;
   Model without = *ball.model;
@@ -41,10 +41,10 @@ TEST(BurrTick, AMotorThatIsOffLeavesABall) {
     ASSERT_EQ(off.record.device[0].label, ball.record.device[0].label);
   }
   EXPECT_GT(off.wrench.force_N.norm(), 1);
-  EXPECT_EQ(off.burr().sweeps, 0);
+  EXPECT_EQ(off.burr().sweep_count, 0);
 }
 
-TEST(BurrTick, WhatItCutsIsGoneInTheSameTickAndStaysGoneInTheNextVersion) {
+TEST(BurrTick, RemovedMaterialIsAbsentFromTheSameTickOn) {
   GuidedSession guided;
   guided.lead_to(guided.above(0.2), 100);
   guided.lead_to(guided.above(-1), 50);
@@ -71,7 +71,7 @@ TEST(BurrTick, WhatItCutsIsGoneInTheSameTickAndStaysGoneInTheNextVersion) {
   EXPECT_LT(edit_N, tick_N + 0.01);
   EXPECT_GT(guided.burr().removed_mm3, 1);
   const Point<Patient> proxy = guided.state.device[0].proxy.position;
-  EXPECT_LT(guided.model->surfaces[0].made->distance_mm(proxy), kBurrRadius_mm - 0.3);
+  EXPECT_LT(guided.model->surfaces[0].original_surface->distance_mm(proxy), kBurrRadius_mm - 0.3);
 }
 
 // stuck by friction on one side of the ball, while the other side is changed every tenth tick
@@ -98,21 +98,21 @@ void expect_not_rendered(const std::function<void(GuidedSession&, int)>& change)
   EXPECT_TRUE(alone.state.device[0].proxy.sticking);
 }
 
-TEST(BurrTick, AnEditElsewhereIsNotFelt) {
+TEST(BurrTick, DistantEditDoesNotChangeTheForce) {
   expect_not_rendered([](GuidedSession& guided, int n) {
     guided.carving =
         guided.carving->with(std::vector<Cut>{{1, {{-3.0 + 0.5 * n, 0, -16}, {-2.0 + 0.5 * n, 0, -16}, 2}}});
   });
 }
 
-TEST(BurrTick, AnUndoElsewhereIsNotFelt) {
+TEST(BurrTick, DistantUndoDoesNotChangeTheForce) {
   expect_not_rendered([](GuidedSession& guided, int n) {
     const std::vector<Cut> cut{{1, {{-3, 0, -16}, {3, 0, -16}, 2}}};
     guided.carving = n % 20 == 0 ? guided.carving->with(cut) : guided.carving->undone();
   });
 }
 
-TEST(BurrTick, WhatWasGoneThroughStaysSoWhileItsSurfaceIsCutElsewhere) {
+TEST(BurrTick, PuncturesPersistWhileTheSurfaceIsCutElsewhere) {
   // a shell on the bone, with a common surface, which the tip punctures
   Model model = testing::as_one_body(testing::ball_model({1, 1, 1}, 1.0, 3), 3);
   model.surfaces[1].puncture_N = 0.5;
@@ -143,7 +143,7 @@ TEST(BurrTick, WhatWasGoneThroughStaysSoWhileItsSurfaceIsCutElsewhere) {
   }
 }
 
-TEST(BurrTick, ThePedalRunsTheMotorAndNothingRunsItWithoutForce) {
+TEST(BurrTick, PedalRunsTheMotorOnlyWhileForceIsRendered) {
   const auto cuts = [](GuidedSession& guided) {
     guided.lead_to(guided.above(0.2), 50);
     const double before_mm3 = guided.burr().removed_mm3;
@@ -176,7 +176,7 @@ TEST(BurrTick, ThePedalRunsTheMotorAndNothingRunsItWithoutForce) {
   EXPECT_FALSE(cuts(clutched));
 }
 
-TEST(BurrTick, NothingIsCutWithAForceGainOfZero) {
+TEST(BurrTick, ZeroForceGainCutsNothing) {
   for (const double max_force_N : {10.0, 0.0}) {
     GuidedSession guided;
     guided.parameters.device[0].force_gain = 0;
@@ -189,11 +189,12 @@ TEST(BurrTick, NothingIsCutWithAForceGainOfZero) {
   }
 }
 
-TEST(BurrTick, WhatWasSweptBeforeAJumpIsStillCarved) {
+TEST(BurrTick, SweepsBeforeAJumpAreCarved) {
   GuidedSession guided;
   guided.lead_to(guided.above(0.2), 50);
   guided.lead_to(guided.above(-1), 60);
-  const std::uint64_t swept = guided.burr().first + static_cast<std::uint64_t>(guided.burr().sweeps);
+  const std::uint64_t swept =
+      guided.burr().first_sweep + static_cast<std::uint64_t>(guided.burr().sweep_count);
   ASSERT_GT(swept, 0u);
   guided.device.tip = guided.above(30);
   guided.tick_once();
@@ -203,11 +204,11 @@ TEST(BurrTick, WhatWasSweptBeforeAJumpIsStillCarved) {
   EXPECT_TRUE(guided.carve());
   EXPECT_EQ(guided.model->version, version + 1);
   guided.tick_once();
-  EXPECT_EQ(guided.burr().sweeps, 0);
-  EXPECT_EQ(guided.burr().first, swept);
+  EXPECT_EQ(guided.burr().sweep_count, 0);
+  EXPECT_EQ(guided.burr().first_sweep, swept);
 }
 
-TEST(BurrTick, AStrokeIsFromTheMotorsStartToItsStop) {
+TEST(BurrTick, StrokeLastsFromMotorStartToStop) {
   GuidedSession guided;
   const auto press = [&](bool motor, double x_mm) {
     guided.parameters.motor = motor;
@@ -216,7 +217,8 @@ TEST(BurrTick, AStrokeIsFromTheMotorsStartToItsStop) {
   };
   press(true, 0);
   EXPECT_EQ(guided.state.strokes, 1u);
-  const std::uint64_t first = guided.burr().first + static_cast<std::uint64_t>(guided.burr().sweeps);
+  const std::uint64_t first =
+      guided.burr().first_sweep + static_cast<std::uint64_t>(guided.burr().sweep_count);
   // the last sweep is finished without delay, in the tick in which the motor stops
   guided.parameters.motor = false;
   guided.tick_once();
@@ -228,7 +230,7 @@ TEST(BurrTick, AStrokeIsFromTheMotorsStartToItsStop) {
   EXPECT_EQ(guided.state.strokes, 1u);
   press(true, 6);
   EXPECT_EQ(guided.state.strokes, 2u);
-  ASSERT_GT(guided.burr().sweeps, 0);
+  ASSERT_GT(guided.burr().sweep_count, 0);
   for (const Sweep& sweep : guided.burr().pending()) EXPECT_EQ(sweep.stroke, 2u);
   guided.carve();
   EXPECT_EQ(guided.carving->strokes_to_undo(), 2u);
@@ -250,7 +252,7 @@ void drill(GuidedSession& guided, double deep_mm) {
   ASSERT_TRUE(guided.state.device[0].proxy.coupled);
 }
 
-TEST(BurrTick, InAShallowHoleThatIsPutBackItStays) {
+TEST(BurrTick, BurrStaysInContactWhenAShallowHoleIsRestored) {
   GuidedSession guided;
   drill(guided, 1.2);
   guided.carving = guided.carving->undone();
@@ -266,7 +268,7 @@ TEST(BurrTick, InAShallowHoleThatIsPutBackItStays) {
   EXPECT_NEAR(guided.model->surfaces[0].surface->distance_mm(proxy), kBurrRadius_mm, 0.05);
 }
 
-TEST(BurrTick, WhatIsPutBackAroundItLetsItGoSmoothly) {
+TEST(BurrTick, MaterialRestoredAroundTheBurrFadesItsForceOut) {
   GuidedSession guided;
   drill(guided, 3);
   guided.carving = guided.carving->undone();
@@ -279,9 +281,9 @@ TEST(BurrTick, WhatIsPutBackAroundItLetsItGoSmoothly) {
     passed_N = std::max(passed_N, now_N - last_N);
     last_N = now_N;
   }
-  EXPECT_EQ(last_N, 0) << "nobody knows on which side it is";
+  EXPECT_EQ(last_N, 0) << "the free side of the surface is unknown";
   EXPECT_NE(guided.record.device[0].flags & kFlagInside, 0u);
-  EXPECT_LE(passed_N, 0) << "nothing throws it out";
+  EXPECT_LE(passed_N, 0) << "no outward force impulse";
   EXPECT_LT(max_step_N, 0.05);
   // swept material is carved: the burr can be retracted and cuts again
   guided.lead_to(guided.above(1), 100);
@@ -289,10 +291,10 @@ TEST(BurrTick, WhatIsPutBackAroundItLetsItGoSmoothly) {
   guided.parameters.motor = true;
   guided.lead_to(guided.above(-1), 200);
   EXPECT_GT(guided.wrench.force_N.norm(), 0.1);
-  EXPECT_GT(guided.burr().sweeps, 0);
+  EXPECT_GT(guided.burr().sweep_count, 0);
 }
 
-TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
+TEST(BurrTick, PressForceIsLimitedToTheDeviceForce) {
   // hand at twice the distance from the proxy, with the force clamped to the same limit
   double removed_mm3[2];
   for (const int n : {0, 1}) {
@@ -310,7 +312,7 @@ TEST(BurrTick, ItIsPressedWithNoMoreThanTheDeviceGives) {
   EXPECT_NEAR(removed_mm3[1] / removed_mm3[0], 1, 0.05);
 }
 
-TEST(BurrTick, InLayersItIsToldWhereItCuts) {
+TEST(BurrTick, ReportedProxyIsThatOfTheCuttingLayer) {
   constexpr double kShell_mm = 2;
   for (const bool cuts : {false, true}) {
     SCOPED_TRACE(cuts);
@@ -327,7 +329,7 @@ TEST(BurrTick, InLayersItIsToldWhereItCuts) {
     guided.tick_once();
     guided.lead_to(guided.above(kShell_mm + 0.2, -3), 50);
     // through the shell, whose surface holds it two millimetres higher
-    NearestMeter meter(layered);
+    ProtectedDistanceMeter meter(layered);
     double separation_mm = 0;
     int swept = 0;
     for (int n = 1; n <= 400; ++n) {
@@ -477,7 +479,7 @@ TEST(BurrDensity, ALayerIsRenderedWithinTwentyMilliseconds) {
   EXPECT_LT(guided.record.device[0].cutting_N, 0.6 * cortex_N);
 }
 
-TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
+TEST(BurrTick, RotatingCylinderCutsWithItsWholeHead) {
   GuidedSession guided;
   Model with_row = *guided.model;
   // axis towards the handle, which is tilted to the side
@@ -508,7 +510,8 @@ TEST(BurrTick, ACylinderThatTurnsCutsWithItsWholeHead) {
   const Vector<Patient> axis = (guided.model->X_WorldPatient.inverse() *
                                 Vector<World>(guided.device.R_WorldTool * Eigen::Vector3d(0, 0, 5)));
   const Point<Patient> tip = guided.state.device[0].proxy.position;
-  const Surface &made = *guided.model->surfaces[0].made, &now = *guided.model->surfaces[0].surface;
+  const Surface &made = *guided.model->surfaces[0].original_surface,
+                &now = *guided.model->surfaces[0].surface;
   const Point<Patient> end = tip + axis;
   EXPECT_LT(made.distance_mm(end), kBurrRadius_mm - 0.1);
   EXPECT_GT(now.distance_mm(end), made.distance_mm(end) + 0.1);

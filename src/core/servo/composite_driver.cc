@@ -24,7 +24,7 @@ constexpr auto kFirstStatePoll = std::chrono::milliseconds(1);
 // update rate: of a pulled device the loop's; of one that does not state its own the lowest assumed for any
 double rate_of_one(const DeviceInfo& info, double pulled_hz) {
   if (info.drive == DeviceInfo::Drive::kPulled) return pulled_hz;
-  return info.rate_hz && *info.rate_hz > 0 ? *info.rate_hz : CarefulDevice{}.rate_hz;
+  return info.rate_hz && *info.rate_hz > 0 ? *info.rate_hz : ConservativeDevice{}.rate_hz;
 }
 
 }  // namespace
@@ -40,7 +40,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
         period_ns_(std::llround(1e9 / *info.rate_hz)),
         pacer_(*info.rate_hz, 0, stop_) {
     // the position is unknown until the first update
-    for (DeviceSample& sample : latest_.samples) sample.tip = Point<Device>(kNotKnown, kNotKnown, kNotKnown);
+    for (DeviceSample& sample : latest_.samples) sample.tip = Point<Device>(kUnknown, kUnknown, kUnknown);
   }
   ~Follower() override { end(); }
 
@@ -220,10 +220,10 @@ void CompositeDriver::arrange() {
     const double rate_hz = rate_of_one(clock_of(part), settings_.rate_hz);
     for (DeviceInfo& info : std::span(infos_).subspan(part.first, part.count)) {
       info.rate_hz = rate_hz;
-      info.delay_s = careful_delay_s(info) + 1 / rate_hz + owner_s;
+      info.delay_s = conservative_delay_s(info) + 1 / rate_hz + owner_s;
       if (info.simulated) continue;
       // an invalid stiffness stays invalid
-      const double careful = careful_bounds(info).stiffness_N_per_mm;
+      const double careful = conservative_bounds(info).stiffness_N_per_mm;
       if (!info.stiffness_N_per_mm || *info.stiffness_N_per_mm > careful) info.stiffness_N_per_mm = careful;
     }
   }

@@ -29,7 +29,7 @@ std::shared_ptr<const Model> followed_ball() {
 }
 
 // a hand that holds the tip at `x_mm` from the ball's centre
-SimulatedDriver holding(const char* plant, double x_mm) {
+SimulatedDriver limiting_devices(const char* plant, double x_mm) {
   SimulatedDevice device(*find_plant_device(plant), *find_plant_hand("firm-grip"));
   device.reset(Point<Device>(x_mm, 0, 0));
   return SimulatedDriver(device);
@@ -83,9 +83,9 @@ std::unique_ptr<ServoLoop> loop_of(DeviceDriver& driver, double rate_hz = 1000) 
   return std::move(*loop);
 }
 
-TEST(CompositeDriver, EachIsFeltInItsOwnPlaceAtItsOwnRate) {
-  SimulatedDriver first = holding("premium-1.5", kBoneRadius_mm - 2);
-  SimulatedDriver second = holding("touch", -(kBoneRadius_mm - 2));
+TEST(CompositeDriver, EachDeviceRendersAtItsOwnPositionAndRate) {
+  SimulatedDriver first = limiting_devices("premium-1.5", kBoneRadius_mm - 2);
+  SimulatedDriver second = limiting_devices("touch", -(kBoneRadius_mm - 2));
   CompositeDriver both({&first, &second}, {.rate_hz = 250, .realtime = false});
   const auto loop = loop_of(both);
   ASSERT_EQ(loop->devices().size(), 2u);
@@ -107,12 +107,12 @@ TEST(CompositeDriver, EachIsFeltInItsOwnPlaceAtItsOwnRate) {
   loop->stop();
 }
 
-TEST(CompositeDriver, WhoPushesOwnsTheClockAndTheFasterOfThose) {
+TEST(CompositeDriver, FastestForceDeviceOwnsTheClock) {
   const auto owner = [](std::vector<DeviceDriver*> drivers) {
     return CompositeDriver(std::move(drivers), {}).clock_owner();
   };
   PointerDriver pointer{Point<Device>()};
-  SimulatedDriver simulated = holding("touch", 30);
+  SimulatedDriver simulated = limiting_devices("touch", 30);
   OwnClock slow(std::chrono::microseconds(4000)), fast(std::chrono::microseconds(1000));
   EXPECT_EQ(owner({&pointer, &simulated}), 1u);
   EXPECT_EQ(owner({&simulated, &pointer}), 0u);
@@ -122,7 +122,7 @@ TEST(CompositeDriver, WhoPushesOwnsTheClockAndTheFasterOfThose) {
   EXPECT_EQ(owner({&slow}), 0u);
 }
 
-TEST(CompositeDriver, WhatFollowsIsSofterAndSaysWhy) {
+TEST(CompositeDriver, FollowerHasReducedStiffnessWithAReason) {
   OwnClock slow(std::chrono::microseconds(4000)), fast(std::chrono::microseconds(1000));
   slow.info.stiffness_N_per_mm = fast.info.stiffness_N_per_mm = 2;
   slow.info.delay_s = fast.info.delay_s = 1e-3;
@@ -132,23 +132,23 @@ TEST(CompositeDriver, WhatFollowsIsSofterAndSaysWhy) {
   EXPECT_EQ(both.devices()[0].delay_s, 1e-3);
   const DeviceInfo& follows = both.devices()[1];
   EXPECT_NEAR(*follows.delay_s, 1e-3 + 4e-3 + 1e-3, 1e-12);
-  EXPECT_EQ(*follows.stiffness_N_per_mm, careful_bounds(follows).stiffness_N_per_mm);
+  EXPECT_EQ(*follows.stiffness_N_per_mm, conservative_bounds(follows).stiffness_N_per_mm);
   EXPECT_NEAR(*follows.stiffness_N_per_mm, 0.6 * 2 / (2e-3 + 6e-3) * 1e-3, 1e-9);
   // a lower stiffness is unchanged, and an invalid one stays invalid
   for (const double smallest : {0.01, 0.0, -1.0}) {
     slow.info.stiffness_N_per_mm = smallest;
-    EXPECT_EQ(bound_of_stiffness_N_per_mm(CompositeDriver({&fast, &slow}, {}).devices()[1]),
+    EXPECT_EQ(stiffness_bound_N_per_mm(CompositeDriver({&fast, &slow}, {}).devices()[1]),
               std::max(0.0, smallest));
   }
 }
 
-TEST(CompositeDriver, NoDeviceWithoutStatedStiffnessIsStifferThanIsCareful) {
+TEST(CompositeDriver, UnstatedStiffnessUsesTheConservativeBound) {
   OwnClock follows(std::chrono::microseconds(2000)), owns(std::chrono::microseconds(1000));
   CompositeDriver both({&follows, &owns}, {.realtime = false});
   const auto loop = loop_of(both);
   for (std::size_t d = 0; d < 2; ++d) {
     EXPECT_EQ(loop->parameters().device[d].max_stiffness_N_per_mm,
-              careful_bounds(both.devices()[d]).stiffness_N_per_mm);
+              conservative_bounds(both.devices()[d]).stiffness_N_per_mm);
     EXPECT_LT(loop->parameters().device[d].max_stiffness_N_per_mm, 0.3);
   }
   EXPECT_TRUE(soon([&] { return loop->snapshot().tick > 1000; }));
@@ -168,8 +168,8 @@ TEST(CompositeDriver, NoDeviceWithoutStatedStiffnessIsStifferThanIsCareful) {
   EXPECT_LT(max_N, 1.5);
 }
 
-TEST(CompositeDriver, AFollowerThatHangsLosesItsForceAndNobodyElseDoes) {
-  SimulatedDriver owns = holding("premium-1.5", kBoneRadius_mm - 2);
+TEST(CompositeDriver, HangingFollowerLosesForceAndOthersDoNot) {
+  SimulatedDriver owns = limiting_devices("premium-1.5", kBoneRadius_mm - 2);
   OwnClock follows(std::chrono::microseconds(4000));
   follows.info.simulated = true;
   // both simulated; the slower one follows
@@ -211,8 +211,8 @@ class StoppedByHand final : public ServoClock {
   std::atomic<bool> stop{false};
 };
 
-TEST(CompositeDriver, ACommandThatIsOldIsNone) {
-  SimulatedDriver owns = holding("premium-1.5", kBoneRadius_mm);
+TEST(CompositeDriver, OldCommandIsIgnored) {
+  SimulatedDriver owns = limiting_devices("premium-1.5", kBoneRadius_mm);
   OwnClock follows(std::chrono::microseconds(2000));
   follows.info.simulated = true;
   CompositeDriver both({&owns, &follows}, {.realtime = false});
@@ -236,8 +236,8 @@ TEST(CompositeDriver, ACommandThatIsOldIsNone) {
   EXPECT_EQ(follows.force_N, 0);
 }
 
-TEST(CompositeDriver, WhereAFollowersDriverGivesUpTheSessionGoesOnAndSaysSo) {
-  SimulatedDriver owns = holding("premium-1.5", kBoneRadius_mm - 2);
+TEST(CompositeDriver, FollowerDriverFailureIsReportedAndOthersContinue) {
+  SimulatedDriver owns = limiting_devices("premium-1.5", kBoneRadius_mm - 2);
   OwnClock follows(std::chrono::microseconds(2000));
   follows.info.simulated = true;
   CompositeDriver both({&owns, &follows}, {.realtime = false});
@@ -255,8 +255,8 @@ TEST(CompositeDriver, WhereAFollowersDriverGivesUpTheSessionGoesOnAndSaysSo) {
   loop->stop();
 }
 
-TEST(CompositeDriver, TheThreadsThatExchangeAreTheOnesThatAreWatched) {
-  SimulatedDriver owns = holding("premium-1.5", kBoneRadius_mm);
+TEST(CompositeDriver, MonitorsTheThreadsThatExchangeWithDevices) {
+  SimulatedDriver owns = limiting_devices("premium-1.5", kBoneRadius_mm);
   OwnClock follows(std::chrono::microseconds(2000));
   follows.info.simulated = true;
   CompositeDriver both({&owns, &follows}, {.realtime = false});
@@ -285,8 +285,8 @@ TEST(CompositeDriver, TheThreadsThatExchangeAreTheOnesThatAreWatched) {
   called->stop();
 }
 
-TEST(CompositeDriver, MayRunAgain) {
-  SimulatedDriver owns = holding("premium-1.5", kBoneRadius_mm - 2);
+TEST(CompositeDriver, CanRunRepeatedly) {
+  SimulatedDriver owns = limiting_devices("premium-1.5", kBoneRadius_mm - 2);
   OwnClock follows(std::chrono::microseconds(2000));
   follows.info.simulated = true;
   CompositeDriver both({&owns, &follows}, {.realtime = false});

@@ -115,7 +115,7 @@ void expect_settled(const HandCase& hand) {
 
 // The case in which a constant compliance of the surroundings made a wall and a limit cycle of 0.04 to 0.41
 // N.
-TEST(LayerHand, SettlesOnThinFatAtTheForceOfTheExactSolution) {
+TEST(LayerHand, SettlesOnThinFatAtTheExactForce) {
   expect_settled({TissueLaw::kElastic, 3, 0.1, 1000, 0});
 }
 

@@ -8,23 +8,23 @@
 #include <cstddef>
 #include <system_error>
 
-#include "palpate/servo/figures.h"
+#include "palpate/servo/loop_statistics.h"
 #include "palpate/tissue/carving.h"
 
 /// One tick on the real clock, in order: time -> inputs -> tick -> commands -> heartbeat -> published data.
-/// update() allocates, locks, logs and throws nothing; its only system calls read the clock.
+/// update() does not allocate, lock, log or throw; its only system calls read the clock.
 namespace palpate {
 namespace {
 
 constexpr auto kStopPoll = std::chrono::milliseconds(2);
 // longer than the ramp-out; only reached if the servo thread hangs
-constexpr auto kStopPatience = std::chrono::milliseconds(500);
+constexpr auto kStopTimeout = std::chrono::milliseconds(500);
 
 // rate of the device's own clock where it has one and states it, else the loop's
 double rate_of(const DeviceDriver& driver, const LoopSettings& settings) {
   const DeviceInfo& info = driver.devices()[driver.clock_owner()];
-  const bool own = info.drive != DeviceInfo::Drive::kPulled && info.rate_hz && *info.rate_hz > 0;
-  return own ? *info.rate_hz : settings.rate_hz;
+  const bool device = info.drive != DeviceInfo::Drive::kPulled && info.rate_hz && *info.rate_hz > 0;
+  return device ? *info.rate_hz : settings.rate_hz;
 }
 
 // release: a reader that observes a counter also observes every earlier increment of the others
@@ -38,7 +38,7 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
            const std::vector<WorkspaceSettings>& workspaces, const LoopSettings& settings, TimeSource now)
     : driver_(driver),
       settings_(settings),
-      ticks_here_(driver.devices()[driver.clock_owner()].drive != DeviceInfo::Drive::kCallback),
+      ticks_on_own_thread_(driver.devices()[driver.clock_owner()].drive != DeviceInfo::Drive::kCallback),
       period_ns_(std::llround(1e9 / rate_of(driver, settings))),
       now_(now),
       X_WorldPatient_(model->X_WorldPatient),
@@ -53,14 +53,15 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     mappings_.emplace_back(devices[d], workspace);
     is_in_patient_[d] = devices[d].in_patient;
     // the caller knows what an operator can hold stable; everything else is a property of the device
-    DeviceParameters& own = latest_.parameters.device[d];
-    const DeviceParameters reported = own;
-    own = device_parameters(devices[d], workspace);
-    own.max_stiffness_N_per_mm = std::min(own.max_stiffness_N_per_mm, reported.max_stiffness_N_per_mm);
+    DeviceParameters& device = latest_.parameters.device[d];
+    const DeviceParameters reported = device;
+    device = device_parameters(devices[d], workspace);
+    device.max_stiffness_N_per_mm = std::min(device.max_stiffness_N_per_mm, reported.max_stiffness_N_per_mm);
     // not above 0: unknown
     if (reported.max_damping_N_s_per_mm > 0)
-      own.max_damping_N_s_per_mm = std::fmin(own.max_damping_N_s_per_mm, reported.max_damping_N_s_per_mm);
-    if (std::isfinite(reported.delay_s)) own.delay_s = std::fmax(own.delay_s, reported.delay_s);
+      device.max_damping_N_s_per_mm =
+          std::fmin(device.max_damping_N_s_per_mm, reported.max_damping_N_s_per_mm);
+    if (std::isfinite(reported.delay_s)) device.delay_s = std::fmax(device.delay_s, reported.delay_s);
   }
   posted_ = latest_;
 }
@@ -92,17 +93,17 @@ void Loop::run(ServoClock& clock) noexcept {
 void Loop::run(std::promise<void>& ready) {
   // with a callback driver the vendor's thread ticks and this one only waits for the end
   RealtimeRequest request;
-  request.fifo = settings_.realtime && ticks_here_;
+  request.fifo = settings_.realtime && ticks_on_own_thread_;
   request.lock_memory = settings_.realtime;
-  request.cpu = ticks_here_ ? settings_.cpu : -1;
+  request.cpu = ticks_on_own_thread_ ? settings_.cpu : -1;
   request.priorities_above = 1;
   const RealtimeGrant grant = make_this_thread_realtime(request);
   scheduling_.realtime = grant.fifo;
   scheduling_.memory_locked = grant.memory_locked;
-  scheduling_.scheduler = ticks_here_ ? grant.scheduler : "set by the vendor's thread";
+  scheduling_.scheduler = ticks_on_own_thread_ ? grant.scheduler : "set by the vendor's thread";
   scheduling_.memory = grant.memory;
   running_.store(true);
-  if (ticks_here_) late_ticks_.tick_here();
+  if (ticks_on_own_thread_) late_ticks_.tick_here();
   ready.set_value();
   driver_.run(*this, *this);
   watchdog_.disarm();
@@ -113,9 +114,9 @@ void Loop::run(std::promise<void>& ready) {
 
 std::uint32_t Loop::change(const std::function<void(Parameters&)>& edit) {
   const std::lock_guard lock(callers_);
-  const auto own = latest_.parameters.device;
+  const auto device = latest_.parameters.device;
   edit(latest_.parameters);
-  latest_.parameters.device = own;
+  latest_.parameters.device = device;
   latest_.number += 1;
   parameters_in_.post(latest_);
   return latest_.number;
@@ -154,7 +155,7 @@ void Loop::stop() {
   if (!thread_.joinable()) return;
   // fade the force out first
   stopping_.store(true);
-  for (auto waited = kStopPoll; waited < kStopPatience && running() && !silent_.load(); waited += kStopPoll)
+  for (auto waited = kStopPoll; waited < kStopTimeout && running() && !silent_.load(); waited += kStopPoll)
     std::this_thread::sleep_for(kStopPoll);
   // Devices with zero force need no watchdog while their driver shuts down; a hung driver still has force and
   // needs it.
@@ -190,7 +191,7 @@ TickingThread Loop::ticking() const {
   // the scheduler of a vendor's thread is only known from the kernel
   const std::string observed = late_ticks_.scheduler();
   return {driver_.devices()[driver_.clock_owner()].name,
-          ticks_here_ || observed.empty() ? scheduling_.scheduler : observed, counts_.ticks.load(),
+          ticks_on_own_thread_ || observed.empty() ? scheduling_.scheduler : observed, counts_.ticks.load(),
           health().late};
 }
 
@@ -264,11 +265,12 @@ void Loop::receive_inputs(std::span<const DeviceSample> samples, double dt_s, st
   record_.settings_number = posted_.number;
   parameters_.emergency_stop = apply_arming() || posted_.parameters.emergency_stop;
   parameters_.paused = posted_.parameters.paused || stopping_.load(std::memory_order_relaxed);
-  // after a stall the first tick sends nothing, even if the watchdog was suspended together with the servo
+  // the first tick after a stall sends zero, even if the watchdog was suspended together with the servo
   const bool stalled = dt_s > static_cast<double>(kStall_ns) * 1e-9;
   const std::uint32_t halted = stalled || watchdog_.halted() ? kDeviceHalted : 0u;
   // uses the last tick's rotation, which differs little from this one's
-  const Transform<World, Patient> X_WorldPatient = turned_object(X_WorldPatient_, state_.rotation_applied);
+  const Transform<World, Patient> X_WorldPatient =
+      rotated_object_pose(X_WorldPatient_, state_.rotation_applied);
   for (std::size_t d = 0; d < samples.size(); ++d) {
     states_[d] = is_in_patient_[d] ? state_in_patient(samples[d], X_WorldPatient, now_ns)
                                    : mappings_[d].to_world(samples[d], now_ns);
@@ -295,21 +297,22 @@ void Loop::publish() noexcept {
   snapshot_.store(record_, bytes);
   if (!ring_.push(record_, bytes)) add(counts_.dropped, 1);
   // an invalid pose counts as contact, because free space cannot be established
-  constexpr std::uint32_t kNotFree = kFlagContact | kFlagInside | kFlagNotFinite | kFlagNoGo | kFlagRelease;
+  constexpr std::uint32_t kContactFlags =
+      kFlagContact | kFlagInside | kFlagNotFinite | kFlagNoGo | kFlagRelease;
   bool silent = parameters_.paused, touching = false;
   for (int d = 0; d < record_.devices; ++d) {
-    touching = touching || (record_.device[d].flags & kNotFree) != 0;
+    touching = touching || (record_.device[d].flags & kContactFlags) != 0;
     silent = silent && state_.device[d].output.gain == 0 && wrenches_[d].force_N == Vector<World>();
   }
   touched_ = touching;
-  free_at_.store(touching ? kNowhere : tick_arming_);
+  free_at_.store(touching ? kNotInFreeSpace : tick_arming_);
   applied_arming_.store(tick_arming_);
   silent_.store(silent, std::memory_order_relaxed);
 }
 
 void Loop::count_tick(std::int64_t started_ns, std::int64_t ended_ns) noexcept {
   // plain load first: an exchange waits for all preceding stores
-  if (reset_.load(std::memory_order_relaxed) && reset_.exchange(false)) clear_figures();
+  if (reset_.load(std::memory_order_relaxed) && reset_.exchange(false)) clear_statistics();
   lateness_.add(lateness_ns_);
   compute_.add(ended_ns - started_ns);
   if (counts_.ticks.load(std::memory_order_relaxed) == 0)
@@ -326,7 +329,7 @@ void Loop::count_tick(std::int64_t started_ns, std::int64_t ended_ns) noexcept {
   if (!on_time || skipped > 0) late_ticks_.add(lateness_ns_, skipped + !on_time);
 }
 
-void Loop::clear_figures() noexcept {
+void Loop::clear_statistics() noexcept {
   lateness_.clear();
   compute_.clear();
   for (auto* counter : {&counts_.ticks, &counts_.on_time, &counts_.skipped, &counts_.dropped})
@@ -343,31 +346,33 @@ Error usage(const std::string& what, const std::string& remedy) {
 
 std::optional<Error> settings_error(const LoopSettings& settings) {
   if (!(settings.rate_hz >= kMinRate_hz && settings.rate_hz <= kMaxRate_hz))
-    return usage("a rate of " + std::to_string(settings.rate_hz) + " Hz",
+    return usage("the tick rate " + std::to_string(settings.rate_hz) + " Hz is out of range",
                  "choose one from " + std::to_string(static_cast<int>(kMinRate_hz)) + " to " +
                      std::to_string(static_cast<int>(kMaxRate_hz)));
-  if (!(settings.spin_s >= 0)) return usage("a negative time to spin", "0 never spins");
+  if (!(settings.spin_s >= 0))
+    return usage("the busy-wait time is negative", "set 0 to disable busy-waiting");
   if (!(settings.ring_s > 0 && settings.ring_s <= 60))
-    return usage("a ring of " + std::to_string(settings.ring_s) + " s", "choose one of up to a minute");
+    return usage("the recorder ring of " + std::to_string(settings.ring_s) + " s is out of range",
+                 "set a length above 0 and up to 60 s");
   return std::nullopt;
 }
 
 std::optional<Error> device_error(std::size_t devices, const std::vector<WorkspaceSettings>& workspaces) {
   if (devices < 1 || devices > kMaxDevices)
-    return usage("a driver of " + std::to_string(devices) + " devices",
-                 "a loop takes 1 to " + std::to_string(kMaxDevices));
+    return usage("the driver has " + std::to_string(devices) + " devices",
+                 "a loop supports 1 to " + std::to_string(kMaxDevices));
   if (workspaces.size() != 1 && workspaces.size() != devices)
-    return usage(
-        std::to_string(workspaces.size()) + " workspaces for " + std::to_string(devices) + " devices",
-        "give one for each device, or one for all");
+    return usage("there are " + std::to_string(workspaces.size()) + " workspaces for " +
+                     std::to_string(devices) + " devices",
+                 "give one for each device, or one for all");
   const auto is_scale = [](double value) { return value >= kMinScale && value <= kMaxScale; };
   for (const WorkspaceSettings& workspace : workspaces) {
     if (!is_scale(workspace.scale) || !(workspace.force_gain > 0 && std::isfinite(workspace.force_gain)))
-      return usage("a workspace with a scale of " + std::to_string(workspace.scale) +
-                       " and a force gain of " + std::to_string(workspace.force_gain),
+      return usage("a workspace has the scale " + std::to_string(workspace.scale) + " and the force gain " +
+                       std::to_string(workspace.force_gain),
                    "choose a scale from 0.05 to 20, and a gain above 0");
     if (!std::isfinite(workspace.yaw_deg) || (workspace.home && !workspace.home->all_finite()))
-      return usage("a workspace whose yaw or home is not finite", "give degrees and millimetres");
+      return usage("the yaw or home of a workspace is not finite", "set finite degrees and millimetres");
   }
   return std::nullopt;
 }
@@ -378,7 +383,8 @@ Result<std::unique_ptr<Loop>> checked_loop(std::shared_ptr<const Model> model, D
                                            const LoopSettings& settings, TimeSource now) {
   if (auto error = settings_error(settings)) return *error;
   if (model == nullptr || !model->has(model->rendered_method(ForceMethod::kProxy)))
-    return usage("a loop without a prepared model", "prepare the model by prepared_for()");
+    return usage("the model is missing or not prepared for any force method",
+                 "prepare the model by prepared_for()");
   if (auto opened = driver.open(settings.may_move); !opened) return opened.error();
   if (auto error = device_error(driver.devices().size(), workspaces)) return *error;
   return std::make_unique<Loop>(std::move(model), driver, parameters, workspaces, settings, now);

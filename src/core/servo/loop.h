@@ -67,7 +67,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
     std::uint32_t number = 0;
   };
 
-  static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
+  static constexpr std::uint64_t kNotInFreeSpace = ~std::uint64_t{0};
 
   void run(std::promise<void>& ready);
   bool apply_arming() noexcept;
@@ -76,11 +76,11 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   void publish() noexcept;
   void publish_sweeps(std::size_t devices) noexcept;
   void count_tick(std::int64_t started_ns, std::int64_t ended_ns) noexcept;
-  void clear_figures() noexcept;
+  void clear_statistics() noexcept;
 
   DeviceDriver& driver_;
   const LoopSettings settings_;
-  const bool ticks_here_;  // false: callback driver, ticks run in its vendor's thread
+  const bool ticks_on_own_thread_;  // false: callback driver, ticks run in its vendor's thread
   const std::int64_t period_ns_;
   const TimeSource now_;
   const Transform<World, Patient> X_WorldPatient_;  // same in every version of the model
@@ -109,7 +109,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   std::int64_t lateness_ns_ = 0;
   bool stopped_ = false;  // state that the last tick took from arming_
   std::uint64_t tick_arming_ = 0;
-  // a tip was in contact in the last tick; true before the first, when nothing is known
+  // whether a tip was in contact in the last tick; true before the first tick, when contact is unknown
   bool touched_ = true;
   bool paced_ = false;  // the current tick was started by pacer_
   std::uint64_t skipped_ = 0;
@@ -128,8 +128,8 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
   std::atomic<bool> silent_{false}, running_{false};
   std::atomic<int> cpu_{-1};
   // arming_ as of the last tick, and the same value if all tips of that tick were in free space, else
-  // kNowhere
-  std::atomic<std::uint64_t> applied_arming_{0}, free_at_{kNowhere};
+  // kNotInFreeSpace
+  std::atomic<std::uint64_t> applied_arming_{0}, free_at_{kNotInFreeSpace};
 
   // baselines of health() since the last reset
   LateCounts late_before_;

@@ -165,7 +165,7 @@ TEST(Loop, ForceFadesOutBeforeItStops) {
   }
 }
 
-TEST(Loop, ParametersArriveAndTheDevicesOwnStay) {
+TEST(Loop, ParameterChangesApplyExceptDeviceProperties) {
   Resting resting;
   const auto loop = started(resting.driver);
   EXPECT_EQ(loop->parameters().device[0].limits.peak_force_N, 8);
@@ -181,7 +181,7 @@ TEST(Loop, ParametersArriveAndTheDevicesOwnStay) {
   EXPECT_EQ(number, 1u);
   EXPECT_EQ(tick.settings_number, 1u);
   EXPECT_FALSE(tick.switches & kSwitchFriction);
-  EXPECT_EQ(tick.device[0].peak_force_N, 8) << "nobody raises a device's limit from outside";
+  EXPECT_EQ(tick.device[0].peak_force_N, 8) << "a caller cannot raise a device's limit";
   EXPECT_EQ(tick.device[0].force_gain, 1);
   loop->stop();
 }
@@ -233,7 +233,7 @@ TEST(Loop, EmergencyStopHoldsUntilItIsRearmed) {
 }
 
 // a hanging tick, as a vendor's call or a page fault on a failing disk can cause
-TEST(Loop, WatchdogHaltsADeviceWhoseServoHangsAndLetsItGoOn) {
+TEST(Loop, WatchdogHaltsAndResumesADeviceWhoseServoHangs) {
   // times of the last tick before it, of the halt during it, and of its end
   std::atomic<std::int64_t> tick_ns{0}, halted_ns{0}, hang_ended_ns{0};
   std::atomic<bool> hang{false};
@@ -276,7 +276,7 @@ TEST(Loop, WatchdogHaltsADeviceWhoseServoHangsAndLetsItGoOn) {
   EXPECT_TRUE(halted);
 }
 
-TEST(Loop, ModelsAreReplacedWhileTheyAreFeltAndFreedElsewhere) {
+TEST(Loop, ModelsAreReplacedInContactAndFreedOffTheServoThread) {
   std::atomic<std::thread::id> servo_thread;
   std::vector<double> forces_N;
   TestDriver driver([&](TestDriver& self, ServoFunction& servo, ServoClock& clock) {
@@ -387,7 +387,7 @@ struct CalledBack {
 const auto sleeps_late = [] { std::this_thread::sleep_for(kLate); };
 const auto faults = [] { fault_for(kLate); };
 
-TEST(Loop, ATickThatIsCalledBackIsLateByWhatItsOwnThreadMet) {
+TEST(Loop, LateCallbackTicksAreAttributedToTheVendorThread) {
   CalledBack faulting({faults}, sleeps_late);
   const auto loop = started(faulting.driver, {.realtime = false});
   // some ticks may be late by steal time of this machine
@@ -395,7 +395,7 @@ TEST(Loop, ATickThatIsCalledBackIsLateByWhatItsOwnThreadMet) {
   loop->stop();
 }
 
-TEST(Loop, WhatTheThreadMetThatOnlyWaitsForACallbackIsNoCause) {
+TEST(Loop, EventsOfTheWaitingThreadAreNotLateCauses) {
   CalledBack late({sleeps_late}, faults);
   const auto loop = started(late.driver, {.realtime = false});
   // the first ticks of a thread fault on memory that it accesses for the first time
@@ -407,7 +407,7 @@ TEST(Loop, WhatTheThreadMetThatOnlyWaitsForACallbackIsNoCause) {
   EXPECT_LT(counts.page_fault, counts.total() / 4);
 }
 
-TEST(Loop, CausesFollowADriverThatChangesItsThread) {
+TEST(Loop, CausesFollowAChangeOfTheDriverThread) {
   CalledBack changing({sleeps_late, faults, sleeps_late}, sleeps_late);
   const auto loop = started(changing.driver, {.realtime = false});
   wait_until([&] { return loop->health().late.total() > 20; });
@@ -458,7 +458,7 @@ std::uint64_t run_hash(const std::function<void(Loop&)>& meanwhile, double ring_
   return hash;
 }
 
-TEST(Loop, NobodyWhoWatchesChangesATick) {
+TEST(Loop, ReadersDoNotChangeTicks) {
   std::uint64_t dropped = 0;
   std::vector<TickRecord> used(64);
   const auto alone = run_hash([](Loop&) { std::this_thread::sleep_for(1ms); }, 4, &dropped);
@@ -485,7 +485,7 @@ DeviceCommand tick_after(Loop& loop, std::int64_t passed_ns, double x_mm = kBone
   return command;
 }
 
-TEST(Loop, AStallIsFollowedByNothingAndTheRampThoughEverythingStoodStill) {
+TEST(Loop, StallWithSuspendedWatchdogZeroesTheForceThenRampsIn) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
@@ -514,7 +514,7 @@ class FewTicks final : public ServoClock {
   int left_;
 };
 
-TEST(Loop, WithoutThreadsItsOwnerTicksItInPortions) {
+TEST(Loop, UnthreadedLoopTicksOnTheCaller) {
   test_time_ns = 1'000'000;
   std::vector<double> forces_N;
   TestDriver driver([&](TestDriver&, ServoFunction& servo, ServoClock& clock) {
@@ -548,14 +548,14 @@ TEST(Loop, WithoutThreadsItsOwnerTicksItInPortions) {
   EXPECT_EQ(forces_N.back(), 0);
 }
 
-TEST(Loop, WithoutThreadsItRefusesWhatALoopRefuses) {
+TEST(Loop, UnthreadedLoopRejectsInvalidArguments) {
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   EXPECT_FALSE(ServoLoop::make_unthreaded(nullptr, driver, {}, {WorkspaceSettings{}}, {}, test_clock).ok());
   EXPECT_FALSE(
       ServoLoop::make_unthreaded(ball(), driver, {}, {WorkspaceSettings{}}, {.rate_hz = 1}, test_clock).ok());
 }
 
-TEST(Loop, AnEmergencyStopMayComeAsAParameterToo) {
+TEST(Loop, EmergencyStopCanBeSetAsAParameter) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
@@ -564,10 +564,10 @@ TEST(Loop, AnEmergencyStopMayComeAsAParameterToo) {
   EXPECT_EQ(tick_after(loop, 1'000'000).force_N, Vector<Device>());
   std::uint32_t number = 0;
   EXPECT_EQ(loop.rearm(0, number), RearmResult::kNotStopped);
-  EXPECT_EQ(tick_after(loop, 1'000'000).force_N, Vector<Device>()) << "who asked for it still does";
+  EXPECT_EQ(tick_after(loop, 1'000'000).force_N, Vector<Device>()) << "the parameter still requests the stop";
 }
 
-TEST(Loop, AStopWinsWhateverElseReachesTheSameTick) {
+TEST(Loop, EmergencyStopWinsWithinATick) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
@@ -592,7 +592,7 @@ TEST(Loop, AStopWinsWhateverElseReachesTheSameTick) {
   EXPECT_TRUE(loop.snapshot().switches & kSwitchEmergencyStop);
 }
 
-TEST(Loop, ADeviceWithAClockOfItsOwnIsMeasuredByIt) {
+TEST(Loop, LatenessIsMeasuredByTheDeviceClock) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   driver.info.drive = DeviceInfo::Drive::kExchange;
@@ -606,7 +606,7 @@ TEST(Loop, ADeviceWithAClockOfItsOwnIsMeasuredByIt) {
   EXPECT_NEAR(loop.health().lateness.max_us, 1500, 1);
 }
 
-TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
+TEST(Loop, OnTimeFractionNeverExceedsOne) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {.rate_hz = 1000}, test_clock);
@@ -629,7 +629,7 @@ TEST(Loop, NeverMoreThanAllTicksAreOnTimeWhileItTicksOn) {
   EXPECT_LE(largest, 1);
 }
 
-TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
+TEST(Loop, StiffnessIsBoundedByTheVendorLimit) {
   // a millimetre deep in the ball of 1.5 N/mm; the caller states what a hand can hold
   bool simulated = true;
   const auto rendered_N = [&simulated](std::optional<double> vouched, double limit_N_per_mm) {
@@ -667,7 +667,7 @@ TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
 
   // a physical device always has a bound, whatever its vendor and the caller omit
   simulated = false;
-  const double careful = careful_bounds(DeviceInfo()).stiffness_N_per_mm;
+  const double careful = conservative_bounds(DeviceInfo()).stiffness_N_per_mm;
   for (const double held : {kNone, std::nan("")})
     for (const std::optional<double> declared : {std::optional<double>(), std::optional<double>(kNone)})
       expect(declared, held, careful, careful);
@@ -676,7 +676,7 @@ TEST(Loop, NothingIsStifferThanWhatTheDevicesMakerVouchesFor) {
   expect(std::nan(""), kNone, 0, 0);
 }
 
-TEST(Loop, APhysicalDevicesBoundHoldsWhateverIsChanged) {
+TEST(Loop, PhysicalDeviceBoundCannotBeChanged) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   driver.info.simulated = false;
@@ -687,12 +687,12 @@ TEST(Loop, APhysicalDevicesBoundHoldsWhateverIsChanged) {
   Loop loop(ball(), driver, parameters, {WorkspaceSettings{}}, {}, test_clock);
   loop.change([](Parameters& edited) {
     edited.device[0].max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
-    edited.device[0].max_damping_N_s_per_mm = kNotKnown;
+    edited.device[0].max_damping_N_s_per_mm = kUnknown;
   });
   ASSERT_TRUE(loop.set_model(ball(2, 4)).ok());
   for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);
   const DeviceTick device = loop.snapshot().device[0];
-  const CarefulBounds careful = careful_bounds(driver.info);
+  const ConservativeBounds careful = conservative_bounds(driver.info);
   EXPECT_EQ(device.max_stiffness_N_per_mm, careful.stiffness_N_per_mm);
   EXPECT_EQ(device.max_damping_N_s_per_mm, careful.damping_N_s_per_mm);
   // a direct method's field of 4 N over 2 mm is scaled down to the bound
@@ -700,7 +700,7 @@ TEST(Loop, APhysicalDevicesBoundHoldsWhateverIsChanged) {
   EXPECT_LT(device.force_N[0], 8 * careful.stiffness_N_per_mm);
 }
 
-TEST(Loop, TheSceneLimitsWhateverTheParametersSay) {
+TEST(Loop, SceneForceLimitOverridesParameters) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   Loop loop(ball(), driver, {}, {WorkspaceSettings{}}, {}, test_clock);
@@ -714,7 +714,7 @@ TEST(Loop, TheSceneLimitsWhateverTheParametersSay) {
 }
 
 // independent of the workspace and of the object's rotation
-TEST(Loop, ATipInThePatientStaysThere) {
+TEST(Loop, PatientFrameTipMovesWithTheObject) {
   test_time_ns = 1'000'000;
   TestDriver driver([](TestDriver&, ServoFunction&, ServoClock&) {});
   driver.info.in_patient = true;
@@ -739,7 +739,7 @@ TEST(Loop, ATipInThePatientStaysThere) {
   EXPECT_LT(std::abs(loop.snapshot().rotation_applied_wxyz[0] - std::cos(0.25)), 1e-6) << "it has turned";
 }
 
-TEST(Loop, RefusesWhatCannotRun) {
+TEST(Loop, RejectsInvalidArguments) {
   Resting resting;
   const auto refused = [&](const LoopSettings& settings) {
     const auto loop = ServoLoop::start(ball(), resting.driver, {}, {WorkspaceSettings{}}, settings);
@@ -770,7 +770,7 @@ TEST(Loop, RefusesWhatCannotRun) {
   EXPECT_NE(started(resting.driver, {.may_move = true}), nullptr);
 }
 
-TEST(Loop, WhereNoThreadIsToBeHadItSaysSo) {
+TEST(Loop, ReportsThreadCreationFailure) {
   Resting resting;
   const test::NoThreads none;
   const auto loop = ServoLoop::start(ball(), resting.driver, {}, {WorkspaceSettings{}}, {.realtime = false});

@@ -22,7 +22,7 @@ ModelSlot::ModelSlot(std::shared_ptr<const Model> model) : current_(model.get())
 Result<void> ModelSlot::set(std::shared_ptr<const Model> model) {
   const std::lock_guard lock(mutex_);
   if (model == nullptr)
-    return Error{ErrorKind::kBadInput, "is null", "model", "give the model's next version"};
+    return Error{ErrorKind::kBadInput, "the model is null", "model", "give the model's next version"};
   const std::uint32_t current = retired_.back().model->version;
   if (model->version < current)
     return Error{ErrorKind::kBadInput,

@@ -16,7 +16,7 @@ std::shared_ptr<const Model> model(std::uint32_t version) {
   return made;
 }
 
-TEST(ModelSlot, KeepsWhatATickMayStillUse) {
+TEST(ModelSlot, KeepsModelsThatATickMayStillUse) {
   ModelSlot slot(model(1));
   EXPECT_EQ(slot.begin_tick().version, 1u);
   EXPECT_TRUE(slot.set(model(2)).ok());
@@ -33,7 +33,7 @@ TEST(ModelSlot, KeepsWhatATickMayStillUse) {
   EXPECT_EQ(slot.collect(), 1u) << "between ticks nothing is used";
 }
 
-TEST(ModelSlot, NoTickEverSeesAFreedModel) {
+TEST(ModelSlot, TicksNeverUseAFreedModel) {
   // every model sets a flag when it is freed; the ticks check it
   struct Marked {
     std::atomic<bool> dead{false};
@@ -70,7 +70,7 @@ TEST(ModelSlot, NoTickEverSeesAFreedModel) {
   EXPECT_EQ(slot.collect(), 1u);
 }
 
-TEST(ModelSlot, RefusesAVersionBelowTheLastAndKeepsItsModel) {
+TEST(ModelSlot, RejectsALowerVersionAndKeepsItsModel) {
   ModelSlot slot(model(2));
   // the same version, prepared for more methods
   EXPECT_TRUE(slot.set(model(2)).ok());

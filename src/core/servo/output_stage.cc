@@ -5,14 +5,14 @@
 #include <limits>
 
 #include "palpate/device/telemetry.h"
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 
 namespace palpate {
 
 static_assert(kOutputSettings.stale_s == kCuttingSettings.motor_timeout_s);
 namespace {
 
-Wrench scaled(const Wrench& w, double factor) {
+Wrench scale_wrench(const Wrench& w, double factor) {
   return {w.force_N * factor, w.torque_Nmm * factor, w.gripper_N * factor};
 }
 
@@ -32,7 +32,7 @@ double magnitude(const Vector<World>& v) {
 // Usable value of a limit, clamped to 0 or [kMinLimit, kMaxLimit]. NaN, infinite, negative and imperceptibly
 // small limits count as 0; kMaxLimit is far above any device's. Squares and differences of values in this
 // range neither overflow nor vanish.
-double allowed(double limit) {
+double sanitised_limit(double limit) {
   constexpr double kMinLimit = 1e-9, kMaxLimit = 1e6;
   return limit >= kMinLimit && std::isfinite(limit) ? std::min(limit, kMaxLimit) : 0;
 }
@@ -44,8 +44,9 @@ double factor_to(double limit, double magnitude) {
 }
 
 double configured_limit_N(const OutputLimits& limits, double max_force_N) {
-  return std::isnan(limits.peak_force_N) ? allowed(max_force_N)
-                                         : std::min(allowed(max_force_N), allowed(limits.peak_force_N));
+  return std::isnan(limits.peak_force_N)
+             ? sanitised_limit(max_force_N)
+             : std::min(sanitised_limit(max_force_N), sanitised_limit(limits.peak_force_N));
 }
 
 // Thermal model: heat follows (F / continuous force)^2 with time constant thermal_s; 1 is the steady state at
@@ -55,11 +56,11 @@ double thermal_limit_N(const OutputLimits& limits, double heat, double dt_s) {
   if (std::isnan(limits.continuous_force_N)) return std::numeric_limits<double>::infinity();
   const double power =
       heat + (1 - heat) * kOutputSettings.thermal_s / std::max(dt_s, kOutputSettings.thermal_taper_s);
-  return allowed(limits.continuous_force_N) * std::sqrt(power);
+  return sanitised_limit(limits.continuous_force_N) * std::sqrt(power);
 }
 
 double next_heat(const OutputLimits& limits, double heat, double force_N, double dt_s) {
-  const double continuous_N = allowed(limits.continuous_force_N);
+  const double continuous_N = sanitised_limit(limits.continuous_force_N);
   if (continuous_N == 0) return heat;
   const double power = force_N / continuous_N * (force_N / continuous_N);
   return std::min(1.0, heat + (power - heat) * std::min(1.0, dt_s / kOutputSettings.thermal_s));
@@ -80,9 +81,9 @@ double slew_fraction(const Wrench& sent, const Wrench& requested, const OutputLi
   const double range_fraction = dt_s / kOutputSettings.full_range_s;
   return std::min({part(magnitude(requested.force_N - sent.force_N), slew_N_per_s * dt_s),
                    part(magnitude(requested.torque_Nmm - sent.torque_Nmm),
-                        allowed(limits.peak_torque_Nmm) * range_fraction),
+                        sanitised_limit(limits.peak_torque_Nmm) * range_fraction),
                    part(std::abs(requested.gripper_N - sent.gripper_N),
-                        allowed(limits.peak_gripper_N) * range_fraction)});
+                        sanitised_limit(limits.peak_gripper_N) * range_fraction)});
 }
 
 // Sets the output to zero after a fault or a stale pose and selects how it recovers: by the slew after the
@@ -108,7 +109,7 @@ double slew_now_N_per_s(const OutputLimits& limits, const Vector<World>& target_
   return state.returning && grows ? std::min(slew_N_per_s, kOutputSettings.return_N_per_s) : slew_N_per_s;
 }
 
-Wrench between(const Wrench& from, const Wrench& to, double part) {
+Wrench interpolate_wrench(const Wrench& from, const Wrench& to, double part) {
   if (part == 1) return to;
   return {from.force_N + (to.force_N - from.force_N) * part,
           from.torque_Nmm + (to.torque_Nmm - from.torque_Nmm) * part,
@@ -116,18 +117,18 @@ Wrench between(const Wrench& from, const Wrench& to, double part) {
 }
 
 // force and torque keep their directions and their ratio; the gripper is clamped independently
-Wrench clamped(const Wrench& w, const OutputLimits& limits, double limit_N) {
+Wrench clamp_wrench(const Wrench& w, const OutputLimits& limits, double limit_N) {
   const double factor = std::min(factor_to(limit_N, magnitude(w.force_N)),
-                                 factor_to(allowed(limits.peak_torque_Nmm), magnitude(w.torque_Nmm)));
-  const double grip_N = allowed(limits.peak_gripper_N);
+                                 factor_to(sanitised_limit(limits.peak_torque_Nmm), magnitude(w.torque_Nmm)));
+  const double grip_N = sanitised_limit(limits.peak_gripper_N);
   return {w.force_N * factor, w.torque_Nmm * factor, std::clamp(w.gripper_N, -grip_N, grip_N)};
 }
 
 // torque and gripper force that the device cannot exert are dropped first, so that they do not scale the
 // force
 Wrench within_reach_of(const OutputLimits& limits, Wrench w) {
-  if (allowed(limits.peak_torque_Nmm) == 0) w.torque_Nmm = {};
-  if (allowed(limits.peak_gripper_N) == 0) w.gripper_N = 0;
+  if (sanitised_limit(limits.peak_torque_Nmm) == 0) w.torque_Nmm = {};
+  if (sanitised_limit(limits.peak_gripper_N) == 0) w.gripper_N = 0;
   return w;
 }
 
@@ -154,7 +155,7 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   out.limit_N = next_limit_N(limits, max_force_N, dt_s, state);
   if (out.limit_N < min_N) out.flags |= kFlagThermal;
   const Wrench requested = within_reach_of(limits, request.requested);
-  const Wrench clamped_wrench = clamped(requested, limits, out.limit_N);
+  const Wrench clamped_wrench = clamp_wrench(requested, limits, out.limit_N);
   if (magnitude(clamped_wrench.force_N) < magnitude(requested.force_N) ||
       magnitude(clamped_wrench.torque_Nmm) < magnitude(requested.torque_Nmm))
     out.flags |= kFlagClamped;
@@ -163,14 +164,15 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   state.gain = request.off ? std::max(0.0, state.gain - dt_s / kOutputSettings.ramp_out_s)
                            : std::min(1.0, state.gain + dt_s / kOutputSettings.ramp_in_s);
   if (state.gain < 1) out.flags |= kFlagRamp;
-  const Wrench needed = scaled(clamped_wrench, state.gain);
+  const Wrench needed = scale_wrench(clamped_wrench, state.gain);
   const double part =
       slew_fraction(state.sent, needed, limits, slew_now_N_per_s(limits, needed.force_N, dt_s, state), dt_s);
   if (part < 1) out.flags |= kFlagSlew;
 
   // second clamp, because the slew may start above a limit that was just lowered; then the decay of a stale
   // state
-  out.wrench = scaled(clamped(between(state.sent, needed, part), limits, out.limit_N), freshness);
+  out.wrench = scale_wrench(clamp_wrench(interpolate_wrench(state.sent, needed, part), limits, out.limit_N),
+                            freshness);
   state.heat = next_heat(limits, state.heat, magnitude(out.wrench.force_N), dt_s);
   state.sent = out.wrench;
   return out;

@@ -16,7 +16,7 @@ struct OutputRequest {
   double unclamped_N = 0;    ///< Magnitude of the requested force before any reduction, for the record
 };
 
-/// Wrench to send, and the TickFlag bits that say why it differs from the request.
+/// Wrench to send, and the TickFlag bits that state why it differs from the request.
 struct Output {
   Wrench wrench;
   std::uint32_t flags = 0;

@@ -18,7 +18,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // an output stage with given device and user limits, ticked once per call
 struct Stage {
-  OutputLimits limits{8, kNotKnown, 500, 4};
+  OutputLimits limits{8, kUnknown, 500, 4};
   double max_force_N = 3;
   OutputState state;
 
@@ -32,7 +32,7 @@ struct Stage {
   }
 };
 
-TEST(OutputStage, PassesWhatIsWithinEveryLimitUntouched) {
+TEST(OutputStage, PassesWrenchWithinLimitsUnchanged) {
   Stage stage;
   const Wrench requested{Vector<World>(0.3, -0.4, 0), Vector<World>(1, 2, 3), 0.5};
   Output out;
@@ -62,7 +62,7 @@ TEST(OutputStage, RampsInOverHalfASecondAndOutOverATenth) {
   EXPECT_EQ(stage.step({{requested, {}}, 0, 0, true}).wrench.force_N, Vector<World>()) << "off while paused";
 }
 
-TEST(OutputStage, ClampKeepsDirectionAndScalesTheTorqueAlike) {
+TEST(OutputStage, ClampKeepsDirectionAndScalesTorqueEqually) {
   Stage stage;
   const Wrench requested{Vector<World>(0, 6, 8), Vector<World>(40, 0, -20)};
   Output out;
@@ -74,7 +74,7 @@ TEST(OutputStage, ClampKeepsDirectionAndScalesTheTorqueAlike) {
   EXPECT_TRUE(out.flags & kFlagClamped);
 }
 
-TEST(OutputStage, ATorqueAboveItsLimitScalesTheForceToo) {
+TEST(OutputStage, TorqueAboveItsLimitScalesTheForce) {
   Stage stage;
   stage.limits.peak_torque_Nmm = 100;
   Output out;
@@ -84,7 +84,7 @@ TEST(OutputStage, ATorqueAboveItsLimitScalesTheForceToo) {
   EXPECT_NEAR(out.wrench.force_N.x(), 0.5, 1e-9);
 }
 
-TEST(OutputStage, LeastOfDeviceAndUserLimitHolds) {
+TEST(OutputStage, SmallerOfDeviceAndUserLimitApplies) {
   Stage stage;
   stage.max_force_N = 40;
   stage.settle(Vector<World>(100, 0, 0));
@@ -95,19 +95,19 @@ TEST(OutputStage, LeastOfDeviceAndUserLimitHolds) {
   EXPECT_NEAR(out.wrench.force_N.x(), 0.5, 1e-12);
 }
 
-TEST(OutputStage, WhatIsNotKnownIsNotANumberAndGivesNoLicence) {
+TEST(OutputStage, UnknownLimitsDisableTorqueAndGripper) {
   Stage stage;
   stage.limits = OutputLimits{};
   stage.max_force_N = 2;
   Output out;
   for (int n = 0; n < 1000; ++n)
     out = stage.step(OutputRequest{{Vector<World>(9, 0, 0), Vector<World>(0, 5, 0), 1}});
-  EXPECT_NEAR(out.wrench.force_N.x(), 2, 1e-12) << "the user's limit alone holds for forces";
-  EXPECT_EQ(out.wrench.torque_Nmm, Vector<World>()) << "nobody limits torques: none is sent";
+  EXPECT_NEAR(out.wrench.force_N.x(), 2, 1e-12) << "forces are limited by the user's limit alone";
+  EXPECT_EQ(out.wrench.torque_Nmm, Vector<World>()) << "without a known limit no torque is sent";
   EXPECT_EQ(out.wrench.gripper_N, 0);
 }
 
-TEST(OutputStage, ALimitThatIsNoNumberLetsNothingThrough) {
+TEST(OutputStage, NanLimitBlocksTheForce) {
   for (const double limit : {kNaN, -1.0, 0.0, kInfinity}) {
     Stage stage;
     stage.max_force_N = limit;
@@ -116,7 +116,7 @@ TEST(OutputStage, ALimitThatIsNoNumberLetsNothingThrough) {
   }
 }
 
-TEST(OutputStage, FaultsAreOffAtOnceAndComeBackByTheRamp) {
+TEST(OutputStage, FaultZeroesAtOnceAndRampsIn) {
   for (const std::uint32_t fault :
        {kFlagNotFinite, kFlagJump, kFlagDeviceFault, kFlagHalted, kFlagEmergencyStop}) {
     Stage stage;
@@ -129,7 +129,7 @@ TEST(OutputStage, FaultsAreOffAtOnceAndComeBackByTheRamp) {
   }
 }
 
-TEST(OutputStage, WhatIsNotFiniteBecomesNothing) {
+TEST(OutputStage, NonFiniteWrenchBecomesZero) {
   for (const double bad : {kNaN, kInfinity, -kInfinity})
     for (int axis = 0; axis < 3; ++axis)
       for (const int part : {0, 1, 2}) {
@@ -145,7 +145,7 @@ TEST(OutputStage, WhatIsNotFiniteBecomesNothing) {
       }
 }
 
-TEST(OutputStage, AnAgeingStateDecaysFromFiveToTenMilliseconds) {
+TEST(OutputStage, ForceDecaysForPoseAgesOfFiveToTenMilliseconds) {
   const auto sent_at = [](double age_s) {
     Stage stage;
     stage.settle(Vector<World>(0, 2, 0));
@@ -172,7 +172,7 @@ Output drop_out(Stage& stage, const Vector<World>& requested, double age_s) {
   return out;
 }
 
-TEST(OutputStage, AShortDropoutComesBackWithinFiftyMillisecondsAndWithoutAKick) {
+TEST(OutputStage, ShortDropoutRecoversWithin50msWithoutAKick) {
   for (const double rest_N : {0.5, 1.0, 3.0, 8.0})
     for (const double dropout_s : {10e-3, 11e-3, 15e-3, 20e-3}) {
       SCOPED_TRACE(std::to_string(rest_N) + " N, " + std::to_string(dropout_s) + " s");
@@ -201,7 +201,7 @@ TEST(OutputStage, AShortDropoutComesBackWithinFiftyMillisecondsAndWithoutAKick) 
     }
 }
 
-TEST(OutputStage, WhatIsNoShortDropoutComesBackByTheRamp) {
+TEST(OutputStage, LongOrRepeatedDropoutRampsIn) {
   const Vector<World> requested(0, 2, 0);
   const auto comes_back = [&](Stage& stage) {
     for (int n = 1; n < 500; ++n)
@@ -262,7 +262,7 @@ TEST(OutputStage, WhatIsNoShortDropoutComesBackByTheRamp) {
   }
 }
 
-TEST(OutputStage, SlewSpreadsAStepAndArrives) {
+TEST(OutputStage, SlewLimitSpreadsAStepAndConverges) {
   Stage stage;
   stage.settle(Vector<World>(2, 0, 0));
   stage.limits.slew_N_per_s = 500;
@@ -280,10 +280,10 @@ TEST(OutputStage, SlewSpreadsAStepAndArrives) {
 }
 
 // motor model: tau h' = (F / continuous)^2 - h
-TEST(OutputStage, ThermalBudgetEndsAtTheContinuousForce) {
+TEST(OutputStage, ThermalBudgetLimitsToTheContinuousForce) {
   for (const double rate_hz : {1000.0, 10000.0}) {
     Stage stage;
-    stage.limits = {8.5, 1.4, kNotKnown, kNotKnown};
+    stage.limits = {8.5, 1.4, kUnknown, kUnknown};
     stage.max_force_N = 8.5;
     double excess_s = 0, previous_N = 0;
     for (int n = 0; n < 20 * rate_hz; ++n) {
@@ -307,9 +307,9 @@ TEST(OutputStage, ThermalBudgetEndsAtTheContinuousForce) {
   }
 }
 
-TEST(OutputStage, TheContinuousForceIsNeverLimitedByHeat) {
+TEST(OutputStage, ContinuousForceIsNeverThermallyLimited) {
   Stage stage;
-  stage.limits = {8.5, 1.4, kNotKnown, kNotKnown};
+  stage.limits = {8.5, 1.4, kUnknown, kUnknown};
   for (int n = 0; n < 60000; ++n) {
     const Output out = stage.step(Vector<World>(0, 1.399, 0));
     ASSERT_EQ(out.flags & kFlagClamped, 0u) << n;
@@ -367,7 +367,7 @@ void change_limits(int n, std::mt19937& random, Stage& stage) {
   if (random() % 1000 == 0) stage.limits = {limit(10), limit(4), limit(100), limit(8), limit(4000)};
 }
 
-TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
+TEST(OutputStage, MillionRandomInputsKeepAllInvariants) {
   const auto seed = test::test_seed();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
@@ -426,13 +426,13 @@ TEST(OutputStage, AMillionRandomWrenchesAndStatesKeepEveryPromise) {
   EXPECT_GT(warm, 10000);
 }
 
-TEST(OutputStage, ClampNeverTurnsAForceThatTheSlewLetsPass) {
+TEST(OutputStage, ClampPreservesTheDirectionOfSlewLimitedForces) {
   const auto seed = test::test_seed();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> component(-1, 1), exponent(-300, 300), limit(0.01, 40);
   Stage stage;
-  stage.limits = {kNotKnown, kNotKnown, 1e-3, kNotKnown, kInfinity};
+  stage.limits = {kUnknown, kUnknown, 1e-3, kUnknown, kInfinity};
   for (int i = 0; i < 1000000; ++i) {
     stage.state = {};
     stage.state.gain = 1;

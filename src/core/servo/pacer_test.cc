@@ -29,7 +29,7 @@ class PacerAt : public ::testing::TestWithParam<std::tuple<double, double>> {
   const double rate_hz_ = std::get<0>(GetParam()), spin_s_ = std::get<1>(GetParam());
 };
 
-TEST_P(PacerAt, EveryPointOfTheGridIsATickOrSkipped) {
+TEST_P(PacerAt, EveryScheduledTickRunsOrIsSkipped) {
   const std::atomic<bool> stop = false;
   Pacer pacer(rate_hz_, spin_s_, stop);
   const std::int64_t before_ns = monotonic_ns();
@@ -55,7 +55,7 @@ TEST_P(PacerAt, EveryPointOfTheGridIsATickOrSkipped) {
   }
 }
 
-TEST_P(PacerAt, AStallIsSkippedAndNotMadeUpFor) {
+TEST_P(PacerAt, StalledTicksAreSkipped) {
   const std::atomic<bool> stop = false;
   Pacer pacer(rate_hz_, spin_s_, stop);
   // a shared machine may delay this thread exactly when wait() reads the clock, which skips more points, but
@@ -114,7 +114,7 @@ TEST(Pacer, StopsWithinAPeriodInsteadOfTicking) {
   EXPECT_LT(monotonic_ns() - before_ns, 1000 * pacer.period_ns()) << "it still waits";
 }
 
-TEST(Pacer, SleepsHoweverLongASpinIsAskedFor) {
+TEST(Pacer, LongSpinTimeStillSleeps) {
   // each sleep is a voluntary context switch; spinning for a whole period would cause none
   const auto sleeps = [] {
     rusage usage{};

@@ -105,7 +105,7 @@ std::string policy_name(int policy) {
 void grant_scheduler(const RealtimeRequest& request, RealtimeGrant& grant) {
   std::string remark;
   if (!request.fifo) {
-    remark = " (SCHED_FIFO not asked for)";
+    remark = " (SCHED_FIFO not requested)";
   } else if (const int granted_priority = enter_fifo(request.priority, request.priorities_above);
              granted_priority == 0) {
     const int why = errno;
@@ -170,7 +170,8 @@ MemoryLock::MemoryLock() {
     ++memory_locks;
     text_ = "locked";
     if (!later_too)
-      text_ += " as it was (what is allocated later is not: the memlock limit is " + size_text(limit) + ")";
+      text_ += " (current mappings only; later allocations are not locked: the memlock limit is " +
+               size_text(limit) + ")";
   } else {
     text_ = std::string("not locked (mlockall refused: ") + ::strerror(errno) + "; a memlock limit above " +
             size_text(limit) + " or CAP_IPC_LOCK allows it)";
@@ -184,14 +185,14 @@ MemoryLock::~MemoryLock() {
 }
 
 void exclude_cpu(int cpu) {
-  CpuExclusion().than(cpu);
+  CpuExclusion().exclude(cpu);
 }
 
 CpuExclusion::CpuExclusion() {
   if (::sched_getaffinity(0, sizeof(all_), &all_) != 0) CPU_ZERO(&all_);
 }
 
-void CpuExclusion::than(int cpu) {
+void CpuExclusion::exclude(int cpu) {
   if (cpu == cpu_ || cpu >= CPU_SETSIZE) return;
   cpu_ = cpu;
   cpu_set_t set = all_;
@@ -224,7 +225,7 @@ RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request) {
   else if (!lock || !lock->is_locked())
     lock.emplace();
   grant.memory_locked = lock && lock->is_locked();
-  grant.memory = lock ? lock->text() : "not locked (not asked for)";
+  grant.memory = lock ? lock->text() : "not locked (not requested)";
 
   touch_stack(std::min(kStack_bytes, stack_left()));
 

@@ -185,7 +185,7 @@ class Exercise {
       }
       tick(model_, parameters_, devices_, 1e-3, state_, wrenches_, record_);
       if (state_.device[0].proxy.compliance.modulus_N_per_mm2 > 0) ++with_deformable_tissue_;
-      if (state_.device[0].proxy.relaxation.remembers()) ++relaxed_;
+      if (state_.device[0].proxy.relaxation.is_active()) ++relaxed_;
       if (!state_.holes.empty()) ++with_holes_;
       if ((record_.device[0].flags & kFlagNoGo) != 0) ++no_go_ticks_;
       if (record_.device[0].near_label.back() != 0) ++near_many_;
@@ -241,7 +241,7 @@ class BurrExercise {
       run(100);
       std::vector<Cut> cuts;
       const BurrState& burr = state_.device[0].burr;
-      for (const Sweep& sweep : burr.pending().first(finished_sweeps(burr) - burr.first))
+      for (const Sweep& sweep : burr.pending().first(finished_sweeps(burr) - burr.first_sweep))
         cuts.push_back({0, sweep});
       carving = carving->with(cuts);
       models_.push_back(carving->applied_to(*models_.back()));
@@ -367,7 +367,7 @@ class LoopExercise : private ServoClock {
   int left_ = 0;
 };
 
-TEST(Realtime, WhatCountsNoticesWhatIsForbidden) {
+TEST(Realtime, CountersDetectForbiddenCalls) {
   // otherwise the tests below could pass because nothing is detected
   const long allocated = allocations;
   auto number = std::make_unique<int>(3);
@@ -397,7 +397,7 @@ TEST(Realtime, WhatCountsNoticesWhatIsForbidden) {
   EXPECT_FALSE(runs_with_system_calls([] { ::getppid(); }, SYS_clock_nanosleep, SYS_clock_gettime));
 }
 
-TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
+TEST(Realtime, TenThousandTicksMakeNoAllocationOrLock) {
   Exercise exercise;
   exercise.run(100);
   const long allocated = allocations + frees, locked = locks;
@@ -413,7 +413,7 @@ TEST(Realtime, TenThousandTicksAllocateAndLockNothing) {
   EXPECT_GT(exercise.near_many(), 20);
 }
 
-TEST(Realtime, ABurrAllocatesAndLocksNothingAndMakesNoSystemCall) {
+TEST(Realtime, BurrTicksMakeNoAllocationLockOrSystemCall) {
   for (const bool cone : {false, true}) {
     SCOPED_TRACE(cone);
     BurrExercise exercise(cone);
@@ -436,7 +436,7 @@ TEST(Realtime, TenThousandTicksMakeNoSystemCall) {
   EXPECT_TRUE(runs_without_system_calls([&] { exercise.run(10000); }));
 }
 
-TEST(Realtime, TenThousandTicksOfTheLoopAllocateAndLockNothing) {
+TEST(Realtime, TenThousandLoopTicksMakeNoAllocationOrLock) {
   LoopExercise exercise;
   exercise.run(100);
   long allocated = 0, locked = 0;
@@ -453,7 +453,7 @@ TEST(Realtime, TenThousandTicksOfTheLoopAllocateAndLockNothing) {
   EXPECT_EQ(exercise.dropped(), 10100u - 8192) << "the ring of half a second was full";
 }
 
-TEST(Realtime, TenThousandTicksOfTheLoopOnlyReadTheClockAndSleep) {
+TEST(Realtime, TenThousandLoopTicksOnlyReadTheClockAndSleep) {
   LoopExercise exercise;
   exercise.run(100);
   exercise.leave_news();

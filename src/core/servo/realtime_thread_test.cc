@@ -108,7 +108,7 @@ void note(const std::string& text, std::array<char, 200>& to) {
   to[text.copy(to.data(), to.size() - 1)] = 0;
 }
 
-TEST(RealtimeThread, RefusalsAreSaidAndNoError) {
+TEST(RealtimeThread, RefusalsAreReportedWithoutAnError) {
   testing::Shared<Found> found;
   testing::Child child([&] {
     const rlimit none{0, 0};
@@ -143,13 +143,13 @@ TEST(RealtimeThread, RefusalsAreSaidAndNoError) {
 }
 
 // behaviour on the system that `pretended` simulates
-class PretendedLimits : public ::testing::Test {
+class EmulatedLimits : public ::testing::Test {
  protected:
-  PretendedLimits() { pretended = {.on = true}; }
-  ~PretendedLimits() override { pretended = {}; }
+  EmulatedLimits() { pretended = {.on = true}; }
+  ~EmulatedLimits() override { pretended = {}; }
 };
 
-TEST_F(PretendedLimits, ALowerPriorityIsTakenWhereTheLimitIsLower) {
+TEST_F(EmulatedLimits, PriorityIsLoweredToTheLimit) {
   sched_param lowest{};
   lowest.sched_priority = 1;
   pretended.rtprio = 7;
@@ -164,7 +164,7 @@ TEST_F(PretendedLimits, ALowerPriorityIsTakenWhereTheLimitIsLower) {
   }).join();
 }
 
-TEST_F(PretendedLimits, TheWatchdogStaysAboveTheServoWhereTheLimitIsLower) {
+TEST_F(EmulatedLimits, WatchdogStaysAboveTheServoUnderALowLimit) {
   sched_param lowest{};
   lowest.sched_priority = 1;
   pretended.rtprio = 7;
@@ -175,7 +175,7 @@ TEST_F(PretendedLimits, TheWatchdogStaysAboveTheServoWhereTheLimitIsLower) {
   }).join();
 }
 
-TEST_F(PretendedLimits, ALimitOfJustTheServosPriorityIsSharedToo) {
+TEST_F(EmulatedLimits, LimitEqualToTheServoPriorityIsShared) {
   sched_param lowest{};
   lowest.sched_priority = 1;
   pretended.rtprio = 80;
@@ -191,14 +191,16 @@ TEST_F(PretendedLimits, ALimitOfJustTheServosPriorityIsSharedToo) {
   }).join();
 }
 
-TEST_F(PretendedLimits, AFiniteMemoryLimitMustNotMakeLaterAllocationsFail) {
+TEST_F(EmulatedLimits, FiniteMemoryLimitKeepsLaterAllocationsPossible) {
   // with MCL_FUTURE the kernel would refuse every mapping beyond the limit
   pretended.memlock_bytes = 64 << 20;
   {
     const MemoryLock lock;
     EXPECT_TRUE(lock.is_locked());
     EXPECT_EQ(pretended.mlockall_flags, MCL_CURRENT);
-    EXPECT_EQ(lock.text(), "locked as it was (what is allocated later is not: the memlock limit is 64 MiB)");
+    EXPECT_EQ(
+        lock.text(),
+        "locked (current mappings only; later allocations are not locked: the memlock limit is 64 MiB)");
   }
   pretended.memlock_bytes = RLIM_INFINITY;
   const MemoryLock lock;
@@ -206,7 +208,7 @@ TEST_F(PretendedLimits, AFiniteMemoryLimitMustNotMakeLaterAllocationsFail) {
   EXPECT_EQ(lock.text(), "locked");
 }
 
-TEST_F(PretendedLimits, AMemoryLockLastsUntilTheLastOneGoes) {
+TEST_F(EmulatedLimits, MemoryStaysLockedUntilTheLastLockEnds) {
   pretended.memlock_bytes = RLIM_INFINITY;
   auto first = std::make_unique<MemoryLock>(), second = std::make_unique<MemoryLock>();
   EXPECT_TRUE(first->is_locked() && second->is_locked());
@@ -226,7 +228,7 @@ TEST_F(PretendedLimits, AMemoryLockLastsUntilTheLastOneGoes) {
   EXPECT_EQ(pretended.mlockall_flags, 0);
 }
 
-TEST(RealtimeThread, GrantsAreWhatTheSystemSays) {
+TEST(RealtimeThread, GrantsMatchTheSystem) {
   // whether this system grants SCHED_FIFO, queried directly
   bool gives_fifo = false;
   std::thread([&] {
@@ -262,15 +264,15 @@ TEST(RealtimeThread, GrantsAreWhatTheSystemSays) {
   }
 }
 
-TEST(RealtimeThread, WhatWasNotAskedForIsLeftAlone) {
+TEST(RealtimeThread, UnrequestedPropertiesAreUnchanged) {
   std::thread([] {
     const RealtimeGrant grant = make_this_thread_realtime({.fifo = false, .lock_memory = false});
     EXPECT_FALSE(grant.fifo);
     EXPECT_EQ(grant.priority, 0);
     EXPECT_EQ(grant.cpu, -1);
     EXPECT_FALSE(grant.memory_locked);
-    EXPECT_EQ(grant.scheduler, "SCHED_OTHER (SCHED_FIFO not asked for)");
-    EXPECT_EQ(grant.memory, "not locked (not asked for)");
+    EXPECT_EQ(grant.scheduler, "SCHED_OTHER (SCHED_FIFO not requested)");
+    EXPECT_EQ(grant.memory, "not locked (not requested)");
     // steps that need no privilege are still performed
     EXPECT_EQ(::prctl(PR_GET_TIMERSLACK, 0, 0, 0, 0), 1);
     if (kRealLocks) {
@@ -279,7 +281,7 @@ TEST(RealtimeThread, WhatWasNotAskedForIsLeftAlone) {
   }).join();
 }
 
-TEST(RealtimeThread, ACpuThatIsNotThereIsSaid) {
+TEST(RealtimeThread, MissingCpuIsReported) {
   std::thread([] {
     for (const int cpu : {CPU_SETSIZE - 1, CPU_SETSIZE, 1 << 30}) {
       const RealtimeGrant grant =
@@ -339,14 +341,14 @@ long fewest_faults(std::size_t stack_bytes, bool use) {
   return fewest;
 }
 
-TEST(RealtimeThread, TheStackIsThereBeforeItIsNeeded) {
+TEST(RealtimeThread, StackPagesAreResidentBeforeUse) {
   EXPECT_GE(faults_of_using_the_stack(2 << 20, false, true), 90) << "without it every page is a fault";
   // a sanitizer's own memory may cause a few
   EXPECT_LE(fewest_faults(2 << 20, true), kRealLocks ? 0 : 30);
 }
 
 #if !defined(__SANITIZE_THREAD__)  // its runtime uses more than this of every stack
-TEST(RealtimeThread, AShortStackIsNotOverrun) {
+TEST(RealtimeThread, ShortStackIsNotOverrun) {
   // below the 512 KiB that are touched on larger stacks
   EXPECT_EQ(fewest_faults(256 << 10, false), 0);
 }

@@ -29,13 +29,12 @@ std::string first_haptic_difference(const std::string& text) {
   std::string other;
   visit_haptic_settings([&](const std::string& group, const char* name, double value) {
     const auto found = was.find(group + "." + name);
-    const std::string before = found == was.end() ? "not there" : found->second;
+    const std::string before = found == was.end() ? "absent" : found->second;
     if (other.empty() && before != shortest(value))
       other = group + "." + name + " " + before + ", here " + shortest(value);
     if (found != was.end()) was.erase(found);
   });
-  if (other.empty() && !was.empty())
-    other = was.begin()->first + " " + was.begin()->second + ", here not there";
+  if (other.empty() && !was.empty()) other = was.begin()->first + " " + was.begin()->second + ", absent here";
   return other;
 }
 

@@ -23,27 +23,27 @@ std::string replaced(std::string text, const std::string& what, const std::strin
   return text.replace(text.find(what), what.size(), with);
 }
 
-TEST(Feel, TheTextSaysHowAnotherVersionDiffers) {
+TEST(HapticSettings, FirstDifferenceNamesTheSetting) {
   const std::string text = haptic_settings_text();
   EXPECT_EQ(first_haptic_difference(text), "");
   EXPECT_EQ(first_haptic_difference(replaced(text, "output.blend_s 0.1", "output.blend_s 0.2")),
             "output.blend_s 0.2, here 0.1");
   EXPECT_EQ(first_haptic_difference(replaced(text, "output.blend_s 0.1\n", "")),
-            "output.blend_s not there, here 0.1");
-  EXPECT_EQ(first_haptic_difference(text + "output.wind_s 3\n"), "output.wind_s 3, here not there");
+            "output.blend_s absent, here 0.1");
+  EXPECT_EQ(first_haptic_difference(text + "output.wind_s 3\n"), "output.wind_s 3, absent here");
   // text of a recording's header
   EXPECT_LT(text.size(), 8000u);
   for (const char byte : text) EXPECT_TRUE(byte == '\n' || (byte >= ' ' && byte <= '~'));
 }
 
-TEST(Feel, NamesAreOfOneSettingEach) {
+TEST(HapticSettings, NamesAreUnique) {
   std::set<std::string> names;
   visit_haptic_settings([&](const std::string& group, const std::string& name, double) {
     EXPECT_TRUE(names.insert(group + "." + name).second) << group << "." << name;
   });
 }
 
-TEST(Feel, DocsListEverySettingAndNoOther) {
+TEST(HapticSettings, DocsListExactlyTheSettings) {
   std::ifstream docs(PALPATE_SOURCE_DIR "/docs/reference/feel.md");
   ASSERT_TRUE(docs);
   std::set<std::string> listed;

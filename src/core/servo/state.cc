@@ -50,7 +50,7 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
   hash_point(hash, proxy.last_displacement);
   hash_quaternion(hash, proxy.attitude);
   hash_surfaces(hash, proxy.punctured);
-  hash.add(proxy.stretch_fraction, proxy.spring_N_per_mm.value_or(-1), proxy.catch_up_mm, proxy.lost_s,
+  hash.add(proxy.stretch_fraction, proxy.spring_N_per_mm.value_or(-1), proxy.catch_up_mm, proxy.stranded_s,
            proxy.contact_count);
   for (int n = 0; n < proxy.contact_count; ++n) {
     const ProxyContact& contact = proxy.contacts[static_cast<std::size_t>(n)];
@@ -63,14 +63,14 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
 
 void hash_burr(HashOfWords& hash, const BurrState& burr) {
   hash.add(burr.inset_mm, burr.penetration_mm, burr.unspent_work_mJ, burr.pressed_N, burr.edge_mm_per_s,
-           burr.front_mm2, burr.energy_mJ_per_mm3, burr.work_mJ, burr.removed_mm3, burr.open_s);
-  hash.add(static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.closed) << 1 |
-           static_cast<std::uint64_t>(burr.full));
-  if (burr.began_axis_mm != Vector<Patient>()) hash_point(hash, burr.began_axis_mm);
-  hash.add(burr.first);
-  // only burrs in thin bone have a debt
-  if (burr.owed_mJ > 0 || burr.thin_ticks > 0) {
-    hash.add(burr.balance_mJ[kThick], burr.balance_mJ[kThin], burr.owed_mJ, burr.owed_mJ_per_mm3);
+           burr.front_mm2, burr.energy_mJ_per_mm3, burr.work_mJ, burr.removed_mm3, burr.sweep_age_s);
+  hash.add(static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.sweep_closed) << 1 |
+           static_cast<std::uint64_t>(burr.sweeps_full));
+  if (burr.sweep_start_axis_mm != Vector<Patient>()) hash_point(hash, burr.sweep_start_axis_mm);
+  hash.add(burr.first_sweep);
+  // only burrs in thin bone have an energy debt
+  if (burr.debt_mJ > 0 || burr.thin_ticks > 0) {
+    hash.add(burr.balance_mJ[kThick], burr.balance_mJ[kThin], burr.debt_mJ, burr.debt_mJ_per_mm3);
     hash.add(burr.thin_ticks);
   }
   for (const Sweep& sweep : burr.pending()) {
@@ -99,20 +99,20 @@ void hash_device(HashOfWords& hash, const SessionState::DeviceSession& session) 
     hash_quaternion(hash, proxy.free_attitude);
     hash_point(hash, proxy.last_search_tip);
   }
-  if (const ProxyRelease& release = session.proxy.release; release.force_N != Vector<Patient>()) {
+  if (const ResidualForce& release = session.proxy.release; release.force_N != Vector<Patient>()) {
     hash_point(hash, release.force_N);
     hash_point(hash, release.torque_Nmm);
     hash.add(release.stored_mJ);
   }
   if (session.proxy.compliance.modulus_N_per_mm2 > 0) hash_part(hash, session.proxy.compliance);
-  if (session.proxy.relaxation.remembers()) hash_part(hash, session.proxy.relaxation);
-  if (session.press.is_known()) hash_part(hash, session.press);
+  if (session.proxy.relaxation.is_active()) hash_part(hash, session.proxy.relaxation);
+  if (session.tissue_contact.is_known()) hash_part(hash, session.tissue_contact);
   const CouplingState& coupling = session.coupling;
-  hash.add(session.proxy_version, session.pushed_directly, coupling.stiffness_N_per_mm);
+  hash.add(session.proxy_version, session.pushed_by_direct_method, coupling.stiffness_N_per_mm);
   hash_point(hash, coupling.multiplier_mm);
   hash_part(hash, coupling.spring_velocity);
   // only burrs have this state
-  if (session.burr.open_s > 0) hash_burr(hash, session.burr);
+  if (session.burr.sweep_age_s > 0) hash_burr(hash, session.burr);
   if (const BurrRenderingState& burr = session.burr_rendering; burr.is_used())
     hash.add(burr.frequency_hz, burr.phase, burr.mean_N, burr.break_through_s, burr.bone_rise_K,
              burr.is_wall_thin);
@@ -122,8 +122,9 @@ void hash_device(HashOfWords& hash, const SessionState::DeviceSession& session) 
   hash.add(session.blend_elapsed_s, passivity.energy_mJ, passivity.displacement_mm, passivity.time_s,
            passivity.speed_mm_s, passivity.dead_band_mm, passivity.moves_with_force);
   const ReboundState& rebound = passivity.rebound;
-  hash.add(rebound.impact_mm_s, rebound.time_s, rebound.depth_mm, rebound.push_N_s, rebound.pushed_N_s2,
-           rebound.back_N_s2_mm, rebound.squares_N2_s4, rebound.touched);
+  hash.add(rebound.impact_mm_s, rebound.time_s, rebound.depth_mm, rebound.impulse_N_s,
+           rebound.impulse_integral_N_s2, rebound.sum_lag_impulse_N_s2_mm, rebound.sum_impulse_squared_N2_s4,
+           rebound.touched);
   const OscillationState& oscillation = session.oscillation;
   hash_point(hash, oscillation.axis);
   hash_point(hash, oscillation.lateral_mm);
@@ -146,7 +147,7 @@ void hash_device(HashOfWords& hash, const SessionState::DeviceSession& session) 
 void SessionState::DeviceSession::reset_contact() {
   proxy = {};
   coupling = {};
-  press = {};
+  tissue_contact = {};
 }
 
 void SessionState::DeviceSession::reset_path() {
@@ -154,7 +155,7 @@ void SessionState::DeviceSession::reset_path() {
   has_previous = false;
   velocity.clear();
   requested = {};
-  pushed_directly = false;
+  pushed_by_direct_method = false;
   passivity = {};
   oscillation = {};
   delay = {};

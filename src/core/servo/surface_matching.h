@@ -15,10 +15,10 @@ using SurfaceMatches = std::array<SurfaceCorrespondence, kMaxSurfaces>;
 /// is first compared at its previous index, so that an edit that reorders nothing costs one comparison per
 /// surface.
 std::span<const SurfaceCorrespondence> match_surfaces(const Model& model,
-                                                      const SessionState::Surfaces& remembered,
-                                                      SurfaceMatches& before);
+                                                      const SessionState::Surfaces& last_surfaces,
+                                                      SurfaceMatches& correspondences);
 
 /// Replaces the remembered surfaces by those of `model`.
-void remember_surfaces(const Model& model, SessionState::Surfaces& remembered);
+void store_surfaces(const Model& model, SessionState::Surfaces& last_surfaces);
 
 }  // namespace palpate

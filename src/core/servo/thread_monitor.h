@@ -54,10 +54,10 @@ enum class LateCause {
   kUnknown,     ///< None of these: timer, interrupts, a CPU waking from idle, or no counters
 };
 
-/// Likely cause of a tick that was `late_ns` late between two readings. The first condition that holds:
+/// Likely cause of a tick that was `late_ns` late between two readings. The first condition that applies:
 /// - kSteal: the steal time of the thread's CPU grew or, if the thread moved, that of all CPUs. Tested first,
-/// because a stolen CPU also shows as waiting. Counted in units of 10 ms, so a shorter theft may appear as a
-/// later cause or as none.
+/// because steal time also appears as run delay. It is counted in units of 10 ms, so a shorter steal may be
+/// attributed to a later cause or to none.
 /// - kPageFault: a minor or major fault. With locked memory there should be none.
 /// - kPreemption: an involuntary switch.
 /// - kRunQueue: the waiting time grew by at least half of `late_ns`. An undisturbed wake-up adds some tens of

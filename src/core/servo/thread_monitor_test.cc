@@ -65,7 +65,7 @@ ThreadMonitor::Counters without_steal(ThreadMonitor::Counters counters) {
   return counters;
 }
 
-TEST(ThreadMonitor, SeesThePageFaultsOfTheWatchedThread) {
+TEST(ThreadMonitor, CountsPageFaultsOfTheWatchedThread) {
   constexpr std::size_t kPages = 200;
   const std::size_t size = kPages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
   Watched watched([&] {
@@ -88,7 +88,7 @@ TEST(ThreadMonitor, SeesThePageFaultsOfTheWatchedThread) {
   EXPECT_EQ(late_cause(without_steal(idle), without_steal(after), 100'000), LateCause::kPageFault);
 }
 
-TEST(ThreadMonitor, SeesThatAnotherThreadTookTheCpu) {
+TEST(ThreadMonitor, DetectsPreemptionByAnotherThread) {
   cpu_set_t all, one;
   CPU_ZERO(&all);
   ASSERT_EQ(::sched_getaffinity(0, sizeof(all), &all), 0);
@@ -132,7 +132,7 @@ TEST(ThreadMonitor, SeesThatAnotherThreadTookTheCpu) {
   EXPECT_EQ(late_cause(without_steal(before), without_steal(after), 100'000), LateCause::kPreemption);
 }
 
-TEST(ThreadMonitor, AThreadThatIsNotThereIsUnknownAndNoError) {
+TEST(ThreadMonitor, MissingThreadIsUnknownWithoutAnError) {
   auto watched = std::make_unique<Watched>([] {});
   ThreadMonitor ended(watched->tid()), never(1 << 30);
   EXPECT_TRUE(ended.read().minor_faults);
@@ -148,7 +148,7 @@ TEST(ThreadMonitor, AThreadThatIsNotThereIsUnknownAndNoError) {
   }
 }
 
-TEST(LateCause, IsTheFirstThatApplies) {
+TEST(LateCause, IsTheFirstApplicableCause) {
   ThreadMonitor::Counters before;
   before.involuntary_switches = before.minor_faults = before.major_faults = before.run_delay_ns = 10;
   before.cpu_steal_ticks = before.all_steal_ticks = 10;

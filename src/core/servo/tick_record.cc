@@ -61,7 +61,7 @@ void record_inputs(const DeviceState& device, const DeviceParameters& parameters
 
 void record_outputs(const ToolContact& tool, const OutputRequest& request, const Output& sent,
                     const SessionState::DeviceSession& session, DeviceTick& out) {
-  if (tool.strongest.is_touch()) {
+  if (tool.strongest.is_contact()) {
     out.flags |= kFlagContact;
     out.label = tool.strongest.site.label;
     for (std::size_t n = 0; n < tool.contacts.size() && tool.contacts[n].label != 0; ++n) {

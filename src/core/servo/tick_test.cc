@@ -69,7 +69,7 @@ TEST(Tick, PushesOutAlongTheAnalyticNormalWithTheAnalyticForce) {
   }
 }
 
-TEST(Tick, SlopeAtTheSurfaceIsTheTissuesStiffness) {
+TEST(Tick, ForceSlopeAtTheSurfaceEqualsTissueStiffness) {
   TickedLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.parameters.max_force_N = 100;
@@ -80,7 +80,7 @@ TEST(Tick, SlopeAtTheSurfaceIsTheTissuesStiffness) {
   EXPECT_NEAR((deeper_N - loop.wrench.force_N.x()) / 0.2, 1.5, 0.15);
 }
 
-TEST(Tick, ForceTurnsWithTheObject) {
+TEST(Tick, ForceRotatesWithTheObject) {
   // the ball is displaced from the pivot to break the symmetry: the contact must rotate rigidly with it
   TickedLoop still, turned;
   still.parameters.friction = still.parameters.viscosity = false;
@@ -100,7 +100,7 @@ TEST(Tick, ForceTurnsWithTheObject) {
   }
 }
 
-TEST(Tick, ARotationCommandIsInterpolatedWithoutAStepOfForce) {
+TEST(Tick, RotationCommandCausesNoForceStep) {
   TickedLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   // displaced from the pivot, so that a rotation moves the surface under the stationary tip
@@ -125,7 +125,7 @@ TEST(Tick, ARotationCommandIsInterpolatedWithoutAStepOfForce) {
   EXPECT_NEAR(rotation.angularDistance(requested), 0, 1e-12) << "and arrives";
 }
 
-TEST(Tick, ACommandThatIsNoRotationIsIgnoredAndSaidSo) {
+TEST(Tick, InvalidRotationCommandIsIgnoredAndFlagged) {
   TickedLoop loop;
   const auto R = Rotation<World, World>::about(Eigen::Vector3d::UnitY(), 0.2);
   loop.parameters.rotation_target = R.quaternion();
@@ -140,7 +140,7 @@ TEST(Tick, ACommandThatIsNoRotationIsIgnoredAndSaidSo) {
   }
 }
 
-TEST(Tick, DeepInsideIsAContactThoughNothingPushes) {
+TEST(Tick, DeepInsideCountsAsContactWithoutForce) {
   TickedLoop loop;
   for (int n = 0; n < 30; ++n) loop.at(Point<World>(0, 0, 0));
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
@@ -166,7 +166,7 @@ TEST(Tick, VelocityIsRelativeToTheObject) {
   EXPECT_LT(std::hypot(v[0], v[1], v[2]), 1e-6) << "the tip itself moves at 7.5 mm/s";
 }
 
-TEST(Tick, NeverSendsMoreThanTheLimitAndSaysSo) {
+TEST(Tick, ForceIsClampedToTheLimitAndFlagged) {
   TickedLoop loop;
   loop.parameters.max_force_N = 0.8;
   for (double x = 20; x > 5; x -= 0.05) {
@@ -177,7 +177,7 @@ TEST(Tick, NeverSendsMoreThanTheLimitAndSaysSo) {
   }
 }
 
-TEST(Tick, SurvivesPosesThatAreNotFinite) {
+TEST(Tick, NonFinitePosesGiveZeroForce) {
   TickedLoop loop;
   loop.at(Point<World>(kBoneRadius_mm, 0, 0));
   for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
@@ -193,7 +193,7 @@ TEST(Tick, SurvivesPosesThatAreNotFinite) {
   EXPECT_GT(loop.wrench.force_N.norm(), 0.1);
 }
 
-TEST(Tick, ATipThatJumpsGetsNothingAndThenTheRamp) {
+TEST(Tick, JumpZeroesTheForceThenRampsIn) {
   TickedLoop loop;
   loop.at(Point<World>(kBoneRadius_mm, 0, 0));
   EXPECT_GT(loop.wrench.force_N.norm(), 0.1);
@@ -244,7 +244,7 @@ TEST(Tick, PauseFadesOutAndBackIn) {
   EXPECT_NEAR(previous_N, full_N, 1e-12);
 }
 
-TEST(Tick, AForceThatIsNotFiniteLeavesNothingBehind) {
+TEST(Tick, NonFiniteForceDoesNotPersistInTheState) {
   TickedLoop loop;
   const Point<World> tip(kBoneRadius_mm, 0, 0);
   loop.at(tip);
@@ -259,7 +259,7 @@ TEST(Tick, AForceThatIsNotFiniteLeavesNothingBehind) {
   EXPECT_FALSE(loop.record.device[0].flags & kFlagNotFinite);
 }
 
-TEST(Tick, EmergencyStopIsAtOnceAndStatusBitsAreFaults) {
+TEST(Tick, EmergencyStopAndStatusFaultsZeroTheForceAtOnce) {
   TickedLoop loop;
   DeviceState device;
   device.tip = Point<World>(kBoneRadius_mm, 0, 0);
@@ -284,7 +284,7 @@ TEST(Tick, EmergencyStopIsAtOnceAndStatusBitsAreFaults) {
   expect_off(kFlagStale);
 }
 
-TEST(Tick, GainsMultiplyWhatTheDeviceIsSentAndTheLimitHoldsForIt) {
+TEST(Tick, GainsScaleTheForceBeforeTheLimit) {
   TickedLoop one, two;
   one.parameters.max_force_N = two.parameters.max_force_N = 2;
   two.parameters.device[0].force_gain = 2;
@@ -306,7 +306,7 @@ struct Change {
   std::function<void(TickedLoop&)> apply;
 };
 
-TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
+TEST(Tick, ForceSourceChangeCausesNoForceStep) {
   const Change changes[] = {
       {"model",
        [](TickedLoop& loop) {
@@ -363,7 +363,7 @@ TEST(Tick, AChangeOfWhatMakesTheForceIsNoStep) {
   }
 }
 
-TEST(Tick, EveryMethodMayTurnIntoEveryOtherWithoutAStep) {
+TEST(Tick, AnyMethodChangeCausesNoForceStep) {
   // the tip is stationary, so that only the method changes the force
   const Model model = testing::with_every_method(ball_model({0.6, 0.6, 0.9}, 1.0, 3));
   for (const ForceMethodInfo& from : kDirectMethods) {
@@ -411,7 +411,7 @@ struct ProxyLoop : TickedLoop {
   }
 };
 
-TEST(Tick, TheProxyHoldsTheTipWithTheTissuesStiffness) {
+TEST(Tick, ProxyRendersTheTissueStiffness) {
   ProxyLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.lead({kBoneRadius_mm + 3, 0, 0}, {kBoneRadius_mm - 2, 0, 0}, 100);
@@ -426,7 +426,7 @@ TEST(Tick, TheProxyHoldsTheTipWithTheTissuesStiffness) {
   EXPECT_NEAR(Vector<Patient>(proxy[0], proxy[1], proxy[2]).norm(), kBoneRadius_mm, 0.03);
 }
 
-TEST(Tick, TheRecordedNormalIsNoFartherFromTheForceThanFrictionAllows) {
+TEST(Tick, RecordedNormalIsWithinTheFrictionConeOfTheForce) {
   // Terraces of 0.7 mm with the normals of the slope, as smoothed normals are: the proxy rests on the
   // terraces' edges. And a notch between two walls.
   const auto slope_mm = [](const Eigen::Vector3d& p) {
@@ -477,14 +477,14 @@ TEST(Tick, TheRecordedNormalIsNoFartherFromTheForceThanFrictionAllows) {
     }
 }
 
-TEST(Tick, TheProxyTellsTheStructureByTheLabelsWhereItLeans) {
+TEST(Tick, ProxyReportsTheLabelUnderTheContact) {
   ProxyLoop loop(3);
   loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 100);
   EXPECT_EQ(loop.record.device[0].label, kCartilage);
   EXPECT_NEAR(loop.wrench.force_N.x(), 1 * 0.75, 0.05) << "cartilage's own stiffness";
 }
 
-TEST(Tick, TheProxyTellsTheStructureOfASurfaceThatIsNotAtItsPlace) {
+TEST(Tick, ProxyReportsTheStructureOfADisplacedSurface) {
   // Model of bone bordering a skin that can be punctured: its surface in the outer layer follows the
   // structures' surfaces. Where it was smoothed there may be no felt voxel under it.
   ProxyLoop loop;
@@ -499,7 +499,7 @@ TEST(Tick, TheProxyTellsTheStructureOfASurfaceThatIsNotAtItsPlace) {
   EXPECT_EQ(loop.record.device[0].label, kBone);
 }
 
-TEST(Tick, TellsWhatTheForceComesFrom) {
+TEST(Tick, ReportsTheStructuresAlongThePenetrationPath) {
   ProxyLoop loop(3);
   const DeviceTick& device = loop.record.device[0];
   loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm + 4, 0, 0}, 100);
@@ -517,7 +517,7 @@ TEST(Tick, TellsWhatTheForceComesFrom) {
   EXPECT_EQ(device.path_share[0], 1);
 }
 
-TEST(Tick, TheProxyWaitsForATipThatBeginsInsideOrComesOutOfAPause) {
+TEST(Tick, ProxyIsUncoupledForATipInsideAtStartOrAfterAPause) {
   ProxyLoop loop;
   loop.at({kBoneRadius_mm - 1, 0, 0});
   EXPECT_TRUE(loop.record.device[0].flags & kFlagInside);
@@ -570,7 +570,7 @@ TEST(Tick, ATipThatIsSetDownHasNoContactAndNoJumpAndIsFeltAtOnce) {
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
 }
 
-TEST(Tick, TheProxySticksToATurningObject) {
+TEST(Tick, ProxySticksToARotatingObject) {
   ProxyLoop loop;
   for (ContactSurface& surface : loop.model.surfaces) {
     surface.static_friction = 2;
@@ -587,7 +587,7 @@ TEST(Tick, TheProxySticksToATurningObject) {
   EXPECT_GT(loop.wrench.force_N.y(), 0.5) << "dragged along with the object";
 }
 
-TEST(Tick, ChangesThatNeverEndHoldNoForce) {
+TEST(Tick, EndlessForceSourceChangesDoNotFreezeTheForce) {
   // a switch that toggles in every tick, as a malicious viewer could cause, while the tip leaves the bone
   ProxyLoop loop;
   const Point<World> pressed(kBoneRadius_mm - 1, 0, 0), free(kBoneRadius_mm + 5, 0, 0);
@@ -601,7 +601,7 @@ TEST(Tick, ChangesThatNeverEndHoldNoForce) {
   EXPECT_LT(loop.wrench.force_N.norm(), 0.05 * before_N);
 }
 
-TEST(Tick, FromADirectMethodToTheProxyTheForceIsNoStep) {
+TEST(Tick, ChangeFromDirectMethodToProxyCausesNoForceStep) {
   ProxyLoop loop;
   loop.parameters.method = ForceMethod::kTrilinear;
   const Point<World> tip(kBoneRadius_mm + 0.2, 0, 0);
@@ -634,7 +634,7 @@ double generated_mJ(ProxyLoop& loop, double speed_mm_s) {
   return given_mJ;
 }
 
-TEST(Tick, WhatTheHandHasNotPutInIsTakenOffTheForceAndSaidSo) {
+TEST(Tick, PassivityReducesTheForceByUncoveredEnergyAndFlagsIt) {
   ProxyLoop free, kept;
   kept.parameters.passivity = true;
   for (ProxyLoop* loop : {&free, &kept}) loop->parameters.device[0].position_step_mm = 0.03;
@@ -656,7 +656,7 @@ TEST(Tick, WhatTheHandHasNotPutInIsTakenOffTheForceAndSaidSo) {
   EXPECT_TRUE(acted);
 }
 
-TEST(Tick, ATurningObjectIsNoActivity) {
+TEST(Tick, ObjectRotationIsNotObservedAsEnergy) {
   // the tip moves with the ball, pressed in by a millimetre, while the world rotates
   ProxyLoop loop;
   loop.parameters.passivity = true;
@@ -673,7 +673,7 @@ TEST(Tick, ATurningObjectIsNoActivity) {
   EXPECT_NEAR(loop.record.device[0].energy_mJ, before_mJ, 0.02) << "1.5 N over 4.2 mm";
 }
 
-TEST(Tick, EnergyIsForgottenWithEveryOtherMemory) {
+TEST(Tick, PassivityStateIsResetWithTheContact) {
   const std::pair<const char*, std::function<void(TickedLoop&, DeviceState&)>> losses[] = {
       {"pause", [](TickedLoop& loop, DeviceState&) { loop.parameters.paused = true; }},
       {"clutch", [](TickedLoop&, DeviceState& device) { device.status = kDeviceClutched; }},
@@ -696,7 +696,7 @@ TEST(Tick, EnergyIsForgottenWithEveryOtherMemory) {
   }
 }
 
-TEST(Tick, AForceThatFadesOutGetsNothingBackThatWasHeldBack) {
+TEST(Tick, FadingForceNeverIncreases) {
   for (const bool clutched : {false, true}) {
     SCOPED_TRACE(clutched);
     ProxyLoop loop;
@@ -757,7 +757,7 @@ Model seamed_floor() {
   return model;
 }
 
-TEST(Tick, NothingThatHappensIsAStepOfTheProxysForce) {
+TEST(Tick, NoEventCausesAStepOfTheProxyForce) {
   // 1 mm below the floor, across the seam from 1.5 to 0.5 N/mm at 50 mm/s, and stationary during changes
   ProxyLoop loop;
   loop.model = seamed_floor();
@@ -806,7 +806,7 @@ TEST(Tick, NothingThatHappensIsAStepOfTheProxysForce) {
   expect_no_step("pause", largest_step_N(300, resting), 0.02);
 }
 
-TEST(Tick, TheProxyIsLetGoByNewSurfacesThatItIsInside) {
+TEST(Tick, ProxyInsideNewSurfacesIsUncoupled) {
   ProxyLoop loop;
   loop.lead({kBoneRadius_mm + 2, 0, 0}, {kBoneRadius_mm - 1, 0, 0}, 100);
   ASSERT_GT(loop.wrench.force_N.x(), 1);
@@ -903,7 +903,7 @@ ProxyLoop through_the_shell() {
   return pressed;
 }
 
-TEST(Tick, AnEditKeepsTheContactWhileSomethingIsPunctured) {
+TEST(Tick, LocalEditKeepsContactAndPunctures) {
   for (const Edit& edit : kEdits) {
     SCOPED_TRACE(edit.name);
     ProxyLoop loop = through_the_shell();
@@ -926,7 +926,7 @@ TEST(Tick, AnEditKeepsTheContactWhileSomethingIsPunctured) {
   }
 }
 
-TEST(Tick, AnEditLeavesAProxyThatSticksStuck) {
+TEST(Tick, LocalEditKeepsAProxySticking) {
   const ProxyLoop untouched(3);
   for (const Edit& edit : kEdits) {
     if (edit.makes_soft) continue;
@@ -950,7 +950,7 @@ TEST(Tick, AnEditLeavesAProxyThatSticksStuck) {
   }
 }
 
-TEST(Tick, AnEditKeepsTheContactOfEveryDevice) {
+TEST(Tick, EditKeepsTheContactOfEveryDevice) {
   // the first device has punctured the shell, the second is in contact with it, the third is far from
   // everything
   ProxyLoop loop = wrapped_bone();
@@ -986,7 +986,7 @@ TEST(Tick, AnEditKeepsTheContactOfEveryDevice) {
   }
 }
 
-TEST(Tick, ATissueThatIsNotFeltAnyMoreLetsTheProxyOnAndKeepsTheRest) {
+TEST(Tick, UntouchableTissueReleasesTheProxyAndKeepsOtherPunctures) {
   ProxyLoop loop = through_the_shell();
   const Point<World> tip(kBoneRadius_mm - 1, 0, 0);
   // the shell's surface takes the bone's index
@@ -998,12 +998,12 @@ TEST(Tick, ATissueThatIsNotFeltAnyMoreLetsTheProxyOnAndKeepsTheRest) {
     loop.at(tip);
     ASSERT_FALSE(loop.record.device[0].flags & kFlagInside) << n;
   }
-  EXPECT_EQ(loop.wrench.force_N, Vector<World>()) << "nothing is in the way";
-  EXPECT_TRUE(loop.state.device[0].proxy.punctured[0]) << "the shell, which it has not come out of";
+  EXPECT_EQ(loop.wrench.force_N, Vector<World>()) << "no surface between tip and proxy";
+  EXPECT_TRUE(loop.state.device[0].proxy.punctured[0]) << "the tip is still inside the shell";
   EXPECT_FALSE(loop.state.device[0].proxy.punctured[1]);
 }
 
-TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
+TEST(Tick, PermanentHolePersistsWhenItsSurfaceIndexChanges) {
   ProxyLoop loop = wrapped_bone();
   loop.model.surfaces[1].stays_open = true;
   const std::uint64_t without = loop.state.hash(1);
@@ -1036,7 +1036,7 @@ TEST(Tick, AHoleThatStaysOpenOutlastsEditsThatMoveItsSurface) {
   EXPECT_TRUE(loop.state.device[0].proxy.punctured.none());
 }
 
-TEST(Tick, ATissueThatBeginsToBeFeltWhereTheProxyIsLetsGoOfIt) {
+TEST(Tick, NewTouchableTissueAroundTheProxyUncouplesIt) {
   ProxyLoop loop = through_the_shell();
   become_touchable(ball_beside(loop.model, {kBoneRadius_mm, 0, 0}, 2), loop.model);
   ++loop.model.version;
@@ -1045,7 +1045,7 @@ TEST(Tick, ATissueThatBeginsToBeFeltWhereTheProxyIsLetsGoOfIt) {
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
 }
 
-TEST(Tick, APunctureForceThatIsLoweredHoldsFromTheNextTick) {
+TEST(Tick, LoweredPunctureForceAppliesFromTheNextTick) {
   ProxyLoop loop(3);
   loop.lead({kBoneRadius_mm + 6, 0, 0}, {kBoneRadius_mm + 2, 0, 0}, 200);
   ASSERT_NEAR(loop.wrench.force_N.x(), 0.75, 0.05);
@@ -1056,7 +1056,7 @@ TEST(Tick, APunctureForceThatIsLoweredHoldsFromTheNextTick) {
 }
 
 // a replay prepares the scene again
-TEST(Tick, EditsAreTheSameToSurfacesThatWerePreparedAnew) {
+TEST(Tick, RebuiltEqualSurfacesCountAsUnchanged) {
   ProxyLoop once = wrapped_bone(), again = once;
   for (ContactSurface& surface : again.model.surfaces) surface.surface = anew(*surface.surface);
   int edits = 0;
@@ -1076,7 +1076,7 @@ TEST(Tick, EditsAreTheSameToSurfacesThatWerePreparedAnew) {
   EXPECT_TRUE(once.state.device[0].proxy.punctured[1]);
 }
 
-TEST(Tick, FromADirectMethodInContactAProxyIsBornAtTheNearestSurface) {
+TEST(Tick, ChangeFromDirectMethodInContactInitialisesTheProxyAtTheNearestSurface) {
   ProxyLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.parameters.method = ForceMethod::kTrilinear;
@@ -1094,7 +1094,7 @@ TEST(Tick, FromADirectMethodInContactAProxyIsBornAtTheNearestSurface) {
   EXPECT_LT(largest_step_N, 0.05);
 }
 
-TEST(Tick, DeepInsideWhereADirectMethodDoesNotPushNoProxyIsBorn) {
+TEST(Tick, NoProxyIsInitialisedWhereTheDirectMethodExertsNoForce) {
   ProxyLoop loop;
   loop.parameters.viscosity = false;
   loop.parameters.method = ForceMethod::kTrilinear;
@@ -1108,7 +1108,7 @@ TEST(Tick, DeepInsideWhereADirectMethodDoesNotPushNoProxyIsBorn) {
 
 // force on a tip that rested 1 mm deep and then moves outwards at a constant speed, after a dropout of the
 // given duration
-double returned_N(double speed_mm_s, double dropout_s, double moved_s, double bears_N_s_per_mm = kNotKnown) {
+double returned_N(double speed_mm_s, double dropout_s, double moved_s, double bears_N_s_per_mm = kUnknown) {
   ProxyLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.parameters.max_force_N = 100;
@@ -1132,7 +1132,7 @@ double returned_N(double speed_mm_s, double dropout_s, double moved_s, double be
   return loop.wrench.force_N.x();
 }
 
-TEST(Tick, AfterAShortDropoutADamperStopsTheFallAndTheRebound) {
+TEST(Tick, RecoveryDamperLimitsSinkingAndReboundAfterAShortDropout) {
   constexpr double kDropout_s = 15e-3, kMoved_s = 30e-3;
   const double damping_N_s_per_mm = kOutputSettings.return_damping_N_s_per_m * 1e-3;
   for (const double speed_mm_s : {-20.0, -5.0, 0.0, 5.0, 15.0}) {
@@ -1153,7 +1153,7 @@ TEST(Tick, AfterAShortDropoutADamperStopsTheFallAndTheRebound) {
   EXPECT_GE(returned_N(32, kDropout_s, kMoved_s), 0);
 }
 
-TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
+TEST(Tick, DampingIsClampedToTheDeviceLimit) {
   // out of contact at 40 mm/s, with and without damping: the proxy's tissue viscosity and coupling, the
   // trilinear method's tissue viscosity and its friction along the surface
   constexpr double kSpeed_mm_s = 40, kDepth_mm = 1.2;
@@ -1201,11 +1201,11 @@ TEST(Tick, DampingIsFeltAsNoMoreThanTheDeviceBears) {
   EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.002, 0, 0, 0.012, along, 0.5, 3), 0.003, 1e-4)
       << "less is whole";
   // unknown damping clamps nothing; the same for recordings without it
-  for (const double unknown : {kNotKnown, 0.0, -1.0})
+  for (const double unknown : {kUnknown, 0.0, -1.0})
     EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, unknown, along), 0.05, 1e-4);
 }
 
-TEST(Tick, InsideAPuncturedStructureItsViscosityIsFelt) {
+TEST(Tick, PuncturedStructureRendersItsViscosity) {
   ProxyLoop loop;
   loop.model.surfaces[0].puncture_N = 1;
   loop.parameters.friction = false;
@@ -1220,7 +1220,7 @@ TEST(Tick, InsideAPuncturedStructureItsViscosityIsFelt) {
   EXPECT_EQ(loop.record.device[0].path_label[0], kBone);
 }
 
-TEST(Tick, AStiffnessBelowNothingIsNone) {
+TEST(Tick, NegativeStiffnessCountsAsZero) {
   for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
     ProxyLoop loop;
     loop.parameters.friction = loop.parameters.viscosity = false;
@@ -1231,7 +1231,7 @@ TEST(Tick, AStiffnessBelowNothingIsNone) {
   }
 }
 
-TEST(Tick, TheCouplingsDampingComesInWithTheSpringAndNeverPullsIn) {
+TEST(Tick, CouplingDampingBuildsUpWithTheSpringAndNeverPullsInward) {
   ProxyLoop spring, damped;
   damped.model.method_settings.coupling_damping_N_s_per_mm = 0.01;
   for (ProxyLoop* loop : {&spring, &damped}) loop->parameters.friction = loop->parameters.viscosity = false;
@@ -1260,7 +1260,7 @@ TEST(Tick, TheCouplingsDampingComesInWithTheSpringAndNeverPullsIn) {
   EXPECT_EQ(previous_N, 0);
 }
 
-TEST(Tick, AMethodThatTheModelIsNotReadyForIsFlaggedAndTheTrilinearOneIsFelt) {
+TEST(Tick, UnpreparedMethodIsFlaggedAndFallsBackToTrilinear) {
   TickedLoop with, without;
   without.parameters.method = ForceMethod::kSmoothSphere;
   const Point<World> tip(kBoneRadius_mm, 0, 0);
@@ -1276,7 +1276,7 @@ TEST(Tick, AMethodThatTheModelIsNotReadyForIsFlaggedAndTheTrilinearOneIsFelt) {
   EXPECT_EQ(without.record.device[0].flags & (kFlagMethodMissing | kFlagBlend), 0u);
 }
 
-TEST(Tick, OutsideTheVolumeIsFreeAndFlagged) {
+TEST(Tick, OutsideTheVolumeIsFreeSpaceAndFlagged) {
   TickedLoop loop;
   for (const Point<World>& tip :
        {Point<World>(35, 0, 0), Point<World>(0, -1e9, 0), Point<World>(0, 0, 1e300)}) {
@@ -1325,7 +1325,7 @@ TEST(Tick, DevicesDoNotDisturbEachOther) {
   }
 }
 
-TEST(Tick, StateHashRepeatsAndSeesEveryInput) {
+TEST(Tick, StateHashIsRepeatableAndCoversEveryInput) {
   const auto run = [](double nudge, bool friction) {
     TickedLoop loop;
     loop.parameters.friction = friction;
@@ -1340,7 +1340,7 @@ TEST(Tick, StateHashRepeatsAndSeesEveryInput) {
   EXPECT_NE(a.record.state_hash, b.record.state_hash);
 }
 
-TEST(Tick, RecordHoldsEveryInput) {
+TEST(Tick, RecordContainsEveryInput) {
   TickedLoop loop;
   loop.parameters.viscosity = false;
   loop.parameters.passivity = true;
@@ -1386,7 +1386,7 @@ TEST(Tick, RecordHoldsEveryInput) {
   EXPECT_EQ(loop.record.rotation_target_wxyz[1], loop.parameters.rotation_target.x());
 }
 
-TEST(Tick, WithoutAUsableDurationNothingIsSentAndTheStateIsUnchanged) {
+TEST(Tick, InvalidDurationSendsZeroAndKeepsTheState) {
   TickedLoop loop;
   // in contact, during a blend, with energy in the observer
   loop.parameters.passivity = true;
@@ -1414,7 +1414,7 @@ TEST(Tick, WithoutAUsableDurationNothingIsSentAndTheStateIsUnchanged) {
   EXPECT_GT(loop.wrench.force_N.norm(), 0);
 }
 
-TEST(Tick, WithoutDevicesWrenchesOrAPreparedModelNothingIsSent) {
+TEST(Tick, InvalidDeviceCountWrenchesOrModelSendZero) {
   TickedLoop loop;
   const std::uint64_t before = loop.state.hash(1);
   std::array<DeviceState, kMaxDevices + 1> devices;

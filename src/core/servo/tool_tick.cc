@@ -49,9 +49,10 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
   }
   const unsigned coupled_before = coupled_layers(proxy);
   if (change.surfaces && change.layers)
-    transfer_proxy_to_new_layers(surfaces, posed_tool.spheres(), posed_tool.pose(), change.before, proxy);
+    transfer_proxy_to_new_layers(surfaces, posed_tool.spheres(), posed_tool.pose(), change.correspondences,
+                                 proxy);
   else if (change.surfaces)
-    transfer_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), change.before, proxy);
+    transfer_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), change.correspondences, proxy);
   const bool released = coupled_layers(proxy) != coupled_before;
   if (change.method && !proxy.coupled)
     initialise_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), proxy);
@@ -69,7 +70,8 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
   return contact;
 }
 
-void keep_away(const TickContext& tick, const DeviceContext& context, ToolContact& contact, DeviceTick& out) {
+void add_no_go_force(const TickContext& tick, const DeviceContext& context, ToolContact& contact,
+                     DeviceTick& out) {
   const Model& model = tick.model;
   if (model.no_go.empty() && model.distances.structures().empty()) return;
   PosedTool posed_tool(tick, context);
@@ -93,18 +95,19 @@ void keep_away(const TickContext& tick, const DeviceContext& context, ToolContac
   const Vector<World> force_N = tick.X_WorldPatient * push.force_N * gains.force_gain;
   const double all_N = force_N.norm();
   if (!(all_N > 0)) return;
-  // force that the contact already provides in the direction of the push, and the fraction that it lacks
-  const double lent_N = std::max(0.0, contact.requested.force_N.dot(force_N) / all_N);
-  const double lacks = std::max(0.0, all_N - lent_N) / all_N;
+  // contact force in the direction of the push, and the fraction of the push that is still missing
+  const double provided_N = std::max(0.0, contact.requested.force_N.dot(force_N) / all_N);
+  const double missing_fraction = std::max(0.0, all_N - provided_N) / all_N;
   // patient N mm to device N mm, for torque and energy
-  const double lever = gains.force_gain / gains.scale;
-  contact.requested.force_N += force_N * lacks;
-  contact.requested.torque_Nmm += tick.X_WorldPatient * push.torque_Nmm * (lever * lacks);
-  // the whole energy of the push: an upper bound, as for the contact
-  contact.stored_mJ += push.stored_mJ * lever;
+  const double device_work_ratio = gains.force_gain / gains.scale;
+  contact.requested.force_N += force_N * missing_fraction;
+  contact.requested.torque_Nmm +=
+      tick.X_WorldPatient * push.torque_Nmm * (device_work_ratio * missing_fraction);
+  // the full energy of the push, an upper bound like the contact's stored energy
+  contact.stored_mJ += push.stored_mJ * device_work_ratio;
   contact.stiffness_N_per_mm =
       std::max(contact.stiffness_N_per_mm, RenderedStiffness(gains).at_device(push.stiffness_N_per_mm));
-  out.no_go_N = all_N * lacks;
+  out.no_go_N = all_N * missing_fraction;
 }
 
 }  // namespace palpate

@@ -10,7 +10,7 @@ namespace palpate {
 struct ProxyChange {
   bool surfaces = false;  ///< Whether the proxy was last advanced on another version of the model
   /// Correspondence of each of the model's surfaces to those of that version; empty: unknown, all are new.
-  std::span<const SurfaceCorrespondence> before;
+  std::span<const SurfaceCorrespondence> correspondences;
   bool layers = false;  ///< Whether structures were assigned to other layers
   /// Whether a direct method pushed the tip in the last tick. The proxy of a tip inside tissue is then
   /// initialised; otherwise it stays uncoupled until the tip is in free space.
@@ -31,9 +31,10 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
                          const MotorState& motor, SessionState::DeviceSession& session);
 
 /// Adds the force that pushes the tool out of no-go regions; for a burr, its head with the full radius. Only
-/// the part of that force is added that exceeds the contact force in its direction. Contact and region
+/// the excess of that force over the contact force in the same direction is added. Contact and region
 /// together are therefore no stiffer than the stiffer of the two, and the force has no step where a region
 /// begins. Records the added force and the structures near the tool in `out`.
-void keep_away(const TickContext& tick, const DeviceContext& context, ToolContact& contact, DeviceTick& out);
+void add_no_go_force(const TickContext& tick, const DeviceContext& context, ToolContact& contact,
+                     DeviceTick& out);
 
 }  // namespace palpate

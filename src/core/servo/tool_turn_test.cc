@@ -41,7 +41,7 @@ struct TurnedLoop {
   }
 };
 
-TEST(ToolTurnTick, ALeverThatIsTurnedIntoABallIsHeldByIt) {
+TEST(ToolTurnTick, LeverRotatedIntoABallIsConstrained) {
   // 20 rad/s at 250 Hz: 8 mm per tick, until the lever's end is 11 mm deep by the hand's attitude
   TurnedLoop loop;
   const Point<World> tip(kToolLever_mm, kBoneRadius_mm + 5, 0);
@@ -59,7 +59,7 @@ TEST(ToolTurnTick, ALeverThatIsTurnedIntoABallIsHeldByIt) {
             1e-3 * loop.wrench.torque_Nmm.norm());
 }
 
-TEST(ToolTurnTick, TheHashSeesTheAttitude) {
+TEST(ToolTurnTick, HashCoversTheAttitude) {
   // in free air, where a rotation changes nothing else
   const auto hash_of = [](double angle_rad) {
     TurnedLoop loop;
@@ -70,7 +70,7 @@ TEST(ToolTurnTick, TheHashSeesTheAttitude) {
   EXPECT_NE(hash_of(0.3), hash_of(0.31));
 }
 
-TEST(ToolTurnTick, AModelThatIsEditedKeepsATurnedToolWhereItIs) {
+TEST(ToolTurnTick, EditKeepsTheAttitudeOfARotatedTool) {
   TurnedLoop loop;
   loop.tick_s = 1e-3;
   const Point<World> tip(kToolLever_mm, kBoneRadius_mm + 1, 0);

@@ -68,7 +68,7 @@ struct GuidedHands {
   }
 };
 
-TEST(TwoTools, EachFeelsWhatItFeelsAlone) {
+TEST(TwoTools, EachToolHasTheForceItHasAlone) {
   GuidedHands both({probe_of_ball(), burr_of_ball()}), probe({probe_of_ball()}), burr({burr_of_ball()});
   std::size_t cuts = 0;
   for (int n = 0; n < 600; ++n) {
@@ -95,12 +95,12 @@ TEST(TwoTools, EachFeelsWhatItFeelsAlone) {
     ASSERT_EQ(both.state.device[1].burr.removed_mm3, burr.state.device[0].burr.removed_mm3) << n;
     ASSERT_EQ(both.state.strokes, burr.state.strokes) << n;
   }
-  EXPECT_GT(cuts, 5u) << "else the test is about nothing";
+  EXPECT_GT(cuts, 5u) << "precondition: something was cut";
   EXPECT_GT(both.wrenches[0].force_N.norm(), 0.5);
   EXPECT_GT(burr.wrenches[0].force_N.norm(), 0.1);
 }
 
-TEST(TwoTools, OnlyTheBurrTakesAnythingAway) {
+TEST(TwoTools, OnlyTheBurrRemovesMaterial) {
   for (const bool burr_is_first : {false, true}) {
     SCOPED_TRACE(burr_is_first);
     const std::size_t with_burr = burr_is_first ? 0 : 1, with_probe = 1 - with_burr;
@@ -113,7 +113,7 @@ TEST(TwoTools, OnlyTheBurrTakesAnythingAway) {
       guided.devices[with_probe].tip = guided.above(2.2 - 0.005 * n, 0.4);
       if (n % 20 == 0) guided.carve();
       guided.tick_once();
-      ASSERT_EQ(guided.state.device[with_probe].burr.sweeps, 0);
+      ASSERT_EQ(guided.state.device[with_probe].burr.sweep_count, 0);
     }
     EXPECT_GT(guided.wrenches[with_probe].force_N.norm(), 0.3);
     EXPECT_EQ(guided.state.device[with_probe].burr.removed_mm3, 0);
@@ -123,7 +123,7 @@ TEST(TwoTools, OnlyTheBurrTakesAnythingAway) {
   }
 }
 
-TEST(TwoTools, AProbeFindsTheHoleThatTheBurrHasCut) {
+TEST(TwoTools, ProbeEntersTheHoleCutByTheBurr) {
   GuidedHands guided({probe_of_ball(), burr_of_ball()});
   guided.devices[0].tip = guided.above(20, 0);
   for (int n = 0; n < 1500; ++n) {
@@ -150,7 +150,7 @@ TEST(TwoTools, AProbeFindsTheHoleThatTheBurrHasCut) {
   EXPECT_GT(uncut.wrenches[0].force_N.norm(), 0.1);
 }
 
-TEST(TwoTools, TheSwitchRunsEveryBurrAndAPedalItsOwn) {
+TEST(TwoTools, SwitchRunsEveryBurrAndAPedalItsOwn) {
   Tool other = burr_of_ball(), one = burr_of_ball();
   one.burr->pedal = 1;
   other.burr->pedal = 4;
@@ -181,7 +181,7 @@ TEST(TwoTools, TheSwitchRunsEveryBurrAndAPedalItsOwn) {
   EXPECT_EQ(cut_mm3(false, 0, 0), (std::array{0.0, 0.0}));
 }
 
-TEST(TwoTools, AStrokeIsFromTheFirstMotorsStartToTheLastOnesStop) {
+TEST(TwoTools, StrokeLastsFromTheFirstMotorStartToTheLastStop) {
   Tool burr = burr_of_ball();
   burr.burr->pedal = 0;
   GuidedHands guided({burr, burr, probe_of_ball()});
@@ -202,11 +202,11 @@ TEST(TwoTools, AStrokeIsFromTheFirstMotorsStartToTheLastOnesStop) {
   EXPECT_EQ(strokes(0, 1), 2u);
 }
 
-TEST(TwoTools, WhoHasNoToolOfItsOwnHoldsTheFirst) {
+TEST(TwoTools, DevicesBeyondTheToolListUseTheFirstTool) {
   Model model;
-  EXPECT_FALSE(model.cuts());
+  EXPECT_FALSE(model.has_burr());
   model.tools = {burr_of_ball(), probe_of_ball()};
-  EXPECT_TRUE(model.cuts());
+  EXPECT_TRUE(model.has_burr());
   EXPECT_EQ(&model.tool_of(0), &model.tools[0]);
   EXPECT_EQ(&model.tool_of(1), &model.tools[1]);
   EXPECT_EQ(&model.tool_of(2), &model.tools[0]);

@@ -82,7 +82,7 @@ struct Found {
 };
 using FoundOfLabel = std::vector<Found>;
 
-// Two free voxels that meet at an edge or a corner of a block of up to eight; the others are felt.
+// Two free voxels that meet at an edge or a corner of a block of up to eight; the others are touchable.
 struct Joint {
   Index one, other, size;
 };
@@ -119,7 +119,7 @@ constexpr std::array<Pattern, kJoints.size()> patterns() {
 }
 constexpr std::array<Pattern, kJoints.size()> kPatterns = patterns();
 
-// for each combination of felt voxels in a block: whether it contains a joint
+// for each combination of touchable voxels in a block: whether it contains a joint
 constexpr std::array<bool, 256> joint_blocks() {
   std::array<bool, 256> any{};
   for (unsigned block = 0; block < 256; ++block)
@@ -166,7 +166,7 @@ Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::
       internal::for_each_slice(dims[2], workers, progress, {"looking for leaks"}, [&](int worker, int k) {
         const auto scan_along = [&](const RowPiece<LabelId>& piece) {
           if (piece.uniform) return;
-          // beyond the last slice nothing is felt
+          // beyond the last slice no voxel is touchable
           const auto column = [&](int i) {
             unsigned bits = 0;
             for (int r = 0; r < 4; ++r)

@@ -34,7 +34,7 @@ Volume<LabelId> stepped_wall(bool joined_by_faces) {
   return labels;
 }
 
-TEST(Leaks, AWallThatHoldsTogetherByAnEdgeIsLeaky) {
+TEST(Leaks, EdgeConnectedSheetLeaks) {
   const Volume<LabelId> wall = stepped_wall(false);
   for (const int threads : {1, 3}) {
     const auto leaky = find_leaks(*label_bricks(wall), {2, 3}, threads);
@@ -48,14 +48,14 @@ TEST(Leaks, AWallThatHoldsTogetherByAnEdgeIsLeaky) {
   EXPECT_EQ(joints_of(wall, {}), 0u) << "of what is not felt nobody asks";
 }
 
-TEST(Leaks, WhatElseIsFeltClosesAJoint) {
+TEST(Leaks, OtherTouchableStructureClosesAJoint) {
   Volume<LabelId> wall = stepped_wall(false);
   for (int k = 0; k < 11; ++k) wall.at(5, 4, k) = 7;
   EXPECT_EQ(joints_of(wall, {3}), 6u);
   EXPECT_EQ(joints_of(wall, {3, 7}), 0u);
 }
 
-TEST(Leaks, SidesThatMeetAtACornerAreAJoint) {
+TEST(Leaks, SidesMeetingAtACornerAreAJoint) {
   // a wall of two voxels with a pit from either side, which meet at a corner
   Volume<LabelId> wall = empty_cube(11);
   for (int k = 0; k < 11; ++k)
@@ -66,7 +66,7 @@ TEST(Leaks, SidesThatMeetAtACornerAreAJoint) {
   EXPECT_EQ(joints_of(wall, {1}), 1u);
 }
 
-TEST(Leaks, CrumbsPocketsAndLumpsAreNone) {
+TEST(Leaks, SmallComponentsAndPocketsAreIgnored) {
   Volume<LabelId> labels = empty_cube(13);
   for (int k = 3; k < 10; ++k)
     for (int j = 3; j < 10; ++j)
@@ -79,7 +79,7 @@ TEST(Leaks, CrumbsPocketsAndLumpsAreNone) {
 }
 
 // a ball with random bumps: thick, whatever its surface
-TEST(Leaks, ARoughBallIsNotLeaky) {
+TEST(Leaks, RoughBallIsNotLeaky) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
   std::mt19937 random(seed);
@@ -92,7 +92,7 @@ TEST(Leaks, ARoughBallIsNotLeaky) {
   EXPECT_EQ(joints_of(labels, {1}), 0u);
 }
 
-TEST(Leaks, NoVolumeIsTooThin) {
+TEST(Leaks, ThinVolumesAreAccepted) {
   for (const std::array<int, 3>& dims : {std::array{1, 1, 1}, std::array{1, 5, 5}, std::array{5, 1, 5},
                                          std::array{5, 5, 1}, std::array{2, 2, 1}}) {
     GridGeometry grid;

@@ -27,7 +27,7 @@ struct Pieces {
 
 /// Cuts a box into slabs, and slabs into strips of rows if one exceeds a thread's share of memory. If strips
 /// cannot be narrow enough because of their margins, fewer threads are used.
-/// @param threads  0: as many as the machine has
+/// @param threads  0: one per processor
 inline Pieces cut_into_pieces(const Span3& box, const PieceMargins& margins, int threads) {
   Pieces pieces;
   if (box.empty()) return pieces;

@@ -9,7 +9,7 @@
 namespace palpate::internal {
 namespace {
 
-TEST(Pieces, CoverABoxOnceAndAreNarrowWhereMuchIsSeenAround) {
+TEST(Pieces, CoverTheBoxOnceWithBoundedMargins) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);

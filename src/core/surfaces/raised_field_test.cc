@@ -10,7 +10,7 @@
 namespace palpate::internal {
 namespace {
 
-TEST(RaisedField, IsWhatADenseOneWouldBe) {
+TEST(RaisedField, EqualsTheDenseField) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);

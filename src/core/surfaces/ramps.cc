@@ -47,7 +47,7 @@ Result<void> check(const std::vector<RampStructure>& structures, const RampOptio
   if (!(options.width_mm >= kMinRampWidth_mm && options.width_mm <= kMaxRampWidth_mm))
     return bad_input(text_of("the width of a ramp is ", options.width_mm, " mm"), "give 1 to 12 mm");
   if (!(options.stiffest_N_per_mm >= 0 && std::isfinite(options.stiffest_N_per_mm)))
-    return bad_input(text_of("the greatest stiffness is ", options.stiffest_N_per_mm, " N/mm"),
+    return bad_input(text_of("the maximum stiffness is ", options.stiffest_N_per_mm, " N/mm"),
                      "give 0 for that of the structures, or at least that value");
   if (options.threads < 0)
     return bad_input(text_of("the number of threads is ", options.threads, ""),
@@ -60,9 +60,11 @@ Result<void> check(const std::vector<RampStructure>& structures, const RampOptio
       const auto found = std::find_if(structures.begin(), structures.end(),
                                       [&](const RampStructure& other) { return other.label == support; });
       if (found == structures.end())
-        return bad_input(text_of("label ", s.label, " rests on one that is not felt"), "let it be felt too");
+        return bad_input(text_of("label ", s.label, " rests on one that is not touchable"),
+                         "set it touchable too");
       if (std::find(found->rests_on.begin(), found->rests_on.end(), s.label) != found->rests_on.end())
-        return bad_input(text_of("label ", s.label, " rests on one that rests on it"), "remove one of them");
+        return bad_input(text_of("label ", s.label, " and its support rest on each other"),
+                         "remove one of the two rests_on");
       if (found->stiffness_N_per_mm < s.stiffness_N_per_mm)
         return bad_input(text_of("label ", s.label, " is stiffer than one that it rests on"),
                          "make it no stiffer");
@@ -314,12 +316,12 @@ Result<double> ramp_width_mm(std::optional<double> requested_mm, const GridGeome
   const double width_mm = *requested_mm;
   // tolerance for rounding of direction matrices
   if (width_mm >= 2 * widest_mm * (1 - 1e-6) && width_mm <= kMaxRampWidth_mm) return width_mm;
-  return bad_input(
-      text_of("a ramp of ", width_mm, "") + text_of(" mm on voxels that are up to ", widest_mm, " mm wide"),
-      2 * widest_mm <= kMaxRampWidth_mm
-          ? text_of("give a ramp_width of two voxels or more, ", 2 * widest_mm, " mm")
-          : text_of("a ramp takes two voxels and at most ", kMaxRampWidth_mm,
-                    " mm; give method = \"union-gaussian\""));
+  return bad_input(text_of("the ramp width is ", width_mm, "") +
+                       text_of(" mm, and voxels are up to ", widest_mm, " mm wide"),
+                   2 * widest_mm <= kMaxRampWidth_mm
+                       ? text_of("give a ramp_width of two voxels or more, ", 2 * widest_mm, " mm")
+                       : text_of("a ramp is at least two voxels and at most ", kMaxRampWidth_mm,
+                                 " mm; give method = \"union-gaussian\""));
 }
 
 Bricks<std::uint8_t> in_eight_bits(const Bricks<std::uint16_t>& ramp) {

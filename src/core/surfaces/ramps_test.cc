@@ -176,7 +176,7 @@ TEST(Ramps, RiseWithTheStiffnessAndEndAtTheWidth) {
   }
 }
 
-TEST(Ramps, OfPlatesOfOneAndTwoVoxelsPushBothWays) {
+TEST(Ramps, PlatesOfOneAndTwoVoxelsPushToBothSides) {
   for (const Eigen::Vector3d& spacing : kClinical) {
     for (int axis = 0; axis < 3; ++axis) {
       for (const int thick : {1, 2}) {
@@ -222,7 +222,7 @@ TEST(Ramps, LeaveTheNarrowestGapFree) {
   EXPECT_EQ(ramps.field.at(grid.dims[0] / 2, 40, 12), 0);
 }
 
-TEST(Ramps, OfTouchingStructuresMeetInAValley) {
+TEST(Ramps, TouchingStructuresMeetInAValley) {
   const GridGeometry grid = cube(kSlices, 24);
   const auto labels =
       layers(grid, Eigen::Vector3d::UnitX(), [](double h) { return h < -0.1 ? kBoneLabel : kOther; });
@@ -235,7 +235,7 @@ TEST(Ramps, OfTouchingStructuresMeetInAValley) {
   EXPECT_GT(force_N(ramps, border + 9, 40, 12), 2.5);
 }
 
-TEST(Ramps, OfCartilageOnBoneGoOnThroughTheirBorder) {
+TEST(Ramps, CartilageOnBoneIsContinuousAcrossTheBorder) {
   for (const Eigen::Vector3d& spacing : kClinical) {
     for (const Eigen::Vector3d& up :
          {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(0.6, 0, 0.8)}) {
@@ -270,7 +270,7 @@ TEST(Ramps, OfCartilageOnBoneGoOnThroughTheirBorder) {
   }
 }
 
-TEST(Ramps, OfThreeOnEachOtherAddUp) {
+TEST(Ramps, ThreeSupportedStructuresAddUp) {
   const GridGeometry grid = cube({0.5, 0.5, 0.5}, 30);
   const auto labels = layers(grid, Eigen::Vector3d::UnitZ(), [](double h) {
     return h > 3.7 ? LabelId{0} : h > 1.7 ? kMeniscusLabel : h > -0.2 ? kCartilageLabel : kBoneLabel;
@@ -286,7 +286,7 @@ TEST(Ramps, OfThreeOnEachOtherAddUp) {
   EXPECT_NEAR(before, 2 * (0.6 + 0.9) + 1.5, 0.5);
 }
 
-TEST(Ramps, BesideCartilageBoneIsFeltFromItsBareSurface) {
+TEST(Ramps, BoneNextToCartilageStartsAtItsBareSurface) {
   // cartilage covers one half of the bone
   const GridGeometry grid = cube({0.5, 0.5, 0.5}, 30);
   Volume<LabelId> labels(grid);
@@ -344,7 +344,7 @@ std::vector<double> min_over_paths(const Volume<LabelId>& labels, const std::arr
   return cost;
 }
 
-TEST(Ramps, NeverExceedTheLeastOverPathsFromFreeSpace) {
+TEST(Ramps, EqualTheMinimumOverPathsFromFreeSpace) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -386,7 +386,7 @@ Volume<LabelId> lumps(std::mt19937& random) {
   return labels;
 }
 
-TEST(Ramps, HaveTheSameBitsWithAnyThreadsTargetAndDirectionOfTheGrid) {
+TEST(Ramps, AreBitIdenticalForAnyThreadsTargetAndGridDirection) {
   std::mt19937 random(5);
   Volume<LabelId> labels = lumps(random);
   const Ramps one = prepared(labels, knee(), {.threads = 1});
@@ -408,14 +408,14 @@ TEST(Ramps, HaveTheSameBitsWithAnyThreadsTargetAndDirectionOfTheGrid) {
   EXPECT_TRUE(prepared(oblique).field.dense().voxels() == one.field.dense().voxels());
 }
 
-TEST(Ramps, InEightBitsKeepWhatIsFelt) {
+TEST(Ramps, EightBitsPreserveTheForce) {
   Volume<std::uint16_t> ramp(test::surface_grid({4, 1, 1}, {1, 1, 1}));
   ramp.voxels() = {0, 1, 30000, 65535};
   EXPECT_EQ(in_eight_bits(Bricks<std::uint16_t>(ramp, 0)).dense().voxels(),
             (std::vector<std::uint8_t>{0, 1, 117, 255}));
 }
 
-TEST(Ramps, WhatCannotBePreparedIsAnError) {
+TEST(Ramps, InvalidInputIsAnError) {
   std::mt19937 random(6);
   const Volume<LabelId> labels = lumps(random);
   const auto error_of = [&](const std::vector<RampStructure>& structures, const RampOptions& options) {
@@ -444,7 +444,7 @@ GridGeometry grid_with_voxels(double x, double y, double z) {
   return grid;
 }
 
-TEST(RampWidth, TakesTwoOfTheWidestVoxels) {
+TEST(RampWidth, CoversTwoOfTheWidestVoxels) {
   EXPECT_EQ(*ramp_width_mm({}, grid_with_voxels(0.3, 0.3, 1)), 4);
   EXPECT_EQ(*ramp_width_mm({}, grid_with_voxels(1, 1, 3)), 6);
   EXPECT_EQ(*ramp_width_mm(2, grid_with_voxels(0.3, 0.3, 1)), 2);

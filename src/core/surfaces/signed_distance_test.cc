@@ -57,7 +57,7 @@ TEST(SignedDistance, IsExactOnRandomMasksWithRandomSpacings) {
   }
 }
 
-TEST(SignedDistance, HasTheSameBitsInPartsAndOnEveryTarget) {
+TEST(SignedDistance, IsBitIdenticalInPartsAndOnEveryTarget) {
   std::mt19937 random(3);
   const Eigen::Vector3d spacing(0.3, 0.5, 0.9);
   const double reach = 2.2;

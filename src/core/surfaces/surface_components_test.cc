@@ -62,7 +62,7 @@ TEST(SurfaceComponents, EqualFloodFillOverTwentySixNeighbours) {
   }
 }
 
-TEST(SurfaceComponents, SayWhereTheyAre) {
+TEST(SurfaceComponents, ReportTheirPositions) {
   Volume<LabelId> labels(test::surface_grid({9, 8, 7}, {1, 1, 1}));
   labels.at(1, 2, 3) = labels.at(2, 3, 4) = labels.at(2, 4, 4) = 5;  // connected by a corner, by a face
   const Components found = find_components(*label_bricks(labels), 5, label_spans(*label_bricks(labels))[5]);

@@ -109,8 +109,8 @@ class RedBlackSor {
   std::vector<CellPosition> positions_;
   NetLinks links_;
   std::vector<Unpaired> unpaired_;
-  std::vector<float>
-      curvature_divisor_;  ///< Divisor of a node's curvature near walls; empty if there are none
+  /// Divisor of a node's curvature near walls; empty if there are none
+  std::vector<float> curvature_divisor_;
   /// Voxels; offset of the links minus the node's target offset from their mean
   std::vector<CellPosition> rest_;
 };

@@ -61,7 +61,7 @@ TEST(SurfaceNet, HasANodeInEveryCellOfBothClasses) {
   EXPECT_EQ(net.find(0, 0, net.cells.high[2]), SurfaceNet::kNone);
 }
 
-TEST(SurfaceNet, LinksLeadThereAndBack) {
+TEST(SurfaceNet, LinksAreSymmetric) {
   std::mt19937 random(test::test_seed());
   const SurfaceNet net = net_of(lump(random));
   const NetLinks links(net);
@@ -97,7 +97,7 @@ TEST(SurfaceNet, NodesStayInTheirCellsWithAnyNumberOfThreads) {
 }
 
 /// A tilted plane that ends in a wall, or in crumbs, beyond the known region.
-TEST(SurfaceNet, AWallDoesNotBendWhatEndsAtIt) {
+TEST(SurfaceNet, AdjacentSheetDoesNotBendAnEdge) {
   std::mt19937 random(test::test_seed());
   constexpr int kLast = 30;
   const auto tilted = [&](bool crumbs) {
@@ -126,7 +126,7 @@ TEST(SurfaceNet, AWallDoesNotBendWhatEndsAtIt) {
   EXPECT_GT(compared, 800);
 }
 
-TEST(SurfaceNet, RelaxingStopsWhenAsked) {
+TEST(SurfaceNet, RelaxationStopsOnRequest) {
   std::mt19937 random(1);
   SurfaceNet net = net_of(lump(random));
   const std::atomic<bool> stop{true};
@@ -192,7 +192,7 @@ SurfaceNet crumbly_net(std::mt19937& random) {
   return net;
 }
 
-TEST(SurfaceNet, DistanceIsThatToTheNearestTriangle) {
+TEST(SurfaceNet, DistanceEqualsTheNearestTriangle) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -230,7 +230,7 @@ TEST(SurfaceNet, DistanceIsThatToTheNearestTriangle) {
   }
 }
 
-TEST(SurfaceNet, DistanceIsTheSameWhicheverVoxelsAreWanted) {
+TEST(SurfaceNet, DistanceIsIndependentOfTheRequestedVoxels) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);

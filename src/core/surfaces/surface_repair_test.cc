@@ -66,7 +66,7 @@ Surface smoothed(const Volume<LabelId>& labels) {
 /// Signed distance of the labels before smoothing.
 Surface unsmoothed(const Volume<LabelId>& labels) {
   const PreparedSurface s = prepare_with(labels, 0);
-  const SignedField distance(s.workings.distance.dense(), s.surface.position().steps());
+  const SignedField distance(s.intermediates.distance.dense(), s.surface.position().steps());
   return {distance, distance, 3};
 }
 
@@ -74,7 +74,7 @@ GridGeometry stacked_grid() {
   return test::surface_grid({80, 80, 22}, {0.277, 0.277, 1.0});
 }
 
-TEST(SurfaceRepair, SlantingPlanesLoseTheirStairs) {
+TEST(SurfaceRepair, SlantedPlanesBecomeSmooth) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -104,7 +104,7 @@ TEST(SurfaceRepair, SlantingPlanesLoseTheirStairs) {
   }
 }
 
-TEST(SurfaceRepair, RodsLoseTheirStairs) {
+TEST(SurfaceRepair, RodsBecomeSmooth) {
   std::mt19937 random(5);
   for (const double radius : {3.0, 6.0}) {
     const Rod rod{{11, 11, 10.6}, Eigen::Vector3d(0.7, 0.3, 0.65).normalized(), radius};
@@ -140,8 +140,8 @@ TEST(SurfaceRepair, MovesTheSurfaceByLessThanHalfAVoxel) {
           for (int a = 0; a < 3; ++a) {
             const double here = position.at(i, j, k),
                          next = position.at(i + (a == 0), j + (a == 1), k + (a == 2));
-            const double d = s.workings.distance.at(i, j, k);
-            const double e = s.workings.distance.at(i + (a == 0), j + (a == 1), k + (a == 2));
+            const double d = s.intermediates.distance.at(i, j, k);
+            const double e = s.intermediates.distance.at(i + (a == 0), j + (a == 1), k + (a == 2));
             ASSERT_EQ(here < 0, d < 0);
             if ((d < 0) != (e < 0)) largest = std::max(largest, std::abs(here / (here - next) - 0.5));
           }

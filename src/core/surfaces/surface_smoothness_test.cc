@@ -44,7 +44,7 @@ Surface filtered_surface(const PreparedSurface& s, const Volume<LabelId>& labels
   const auto run = [&](const internal::SurfaceStage& stage) {
     EXPECT_TRUE(stages.run({&stage, 1}, {}, {"filtering"}).ok());
   };
-  const auto distance = StepsSource::of(s.workings.distance);
+  const auto distance = StepsSource::of(s.intermediates.distance);
   const internal::Span3 coarse = internal::full_span(broad.geometry());
   run(stages.crossings(distance, {position.voxels().data(), internal::full_span(plan.fine)}));
   run(stages.broad(distance, {broad.voxels().data(), coarse}));
@@ -146,7 +146,7 @@ TEST(SurfaceSmoothness, PlanesHaveNoTerraces) {
 
 /// With PALPATE_DRAW_TERRACES=FOLDER also tests other tilts and draws two pictures of each, as in
 /// docs/images.
-TEST(SurfaceSmoothness, TerracesOfTheFilteredDistanceAreGone) {
+TEST(SurfaceSmoothness, FilteredDistanceHasNoTerraces) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -194,7 +194,7 @@ TEST(SurfaceSmoothness, TerracesOfTheFilteredDistanceAreGone) {
   over.write(std::filesystem::path(folder) / "terraces-ripple.svg");
 }
 
-TEST(SurfaceSmoothness, SpheresStayWhereTheyAre) {
+TEST(SurfaceSmoothness, SpheresKeepTheirRadius) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -241,7 +241,7 @@ double remaining_ridge(const Vector3d& spacing, bool along_slices, std::mt19937&
   return retained;
 }
 
-TEST(SurfaceSmoothness, ARidgeKeepsItsHeight) {
+TEST(SurfaceSmoothness, RidgeKeepsItsHeight) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);

@@ -118,7 +118,7 @@ class WholeSurface {
                      PreparedSurface& prepared) {
     using Target = internal::Target<std::int16_t>;
     const Span3 fine = full_span(plan_.fine);
-    SurfaceIntermediates& w = prepared.workings;
+    SurfaceIntermediates& w = prepared.intermediates;
 
     auto done = make_bricks(
         plan_.fine, plan_.reach_mm,
@@ -257,7 +257,7 @@ Result<PreparedSurface> prepare(const Bricks<LabelId>& labels, LabelId label, co
   prepared.volume_mm3 = static_cast<double>(sorted.voxels) * grid.voxel_volume_mm3();
   prepared.components = static_cast<int>(components.all.size());
   prepared.strays = sorted.strays;
-  prepared.workings.extent = to_box(sorted.extent);
+  prepared.intermediates.extent = to_box(sorted.extent);
   prepared.box = to_box(sorted.extent.grown(SurfacePlan::margin(grid, options)));
   try {
     const SurfacePlan plan(grid, prepared.box, options);
@@ -291,7 +291,7 @@ Span3 find_changes(const PreparedSurface& old, const Bricks<LabelId>& labels, co
   std::vector<std::int16_t> was(static_cast<std::size_t>(dirty.size(0)));
   internal::for_each_row(labels, dirty, [&](int j, int k, const LabelId* now) {
     const int v = j - old.box.first[1], w = k - old.box.first[2];
-    old.workings.distance.copy_row(dirty.low[0] - old.box.first[0], v, w, dirty.size(0), was.data());
+    old.intermediates.distance.copy_row(dirty.low[0] - old.box.first[0], v, w, dirty.size(0), was.data());
     const auto is_inside = [&](int i) { return now[i - dirty.low[0]] == old.label; };
     const auto differs = [&](int i) {
       return is_inside(i) != (was[static_cast<std::size_t>(i - dirty.low[0])] < 0);
@@ -494,7 +494,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
   SurfacePatch patch;
   if (old.options.drop_below_mm3 > 0) return patch;
   const Span3 known = to_span(dirty).clipped(full_span(labels.geometry()));
-  if (!has_room(labels, old.label, to_span(old.workings.extent), known)) return patch;
+  if (!has_room(labels, old.label, to_span(old.intermediates.extent), known)) return patch;
   const Span3 changed = find_changes(old, labels, known.clipped(to_span(old.box)), patch.voxels_more);
   if (old.volume_mm3 + static_cast<double>(patch.voxels_more) * labels.geometry().voxel_volume_mm3() <
       0.5 * labels.geometry().voxel_volume_mm3())
@@ -512,16 +512,16 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
   const Span3 fine = full_span(plan.fine), coarse = full_span(plan.normal.geometry);
   const Bricks<std::int16_t>& was = old.surface.position().bricks();
   const auto old_position = StepsSource::of(was);
-  const auto distance = StepsSource::of(old.workings.distance).with(patch.distance);
+  const auto distance = StepsSource::of(old.intermediates.distance).with(patch.distance);
   const auto position = old_position.with(patch.position);
-  const auto broad = StepsSource::of(old.workings.broad).with(patch.broad);
+  const auto broad = StepsSource::of(old.intermediates.broad).with(patch.broad);
 
   const Span3 distance_part = changed.grown(plan.window).clipped(fine);
   run({stages.distance(labels, old.label, {}, start(patch.distance, distance_part))});
   // among voxels near the change, those whose nearest triangle may differ
-  const SurfaceUpdate carving(plan, *old.workings.net, changed);
+  const SurfaceUpdate carving(plan, *old.intermediates.net, changed);
   const internal::Block<std::uint8_t> corners =
-      carving.corners(StepsSource::of(old.workings.distance), distance);
+      carving.corners(StepsSource::of(old.intermediates.distance), distance);
   internal::Block<std::uint8_t> stale(carving.near);
   run({stages.stale(corners, old_position, {stale.values().data(), stale.span()})});
   const Span3 position_part = box_of(stale);
@@ -540,7 +540,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
        stages.slopes(position, start(patch.slopes, slopes_part))});
 
   const float beside =
-      internal::max_outside(old.workings.slopes, internal::stretches(plan.fine), slopes_part);
+      internal::max_outside(old.intermediates.slopes, internal::stretches(plan.fine), slopes_part);
   patch.max_gradient = internal::steepest_of(std::max(beside, internal::greatest(patch.slopes.values)));
   return patch;
 }
@@ -561,11 +561,11 @@ Result<PreparedSurface> update_surface(const PreparedSurface& old, const Bricks<
                       .components = old.components,
                       .strays = old.strays,
                       .box = old.box,
-                      .workings = old.workings};
+                      .intermediates = old.intermediates};
   const GridGeometry& fine = old.surface.position().geometry();
-  now.workings.distance = old.workings.distance.with(patch.distance);
-  now.workings.broad = old.workings.broad.with(patch.broad);
-  write(patch.slopes, internal::stretches(fine).high, now.workings.slopes);
+  now.intermediates.distance = old.intermediates.distance.with(patch.distance);
+  now.intermediates.broad = old.intermediates.broad.with(patch.broad);
+  write(patch.slopes, internal::stretches(fine).high, now.intermediates.slopes);
   now.surface = old.surface.with(patch.position, patch.normal, patch.max_gradient);
   // computed from the number of voxels, as in a full rebuild
   const double voxel_mm3 = fine.voxel_volume_mm3();

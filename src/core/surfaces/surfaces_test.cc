@@ -141,7 +141,7 @@ TEST(Surfaces, ThinPlatesPushOutwardThroughTheirDepth) {
 
 // ---- properties of surfaces
 
-TEST(Surfaces, StayAtTheirReachFarAwayAndHaveNoStepThere) {
+TEST(Surfaces, AreClampedToTheirReachWithoutAStep) {
   std::mt19937 random(2);
   for (const double reach : {2.0, 4.0}) {
     const test::RandomBall ball(3, kClinicalSpacings[1], random);
@@ -166,7 +166,7 @@ TEST(Surfaces, StayAtTheirReachFarAwayAndHaveNoStepThere) {
   }
 }
 
-TEST(Surfaces, AreNeverSteeperThanTheySay) {
+TEST(Surfaces, SlopesAreWithinMaxGradient) {
   std::mt19937 random(4);
   GridGeometry grid = test::surface_grid({30, 28, 20}, {0.3, 0.5, 0.9});
   grid.direction << 0.6, -0.8, 0, 0.8, 0.6, 0, 0, 0, -1;
@@ -202,7 +202,7 @@ void expect_bounds_hold(const Surface& s) {
   for (int n = 0; n < 2000; ++n) {
     const Point<Patient> p = X * Point<Voxel>(along[0](random), along[1](random), along[2](random));
     less += s.lower_bound_mm(p) > s.distance_mm(p);
-    if (s.is_beyond(p, 0)) beyond += std::abs(s.distance_mm(p) - s.outside_mm()) > 1e-9;
+    if (s.is_farther_than(p, 0)) beyond += std::abs(s.distance_mm(p) - s.outside_mm()) > 1e-9;
   }
   EXPECT_EQ(less, 0);
   EXPECT_EQ(beyond, 0);
@@ -210,13 +210,13 @@ void expect_bounds_hold(const Surface& s) {
 
 void expect_same(const PreparedSurface& a, const PreparedSurface& b) {
   EXPECT_EQ(a.box, b.box);
-  EXPECT_EQ(a.workings.extent, b.workings.extent);
-  EXPECT_TRUE(a.workings.distance.dense().voxels() == b.workings.distance.dense().voxels());
+  EXPECT_EQ(a.intermediates.extent, b.intermediates.extent);
+  EXPECT_TRUE(a.intermediates.distance.dense().voxels() == b.intermediates.distance.dense().voxels());
   EXPECT_TRUE(a.surface.position().bricks().dense().voxels() ==
               b.surface.position().bricks().dense().voxels());
-  EXPECT_TRUE(a.workings.broad.dense().voxels() == b.workings.broad.dense().voxels());
+  EXPECT_TRUE(a.intermediates.broad.dense().voxels() == b.intermediates.broad.dense().voxels());
   EXPECT_TRUE(a.surface.normal().bricks().dense().voxels() == b.surface.normal().bricks().dense().voxels());
-  EXPECT_TRUE(a.workings.slopes == b.workings.slopes);
+  EXPECT_TRUE(a.intermediates.slopes == b.intermediates.slopes);
   EXPECT_EQ(a.surface.max_gradient(), b.surface.max_gradient());
   EXPECT_EQ(a.volume_mm3, b.volume_mm3);
   EXPECT_EQ(a.surface.content_hash(), b.surface.content_hash());
@@ -291,7 +291,7 @@ TEST(Surfaces, CarvedInManySmallBoxesEqualOneCarving) {
   }
 }
 
-TEST(Surfaces, ACutThatIsFilledAgainIsAsIfItHadNeverBeen) {
+TEST(Surfaces, RefilledCutRestoresTheSurface) {
   std::mt19937 random(7);
   const auto labels = odd_tissue({0.4, 0.4, 0.7}, random);
   const PreparedSurface once = prepared_surfaces(labels);
@@ -308,7 +308,7 @@ TEST(Surfaces, ACutThatIsFilledAgainIsAsIfItHadNeverBeen) {
   expect_same(*filled, once);
 }
 
-TEST(Surfaces, ACutMovesNothingBesideIt) {
+TEST(Surfaces, CutChangesOnlyItsNeighbourhood) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -351,7 +351,7 @@ TEST(Surfaces, ACutMovesNothingBesideIt) {
   EXPECT_GT(carved->surface.distance_mm(Point<Patient>(top)), 1.5);
 }
 
-TEST(Surfaces, APatchHoldsWhatMayBeNearestToACutAndNoMore) {
+TEST(Surfaces, PatchCoversExactlyTheNeighbourhoodOfACut) {
   const Eigen::Vector3d spacing(0.3, 0.4, 0.5);
   const auto flat = test::label_where(test::surface_grid({90, 70, 40}, spacing),
                                       [](const Eigen::Vector3d& p) { return p[2] < 9.6; });
@@ -373,12 +373,12 @@ TEST(Surfaces, APatchHoldsWhatMayBeNearestToACutAndNoMore) {
   EXPECT_GE(patch.position.box.size[2] * spacing[2], pit.size[2] * spacing[2] + 0.9 * once.options.reach_mm);
 }
 
-TEST(Surfaces, AreMadeAnewWhereTissueGrowsBeyondThem) {
+TEST(Surfaces, AreRebuiltWhereTissueGrowsBeyondTheirExtent) {
   std::mt19937 random(8);
   const test::RandomBall ball(4, kClinicalSpacings[1], random);
   const PreparedSurface old = prepared_surfaces(ball.labels);
   auto labels = ball.labels;
-  const auto& extent = old.workings.extent;
+  const auto& extent = old.intermediates.extent;
   const int top = extent.first[2] + extent.size[2] - 1;
   // cutting off one side stays within the extent
   const VoxelBox dirty{{0, 0, top}, {100, 100, 1}};
@@ -439,7 +439,7 @@ TEST(Surfaces, ReportStraysAndDropThemOnRequest) {
 
 // ---- bad input
 
-TEST(Surfaces, RefuseWhatCannotBe) {
+TEST(Surfaces, RejectInvalidOptions) {
   const Volume<LabelId> labels(test::surface_grid({4, 4, 4}, {1, 1, 1}), kTissue);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (const SurfaceOptions& bad :

@@ -39,7 +39,7 @@ bool touch(const Volume<LabelId>& labels, LabelId a, LabelId b, Common common) {
   return false;
 }
 
-TEST(Touching, IsWhatEveryVoxelsNeighboursSay) {
+TEST(Touching, EqualsASearchOverVoxelNeighbours) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
   std::mt19937 random(seed);
@@ -60,7 +60,7 @@ TEST(Touching, IsWhatEveryVoxelsNeighboursSay) {
   }
 }
 
-TEST(TouchingGroups, AreChainsOfThoseThatTouch) {
+TEST(TouchingGroups, AreConnectedComponents) {
   GridGeometry grid;
   grid.dims = {12, 3, 3};
   Volume<LabelId> labels(grid);

@@ -12,7 +12,7 @@ namespace {
 
 ElasticGrid laid(const CarvedLabels& labels, const std::vector<ElasticMaterial>& by_label,
                  const ElasticBox& box, const Point<Patient>& about) {
-  auto grid = ElasticGrid::of_labels(*labels.made, by_label, box, labels.taken.get());
+  auto grid = ElasticGrid::of_labels(*labels.original, by_label, box, labels.removed_fraction.get());
   PALPATE_CHECK(grid.ok());
   grid->set_boundary_springs({true, true, true, true, true, true}, about);
   return *std::move(grid);
@@ -34,7 +34,7 @@ std::vector<ElasticMaterial> materials_of(const Model& model) {
 
 CarvedLabels carved_labels(const Model& model) {
   if (model.carving == nullptr) return {model.labels, nullptr};
-  return {model.carving->original_labels(), model.carving->taken()};
+  return {model.carving->original_labels(), model.carving->removed_fraction()};
 }
 
 VoxelBox changed_voxels(const Bricks<std::uint8_t>* before, const Bricks<std::uint8_t>* now,
@@ -87,23 +87,24 @@ VoxelBox changed_voxels(const Bricks<std::uint8_t>* before, const Bricks<std::ui
 CarvedCells::CarvedCells(CarvedLabels labels, const std::vector<ElasticMaterial>& by_label,
                          const ElasticBox& box, const Point<Patient>& about)
     : labels_(std::move(labels)),
-      cells_(labels_.made->geometry(), by_label, box),
+      cells_(labels_.original->geometry(), by_label, box),
       grid_(laid(labels_, by_label, box, about)) {}
 
-void CarvedCells::note_changes(const CarvedLabels& labels) {
-  const VoxelBox voxels = changed_voxels(labels_.taken.get(), labels.taken.get(), cells_.voxels());
-  if (voxels.voxel_count() > 0) in_progress_ = in_progress_.joined(cells_.cells_of(voxels));
+void CarvedCells::mark_changed_cells(const CarvedLabels& labels) {
+  const VoxelBox voxels =
+      changed_voxels(labels_.removed_fraction.get(), labels.removed_fraction.get(), cells_.voxels());
+  if (voxels.voxel_count() > 0) changing_cells_ = changing_cells_.joined(cells_.cells_of(voxels));
   labels_ = labels;
 }
 
 CellBox CarvedCells::follow(const CarvedLabels& labels, ElasticSolver& solver) {
-  note_changes(labels);
-  const CellBox changed = std::exchange(in_progress_, {});
+  mark_changed_cells(labels);
+  const CellBox changed = std::exchange(changing_cells_, {});
   if (changed.empty()) return changed;
   const bool topology_changed = grid_.set_cells(changed, [&](int i, int j, int k) {
-    const ElasticCell target = cells_.cell(*labels_.made, labels_.taken.get(), i, j, k);
-    const ElasticCell next = toward(grid_.cell(i, j, k), target, kSolverSettings.max_fill_change);
-    if (next != target) in_progress_ = in_progress_.joined({{i, j, k}, {i + 1, j + 1, k + 1}});
+    const ElasticCell target = cells_.cell(*labels_.original, labels_.removed_fraction.get(), i, j, k);
+    const ElasticCell next = step_towards(grid_.cell(i, j, k), target, kSolverSettings.max_fill_change);
+    if (next != target) changing_cells_ = changing_cells_.joined({{i, j, k}, {i + 1, j + 1, k + 1}});
     return next;
   });
   solver.update_cells(grid_, changed, topology_changed);
@@ -111,7 +112,7 @@ CellBox CarvedCells::follow(const CarvedLabels& labels, ElasticSolver& solver) {
 }
 
 void CarvedCells::copy_overlap(const CarvedCells& topology_changed, const std::array<int, 3>& offset) {
-  CellBox shared = topology_changed.in_progress_;
+  CellBox shared = topology_changed.changing_cells_;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     shared.low[axis] -= offset[axis];
     shared.high[axis] -= offset[axis];
@@ -121,7 +122,7 @@ void CarvedCells::copy_overlap(const CarvedCells& topology_changed, const std::a
   grid_.set_cells(shared, [&](int i, int j, int k) {
     return topology_changed.grid_.cell(i + offset[0], j + offset[1], k + offset[2]);
   });
-  in_progress_ = shared;
+  changing_cells_ = shared;
 }
 
 }  // namespace palpate

@@ -47,7 +47,7 @@ std::shared_ptr<const Model> layered(const Eigen::Matrix3d& direction = Eigen::M
   soft.elastic = ElasticConstants{10, 0.45};
   firm.elastic = ElasticConstants{40, 0.3};
   kept.elastic = ElasticConstants{20, 0.45};
-  kept.protection = Protection::kKeep;
+  kept.protection = Protection::kBlock;
   model->tissues = {soft, firm, bone, kept};
   model->tissue_of_label = {-1, 0, 1, 2, 3};
   return model;
@@ -88,7 +88,7 @@ std::shared_ptr<const Model> cut(const std::shared_ptr<const Model>& model, cons
   return carving->with(cuts)->applied_to(*model);
 }
 
-TEST(TakenParts, AreWhatASweepHasOfAVoxel) {
+TEST(RemovedFractions, EqualTheSweptFractionOfAVoxel) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   std::uniform_real_distribution<double> middle(6, 20), radius(1.5, 4);
@@ -98,7 +98,7 @@ TEST(TakenParts, AreWhatASweepHasOfAVoxel) {
   for (int n = 0; n < 6; ++n) {
     const Eigen::Vector3d from(middle(random), middle(random), middle(random));
     const Cut one = sweep_in(*model, from, from + Eigen::Vector3d(2, 1, 0.5), radius(random));
-    const auto used = cut(model, {one})->carving->taken();
+    const auto used = cut(model, {one})->carving->removed_fraction();
     ASSERT_NE(used, nullptr);
     const SweptShape shape(one.sweep);
     double sum = 0, truth_sum = 0;
@@ -125,15 +125,15 @@ TEST(TakenParts, AreWhatASweepHasOfAVoxel) {
   EXPECT_LT(worst, 0.15);
 }
 
-TEST(TakenParts, OfTissueThatDoesNotYieldAreNotTold) {
+TEST(RemovedFractions, AreNotRecordedForRigidTissue) {
   auto stiff = std::make_shared<Model>(*layered());
   stiff->tissue_law = TissueLaw::kLayers;
   const auto cut_off = cut(stiff, {sweep_in(*stiff, {12, 12, 20}, {14, 12, 20}, 2)});
   EXPECT_NE(cut_off->labels, stiff->labels);
-  EXPECT_EQ(cut_off->carving->taken(), nullptr);
+  EXPECT_EQ(cut_off->carving->removed_fraction(), nullptr);
 }
 
-TEST(ChangedVoxels, AreThoseThatDiffer) {
+TEST(ChangedVoxels, BoundTheDifferingVoxels) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   GridGeometry grid;
@@ -168,7 +168,7 @@ TEST(ChangedVoxels, AreThoseThatDiffer) {
 }
 
 /// Cells and a solver that follow changes, compared with new ones for the same model.
-class CarvedCellsOf : public ::testing::Test {
+class CarvedCellsTest : public ::testing::Test {
  protected:
   void begin(const std::shared_ptr<const Model>& model, const ElasticBox& box) {
     box_ = box;
@@ -228,7 +228,7 @@ class CarvedCellsOf : public ::testing::Test {
   std::optional<ElasticGrid> before_;
 };
 
-TEST_F(CarvedCellsOf, FollowRandomStrokesAsIfLaidWhole) {
+TEST_F(CarvedCellsTest, IncrementalUpdatesEqualARebuild) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   std::uniform_real_distribution<double> x(-2, 38), y(-2, 36), z(2, 24), path(-6, 6), radius(1, 4);
@@ -267,7 +267,7 @@ TEST_F(CarvedCellsOf, FollowRandomStrokesAsIfLaidWhole) {
   }
 }
 
-TEST_F(CarvedCellsOf, ASolutionIsThatOfCellsLaidWholeInAboutAsManyIterations) {
+TEST_F(CarvedCellsTest, SolutionEqualsThatOfRebuiltCells) {
   const auto model = layered();
   begin(model, box_in(*model, {2, 1, 0}, {19, 16, 18}));
   const Point<Patient> beside = model->labels->geometry().X_PatientVoxel() * Point<Voxel>(11, 11, 21.5);
@@ -290,7 +290,7 @@ TEST_F(CarvedCellsOf, ASolutionIsThatOfCellsLaidWholeInAboutAsManyIterations) {
   RecordProperty("iterations", followed.iterations);
 }
 
-TEST_F(CarvedCellsOf, BoneThatIsTakenAwayLetsGoOfWhatIsOnIt) {
+TEST_F(CarvedCellsTest, RemovedBoneReleasesItsNodes) {
   const auto model = layered();
   begin(model, box_in(*model, {2, 1, 0}, {19, 16, 18}));
   const Point<Patient> over = model->labels->geometry().X_PatientVoxel() * Point<Voxel>(14, 12, 21.5);
@@ -303,7 +303,7 @@ TEST_F(CarvedCellsOf, BoneThatIsTakenAwayLetsGoOfWhatIsOnIt) {
   EXPECT_GT(compliance(*cells_, *solver_, over, solution), 1.01 * firm);
 }
 
-TEST_F(CarvedCellsOf, WhatIsCutOffIsHeldAndIsFreeAgainWhenItIsPutBack) {
+TEST_F(CarvedCellsTest, DetachedTissueIsConstrainedUntilRestored) {
   const auto model = layered();
   begin(model, box_in(*model, {2, 1, 0}, {19, 16, 18}));
   const auto constrained_nodes = [&] {
@@ -338,7 +338,7 @@ TEST_F(CarvedCellsOf, WhatIsCutOffIsHeldAndIsFreeAgainWhenItIsPutBack) {
   EXPECT_EQ(constrained_nodes(), before);
 }
 
-TEST_F(CarvedCellsOf, OthersGoOnWhereTheseAreOnTheirWay) {
+TEST_F(CarvedCellsTest, OverlappingCellsContinueTheirTransition) {
   const auto model = layered();
   begin(model, box_in(*model, {2, 1, 0}, {19, 16, 18}));
   model_ = cut(model_, {sweep_in(*model_, {10, 12, 20}, {20, 12, 20}, 3)});
@@ -356,22 +356,22 @@ TEST_F(CarvedCellsOf, OthersGoOnWhereTheseAreOnTheirWay) {
   expect_same(next.grid(), CarvedCells(carved_labels(*model_), kMaterials, moved, about_).grid());
 }
 
-TEST(ElasticCellOnItsWay, ChangesByNoMoreThanItMay) {
+TEST(ElasticCellTransition, FillChangeIsBounded) {
   const ElasticCell full{Matter::kSoft, 1, 2, 6}, half{Matter::kSoft, 0.5f, 1, 3}, none{},
       bone{Matter::kRigid, 1, 0, 0};
-  const ElasticCell falls = toward(full, none, 0.2);
+  const ElasticCell falls = step_towards(full, none, 0.2);
   EXPECT_FLOAT_EQ(falls.fill, 0.8f);
   EXPECT_FLOAT_EQ(falls.mu, 1.6f);
   EXPECT_FLOAT_EQ(falls.lambda, 4.8f);
-  EXPECT_EQ(toward({Matter::kSoft, 0.15f, 0.3f, 0.9f}, none, 0.2), none);
+  EXPECT_EQ(step_towards({Matter::kSoft, 0.15f, 0.3f, 0.9f}, none, 0.2), none);
   // no cell is left with almost no stiffness
-  EXPECT_FLOAT_EQ(toward({Matter::kSoft, 0.2000001f, 0.4f, 1.2f}, none, 0.2).fill, 0.02f);
-  const ElasticCell rises = toward(none, half, 0.2);
+  EXPECT_FLOAT_EQ(step_towards({Matter::kSoft, 0.2000001f, 0.4f, 1.2f}, none, 0.2).fill, 0.02f);
+  const ElasticCell rises = step_towards(none, half, 0.2);
   EXPECT_EQ(rises.matter, Matter::kSoft);
   EXPECT_FLOAT_EQ(rises.fill, 0.2f);
   EXPECT_FLOAT_EQ(rises.mu, 0.4f);
-  EXPECT_EQ(toward(bone, none, 0.2), none);
-  EXPECT_EQ(toward(full, bone, 0.2), bone);
+  EXPECT_EQ(step_towards(bone, none, 0.2), none);
+  EXPECT_EQ(step_towards(full, bone, 0.2), bone);
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<Labe
                                                const Sweep& sweep, const std::vector<bool>& is_cut) {
   const GridGeometry& grid = labels->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
-  PatchOf<LabelId> patch{voxels_around(sweep, sweep.widest_mm(), grid), {}};
+  PatchOf<LabelId> patch{voxels_around(sweep, sweep.max_radius_mm(), grid), {}};
   const VoxelBox& box = patch.box;
   if (box.voxel_count() == 0) return labels;
   patch.values.resize(box.voxel_count());
@@ -75,33 +75,34 @@ SweepRecord plain(const Cut& cut) {
 
 Carving::Carving(const Model& model)
     : original_labels_(model.labels),
-      is_cut_(labels_that_are_cut(model)),
+      is_cuttable_(cuttable_labels(model)),
       cutting_energy_(model),
       thin_voxels_(model.thin_voxels),
       records_fractions_(is_moving(model.tissue_law)),
-      left_{{}, model.labels, nullptr, SweptSamples(model.labels.get()), 0} {
+      remaining_{{}, model.labels, nullptr, SweptSamples(model.labels.get()), 0} {
   for (const ProtectedStructure& structure : model.protected_structures)
-    if (structure.is_protected) stored_.push_back(structure.surface);
+    if (structure.is_protected) protected_surfaces_.push_back(structure.surface);
   for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
     const ContactSurface& contact_surface = model.surfaces[s];
     const std::size_t structure =
         contact_surface.structure >= 0 ? static_cast<std::size_t>(contact_surface.structure) : s;
-    made_.push_back(model.surfaces[structure].is_protected ? nullptr : contact_surface.surface);
+    original_surfaces_.push_back(model.surfaces[structure].is_protected ? nullptr : contact_surface.surface);
   }
-  tracked_surfaces_ = made_.size();
+  tracked_surfaces_ = original_surfaces_.size();
   // distances are measured to the remaining material
   for (const TrackedStructure& tracked : model.distances.structures()) {
     const auto& surface = tracked.tree->surface();
-    const auto end = made_.begin() + static_cast<std::ptrdiff_t>(tracked_surfaces_);
-    const auto same = std::find(made_.begin(), end, surface);
-    if (!is_cut_[tracked.label]) {
-      made_of_tracked_.push_back(-1);
+    const auto end = original_surfaces_.begin() + static_cast<std::ptrdiff_t>(tracked_surfaces_);
+    const auto same = std::find(original_surfaces_.begin(), end, surface);
+    if (!is_cuttable_[tracked.label]) {
+      original_of_tracked_.push_back(-1);
     } else {
-      made_of_tracked_.push_back(static_cast<int>(same != end ? same - made_.begin() : made_.size()));
-      if (same == end) made_.push_back(surface);
+      original_of_tracked_.push_back(
+          static_cast<int>(same != end ? same - original_surfaces_.begin() : original_surfaces_.size()));
+      if (same == end) original_surfaces_.push_back(surface);
     }
   }
-  left_.surfaces.resize(made_.size());
+  remaining_.surfaces.resize(original_surfaces_.size());
 }
 
 std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
@@ -111,7 +112,7 @@ std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
     const auto other = std::ranges::find_if(cuts, [&](const Cut& cut) { return cut.sweep.stroke != stroke; });
     const auto count = static_cast<std::size_t>(other - cuts.begin());
     if (!next->strokes_.continues(stroke))
-      next->strokes_.begin(stroke, {std::make_shared<const Left>(next->left_), nullptr});
+      next->strokes_.begin(stroke, {std::make_shared<const Remaining>(next->remaining_), nullptr});
     next->take(cuts.first(count));
     cuts = cuts.subspan(count);
   }
@@ -122,7 +123,7 @@ std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
 void Carving::take(std::span<const Cut> cuts) {
   std::vector<Sweep> sweeps;
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  std::uint64_t hash = left_.hash != 0 ? left_.hash : kHashSeed;
+  std::uint64_t hash = remaining_.hash != 0 ? remaining_.hash : kHashSeed;
   for (const Cut& cut : cuts) {
     PALPATE_CHECK(cut.device < kMaxDevices || cut.device == Cut::kBrokenOff);
     const Sweep& sweep = sweeps.emplace_back(cut.sweep);
@@ -137,19 +138,20 @@ void Carving::take(std::span<const Cut> cuts) {
       for (int axis = 0; axis < 3; ++axis) hash_double(hash, sweep.axis_mm[axis]);
       hash_double(hash, sweep.end_radius_mm);
     }
-    left_.labels = without(left_.labels, sweep, is_cut_);
-    if (records_fractions_) take_parts(sweep);
+    remaining_.labels = without(remaining_.labels, sweep, is_cuttable_);
+    if (records_fractions_) record_removed_fractions(sweep);
     const SweptShape shape(sweep);
-    low = low.min(shape.low() - shape.widest_mm());
-    high = high.max(shape.high() + shape.widest_mm());
+    low = low.min(shape.low() - shape.max_radius_mm());
+    high = high.max(shape.high() + shape.max_radius_mm());
   }
-  left_.hash = hash;
-  for (std::size_t s = 0; s < made_.size(); ++s) {
-    if (made_[s] == nullptr || made_[s]->is_beyond(low, high, 0)) continue;
-    std::shared_ptr<const CarvedSurface>& left = left_.surfaces[s];
-    const CarvedSurface now = left != nullptr ? *left : CarvedSurface(made_[s], stored_);
+  remaining_.hash = hash;
+  for (std::size_t s = 0; s < original_surfaces_.size(); ++s) {
+    if (original_surfaces_[s] == nullptr || original_surfaces_[s]->is_farther_than(low, high, 0)) continue;
+    std::shared_ptr<const CarvedSurface>& left = remaining_.surfaces[s];
+    const CarvedSurface now =
+        left != nullptr ? *left : CarvedSurface(original_surfaces_[s], protected_surfaces_);
     CarvedSurface then = now.with(sweeps);
-    if (left != nullptr || then.surface() != made_[s])
+    if (left != nullptr || then.surface() != original_surfaces_[s])
       left = std::make_shared<const CarvedSurface>(std::move(then));
   }
 }
@@ -162,7 +164,7 @@ void Carving::count(const Cut& cut) {
   if (original_labels_ == nullptr) return;
   const double sample_mm3 = original_labels_->geometry().spacing_mm.prod() / SweptSamples::kSamples;
   for (const auto& [i, j, k, samples] :
-       left_.swept.add(cut.sweep, *original_labels_, cutting_energy_.has_energy())) {
+       remaining_.swept.add(cut.sweep, *original_labels_, cutting_energy_.has_energy())) {
     const double mm3 = std::popcount(samples) * sample_mm3;
     const BoneClass bone = thin_voxels_ != nullptr && thin_voxels_->at(i, j, k) == kThinBone ? kThin : kThick;
     carved.volume_mm3[bone] += mm3;
@@ -170,11 +172,11 @@ void Carving::count(const Cut& cut) {
   }
 }
 
-void Carving::take_parts(const Sweep& sweep) {
+void Carving::record_removed_fractions(const Sweep& sweep) {
   const GridGeometry& grid = original_labels_->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
-  PatchOf<std::uint8_t> patch{voxels_around(sweep, sweep.widest_mm() + 0.5 * grid.spacing_mm.norm(), grid),
-                              {}};
+  PatchOf<std::uint8_t> patch{
+      voxels_around(sweep, sweep.max_radius_mm() + 0.5 * grid.spacing_mm.norm(), grid), {}};
   const VoxelBox& box = patch.box;
   if (box.voxel_count() == 0) return;
   patch.values.resize(box.voxel_count());
@@ -183,9 +185,10 @@ void Carving::take_parts(const Sweep& sweep) {
   auto value = patch.values.begin();
   for (int k = box.first[2]; k < box.first[2] + box.size[2]; ++k)
     for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j) {
-      if (left_.taken != nullptr) left_.taken->copy_row(box.first[0], j, k, box.size[0], &*value);
+      if (remaining_.removed_fraction != nullptr)
+        remaining_.removed_fraction->copy_row(box.first[0], j, k, box.size[0], &*value);
       for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
-        if (*value == 255 || !is_cut_[original_labels_->at(i, j, k)]) continue;
+        if (*value == 255 || !is_cuttable_[original_labels_->at(i, j, k)]) continue;
         const double part = swept_part(shape, grid, X_PatientVoxel, i, j, k);
         const auto used = static_cast<std::uint8_t>(std::lround(255 * part));
         differs = differs || used > *value;
@@ -193,18 +196,18 @@ void Carving::take_parts(const Sweep& sweep) {
       }
     }
   if (!differs) return;
-  const auto before = left_.taken != nullptr
-                          ? left_.taken
+  const auto before = remaining_.removed_fraction != nullptr
+                          ? remaining_.removed_fraction
                           : std::make_shared<const Bricks<std::uint8_t>>(grid, std::uint8_t{0});
-  left_.taken = std::make_shared<const Bricks<std::uint8_t>>(before->with(patch));
+  remaining_.removed_fraction = std::make_shared<const Bricks<std::uint8_t>>(before->with(patch));
 }
 
 std::shared_ptr<const Carving> Carving::undone() const {
   auto next = std::make_shared<Carving>(*this);
   Stroke* const stroke = next->strokes_.undo();
   if (stroke == nullptr) return nullptr;
-  if (stroke->after == nullptr) stroke->after = std::make_shared<const Left>(left_);
-  next->left_ = *stroke->before;
+  if (stroke->after == nullptr) stroke->after = std::make_shared<const Remaining>(remaining_);
+  next->remaining_ = *stroke->before;
   return next;
 }
 
@@ -212,40 +215,40 @@ std::shared_ptr<const Carving> Carving::redone() const {
   auto next = std::make_shared<Carving>(*this);
   const Stroke* const stroke = next->strokes_.redo();
   if (stroke == nullptr) return nullptr;
-  next->left_ = *stroke->after;
+  next->remaining_ = *stroke->after;
   return next;
 }
 
 std::uint64_t Carving::content_hash(std::uint64_t uncut) const {
-  if (left_.hash == 0) return uncut;
-  hash_word(uncut, left_.hash);
+  if (remaining_.hash == 0) return uncut;
+  hash_word(uncut, remaining_.hash);
   return hash_finish(uncut);
 }
 
 std::shared_ptr<const Model> Carving::applied_to(const Model& model) const {
   PALPATE_CHECK(model.surfaces.size() == tracked_surfaces_ &&
-                model.distances.structures().size() == made_of_tracked_.size());
+                model.distances.structures().size() == original_of_tracked_.size());
   auto next = std::make_shared<Model>(model);
   ++next->version;
   ++next->edits;
   for (std::size_t s = 0; s < tracked_surfaces_; ++s) {
-    if (made_[s] == nullptr) continue;
+    if (original_surfaces_[s] == nullptr) continue;
     ContactSurface& surface = next->surfaces[s];
-    const CarvedSurface* const left = left_.surfaces[s].get();
-    surface.surface = left != nullptr ? left->surface() : made_[s];
-    surface.made = left != nullptr ? made_[s] : nullptr;
+    const CarvedSurface* const left = remaining_.surfaces[s].get();
+    surface.surface = left != nullptr ? left->surface() : original_surfaces_[s];
+    surface.original_surface = left != nullptr ? original_surfaces_[s] : nullptr;
     surface.original_labels = left != nullptr ? original_labels_ : nullptr;
     surface.clearance_error_mm = left != nullptr ? left->clearance_error_mm() : 0;
   }
-  for (std::size_t n = 0; n < made_of_tracked_.size(); ++n) {
-    if (made_of_tracked_[n] < 0) continue;
-    const auto s = static_cast<std::size_t>(made_of_tracked_[n]);
-    const CarvedSurface* const left = left_.surfaces[s].get();
-    const auto& surface = left != nullptr ? left->surface() : made_[s];
+  for (std::size_t n = 0; n < original_of_tracked_.size(); ++n) {
+    if (original_of_tracked_[n] < 0) continue;
+    const auto s = static_cast<std::size_t>(original_of_tracked_[n]);
+    const CarvedSurface* const left = remaining_.surfaces[s].get();
+    const auto& surface = left != nullptr ? left->surface() : original_surfaces_[s];
     if (next->distances.structures()[n].tree->surface() != surface)
       next->distances = next->distances.with(n, surface);
   }
-  next->labels = left_.labels;
+  next->labels = remaining_.labels;
   next->carving = std::make_shared<const Carving>(*this);
   next->content_hash = content_hash(model.hash_before_removal);
   return next;

@@ -68,11 +68,11 @@ TEST(CarvedModel, EverySurfaceIsCarvedAndTheRestIsShared) {
   // nothing in range: the surfaces are the same objects
   const auto far = none->with(std::vector<Cut>{{0, {{25, 25, 25}, {26, 25, 25}, 2}}})->applied_to(model);
   EXPECT_EQ(far->surfaces[2].surface, model.surfaces[2].surface);
-  EXPECT_EQ(far->surfaces[2].made, nullptr);
+  EXPECT_EQ(far->surfaces[2].original_surface, nullptr);
   EXPECT_EQ(far->labels, model.labels);
 }
 
-TEST(CarvedModel, VersionsInPiecesAreThoseAtOnce) {
+TEST(CarvedModel, IncrementalVersionsEqualOneVersion) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -99,7 +99,7 @@ TEST(CarvedModel, VersionsInPiecesAreThoseAtOnce) {
     EXPECT_EQ(carved->surfaces[s].surface->content_hash(), at_once->surfaces[s].surface->content_hash());
 }
 
-TEST(CarvedModel, DistancesAreToWhatIsLeft) {
+TEST(CarvedModel, DistancesAreToTheRemainingMaterial) {
   Model model = one_body();
   // the bone by its contact surface, and both structures by surfaces without contact
   const auto own = [&](double radius_mm) {
@@ -138,7 +138,7 @@ std::shared_ptr<const Model> cut_at_once(const Model& model, const std::vector<s
   return Carving(model).with(cuts)->applied_to(model);
 }
 
-TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
+TEST(CarvedModel, UndoAndRedoAreBitIdentical) {
   const unsigned seed = std::random_device()();
   RecordProperty("seed", static_cast<int>(seed));
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -186,7 +186,7 @@ TEST(CarvedModel, WhatIsUndoneIsAsItWasAndWhatIsDoneAgainIsAsItWas) {
     for (const std::size_t s : {0u, 2u}) {
       const ContactSurface &is = carved->surfaces[s], &oracle = at_once->surfaces[s];
       ASSERT_EQ(is.surface->content_hash(), oracle.surface->content_hash());
-      ASSERT_EQ(is.made, oracle.made);
+      ASSERT_EQ(is.original_surface, oracle.original_surface);
       ASSERT_EQ(is.original_labels == nullptr, oracle.original_labels == nullptr);
       ASSERT_EQ(is.clearance_error_mm, oracle.clearance_error_mm);
     }
@@ -244,7 +244,7 @@ class Published {
   std::shared_ptr<const Model> model_;
 };
 
-TEST(CarvedModel, ThreeReadersSeeEachVersionWholeWhileTheNextAreCarved) {
+TEST(CarvedModel, ConcurrentReadersSeeConsistentVersions) {
   constexpr std::size_t kReaders = 3, kFixed = 4;
   constexpr std::uint32_t kVersions = 24;
   constexpr int kReportedOfEach = 40;
@@ -342,7 +342,7 @@ double peak_of_versions(const Model& model, unsigned versions) {
   });
 }
 
-TEST(CarvedModel, VersionsDoNotAddUp) {
+TEST(CarvedModel, MemoryDoesNotGrowWithVersions) {
   // PALPATE_TEST_VERSIONS=10000 runs the whole campaign
   const char* const value = std::getenv("PALPATE_TEST_VERSIONS");
   const unsigned many = value != nullptr ? static_cast<unsigned>(std::atoi(value)) : 1200;
@@ -354,7 +354,7 @@ TEST(CarvedModel, VersionsDoNotAddUp) {
   EXPECT_LT(all_MiB - some_MiB, 4);
 }
 
-TEST(CarvedModel, WhatIsCutAfterAnUndoIsAStrokeOfItsOwn) {
+TEST(CarvedModel, CutAfterUndoBeginsANewStroke) {
   const Model model = one_body();
   const std::vector<Cut> cuts = groove(1, 0);
   // the rest of a stroke that was undone before the rest arrived
@@ -365,7 +365,7 @@ TEST(CarvedModel, WhatIsCutAfterAnUndoIsAStrokeOfItsOwn) {
   EXPECT_EQ(rest->applied_to(model)->content_hash, cut_at_once(model, {{cuts[1]}})->content_hash);
 }
 
-TEST(CarvedModel, AStrokeThatIsTooLongAgoStays) {
+TEST(CarvedModel, StrokesBeyondTheHistoryArePermanent) {
   const Model model = one_body();
   auto carving = std::make_shared<const Carving>(model);
   std::vector<Cut> first;
@@ -382,7 +382,7 @@ TEST(CarvedModel, AStrokeThatIsTooLongAgoStays) {
   EXPECT_EQ(carving->applied_to(model)->content_hash, cut_at_once(model, {first})->content_hash);
 }
 
-TEST(CarvedModel, LabelsAreGoneWhereTheirCentresWereSweptIfTheyAreFelt) {
+TEST(CarvedModel, SweptTouchableVoxelsAreCleared) {
   const Model model = one_body();
   const std::vector<Cut> cuts = groove(2, 0);
   const auto next = Carving(model).with(cuts)->applied_to(model);
@@ -405,7 +405,7 @@ TEST(CarvedModel, LabelsAreGoneWhereTheirCentresWereSweptIfTheyAreFelt) {
   EXPECT_GT(fat, 5);
 }
 
-TEST(CarvedModel, WhatWasBeneathBelongsToWhomItsLabelsSay) {
+TEST(CarvedModel, ExposedPointsAreOwnedByTheirOriginalLabels) {
   // the shell is cartilage where x < 0
   const Model model = one_body();
   const auto owner = [](const Model& of, double x_mm, double below_mm) {
@@ -419,7 +419,7 @@ TEST(CarvedModel, WhatWasBeneathBelongsToWhomItsLabelsSay) {
   EXPECT_EQ(owner(*next, -6, 4.5), 0) << "bone, through the shell";
 }
 
-TEST(CarvedModel, TheAccountIsOfTheVoxelsThatSweepsWereTheFirstToCover) {
+TEST(CarvedModel, AccountCountsNewlySweptVoxels) {
   Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
   const double mJ_per_mm3 = model.tissues[0].cutting_energy_mJ_per_mm3;
   const std::vector<Cut> cuts{{0, {{-3, 0, 17}, {3, 0, 17}, 2, 0}},

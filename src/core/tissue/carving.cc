@@ -56,7 +56,7 @@ std::vector<Steps> read(const Bricks<Steps>& bricks, const Box& box) {
 // voxels within `within_mm` of the centres of a sweep's balls
 Box around(const Sweep& sweep, double within_mm, const GridGeometry& grid,
            const Transform<Voxel, Patient>& X_VoxelPatient) {
-  const auto [least, greatest] = middles_of(sweep, X_VoxelPatient);
+  const auto [least, greatest] = centre_bounds(sweep, X_VoxelPatient);
   const Eigen::Array3d reach = within_mm / grid.spacing_mm.array();
   // clamped: a sweep far outside the grid has the same effect as one just outside
   const Eigen::Array3d most = Eigen::Array3d(grid.dims[0], grid.dims[1], grid.dims[2]) + 1;
@@ -66,7 +66,7 @@ Box around(const Sweep& sweep, double within_mm, const GridGeometry& grid,
 }
 
 /// Voxels near a surface, with their signed distances (negative inside).
-class Nearby {
+class NearSurfaceVoxels {
   // Eigen expression; bit-identical for any SIMD width, because roots and sums are rounded exactly.
   auto distances_mm(const Eigen::Array3f& at_mm) const {
     return ((voxels_.col(0) - at_mm[0]).square() + (voxels_.col(1) - at_mm[1]).square() +
@@ -82,8 +82,8 @@ class Nearby {
   }
   /// Subset that can contain the minimum for any point within `radius_mm` of `at_mm`, if the minimum is below
   /// `max_mm` there.
-  Nearby near(const Eigen::Array3f& at_mm, float radius_mm, float max_mm) const {
-    Nearby nearest;
+  NearSurfaceVoxels near(const Eigen::Array3f& at_mm, float radius_mm, float max_mm) const {
+    NearSurfaceVoxels nearest;
     if (size() == 0) return nearest;
     const Eigen::ArrayXf paths = distances_mm(at_mm);
     // margin for rounding
@@ -97,7 +97,7 @@ class Nearby {
   Eigen::Index size() const { return voxels_.rows(); }
 
   /// Allocates `count` entries for set().
-  explicit Nearby(std::size_t count = 0) : voxels_(static_cast<Eigen::Index>(count), 4) {}
+  explicit NearSurfaceVoxels(std::size_t count = 0) : voxels_(static_cast<Eigen::Index>(count), 4) {}
   /// @param at_mm  position from the grid's first voxel, along its axes
   void set(std::size_t n, const Eigen::Array3f& at_mm, float distance_mm) {
     voxels_.row(static_cast<Eigen::Index>(n)) << at_mm[0], at_mm[1], at_mm[2], distance_mm;
@@ -116,29 +116,30 @@ void for_voxels(const Box& box, const F& run_at) {
 }
 
 /// New position values of a surface in a box of its grid.
-class Carved {
+class CarvedBlock {
  public:
   /// @param now  position after earlier sweeps
   /// @param cut  depth within the earlier sweeps
-  Carved(const SignedField& made, const Bricks<Steps>& now, const Bricks<Steps>& cut,
-         std::span<const Sweep> sweeps, std::span<const std::shared_ptr<const Surface>> stored)
-      : grid_(made.geometry()),
+  CarvedBlock(const SignedField& original, const Bricks<Steps>& now, const Bricks<Steps>& cut,
+              std::span<const Sweep> sweeps,
+              std::span<const std::shared_ptr<const Surface>> protected_surfaces)
+      : grid_(original.geometry()),
         X_PatientVoxel_(grid_.X_PatientVoxel()),
-        step_mm_(made.steps().scale),
-        far_(made.steps().outside),
+        step_mm_(original.steps().scale),
+        far_(original.steps().outside),
         // width of the band around a surface that contains at least one of any two neighbouring voxels on
         // opposite sides of it
         band_mm_(grid_.spacing_mm.norm()),
-        changing_(reached(made, sweeps)),
+        changing_(reached(original, sweeps)),
         read_(changing_.grown(voxels_in(reach_mm() + band_mm_)).clipped(whole(grid_))) {
     if (changing_.empty()) return;
-    made_ = read(made.bricks(), read_);
+    original_ = read(original.bricks(), read_);
     cut_ = read(cut, read_);
-    before_ = united();
-    for (const Sweep& sweep : sweeps) take(sweep, made.X_VoxelPatient());
-    for (const auto& one : stored) retain(*one);
-    is_ = united();
-    beside_ = beside(is_, [](Steps value) { return value < 0; });
+    previous_ = combined_depth();
+    for (const Sweep& sweep : sweeps) apply_sweep(sweep, original.X_VoxelPatient());
+    for (const auto& one : protected_surfaces) exclude_protected(*one);
+    current_ = combined_depth();
+    surface_band_ = dilate(current_, [](Steps value) { return value < 0; });
     position_ = read(now, changing_);
   }
 
@@ -155,10 +156,11 @@ class Carved {
   PatchOf<Steps> position() {
     for_voxels(changing_, [&](int i, int j, int k) {
       const std::size_t n = read_.offset(i, j, k);
-      if (beside_[n] != 0) position_[changing_.offset(i, j, k)] = is_[n];
+      if (surface_band_[n] != 0) position_[changing_.offset(i, j, k)] = current_[n];
     });
-    const std::vector<char> beside_made = beside(made_, [](Steps value) { return value < 0; });
-    const Surroundings all{nearby(made_, beside_made), nearby(is_, beside_), gone()};
+    const std::vector<char> beside_made = dilate(original_, [](Steps value) { return value < 0; });
+    const Surroundings all{nearby(original_, beside_made), nearby(current_, surface_band_),
+                           removed_material()};
     constexpr int kLargest = 16;
     fill_blocks(changing_, kLargest, all);
     return {changing_.voxels(), std::move(position_)};
@@ -169,11 +171,11 @@ class Carved {
   Index voxels_in(double mm) const { return (mm / grid_.spacing_mm.array()).ceil().cast<int>() + 1; }
 
   // voxels that the sweeps can change: within the range of the distance field around the removed material
-  Box reached(const SignedField& made, std::span<const Sweep> sweeps) const {
+  Box reached(const SignedField& original, std::span<const Sweep> sweeps) const {
     Index low = Index::Constant(std::numeric_limits<int>::max()), high = -low;
     for (const Sweep& sweep : sweeps) {
-      const double within_mm = sweep.widest_mm() + reach_mm() + band_mm_;
-      const Box box = around(sweep, within_mm, grid_, made.X_VoxelPatient());
+      const double within_mm = sweep.max_radius_mm() + reach_mm() + band_mm_;
+      const Box box = around(sweep, within_mm, grid_, original.X_VoxelPatient());
       low = low.min(box.low());
       high = high.max(box.high());
     }
@@ -181,15 +183,15 @@ class Carved {
     return Box(low, high).grown(Index::Constant(1)).clipped(whole(grid_));
   }
 
-  std::vector<Steps> united() const {
-    std::vector<Steps> values(made_.size());
-    std::transform(made_.begin(), made_.end(), cut_.begin(), values.begin(),
-                   [](Steps made, Steps cut) { return std::max(made, cut); });
+  std::vector<Steps> combined_depth() const {
+    std::vector<Steps> values(original_.size());
+    std::transform(original_.begin(), original_.end(), cut_.begin(), values.begin(),
+                   [](Steps original, Steps cut) { return std::max(original, cut); });
     return values;
   }
 
-  void take(const Sweep& sweep, const Transform<Voxel, Patient>& X_VoxelPatient) {
-    const Box box = around(sweep, sweep.widest_mm() + reach_mm(), grid_, X_VoxelPatient).clipped(read_);
+  void apply_sweep(const Sweep& sweep, const Transform<Voxel, Patient>& X_VoxelPatient) {
+    const Box box = around(sweep, sweep.max_radius_mm() + reach_mm(), grid_, X_VoxelPatient).clipped(read_);
     const SweptShape shape(sweep);
     const double reach = far_;
     for (int k = box.low()[2]; k < box.high()[2]; ++k) {
@@ -206,7 +208,7 @@ class Carved {
   }
 
   // excludes a protected structure from the cuts
-  void retain(const Surface& stored) {
+  void exclude_protected(const Surface& protected_surfaces) {
     Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
     for (unsigned at = 0; at < 8; ++at) {
       Index voxel;
@@ -216,42 +218,42 @@ class Carved {
       low = low.min(position.eigen().array());
       high = high.max(position.eigen().array());
     }
-    if (stored.is_beyond(low, high, 0)) return;
+    if (protected_surfaces.is_farther_than(low, high, 0)) return;
     for_voxels(read_, [&, n = std::size_t{0}](int i, int j, int k) mutable {
       Steps& depth = cut_[n++];
       if (depth <= -far_) return;
-      const double steps = stored.distance_mm(X_PatientVoxel_ * Point<Voxel>(i, j, k)) / step_mm_;
+      const double steps = protected_surfaces.distance_mm(X_PatientVoxel_ * Point<Voxel>(i, j, k)) / step_mm_;
       depth = std::min(depth, static_cast<Steps>(std::lround(std::clamp<double>(steps, -far_, far_))));
     });
   }
 
   // dilation: whether the predicate holds for a voxel or one of its 26 neighbours
   template <class F>
-  std::vector<char> beside(const std::vector<Steps>& values, const F& is_so) const {
-    std::vector<char> beside(values.size());
-    std::transform(values.begin(), values.end(), beside.begin(), is_so);
+  std::vector<char> dilate(const std::vector<Steps>& values, const F& is_so) const {
+    std::vector<char> dilated(values.size());
+    std::transform(values.begin(), values.end(), dilated.begin(), is_so);
     std::ptrdiff_t stride = 1;
     for (int axis = 0; axis < 3; ++axis) {
-      const std::vector<char> was = beside;
+      const std::vector<char> was = dilated;
       for_voxels(read_, [&, n = std::size_t{0}](int i, int j, int k) mutable {
         const int at = axis == 0 ? i : axis == 1 ? j : k;
         const char* const here = &was[n];
-        if (at > read_.low()[axis] && here[-stride] != 0) beside[n] = 1;
-        if (at + 1 < read_.high()[axis] && here[stride] != 0) beside[n] = 1;
+        if (at > read_.low()[axis] && here[-stride] != 0) dilated[n] = 1;
+        if (at + 1 < read_.high()[axis] && here[stride] != 0) dilated[n] = 1;
         ++n;
       });
       stride *= read_.size()[axis];
     }
-    return beside;
+    return dilated;
   }
 
   // the selected voxels that are near the surface
-  Nearby nearby(const std::vector<Steps>& values, const std::vector<char>& of) const {
+  NearSurfaceVoxels nearby(const std::vector<Steps>& values, const std::vector<char>& of) const {
     const double deepest = -std::min(band_mm_, reach_mm()) / step_mm_;
     const auto counts = [&](std::size_t n) { return of[n] != 0 && values[n] >= deepest; };
     std::size_t count = 0;
     for (std::size_t n = 0; n < values.size(); ++n) count += counts(n) ? 1 : 0;
-    Nearby nearby(count);
+    NearSurfaceVoxels nearby(count);
     for_voxels(read_, [&, n = std::size_t{0}, to = std::size_t{0}](int i, int j, int k) mutable {
       if (counts(n)) nearby.set(to++, position_mm(i, j, k), static_cast<float>(values[n] * step_mm_));
       ++n;
@@ -259,11 +261,11 @@ class Carved {
     return nearby;
   }
   // voxels that have changed since the last version, with their neighbours
-  Nearby gone() const {
-    std::vector<Steps> more(is_.size());
-    std::transform(is_.begin(), is_.end(), before_.begin(), more.begin(),
+  NearSurfaceVoxels removed_material() const {
+    std::vector<Steps> more(current_.size());
+    std::transform(current_.begin(), current_.end(), previous_.begin(), more.begin(),
                    [](Steps is, Steps was) { return static_cast<Steps>(is != was); });
-    return nearby(before_, beside(more, [](Steps changed) { return changed != 0; }));
+    return nearby(previous_, dilate(more, [](Steps changed) { return changed != 0; }));
   }
 
   Eigen::Array3f position_mm(int i, int j, int k) const {
@@ -273,14 +275,14 @@ class Carved {
   /// Candidates for the values of a block: near the prepared surface, near the current one, and near material
   /// removed since the last version.
   struct Surroundings {
-    Nearby made, is, gone;
+    NearSurfaceVoxels original, is, removed;
   };
   // empty if no distance in the block can have changed
   std::optional<Surroundings> surroundings(const Surroundings& all, const Box& block) const {
     int greatest = -1;
     bool was_inside = false;
     for_voxels(block, [&](int i, int j, int k) {
-      if (beside_[read_.offset(i, j, k)] != 0) return;
+      if (surface_band_[read_.offset(i, j, k)] != 0) return;
       const Steps value = position_[changing_.offset(i, j, k)];
       was_inside = was_inside || value < 0;
       if (value < far_) greatest = std::max<int>(greatest, value);
@@ -293,10 +295,10 @@ class Carved {
     // Removed material was nearest only if its distance was no larger than the stored one, which is at most a
     // cell larger when found from voxels.
     const auto least = static_cast<float>(greatest * step_mm_ + grid_.spacing_mm.norm());
-    Nearby removed = all.gone.near(middle, radius, least);
+    NearSurfaceVoxels removed = all.removed.near(middle, radius, least);
     if (removed.size() == 0 && !was_inside) return std::nullopt;
     const auto reach = static_cast<float>(reach_mm());
-    return Surroundings{all.made.near(middle, radius, reach), all.is.near(middle, radius, reach),
+    return Surroundings{all.original.near(middle, radius, reach), all.is.near(middle, radius, reach),
                         std::move(removed)};
   }
 
@@ -314,14 +316,14 @@ class Carved {
   void fill(const Box& block, const Surroundings& around) {
     for_voxels(block, [&](int i, int j, int k) {
       const std::size_t n = read_.offset(i, j, k);
-      if (beside_[n] != 0) return;
+      if (surface_band_[n] != 0) return;
       Steps& value = position_[changing_.offset(i, j, k)];
       if (value >= far_) return;
       const Eigen::Array3f at = position_mm(i, j, k);
       int steps = in_steps(around.is.distance_mm(at));
-      if (made_[n] >= 0 && steps > made_[n])
-        steps = made_[n] + std::max(0, steps - in_steps(around.made.distance_mm(at)));
-      value = static_cast<Steps>(std::clamp<int>(steps, is_[n], far_));
+      if (original_[n] >= 0 && steps > original_[n])
+        steps = original_[n] + std::max(0, steps - in_steps(around.original.distance_mm(at)));
+      value = static_cast<Steps>(std::clamp<int>(steps, current_[n], far_));
     });
   }
   int in_steps(float mm) const {
@@ -344,9 +346,9 @@ class Carved {
   double band_mm_;
   Box changing_, read_;
   // in the box that is read: prepared position, depth in the sweeps, and their union before and after
-  std::vector<Steps> made_, cut_, before_, is_;
-  std::vector<char> beside_;     // voxels that are inside now, or have a neighbour that is
-  std::vector<Steps> position_;  // in the box that changes
+  std::vector<Steps> original_, cut_, previous_, current_;
+  std::vector<char> surface_band_;  // voxels that are inside now, or have a neighbour that is
+  std::vector<Steps> position_;     // in the box that changes
 };
 
 // Greatest slope in a brick's cells, per mm. The squared slope is convex along every axis, because each
@@ -411,8 +413,8 @@ PatchOf<Steps> cropped(const PatchOf<Steps>& patch, const Bricks<Steps>& before)
 }
 
 /// Normal field where a box of the position has changed.
-PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const VoxelBox& changed) {
-  const SignedField& normal = made.normal();
+PatchOf<Steps> normal_of(const Surface& original, const SignedField& position, const VoxelBox& changed) {
+  const SignedField& normal = original.normal();
   const auto X_PatientVoxel = position.geometry().X_PatientVoxel();
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
   for (unsigned corner = 0; corner < 8; ++corner) {
@@ -435,7 +437,7 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
     for (int j = box.low()[1]; j < box.high()[1]; ++j) {
       for (int i = box.low()[0]; i < box.high()[0]; ++i, ++n) {
         const Point<Patient> at = X_PatientNormal * Point<Voxel>(i, j, k);
-        const double now = sample_value(position, at), moved = now - sample_value(made.position(), at);
+        const double now = sample_value(position, at), moved = now - sample_value(original.position(), at);
         const double part = std::min(1.0, std::abs(moved) / kCuttingSettings.stale_normal_mm);
         const double was = normal.steps().offset + normal.steps().scale * prepared[n];
         const double steps = (was + part * (now - was) - normal.steps().offset) / normal.steps().scale;
@@ -447,12 +449,12 @@ PatchOf<Steps> normal_of(const Surface& made, const SignedField& position, const
   return patch;
 }
 
-// largest lack of clearance along a sweep, where it removed material
-double short_of(const Surface& made, const Surface& now, const Sweep& sweep) {
+// maximum clearance error along a sweep, where it removed material
+double sweep_clearance_error_mm(const Surface& original, const Surface& now, const Sweep& sweep) {
   double clearance_error_mm = 0;
-  for_balls_of(sweep, 0.5 * made.position().geometry().min_spacing_mm(),
+  for_balls_of(sweep, 0.5 * original.position().geometry().min_spacing_mm(),
                [&](const Point<Patient>& at, double radius_mm) {
-                 if (made.distance_mm(at) < radius_mm)
+                 if (original.distance_mm(at) < radius_mm)
                    clearance_error_mm = std::max(clearance_error_mm, radius_mm - now.distance_mm(at));
                });
   return clearance_error_mm;
@@ -460,13 +462,13 @@ double short_of(const Surface& made, const Surface& now, const Sweep& sweep) {
 
 }  // namespace
 
-CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made,
-                             std::vector<std::shared_ptr<const Surface>> stored)
-    : made_(std::move(made)),
-      now_(made_),
-      stored_(std::move(stored)),
-      cut_(made_->position().geometry(), static_cast<Steps>(-made_->position().steps().outside)) {
-  PALPATE_CHECK(made_->position().steps().offset == 0);
+CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> original,
+                             std::vector<std::shared_ptr<const Surface>> protected_surfaces)
+    : original_(std::move(original)),
+      now_(original_),
+      protected_surfaces_(std::move(protected_surfaces)),
+      cut_(original_->position().geometry(), static_cast<Steps>(-original_->position().steps().outside)) {
+  PALPATE_CHECK(original_->position().steps().offset == 0);
   const std::array<int, 3>& bricks = cut_.counts();
   max_gradient_.resize(static_cast<std::size_t>(bricks[0]) * static_cast<std::size_t>(bricks[1]) *
                        static_cast<std::size_t>(bricks[2]));
@@ -475,24 +477,25 @@ CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> made,
 CarvedSurface CarvedSurface::with(std::span<const Sweep> sweeps) const {
   CarvedSurface next = *this;
   const SignedField& position = now_->position();
-  Carved carved(made_->position(), position.bricks(), cut_, sweeps, stored_);
+  CarvedBlock carved(original_->position(), position.bricks(), cut_, sweeps, protected_surfaces_);
   if (carved.empty()) return next;
   next.cut_ = cut_.with(cropped(carved.cut(), cut_));
   const PatchOf<Steps> patch = cropped(carved.position(), position.bricks());
   if (patch.values.empty()) return next;
 
   const SignedField moved = position.with(patch);
-  double max_gradient = made_->max_gradient();
+  double max_gradient = original_->max_gradient();
   const Bricks<Steps>&was = position.bricks(), &is = moved.bricks();
   for (std::size_t brick = 0; brick < max_gradient_.size(); ++brick) {
     if (is.brick(brick) != was.brick(brick))
       next.max_gradient_[brick] = steepest_of(is, brick, moved.steps().scale);
     max_gradient = std::max(max_gradient, next.max_gradient_[brick]);
   }
-  next.now_ =
-      std::make_shared<const Surface>(now_->with(patch, normal_of(*made_, moved, patch.box), max_gradient));
+  next.now_ = std::make_shared<const Surface>(
+      now_->with(patch, normal_of(*original_, moved, patch.box), max_gradient));
   for (const Sweep& sweep : sweeps)
-    next.short_mm_ = std::max(next.short_mm_, short_of(*made_, *next.now_, sweep));
+    next.clearance_error_mm_ =
+        std::max(next.clearance_error_mm_, sweep_clearance_error_mm(*original_, *next.now_, sweep));
   return next;
 }
 

@@ -124,7 +124,7 @@ class CarvingOracle {
   std::vector<Near> near_made_, near_;
 };
 
-TEST(Carving, EveryVoxelIsAsItIsSaid) {
+TEST(Carving, EveryVoxelMatchesTheDefinition) {
   std::mt19937 random(test::test_seed());
   RecordProperty("seed", static_cast<int>(test::test_seed()));
   for (const auto& [spacing_mm, turn] :
@@ -150,7 +150,7 @@ TEST(Carving, EveryVoxelIsAsItIsSaid) {
   }
 }
 
-TEST(Carving, WhateverLedToItIsTheSame) {
+TEST(Carving, ResultIsIndependentOfOrderAndVersions) {
   std::mt19937 random(test::test_seed());
   std::cout << "seed " << test::test_seed() << '\n';
   const auto made = testing::surface_to_carve(10, {0.5, 0.6, 0.8}, ball, testing::turned_by(0.3));
@@ -170,7 +170,7 @@ TEST(Carving, WhateverLedToItIsTheSame) {
   }
 }
 
-TEST(Carving, WhereNothingIsTakenNothingChanges) {
+TEST(Carving, EmptySweepsChangeNothing) {
   const auto made = testing::surface_to_carve(10, {0.5, 0.5, 0.5}, ball);
   const CarvedSurface whole(made);
   EXPECT_EQ(whole.with({}).surface(), made);
@@ -198,7 +198,7 @@ TEST(Carving, WhereNothingIsTakenNothingChanges) {
   EXPECT_GT(found, 5000);
 }
 
-TEST(Carving, AVersionThatWasKeptIsUndo) {
+TEST(Carving, EarlierVersionIsUnchangedByLaterCuts) {
   const CarvedSurface whole(testing::surface_to_carve(10, {0.5, 0.5, 0.5}, ball));
   const std::vector<Sweep> first{{Point<Patient>(6, 0, 0), Point<Patient>(6, 2, 0), 1}};
   const std::vector<Sweep> second{{Point<Patient>(0, 6, 0), Point<Patient>(0, 6, 2), 1.5}};
@@ -217,7 +217,7 @@ struct Case {
 const Case kCases[] = {
     {{0.3, 0.3, 0.3}, 0}, {{0.6, 0.6, 0.6}, 0}, {{0.6, 0.6, 0.6}, 0.5}, {{0.36, 0.36, 0.7}, 0.8}};
 
-TEST(Carving, ABedThatWasMilledIsFlatAndFree) {
+TEST(Carving, MilledBedIsFlatAndClear) {
   // parallel passes, as in milling a bed: the ball's centre is free at the height of the passes
   const double radius_mm = 2, separation_mm = 0.4;
   for (const auto& [spacing_mm, turn] : kCases) {
@@ -246,7 +246,7 @@ TEST(Carving, ABedThatWasMilledIsFlatAndFree) {
   }
 }
 
-TEST(Carving, ACavityHasItsWallsAndTheirNormals) {
+TEST(Carving, CavityHasTheSweptWallsAndNormals) {
   const double radius_mm = 2.5;
   for (const auto& [spacing_mm, turn] : kCases) {
     // through a plate, whose middle plane has no gradient
@@ -278,7 +278,7 @@ TEST(Carving, ACavityHasItsWallsAndTheirNormals) {
   }
 }
 
-TEST(Carving, NoSlopeIsSteeperThanItIsSaid) {
+TEST(Carving, SlopesAreWithinMaxGradient) {
   std::mt19937 random(test::test_seed());
   const auto made = testing::surface_to_carve(10, {0.5, 0.6, 0.8}, ball, testing::turned_by(0.3));
   const CarvedSurface carved = CarvedSurface(made).with(random_sweeps(random, 12));
@@ -296,7 +296,7 @@ TEST(Carving, NoSlopeIsSteeperThanItIsSaid) {
   }
 }
 
-TEST(Carving, WhatIsKeptStaysWhateverTheOrder) {
+TEST(Carving, ProtectedStructureRemainsForAnyOrder) {
   const unsigned seed = test::test_seed();
   std::mt19937 random(seed);
   SCOPED_TRACE(seed);

@@ -125,13 +125,13 @@ void ChainMail::pull() {
   queue_.clear();
 }
 
-void ChainMail::let_go() {
+void ChainMail::release() {
   for (State& state : state_)
     if (state == kByTool) state = kFree;
 }
 
 void ChainMail::press(const Dent& dent) {
-  let_go();
+  release();
   // a tool thinner than a cell still moves the surrounding nodes
   const double radius_mm = std::max(dent.radius_mm, box_.cell_mm);
   const Eigen::Vector3d centre = box_.local_mm(dent.at);
@@ -211,7 +211,7 @@ void ChainMail::copy_overlap(const ChainMail& other, const std::array<int, 3>& o
   });
 }
 
-double ChainMail::max_moved_mm() const {
+double ChainMail::max_displacement_mm() const {
   double largest = 0;
   for (const float moved : moved_mm_.values)
     largest = std::max(largest, std::abs(static_cast<double>(moved)));
@@ -235,8 +235,9 @@ void ChainMailTissue::advance(const Model& model, const TickRecord& record) {
     std::unique_ptr<Region>& region = regions_[d];
     Dent dent;
     const bool pressed = find_dent(model, record, d, dent);
-    const bool same = region != nullptr && region->labels.made == labels.made &&
-                      region->labels.taken == labels.taken && region->by_label == by_label;
+    const bool same = region != nullptr && region->labels.original == labels.original &&
+                      region->labels.removed_fraction == labels.removed_fraction &&
+                      region->by_label == by_label;
     if (pressed) {
       const Eigen::Vector3d centre = solver_box_centre(model, dent.at, dent.outward);
       if (!same || !covers(model, region->where.first_cell, centre)) {
@@ -253,11 +254,11 @@ void ChainMailTissue::advance(const Model& model, const TickRecord& record) {
       }
       region->mail.press(dent);
     } else if (region != nullptr) {
-      region->mail.let_go();
+      region->mail.release();
     }
     if (region == nullptr) continue;
     region->mail.relax(kPasses);
-    if (!pressed && region->mail.max_moved_mm() < kAtRest_mm) region.reset();
+    if (!pressed && region->mail.max_displacement_mm() < kAtRest_mm) region.reset();
   }
 }
 

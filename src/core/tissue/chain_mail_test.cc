@@ -66,7 +66,7 @@ double max_beyond_mm(const ChainMail& mail, const ElasticGrid& grid) {
   return largest;
 }
 
-TEST(ChainMail, BelowADentEachLinkTakesItsShareAndNoMore) {
+TEST(ChainMail, LinksBelowADentCompressWithinTheirBounds) {
   const ElasticGrid grid = tissue_on_bone(1);
   ChainMail mail(grid);
   mail.press(dent_of(1.8));
@@ -83,7 +83,7 @@ TEST(ChainMail, BelowADentEachLinkTakesItsShareAndNoMore) {
   EXPECT_EQ(moved_mm(mail, 2, 2, kMailCells - 4), Eigen::Vector3d::Zero()) << "far away";
 }
 
-TEST(ChainMail, NoLinkIsBeyondItsBoundsHoweverItIsPressed) {
+TEST(ChainMail, LinksStayWithinTheirBoundsForAnyPress) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -98,23 +98,23 @@ TEST(ChainMail, NoLinkIsBeyondItsBoundsHoweverItIsPressed) {
   }
 }
 
-TEST(ChainMail, WhatIsLetGoComesBackToRest) {
+TEST(ChainMail, ReleasedTissueReturnsToRest) {
   const ElasticGrid grid = tissue_on_bone(1);
   ChainMail mail(grid);
   mail.press(dent_of(2));
   mail.relax(4);
-  mail.let_go();
-  double before = mail.max_moved_mm();
+  mail.release();
+  double before = mail.max_displacement_mm();
   EXPECT_GT(before, 1.5);
   for (int n = 0; n < 60; ++n) {
     mail.relax(8);
-    EXPECT_LE(mail.max_moved_mm(), before);
-    before = mail.max_moved_mm();
+    EXPECT_LE(mail.max_displacement_mm(), before);
+    before = mail.max_displacement_mm();
   }
   EXPECT_LT(before, 0.02);
 }
 
-TEST(ChainMail, ATissueThatIsHeldSpreadsEvenlyToAllSides) {
+TEST(ChainMail, HeldDentSpreadsSymmetrically) {
   const ElasticGrid grid = tissue_on_bone(1);
   ChainMail mail(grid);
   mail.press(dent_of(1.5));
@@ -136,7 +136,7 @@ TEST(ChainMail, ATissueThatIsHeldSpreadsEvenlyToAllSides) {
   EXPECT_LT((mean - moved_mm(mail, 8, 4, 7)).norm(), 1e-4);
 }
 
-TEST(ChainMail, BoneStaysWhereThereIsNoRoom) {
+TEST(ChainMail, BoneDoesNotMoveUnderThinTissue) {
   // 2 mm of tissue, compressed by 1.8 mm
   const ElasticGrid grid = tissue_on_bone(kSurface_mm - 2);
   ChainMail mail(grid);
@@ -168,7 +168,7 @@ TEST(ChainMailTissue, FollowsTheToolThroughBoxesAndComesToRest) {
     boxes += mail->box().corner != corner;
     corner = mail->box().corner;
     // nodes moved by the tool are as deep as the tool
-    EXPECT_NEAR(mail->max_moved_mm(), 2, 0.35) << x;
+    EXPECT_NEAR(mail->max_displacement_mm(), 2, 0.35) << x;
   }
   EXPECT_GT(boxes, 3);
   TickRecord away = testing::tool_at({x, 0, 10});
@@ -177,17 +177,17 @@ TEST(ChainMailTissue, FollowsTheToolThroughBoxesAndComesToRest) {
   EXPECT_LT(frames, 1000);
 }
 
-TEST(ChainMailTissue, IsDrawnAsADentAndRigidTissueIsNot) {
+TEST(ChainMailTissue, DisplaysADentExceptInRigidTissue) {
   const auto model = soft_block(false, 1, TissueLaw::kChainMail);
   const DisplacedTissue deformed(*model, dented_at(0, 0, 2));
-  ASSERT_FALSE(deformed.rests());
+  ASSERT_FALSE(deformed.is_at_rest());
   EXPECT_NEAR(deformed.moved_mm({0, 0, 0}).z(), -2, 0.3);
   EXPECT_GT(deformed.moved_mm({9, 0, 0}).z(), -1);
   EXPECT_EQ(deformed.moved_mm({0, 0, -25}).norm(), 0) << "bone";
   EXPECT_GT(deformed.strain({0, 0, -2}), 0.05);
   TickRecord on_bone = dented_at(0, 0, 2);
   on_bone.device[0].contact_label[0] = 3;
-  EXPECT_TRUE(DisplacedTissue(*model, on_bone).rests());
+  EXPECT_TRUE(DisplacedTissue(*model, on_bone).is_at_rest());
   ChainMailTissue tissue;
   tissue.advance(*model, on_bone);
   EXPECT_EQ(tissue.of(0), nullptr);

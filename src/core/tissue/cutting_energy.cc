@@ -7,7 +7,7 @@
 namespace palpate {
 
 CuttingEnergy::CuttingEnergy(const Model& model) : density_ratios_(model.density_ratios) {
-  std::vector<bool> has_energy = labels_that_are_cut(model);
+  std::vector<bool> has_energy = cuttable_labels(model);
   int innermost = 0;
   for (std::size_t n = 0; n < model.label_of_surface.size(); ++n)
     innermost = std::max(innermost, model.surfaces[n].layer);

@@ -90,13 +90,13 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
     patch.add(1, load_N);
     ElasticSolver(grid).solve(load_N, unit_mm, kMaxIterations, kConverged);
     double force_N = pressed_N;
-    if (RelaxationWeights::are_needed_for(model)) {
+    if (RelaxationWeights::is_needed_for(model)) {
       LocalCompliance spot;
       spot.compliance_mm_per_N = patch.displacement(unit_mm);
       spot.modulus_N_per_mm2 = patch.contact_modulus();
       spot.patch_radius_mm = rho_mm;
       spot.poissons_ratio = patch.poissons_ratio();
-      spot.find_surroundings();
+      spot.compute_surroundings();
       force_N = instantaneous_force_N(record.device[d], tissue_at(spot), press.radius_mm,
                                       max_deformable_stiffness_N_per_mm(model));
     }
@@ -106,7 +106,7 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
 
 Vector<Patient> DisplacedTissue::moved_mm(const Point<Patient>& at_rest) const {
   Vector<Patient> moved;
-  for (const Part& part : parts_) part.moved().add_moved(at_rest, moved);
+  for (const Part& part : parts_) part.moved().add_displacement(at_rest, moved);
   return moved;
 }
 

@@ -20,12 +20,12 @@ TickRecord pressed_with(double x, double y, double force_N) {
   return record;
 }
 
-TEST(DisplacedTissue, GivesWayUnderAToolAsTheCompliancesSay) {
+TEST(DisplacedTissue, DisplacementMatchesTheCompliance) {
   const auto model = soft_block(false);
   // the patch has the least radius, whatever the force
   constexpr double kForce_N = 0.05;
   const DisplacedTissue deformed(*model, pressed_with(0, 0, kForce_N));
-  ASSERT_FALSE(deformed.rests());
+  ASSERT_FALSE(deformed.is_at_rest());
   SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_with(0, 0, kForce_N));
   const LocalCompliance& spot = solver.frame().spot[0];
@@ -47,7 +47,7 @@ TEST(DisplacedTissue, GivesWayUnderAToolAsTheCompliancesSay) {
   EXPECT_LT((twice.moved_mm(deep) - deformed.moved_mm(deep) * 2).norm(), 0.01 * twice.moved_mm(deep).norm());
 }
 
-TEST(DisplacedTissue, WhatIsEmptyGoesAlongAndNothingIsFolded) {
+TEST(DisplacedTissue, EmptySpaceFollowsWithoutFolding) {
   const DisplacedTissue deformed(*soft_block(true), pressed_with(0, 0, 0.3));
   const double dent_mm = -deformed.moved_mm({0, 0, 0}).z();
   EXPECT_GT(dent_mm, 1.5);
@@ -62,10 +62,10 @@ TEST(DisplacedTissue, WhatIsEmptyGoesAlongAndNothingIsFolded) {
   EXPECT_EQ(deformed.moved_mm({0, 0, -25}).norm(), 0);
   EXPECT_EQ(deformed.moved_mm({0, 0, 39.9}).norm(), 0);
   EXPECT_EQ(deformed.moved_mm({200, 0, -5}).norm(), 0);
-  EXPECT_EQ(deformed.moved_mm({kNotKnown, 0, -5}).norm(), 0);
+  EXPECT_EQ(deformed.moved_mm({kUnknown, 0, -5}).norm(), 0);
 }
 
-TEST(DisplacedTissue, IsStrainedAsItsPlacesMove) {
+TEST(DisplacedTissue, StrainMatchesTheDisplacementGradient) {
   const DisplacedTissue deformed(*soft_block(true), pressed_with(0, 0, 0.3));
   // at the centre of a cell (1.5 mm, with its corner at the volume's), where strain follows from its corners
   const Point<Patient> corner(-40.5, -40.5, -41);
@@ -93,7 +93,7 @@ TEST(DisplacedTissue, IsStrainedAsItsPlacesMove) {
   EXPECT_TRUE(std::isnan(deformed.strain({200, 0, -5})));
 }
 
-TEST(DisplacedTissue, WhatTwoToolsMoveAddsUp) {
+TEST(DisplacedTissue, DisplacementsOfTwoToolsSuperpose) {
   const auto model = soft_block(false);
   const TickRecord one = pressed_with(-6, 0, 0.2), other = pressed_with(6, 2, 0.1);
   TickRecord both = one;
@@ -106,15 +106,15 @@ TEST(DisplacedTissue, WhatTwoToolsMoveAddsUp) {
   EXPECT_GT(sum.norm(), 0.05);
 }
 
-TEST(DisplacedTissue, RestsWhereNothingSoftIsPressed) {
+TEST(DisplacedTissue, IsAtRestWithoutSoftContact) {
   const auto model = soft_block(false);
-  EXPECT_TRUE(DisplacedTissue(*model, testing::tool_at({0, 0, 5})).rests());
+  EXPECT_TRUE(DisplacedTissue(*model, testing::tool_at({0, 0, 5})).is_at_rest());
   TickRecord on_bone = pressed_with(0, 0, 1);
   on_bone.device[0].contact_label[0] = 3;
-  EXPECT_TRUE(DisplacedTissue(*model, on_bone).rests());
+  EXPECT_TRUE(DisplacedTissue(*model, on_bone).is_at_rest());
   auto layers = std::make_shared<Model>(*model);
   layers->tissue_law = TissueLaw::kLayers;
-  EXPECT_TRUE(DisplacedTissue(*layers, pressed_with(0, 0, 1)).rests());
+  EXPECT_TRUE(DisplacedTissue(*layers, pressed_with(0, 0, 1)).is_at_rest());
   EXPECT_EQ(DisplacedTissue().moved_mm({0, 0, 0}).norm(), 0);
 }
 

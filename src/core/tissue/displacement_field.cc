@@ -22,11 +22,11 @@ DisplacementField::DisplacementField(const ElasticBox& box, std::vector<Eigen::V
     : box_(box), fade_cells_(fade_cells), moved_mm_(std::move(moved_mm)) {
   PALPATE_CHECK(moved_mm_.size() == node(box_, 0, 0, box_.cells[2] + 1) && empty.size() == moved_mm_.size() &&
                 fade_cells_ > 0);
-  continue_into_what_is_empty(empty);
+  extrapolate_into_empty_nodes(empty);
 }
 
 // Layer by layer, empty nodes take the mean of their known neighbours, scaled down with each layer.
-void DisplacementField::continue_into_what_is_empty(const std::vector<bool>& empty) {
+void DisplacementField::extrapolate_into_empty_nodes(const std::vector<bool>& empty) {
   const auto& cells = box_.cells;
   float max_mm = 0;
   for (const Eigen::Vector3f& moved : moved_mm_) max_mm = std::max(max_mm, moved.norm());
@@ -69,7 +69,7 @@ void DisplacementField::continue_into_what_is_empty(const std::vector<bool>& emp
   }
 }
 
-void DisplacementField::add_moved(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const {
+void DisplacementField::add_displacement(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const {
   const Eigen::Vector3d in_cells = box_.local_mm(at_rest) / box_.cell_mm;
   double fraction = 1;
   for (int axis = 0; axis < 3; ++axis) {

@@ -53,7 +53,7 @@ TEST_F(TissueWithNodule, ComplianceIsSymmetricAndPositive) {
   EXPECT_GT(w.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
 }
 
-TEST_F(TissueWithNodule, APatchTellsAnEvenSlopeAsItIs) {
+TEST_F(TissueWithNodule, PatchReproducesALinearField) {
   ElasticField u(grid_.layout());
   for (int k = 0; k <= 9; ++k)
     for (int j = 0; j <= 20; ++j)
@@ -66,7 +66,7 @@ TEST_F(TissueWithNodule, APatchTellsAnEvenSlopeAsItIs) {
   EXPECT_NEAR(patch.contact_modulus(), 0.01 / (1 - 0.45 * 0.45), 1e-6);
 }
 
-TEST_F(TissueWithNodule, NoTissueNoForce) {
+TEST_F(TissueWithNodule, EmptySpaceGivesNoForce) {
   EXPECT_FALSE(PressurePatch(grid_, at(9, 9, 14), outward(), 2).touches());
   EXPECT_EQ(press_sphere(grid_, solver_, at(9, 9, 14), outward(), 5, 1, u_, load_, 10, 1e-3).force_N, 0);
   EXPECT_EQ(press(9, 9, 0).force_N, 0);
@@ -85,7 +85,7 @@ TEST_F(TissueWithNodule, ForceGrowsWithDepthAndOverTheNodule) {
 }
 
 // F2 / 2 grad W is the decrease of the energy along the surface: its integral is the energy difference
-TEST_F(TissueWithNodule, TheForceAlongTheSurfaceIsTheGradientOfTheCompliance) {
+TEST_F(TissueWithNodule, TangentialForceIsTheComplianceGradient) {
   const double x0 = 6.2, x1 = 9.2, force_N = 0.05;
   constexpr int kSteps = 12;
   double sum = 0;

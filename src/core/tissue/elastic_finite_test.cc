@@ -65,10 +65,10 @@ ElasticField random_displacement(const ElasticGrid& grid, float largest, std::mt
   return field;
 }
 
-class ElasticFiniteOf : public ::testing::TestWithParam<double> {};
-INSTANTIATE_TEST_SUITE_P(Stiffening, ElasticFiniteOf, ::testing::Values(0.0, 12.0));
+class ElasticFiniteStrain : public ::testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Stiffening, ElasticFiniteStrain, ::testing::Values(0.0, 12.0));
 
-TEST_P(ElasticFiniteOf, ForcesAreTheSlopeOfTheEnergy) {
+TEST_P(ElasticFiniteStrain, ForcesAreTheEnergyGradient) {
   std::mt19937 random(test::test_seed());
   std::uniform_real_distribution<double> unit(0, 1);
   const ElasticGrid grid(
@@ -87,7 +87,7 @@ TEST_P(ElasticFiniteOf, ForcesAreTheSlopeOfTheEnergy) {
   }
 }
 
-TEST_P(ElasticFiniteOf, TheTangentIsTheSlopeOfTheForcesOnEverySimdTarget) {
+TEST_P(ElasticFiniteStrain, TangentIsTheForceDerivativeOnEverySimdTarget) {
   std::mt19937 random(test::test_seed());
   ElasticGrid grid = testing::random_grid({18, 3, 3}, 0.7, random);
   std::uniform_real_distribution<float> exponent(0, static_cast<float>(GetParam()));
@@ -127,7 +127,7 @@ TEST_P(ElasticFiniteOf, TheTangentIsTheSlopeOfTheForcesOnEverySimdTarget) {
   }
 }
 
-TEST(ElasticFinite, WithoutStiffeningTheExponentialLawIsTheNeoHookeanOneToTheBit) {
+TEST(ElasticFinite, ZeroStiffeningIsBitIdenticalToNeoHookean) {
   std::mt19937 random(test::test_seed());
   const ElasticGrid grid = testing::random_grid({18, 3, 3}, 0.7, random);
   std::vector<std::uint8_t> free(grid.layout().node_values() / 3 + ElasticLayout::kSpare, 0);
@@ -181,7 +181,7 @@ ElasticField solved_inside(const ElasticGrid& grid, const Eigen::Matrix3d& a, in
   return u;
 }
 
-TEST(ElasticFinite, AStiffeningBodyPassesThePatchTestAndHasTheStressOfItsLaw) {
+TEST(ElasticFinite, StiffeningBodyPassesThePatchTest) {
   constexpr double kE_kPa = 10, kNu = 0.4, kExponent = 15, kCell_mm = 0.9;
   const ElasticGrid grid = testing::elastic_block({6, 5, 4}, kCell_mm, soft(kE_kPa, kNu, kExponent));
   Eigen::Matrix3d a;
@@ -214,7 +214,7 @@ TEST(ElasticFinite, AStiffeningBodyPassesThePatchTestAndHasTheStressOfItsLaw) {
   EXPECT_LE((top - expected).norm(), 1e-4 * expected.norm());
 }
 
-TEST(ElasticFinite, AStiffeningBodyDoesNoWorkOnAClosedPath) {
+TEST(ElasticFinite, ClosedPathOfAStiffeningBodyDoesNoWork) {
   std::mt19937 random(test::test_seed());
   const ElasticGrid grid = testing::elastic_block({4, 4, 3}, 1, soft(10, 0.45, 10));
   ElasticSolver solver(grid);
@@ -245,7 +245,7 @@ TEST(ElasticFinite, AStiffeningBodyDoesNoWorkOnAClosedPath) {
   EXPECT_LE(std::abs(work), 2e-4 * gross);
 }
 
-TEST(ElasticFinite, TurningAsFarAsItMayMakesNoForce) {
+TEST(ElasticFinite, LargeRotationCausesNoForce) {
   const ElasticGrid grid = testing::elastic_block({7, 5, 6}, 0.9, soft(10, 0.45));
   ElasticSolver solver(grid);
   ElasticField u(grid.layout()), force(grid.layout());
@@ -276,7 +276,7 @@ TEST(ElasticFinite, SmallStrainsAreLinear) {
             5e-3 * slow.from(linear).cwiseAbs().maxCoeff());
 }
 
-TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
+TEST(ElasticFinite, ConstrainedMeansEqualGridConstraints) {
   ElasticGrid grid = testing::elastic_block({15, 12, 6}, 1, soft(10, 0.45));
   for (int j = 0; j <= 12; ++j)
     for (int i = 0; i <= 15; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
@@ -304,7 +304,7 @@ TEST(ElasticFinite, WhatIsHeldBesidesIsHeldAsByTheGrid) {
     ASSERT_NEAR(besides.values[n], by_grid.values[n], 1e-4f);
 }
 
-TEST(ElasticFinite, NoCellIsTurnedInsideOutByALoadThatIsTooMuch) {
+TEST(ElasticFinite, ExcessiveLoadInvertsNoCell) {
   ElasticGrid grid = testing::elastic_block({15, 12, 6}, 1, soft(10, 0.45));
   for (int j = 0; j <= 12; ++j)
     for (int i = 0; i <= 15; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);

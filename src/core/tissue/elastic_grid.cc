@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-/// Number of held nodes, per direction, that fix a part of the tissue.
+/// Number of constrained nodes, per direction, that fix a component of the tissue.
 constexpr int kConstrainingNodes = 3;
 
 template <class Visit>
@@ -63,7 +63,7 @@ CellBox CellBox::clipped(const std::array<int, 3>& cells) const {
   return box;
 }
 
-ElasticCell toward(const ElasticCell& from, const ElasticCell& to, double max_change) {
+ElasticCell step_towards(const ElasticCell& from, const ElasticCell& to, double max_change) {
   if (from.matter == Matter::kRigid || to.matter == Matter::kRigid) return to;
   const double distance = static_cast<double>(to.fill) - from.fill;
   if (std::abs(distance) <= max_change) return to;
@@ -108,7 +108,7 @@ bool ElasticGrid::set_cells(const CellBox& cells, const std::function<ElasticCel
   return set_nodes(cells) || topology_changed;
 }
 
-// a node is held if any of its cells is rigid, and exists if any is soft
+// a node is constrained if any of its cells is rigid, and exists if any is soft
 bool ElasticGrid::set_nodes(const CellBox& cells) {
   bool topology_changed = false;
   for_each_node(cells, [&](int i, int j, int k) {
@@ -173,10 +173,10 @@ Result<ElasticGrid> ElasticGrid::of_labels(const Bricks<LabelId>& labels,
                                            std::span<const ElasticMaterial> by_label, const ElasticBox& box,
                                            const Bricks<std::uint8_t>* removed) {
   if (!(box.cell_mm > 0) || !std::isfinite(box.cell_mm))
-    return Error{ErrorKind::kBadInput, "cells of " + std::to_string(box.cell_mm) + " mm", "",
-                 "give more than 0"};
+    return Error{ErrorKind::kBadInput, "the cell size is " + std::to_string(box.cell_mm) + " mm", "",
+                 "set a cell size above 0"};
   if (*std::min_element(box.cells.begin(), box.cells.end()) < 1)
-    return Error{ErrorKind::kBadInput, "a box without cells", "", ""};
+    return Error{ErrorKind::kBadInput, "the box has no cells", "", "give at least one cell per axis"};
   for (const ElasticMaterial& material : by_label)
     if (const auto right = check_elastic_material(material); !right.ok()) return right.error();
 
@@ -192,7 +192,7 @@ std::size_t ElasticGrid::soft_cells() const {
 
 void ElasticGrid::set_boundary_springs(const std::array<bool, 6>& faces, const Point<Patient>& about) {
   beyond_ = faces;
-  about_mm_ = box_.local_mm(about);
+  load_point_mm_ = box_.local_mm(about);
   set_springs(all_cells());
 }
 
@@ -218,7 +218,7 @@ void ElasticGrid::set_springs(const CellBox& cells) {
       for_each_corner(i, j, k, [&](int a, int b, int c) {
         const std::array<int, 3> node{a, b, c};
         if (node[axis] != cell[axis] + end || !cells.contains_node(a, b, c)) return;
-        const Eigen::Vector3d displacement_mm = Eigen::Vector3d(a, b, c) * h - about_mm_;
+        const Eigen::Vector3d displacement_mm = Eigen::Vector3d(a, b, c) * h - load_point_mm_;
         // closer than a cell the load's field is unknown
         const double r = std::max(displacement_mm.norm(), h);
         const double spring = 3 / (3 - 2 * nu) * mu * (h * h / 4) * std::abs(displacement_mm[axis]) / (r * r);
@@ -230,12 +230,12 @@ void ElasticGrid::set_springs(const CellBox& cells) {
   });
 }
 
-std::size_t ElasticGrid::hold_loose_parts() {
-  return LooseParts().constrain(*this, constraints_);
+std::size_t ElasticGrid::constrain_floating_components() {
+  return FloatingComponents().constrain(*this, constraints_);
 }
 
-std::size_t ElasticGrid::LooseParts::constrain(const ElasticGrid& grid,
-                                               std::vector<std::uint8_t>& constraints) {
+std::size_t ElasticGrid::FloatingComponents::constrain(const ElasticGrid& grid,
+                                                       std::vector<std::uint8_t>& constraints) {
   const ElasticLayout& layout = grid.layout();
   visited_.assign(grid.mu().size(), false);
   std::size_t loose = 0;

@@ -106,7 +106,7 @@ HWY_INLINE void gather_row(const float* left, const float* right, int row, bool 
   }
 }
 
-// Zeroes forces where a node's components are held. There is one byte of constraint bits per node.
+// Zeroes forces of a node's constrained components. There is one byte of constraint bits per node.
 HWY_INLINE void constrain_row(const std::uint8_t* constraints, int row, float* force) {
   const D d;
   const hn::Rebind<std::uint8_t, D> bytes;

@@ -15,15 +15,15 @@ struct Cells {
   const float* mu;
   const float* lambda;
   const float* stiffening;  ///< ElasticConstants::stiffening by cell; read by the exponential law alone
-  const std::uint8_t* constraints;  ///< Constraint bits by node; null: nothing is held
+  const std::uint8_t* constraints;  ///< Constraint bits by node; null: no constraints
   float* scratch;                   ///< scratch_floats(layout) values
 };
 inline std::size_t scratch_floats(const ElasticLayout& layout) {
   return static_cast<std::size_t>(2) * 12 * (layout.row + ElasticLayout::kLanes);
 }
 
-/// force = K displacement, 0 where nodes are held. Held nodes may have a displacement; padding beyond the
-/// last node of a row must be finite. Bit-identical on every SIMD target.
+/// force = K displacement, 0 at constrained nodes. Constrained nodes may have a displacement; padding beyond
+/// the last node of a row must be finite. Bit-identical on every SIMD target.
 void apply_linear(const Cells& cells, const float* displacement, float* force);
 
 /// Forces of a displaced neo-Hookean body; equal to apply_linear()'s for small displacements.

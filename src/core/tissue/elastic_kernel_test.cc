@@ -43,7 +43,7 @@ ElasticField random_field(const ElasticGrid& grid, std::mt19937& random) {
 const std::array<int, 3> kShapes[] = {{1, 1, 1},  {2, 1, 3},  {14, 3, 1}, {15, 2, 2},
                                       {16, 1, 2}, {31, 4, 3}, {33, 3, 4}, {7, 6, 5}};
 
-TEST(ElasticKernel, IsTheDenseElementOnEverySimdTarget) {
+TEST(ElasticKernel, EqualsTheDenseElementOnEverySimdTarget) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   for (const auto& cells : kShapes) {
@@ -71,7 +71,7 @@ TEST(ElasticKernel, IsTheDenseElementOnEverySimdTarget) {
   }
 }
 
-TEST(ElasticKernel, ItsDiagonalIsTheDenseElements) {
+TEST(ElasticKernel, DiagonalEqualsTheDenseElement) {
   std::mt19937 random(test::test_seed());
   ElasticGrid grid = testing::random_grid({4, 3, 2}, 1.3, random);
   grid.set_boundary_springs({true, true, true, true, true, true}, Point<Patient>(3, 2, 1));
@@ -90,7 +90,7 @@ TEST(ElasticKernel, ItsDiagonalIsTheDenseElements) {
 }
 
 // the element itself: no force for rigid motion, exact energy for uniform strain, no zero-energy modes
-TEST(ElasticKernel, TheDenseElementIsRight) {
+TEST(ElasticKernel, DenseElementHasRigidModesAndExactStrains) {
   const double mu = 3, lambda = 20, h = 0.8;
   const CellStiffness k = cell_stiffness(mu, lambda, h);
   EXPECT_LE((k - k.transpose()).norm(), 1e-12 * k.norm());
@@ -110,7 +110,7 @@ TEST(ElasticKernel, TheDenseElementIsRight) {
   EXPECT_NEAR(u.dot(k * u) / 2, density * h * h * h, 1e-12);
 }
 
-TEST(ElasticKernel, CoarseCellsAreTheSameBody) {
+TEST(ElasticKernel, CoarseCellsRepresentTheSameBody) {
   // a uniform strain has the same energy on the coarse grid, for any moduli
   std::mt19937 random(test::test_seed());
   std::uniform_real_distribution<double> unit(0, 1);

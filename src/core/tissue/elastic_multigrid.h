@@ -28,27 +28,27 @@ class Operator {
   void change(const ElasticValues& mu, const ElasticValues& lambda, const ElasticValues& springs,
               const std::vector<std::uint8_t>& constraints, const CellBox& box,
               const ElasticValues& stiffening = {});
-  /// Operator of the same body on cells twice as long: moduli averaged, springs restricted, a node held if
-  /// any fine node that it interpolates is held.
+  /// Operator of the same body on cells twice as long: moduli averaged, springs restricted, a node
+  /// constrained if any fine node that it interpolates is constrained.
   Operator coarser() const;
   /// Updates this operator, made by coarser(), after a change of the finer one. @returns box of changed cells
   CellBox update(const Operator& finer, const CellBox& changed);
-  /// Operator of a sub-box, with nodes on its inner boundary held.
+  /// Operator of a sub-box, with nodes on its inner boundary constrained.
   Operator part(const CellBox& box) const;
 
   const ElasticLayout& layout() const { return layout_; }
   bool can_be_coarser() const { return *std::max_element(layout_.cells.begin(), layout_.cells.end()) > 1; }
-  /// force = K displacement, 0 where nodes are held.
+  /// force = K displacement, 0 at constrained nodes.
   void apply(const ElasticValues& displacement, ElasticValues& force);
-  /// force = K displacement everywhere; at held nodes, the reaction.
+  /// force = K displacement everywhere; at constrained nodes, the reaction.
   void apply_everywhere(const ElasticValues& displacement, ElasticValues& force);
   /// Forces of a neo-Hookean body, or with stiffening of one under Fung's law, and their derivative at
-  /// `base`; 0 where nodes are held.
+  /// `base`; 0 at constrained nodes.
   /// @returns the least det F of all cells
   float apply_finite_strain(const ElasticValues& displacement, ElasticValues& force);
   void apply_tangent(const ElasticValues& base, const ElasticValues& displacement, ElasticValues& force);
   void apply_finite_strain_everywhere(const ElasticValues& displacement, ElasticValues& force);
-  /// 1 / diagonal of K; 0 where nodes are held.
+  /// 1 / diagonal of K; 0 at constrained nodes.
   const ElasticValues& inverse_diagonal() const { return inverse_diagonal_; }
   bool free(std::size_t value) const { return inverse_diagonal_[value] > 0; }
   std::size_t free_values() const;
@@ -88,7 +88,7 @@ class Multigrid {
   /// never decrease.
   void update(const CellBox& changed);
   /// z = V r.
-  /// @param r  0 where nodes are held
+  /// @param r 0 at constrained nodes
   void cycle(const ElasticValues& r, ElasticValues& z);
 
  private:

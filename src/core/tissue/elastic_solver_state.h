@@ -14,7 +14,7 @@ struct ElasticSolver::State {
   /// displacements alone. Overwrites p and q.
   double constrained_norm(const ElasticField& u);
 
-  ElasticGrid::LooseParts loose;
+  ElasticGrid::FloatingComponents loose;
   std::vector<std::uint8_t> constraints;  ///< Constraints of the grid and of loose parts
   internal::elastic::Multigrid multigrid;
   /// Conjugate gradients: residual, preconditioned residual, search direction, and K times that direction.

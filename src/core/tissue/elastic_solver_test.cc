@@ -74,7 +74,7 @@ TEST(ElasticGrid, BoundarySpringsFollowTheirFormulaOnEveryFace) {
   }
 }
 
-TEST(ElasticSolver, IsTheDenseSolution) {
+TEST(ElasticSolver, EqualsTheDenseSolution) {
   std::mt19937 random(test::test_seed());
   std::uniform_real_distribution<double> unit(0, 1);
   ElasticGrid grid =
@@ -102,7 +102,7 @@ TEST(ElasticSolver, IsTheDenseSolution) {
   EXPECT_LE((slow.from(u) - expected).cwiseAbs().maxCoeff(), 1e-4 * expected.cwiseAbs().maxCoeff());
 }
 
-TEST(ElasticSolver, NeedsFewIterationsWhateverTheNumberOfCells) {
+TEST(ElasticSolver, IterationCountIsIndependentOfTheGridSize) {
   // homogeneous, and with a nodule 10 times as stiff
   for (const double stiff : {10.0, 100.0}) {
     for (const int n : {12, 24, 40}) {
@@ -120,7 +120,7 @@ TEST(ElasticSolver, NeedsFewIterationsWhateverTheNumberOfCells) {
   }
 }
 
-TEST(ElasticSolver, GoesOnFromTheLastSolution) {
+TEST(ElasticSolver, WarmStartsFromTheLastSolution) {
   const ElasticGrid grid = on_bone({15, 15, 8}, [](const Point<Patient>&) { return soft(10, 0.45); });
   ElasticSolver solver(grid);
   ElasticField load(grid.layout()), u(grid.layout());
@@ -135,7 +135,7 @@ TEST(ElasticSolver, GoesOnFromTheLastSolution) {
   EXPECT_LE(std::abs(u.values[grid.layout().node(7, 7, 8, 2)]), 1e-5f * std::abs(pressed));
 }
 
-TEST(ElasticSolver, IsBoundedByWhatItIsGiven) {
+TEST(ElasticSolver, StopsAtTheIterationLimit) {
   const ElasticGrid grid = on_bone({15, 15, 8}, [](const Point<Patient>&) { return soft(10, 0.49); });
   ElasticSolver solver(grid);
   ElasticField load(grid.layout()), u(grid.layout());
@@ -146,7 +146,7 @@ TEST(ElasticSolver, IsBoundedByWhatItIsGiven) {
   EXPECT_GT(solution.residual, 1e-9);
 }
 
-TEST(ElasticSolver, ASolutionHasTheSameBitsOnEverySimdTarget) {
+TEST(ElasticSolver, SolutionIsBitIdenticalOnEverySimdTarget) {
   const ElasticGrid grid =
       on_bone({17, 9, 6}, [](const Point<Patient>& p) { return soft(p.x() < 8 ? 5 : 50, 0.4); });
   ElasticField load(grid.layout()), first;
@@ -185,7 +185,7 @@ TEST(ElasticSolver, ForcesAreInBalanceAndWorkIsEnergy) {
   EXPECT_NEAR(energy / work, 1, 1e-5);
 }
 
-TEST(ElasticSolver, RandomScenesStayFiniteAndComeBackToRest) {
+TEST(ElasticSolver, RandomScenesStayFiniteAndReturnToRest) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   std::uniform_real_distribution<float> push(-0.05f, 0.05f);
@@ -223,18 +223,18 @@ TEST(ElasticSolver, RandomScenesStayFiniteAndComeBackToRest) {
   RecordProperty("converged", converged);
 }
 
-TEST(ElasticGrid, WhatNothingHoldsIsHeld) {
+TEST(ElasticGrid, FloatingPartsAreConstrained) {
   // a block in the air next to one on bone
   ElasticGrid grid = on_bone({12, 4, 4}, [](const Point<Patient>& p) {
     return p.x() < 5 || (p.x() > 7 && p.z() > 1) ? soft(10, 0.4) : ElasticMaterial{};
   });
-  EXPECT_EQ(grid.hold_loose_parts(), static_cast<std::size_t>(5 * 4 * 3));
+  EXPECT_EQ(grid.constrain_floating_components(), static_cast<std::size_t>(5 * 4 * 3));
   EXPECT_EQ(grid.constraint(12, 4, 4) & ElasticGrid::kFixed, ElasticGrid::kFixed);
   EXPECT_EQ(grid.constraint(2, 2, 2) & ElasticGrid::kFixed, 0);
   EXPECT_EQ(grid.constraint(6, 2, 3) & ElasticGrid::kNoNode, ElasticGrid::kNoNode);
 }
 
-TEST(ElasticGrid, TakesLabelsByTheirShareOfACell) {
+TEST(ElasticGrid, WeightsLabelsByTheirShareOfACell) {
   // bone below, then two tissues with an interface in the middle of a cell; oblique and left-handed axes
   GridGeometry geometry = test::make_grid({8, 8, 12}, 3);
   geometry.spacing_mm = {0.5, 0.5, 0.5};
@@ -267,7 +267,7 @@ TEST(ElasticGrid, TakesLabelsByTheirShareOfACell) {
   EXPECT_LE((grid->box().patient({4, 4, 6}) - corner).norm(), 1e-9);
 }
 
-TEST(ElasticGrid, RefusesWhatNoTissueIs) {
+TEST(ElasticGrid, RejectsInvalidMaterials) {
   const auto labels = label_bricks(Volume<LabelId>(test::make_grid({4, 4, 4}, 0)));
   const VoxelBox all{{0, 0, 0}, {4, 4, 4}};
   const auto refused = [&](const ElasticMaterial& material, const VoxelBox& region, double cell_mm) {

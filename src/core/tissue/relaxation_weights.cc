@@ -68,38 +68,38 @@ int soft_tissue(const Model& model, const Bricks<LabelId>& labels, const Point<V
 
 }  // namespace
 
-bool RelaxationWeights::are_needed_for(const Model& model) {
+bool RelaxationWeights::is_needed_for(const Model& model) {
   return model.relaxation_times.any() || std::ranges::any_of(model.tissues, [&](const Tissue& tissue) {
            return of(model, tissue).stiffening > 0;
          });
 }
 
-RelaxationWeights::OfTissue RelaxationWeights::of(const Model& model, const Tissue& tissue) {
+RelaxationWeights::TissueKey RelaxationWeights::of(const Model& model, const Tissue& tissue) {
   const bool stiffens = model.tissue_law == TissueLaw::kExponential && tissue.elastic.has_value();
   return {tissue.relaxation, stiffens ? tissue.elastic->stiffening : 0};
 }
 
 RelaxationWeights::RelaxationWeights(const Model& model, const CarvedLabels& labels, const ElasticGrid& grid)
-    : kinds_(1), kind_(grid.layout().cell_values(), kNone) {
+    : distinct_means_(1), means_of_cell_(grid.layout().cell_values(), kNone) {
   std::vector<std::uint8_t> kind_of_tissue;
   for (const Tissue& tissue : model.tissues) {
     by_tissue_.push_back(of(model, tissue));
     Means own{{}, by_tissue_.back().stiffening};
     if (model.is_deformable(tissue)) own.relaxed.add(tissue.relaxation, model.relaxation_times, 1);
     std::size_t kind = 0;
-    while (kind < kinds_.size() &&
-           (kinds_[kind].relaxed.of_time != own.relaxed.of_time || kinds_[kind].stiffening != own.stiffening))
+    while (kind < distinct_means_.size() && (distinct_means_[kind].relaxed.of_time != own.relaxed.of_time ||
+                                             distinct_means_[kind].stiffening != own.stiffening))
       ++kind;
-    if (kind == kinds_.size()) kinds_.push_back(own);
+    if (kind == distinct_means_.size()) distinct_means_.push_back(own);
     kind_of_tissue.push_back(static_cast<std::uint8_t>(kind));
   }
 
   const ElasticLayout& layout = grid.layout();
   const ElasticBox& box = grid.box();
-  const Transform<Voxel, Patient> X_VoxelPatient = labels.made->geometry().X_PatientVoxel().inverse();
+  const Transform<Voxel, Patient> X_VoxelPatient = labels.original->geometry().X_PatientVoxel().inverse();
   const auto tissue_at = [&](double i, double j, double k) {
     const Point<Patient> at = box.patient(Eigen::Vector3d(i, j, k) * box.cell_mm);
-    return soft_tissue(model, *labels.made, X_VoxelPatient * at);
+    return soft_tissue(model, *labels.original, X_VoxelPatient * at);
   };
   bool any = false;
   for (int k = 0; k < layout.cells[2]; ++k)
@@ -111,8 +111,8 @@ RelaxationWeights::RelaxationWeights(const Model& model, const CarvedLabels& lab
                              k + 0.1 + 0.8 * (corner >> 2));
         if (tissue < 0) continue;
         const std::uint8_t kind = kind_of_tissue[static_cast<std::size_t>(tissue)];
-        kind_[layout.cell(i, j, k)] = kind;
-        alike_ = alike_ && (!any || kind == first_);
+        means_of_cell_[layout.cell(i, j, k)] = kind;
+        is_uniform_ = is_uniform_ && (!any || kind == first_);
         first_ = any ? first_ : kind;
         any = true;
       }
@@ -120,29 +120,29 @@ RelaxationWeights::RelaxationWeights(const Model& model, const CarvedLabels& lab
 
 RelaxationWeights::Means RelaxationWeights::under(const ElasticGrid& grid,
                                                   const ElasticField& displaced_mm) const {
-  if (alike_) return kinds_[first_];
+  if (is_uniform_) return distinct_means_[first_];
   const ElasticLayout& layout = grid.layout();
-  std::vector<double> energy(kinds_.size(), 0.0);
+  std::vector<double> energy(distinct_means_.size(), 0.0);
   for (int k = 0; k < layout.cells[2]; ++k)
     for (int j = 0; j < layout.cells[1]; ++j) {
       const RowEnergy row(grid, displaced_mm.values, j, k);
-      const std::uint8_t* kind = kind_.data() + layout.cell(0, j, k);
+      const std::uint8_t* kind = means_of_cell_.data() + layout.cell(0, j, k);
       for (int i = 0; i < layout.cells[0]; ++i) energy[kind[i]] += row.of(i);
     }
   double all = 0;
   for (const double one : energy) all += one;
   Means means;
   if (!(all > 0)) return means;
-  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
-    means.relaxed.add(kinds_[kind].relaxed, energy[kind] / all);
-    means.stiffening += kinds_[kind].stiffening * (energy[kind] / all);
+  for (std::size_t kind = 0; kind < distinct_means_.size(); ++kind) {
+    means.relaxed.add(distinct_means_[kind].relaxed, energy[kind] / all);
+    means.stiffening += distinct_means_[kind].stiffening * (energy[kind] / all);
   }
   return means;
 }
 
 bool RelaxationWeights::was_made_from(const Model& model) const {
   return std::equal(by_tissue_.begin(), by_tissue_.end(), model.tissues.begin(), model.tissues.end(),
-                    [&](const OfTissue& was, const Tissue& tissue) { return was == of(model, tissue); });
+                    [&](const TissueKey& was, const Tissue& tissue) { return was == of(model, tissue); });
 }
 
 }  // namespace palpate

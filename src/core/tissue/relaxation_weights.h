@@ -14,14 +14,14 @@ namespace palpate {
 class RelaxationWeights {
  public:
   /// Whether the model has a tissue that relaxes, or one that stiffens under its law.
-  static bool are_needed_for(const Model& model);
+  static bool is_needed_for(const Model& model);
 
   /// Assigns each cell to the tissue at its centre or, if that is not deformable, at one of its corners.
   /// @param model  to which they matter
   RelaxationWeights(const Model& model, const CarvedLabels& labels, const ElasticGrid& grid);
 
   struct Means {
-    RelaxedParts relaxed;
+    RelaxationFractions relaxed;
     double stiffening = 0;  ///< ElasticConstants::stiffening; 0 unless the law is TissueLaw::kExponential
   };
   /// Means over the tissue under a load, in which each tissue is weighted by its share of the stored energy.
@@ -34,20 +34,20 @@ class RelaxationWeights {
   bool was_made_from(const Model& model) const;
 
  private:
-  static constexpr std::uint8_t kNone = 0;  // index into kinds_: neither relaxation nor stiffening
+  static constexpr std::uint8_t kNone = 0;  // index into distinct_means_: neither relaxation nor stiffening
 
-  struct OfTissue {
+  struct TissueKey {
     Relaxation relaxation;
     double stiffening = 0;
-    bool operator==(const OfTissue&) const = default;
+    bool operator==(const TissueKey&) const = default;
   };
-  static OfTissue of(const Model& model, const Tissue& tissue);
+  static TissueKey of(const Model& model, const Tissue& tissue);
 
-  std::vector<OfTissue> by_tissue_;
-  std::vector<Means> kinds_;        // distinct ones; the first is none
-  std::vector<std::uint8_t> kind_;  // index into kinds_ by cell of the layout
-  bool alike_ = true;               // all deformable cells have the same kind
-  std::uint8_t first_ = kNone;      // the first such cell's kind
+  std::vector<TissueKey> by_tissue_;
+  std::vector<Means> distinct_means_;        // distinct ones; the first is none
+  std::vector<std::uint8_t> means_of_cell_;  // index into distinct_means_ by cell of the layout
+  bool is_uniform_ = true;                   // all deformable cells have the same kind
+  std::uint8_t first_ = kNone;               // the first such cell's kind
 };
 
 }  // namespace palpate

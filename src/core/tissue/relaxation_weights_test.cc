@@ -34,7 +34,7 @@ LocalCompliance settled(const Model& model, const TickRecord& record) {
 }
 
 // u K u equals the sum over the cells
-TEST(RelaxationWeights, ItsEnergiesAreThoseOfTheSolversStiffness) {
+TEST(RelaxationWeights, EnergiesMatchTheSolverStiffness) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -65,7 +65,7 @@ TEST(RelaxationWeights, ItsEnergiesAreThoseOfTheSolversStiffness) {
   std::vector<ElasticMaterial> block_alone = materials_of(*model);
   block_alone[2].matter = Matter::kNone;
   const double all = energy(*grid);
-  const double part = fractions.under(*grid, u).relaxed.of_time[0] / kOfBlock.part();
+  const double part = fractions.under(*grid, u).relaxed.of_time[0] / kOfBlock.total_fraction();
   const auto without = ElasticGrid::of_labels(*model->labels, block_alone, box);
   ASSERT_TRUE(without.ok());
   const double of_ball = 1 - energy(*without) / all;
@@ -73,7 +73,7 @@ TEST(RelaxationWeights, ItsEnergiesAreThoseOfTheSolversStiffness) {
   EXPECT_GT(of_ball, 0.2);
 }
 
-TEST(RelaxationWeights, OfTissuesThatRelaxAlikeAllRelaxesWhereverItGivesWay) {
+TEST(RelaxationWeights, UniformRelaxationIsIndependentOfTheLoad) {
   const auto model = relaxing_block(kOfBlock, kOfBlock);
   const LocalCompliance spot = settled(*model, pressed_at(0, 0));
   EXPECT_NEAR(spot.relaxed.of_time[0], 0.4, 1e-9);
@@ -81,7 +81,7 @@ TEST(RelaxationWeights, OfTissuesThatRelaxAlikeAllRelaxesWhereverItGivesWay) {
 }
 
 // share: relative change of W with the tissue's modulus
-TEST(RelaxationWeights, ATissueCountsByWhatGivesWayOfIt) {
+TEST(RelaxationWeights, WeightIsTheShareOfStoredEnergy) {
   const auto model = relaxing_block({}, kOfBall);
   const auto fraction_of_ball = [&](double x) {
     return settled(*model, pressed_at(x, 0)).relaxed.of_time[1] / 0.25;
@@ -101,7 +101,7 @@ TEST(RelaxationWeights, ATissueCountsByWhatGivesWayOfIt) {
   EXPECT_LT(fraction_of_ball(25), 0.1 * fraction_of_ball(0));
 }
 
-TEST(SoftTissueSolver, TellsNothingThatRelaxesWhereNothingDoes) {
+TEST(SoftTissueSolver, PublishesNoRelaxationWithoutRelaxingTissue) {
   const auto model = soft_block(true);
   EXPECT_FALSE(settled(*model, pressed_at(0, 0)).relaxed.any());
   // W is the same either way
@@ -110,11 +110,11 @@ TEST(SoftTissueSolver, TellsNothingThatRelaxesWhereNothingDoes) {
             settled(*model, pressed_at(0, 0)).compliance_mm_per_N);
 }
 
-TEST(SoftTissueSolver, FollowsAModelWhoseTissueRelaxesInAnotherWay) {
+TEST(SoftTissueSolver, UpdatesWhenTheRelaxationChanges) {
   SoftTissueSolver solver;
   solver.solve(*relaxing_block(kOfBlock, kOfBlock), pressed_at(0, 0));
   auto other = std::make_shared<Model>(*relaxing_block(kOfBlock, kOfBlock));
-  other->tissues[0].relaxation.term[0].part = other->tissues[1].relaxation.term[0].part = 0.1;
+  other->tissues[0].relaxation.term[0].fraction = other->tissues[1].relaxation.term[0].fraction = 0.1;
   EXPECT_NEAR(solver.solve(*other, pressed_at(0, 0)).spot[0].relaxed.of_time[0], 0.1, 1e-9);
 }
 

@@ -64,10 +64,10 @@ class GuidedBurr {
   }
   void carve() {
     const std::uint64_t count = finished_sweeps(state_);
-    carved_ = carved_.with(state_.pending().first(count - state_.first));
+    carved_ = carved_.with(state_.pending().first(count - state_.first_sweep));
     for (ContactSurface& surface : surfaces_) {
       surface.surface = carved_.surface();
-      surface.made = carved_.made();
+      surface.original_surface = carved_.original();
       surface.clearance_error_mm = carved_.clearance_error_mm();
     }
     rebase_burr(surfaces_, burr_, pose(), count, proxy_, state_);
@@ -80,11 +80,11 @@ class GuidedBurr {
   /// Adds a softer adjacent structure, so that the bone contributes its stiffness in two layers.
   void in_two_layers() {
     surfaces_[0].layer = 1;
-    surfaces_[0].from_N_per_mm = 0.5;
+    surfaces_[0].lower_N_per_mm = 0.5;
     ContactSurface outer = surfaces_[0];
     outer.structure = outer.layer = 0;
-    outer.from_N_per_mm = 0;
-    outer.to_N_per_mm = 0.5;
+    outer.lower_N_per_mm = 0;
+    outer.upper_N_per_mm = 0.5;
     surfaces_.push_back(outer);
   }
 
@@ -99,7 +99,7 @@ class GuidedBurr {
   Vector<Patient> spindle_;  // without rotation
 };
 
-TEST(Removal, AMotorThatIsOffLeavesABall) {
+TEST(Removal, StoppedBurrEqualsABall) {
   GuidedBurr off(0);
   ProxyState ball;
   const ToolSphere sphere{Vector<Patient>(), 2};
@@ -118,7 +118,7 @@ TEST(Removal, AMotorThatIsOffLeavesABall) {
   EXPECT_TRUE(off.state_.pending().empty());
 }
 
-TEST(Removal, WhatCannotBeCutIsNot) {
+TEST(Removal, UncuttableMaterialIsNotCut) {
   GuidedBurr burr;
   burr.surfaces_[0].cutting_energy_mJ_per_mm3 = std::numeric_limits<double>::infinity();
   burr.lead_to(Point<Patient>(0, 0, 1), 50);
@@ -127,7 +127,7 @@ TEST(Removal, WhatCannotBeCutIsNot) {
   EXPECT_NEAR(burr.proxy_.position.z(), 2, 0.06);
 }
 
-TEST(Removal, ItSinksInAndTheForceFallsInTheSameTick) {
+TEST(Removal, BurrAdvancesAndForceDropsInTheSameTick) {
   GuidedBurr burr, ball(0);
   burr.lead_to(Point<Patient>(0, 0, 1.5), 50);
   ball.lead_to(Point<Patient>(0, 0, 1.5), 50);
@@ -145,7 +145,7 @@ TEST(Removal, ItSinksInAndTheForceFallsInTheSameTick) {
   EXPECT_GT(burr.state_.removed_mm3, 0.1);
 }
 
-TEST(Removal, InLayersItIsOneBurr) {
+TEST(Removal, LayersMoveAsOneBurr) {
   GuidedBurr one, two;
   two.in_two_layers();
   for (int n = 0; n < 40; ++n) {
@@ -163,7 +163,7 @@ TEST(Removal, InLayersItIsOneBurr) {
   EXPECT_NEAR(two.state_.removed_mm3, one.state_.removed_mm3, 0.02 * one.state_.removed_mm3);
 }
 
-TEST(Removal, WithItsMotorOffItComesOutWhereItWentIn) {
+TEST(Removal, StoppedBurrLeavesByItsEntryPath) {
   GuidedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.9), 20);
   const Point<Patient> in(1.3, 0.8, -3);
@@ -193,7 +193,7 @@ TEST(Removal, WithItsMotorOffItComesOutWhereItWentIn) {
   EXPECT_NEAR(burr.proxy_.position.z(), 2, 0.06);
 }
 
-TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
+TEST(Removal, ProtectedStructureIsReachedButNotCut) {
   const unsigned seed = test::test_seed();
   std::mt19937 random(seed);
   SCOPED_TRACE(seed);
@@ -202,8 +202,8 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
   GuidedBurr burr;
   const ProtectedStructure structure{2, testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), nerve),
                                      true};
-  burr.burr_.spared = {&structure, 1};
-  burr.carved_ = CarvedSurface(burr.carved_.made(), {structure.surface});
+  burr.burr_.protected_structures = {&structure, 1};
+  burr.carved_ = CarvedSurface(burr.carved_.original(), {structure.surface});
   std::uniform_real_distribution<double> lateral(-4, 4), depth(-8, 0);
   double nearest_mm = 10;
   for (int stroke = 0; stroke < 40; ++stroke) {
@@ -240,7 +240,7 @@ TEST(Removal, AKeptStructureIsCutUpToAndNotInto) {
   EXPECT_GT(above, 20);
 }
 
-TEST(Removal, AHeadWhoseMotorIsOffIsACapsule) {
+TEST(Removal, StoppedCylindricalHeadEqualsACapsule) {
   for (const Row& row : {kLyingCylinder, kStandingCylinder, kLyingCone, kStandingCone}) {
     GuidedBurr off(0, row);
     ProxyState head;
@@ -265,8 +265,8 @@ double swept_mm3(const Surface& block, const std::vector<SweptShape>& shapes) {
   constexpr double kCell_mm = 0.2;
   Eigen::Array3d low = Eigen::Array3d::Constant(1e9), high = -low;
   for (const SweptShape& shape : shapes) {
-    low = low.min(shape.low() - shape.widest_mm());
-    high = high.max(shape.high() + shape.widest_mm());
+    low = low.min(shape.low() - shape.max_radius_mm());
+    high = high.max(shape.high() + shape.max_radius_mm());
   }
   int used = 0;
   for (double z = low[2]; z < std::min(high[2], 0.1); z += kCell_mm)
@@ -288,7 +288,7 @@ struct GuidedPath {
   double turn_rad = 0;    // about y, during the motion
 };
 
-TEST(Removal, AHeadTakesWhatItReckonsAndWorksFor) {
+TEST(Removal, RemovedVolumeMatchesTheEnergyBalance) {
   const GuidedPath paths[] = {{"cylinder, milling sideways", kLyingCylinder, {0, 3, -2}},
                               {"cylinder, drilling", kStandingCylinder, {0, 0, -3}},
                               {"cylinder, turning", kLyingCylinder, {0, 0, -1.5}, 0.3},
@@ -305,19 +305,20 @@ TEST(Removal, AHeadTakesWhatItReckonsAndWorksFor) {
       const double part = static_cast<double>(n) / kVersions;
       const Eigen::Quaterniond turned(Eigen::AngleAxisd(guided.turn_rad * part, Eigen::Vector3d::UnitY()));
       burr.lead_to(from + guided.along * part, turned, 20);
-      for (const Sweep& sweep : finished_from(burr.state_, burr.state_.first)) shapes.emplace_back(sweep);
+      for (const Sweep& sweep : finished_from(burr.state_, burr.state_.first_sweep))
+        shapes.emplace_back(sweep);
       burr.carve();
       ASSERT_TRUE(burr.proxy_.coupled) << n;
     }
     for (const Sweep& sweep : burr.state_.pending()) shapes.emplace_back(sweep);
-    const double swept = swept_mm3(*burr.carved_.made(), shapes);
+    const double swept = swept_mm3(*burr.carved_.original(), shapes);
     // material that is only grazed counts little
     EXPECT_NEAR(burr.state_.removed_mm3 / swept, 1, 0.1);
     EXPECT_GT(swept, 10);
   }
 }
 
-TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
+TEST(Removal, RotatingHeadPathIsSwept) {
   const unsigned seed = test::test_seed();
   std::mt19937 random(seed);
   SCOPED_TRACE(seed);
@@ -343,12 +344,13 @@ TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
           const double part = unit(random);
           const Vector<Patient> out(about(random), about(random), about(random));
           // almost on its outline
-          const Point<Patient> at = burr.proxy_.position + sphere.along_mm * part +
+          const Point<Patient> at = burr.proxy_.position + sphere.axis_mm * part +
                                     out.normalized() * (sphere.radius_at_mm(part) - 0.02);
-          if (burr.carved_.made()->distance_mm(at) < -0.02) been.push_back(at);
+          if (burr.carved_.original()->distance_mm(at) < -0.02) been.push_back(at);
         }
       }
-      for (const Sweep& sweep : finished_from(burr.state_, burr.state_.first)) shapes.emplace_back(sweep);
+      for (const Sweep& sweep : finished_from(burr.state_, burr.state_.first_sweep))
+        shapes.emplace_back(sweep);
       burr.carve();
       ASSERT_TRUE(burr.proxy_.coupled) << leg;
     }
@@ -362,7 +364,7 @@ TEST(Removal, WhereverATurningHeadHasBeenIsSwept) {
   }
 }
 
-TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
+TEST(Removal, CylinderDoesNotCutALateralProtectedStructure) {
   const unsigned seed = test::test_seed();
   std::mt19937 random(seed);
   SCOPED_TRACE(seed);
@@ -371,8 +373,8 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
   GuidedBurr burr(1000, kStandingCylinder);
   const ProtectedStructure structure{2, testing::surface_to_carve(16, Eigen::Vector3d::Constant(0.6), nerve),
                                      true};
-  burr.burr_.spared = {&structure, 1};
-  burr.carved_ = CarvedSurface(burr.carved_.made(), {structure.surface});
+  burr.burr_.protected_structures = {&structure, 1};
+  burr.carved_ = CarvedSurface(burr.carved_.original(), {structure.surface});
   std::uniform_real_distribution<double> about(-1, 1);
   double nearest_mm = 10, deepest_mm = 0;
   const auto lead = [&](const Vector<Patient>& aim_mm, const Eigen::Quaterniond& aim) {
@@ -419,7 +421,7 @@ TEST(Removal, ACylinderSparesWhatRunsBesideItsSide) {
   EXPECT_GT(beside, 20);
 }
 
-TEST(Removal, TheRimOfAGrooveGivesWay) {
+TEST(Removal, RimOfAGrooveIsCut) {
   // moved along an existing groove, whose rim it meets from the side
   GuidedBurr burr;
   for (ContactSurface& surface : burr.surfaces_) surface.cutting_energy_mJ_per_mm3 = 2;
@@ -437,27 +439,27 @@ TEST(Removal, TheRimOfAGrooveGivesWay) {
   }
 }
 
-TEST(Removal, WhatIsNotCarvedYetIsBounded) {
+TEST(Removal, PendingSweepsAreBounded) {
   // surfaces that are never rebuilt, material soft enough for a long path, on a spiral
   GuidedBurr burr;
   burr.surfaces_[0].cutting_energy_mJ_per_mm3 = 5;
   burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
   for (int n = 0; n < 400; ++n)
     burr.lead_to(Point<Patient>(0.01 * n * std::sin(0.1 * n), 0.01 * n * std::cos(0.1 * n), 1 - 0.02 * n), 5);
-  EXPECT_TRUE(burr.state_.full);
+  EXPECT_TRUE(burr.state_.sweeps_full);
   EXPECT_LE(burr.state_.pending().size(), burr.state_.sweep.size());
   EXPECT_LE(burr.state_.inset_mm, 1.6 + 1e-9);
   const double removed_mm3 = burr.state_.removed_mm3;
   burr.lead_to(Point<Patient>(0, 0, -8), 100);
   EXPECT_EQ(burr.state_.removed_mm3, removed_mm3) << "no more than is remembered";
   burr.carve();
-  EXPECT_FALSE(burr.state_.full);
+  EXPECT_FALSE(burr.state_.sweeps_full);
   EXPECT_TRUE(burr.proxy_.coupled);
   burr.lead_to(Point<Patient>(0, 0, -9), 100);
   EXPECT_GT(burr.state_.removed_mm3, removed_mm3);
 }
 
-TEST(Removal, SweepsThatCameMeanwhileStay) {
+TEST(Removal, SweepsAddedDuringCarvingArePreserved) {
   GuidedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.5), 100);
   const std::uint64_t count = finished_sweeps(burr.state_);
@@ -470,7 +472,7 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
   const Sweep next = burr.state_.pending()[static_cast<std::size_t>(count)];
   const std::uint64_t all = finished_sweeps(burr.state_);
   rebase_burr(burr.surfaces_, burr.burr_, burr.pose(), count, burr.proxy_, burr.state_);
-  EXPECT_EQ(burr.state_.first, count);
+  EXPECT_EQ(burr.state_.first_sweep, count);
   EXPECT_EQ(burr.state_.pending().front().from, next.from);
   EXPECT_EQ(finished_sweeps(burr.state_), all);
   // repeating the call loses nothing
@@ -478,14 +480,14 @@ TEST(Removal, SweepsThatCameMeanwhileStay) {
   EXPECT_EQ(finished_sweeps(burr.state_), all);
 }
 
-TEST(Removal, ADebtIsWorkedOffBeforeTheBurrAdvances) {
+TEST(Removal, DebtIsWorkedOffBeforeTheBurrAdvances) {
   GuidedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.5), 50);
   const double mJ_per_mm3 = burr.surfaces_[0].cutting_energy_mJ_per_mm3;
   const std::uint64_t count = finished_sweeps(burr.state_);
   ASSERT_GT(count, 0u);
   double paid_mm3 = 0;
-  for (std::uint64_t n = 0; n < count; ++n) paid_mm3 += burr.state_.paid_mJ[n][kThick] / mJ_per_mm3;
+  for (std::uint64_t n = 0; n < count; ++n) paid_mm3 += burr.state_.spent_mJ[n][kThick] / mJ_per_mm3;
   EXPECT_GT(paid_mm3, 0);
   EXPECT_LE(paid_mm3, burr.state_.removed_mm3);
   // within the tolerance of the account nothing is charged
@@ -493,24 +495,24 @@ TEST(Removal, ADebtIsWorkedOffBeforeTheBurrAdvances) {
   carved.energy_mJ[kThick] = carved.volume_mm3[kThick] * mJ_per_mm3;
   BurrState tolerated = burr.state_;
   settle_burr(carved, tolerated);
-  EXPECT_EQ(tolerated.owed_mJ, 0);
+  EXPECT_EQ(tolerated.debt_mJ, 0);
   // thin bone removed with it is charged in full
   constexpr double kThin_mm3 = 0.5;
   carved.volume_mm3[kThin] = kThin_mm3;
   carved.energy_mJ[kThin] = kThin_mm3 * mJ_per_mm3;
   settle_burr(carved, burr.state_);
-  EXPECT_NEAR(burr.state_.owed_mJ, kThin_mm3 * mJ_per_mm3, 1e-9);
+  EXPECT_NEAR(burr.state_.debt_mJ, kThin_mm3 * mJ_per_mm3, 1e-9);
   settle_burr(carved, burr.state_);
-  EXPECT_NEAR(burr.state_.owed_mJ, kThin_mm3 * mJ_per_mm3, 1e-9) << "settled twice";
+  EXPECT_NEAR(burr.state_.debt_mJ, kThin_mm3 * mJ_per_mm3, 1e-9) << "settled twice";
 
   const double work_mJ = burr.state_.work_mJ, removed_mm3 = burr.state_.removed_mm3;
   const Point<Patient> at = burr.proxy_.position;
   int ticks = 0;
-  for (; burr.state_.owed_mJ > 0 && ticks < 1000; ++ticks) {
+  for (; burr.state_.debt_mJ > 0 && ticks < 1000; ++ticks) {
     EXPECT_LT((burr.proxy_.position - at).norm(), 1e-3) << ticks;
     burr.lead_to(burr.tip_, 1);
   }
-  EXPECT_EQ(burr.state_.owed_mJ, 0);
+  EXPECT_EQ(burr.state_.debt_mJ, 0);
   EXPECT_GT(ticks, 5);
   EXPECT_GE(burr.state_.work_mJ - work_mJ, kThin_mm3 * mJ_per_mm3);
   EXPECT_GE(burr.state_.removed_mm3 - removed_mm3, kThin_mm3 - 1e-9);
@@ -518,7 +520,7 @@ TEST(Removal, ADebtIsWorkedOffBeforeTheBurrAdvances) {
   EXPECT_LT(burr.proxy_.position.z(), at.z() - 0.01) << "then it cuts again";
 }
 
-TEST(Removal, ASweepIsFinishedInTimeHoweverSlowItGrows) {
+TEST(Removal, SlowSweepIsCompletedWithinItsTimeLimit) {
   GuidedBurr burr;
   burr.lead_to(Point<Patient>(0, 0, 1.9), 100);
   std::uint64_t finished = finished_sweeps(burr.state_);

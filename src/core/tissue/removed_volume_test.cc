@@ -40,7 +40,7 @@ double capsule_mm3(const Sweep& sweep) {
   return pi * r * r * ((sweep.to - sweep.from).norm() + 4.0 / 3 * r);
 }
 
-TEST(RemovedVolume, ABallAndACapsuleHaveTheirVolume) {
+TEST(RemovedVolume, BallAndCapsuleHaveTheirExactVolume) {
   for (const double spacing_mm : {0.3, 0.6})
     for (const double turn : {0.0, 0.5}) {
       const Model model = blocks(Eigen::Vector3d::Constant(spacing_mm), testing::turned_by(turn));
@@ -56,7 +56,7 @@ TEST(RemovedVolume, ABallAndACapsuleHaveTheirVolume) {
     }
 }
 
-TEST(RemovedVolume, EachStructureHasItsOwnAndWhatIsNotFeltHasNone) {
+TEST(RemovedVolume, VolumeIsPerTouchableStructure) {
   // the boundary lies on faces of voxels
   Model model = blocks({0.6, 0.6, 0.6}, Eigen::Matrix3d::Identity());
   const GridGeometry& grid = model.labels->geometry();
@@ -71,7 +71,7 @@ TEST(RemovedVolume, EachStructureHasItsOwnAndWhatIsNotFeltHasNone) {
     EXPECT_NEAR(volumes.at(label) / (0.5 * capsule_mm3(half)), 1, 0.015) << label;
 }
 
-TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
+TEST(RemovedVolume, RepeatedSweepsCountOnceInAnyOrder) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -138,7 +138,7 @@ TEST(RemovedVolume, WhatIsSweptTwiceCountsOnceInAnyOrder) {
   for (const int beyond : {-1, 1000}) EXPECT_EQ(once.swept_samples(beyond, 2, 2), 0u);
 }
 
-TEST(RemovedVolume, WhatIsUndoneCountsNoMore) {
+TEST(RemovedVolume, UndoneSweepsAreSubtracted) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -177,13 +177,13 @@ TEST(RemovedVolume, WhatIsUndoneCountsNoMore) {
   }
 }
 
-TEST(RemovedVolume, WhatIsKeptDoesNotCount) {
+TEST(RemovedVolume, ProtectedStructureHasNoRemovedVolume) {
   Model model = blocks(Eigen::Vector3d::Constant(0.5), testing::turned_by(0));
   const std::vector<Cut> cuts{{0, {{0, 0, 4}, {0, 0, 1}, 2}}};
   RemovedVolume alarmed(model);
   alarmed.add(cuts);
   EXPECT_GT(alarmed.by_label_mm3().at(kBone), 1);
-  model.tissues[static_cast<std::size_t>(model.tissue_of_label[kBone])].protection = Protection::kKeep;
+  model.tissues[static_cast<std::size_t>(model.tissue_of_label[kBone])].protection = Protection::kBlock;
   RemovedVolume stored(model);
   stored.add(cuts);
   EXPECT_EQ(stored.by_label_mm3().count(kBone), 0u);

@@ -26,19 +26,19 @@ namespace {
 constexpr double kTolerance = 1e-4;
 
 template <class Tagged>
-Tagged tagged(const std::array<double, 3>& v) {
+Tagged from_array(const std::array<double, 3>& v) {
   return {v[0], v[1], v[2]};
 }
 
-// point on an outermost surface, with the surface's unit normal
+// point on a surface of the outermost layer, with the outward unit normal
 struct SurfacePoint {
   Point<Patient> at;
   Vector<Patient> outward;
 };
 
-// Nearest point of the outermost surfaces, if it is within reach_mm. The sampled distance is not exact away
-// from the surface, so the point is projected along the normal several times.
-std::optional<SurfacePoint> find_surface(const Model& model, const Point<Patient>& near) {
+// Nearest point on the surfaces of the outermost layer, if it is within reach_mm. The sampled distance is not
+// exact away from the surface, so the point is projected along the normal several times.
+std::optional<SurfacePoint> project_to_surface(const Model& model, const Point<Patient>& near) {
   constexpr int kSteps = 3;
   SurfacePoint found{near, {}};
   for (int step = 0; step < kSteps; ++step) {
@@ -46,7 +46,7 @@ std::optional<SurfacePoint> find_surface(const Model& model, const Point<Patient
     double distance_mm = kSolverSettings.reach_mm;
     for (const ContactSurface& surface : model.surfaces) {
       if (surface.surface == nullptr || surface.layer != 0 || surface.covered_by >= 0) continue;
-      if (surface.surface->is_beyond(found.at, std::abs(distance_mm))) continue;
+      if (surface.surface->is_farther_than(found.at, std::abs(distance_mm))) continue;
       const double mm = surface.surface->distance_mm(found.at);
       if (mm >= surface.surface->outside_mm() || std::abs(mm) >= std::abs(distance_mm)) continue;
       distance_mm = mm;
@@ -63,17 +63,17 @@ std::optional<SurfacePoint> find_surface(const Model& model, const Point<Patient
 // contact point predicted lead_frames ahead of the tick: displaced along the surface while in contact,
 // otherwise nearest to the predicted tip
 std::optional<SurfacePoint> expected_contact(const Model& model, const DeviceTick& device) {
-  const auto tip = tagged<Point<Patient>>(device.tip_patient_mm);
-  Vector<Patient> displacement =
-      tagged<Vector<Patient>>(device.velocity_patient_mm_s) * (kSolverSettings.lead_frames * kSolverFrame_s);
+  const auto tip = from_array<Point<Patient>>(device.tip_patient_mm);
+  Vector<Patient> displacement = from_array<Vector<Patient>>(device.velocity_patient_mm_s) *
+                                 (kSolverSettings.lead_frames * kSolverFrame_s);
   if (!tip.all_finite() || !displacement.all_finite()) return std::nullopt;
   if (displacement.norm() > kSolverSettings.max_lead_mm)
     displacement = displacement.normalized() * kSolverSettings.max_lead_mm;
-  if (device.contact_label[0] == 0) return find_surface(model, tip + displacement);
-  const auto normal = tagged<Vector<Patient>>(device.normal_patient);
+  if (device.contact_label[0] == 0) return project_to_surface(model, tip + displacement);
+  const auto normal = from_array<Vector<Patient>>(device.normal_patient);
   const Point<Patient> position(device.contact_patient_mm[0], device.contact_patient_mm[1],
                                 device.contact_patient_mm[2]);
-  return find_surface(model, position + (displacement - normal * displacement.dot(normal)));
+  return project_to_surface(model, position + (displacement - normal * displacement.dot(normal)));
 }
 
 // Blends the compliance of a spot's surroundings towards that of a thin layer on a rigid base. The weight of
@@ -103,8 +103,8 @@ double to_face_mm(const ElasticBox& box, const Point<Patient>& at, const Vector<
 
 // Corrects the compliance for a rigid structure below the box. The springs at the box's faces assume a
 // half-space of tissue there.
-void support_by_deep_base(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
-                          const ElasticBox& box, const SurfacePoint& contact, LocalCompliance& spot) {
+void add_deep_base_compliance(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
+                              const ElasticBox& box, const SurfacePoint& contact, LocalCompliance& spot) {
   const double depth_in_box_mm = to_face_mm(box, contact.at, -contact.outward);
   const double per_mm = deep_base_per_mm(labels, by_label, contact.at, contact.outward, depth_in_box_mm,
                                          kSolverSettings.max_base_depth_mm);
@@ -120,9 +120,9 @@ bool presses(const DeviceTick& device) {
 // Depth predicted lead_frames ahead of the tick, mm; not above 0: no contact. Only the increase is limited to
 // max_lead_mm.
 double expected_depth_mm(const DeviceTick& device, const SurfacePoint& contact, double radius_mm) {
-  const Vector<Patient> contact_to_tip = tagged<Point<Patient>>(device.tip_patient_mm) - contact.at;
+  const Vector<Patient> contact_to_tip = from_array<Point<Patient>>(device.tip_patient_mm) - contact.at;
   const double predicted_increase_mm =
-      -tagged<Vector<Patient>>(device.velocity_patient_mm_s).dot(contact.outward) *
+      -from_array<Vector<Patient>>(device.velocity_patient_mm_s).dot(contact.outward) *
       kSolverSettings.lead_frames * kSolverFrame_s;
   const double current_depth_mm =
       presses(device) ? device.depth_mm : radius_mm - contact_to_tip.dot(contact.outward);
@@ -207,16 +207,16 @@ struct SoftTissueSolver::NeoHookeanBody {
   double depth_mm = 0;  ///< Predicted depth of the tool in the last frame; 0: no contact
   /// Depth of a tool at rest at which a solution failed. While the tool stays there, max_indentation_ratio is
   /// not raised. 0: none.
-  double failed_mm = 0;
+  double failed_depth_mm = 0;
   double stiffening_mm_per_N2 = 0, reference_force_N = 0;  ///< Last published C and F (LocalCompliance)
 
   explicit NeoHookeanBody(const ElasticLayout& layout)
       : correction_mm(layout), excess_response_mm(layout), u_mm(layout), force_N(layout) {}
-  // discards the solution; max_indentation_ratio and depth_mm are kept
+  // discards the solution; max_indentation_ratio and depth_mm are retained
   void reset() {
     for (ElasticField* field : {&correction_mm, &excess_response_mm})
       std::fill(field->values.begin(), field->values.end(), 0.0f);
-    indentation_mm = stiffening_mm_per_N2 = reference_force_N = failed_mm = 0;
+    indentation_mm = stiffening_mm_per_N2 = reference_force_N = failed_depth_mm = 0;
   }
 };
 
@@ -233,7 +233,7 @@ struct SoftTissueSolver::Region {
   double radius_mm = 0;                                 ///< Radius of the tool in the last frame
   /// max_deformable_stiffness_N_per_mm() in the last frame
   double max_N_per_mm = std::numeric_limits<double>::infinity();
-  bool is_new = true;                           ///< The next solve counts as the first one in this box
+  bool needs_first_solve = true;                ///< The next solve counts as the first one in this box
   std::unique_ptr<NeoHookeanBody> neo_hookean;  ///< null: the law is linear
 
   /// @param before  region that this one replaces, whose solution is reused where both overlap; may be null
@@ -251,26 +251,26 @@ struct SoftTissueSolver::Region {
         load_N(cells.grid().layout()) {
     if (is_hyperelastic(model.tissue_law)) neo_hookean = std::make_unique<NeoHookeanBody>(grid().layout());
     if (before != nullptr) copy_overlap(*before);
-    if (RelaxationWeights::are_needed_for(model))
+    if (RelaxationWeights::is_needed_for(model))
       relaxation_weights.emplace(model, cells.labels(), cells.grid());
   }
 
   const ElasticGrid& grid() const { return cells.grid(); }
   // whether the cells were made from these labels (before removal) and materials
   bool was_made_from(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
-    return labels.made == cells.labels().made && by_label == materials;
+    return labels.original == cells.labels().original && by_label == materials;
   }
   // whether the region can be used for a model: its labels, materials, law and relaxation are unchanged
   bool was_made_from(const Model& model, const CarvedLabels& labels,
                      const std::vector<ElasticMaterial>& materials) const {
     return was_made_from(labels, materials) &&
            (neo_hookean != nullptr) == is_hyperelastic(model.tissue_law) &&
-           relaxation_weights.has_value() == RelaxationWeights::are_needed_for(model) &&
+           relaxation_weights.has_value() == RelaxationWeights::is_needed_for(model) &&
            (!relaxation_weights || relaxation_weights->was_made_from(model));
   }
   // whether all cells have reached the state that corresponds to the removal in `labels`
   bool is_up_to_date(const CarvedLabels& labels) const {
-    return labels.taken == cells.labels().taken && cells.changing_cells().empty();
+    return labels.removed_fraction == cells.labels().removed_fraction && cells.changing_cells().empty();
   }
 
   // offset that added to a cell's index in this box gives its index in the box of `other`
@@ -330,7 +330,7 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
   const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRestTolerance * mm; };
   const bool at_rest = body.depth_mm > 0 && is_as_deep(body.depth_mm);
   body.depth_mm = std::max(depth_mm, 0.0);
-  if (body.failed_mm > 0 && !is_as_deep(body.failed_mm)) body.failed_mm = 0;
+  if (body.failed_depth_mm > 0 && !is_as_deep(body.failed_depth_mm)) body.failed_depth_mm = 0;
   const ConstrainedMeans surface = patch.columns(kSolverSettings.min_load_fraction);
 
   // displacement of the patch at the predicted depth, by the last published contact law
@@ -359,7 +359,7 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
     body.u_mm.values[n] = load_scale * unit_mm.values[n] + body.correction_mm.values[n];
 
   // load_N is the patch's load of 1 N, here scaled to s. Columns that bear less than min_load_fraction are
-  // not constrained; only at their nodes does the load act.
+  // not constrained; the load acts at their nodes alone.
   for (float& value : load_N.values) value *= load_scale;
   NeoHookeanSettings settings;
   settings.max_steps = kSolverSettings.finite_steps;
@@ -380,7 +380,7 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
       spot.reference_force_N = body.reference_force_N;
       spot.stiffening_mm_per_N2 = body.stiffening_mm_per_N2;
       body.indentation_mm = indentation_mm;
-      body.failed_mm = depth_mm;
+      body.failed_depth_mm = depth_mm;
     } else {
       // falls back to the linear law; the next attempt is shallower and starts from the linear solution
       body.reset();
@@ -391,7 +391,7 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
   for (std::size_t n = 0; n < body.u_mm.values.size(); ++n)
     body.correction_mm.values[n] = body.u_mm.values[n] - load_scale * unit_mm.values[n];
   body.indentation_mm = indentation_mm;
-  if (body.failed_mm == 0)
+  if (body.failed_depth_mm == 0)
     body.max_indentation_ratio =
         std::min(kGrowthAfterSuccess * body.max_indentation_ratio, kSolverSettings.max_indentation);
 
@@ -432,7 +432,7 @@ const ComplianceFrame& SoftTissueSolver::solve(const Model& model, const TickRec
     if (!same || !covers(model, region->box.first_cell, centre))
       region = std::make_unique<Region>(
           model, by_label, SolverBox{first_cell_around(model, centre), contact->at}, region.get());
-    const bool is_first_solve = std::exchange(region->is_new, false);
+    const bool is_first_solve = std::exchange(region->needs_first_solve, false);
 
     const double cell_mm = region->grid().box().cell_mm;
     const double radius_mm = std::max(model.tool_of(d).radius_mm, kSoftTissueSettings.min_radius_mm);
@@ -474,16 +474,16 @@ const ComplianceFrame& SoftTissueSolver::solve(const Model& model, const TickRec
       }
     }
     if (spot.is_known()) {
-      spot.find_surroundings();
-      support_by_deep_base(labels, by_label, region->grid().box(), *contact, spot);
+      spot.compute_surroundings();
+      add_deep_base_compliance(labels, by_label, region->grid().box(), *contact, spot);
       if (layer) blend_with_thin_layer(*layer, cell_mm, spot);
     } else if (layer) {
-      // the layer is thinner than a cell, whose nodes are all held
+      // the layer is thinner than a cell, so that all nodes of the cell are constrained
       blend_with_thin_layer(*layer, cell_mm, spot);
       spot.gradient_per_N = {};
       spot.compliance_mm_per_N = patch_compliance_mm_per_N(spot.surroundings_mm_per_N, rho_mm,
                                                            spot.modulus_N_per_mm2, spot.poissons_ratio);
-      // the cells hold no share of the displacement
+      // the cells contribute nothing to the displacement
       if (const Tissue* const tissue = model.tissue_of(layer->label))
         spot.relaxed.add(tissue->relaxation, model.relaxation_times, 1);
       continue;
@@ -516,7 +516,7 @@ void SoftTissueSolver::resume(const Model& model, std::uint32_t frame,
                !region->was_made_from(model, labels, by_label) || !region->is_up_to_date(labels)) {
       region = std::make_unique<Region>(model, by_label, *boxes[d], nullptr);
     }
-    if (region != nullptr) region->is_new = true;
+    if (region != nullptr) region->needs_first_solve = true;
   }
 }
 
@@ -553,7 +553,7 @@ bool VirtualClockSoftTissueSolver::advance(const Model& model, const TickRecord*
   return is_published;
 }
 
-bool VirtualClockSoftTissueSolver::rest() {
+bool VirtualClockSoftTissueSolver::publish_pending() {
   if (solver_.frame().number == frame_.number) return false;
   frame_ = solver_.frame();
   input_tick_ = solved_from_;

@@ -35,7 +35,7 @@ double settled_compliance(const Model& model, const TickRecord& record) {
   return solver.frame().spot[0].compliance_mm_per_N;
 }
 
-TEST(SoftTissueSolver, KnowsWhatIsUnderAToolThatComes) {
+TEST(SoftTissueSolver, PredictsTheContactOfAnApproachingTool) {
   const auto model = soft_block(false);
   SoftTissueSolver solver;
   const ComplianceFrame& frame = solver.solve(*model, tool_at({2, 1, 6}));
@@ -52,7 +52,7 @@ TEST(SoftTissueSolver, KnowsWhatIsUnderAToolThatComes) {
   EXPECT_FALSE(frame.spot[1].is_known());
 }
 
-TEST(SoftTissueSolver, GivesOnOneFrameAfterAnotherWhatItWouldGiveInTheEnd) {
+TEST(SoftTissueSolver, FirstFrameIsNearTheConvergedSolution) {
   const auto model = soft_block(true);
   const TickRecord still = pressed_at(0, 0);
   SoftTissueSolver solver;
@@ -63,7 +63,7 @@ TEST(SoftTissueSolver, GivesOnOneFrameAfterAnotherWhatItWouldGiveInTheEnd) {
   EXPECT_NEAR(solver.frame().spot[0].compliance_mm_per_N / end, 1, 2e-3);
 }
 
-TEST(SoftTissueSolver, IsHarderOverSomethingHardAndSlopesTowardsIt) {
+TEST(SoftTissueSolver, ComplianceDecreasesTowardsAStiffInclusion) {
   const auto model = soft_block(true);
   const double over = settled_compliance(*model, pressed_at(0, 0)),
                beside = settled_compliance(*model, pressed_at(20, 0));
@@ -78,7 +78,7 @@ TEST(SoftTissueSolver, IsHarderOverSomethingHardAndSlopesTowardsIt) {
   EXPECT_NEAR(spot.gradient_per_N.x() / change, 1, 0.15);
 }
 
-TEST(SoftTissueSolver, WhatIsHardFarBelowCountsToo) {
+TEST(SoftTissueSolver, DistantStiffBaseReducesCompliance) {
   auto model = std::make_shared<Model>(*soft_block(false));
   // the plate is 22 cells down
   model->tissue_cell_mm = 0.9;
@@ -101,7 +101,7 @@ TEST(SoftTissueSolver, WhatIsHardFarBelowCountsToo) {
 }
 
 // The analytic compliance between two tools against that of the cells, on a layer of 20 mm on a plate.
-TEST(SoftTissueSolver, OneToolLowersTheSurfaceUnderAnotherAsTheSolutionSays) {
+TEST(SoftTissueSolver, InteractionOfTwoToolsMatchesTheSolution) {
   const auto model = soft_block(false);
   SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_at(0, 0));
@@ -111,7 +111,7 @@ TEST(SoftTissueSolver, OneToolLowersTheSurfaceUnderAnotherAsTheSolutionSays) {
   const auto grid = ElasticGrid::of_labels(*model->labels, materials_of(*model), *field.box);
   ASSERT_TRUE(grid.ok());
   const auto press = [&](const Point<Patient>& at) {
-    TissuePress pressed;
+    TissueContact pressed;
     pressed.force_N = 1;
     pressed.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
     pressed.base_per_mm = -spot.surroundings_mm_per_N * spot.modulus_N_per_mm2;
@@ -130,7 +130,7 @@ TEST(SoftTissueSolver, OneToolLowersTheSurfaceUnderAnotherAsTheSolutionSays) {
   }
 }
 
-TEST(SoftTissueSolver, CellsAreThoseOfTheVoxelsWhereTheBoxReachesBeyondTheTool) {
+TEST(SoftTissueSolver, DefaultCellSizeFollowsVoxelsAndToolRadius) {
   Model model = *soft_block(false);
   model.tissue_cell_mm = 0;
   EXPECT_EQ(solver_cell_mm(model), 1);
@@ -149,7 +149,7 @@ TEST(SoftTissueSolver, CellsAreThoseOfTheVoxelsWhereTheBoxReachesBeyondTheTool) 
 }
 
 // A nodule of 8 mm whose top is 2 mm deep doubles the force by default, as on cells half as large.
-TEST(SoftTissueSolver, AShallowNoduleIsFeltByDefaultAsOnFinerCells) {
+TEST(SoftTissueSolver, DefaultCellsResolveAShallowNodule) {
   const auto contrast = [](double cell_mm) {
     const auto force_N = [&](bool nodule) {
       constexpr double kDepth_mm = 2;
@@ -186,7 +186,7 @@ TEST(SoftTissueSolver, AShallowNoduleIsFeltByDefaultAsOnFinerCells) {
   EXPECT_NEAR(by_default / fine, 1, 0.2);
 }
 
-TEST(SoftTissueSolver, ARigidBaseBelowTheBoxIsCounted) {
+TEST(SoftTissueSolver, RigidBaseBelowTheBoxIsIncluded) {
   // the plate is 20 mm deep: within the box on cells of 1 mm, below it on cells of 0.5 mm
   Model model = *soft_block(false);
   const auto force_N = [&](double cell_mm) {
@@ -204,7 +204,7 @@ TEST(SoftTissueSolver, ARigidBaseBelowTheBoxIsCounted) {
   EXPECT_NEAR(force_N(0.5) / force_N(1), 1, 0.04);
 }
 
-TEST(SoftTissueSolver, CoarserCellsAreFewerAndSayNearlyTheSame) {
+TEST(SoftTissueSolver, CoarseCellsApproximateFineCells) {
   for (const TissueLaw law : {TissueLaw::kElastic, TissueLaw::kNeoHookean}) {
     Model model = *soft_block(true, 1, law);
     model.tissue_cell_mm = 1;
@@ -227,7 +227,7 @@ TEST(SoftTissueSolver, CoarserCellsAreFewerAndSayNearlyTheSame) {
   }
 }
 
-TEST(SoftTissueSolver, FollowsAToolThroughBoxesThatAreLaidAnew) {
+TEST(SoftTissueSolver, FollowsAToolAcrossNewBoxes) {
   const auto model = soft_block(true);
   constexpr double kSpeed_mm_s = 50;
   SoftTissueSolver solver;
@@ -245,7 +245,7 @@ TEST(SoftTissueSolver, FollowsAToolThroughBoxesThatAreLaidAnew) {
   EXPECT_LT(worst, 0.025);
 }
 
-TEST(SoftTissueSolver, DependsOnNothingButWhatItWasGiven) {
+TEST(SoftTissueSolver, IsDeterministic) {
   const auto model = soft_block(true);
   SoftTissueSolver one, other;
   for (int n = 0; n < 20; ++n) {
@@ -254,7 +254,7 @@ TEST(SoftTissueSolver, DependsOnNothingButWhatItWasGiven) {
   }
 }
 
-TEST(SoftTissueSolver, KnowsNothingWhereNothingSoftIsNear) {
+TEST(SoftTissueSolver, ComplianceIsUnknownWithoutSoftTissue) {
   const auto model = soft_block(false);
   SoftTissueSolver solver;
   EXPECT_FALSE(solver.solve(*model, tool_at({0, 0, 30})).spot[0].is_known());
@@ -299,7 +299,7 @@ double stiffer_part(const LocalCompliance& spot) {
   return spot.stiffening_mm_per_N2 * spot.reference_force_N / spot.compliance_mm_per_N;
 }
 
-TEST(SoftTissueSolver, PublishesTheStiffeningOfTheTissuesByTheirShares) {
+TEST(SoftTissueSolver, StiffeningIsWeightedByTissueShares) {
   Model model = *soft_block(true, 1, TissueLaw::kExponential);
   model.tissues[0].elastic->stiffening = 20;
   model.tissues[1].elastic->stiffening = 60;
@@ -319,7 +319,7 @@ TEST(SoftTissueSolver, PublishesTheStiffeningOfTheTissuesByTheirShares) {
   EXPECT_EQ(same.has_neo_hookean(), beside.has_neo_hookean());
 }
 
-TEST(SoftTissueSolver, ANeoHookeanBodyStiffensWhereItIsSqueezedOntoSomethingHard) {
+TEST(SoftTissueSolver, NeoHookeanBodyStiffensOnARigidBase) {
   const auto model = finite_block();
   const LocalCompliance over = settled_spot(*model, deep_at(0, 0)),
                         beside = settled_spot(*model, deep_at(20, 0));
@@ -332,7 +332,7 @@ TEST(SoftTissueSolver, ANeoHookeanBodyStiffensWhereItIsSqueezedOntoSomethingHard
   EXPECT_FALSE(settled_spot(*soft_block(true), deep_at(0, 0)).has_neo_hookean());
 }
 
-TEST(SoftTissueSolver, ANeoHookeanBodyDependsOnNothingButWhatItWasGiven) {
+TEST(SoftTissueSolver, NeoHookeanSolutionIsDeterministic) {
   const auto model = finite_block();
   SoftTissueSolver one, other;
   for (int n = 0; n < 6; ++n) {
@@ -342,7 +342,7 @@ TEST(SoftTissueSolver, ANeoHookeanBodyDependsOnNothingButWhatItWasGiven) {
   }
 }
 
-TEST(SoftTissueSolver, WhereANeoHookeanBodyIsNotFoundTheLinearOneHoldsAndItComesBack) {
+TEST(SoftTissueSolver, FailedNeoHookeanSolutionFallsBackToLinearAndRecovers) {
   const auto model = finite_block();
   SoftTissueSolver solver;
   for (int n = 0; n < 6; ++n) solver.solve(*model, deep_at(0, 0));
@@ -397,7 +397,7 @@ double stiffer_part_misaligned(const Eigen::Vector3d& up, double off_mm, bool no
   return spot.has_neo_hookean() ? stiffer_part(spot) : std::numeric_limits<double>::quiet_NaN();
 }
 
-TEST(SoftTissueSolver, ANeoHookeanBodyIsFoundWhereverTheSurfaceRunsWithinCells) {
+TEST(SoftTissueSolver, NeoHookeanSolutionExistsForAnySurfaceOffsetInACell) {
   // with the surface between cells the value is -0.04 over the nodule, and -0.09 without one
   const Eigen::Vector3d straight = Eigen::Vector3d::UnitZ(), askew(0.4, 0.3, std::sqrt(0.75));
   for (const auto& [up, off_mm] : {std::pair(straight, 0.0), std::pair(straight, 0.5),
@@ -410,7 +410,7 @@ TEST(SoftTissueSolver, ANeoHookeanBodyIsFoundWhereverTheSurfaceRunsWithinCells) 
   }
 }
 
-TEST(SoftTissueSolver, NothingThatIsPressedFastMakesANeoHookeanBodyNotFinite) {
+TEST(SoftTissueSolver, FastPressingKeepsTheNeoHookeanSolutionFinite) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -441,7 +441,7 @@ TEST(SoftTissueSolver, NothingThatIsPressedFastMakesANeoHookeanBodyNotFinite) {
   EXPECT_GT(finite, 8);
 }
 
-TEST(SoftTissueSolver, EveryDeviceHasItsOwnPlace) {
+TEST(SoftTissueSolver, DevicesHaveSeparateBoxes) {
   const auto model = soft_block(true);
   TickRecord record = pressed_at(0, 0);
   record.devices = 2;
@@ -499,7 +499,7 @@ TickRecord pressed_on(double z) {
   return record;
 }
 
-TEST(SoftTissueSolver, APlateThatIsTrimmedIsAsSoftAsOneThatWasMadeThinner) {
+TEST(SoftTissueSolver, TrimmedPlateEqualsAThinPlate) {
   constexpr double kTrimmed_mm = 3;
   struct On {
     const char* name;
@@ -527,7 +527,7 @@ TEST(SoftTissueSolver, APlateThatIsTrimmedIsAsSoftAsOneThatWasMadeThinner) {
   }
 }
 
-TEST(SoftTissueSolver, WhatIsCutAndPutBackIsFollowedWithoutALaidBox) {
+TEST(SoftTissueSolver, RemovalAndRestorationUpdateCellsInPlace) {
   const auto whole = std::make_shared<Model>(*soft_block(true));
   // surface between two layers of cells, and groove next to the patch
   whole->tissue_cell_mm = 1;
@@ -556,7 +556,7 @@ TEST(SoftTissueSolver, WhatIsCutAndPutBackIsFollowedWithoutALaidBox) {
   }
 }
 
-TEST(SoftTissueSolver, AFrameIsAWholeNumberOfTicks) {
+TEST(SoftTissueSolver, FrameIsAWholeNumberOfTicks) {
   EXPECT_EQ(ticks_of_solver_frame(1000), 16u);
   EXPECT_EQ(ticks_of_solver_frame(250), 4u);
   EXPECT_EQ(ticks_of_solver_frame(10'000), 156u);

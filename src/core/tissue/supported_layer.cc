@@ -30,8 +30,8 @@ class LabelRay {
            const Vector<Patient>& step_mm)
       : labels_(labels),
         by_label_(by_label),
-        first_((labels.made->geometry().X_PatientVoxel().inverse() * start).eigen()),
-        step_(labels.made->geometry().X_PatientVoxel().inverse().linear() * step_mm.eigen()) {}
+        first_((labels.original->geometry().X_PatientVoxel().inverse() * start).eigen()),
+        step_(labels.original->geometry().X_PatientVoxel().inverse().linear() * step_mm.eigen()) {}
 
   struct Sample {
     LabelId label = 0;
@@ -45,10 +45,10 @@ class LabelRay {
     for (int axis = 0; axis < 3; ++axis)
       voxel[static_cast<std::size_t>(axis)] = static_cast<int>(std::floor(position[axis] + 0.5));
     Sample sample;
-    sample.label = labels_.made->anywhere(voxel[0], voxel[1], voxel[2]);
+    sample.label = labels_.original->anywhere(voxel[0], voxel[1], voxel[2]);
     if (sample.label < by_label_.size()) sample.material = by_label_[sample.label];
-    if (labels_.taken != nullptr)
-      sample.left = 1 - labels_.taken->anywhere(voxel[0], voxel[1], voxel[2]) / kWhollyTaken;
+    if (labels_.removed_fraction != nullptr)
+      sample.left = 1 - labels_.removed_fraction->anywhere(voxel[0], voxel[1], voxel[2]) / kWhollyTaken;
     return sample;
   }
 
@@ -69,7 +69,7 @@ std::optional<SupportedLayer> supported_layer(const CarvedLabels& labels,
                                               std::span<const ElasticMaterial> by_label,
                                               const Point<Patient>& at, const Vector<Patient>& outward,
                                               double circle_mm, double max_mm) {
-  const GridGeometry& grid = labels.made->geometry();
+  const GridGeometry& grid = labels.original->geometry();
   const double step_mm = kStepVoxels * grid.min_spacing_mm(),
                above_mm = kAboveVoxels * grid.spacing_mm.maxCoeff();
   const Eigen::Vector3d across = outward.eigen().unitOrthogonal(), other = outward.eigen().cross(across);
@@ -109,7 +109,7 @@ double deep_base_per_mm(const CarvedLabels& labels, std::span<const ElasticMater
                         const Point<Patient>& at, const Vector<Patient>& outward, double min_mm,
                         double max_mm) {
   constexpr double kDeepStepVoxels = 0.5;
-  const double step_mm = kDeepStepVoxels * labels.made->geometry().min_spacing_mm();
+  const double step_mm = kDeepStepVoxels * labels.original->geometry().min_spacing_mm();
   const Eigen::Vector3d across = outward.eigen().unitOrthogonal(), other = outward.eigen().cross(across);
   double sum_per_mm = 0, beside_mm = 0;
   for (const auto& [x, y] : kRays) {

@@ -24,7 +24,7 @@ std::optional<SupportedLayer> measured(const Model& model, const Point<Patient>&
                          max_mm);
 }
 
-TEST(SupportedLayer, ThicknessIsThatOfTheVoxels) {
+TEST(SupportedLayer, ThicknessEqualsThatOfTheVoxels) {
   for (const double thickness_mm : {1.0, 2.0, 3.0, 5.0, 10.0}) {
     LayerScene scene;
     scene.thickness_mm = thickness_mm;
@@ -35,7 +35,7 @@ TEST(SupportedLayer, ThicknessIsThatOfTheVoxels) {
   }
 }
 
-TEST(SupportedLayer, IsNoneWhereTissueIsThickerMixedOrUnsupported) {
+TEST(SupportedLayer, IsEmptyForThickMixedOrUnsupportedTissue) {
   LayerScene scene;
   scene.thickness_mm = 8;
   EXPECT_FALSE(measured(*layer_block(scene), {0, 0, 0}, 6));
@@ -50,7 +50,7 @@ TEST(SupportedLayer, IsNoneWhereTissueIsThickerMixedOrUnsupported) {
   EXPECT_FALSE(measured(*layer_block(scene), {0, 0, 0}));
 }
 
-TEST(SupportedLayer, ALayerThatIsTrimmedIsThinner) {
+TEST(SupportedLayer, TrimmedLayerIsThinner) {
   LayerScene scene;
   scene.thickness_mm = 4;
   const auto whole = layer_block(scene);
@@ -62,7 +62,7 @@ TEST(SupportedLayer, ALayerThatIsTrimmedIsThinner) {
   EXPECT_NEAR(layer->thickness_mm, 2, 0.1);
 }
 
-TEST(DeepBase, IsTheMeanOfTheRaysThatReachIt) {
+TEST(DeepBase, IsTheMeanOverRaysThatReachIt) {
   LayerScene scene;
   scene.thickness_mm = 10;
   scene.skin_mm = 2;
@@ -82,7 +82,7 @@ TEST(DeepBase, IsTheMeanOfTheRaysThatReachIt) {
 }
 
 // Force of the settled solution by which the tick renders a layer, beside the exact one of the layer.
-TEST(SoftTissueSolver, ForceOnALayerIsThatOfTheExactSolutionFromThinToThick) {
+TEST(SoftTissueSolver, LayerForceMatchesTheExactSolution) {
   for (const double cell_mm : {1.0, 2.0})
     for (const double poissons_ratio : {0.3, 0.45, 0.49}) {
       if (cell_mm > 1 && poissons_ratio != 0.45) continue;

@@ -14,7 +14,7 @@ double to_path_mm(const Vector<Patient>& displacement, double squared, const Vec
 
 }  // namespace
 
-double Sweep::widest_mm() const {
+double Sweep::max_radius_mm() const {
   return is_of_ball() ? radius_mm : std::max(radius_mm, end_radius_mm);
 }
 

@@ -36,7 +36,7 @@ double searched_depth_mm(const Sweep& sweep, const Point<Patient>& at) {
   });
 }
 
-TEST(Sweep, ADepthIsTheMaxOverAllBalls) {
+TEST(Sweep, DepthIsTheMaximumOverAllBalls) {
   const unsigned seed = test::test_seed();
   std::mt19937 random(seed);
   SCOPED_TRACE(seed);
@@ -72,24 +72,24 @@ TEST(Sweep, ADepthIsTheMaxOverAllBalls) {
       // no ball centre lies outside the bounding box
       const double box_mm =
           (shape.low() - at.eigen().array()).max(at.eigen().array() - shape.high()).max(0.0).matrix().norm();
-      EXPECT_GE(shape.widest_mm() - box_mm, is_mm - 1e-9);
+      EXPECT_GE(shape.max_radius_mm() - box_mm, is_mm - 1e-9);
     }
   }
   EXPECT_GT(inside, 500);
   EXPECT_GT(in_plane, 500);
 }
 
-TEST(Sweep, OneBallIsAWayWithRoundEnds) {
+TEST(Sweep, SingleBallSweepsACapsule) {
   const Sweep sweep{{1, 2, 3}, {1, 2, 5}, 2};
   const SweptShape shape(sweep);
   EXPECT_EQ(shape.depth_mm(Point<Patient>(1, 2, 4)), 2);
   EXPECT_EQ(shape.depth_mm(Point<Patient>(1, 5, 4)), -1);
   EXPECT_EQ(shape.depth_mm(Point<Patient>(1, 2, 0)), -1);
-  EXPECT_EQ(shape.widest_mm(), 2);
+  EXPECT_EQ(shape.max_radius_mm(), 2);
   EXPECT_EQ(distance_to_path_mm(sweep, Point<Patient>(1, 5, 4)), 3);
 }
 
-TEST(Sweep, ABallThatHoldsTheOtherIsAllOfTheHead) {
+TEST(Sweep, EnclosingBallDefinesTheHead) {
   Sweep sweep{{0, 0, 0}, {0, 0, 0}, 2};
   sweep.axis_mm = {0, 0, 0.5};
   sweep.end_radius_mm = 1;

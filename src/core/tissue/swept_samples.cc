@@ -57,7 +57,7 @@ std::vector<SweptSamples::VoxelSamples> SweptSamples::add(const Sweep& sweep, co
   const GridGeometry& grid = labels.geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   const double half_diagonal_mm = 0.5 * grid.spacing_mm.norm();
-  const VoxelBox box = voxels_around(sweep, sweep.widest_mm() + half_diagonal_mm, grid);
+  const VoxelBox box = voxels_around(sweep, sweep.max_radius_mm() + half_diagonal_mm, grid);
   const SweptShape shape(sweep);
   std::vector<VoxelSamples> added;
   for (int k = box.first[2]; k < box.first[2] + box.size[2]; ++k)

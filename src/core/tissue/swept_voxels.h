@@ -11,13 +11,13 @@
 namespace palpate {
 
 /// Bounding box of the centres of a sweep's balls, in voxel indices.
-struct MiddlesOfSweep {
+struct SweepCentreBounds {
   Eigen::Array3d least, greatest;
 };
-inline MiddlesOfSweep middles_of(const Sweep& sweep, const Transform<Voxel, Patient>& X_VoxelPatient) {
+inline SweepCentreBounds centre_bounds(const Sweep& sweep, const Transform<Voxel, Patient>& X_VoxelPatient) {
   const Eigen::Array3d from = (X_VoxelPatient * sweep.from).eigen().array();
   const Eigen::Array3d to = (X_VoxelPatient * sweep.to).eigen().array();
-  MiddlesOfSweep middles{from.min(to), from.max(to)};
+  SweepCentreBounds middles{from.min(to), from.max(to)};
   if (sweep.is_of_ball()) return middles;
   for (const Point<Patient>& begin : {sweep.from, sweep.to}) {
     const Eigen::Array3d end = (X_VoxelPatient * (begin + sweep.axis_mm)).eigen().array();
@@ -44,7 +44,7 @@ void for_balls_of(const Sweep& sweep, double separation_mm, const F& run) {
 
 /// Voxels of the grid whose centres may lie within `within_mm` of the centres of the sweep's balls.
 inline VoxelBox voxels_around(const Sweep& sweep, double within_mm, const GridGeometry& grid) {
-  const auto [least, greatest] = middles_of(sweep, grid.X_PatientVoxel().inverse());
+  const auto [least, greatest] = centre_bounds(sweep, grid.X_PatientVoxel().inverse());
   VoxelBox box;
   for (std::size_t a = 0; a < 3; ++a) {
     const int axis = static_cast<int>(a);
@@ -57,12 +57,12 @@ inline VoxelBox voxels_around(const Sweep& sweep, double within_mm, const GridGe
   return box;
 }
 
-/// Whether each possible label is cut: it is felt and not protected.
-inline std::vector<bool> labels_that_are_cut(const Model& model) {
+/// For each possible label, whether burrs cut it: it is touchable and not protected.
+inline std::vector<bool> cuttable_labels(const Model& model) {
   std::vector<bool> is_cut(std::size_t{std::numeric_limits<LabelId>::max()} + 1);
   for (std::size_t label = 0; label < is_cut.size(); ++label) {
     const auto id = static_cast<LabelId>(label);
-    is_cut[label] = model.is_touchable(id) && model.tissue_of(id)->protection != Protection::kKeep;
+    is_cut[label] = model.is_touchable(id) && model.tissue_of(id)->protection != Protection::kBlock;
   }
   return is_cut;
 }

@@ -64,13 +64,13 @@ void mark_surroundings(const Bricks<LabelId>& labels, const CuttingEnergy& energ
   const GridGeometry& grid = labels.geometry();
   const auto has_energy = [&](int i, int j, int k) { return energy.has_energy()[labels.at(i, j, k)]; };
   const auto mark = [&](int i, int j, int k) {
-    if (has_energy(i, j, k) || thin.at(i, j, k) == kBesideThinBone) return true;
+    if (has_energy(i, j, k) || thin.at(i, j, k) == kNextToThinBone) return true;
     bool beside_thick = false;
     for_neighbours(grid, i, j, k, [&](int a, int b, int c) {
       beside_thick = has_energy(a, b, c) && thin.at(a, b, c) == kNoThinBone;
       return !beside_thick;
     });
-    if (!beside_thick) thin.at(i, j, k) = kBesideThinBone;
+    if (!beside_thick) thin.at(i, j, k) = kNextToThinBone;
     return true;
   };
   for (int k = 0; k < grid.dims[2]; ++k)

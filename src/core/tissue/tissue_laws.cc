@@ -15,7 +15,7 @@ TissueLaw law_of(const ModelChange& change) {
 }
 
 void LawHistory::on_event(const ModelChange& change) {
-  // whatever a file says, versions rise
+  // versions increase for any file content
   if (!change.is_of_law() || change.version < laws_.back().version) return;
   const double coarsened = change.contact.stiffness_N_per_mm;
   const bool reports_cells = coarsened >= 1 && coarsened <= kMaxTissueCoarsening;

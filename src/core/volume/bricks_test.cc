@@ -133,7 +133,7 @@ TYPED_TEST(BricksOf, AMarginStandsInForWhatIsOutside) {
   EXPECT_EQ(wrong, 0);
 }
 
-TEST(Bricks, VersionsShareWhatIsTheSame) {
+TEST(Bricks, VersionsShareUnchangedBricks) {
   const GridGeometry cube = grid({100, 100, 100}, {1, 1, 1}, Eigen::Matrix3d::Identity(), {});
   std::mt19937 random(4);
   Volume<std::int16_t> volume(cube);
@@ -154,7 +154,7 @@ TEST(Bricks, VersionsShareWhatIsTheSame) {
     EXPECT_EQ(same.brick(n), again.brick(n));
 }
 
-TEST(Bricks, ABoxHoldsWhatDiffers) {
+TEST(Bricks, ChangedBoxContainsAllDifferences) {
   std::mt19937 random(11);
   int changed = 0;
   for (int number = 0; number < 60; ++number) {
@@ -188,7 +188,7 @@ TEST(Bricks, ABoxHoldsWhatDiffers) {
   EXPECT_GT(changed, 1000);
 }
 
-TEST(Bricks, WhatIsOneValueIsHeldOnce) {
+TEST(Bricks, UniformBricksAreStoredOnce) {
   const GridGeometry cube = grid({200, 200, 200}, {1, 1, 1}, Eigen::Matrix3d::Identity(), {});
   const Bricks<std::uint16_t> none(Volume<std::uint16_t>(cube), 0);
   EXPECT_LT(none.bytes(), 200 * 200 * 200 / 50);
@@ -210,7 +210,7 @@ TEST(Bricks, WhatIsOneValueIsHeldOnce) {
   }
 }
 
-TEST(Bricks, WhatIsThinnerThanABrickTakesLittleToo) {
+TEST(Bricks, ThinVolumesUseLittleMemory) {
   for (const auto& dims : {std::array{1000, 1000, 1}, std::array{1'000'000, 1, 1}}) {
     const GridGeometry thin = grid(dims, {1, 1, 1}, Eigen::Matrix3d::Identity(), {});
     const Volume<std::int16_t> volume(thin, 5);
@@ -221,7 +221,7 @@ TEST(Bricks, WhatIsThinnerThanABrickTakesLittleToo) {
 }
 
 // a burr's session: small changes at random places, older versions released
-TEST(Bricks, TenThousandVersionsTakeWhatTheLastDoes) {
+TEST(Bricks, MemoryDoesNotGrowWithVersions) {
   std::mt19937 random(5);
   const GridGeometry cube = grid({60, 60, 60}, {1, 1, 1}, Eigen::Matrix3d::Identity(), {});
   Volume<std::int16_t> volume(cube, 100);
@@ -241,7 +241,7 @@ TEST(Bricks, TenThousandVersionsTakeWhatTheLastDoes) {
   EXPECT_LE(now.bytes(), at_once.bytes() + 5 * (sizeof(std::int16_t) * BrickLayout::kStored + 64));
 }
 
-TEST(Bricks, AValueThatIsGoneTakesNothing) {
+TEST(Bricks, RemovedValuesFreeTheirMemory) {
   const GridGeometry cube = grid({60, 60, 60}, {1, 1, 1}, Eigen::Matrix3d::Identity(), {});
   Bricks<std::uint16_t> now(Volume<std::uint16_t>(cube), 0);
   PatchOf<std::uint16_t> patch{{{0, 0, 0}, cube.dims}, {}};
@@ -254,7 +254,7 @@ TEST(Bricks, AValueThatIsGoneTakesNothing) {
   }
 }
 
-TEST(Bricks, OfLabelsAreWhatATableSaysOfEach) {
+TEST(Bricks, MappedLabelsEqualATableLookup) {
   std::mt19937 random(6);
   for (int n = 0; n < 6; ++n) {
     SCOPED_TRACE("seed 6, volume " + std::to_string(n));
@@ -273,7 +273,7 @@ TEST(Bricks, OfLabelsAreWhatATableSaysOfEach) {
   }
 }
 
-TEST(Bricks, PiecesAreThoseOfTheVolume) {
+TEST(Bricks, PiecesEqualTheVolume) {
   std::mt19937 random(7);
   int uniform = 0;
   for (int n = 0; n < 6; ++n) {
@@ -301,7 +301,7 @@ TEST(Bricks, PiecesAreThoseOfTheVolume) {
   EXPECT_GT(uniform, 0);
 }
 
-TEST(Bricks, SlicesMakeTheSameAsAVolume) {
+TEST(Bricks, SlicesBuildTheSameBricksAsAVolume) {
   std::mt19937 random(5);
   for (int n = 0; n < 40; ++n) {
     const GridGeometry grid = any_grid(random);
@@ -325,7 +325,7 @@ TEST(Bricks, SlicesMakeTheSameAsAVolume) {
             Bricks<float>(Volume<float>(none), 2).content_hash());
 }
 
-TEST(Bricks, AnyVoxelAtAllCanBeAskedFor) {
+TEST(Bricks, AnyCoordinateCanBeQueried) {
   std::mt19937 random(9);
   const auto volume = any_volume<std::int16_t>(any_grid(random), random);
   const Bricks<std::int16_t> bricks(volume, 7);

@@ -138,7 +138,7 @@ TEST(SegmentStatistics, JoinsAcrossFacesOnlyAndAcrossALateBridge) {
   EXPECT_EQ(segment_statistics(single(u, 1))[0].components, 1);
 }
 
-TEST(SegmentStatistics, CountsEachLayerForItselfAndSkipsEmptySegments) {
+TEST(SegmentStatistics, CountsLayersSeparatelyAndSkipsEmptySegments) {
   GridGeometry g;
   g.dims = {4, 1, 1};
   LabelMap labels;

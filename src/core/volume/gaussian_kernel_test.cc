@@ -18,7 +18,7 @@ TEST(GaussianKernel, ReachesFourSigmaAndSumsToOne) {
   }
 }
 
-TEST(GaussianKernel, HasTheVarianceAskedForUnlikeVoxelIntegrals) {
+TEST(GaussianKernel, HasTheRequestedVariance) {
   for (const double sigma : {1.0, 1.5, 4.0}) {
     const AxisKernel kernel = sample_gaussian(sigma, 1000);
     double variance = 0;
@@ -28,17 +28,17 @@ TEST(GaussianKernel, HasTheVarianceAskedForUnlikeVoxelIntegrals) {
   }
 }
 
-TEST(GaussianKernel, LeavesOutWeightsThatReachNoVoxelButKeepsTheOthers) {
+TEST(GaussianKernel, OmitsOnlyWeightsBeyondTheVolume) {
   const AxisKernel whole = sample_gaussian(3, 1000), cut = sample_gaussian(3, 4);
   ASSERT_EQ(cut.radius(), 4);
   for (int t = 0; t <= 4; ++t) EXPECT_EQ(cut.weights[t], whole.weights[t]);
 }
 
-TEST(GaussianKernel, OfNoWidthIsTheIdentity) {
+TEST(GaussianKernel, ZeroWidthIsTheIdentity) {
   EXPECT_EQ(sample_gaussian(0, 10).weights, std::vector<float>{1.0f});
 }
 
-TEST(GaussianKernel, RefusesSigmasThatMakeNoSense) {
+TEST(GaussianKernel, RejectsInvalidSigmas) {
   GridGeometry grid;
   grid.dims = {4, 4, 4};
   grid.spacing_mm = {0.5, 1, 2};

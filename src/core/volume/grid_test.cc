@@ -26,13 +26,13 @@ std::string fault_of(const std::function<void(GridGeometry&)>& change) {
   return checked.error().where;
 }
 
-TEST(Grid, AValidOneIsAccepted) {
+TEST(Grid, ValidGridIsAccepted) {
   EXPECT_EQ(fault_of([](GridGeometry&) {}), "none");
   EXPECT_EQ(fault_of([](GridGeometry& grid) { grid.direction.col(2) *= -1; }), "none") << "left-handed";
   EXPECT_EQ(fault_of([](GridGeometry& grid) { grid.spacing_mm = {0.1, 0.6, 3}; }), "none");
 }
 
-TEST(Grid, TheFaultyMemberIsNamed) {
+TEST(Grid, InvalidMemberIsNamed) {
   for (const int dim : {0, -1, std::numeric_limits<int>::min(), std::numeric_limits<int>::max()})
     EXPECT_EQ(fault_of([&](GridGeometry& grid) { grid.dims[1] = dim; }), "dims") << dim;
   for (const double spacing_mm : {0.0, -1.0, 1e-9, 1e9, kNaN, HUGE_VAL})
@@ -45,7 +45,7 @@ TEST(Grid, TheFaultyMemberIsNamed) {
     EXPECT_EQ(fault_of([&](GridGeometry& grid) { grid.origin[0] = x; }), "origin") << x;
 }
 
-TEST(Grid, AVolumeThatCannotBeAllocatedThrowsBadAllocOnly) {
+TEST(Grid, OversizedVolumeThrowsOnlyBadAlloc) {
   constexpr int kMax = std::numeric_limits<int>::max();
   GridGeometry grid;
   for (const std::array<int, 3>& dims :

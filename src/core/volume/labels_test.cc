@@ -8,7 +8,7 @@ namespace {
 
 using testing::awkward_grids;
 
-TEST(GridGeometry, IsTheSameGridToWithinTheToleranceAtItsFarCorner) {
+TEST(GridGeometry, SameGridIsComparedAtTheFarCorner) {
   for (const GridGeometry& g : awkward_grids({40, 30, 20})) {
     EXPECT_TRUE(g.same_grid(g));
 
@@ -71,7 +71,7 @@ TEST(LabelMap, FlattensToIdsWithTheHighestLayerOnTop) {
   EXPECT_EQ(flat.at(0, 0, 0), 0);
 }
 
-TEST(LabelMap, ASliceIsEmptyOnlyWhenEveryLayerIs) {
+TEST(LabelMap, SliceIsEmptyOnlyIfEveryLayerIs) {
   EXPECT_EQ(empty_slices(two_layers()), (std::vector<int>{0, 2}));
 }
 

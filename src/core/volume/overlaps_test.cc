@@ -84,11 +84,11 @@ TEST(SegmentOverlaps, CountsSharedVoxelsOfEachPair) {
   EXPECT_TRUE(overlaps[1].is_nested());
 }
 
-TEST(SegmentOverlaps, ASingleLayerHasNone) {
+TEST(SegmentOverlaps, SingleLayerHasNone) {
   EXPECT_TRUE(segment_overlaps(map_of({{"one", ball(kMiddle, 3)}}, {0})).empty());
 }
 
-TEST(EnclosingSegments, AreInTheOrderOfTheirSizeWhateverThatOfTheFile) {
+TEST(EnclosingSegments, AreOrderedBySize) {
   const std::vector<NamedShape> shapes{{"GTV", ball(kMiddle, 2)},
                                        {"CTV", ball(kMiddle, 4)},
                                        {"PTV", ball(kMiddle, 5.5)},
@@ -110,7 +110,7 @@ TEST(EnclosingSegments, AreInTheOrderOfTheirSizeWhateverThatOfTheFile) {
   } while (std::ranges::next_permutation(order).found);
 }
 
-TEST(Flatten, TheInnermostOfNestedSegmentsHasTheVoxelInAnyOrder) {
+TEST(Flatten, InnermostNestedSegmentOwnsTheVoxel) {
   // the outer ones are preferred, as bone around a soft tumour is
   const std::vector<NamedShape> shapes{
       {"GTV", ball(kMiddle, 2), 1}, {"CTV", ball(kMiddle, 4), 2}, {"PTV", ball(kMiddle, 5.5), 3}};
@@ -124,7 +124,7 @@ TEST(Flatten, TheInnermostOfNestedSegmentsHasTheVoxelInAnyOrder) {
   } while (std::ranges::next_permutation(order).found);
 }
 
-TEST(Flatten, OfSegmentsThatCrossThePreferredHasTheVoxelAndElseTheSmallest) {
+TEST(Flatten, CrossingSegmentsResolveByPreferenceThenSize) {
   const auto crossing = [](std::uint16_t of_low, std::uint16_t of_high) {
     return std::vector<NamedShape>{{"low", [](const auto& p) { return p.z() < 7; }, of_low},
                                    {"high", half_space(2, 6), of_high}};
@@ -136,13 +136,13 @@ TEST(Flatten, OfSegmentsThatCrossThePreferredHasTheVoxelAndElseTheSmallest) {
   }
 }
 
-TEST(Flatten, ANestedSegmentOfPreference0LeavesTheVoxelToTheOuterOne) {
+TEST(Flatten, NestedSegmentWithPreferenceZeroYieldsToTheOuter) {
   const std::vector<NamedShape> shapes{{"lumen", ball(kMiddle, 2), 0}, {"vessel", ball(kMiddle, 4), 1}};
   for (const auto& order : {std::vector<std::size_t>{0, 1}, {1, 0}})
     EXPECT_EQ(name_at(flat_names(shapes, order), 5, 5, 5), "vessel");
 }
 
-TEST(Flatten, TenRandomArrangementsAreTheSameInEveryOrder) {
+TEST(Flatten, RandomArrangementsAreIndependentOfOrder) {
   constexpr unsigned kSeed = 50;
   std::mt19937 random(kSeed);
   std::uniform_real_distribution<double> coordinate(0, kEdge), radius(1, 7);

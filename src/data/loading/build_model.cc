@@ -194,7 +194,7 @@ Result<std::shared_ptr<const Field>> smoothed_field(const PreparationSettings& p
 }
 
 // warns of structures too thin to reach the force limit, weakest first
-void warn_of_thin_structures(const MadeField& made, const Warn& warn) {
+void warn_of_thin_structures(const RampFieldResult& made, const Warn& warn) {
   if (!warn) return;
   const Model& model = *made.model;
   // force that counts as sufficient if the scene has no limit
@@ -465,8 +465,8 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
 
 // Memory forecast of the remaining steps. If the model is unsuitable for the proxy, that error is reported by
 // its preparation, not here.
-Result<MemoryForecast> forecast_of(const Scene& scene, const ReadyParts& ready, const Preparing& preparing,
-                                   const Progress& progress) {
+Result<MemoryForecast> forecast_of(const Scene& scene, const ReadyParts& ready,
+                                   const ModelPreparation& preparing, const Progress& progress) {
   const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
   ForecastOptions options;
   options.proxy = scene.force.method == ForceMethod::kProxy;
@@ -479,8 +479,8 @@ Result<MemoryForecast> forecast_of(const Scene& scene, const ReadyParts& ready, 
   if (!forecast || ramps) return forecast;
   // smoothing: weights, two float volumes, the field
   constexpr std::uint64_t kSmoothedBytesPerVoxel = 12;
-  forecast->making_field = kSmoothedBytesPerVoxel * ready.parts.labels->geometry().voxel_count();
-  forecast->peak = std::max(forecast->peak, forecast->making_field);
+  forecast->peak_of_field = kSmoothedBytesPerVoxel * ready.parts.labels->geometry().voxel_count();
+  forecast->peak = std::max(forecast->peak, forecast->peak_of_field);
   return forecast;
 }
 
@@ -493,7 +493,7 @@ std::uint64_t bytes_of(const SceneVolumes& volumes) {
 }
 
 Result<SceneMemory> memory_of_parts(const Scene& scene, const ReadyParts& ready, std::uint64_t read,
-                                    const Preparing& preparing, const Progress& progress) {
+                                    const ModelPreparation& preparing, const Progress& progress) {
   const auto forecast = forecast_of(scene, ready, preparing, progress);
   if (!forecast) return forecast.error();
   SceneMemory memory{read, 0, *forecast};
@@ -605,7 +605,7 @@ Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> mode
   return prepared_for(std::move(model), methods, CachedPreparation(), progress);
 }
 
-std::unique_ptr<const Preparing> cached_preparation() {
+std::unique_ptr<const ModelPreparation> cached_preparation() {
   return std::make_unique<CachedPreparation>();
 }
 

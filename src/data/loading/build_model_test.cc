@@ -200,7 +200,7 @@ TEST(BuildModel, HashFollowsModuliUnderEveryLaw) {
   EXPECT_EQ(relaxing->relaxation_times.time_s[0], 2);
   EXPECT_TRUE(model_with(modulus + "relaxation = [[0.3, 9]]\n[yielding]\nlaw = 'neo-hookean'\n")
                   ->relaxation_times.any());
-  EXPECT_EQ(relaxing->tissues[0].relaxation.part(), 0.4);
+  EXPECT_EQ(relaxing->tissues[0].relaxation.total_fraction(), 0.4);
   EXPECT_FALSE(model_with(elastic)->tissues[0].elastic.has_value());
 }
 
@@ -390,9 +390,9 @@ TEST(BuildModel, NestedSegmentsKeepTheirVoxelsAndWithoutATissueTakeTheOuterOnes)
   EXPECT_EQ((*model)->tissue_of(2)->name, "bone")
       << "a region that no tissue takes is felt as what it lies in";
   EXPECT_EQ((*model)->labels->at(20, 15, 15), 3) << "the innermost is touched, and not the stiffest";
-  EXPECT_EQ((*model)->enclosing_in_words(1), "");
-  EXPECT_EQ((*model)->enclosing_in_words(2), " (within hard)");
-  EXPECT_EQ((*model)->enclosing_in_words(3), " (within hard)");
+  EXPECT_EQ((*model)->enclosing_suffix(1), "");
+  EXPECT_EQ((*model)->enclosing_suffix(2), " (within hard)");
+  EXPECT_EQ((*model)->enclosing_suffix(3), " (within hard)");
 }
 
 TEST(BuildModel, OfSegmentsThatCrossTheStiffestIsFeltAndOneThatIsNotFeltHidesNothing) {

@@ -46,8 +46,8 @@ TEST(MemoryOf, StandsAsPredicted) {
     const auto direct = ready_for(*ready, {&trilinear, 1});
     ASSERT_TRUE(direct.ok());
     const FieldMemory field = memory_of_ramp_field(**direct);
-    EXPECT_GT(over(field.stays, measured_memory(**direct).field), 0.95);
-    EXPECT_LT(over(field.stays, measured_memory(**direct).field), 1.25);
+    EXPECT_GT(over(field.permanent, measured_memory(**direct).field), 0.95);
+    EXPECT_LT(over(field.permanent, measured_memory(**direct).field), 1.25);
     EXPECT_GT(over(predicted.model.surfaces, is.surfaces), 0.97);
     EXPECT_LT(over(predicted.model.surfaces, is.surfaces), 1.25);
   }

@@ -40,10 +40,10 @@ TEST(ReadyFor, StructuresThatTouchGetAnOuterSurfaceAndWhatIsStifferALayerOfItsOw
   EXPECT_EQ(shell.layer, 0);
   EXPECT_EQ(common.layer, 0);
   EXPECT_EQ(common.covered_by, -1);
-  EXPECT_EQ(common.from_N_per_mm, 0);
-  EXPECT_EQ(common.to_N_per_mm, shell.stiffness_N_per_mm);
+  EXPECT_EQ(common.lower_N_per_mm, 0);
+  EXPECT_EQ(common.upper_N_per_mm, shell.stiffness_N_per_mm);
   EXPECT_EQ(bone.layer, 1);
-  EXPECT_EQ(bone.from_N_per_mm, shell.stiffness_N_per_mm);
+  EXPECT_EQ(bone.lower_N_per_mm, shell.stiffness_N_per_mm);
   EXPECT_EQ(bone.covered_by, -1);
   EXPECT_NEAR(distance_mm(**ready, 0, kBoneRadius_mm), 0, 0.45);
   // the zero level is on the outside of the shell, within half a voxel of 0.9 mm
@@ -105,7 +105,7 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
     int deepest = 0;
     for (const ContactSurface& surface : (*ready)->surfaces) {
       deepest = std::max(deepest, surface.layer);
-      EXPECT_LT(surface.from_N_per_mm, surface.to_N_per_mm);
+      EXPECT_LT(surface.lower_N_per_mm, surface.upper_N_per_mm);
     }
     EXPECT_LT(deepest, kMaxLayers);
     EXPECT_GE(deepest, std::min(kStructures, kMaxLayers) / 2);
@@ -121,8 +121,8 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
                      contact_surface.surface->distance_mm(inside) < 0;
             });
         ASSERT_NE(of_layer, (*ready)->surfaces.end()) << n << ", " << layer;
-        const double to = layer == structure.layer ? structure.stiffness_N_per_mm : of_layer->to_N_per_mm;
-        sum += to - of_layer->from_N_per_mm;
+        const double to = layer == structure.layer ? structure.stiffness_N_per_mm : of_layer->upper_N_per_mm;
+        sum += to - of_layer->lower_N_per_mm;
       }
       EXPECT_NEAR(sum, structure.stiffness_N_per_mm, 1e-12);
     }

@@ -325,7 +325,7 @@ Result<Ramps> CachedPreparation::ramps(const Bricks<LabelId>& labels,
     report_found(progress);
     return *std::move(stored);
   }
-  auto ramps = Preparing::ramps(labels, structures, options, progress);
+  auto ramps = ModelPreparation::ramps(labels, structures, options, progress);
   if (ramps) store_result(key, [&](FieldWriter& out) { put_ramps(*ramps, out); });
   return ramps;
 }
@@ -373,7 +373,7 @@ Result<std::vector<std::pair<LabelId, LabelId>>> CachedPreparation::touching_pai
     report_found(progress);
     return *std::move(stored);
   }
-  auto pairs = Preparing::touching_pairs(labels, structures, progress);
+  auto pairs = ModelPreparation::touching_pairs(labels, structures, progress);
   if (pairs)
     store_result(key, [&](FieldWriter& out) {
       out.put(static_cast<std::uint32_t>(pairs->size()));
@@ -414,7 +414,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> CachedPreparation::outer_sur
   for (const std::vector<std::size_t>& batch : disjoint_batches(missing)) {
     std::vector<std::vector<LabelId>> together;
     for (const std::size_t n : batch) together.push_back(missing[n]);
-    auto prepared = Preparing::outer_surfaces(labels, together, options, progress);
+    auto prepared = ModelPreparation::outer_surfaces(labels, together, options, progress);
     if (!prepared) return prepared.error();
     for (std::size_t n = 0; n < batch.size(); ++n) {
       const std::size_t g = indices[batch[n]];

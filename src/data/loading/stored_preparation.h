@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "palpate/cache/digest.h"
-#include "palpate/model/preparing.h"
+#include "palpate/model/model_preparation.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/preparation/preparation.h"
 
@@ -21,7 +21,7 @@ namespace palpate {
 inline constexpr std::uint32_t kPreparationVersion = 9;
 
 /// Cached slow steps of one model; labels are identified by their address.
-class CachedPreparation final : public Preparing {
+class CachedPreparation final : public ModelPreparation {
  public:
   Result<Ramps> ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
                       const RampOptions& options, const Progress& progress) const override;

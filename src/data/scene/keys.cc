@@ -509,7 +509,7 @@ SceneKeys declared_keys() {
              .default_text = "0",
              .unit = "mm",
              .min = 0,
-             .max = kWidestTool_mm,
+             .max = kMaxToolRadius_mm,
              .meaning = "Radius of the sphere at every point; used by the proxy."},
             {.name = "capsule",
              .type = kTables,
@@ -606,7 +606,7 @@ SceneKeys declared_keys() {
                     .type = kNumber,
                     .unit = "mm",
                     .min = 0,
-                    .max = kWidestTool_mm,
+                    .max = kMaxToolRadius_mm,
                     .meaning = "Default: the tool's `radius`."}}},
       .workspace =
           {"[workspace]",

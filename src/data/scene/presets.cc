@@ -639,8 +639,8 @@ std::string relaxation_preset_table() {
   for (const RelaxationPreset& preset : kRelaxationPresets) {
     text += "| `" + std::string(preset.preset) + "` | `[";
     for (const RelaxationTerm& term : preset.relaxation.term)
-      if (term.part > 0)
-        text += (text.back() == '[' ? "[" : ", [") + number_text(term.part) + ", " +
+      if (term.fraction > 0)
+        text += (text.back() == '[' ? "[" : ", [") + number_text(term.fraction) + ", " +
                 number_text(term.time_s) + "]";
     text += "]` | " + std::string(preset.range) + " | " + std::string(preset.source) + " |\n";
   }

@@ -109,9 +109,9 @@ TEST(TissuePresets, WhatRelaxesDoesItInATimeThatASceneMaySay) {
     if (!relaxation.relaxes()) continue;
     ++relax;
     EXPECT_TRUE(preset.values.elastic.has_value()) << preset.name;
-    EXPECT_LT(relaxation.part(), 1) << preset.name;
+    EXPECT_LT(relaxation.total_fraction(), 1) << preset.name;
     for (const RelaxationTerm& term : relaxation.term)
-      EXPECT_TRUE(term.part == 0 || !range_error(key, term.time_s)) << preset.name;
+      EXPECT_TRUE(term.fraction == 0 || !range_error(key, term.time_s)) << preset.name;
   }
   EXPECT_EQ(relax, 3);
 }

@@ -74,7 +74,7 @@ void read_relaxation(const TableReader& reader, TissueSettings& tissue, Problems
       return wrong("relaxes by a fraction of " + number_text(part), "a fraction must be above 0");
     tissue.relaxation.term[n] = {part, time_s};
   }
-  if (const double part = tissue.relaxation.part(); !(part < 1))
+  if (const double part = tissue.relaxation.total_fraction(); !(part < 1))
     return wrong("relaxes by " + number_text(part) + " of its modulus",
                  "the sum of the fractions must be below 1");
   if (tissue.relaxation.relaxes() && !tissue.elastic && !reader.has("youngs_modulus"))
@@ -136,7 +136,7 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
                  "add puncture = 1, in N: the force at which the tool punctures the surface");
   set("cutting_energy", tissue.cutting_energy_mJ_per_mm3);
   if (const auto protection = reader.choice("protection"))
-    tissue.protection = *protection == "keep"    ? Protection::kKeep
+    tissue.protection = *protection == "keep"    ? Protection::kBlock
                         : *protection == "alarm" ? Protection::kAlarm
                                                  : Protection::kNone;
   if (tissue.protection != Protection::kNone && !tissue.touchable)
@@ -405,7 +405,7 @@ void protect_from_shavers(const TableReader& top, std::span<const ReadTool> tool
             tissue.line,
             "tissue \"" + tissue.name + "\" cannot be cut by a shaver, but one of the tools is a burr",
             "add protection = \"keep\", so that neither cuts it, or \"none\", so that both do");
-      tissue.protection = Protection::kKeep;
+      tissue.protection = Protection::kBlock;
     }
   }
 }

@@ -340,7 +340,7 @@ TEST(ParseScene, ABurrIsABallWithAMotor) {
       "scene.toml");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
   EXPECT_EQ(scene->tissues[0].cutting_energy_mJ_per_mm3, 60);
-  EXPECT_EQ(scene->tissues[0].protection, Protection::kKeep);
+  EXPECT_EQ(scene->tissues[0].protection, Protection::kBlock);
   EXPECT_EQ(scene->tools[0].radius_mm, 1.5);
   ASSERT_EQ(scene->tools[0].points_mm.size(), 1u);
   ASSERT_TRUE(scene->tools[0].burr);
@@ -362,17 +362,17 @@ TEST(ParseScene, ABurrMayBeACylinderOrACone) {
   EXPECT_EQ(cylinder.radius_mm, 1.5);
   EXPECT_EQ(cylinder.burr->length_mm, 5);
   EXPECT_EQ(cylinder.burr->end_radius_mm, 1.5);
-  EXPECT_EQ(burr_in_words(cylinder), "burr: a cylinder of 3 mm, 8 mm long");
+  EXPECT_EQ(burr_description(cylinder), "burr: a cylinder of 3 mm, 8 mm long");
   const Tool cone = tool_of("shape = 'cone'\ndiameter = 3\nlength = 8\ntip_diameter = 1.5\n");
   EXPECT_EQ(cone.radius_mm, 0.75);
   EXPECT_EQ(cone.burr->length_mm, 8 - 0.75 - 1.5);
   EXPECT_EQ(cone.burr->end_radius_mm, 1.5);
-  EXPECT_EQ(burr_in_words(cone), "burr: a cone of 3 mm, 1.5 mm at its tip, 8 mm long");
+  EXPECT_EQ(burr_description(cone), "burr: a cone of 3 mm, 1.5 mm at its tip, 8 mm long");
   // a cone that is wider at its tip
   EXPECT_EQ(burr_shape(tool_of("shape = 'cone'\ndiameter = 2\nlength = 5\ntip_diameter = 4\n")), "cone");
   const Tool ball = tool_of("shape = 'ball'\ndiameter = 3\n");
   EXPECT_EQ(ball.burr->length_mm, 0);
-  EXPECT_EQ(burr_in_words(ball), "burr: a ball of 3 mm");
+  EXPECT_EQ(burr_description(ball), "burr: a ball of 3 mm");
   EXPECT_EQ(burr_shape(Tool{}), "");
 }
 
@@ -389,12 +389,12 @@ TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
   ASSERT_TRUE(shaver.burr);
   EXPECT_EQ(shaver.name, "shaver");
   EXPECT_EQ(shaver.radius_mm, 2.75);
-  EXPECT_EQ(burr_in_words(shaver), "shaver: a ball of 5.5 mm");
+  EXPECT_EQ(burr_description(shaver), "shaver: a ball of 5.5 mm");
   EXPECT_NEAR(60 * shaver.burr->revolutions_per_s, 2500, 1e-9);
   const auto& tissue = scene->tissues;
   EXPECT_EQ(tissue[0].protection, Protection::kNone);
   EXPECT_EQ(tissue[0].cutting_energy_mJ_per_mm3, 5);
-  EXPECT_EQ(tissue[1].protection, Protection::kKeep);
+  EXPECT_EQ(tissue[1].protection, Protection::kBlock);
   EXPECT_EQ(tissue[2].protection, Protection::kNone);
   EXPECT_EQ(tissue[2].cutting_energy_mJ_per_mm3, 80);
   EXPECT_EQ(tissue[3].protection, Protection::kNone);

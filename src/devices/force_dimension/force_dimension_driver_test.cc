@@ -334,7 +334,7 @@ TEST(ForceDimension, InALoopNothingIsStrongerOrStifferThanItBears) {
   const TickRecord tick = (*loop)->snapshot();
   EXPECT_EQ(tick.device[0].peak_force_N, 12);
   EXPECT_EQ(tick.device[0].max_stiffness_N_per_mm,
-            careful_bounds(rig.driver->devices()[0]).stiffness_N_per_mm);
+            conservative_bounds(rig.driver->devices()[0]).stiffness_N_per_mm);
   (*loop)->stop();
   EXPECT_LE(rig.device.largest_N, 6);
   EXPECT_EQ(rig.device.force_N, 0);

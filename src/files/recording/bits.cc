@@ -57,7 +57,7 @@ std::string_view name_of(TickFlag flag) {
       return "ruptured";
     case kFlagPassivity:
       return "passivity";
-    case kFlagTurnHeld:
+    case kFlagRotationLimited:
       return "turn held";
     case kFlagNoGo:
       return "no-go region";

@@ -85,7 +85,7 @@ void visit_flag_counts(Summary& summary, Visit&& visit) {
   visit("wedged", summary.wedged, kFlagWedged);
   visit("ruptured", summary.ruptured, kFlagRuptured);
   visit("passivated", summary.passivated, kFlagPassivity);
-  visit("turns_held", summary.turns_held, kFlagTurnHeld);
+  visit("turns_held", summary.turns_held, kFlagRotationLimited);
 }
 
 /// All scalar data sets of the group /summary.

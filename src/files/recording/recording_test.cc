@@ -391,7 +391,7 @@ TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
       {kFlagWedged, &RecordingSummary::wedged},
       {kFlagRuptured, &RecordingSummary::ruptured},
       {kFlagPassivity, &RecordingSummary::passivated},
-      {kFlagTurnHeld, &RecordingSummary::turns_held}};
+      {kFlagRotationLimited, &RecordingSummary::turns_held}};
   for (const auto& [flag, count] : counted) {
     SCOPED_TRACE(flag);
     RecordingSummary summary, expected;

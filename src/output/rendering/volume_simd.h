@@ -66,8 +66,8 @@ inline std::uint32_t slot_of(const std::uint64_t* mask, const std::uint32_t* fir
 /// Rows of blocks for a view: x along a row, z away from or towards the viewer.
 struct RowsView {
   const std::uint64_t* mask = nullptr;  ///< Bit per stored block; `words` per row
-  const std::uint32_t* first =
-      nullptr;  ///< Index of the first stored block of each group of kGroup; `groups` per row
+  /// Index of the first stored block of each group of kGroup; `groups` per row
+  const std::uint32_t* first = nullptr;
   const VoxelBlock* voxels = nullptr;  ///< Block 0 is empty
   LightFall light{};
   int blocks = 0, words = 0, groups = 0;

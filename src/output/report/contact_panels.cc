@@ -112,7 +112,7 @@ std::string section_figure(Sections& shown, const View& view) {
   const std::string description =
       name + " section through the contact with " + shown.structure + ", " + position;
   std::string strain;
-  if (!shown.deformed.rests()) {
+  if (!shown.deformed.is_at_rest()) {
     const StrainMap map = strain_map(model, shown.deformed, shown.style.moved, plane, labels);
     shown.max_strain = std::max(shown.max_strain, map.most);
     if (map.most >= kMinStrain) strain = png_img("strain", encode_png(map.picture));
@@ -124,7 +124,7 @@ std::string section_figure(Sections& shown, const View& view) {
 
 /// Note on the display of deformed tissue; empty if it is at rest.
 std::string deformation_html(const Sections& shown) {
-  if (shown.deformed.rests()) return "";
+  if (shown.deformed.is_at_rest()) return "";
   const bool as_mail = shown.model.tissue_law == TissueLaw::kChainMail;
   std::string html = "<p class=\"yielded\">Tissue is drawn as deformed by the tool at the largest force, ";
   html += as_mail ? "by the chain-mail model, which does not represent forces" : "by linear elasticity";
@@ -179,7 +179,7 @@ std::string legend(const Run& run, LabelId touched, const std::set<LabelId>& lab
   std::sort(names.begin(), names.end());
   std::string html = "<ul class=\"legend\" aria-label=\"Structures in view\"><li class=\"touched\">" +
                      swatch(run.colour(touched)) +
-                     escape(run.name(touched) + run.model.enclosing_in_words(touched)) + "</li>";
+                     escape(run.name(touched) + run.model.enclosing_suffix(touched)) + "</li>";
   for (const auto& [name, label] : names) html += "<li>" + swatch(run.colour(label)) + escape(name) + "</li>";
   return html + "</ul>";
 }
@@ -189,7 +189,7 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
   const ShownContact& shown = run.shown[index];
   const Contact& contact = shown.contact;
   const std::string number_text = std::to_string(index),
-                    name = run.name(contact.label) + run.model.enclosing_in_words(contact.label);
+                    name = run.name(contact.label) + run.model.enclosing_suffix(contact.label);
   const auto& tip = shown.at_peak().tip_patient_mm;
 
   SectionMarks marks;
@@ -212,7 +212,7 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
   const Model& model = left != nullptr ? *left : run.model;
   const DisplacedTissue deformed(model, shown.peak);
   Sections sections{model, deformed, std::move(marks), style, field_of_view_mm(run.model), name};
-  if (!deformed.rests()) {
+  if (!deformed.is_at_rest()) {
     const auto moved = [&deformed](const Point<Patient>& at_rest) { return deformed.moved_mm(at_rest); };
     sections.style.moved = moved;
     sections.marks.tool = tool_parts(model, shown.peak, contact.device);

@@ -78,7 +78,7 @@ void show_deformation(const Model& model, TissueLaw law, RecordedMoment& moment)
   if (model.labels == nullptr || !is_elastic(law)) return;
   const Model under = displayed_under_law(moment.left != nullptr ? *moment.left : model, law);
   const DisplacedTissue deformed(under, moment.tick);
-  if (deformed.rests()) return;
+  if (deformed.is_at_rest()) return;
   for (int device = 0; device < moment.devices; ++device) {
     const auto& leans = moment.tick.device[static_cast<std::size_t>(device)].contact_patient_mm;
     moment.dent_mm[static_cast<std::size_t>(device)] =

@@ -121,7 +121,8 @@ std::string draw_tool(const SectionPlane& plane, const ToolPart& part) {
   for (int n = 0; n <= steps; ++n) {
     const double at = steps == 0 ? 0 : static_cast<double>(n) / steps;
     const Point<Patient> centre = part.from + part.along_mm * at;
-    const double off = (centre - plane.centre).dot(normal), radius = part.radius_mm + part.widens_mm * at;
+    const double off = (centre - plane.centre).dot(normal),
+                 radius = part.radius_mm + part.radius_change_mm * at;
     if (radius * radius > off * off)
       cuts.push_back({to_drawing(plane, centre), std::sqrt(radius * radius - off * off) / plane.mm_per_px()});
   }
@@ -235,7 +236,7 @@ std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int
         {proxy + turned(capsule.from_mm), capsule.radius_mm, turned(capsule.to_mm - capsule.from_mm)});
   if (tool.burr && tool.burr->length_mm > 0) {
     parts.front().along_mm = turned(tool.burr->spindle * tool.burr->length_mm);
-    parts.front().widens_mm = tool.burr->end_radius_mm - tool.radius_mm;
+    parts.front().radius_change_mm = tool.burr->end_radius_mm - tool.radius_mm;
   }
   return parts;
 }

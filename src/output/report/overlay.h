@@ -46,7 +46,7 @@ struct ToolPart {
   Point<Patient> from;
   double radius_mm = 0;
   Vector<Patient> along_mm = {};  ///< Vector to the other end of the axis; 0: a sphere
-  double widens_mm = 0;           ///< Radius at the other end minus radius_mm
+  double radius_change_mm = 0;    ///< Radius at the other end minus radius_mm
 };
 /// Tool primitives of a tick at the proxy, i.e. on the surface of the undeformed tissue. The row of a burr is
 /// one primitive.

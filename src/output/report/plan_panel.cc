@@ -207,7 +207,7 @@ Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, co
         "<p class=\"hint\">Green: the trajectory, with a bar at its entry and a ring around its target. "
         "White: the path of the tip within " +
         number(kPathReach_mm, 0) + " mm of the plane. Ring with a dot: where it was nearest to the target. " +
-        std::string(run.model.cuts() ? "Structures are shown before cutting." : "") + "</p>\n";
+        std::string(run.model.has_burr() ? "Structures are shown before cutting." : "") + "</p>\n";
   html += volume_tables(run, rehearsed) + distance_tables(run, made);
   return html +
          "<div class=\"plot\"><h3 id=\"clearance-title\">Distance from structures <span class=\"unit\">mm"

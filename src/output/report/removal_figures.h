@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "palpate/recording/recording.h"
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"
 #include "report/decimate.h"
 #include "report/timed_ticks.h"
@@ -46,7 +46,7 @@ struct RemovalStep {
 struct StructureSpared {
   LabelId label = 0;
   bool is_protected = false;  ///< Whether burrs were blocked from it; otherwise it can be cut
-  double nearest_mm = kGap;   ///< Closest approach (NearestMeter); NaN: not within its range
+  double nearest_mm = kGap;   ///< Closest approach (ProtectedDistanceMeter); NaN: not within its range
 };
 
 /// A change of the removed tissue.
@@ -101,7 +101,7 @@ class RemovalMeter {
 
   const Model& model_;
   RemovedVolume removed_;
-  NearestMeter nearest_;
+  ProtectedDistanceMeter nearest_;
   StrokeHistory<std::size_t> strokes_;         // stroke numbers in their order
   std::map<LabelId, double> volumes_mm3_;      // current
   std::deque<RecordingEvent> pending_events_;  // sweeps and cuts that precede the next tick

@@ -74,7 +74,7 @@ std::string removal_html(const Run& run) {
   for (int d = 0; d < run.devices; ++d)
     if (const Tool& tool = run.model.tool_of(static_cast<std::size_t>(d)); tool.burr)
       html +=
-          entry(run.devices > 1 ? "Tool of device " + std::to_string(d + 1) : "Tool", burr_in_words(tool));
+          entry(run.devices > 1 ? "Tool of device " + std::to_string(d + 1) : "Tool", burr_description(tool));
   html += entry("Motor switched on", number(removal.motor_s, 2) + " s");
   if (removal.undone > 0)
     html += entry("Strokes", std::to_string(removal.strokes) + ", of which " +

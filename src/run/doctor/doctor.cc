@@ -11,7 +11,7 @@
 
 #include "doctor/machine.h"
 #include "palpate/base/latency_histogram.h"
-#include "palpate/servo/bare_loop.h"
+#include "palpate/servo/empty_loop.h"
 
 namespace palpate {
 namespace {

@@ -32,7 +32,7 @@ TEST(Doctor, SaysWhoMayHaveWhichRightsAndHow) {
   }
   EXPECT_THAT(priority_line(none, "").remedy, HasSubstr("NAME (the account"));
   RealtimeGrant part{.fifo = true, .priority = 49, .memory_locked = true};
-  part.memory = "locked as it was (what is allocated later is not)";
+  part.memory = "locked (current mappings only; later allocations are not locked)";
   EXPECT_EQ(priority_line(part, "anna").finding, Finding::kMissing);
   EXPECT_EQ(memory_line(part, "anna").finding, Finding::kAdvice);
   RealtimeGrant all{.fifo = true, .priority = 95, .memory_locked = true};

@@ -1,5 +1,5 @@
 #include "palpate/palpation/palpation.h"
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"
 
 namespace palpate {
@@ -12,7 +12,7 @@ std::vector<RemovedFigure> removed_figures(const Model& model, const RemovedVolu
 }
 
 std::vector<ProtectedFigure> protected_figures(const Model& model, const RemovedVolume& removed,
-                                               const NearestMeter& meter) {
+                                               const ProtectedDistanceMeter& meter) {
   const std::map<LabelId, double> removed_mm3 = removed.by_label_mm3();
   std::vector<ProtectedFigure> figures;
   for (const ProtectedStructure& structure : model.protected_structures) {

@@ -54,7 +54,7 @@ std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
 
 // fields of direct methods are not updated when material is removed
 Result<void> check_burr(const Model& model, const RunSetup& setup) {
-  if (!model.cuts()) return {};
+  if (!model.has_burr()) return {};
   for (const ForceMethod method : methods_of(setup))
     if (method != ForceMethod::kProxy)
       return Error{ErrorKind::kUsage,

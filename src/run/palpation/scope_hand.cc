@@ -22,7 +22,7 @@ ScopeHand::ScopeHand(const Model& model, const Point<World>& start) : model_(&mo
 
 void ScopeHand::advance(const TickRecord& tick, double dt_s) {
   if (!step_) return;
-  const auto X = turned_object(model_->X_WorldPatient, quaternion(tick.rotation_applied_wxyz));
+  const auto X = rotated_object_pose(model_->X_WorldPatient, quaternion(tick.rotation_applied_wxyz));
   const auto& probe = tick.device[0].tip_world_mm;
   const Point<World> at = step_->at ? X * *step_->at : Point<World>(probe[0], probe[1], probe[2]);
   const Point<World> requested = at + X * step_->from * step_->distance_mm;

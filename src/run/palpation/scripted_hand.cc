@@ -142,11 +142,11 @@ Point<World> tip_of(const TickRecord& tick) {
 // After a cut the surfaces of tissue can no longer be changed, and a script cannot know when the first cut
 // happens.
 Result<void> check_law(const Model& model, TissueLaw law, const std::string& where) {
-  if (model.cuts() && has_other_surfaces(model, law))
+  if (model.has_burr() && has_other_surfaces(model, law))
     return Error{ErrorKind::kBadInput,
                  "soft tissue cannot change between yielding and not yielding in a scene with a cutting tool",
                  where, "set the law in the scene's [yielding], so that it applies from the start"};
-  if (model.cuts() && is_moving(law) && !is_moving(model.tissue_law))
+  if (model.has_burr() && is_moving(law) && !is_moving(model.tissue_law))
     return Error{ErrorKind::kBadInput, "soft tissue cannot start to move in a scene with a cutting tool",
                  where, "set the law in the scene's [yielding], so that it moves from the start"};
   const auto fine = palpate::check_law(model, law);
@@ -329,7 +329,7 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& tick, double dt
 
 // pose of the patient in the last tick
 Transform<World, Patient> ScriptedHand::X_WorldPatient(const TickRecord& tick) const {
-  return turned_object(model_->X_WorldPatient, quaternion(tick.rotation_applied_wxyz));
+  return rotated_object_pose(model_->X_WorldPatient, quaternion(tick.rotation_applied_wxyz));
 }
 
 void ScriptedHand::feel(const TickRecord& tick, double dt_s) {
@@ -459,7 +459,7 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double
     const double above_mm = is_rendered_by_proxy(tick)       ? -model_->tool_of(0).radius_mm
                             : std::isfinite(device.depth_mm) ? device.depth_mm
                                                              : 0;
-    touches_.push_back({step.line, model_->name_of(device.label) + model_->enclosing_in_words(device.label),
+    touches_.push_back({step.line, model_->name_of(device.label) + model_->enclosing_suffix(device.label),
                         device.label, at + normal * above_mm});
     return true;
   }

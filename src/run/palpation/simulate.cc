@@ -6,7 +6,7 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/palpation/virtual_run.h"
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"
 
 namespace palpate {
@@ -47,7 +47,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
   std::vector<TickRecord> unwritten;
   unwritten.reserve(block);
   RemovedVolume removed(model);
-  NearestMeter nearest(model);
+  ProtectedDistanceMeter nearest(model);
   const auto write_block = [&]() -> Result<void> {
     const auto reported = run.receive_events();
     for (const RecordingEvent& event : reported) {

@@ -37,7 +37,7 @@ const TickRecord& VirtualRun::tick() {
   // solved with the model of the previous tick, as in a replay
   const bool is_deformable =
       before != nullptr && is_elastic(last_model_->tissue_law) && last_model_->has(ForceMethod::kProxy);
-  if (is_deformable ? solver_.advance(*last_model_, before) : solver_.rest()) {
+  if (is_deformable ? solver_.advance(*last_model_, before) : solver_.publish_pending()) {
     parameters_.compliance = solver_.frame();
     events_.push_back(solution_event(solver_.frame(), solver_.input_tick()));
     events_.back().tick = state_.tick;

@@ -11,7 +11,7 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/session/playback.h"
 #include "palpate/tissue/carving.h"
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"
 
 /// A scripted hand with a burr: its recording, and the replay.
@@ -288,7 +288,7 @@ TEST(BurrScene, PlaybackTellsHowNearTheBurrHadComeAnywhere) {
 
   const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
   ASSERT_TRUE(opened.ok()) << opened.error().message();
-  NearestMeter meter(**ready);
+  ProtectedDistanceMeter meter(**ready);
   auto event = recording->events.begin();
   std::size_t reported = 0, between = 0;
   double before_mm = 1e9;

@@ -25,7 +25,7 @@ Cutter::Cutter(LiveModel& model, SessionLoop& loop)
       nearest_(*first_) {}
 
 void Cutter::begin() {
-  if (first_->cuts()) thread_ = std::thread([this] { run(); });
+  if (first_->has_burr()) thread_ = std::thread([this] { run(); });
 }
 
 void Cutter::end() {
@@ -124,7 +124,7 @@ void Cutter::request_by_script(StrokeAction action) {
   const ServoLoop* const loop = loop_.get();
   const LiveModel::Lock lock = model_.lock();
   script_led_to_ = 0;
-  if (!loop || !first_->cuts()) return;
+  if (!loop || !first_->has_burr()) return;
   request(lock, {action, loop->strokes()}, {Originator::kScript});
   script_led_to_.reset();
 }
@@ -151,7 +151,7 @@ void Cutter::describe(const LiveModel::Lock& lock, const std::map<LabelId, doubl
   }
   state.removed_mm3 = removed_.by_label_mm3();
   state.broken_off_mm3 = removed_.broken_off_mm3();
-  NearestMeter nearest = nearest_;
+  ProtectedDistanceMeter nearest = nearest_;
   nearest.observe(nearest_mm);
   state.nearest_mm = nearest.nearest_mm();
 }

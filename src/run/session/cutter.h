@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "palpate/server/viewer_server.h"
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"
 #include "session/cut_list.h"
 #include "session/live_model.h"
@@ -77,9 +77,9 @@ class Cutter {
   SessionLoop& loop_;
   const std::shared_ptr<const Model> first_;  // model that the session began with, for its tools
 
-  CutList cuts_;           // sweeps and stroke changes of the model
-  RemovedVolume removed_;  // volume removed by them
-  NearestMeter nearest_;   // their distance to structures
+  CutList cuts_;                    // sweeps and stroke changes of the model
+  RemovedVolume removed_;           // volume removed by them
+  ProtectedDistanceMeter nearest_;  // their distance to structures
   std::deque<Wanted> wanted_;
   std::optional<std::uint32_t> script_led_to_;
 

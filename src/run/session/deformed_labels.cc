@@ -86,7 +86,7 @@ std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host
   if (!nodes.empty()) {
     const auto moved = [&](const Point<Patient>& at_rest) {
       Vector<Patient> moved_mm;
-      for (const DisplacementField& one : nodes) one.add_moved(at_rest, moved_mm);
+      for (const DisplacementField& one : nodes) one.add_displacement(at_rest, moved_mm);
       return moved_mm;
     };
     const PatchOf<LabelId> patch = moved_labels(*labels, moved, within);

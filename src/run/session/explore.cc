@@ -41,7 +41,7 @@ struct Session {
   LiveSession& live;
   Training* training;      // null: there are no tasks
   Supervisor* supervisor;  // null: the session is not supervised
-  const std::string& careful_bounds;
+  const std::string& conservative_bounds;
   bool has_operator;
 };
 
@@ -98,7 +98,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.limit_N = device.limit_N;
   status.heat = device.heat;
   if (device.label != 0)
-    status.structure = session.model.name_of(device.label) + session.model.enclosing_in_words(device.label);
+    status.structure = session.model.name_of(device.label) + session.model.enclosing_suffix(device.label);
   status.flags = device.flags;
   status.method = static_cast<ForceMethod>(tick.method);
   status.skipped = health.skipped;
@@ -109,7 +109,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   status.method_awaited = session.live.method_awaited();
   status.method_failure = session.live.method_failure();
   status.coarser_tissue = session.live.coarser_tissue();
-  status.careful_bounds = session.careful_bounds;
+  status.conservative_bounds = session.conservative_bounds;
   status.followers = session.tip.followers();
   status.device_failure = session.tip.driver().failure();
   status.stop = session.live.current_stop();

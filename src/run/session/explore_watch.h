@@ -8,7 +8,7 @@
 
 #include "palpate/base/latency_histogram.h"
 #include "palpate/palpation/run_setup.h"
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 
 namespace palpate {
 
@@ -42,7 +42,7 @@ class ExploreWatch {
 
   mutable std::mutex mutex_;
   std::vector<HoldMeter> meters_;
-  NearestMeter nearest_;
+  ProtectedDistanceMeter nearest_;
   double max_force_N_ = 0;
   std::array<Part, kParts> parts_;  // a ring: the tenth t is part t % kParts
   std::uint64_t tenth_ = 0;         // tenth of the latest tick

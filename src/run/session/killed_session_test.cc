@@ -124,7 +124,7 @@ void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, boo
       kills, ticks, events, versions, strokes);
   EXPECT_GT(events, 0u);
   EXPECT_GT(versions, 0u);
-  EXPECT_EQ(sweeps > 0, loaded.model->cuts());
+  EXPECT_EQ(sweeps > 0, loaded.model->has_burr());
 }
 
 // the full campaign is PALPATE_TEST_KILLS=50, for each kind

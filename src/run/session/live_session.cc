@@ -79,10 +79,10 @@ ViewedScene LiveSession::make_scene() const {
   scene.device_name = device.name;
   scene.simulated = !physical();
   scene.input = parts_.input;
-  scene.peak_force_N = device.peak_force_N.value_or(kNotKnown);
-  scene.continuous_force_N = device.continuous_force_N.value_or(kNotKnown);
+  scene.peak_force_N = device.peak_force_N.value_or(kUnknown);
+  scene.continuous_force_N = device.continuous_force_N.value_or(kUnknown);
   const double largest = parts_.parameters.device[0].max_stiffness_N_per_mm;
-  scene.max_stiffness_N_per_mm = std::isfinite(largest) ? largest : kNotKnown;
+  scene.max_stiffness_N_per_mm = std::isfinite(largest) ? largest : kUnknown;
   scene.max_force_range = {kMaxForceRange.min, most_force_N()};
   scene.rate_hz = parts_.rate_hz;
   if (parts_.training != nullptr) scene.tasks = parts_.training->tasks();
@@ -357,7 +357,7 @@ void LiveSession::move_pointer(const std::optional<PointerTarget>& target) {
   if (!target) return parts_.pointer->release();
   // pose of the object as currently rendered
   const Transform<World, Patient> X_WorldPatient =
-      turned_object(parts_.model->X_WorldPatient, quaternion(loop->snapshot().rotation_applied_wxyz));
+      rotated_object_pose(parts_.model->X_WorldPatient, quaternion(loop->snapshot().rotation_applied_wxyz));
   const Point<Patient> tip_patient(target->tip_patient_mm[0], target->tip_patient_mm[1],
                                    target->tip_patient_mm[2]);
   const Point<World> tip = X_WorldPatient * tip_patient;

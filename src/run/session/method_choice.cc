@@ -25,7 +25,7 @@ std::array<bool, kForceMethods.size()> choosable_methods(const Model& model) {
   std::array<bool, kForceMethods.size()> choosable{};
   // fields of the direct methods are not updated when a burr removes material
   for (const ForceMethodInfo& info : kDirectMethods)
-    choosable[index_of(info.method)] = !model.cuts() && check_force_field(model, info.method).ok();
+    choosable[index_of(info.method)] = !model.has_burr() && check_force_field(model, info.method).ok();
   choosable[index_of(ForceMethod::kProxy)] = model.has(ForceMethod::kProxy);
   return choosable;
 }
@@ -55,7 +55,7 @@ bool MethodChoice::is_available(const LiveModel::Lock& lock, ForceMethod method)
 
 bool MethodChoice::can_be_prepared(const LiveModel::Lock& lock, ForceMethod method) const {
   const auto& [current, prepared] = model_.versions(lock);
-  return is_available(lock, method) || fields_match(*current, *prepared) || can_make_fields(*current);
+  return is_available(lock, method) || fields_match(*current, *prepared) || can_compute_fields(*current);
 }
 
 Result<void> MethodChoice::choose(const LiveModel::Lock& lock, ForceMethod method, RequestedBy by) {

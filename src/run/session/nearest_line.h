@@ -6,14 +6,15 @@
 #include <vector>
 
 #include "palpate/recording/recording.h"
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 
 namespace palpate {
 
-/// Smallest distance between burrs and protected structures (NearestMeter) up to any time of a recording.
+/// Smallest distance between burrs and protected structures (ProtectedDistanceMeter) up to any time of a
+/// recording.
 class NearestLine {
  public:
-  /// @param model  as for NearestMeter
+  /// @param model  as for ProtectedDistanceMeter
   explicit NearestLine(const Model& model) : meter_(model) {}
 
   /// Adds the next ticks and the events before them, as a part of a recording has them; either may be empty.
@@ -30,7 +31,7 @@ class NearestLine {
     LabelId label;
     double mm;
   };
-  NearestMeter meter_;
+  ProtectedDistanceMeter meter_;
   std::deque<RecordingEvent> waiting_;  // events that have not taken effect with a tick yet
   std::map<LabelId, double> reported_mm_;
   std::vector<Nearer> nearer_;

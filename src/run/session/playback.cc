@@ -355,7 +355,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
     return {};
   };
   // a task's patches lie on the rendered surfaces
-  if (model->cuts() || is_elastic(model->tissue_law) || task)
+  if (model->has_burr() || is_elastic(model->tissue_law) || task)
     if (auto ready = with_surfaces(); !ready) return ready.error();
 
   std::unique_ptr<PlayedTask> played;

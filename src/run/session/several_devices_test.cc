@@ -169,12 +169,12 @@ TEST_F(SeveralDevices, APhysicalOneOwnsTheClockAndIsNeverStifferThanIsCareful) {
   std::string reported;
   ExploreOptions options = with_arm({kSimulatedHand, "arm"}, 500);
   const Recording recording =
-      run(options, touch(), [&](const ExploreStatus& status) { reported = status.careful_bounds; });
+      run(options, touch(), [&](const ExploreStatus& status) { reported = status.conservative_bounds; });
   EXPECT_THAT(reported, HasSubstr("the stable stiffness of held arm is unknown"));
   EXPECT_THAT(result_->problems.front() + result_->problems.back(), HasSubstr("held arm"));
   DeviceInfo info;
   info.rate_hz = 500;
-  const CarefulBounds careful = careful_bounds(info);
+  const ConservativeBounds careful = conservative_bounds(info);
   for (const TickRecord& tick : recording.ticks) {
     ASSERT_EQ(tick.device[1].max_stiffness_N_per_mm, careful.stiffness_N_per_mm);
     ASSERT_EQ(tick.device[1].max_damping_N_s_per_mm, careful.damping_N_s_per_mm);

@@ -235,7 +235,7 @@ TEST_P(RelaxingRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays)
   EXPECT_TRUE(result->identical) << result->difference;
   // another relaxation series gives another run
   Model other = *loaded.model;
-  other.tissues[1].relaxation.term[0].part = 0.31;
+  other.tissues[1].relaxation.term[0].fraction = 0.31;
   const auto different = replay(recording_, std::make_shared<const Model>(std::move(other)));
   ASSERT_TRUE(different.ok()) << different.error().message();
   EXPECT_FALSE(different->identical);

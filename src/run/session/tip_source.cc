@@ -202,7 +202,7 @@ void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& opt
     if (info.simulated) continue;
     if (!options.run.max_force_N && info.continuous_force_N)
       setup.parameters.max_force_N = std::min(setup.parameters.max_force_N, *info.continuous_force_N);
-    if (const std::string careful = careful_bound_message(info); !careful.empty()) {
+    if (const std::string careful = conservative_bound_message(info); !careful.empty()) {
       setup.problems.push_back(careful);
       warning += (warning.empty() ? "" : "\n") + careful;
     }

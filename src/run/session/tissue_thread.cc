@@ -87,7 +87,7 @@ void TissueThread::run() {
   Clock::time_point next = Clock::now();
   for (bool ending = false; !ending;) {
     // avoid the servo's CPU: a tick that has to preempt a solution is later than one that finds the CPU idle
-    cpus.than(loop_.cpu());
+    cpus.exclude(loop_.cpu());
     Clock::duration wait = kFrame;
     try {
       solve_next();

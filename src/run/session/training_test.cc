@@ -508,7 +508,7 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
     RunHistory history;
     history.runs = 1;
     history.run_id = 7;
-    history.best.assign(task.metrics.size(), kNotKnown);
+    history.best.assign(task.metrics.size(), kUnknown);
     return history;
   };
   const auto training = this->training(options);

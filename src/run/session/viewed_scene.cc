@@ -49,7 +49,7 @@ std::array<std::array<double, 4>, 4> rows_of(const Transform<World, Patient>& X)
 }
 
 const char* name_of(Protection protection) {
-  return protection == Protection::kKeep ? "keep" : protection == Protection::kAlarm ? "alarm" : "none";
+  return protection == Protection::kBlock ? "keep" : protection == Protection::kAlarm ? "alarm" : "none";
 }
 
 std::array<double, 3> coordinates_of(const auto& point) {

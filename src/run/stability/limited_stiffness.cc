@@ -52,7 +52,7 @@ Result<LimitedStiffness> limited_stiffness(const Model& model, const WorkspaceSe
   const double all_points = one_point * static_cast<double>(model.tool_of(0).points_mm.size());
   LimitedStiffness limited;
   limited.requested_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
-  const double vouched = bound_of_stiffness_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
+  const double vouched = stiffness_bound_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
   double by_hand = theoretical_limit(device, rate_hz, delay_s);
   // beyond the vendor's specification no stability is needed
   if (std::min(all_points, vouched) > by_hand) {

@@ -156,7 +156,7 @@ class Supervision {
     if (block_.ended.load(std::memory_order_acquire)) return false;
     if (removed) {
       // if a halt file is full, closing it signals the halt: no writer is left
-      publish_halt(Heartbeat::kHaltForGood);
+      publish_halt(Heartbeat::kPermanentHalt);
       note(SupervisorEvent::Kind::kDeath, now_ns, monotonic_ns());
       return false;
     }
@@ -184,7 +184,7 @@ class Supervision {
     const std::int64_t beat_ns = heartbeat.beat_ns.load(std::memory_order_acquire);
     const bool stalled = beat_ns != Heartbeat::kResting && now_ns - beat_ns > kSupervisedStall_ns;
     const std::uint64_t halts = heartbeat.halts.load();
-    const bool halted = halts != heartbeat.halts_that_ended.load();
+    const bool halted = halts != heartbeat.ended_halts.load();
     // repeated if a file was full, or another supervisor died before writing
     if (halted) publish_halt(halts);
     if (!stalled || halted) return;

@@ -700,7 +700,7 @@ TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_EQ(reported(), 7u);
   // a halt that has ended is not written again
-  (*supervisor)->heartbeat().halts_that_ended = 7;
+  (*supervisor)->heartbeat().ended_halts = 7;
   (*supervisor)->heartbeat().beat_ns = monotonic_ns() - 2 * kSupervisedStall_ns;
   EXPECT_EQ(reported(), 8u);
   supervisor->reset();
@@ -716,7 +716,7 @@ TEST(Supervisor, TheNextSessionsNumbersAreAboveTheLastOnes) {
     ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
     Heartbeat& heartbeat = (*supervisor)->heartbeat();
     EXPECT_GT(heartbeat.halts, last);
-    EXPECT_EQ(heartbeat.halts_that_ended, heartbeat.halts) << "none lasts";
+    EXPECT_EQ(heartbeat.ended_halts, heartbeat.halts) << "none lasts";
     last = heartbeat.halts + 1000;
   }
 }
@@ -725,7 +725,7 @@ TEST(Supervisor, AsksForNothingWhereNothingIsAskedOfIt) {
   const auto supervisor = Supervisor::start(
       {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .realtime = false});
   ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
-  EXPECT_NE((*supervisor)->scheduler().find("not asked for"), std::string::npos)
+  EXPECT_NE((*supervisor)->scheduler().find("not requested"), std::string::npos)
       << (*supervisor)->scheduler();
 }
 
@@ -918,11 +918,11 @@ TEST(TestDevice, NothingEndsAHaltForGood) {
     ReportedDevice device;
     ASSERT_TRUE(device.comes_to(true));
     if (number)
-      device.halt(Heartbeat::kHaltForGood);
+      device.halt(Heartbeat::kPermanentHalt);
     else
       device.write_byte();
     EXPECT_TRUE(device.comes_to(false));
-    device.driver().resume(Heartbeat::kHaltForGood - 1);
+    device.driver().resume(Heartbeat::kPermanentHalt - 1);
     EXPECT_TRUE(device.comes_to(false));
   }
 }

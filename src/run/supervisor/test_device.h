@@ -32,7 +32,7 @@ struct TestDeviceMemory {
   std::atomic<double> force_N{0};
   std::atomic<std::uint64_t> commands{0};
   std::atomic<bool> halted{false};
-  std::atomic<std::uint64_t> halts_that_ended{0};
+  std::atomic<std::uint64_t> ended_halts{0};
   // ---- written by the device: every transition between acting and resting
   struct Change {
     std::atomic<std::int64_t> at_ns{0};
@@ -87,7 +87,7 @@ class TestDeviceDriver final : public DeviceDriver {
     memory_.halted = true;
   }
   void resume(std::uint64_t newest) noexcept override {
-    memory_.halts_that_ended = std::max(memory_.halts_that_ended.load(), newest);
+    memory_.ended_halts = std::max(memory_.ended_halts.load(), newest);
     memory_.halted = false;
   }
   int halt_file() const noexcept override { return halt_file_; }
@@ -127,12 +127,12 @@ class HaltFile {
   /// Reads everything available; if there is nothing, waits up to `wait`.
   void read(timespec wait) {
     // a closed pipe is always readable: do not wait again, and do not spin
-    while (::ppoll(&file_, newest_ == Heartbeat::kHaltForGood ? 0 : 1, &wait, nullptr) > 0) {
+    while (::ppoll(&file_, newest_ == Heartbeat::kPermanentHalt ? 0 : 1, &wait, nullptr) > 0) {
       std::array<std::uint64_t, 64> halts{};
       const ssize_t received = ::read(file_.fd, halts.data(), sizeof halts);
       // no writer is left, or the writer does not follow the protocol
       const bool whole = received > 0 && static_cast<std::size_t>(received) % sizeof halts[0] == 0;
-      newest_ = whole ? std::max(newest_, std::ranges::max(halts)) : Heartbeat::kHaltForGood;
+      newest_ = whole ? std::max(newest_, std::ranges::max(halts)) : Heartbeat::kPermanentHalt;
       wait = {};
     }
   }
@@ -158,7 +158,7 @@ class HaltFile {
   bool acted = false;
   for (;;) {
     file.read({0, 250'000});
-    const bool halts = memory.halted || file.halts(memory.halts_that_ended);
+    const bool halts = memory.halted || file.halts(memory.ended_halts);
     const double acting_N = halts ? 0.0 : memory.force_N.load();
     memory.acting_N = acting_N;
     const bool acts = acting_N > 0;

@@ -39,7 +39,7 @@ void relax(const std::vector<double>& time_s, std::span<const RelaxationTerm> te
       const double dt_s = time_s[n] - time_s[n - 1], slope = (elastic_N[n] - elastic_N[n - 1]) / dt_s;
       lagging_N = elastic_N[n] - slope * term.time_s +
                   (lagging_N - elastic_N[n - 1] + slope * term.time_s) * std::exp(-dt_s / term.time_s);
-      force_N[n] -= term.part * lagging_N;
+      force_N[n] -= term.fraction * lagging_N;
     }
   }
 }

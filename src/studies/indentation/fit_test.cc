@@ -174,7 +174,7 @@ TEST(FitTissue, ItsKeysAreTakenByASceneAsTheyStand) {
   EXPECT_EQ(scene->deformation.law, TissueLaw::kExponential);
   EXPECT_NEAR(tissue.elastic->youngs_modulus_kPa, fit.best().youngs_modulus_kPa.value, 0.01);
   EXPECT_NEAR(tissue.elastic->stiffening, fit.best().stiffening.value, 0.01);
-  EXPECT_NEAR(tissue.relaxation.term[0].part, fit.best().relaxation[0][0].value, 1e-3);
+  EXPECT_NEAR(tissue.relaxation.term[0].fraction, fit.best().relaxation[0][0].value, 1e-3);
   EXPECT_NE(fit_table(fit).find("exponential"), std::string::npos);
   const std::string svg = fit_svg({&curve, 1}, fit);
   EXPECT_EQ(svg.rfind("<svg", 0), 0u);

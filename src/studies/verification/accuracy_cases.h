@@ -14,8 +14,8 @@ struct AccuracyCase {
   std::string name;
   Shape shape;
   double half_extent_mm;  ///< Half edge of the cube around the origin that a volume has to cover
-  std::vector<Point<Patient>>
-      points;  ///< Within 0.75 mm of the surface, far from ends and from the volume's boundary
+  /// Within 0.75 mm of the surface, far from ends and from the volume's boundary
+  std::vector<Point<Patient>> points;
   /// Exact Gaussian smoothing of the solid (1 inside, 0 outside) with that sigma.
   std::function<double(const Point<Patient>& p, double sigma_mm)> smoothed;
   bool with_paths = false;  ///< Whether choppiness is measured along paths on it

@@ -78,7 +78,7 @@ Result<PaceFigures> measure_pace(std::shared_ptr<const Model> model, const Palpa
 // the field of the direct methods does not change when a burr removes tissue
 bool is_rendered_by(ForceMethod method, const Model& model) {
   if (method == ForceMethod::kProxy) return true;
-  return !model.cuts() && check_force_field(model, method).ok();
+  return !model.has_burr() && check_force_field(model, method).ok();
 }
 
 // figures of the tick and of the whole update for each selectable method; one method is prepared at a time,

@@ -7,8 +7,8 @@
 #include "palpate/base/clock.h"
 #include "palpate/base/latency_histogram.h"
 #include "palpate/recording/recording.h"
-#include "palpate/servo/bare_loop.h"
-#include "palpate/servo/figures.h"
+#include "palpate/servo/empty_loop.h"
+#include "palpate/servo/loop_statistics.h"
 #include "palpate/verification/servo_timing.h"
 
 namespace palpate {

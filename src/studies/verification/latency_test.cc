@@ -80,7 +80,7 @@ TEST(PaceMeter, CountsEveryTickOfItsBlocksInContact) {
   EXPECT_GT(figures.ticks, 0u);
   EXPECT_GE(static_cast<double>(figures.ticks + figures.skipped + figures.dropped),
             2 * kSeconds * 1000 * 0.8);
-  // for BareLoop: more only if the last points of a block were skipped
+  // for EmptyLoopResult: more only if the last points of a block were skipped
   EXPECT_GE(figures.bare_ticks + figures.bare_skipped, 400u);
   EXPECT_LE(figures.bare_ticks, 400u);
   EXPECT_EQ(figures.dropped, 0u);

@@ -89,12 +89,12 @@ class BurrHand {
   // makes the next version of the surface, as a separate thread would; false if nothing was swept
   bool carve() {
     const std::uint64_t count = finished_sweeps(burr_state_);
-    const std::span<const Sweep> pending = burr_state_.pending().first(count - burr_state_.first);
+    const std::span<const Sweep> pending = burr_state_.pending().first(count - burr_state_.first_sweep);
     if (pending.empty()) return false;
     sweeps_.insert(sweeps_.end(), pending.begin(), pending.end());
     carved_ = carved_.with(pending);
     touchable_.surface = carved_.surface();
-    touchable_.made = carved_.made();
+    touchable_.original_surface = carved_.original();
     touchable_.clearance_error_mm = carved_.clearance_error_mm();
     rebase_burr({&touchable_, 1}, burr_, ToolPose(tip_), count, proxy_, burr_state_);
     const ToolSphere head = burr_.head(burr_state_.inset_mm);
@@ -125,7 +125,7 @@ class BurrHand {
                        z = k + random.between(0, 1);
           const Point<Patient> position(Eigen::Vector3d(low + Eigen::Array3d(x, y, z) * size_mm));
           // material by the contact surface, which differs from the labels at sharp edges
-          if (carved_.made()->distance_mm(position) >= 0) continue;
+          if (carved_.original()->distance_mm(position) >= 0) continue;
           used += std::any_of(shapes.begin(), shapes.end(),
                               [&](const SweptShape& shape) { return shape.depth_mm(position) > 0; });
         }

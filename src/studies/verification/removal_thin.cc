@@ -141,11 +141,11 @@ class ThinBoneHand {
       velocity_ = Vector<Patient>(along_mm_s_, 0, velocity_.z());
       tip_ += velocity_ * options_.dt_s;
     }
-    state_.closed = true;
+    state_.sweep_closed = true;
     carve();
     const auto volumes = removed_.by_label_mm3();
     // a debt is paid before the next cut
-    const double paid_mm3 = state_.removed_mm3 + state_.owed_mJ / kSampleEnergy_mJ_per_mm3;
+    const double paid_mm3 = state_.removed_mm3 + state_.debt_mJ / kSampleEnergy_mJ_per_mm3;
     return {paid_mm3, volumes.empty() ? 0 : volumes.begin()->second};
   }
 

@@ -212,17 +212,17 @@ class GuidedTip {
 
   void carve() {
     const std::uint64_t count = finished_sweeps(state_);
-    const std::span<const Sweep> finished = finished_from(state_, state_.first);
+    const std::span<const Sweep> finished = finished_from(state_, state_.first_sweep);
     if (finished.empty()) return;
     for (const Sweep& sweep : finished) {
       const SweptShape shape(sweep);
-      low_ = low_.min(shape.low() - shape.widest_mm());
-      high_ = high_.max(shape.high() + shape.widest_mm());
+      low_ = low_.min(shape.low() - shape.max_radius_mm());
+      high_ = high_.max(shape.high() + shape.max_radius_mm());
     }
     removed_.add(finished_cuts(state_, 0));
     carved_ = carved_.with(finished);
     touchable_.surface = carved_.surface();
-    touchable_.made = carved_.made();
+    touchable_.original_surface = carved_.original();
     touchable_.clearance_error_mm = carved_.clearance_error_mm();
     rebase_burr({&touchable_, 1}, burr_, ToolPose(tip_), count, proxy_, state_);
     const ToolSphere head = burr_.head(state_.inset_mm);
@@ -245,7 +245,7 @@ class GuidedTip {
                        z = k + random.between(0, 1);
           const Point<Patient> position(Eigen::Vector3d(low_ + Eigen::Array3d(x, y, z) * size_mm));
           removed +=
-              carved_.made()->distance_mm(position) < 0 && carved_.surface()->distance_mm(position) > 0;
+              carved_.original()->distance_mm(position) < 0 && carved_.surface()->distance_mm(position) > 0;
         }
     return size_mm.prod() * static_cast<double>(removed);
   }

@@ -137,7 +137,7 @@ double swing_of(const std::vector<double>& positions_mm, double rate_hz) {
 }
 
 Transform<Patient, World> pose_of(const Model& model, const Eigen::Quaterniond& rotation) {
-  return turned_object(model.X_WorldPatient, rotation).inverse();
+  return rotated_object_pose(model.X_WorldPatient, rotation).inverse();
 }
 
 }  // namespace

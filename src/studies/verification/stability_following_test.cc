@@ -35,7 +35,7 @@ TEST(Following, AtWhatIsRecommendedForItsDelayADeviceIsAsQuietAsAlone) {
       DeviceInfo info;
       info.rate_hz = 250;
       info.delay_s = delay_s;
-      const double careful = careful_bounds(info).stiffness_N_per_mm;
+      const double careful = conservative_bounds(info).stiffness_N_per_mm;
       EXPECT_LT(careful, recommended) << "who knows less is more careful";
 
       const PressResult owner_alone = press_alone(followed_wall(), both.owner);

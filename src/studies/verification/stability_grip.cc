@@ -261,7 +261,7 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
       ratios.push_back({path + "/free-tap/rebound", hold_wall(**wall, tap).rebound, "1", 1,
                         reported ? std::optional(kMaxRebound) : std::nullopt});
     }
-    GripCase tap = free_tap(device, bound_of_stiffness_N_per_mm(rate_alone(1000)));
+    GripCase tap = free_tap(device, stiffness_bound_N_per_mm(rate_alone(1000)));
     tap.states_nothing = true;
     for (const double delay_s : {1e-3, 3e-3}) {
       tap.delay_s = delay_s;

@@ -25,9 +25,9 @@ Grip grip_of(const PlantHand& hand);
 struct GripCase {
   PlantDevice device;
   Grip grip;
-  double stiffness_N_per_mm = 1;              ///< As felt at the device
-  double viscosity_N_s_per_mm = 0;            ///< Viscosity inside the wall, as felt at the device
-  double max_damping_N_s_per_mm = kNotKnown;  ///< As in DeviceParameters
+  double stiffness_N_per_mm = 1;             ///< As felt at the device
+  double viscosity_N_s_per_mm = 0;           ///< Viscosity inside the wall, as felt at the device
+  double max_damping_N_s_per_mm = kUnknown;  ///< As in DeviceParameters
   double rate_hz = 1000;
   double delay_s = 1e-3;
   bool controller = true;
@@ -46,8 +46,8 @@ struct GripResult {
   double swing_mm = 0;      ///< Peak-to-peak motion of the true tip in the last second
   double crossings_hz = 0;  ///< Rate of upward crossings of the mean in that second
   double force_N = 0;       ///< Mean force in that second
-  double rebound =
-      0;  ///< Speed a millimetre before the wall at the first rebound, divided by the impact speed
+  /// Speed a millimetre before the wall at the first rebound, divided by the impact speed
+  double rebound = 0;
   double settled_s = 0;  ///< Time from the impact until the motion stays within 0.2 mm over any 100 ms
 };
 GripResult hold_wall(const Model& wall, const GripCase& grip_case);

@@ -142,7 +142,7 @@ TEST(StabilityGrip, AFreeTapOfADeviceOfWhichNothingIsKnownReboundsNoFasterThanIt
                          std::to_string(impact_m_s));
             GripCase tap{.device = *find_plant_device(device),
                          .grip = {.mass_kg = mass_kg},
-                         .stiffness_N_per_mm = bound_of_stiffness_N_per_mm(info),
+                         .stiffness_N_per_mm = stiffness_bound_N_per_mm(info),
                          .rate_hz = rate_hz,
                          .delay_s = delay_s,
                          .states_nothing = true,
@@ -152,7 +152,7 @@ TEST(StabilityGrip, AFreeTapOfADeviceOfWhichNothingIsKnownReboundsNoFasterThanIt
                          .time_s = 0.4};
             tap.device.coulomb_N = tap.device.damping_N_s_per_m = 0;
             const double rebound = hold_wall(grip_wall(), tap).rebound;
-            EXPECT_LE(rebound, delay_s < CarefulDevice{}.delay_s ? 1 : 1.05);
+            EXPECT_LE(rebound, delay_s < ConservativeDevice{}.delay_s ? 1 : 1.05);
             EXPECT_GT(rebound, 0.4) << "and is a wall";
           }
   }

@@ -118,9 +118,9 @@ class TurningHand {
     const RotatedTool tool = tool_at(attitude);
     for (const ToolSphere& sphere : tool.spheres()) {
       // evaluates the outline of a shaft, not the row of spheres that represents it
-      const int count = static_cast<int>(sphere.along_mm.norm() / kAlong_mm);
+      const int count = static_cast<int>(sphere.axis_mm.norm() / kAlong_mm);
       for (int index = 0; index <= count; ++index) {
-        const Vector<Patient> along_mm = sphere.along_mm * (static_cast<double>(index) / std::max(1, count));
+        const Vector<Patient> along_mm = sphere.axis_mm * (static_cast<double>(index) / std::max(1, count));
         const double distance_mm = plate_.contact.surface->distance_mm(at + sphere.offset_mm + along_mm);
         min_mm = std::min(min_mm, distance_mm - sphere.radius_mm);
       }
@@ -128,7 +128,7 @@ class TurningHand {
     return min_mm;
   }
 
-  bool has_shaft() const { return tool_[1].along_mm != Vector<Patient>(); }
+  bool has_shaft() const { return tool_[1].axis_mm != Vector<Patient>(); }
 
   void follow(double angle_rad) {
     const ToolPose hand(tip_, turn_of(angle_rad));

@@ -36,7 +36,7 @@ class CampaignTip {
     parameters_.max_force_N = max_force_N;
     parameters_.device[0].limits.peak_force_N = max_force_N;
     parameters_.device[0].max_stiffness_N_per_mm = 2;
-    parameters_.motor = model_->cuts();
+    parameters_.motor = model_->has_burr();
   }
   const TickRecord& at(const Eigen::Vector3d& tip) {
     constexpr std::uint64_t kCutEvery = 20;
@@ -46,7 +46,7 @@ class CampaignTip {
         ++cut_;
       }
     const TickRecord* const before = state_.tick > 0 ? &record_ : nullptr;
-    if (is_elastic(model_->tissue_law) ? solver_.advance(*model_, before) : solver_.rest())
+    if (is_elastic(model_->tissue_law) ? solver_.advance(*model_, before) : solver_.publish_pending())
       parameters_.compliance = solver_.frame();
     DeviceState device;
     device.tip = model_->X_WorldPatient * Point<Patient>(tip);

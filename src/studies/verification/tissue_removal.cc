@@ -29,7 +29,7 @@ double pressing_N(double compliance, double rho_mm, const PressurePatch& patch) 
   spot.modulus_N_per_mm2 = patch.contact_modulus();
   spot.poissons_ratio = patch.poissons_ratio();
   spot.patch_radius_mm = rho_mm;
-  spot.find_surroundings();
+  spot.compute_surroundings();
   return pressing_N(spot);
 }
 
@@ -68,7 +68,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
   for (int frame = 0; frame < frames; ++frame) {
     const CutFrame now = cut(frame);
     if (!now.cuts.empty()) carving = carving->with(now.cuts);
-    const CarvedLabels labels{model.labels, carving->taken()};
+    const CarvedLabels labels{model.labels, carving->removed_fraction()};
     const double begin = tissue_thread_seconds();
     if (!cells.follow(labels, solver).empty()) solver.zero_constrained(unit);
     const double followed = tissue_thread_seconds();

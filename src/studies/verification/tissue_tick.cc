@@ -136,7 +136,7 @@ int ticks_between_comparisons(double distance_mm, double speed_mm_s) {
 double left_of(const Relaxation& relaxation, double time_s) {
   double left = 1;
   for (const RelaxationTerm& term : relaxation.term)
-    if (term.part > 0) left += term.part * std::expm1(-time_s / term.time_s);
+    if (term.fraction > 0) left += term.fraction * std::expm1(-time_s / term.time_s);
   return left;
 }
 
@@ -329,8 +329,8 @@ std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>&
     double stored = 1, lost = 0;
     for (const RelaxationTerm& term : relaxation.term) {
       const double x = 2 * std::numbers::pi * kHz[f] * term.time_s;
-      stored -= term.part / (1 + x * x);
-      lost += term.part * x / (1 + x * x);
+      stored -= term.fraction / (1 + x * x);
+      lost += term.fraction * x / (1 + x * x);
     }
     const auto angle = [](const Eigen::Vector2d& wave) { return std::atan2(wave.x(), wave.y()); };
     const double ahead = angle(samples[f]) - angle(at_once[f]), truth = std::atan2(lost, stored);

@@ -117,7 +117,7 @@ structures = ["shell", "ball", "fat"]
   // fat is not touchable; overlaps of two regions count once
   EXPECT_EQ(volumes->of_regions[1].size(), 2u);
   EXPECT_EQ(volumes->of_plan, volumes->of_regions[1]);
-  model.tissues[0].protection = Protection::kKeep;
+  model.tissues[0].protection = Protection::kBlock;
   const auto stored = planned_volumes(*plan, model);
   ASSERT_TRUE(stored);
   EXPECT_EQ(stored->of_plan, volumes->of_regions[0]);

@@ -107,7 +107,7 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
 
 /// Resolves the plan of a task. Errors: no tool that cuts, absent structures, an empty region.
 Result<TaskPlan> resolve_task_plan(const TaskFile& task, const Model& model, const Progress& progress) {
-  if (!model.cuts())
+  if (!model.has_burr())
     return Error{ErrorKind::kBadInput, "the task removes tissue, but no tool of the scene can cut",
                  task.source, "give the scene a burr or shaver as its [tool], docs/guide/scene.md"};
   auto plan = resolve_plan(*task.plan, model);

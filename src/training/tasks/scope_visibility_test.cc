@@ -30,7 +30,7 @@ TickRecord looking(const Model& model, const ScopeOptics& optics, const Eigen::V
   TickRecord tick;
   tick.devices = 2;
   tick.rotation_applied_wxyz = {turned.w(), turned.x(), turned.y(), turned.z()};
-  const auto X = turned_object(model.X_WorldPatient, turned);
+  const auto X = rotated_object_pose(model.X_WorldPatient, turned);
   const Eigen::Quaterniond rotation =
       attitude_looking_along(optics, X * Vector<Patient>(view_direction), X * Vector<Patient>(0, 0.3, 1));
   tick.device[1].orientation_wxyz = {rotation.w(), rotation.x(), rotation.y(), rotation.z()};
@@ -121,7 +121,7 @@ TEST(ScopeVisibility, OfAPoseThatIsNotKnownNothingIsSeen) {
   EXPECT_FALSE(sight.is_visible(good, {0, 0, 20})) << "its eye itself";
   EXPECT_FALSE(sight.is_visible(good, {0, 0, -1e300}));
   TickRecord bad = good;
-  bad.device[1].tip_patient_mm[1] = kNotKnown;
+  bad.device[1].tip_patient_mm[1] = kUnknown;
   EXPECT_FALSE(sight.is_visible(bad, {0, 0, 0}));
   bad = good;
   bad.device[1].orientation_wxyz = {0, 0, 0, 0};

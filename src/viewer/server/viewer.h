@@ -26,8 +26,8 @@ class Hub;
 /// Sweeps that a viewer has received.
 struct SentSweeps {
   std::uint64_t count = 0;  ///< Number of received sweeps that are still valid
-  std::uint64_t shown =
-      0;  ///< Number of sweeps that the page shows; those beyond `count` were undone and must be dropped
+  /// Number of sweeps that the page shows; those beyond `count` were undone and must be dropped
+  std::uint64_t shown = 0;
 };
 
 // close codes of RFC 6455
@@ -137,8 +137,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
   SentSweeps sweeps_sent_;
   bool receives_deformation_ = false, deformation_in_flight_ = false;
-  std::array<std::uint64_t, kMaxDevices>
-      deformations_sent_{};               ///< PublishedDeformation::number; 0: none shown
+  /// PublishedDeformation::number; 0: none shown
+  std::array<std::uint64_t, kMaxDevices> deformations_sent_{};
   std::size_t next_deformed_device_ = 0;  ///< next device in round-robin order
   Clock::time_point no_deformation_before_{};
   std::shared_ptr<const std::string> deformation_message_;

@@ -26,8 +26,8 @@ struct PictureKey {
   std::vector<double> opacities;  ///< Opacities of the same structures, 0 ... 1
   std::optional<ClipPlane> clip;  ///< Half-space that is cut away
   bool gzip = false;
-  const Redaction* redaction =
-      nullptr;  ///< Redaction to be applied, always the same object; outlives the store; null: none
+  /// Redaction to be applied, always the same object; outlives the store; null: none
+  const Redaction* redaction = nullptr;
 };
 /// Parses a query as specified in docs/reference/viewer-http.md, `view=...&appearances=...&cut=...`; empty if
 /// malformed.

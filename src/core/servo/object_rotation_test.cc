@@ -1,4 +1,4 @@
-#include "servo/turning.h"
+#include "servo/object_rotation.h"
 
 #include <gtest/gtest.h>
 
@@ -66,7 +66,7 @@ struct TurningWall {
 
 // analytic: all power goes into the spring between the wall and a hand that does not move, F^2 = F0^2 + 2 K P
 // t
-TEST(Turning, UnderAHandOfIronTheForceGrowsAsASpringThatIsFedItsPower) {
+TEST(ObjectRotation, FixedTipForceGrowsWithConstantPower) {
   for (const double begins_N : {0.2, 1.0, 3.0}) {
     SCOPED_TRACE(begins_N);
     TurningWall wall;
@@ -81,7 +81,7 @@ TEST(Turning, UnderAHandOfIronTheForceGrowsAsASpringThatIsFedItsPower) {
       // at an angle of 0.1 the wall also pushes sideways
       ASSERT_NEAR(wall.force(), expected_N, 0.01 * expected_N) << n;
       ASSERT_LE(wall.record.device[0].turned_mJ, fed_mJ * (1 + 1e-3)) << n;
-      ASSERT_TRUE(wall.record.device[0].flags & kFlagTurnHeld) << n;
+      ASSERT_TRUE(wall.record.device[0].flags & kFlagRotationLimited) << n;
     }
     EXPECT_NEAR(wall.record.device[0].turned_mJ, kRotationSettings.max_power_mW * 0.4, 0.05);
     // the contact's passivity observer stays relative to the object: the spring holds the energy of both
@@ -92,7 +92,7 @@ TEST(Turning, UnderAHandOfIronTheForceGrowsAsASpringThatIsFedItsPower) {
 }
 
 // the opposite direction: the hand is not allowed to fall
-TEST(Turning, AWallThatTurnsAwayTakesItsForceAsSlowly) {
+TEST(ObjectRotation, RecedingSurfaceForceFallsWithConstantPower) {
   TurningWall wall;
   ASSERT_NO_FATAL_FAILURE(wall.press(1));
   const Point<World> resting = TurningWall::tip_at(-1 / kWall_N_per_mm);
@@ -106,7 +106,7 @@ TEST(Turning, AWallThatTurnsAwayTakesItsForceAsSlowly) {
 }
 
 // P / F: the speed at which a compliant hand is displaced
-TEST(Turning, AHandThatGivesWayIsGuidedNoFasterThanThePowerOverItsForce) {
+TEST(ObjectRotation, CompliantTipSpeedIsAtMostPowerOverForce) {
   constexpr double kHand_N = 1;
   TurningWall wall;
   ASSERT_NO_FATAL_FAILURE(wall.press(kHand_N));
@@ -123,7 +123,7 @@ TEST(Turning, AHandThatGivesWayIsGuidedNoFasterThanThePowerOverItsForce) {
 }
 
 // attack: 25 degrees back and forth at 6.7 Hz, 1.4 N per tick
-TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
+TEST(ObjectRotation, RapidRotationCommandsAreLimited) {
   TurningWall wall;
   ASSERT_NO_FATAL_FAILURE(wall.press(1));
   const Point<World> resting = TurningWall::tip_at(-1 / kWall_N_per_mm);
@@ -147,7 +147,7 @@ TEST(Turning, AnObjectThatIsShakenDoesNotShakeTheHand) {
   EXPECT_GE(min_N, 0);
 }
 
-TEST(Turning, AWallThatMeetsATipComesAsASlowHandWould) {
+TEST(ObjectRotation, ApproachSpeedOfASurfaceIsLimited) {
   TurningWall wall;
   const Point<World> above = TurningWall::tip_at(2);
   for (int n = 0; n < 20; ++n) wall.at(above);
@@ -165,7 +165,7 @@ TEST(Turning, AWallThatMeetsATipComesAsASlowHandWould) {
   EXPECT_GT(before, 0.9 * 2 / kLever_mm) << "and not before";
 }
 
-TEST(Turning, WhereNoForceIsSentTheObjectTurnsInItsTime) {
+TEST(ObjectRotation, RotationIsUnlimitedWithoutForce) {
   for (const bool stopped : {false, true}) {
     TurningWall wall;
     ASSERT_NO_FATAL_FAILURE(wall.press(1));
@@ -176,7 +176,7 @@ TEST(Turning, WhereNoForceIsSentTheObjectTurnsInItsTime) {
     for (int n = 0; n < 101; ++n) wall.at(resting);
     EXPECT_NEAR(wall.turned(), 0.3, 1e-9);
     EXPECT_EQ(wall.record.device[0].turned_mJ, 0);
-    EXPECT_EQ(wall.record.device[0].flags & kFlagTurnHeld, 0u);
+    EXPECT_EQ(wall.record.device[0].flags & kFlagRotationLimited, 0u);
   }
   // a non-finite pose does not stop the rotation
   TurningWall wall;
@@ -186,7 +186,7 @@ TEST(Turning, WhereNoForceIsSentTheObjectTurnsInItsTime) {
   EXPECT_NEAR(wall.turned(), 0.3, 1e-9);
 }
 
-TEST(Turning, EveryHandHoldsItAndIsCountedForItself) {
+TEST(ObjectRotation, EachDeviceLimitsTheRotationAndHasItsOwnAccount) {
   TurningWall one, both;
   for (TurningWall* wall : {&one, &both}) ASSERT_NO_FATAL_FAILURE(wall->press(0.2));
   const Point<World> resting = TurningWall::tip_at(-0.2 / kWall_N_per_mm);
@@ -203,14 +203,14 @@ TEST(Turning, EveryHandHoldsItAndIsCountedForItself) {
     both.at(resting, pressed);
   }
   EXPECT_LT(both.turned(), 0.6 * one.turned());
-  EXPECT_TRUE(both.record.device[1].flags & kFlagTurnHeld);
+  EXPECT_TRUE(both.record.device[1].flags & kFlagRotationLimited);
   EXPECT_LT(both.record.device[1].turned_mJ, -0.9 * kRotationSettings.max_power_mW * 0.02)
       << "the hand on the object";
   EXPECT_GT(both.record.device[0].turned_mJ, 0);
 }
 
 // the limits apply at the device, including scale and gain
-TEST(Turning, TheLimitsAreThoseOfTheDevice) {
+TEST(ObjectRotation, LimitsApplyInDeviceUnits) {
   TurningWall wall;
   wall.parameters.device[0].scale = 4;
   wall.parameters.device[0].force_gain = 0.5;
@@ -225,7 +225,7 @@ TEST(Turning, TheLimitsAreThoseOfTheDevice) {
 }
 
 // work recomputed from the records
-TEST(Turning, WhateverHappensNoTickDoesMoreWork) {
+TEST(ObjectRotation, WorkPerTickIsBoundedForRandomMotions) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("PALPATE_TEST_SEED=" + std::to_string(seed));
   std::mt19937_64 random(seed);
@@ -250,7 +250,7 @@ TEST(Turning, WhateverHappensNoTickDoesMoreWork) {
     const double work_mJ = before.has_previous ? before.output.sent.force_N.eigen().dot(displacement_mm) : 0;
     counted_mJ += work_mJ;
     EXPECT_LE(std::abs(work_mJ), kRotationSettings.max_power_mW * dt_s * (1 + 1e-3)) << n;
-    limited += (wall.record.device[0].flags & kFlagTurnHeld) != 0;
+    limited += (wall.record.device[0].flags & kFlagRotationLimited) != 0;
   }
   EXPECT_NEAR(wall.record.device[0].turned_mJ, counted_mJ, 1e-9);
   EXPECT_GT(limited, 1000);

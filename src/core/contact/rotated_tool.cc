@@ -13,7 +13,7 @@ RotatedTool::RotatedTool(std::span<const ToolSphere> spheres, const Eigen::Quate
   const Eigen::Matrix3d turn = (to * from.conjugate()).toRotationMatrix();
   for (std::size_t k = 0; k < count_; ++k) {
     spheres_[k].offset_mm = Vector<Patient>(turn * spheres[k].offset_mm.eigen());
-    spheres_[k].along_mm = Vector<Patient>(turn * spheres[k].along_mm.eigen());
+    spheres_[k].axis_mm = Vector<Patient>(turn * spheres[k].axis_mm.eigen());
   }
 }
 

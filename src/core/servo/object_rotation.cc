@@ -1,4 +1,4 @@
-#include "servo/turning.h"
+#include "servo/object_rotation.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,38 +9,39 @@ namespace palpate {
 namespace {
 
 Eigen::Quaterniond rotation_after(const SessionState& state, double elapsed_s) {
-  const double part = std::min(1.0, elapsed_s / kRotationSettings.interval_s);
+  const double fraction = std::min(1.0, elapsed_s / kRotationSettings.interval_s);
   return Rotation<World, World>(state.rotation_start)
-      .slerp(part, Rotation<World, World>(state.rotation_target))
+      .slerp(fraction, Rotation<World, World>(state.rotation_target))
       .quaternion();
 }
 
 /// Material point of the object that was under a device's tip in the last tick, and the contact there.
-struct LimitedTurn {
-  bool pushed = false;  // force is sent, or may be in this tick
-  Vector<World> lever;  // from World's origin to the point, object not rotated, patient mm
+struct RotationLimits {
+  bool has_force = false;  // whether a force is sent, or may be sent in this tick
+  Vector<World> lever;     // from World's origin to the point, object not rotated, patient mm
   Vector<World> sent_N;
   double stiffness_N_per_mm = 0;  // contact stiffness at the device; 0: unknown
   double stiffest_N_per_mm = 0;   // stiffest tissue of the model, at the device
   double scale = 1;
 };
 
-LimitedTurn held_by(const Model& model, const DeviceParameters& own, const DeviceState& device,
-                    const SessionState::DeviceSession& session) {
-  LimitedTurn limited;
-  if (!session.has_previous || session.output.gain == 0 || !device.tip.all_finite() || !(own.scale > 0))
+RotationLimits rotation_limits_of(const Model& model, const DeviceParameters& parameters,
+                                  const DeviceState& device, const SessionState::DeviceSession& session) {
+  RotationLimits limited;
+  if (!session.has_previous || session.output.gain == 0 || !device.tip.all_finite() ||
+      !(parameters.scale > 0))
     return limited;
-  limited.pushed = true;
+  limited.has_force = true;
   limited.lever = Vector<World>((model.X_WorldPatient * session.previous_tip).eigen());
   limited.sent_N = session.output.sent.force_N;
-  limited.stiffness_N_per_mm = RenderedStiffness(own).at_device(session.coupling.stiffness_N_per_mm);
-  limited.stiffest_N_per_mm = RenderedStiffness(own).by_proxy(model.max_stiffness_N_per_mm());
-  limited.scale = own.scale;
+  limited.stiffness_N_per_mm = RenderedStiffness(parameters).at_device(session.coupling.stiffness_N_per_mm);
+  limited.stiffest_N_per_mm = RenderedStiffness(parameters).by_proxy(model.max_stiffness_N_per_mm());
+  limited.scale = parameters.scale;
   return limited;
 }
 
 // displacement of the point when the object rotates from `from` to `to`, device mm
-Vector<World> displacement_of(const LimitedTurn& limited, const Eigen::Quaterniond& from,
+Vector<World> displacement_of(const RotationLimits& limited, const Eigen::Quaterniond& from,
                               const Eigen::Quaterniond& to) {
   return (Rotation<World, World>(to) * limited.lever - Rotation<World, World>(from) * limited.lever) /
          limited.scale;
@@ -48,19 +49,19 @@ Vector<World> displacement_of(const LimitedTurn& limited, const Eigen::Quaternio
 
 // Fraction of a displacement that satisfies all limits. Against a spring the force grows along the path, so
 // the work is F s + K s^2 / 2.
-double allowed_part(const LimitedTurn& limited, const Vector<World>& displacement_mm, double dt_s) {
+double allowed_fraction(const RotationLimits& limited, const Vector<World>& displacement_mm, double dt_s) {
   const double length_mm = displacement_mm.norm(), force_N = limited.sent_N.norm();
   const double max_mJ = kRotationSettings.max_power_mW * dt_s;
   double longest_mm = kRotationSettings.max_speed_mm_s * dt_s;
   if (limited.stiffest_N_per_mm > 0)
     longest_mm = std::min(longest_mm, kRotationSettings.max_step_N / limited.stiffest_N_per_mm);
-  double part = std::min(1.0, longest_mm / std::max(length_mm, 1e-12));
-  if (!(force_N > 0)) return part;
+  double fraction = std::min(1.0, longest_mm / std::max(length_mm, 1e-12));
+  if (!(force_N > 0)) return fraction;
   const double along_mm = limited.sent_N.dot(displacement_mm) / force_N;
-  if (along_mm == 0) return part;
+  if (along_mm == 0) return fraction;
   const double stiffness = along_mm > 0 ? limited.stiffness_N_per_mm : 0;
   const double max_mm = 2 * max_mJ / (force_N + std::sqrt(force_N * force_N + 2 * stiffness * max_mJ));
-  return std::min(part, max_mm / std::abs(along_mm));
+  return std::min(fraction, max_mm / std::abs(along_mm));
 }
 
 }  // namespace
@@ -70,8 +71,8 @@ bool is_rotation(const Eigen::Quaterniond& q) {
   return norm > 0.5 && norm < 2;
 }
 
-std::uint32_t turn_object(const Model& model, const Parameters& parameters,
-                          std::span<const DeviceState> devices, double dt_s, SessionState& state) {
+std::uint32_t rotate_object(const Model& model, const Parameters& parameters,
+                            std::span<const DeviceState> devices, double dt_s, SessionState& state) {
   // a new command starts from the current attitude
   const Eigen::Quaterniond& target = parameters.rotation_target;
   if (target.coeffs() != state.rotation_target.coeffs() && is_rotation(target)) {
@@ -82,34 +83,35 @@ std::uint32_t turn_object(const Model& model, const Parameters& parameters,
   if (state.rotation_elapsed_s >= kRotationSettings.interval_s || !(dt_s > 0)) return 0;
 
   // the largest rotation that every operator's limits allow
-  std::array<LimitedTurn, kMaxDevices> limited;
+  std::array<RotationLimits, kMaxDevices> limited;
   for (std::size_t d = 0; d < devices.size(); ++d)
-    limited[d] = held_by(model, parameters.device[d], devices[d], state.device[d]);
+    limited[d] = rotation_limits_of(model, parameters.device[d], devices[d], state.device[d]);
   const Eigen::Quaterniond before = state.rotation_applied;
   const double within_s = std::min(dt_s, kRotationSettings.max_tick_s);
-  std::uint32_t holding = 0;
+  std::uint32_t limiting_devices = 0;
   double step_s = dt_s;
   Eigen::Quaterniond rotation = rotation_after(state, state.rotation_elapsed_s + step_s);
   for (int tries = 0; tries < kRotationSettings.max_iterations; ++tries) {
-    double part = 1;
+    double fraction = 1;
     for (std::size_t d = 0; d < devices.size(); ++d) {
-      if (!limited[d].pushed) continue;
-      const double own = allowed_part(limited[d], displacement_of(limited[d], before, rotation), within_s);
-      if (own < 1) holding |= 1u << d;
-      part = std::min(part, own);
+      if (!limited[d].has_force) continue;
+      const double device_fraction =
+          allowed_fraction(limited[d], displacement_of(limited[d], before, rotation), within_s);
+      if (device_fraction < 1) limiting_devices |= 1u << d;
+      fraction = std::min(fraction, device_fraction);
     }
-    if (part >= 1 - 1e-6) break;
-    step_s *= part;
+    if (fraction >= 1 - 1e-6) break;
+    step_s *= fraction;
     rotation = rotation_after(state, state.rotation_elapsed_s + step_s);
   }
 
   // work on the operators
   for (std::size_t d = 0; d < devices.size(); ++d)
-    if (limited[d].pushed)
+    if (limited[d].has_force)
       state.device[d].turned_mJ += limited[d].sent_N.dot(displacement_of(limited[d], before, rotation));
   state.rotation_elapsed_s += step_s;
   state.rotation_applied = rotation;
-  return holding;
+  return limiting_devices;
 }
 
 }  // namespace palpate

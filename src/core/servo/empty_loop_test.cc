@@ -1,4 +1,4 @@
-#include "palpate/servo/bare_loop.h"
+#include "palpate/servo/empty_loop.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-TEST(BareLoop, MeasuresEveryTickOfItsTime) {
+TEST(EmptyLoop, MeasuresEveryScheduledTick) {
   LatencyHistogram lateness;
   const auto loop = measure_empty_loop(2000, 0.2, 50e-6, {.lock_memory = false}, lateness);
   ASSERT_TRUE(loop.ok()) << loop.error().message();
@@ -24,7 +24,7 @@ TEST(BareLoop, MeasuresEveryTickOfItsTime) {
   EXPECT_FALSE(loop->grant.memory_locked);
 }
 
-TEST(BareLoop, StopsWhenAsked) {
+TEST(EmptyLoop, StopsWhenAsked) {
   std::atomic<bool> stop = false;
   LatencyHistogram lateness;
   std::thread stopper([&] {
@@ -40,7 +40,7 @@ TEST(BareLoop, StopsWhenAsked) {
   EXPECT_LT(lateness.summary().n, 3'600'000u);
 }
 
-TEST(BareLoop, WhereNoThreadIsToBeHadItSaysSo) {
+TEST(EmptyLoop, ReportsThreadCreationFailure) {
   const test::NoThreads none;
   LatencyHistogram lateness;
   const auto loop = measure_empty_loop(1000, 0.1, 0, {.fifo = false, .lock_memory = false}, lateness);

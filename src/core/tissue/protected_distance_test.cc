@@ -1,4 +1,4 @@
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 
 #include <gtest/gtest.h>
 
@@ -31,8 +31,8 @@ TickRecord held_at(double z_mm) {
   return tick;
 }
 
-TEST(NearestMeter, TellsOfWhatWasCut) {
-  NearestMeter meter(spared_below());
+TEST(ProtectedDistanceMeter, ReportsZeroForCutStructures) {
+  ProtectedDistanceMeter meter(spared_below());
   meter.observe(Sweep{{0, 0, 8}, {1, 0, 8}, 2});
   EXPECT_TRUE(meter.nearest_mm().empty()) << "beyond what the distances tell";
   meter.observe(Sweep{{0, 0, 3}, {1, 0, 2.5}, 2});
@@ -43,8 +43,8 @@ TEST(NearestMeter, TellsOfWhatWasCut) {
   EXPECT_EQ(meter.nearest_mm().at(kBone), 0);
 }
 
-TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
-  NearestMeter meter(spared_below());
+TEST(ProtectedDistanceMeter, ReportsContactWithoutCutting) {
+  ProtectedDistanceMeter meter(spared_below());
   TickRecord tick = held_at(3);
   meter.observe(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 1, 0.01);
@@ -54,26 +54,26 @@ TEST(NearestMeter, TellsOfWhatItOnlyLeanedOn) {
   tick.device[1].proxy_patient_mm = {0, 0, 2.25};
   meter.observe(tick);
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.25, 0.01);
-  NearestMeter other(spared_below());
+  ProtectedDistanceMeter other(spared_below());
   other.observe(meter.nearest_mm());
   other.observe(held_at(3));
   EXPECT_EQ(other.nearest_mm(), meter.nearest_mm());
 }
 
-TEST(NearestMeter, CountsDevicesWhoseToolCutsAndWhoseMotorIsOn) {
+TEST(ProtectedDistanceMeter, CountsOnlyCuttingToolsWithRunningMotors) {
   Model model = spared_below();
   Tool& second = model.tools.emplace_back();
   second.radius_mm = 2;
   TickRecord tick = held_at(3.5);
   tick.devices = 2;
   tick.device[1].proxy_patient_mm = {0, 0, 2.25};
-  NearestMeter beside_probe(model);
+  ProtectedDistanceMeter beside_probe(model);
   beside_probe.observe(tick);
   EXPECT_NEAR(beside_probe.nearest_mm().at(kBone), 1.5, 0.01) << "a probe comes as near as it likes";
   // each device with its own head and pedal
   second.burr = BurrSettings{.pedal = 5};
   second.radius_mm = 1;
-  NearestMeter beside_burr(model);
+  ProtectedDistanceMeter beside_burr(model);
   tick.switches = 0;
   tick.device[0].buttons = 1u << 3;
   EXPECT_TRUE(motor_was_on(model, tick));
@@ -90,12 +90,12 @@ TEST(NearestMeter, CountsDevicesWhoseToolCutsAndWhoseMotorIsOn) {
   EXPECT_NEAR(beside_burr.nearest_mm().at(kBone), 1.25, 0.01);
 }
 
-TEST(NearestMeter, CountsAllOfACylinder) {
+TEST(ProtectedDistanceMeter, CountsTheWholeCylinder) {
   Model model = spared_below();
   model.tools[0].burr->spindle = Eigen::Vector3d(0, 0, 1);
   model.tools[0].burr->length_mm = 5;
   model.tools[0].burr->end_radius_mm = 1;
-  NearestMeter meter(model);
+  ProtectedDistanceMeter meter(model);
   TickRecord tick = held_at(7.5);
   // far end down in the patient, independent of the object's rotation
   const Eigen::Quaterniond object(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
@@ -109,9 +109,9 @@ TEST(NearestMeter, CountsAllOfACylinder) {
   EXPECT_NEAR(meter.nearest_mm().at(kBone), 0.5, 0.02);
 }
 
-TEST(NearestMeter, CountsOnlyABurrThatTurns) {
+TEST(ProtectedDistanceMeter, CountsOnlyARunningBurr) {
   const Model model = spared_below();
-  NearestMeter meter(model);
+  ProtectedDistanceMeter meter(model);
   TickRecord tick = held_at(2);
   tick.switches = 0;
   meter.observe(tick);
@@ -126,7 +126,7 @@ TEST(NearestMeter, CountsOnlyABurrThatTurns) {
   meter.observe(tick);
   EXPECT_TRUE(meter.nearest_mm().empty());
   // its pose is stale, and it keeps running
-  NearestMeter late(model);
+  ProtectedDistanceMeter late(model);
   tick.device[0].age_s = 0.9 * kCuttingSettings.motor_timeout_s;
   tick.device[0].flags = kFlagStale;
   late.observe(tick);

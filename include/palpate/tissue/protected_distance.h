@@ -18,14 +18,15 @@ bool motor_was_on(const Model& model, const TickRecord& tick);
 /// prepared surface, 0 if it touched or cut it. Undone strokes count. A structure has no value if the head
 /// stayed beyond the range of its distance field, in a session 10 mm from the centre of a ball or from the
 /// axis of a cylinder or cone.
-class NearestMeter {
+class ProtectedDistanceMeter {
  public:
   /// @param model  with nothing removed; protected structures prepared (ready_for)
-  explicit NearestMeter(const Model& model);
+  explicit ProtectedDistanceMeter(const Model& model);
 
   /// Includes the burr's position in a tick, whether it cut or only touched.
   void observe(const TickRecord& tick);
-  /// Includes a completed sweep: below other layers the burr cuts deeper than the tick reports.
+  /// Includes a completed sweep: in an inner layer the burr cuts deeper than the position reported in the
+  /// tick.
   void observe(const Sweep& sweep);
   /// Includes the results of another meter for the same structures.
   void observe(const std::map<LabelId, double>& nearest_mm);

@@ -1,4 +1,4 @@
-#include "palpate/servo/bare_loop.h"
+#include "palpate/servo/empty_loop.h"
 
 #include <chrono>
 #include <cmath>
@@ -18,12 +18,12 @@ constexpr auto kBareLoopPoll = std::chrono::milliseconds(5);
 
 }  // namespace
 
-Result<BareLoop> measure_empty_loop(double rate_hz, double seconds, double spin_s,
-                                    const RealtimeRequest& request, LatencyHistogram& lateness,
-                                    const Progress& progress) {
+Result<EmptyLoopResult> measure_empty_loop(double rate_hz, double seconds, double spin_s,
+                                           const RealtimeRequest& request, LatencyHistogram& lateness,
+                                           const Progress& progress) {
   PALPATE_CHECK(std::isfinite(seconds) && seconds >= 0);
   const auto points = static_cast<std::uint64_t>(std::llround(seconds * rate_hz));
-  BareLoop loop;
+  EmptyLoopResult loop;
   std::atomic<bool> stop{false};
   std::promise<void> done;
   const auto ended = done.get_future();
@@ -41,7 +41,7 @@ Result<BareLoop> measure_empty_loop(double rate_hz, double seconds, double spin_
     });
   } catch (const std::system_error& error) {
     return Error{ErrorKind::kUnavailable,
-                 std::string("cannot start a thread for a bare loop: ") + error.what(), "",
+                 std::string("cannot start a thread for the empty loop: ") + error.what(), "",
                  "close other programs, or raise the process limit (ulimit -u)"};
   }
   while (ended.wait_for(kBareLoopPoll) != std::future_status::ready)

@@ -12,7 +12,7 @@ Vector<Patient> random_vector(std::mt19937& random) {
   return {normal(random), normal(random), normal(random)};
 }
 
-TEST(Viscosity, TakesEnergyAndFadesTowardsTheSurface) {
+TEST(Viscosity, DissipatesAndFadesTowardsTheSurface) {
   std::mt19937 random(7);
   Tissue tissue;
   tissue.viscosity_N_s_per_mm = 0.002;

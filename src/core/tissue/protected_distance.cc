@@ -1,4 +1,4 @@
-#include "palpate/tissue/nearest.h"
+#include "palpate/tissue/protected_distance.h"
 
 #include <algorithm>
 
@@ -15,12 +15,12 @@ bool motor_was_on(const Model& model, const TickRecord& tick) {
   return false;
 }
 
-NearestMeter::NearestMeter(const Model& model)
+ProtectedDistanceMeter::ProtectedDistanceMeter(const Model& model)
     : X_WorldPatient_(model.X_WorldPatient), protected_(model.protected_structures) {
   for (std::size_t d = 0; d < kMaxDevices; ++d) tools_[d] = model.tool_of(d);
 }
 
-void NearestMeter::observe(const TickRecord& tick) {
+void ProtectedDistanceMeter::observe(const TickRecord& tick) {
   if (protected_.empty()) return;
   const bool switched_on = (tick.switches & kSwitchMotor) != 0;
   // without force the motor stands still, and without a proxy the burr's position is unknown
@@ -41,26 +41,27 @@ void NearestMeter::observe(const TickRecord& tick) {
 }
 
 // vector along the head's row of balls, in the object's frame at its current rotation
-Vector<Patient> NearestMeter::row_mm(const BurrSettings& burr, const TickRecord& tick,
-                                     const DeviceTick& device) const {
+Vector<Patient> ProtectedDistanceMeter::row_mm(const BurrSettings& burr, const TickRecord& tick,
+                                               const DeviceTick& device) const {
   if (!(burr.length_mm > 0)) return {};
   return tool_in_patient(X_WorldPatient_, tick, device, burr.spindle * burr.length_mm);
 }
 
-void NearestMeter::observe(const Sweep& sweep) {
+void ProtectedDistanceMeter::observe(const Sweep& sweep) {
   for (const ProtectedStructure& structure : protected_)
     for_balls_of(sweep, structure.surface->position().geometry().min_spacing_mm(),
                  [&](const Point<Patient>& at, double radius_mm) { observe(at, radius_mm, structure); });
 }
 
-void NearestMeter::observe(const std::map<LabelId, double>& nearest_mm) {
+void ProtectedDistanceMeter::observe(const std::map<LabelId, double>& nearest_mm) {
   for (const auto& [label, mm] : nearest_mm) {
     const auto [known, is_new] = nearest_mm_.try_emplace(label, mm);
     if (!is_new) known->second = std::min(known->second, mm);
   }
 }
 
-void NearestMeter::observe(const Point<Patient>& at, double radius_mm, const ProtectedStructure& structure) {
+void ProtectedDistanceMeter::observe(const Point<Patient>& at, double radius_mm,
+                                     const ProtectedStructure& structure) {
   const double distance_mm = structure.surface->distance_mm(at);
   if (distance_mm >= structure.surface->outside_mm()) return;
   const double gap_mm = std::max(0.0, distance_mm - radius_mm);

@@ -10,7 +10,7 @@
 namespace palpate {
 
 /// Result of measure_empty_loop(): ticks completed and skipped, and the real-time privileges granted.
-struct BareLoop {
+struct EmptyLoopResult {
   std::uint64_t ticks = 0;
   std::uint64_t skipped = 0;  ///< Grid points that passed without a tick; Pacer::skipped()
   RealtimeGrant grant;
@@ -21,8 +21,8 @@ struct BareLoop {
 /// if no thread could be created.
 /// @param lateness  receives for every tick the time at which wait() returned minus its scheduled time; may
 ///                  be read concurrently
-Result<BareLoop> measure_empty_loop(double rate_hz, double seconds, double spin_s,
-                                    const RealtimeRequest& request, LatencyHistogram& lateness,
-                                    const Progress& progress = {});
+Result<EmptyLoopResult> measure_empty_loop(double rate_hz, double seconds, double spin_s,
+                                           const RealtimeRequest& request, LatencyHistogram& lateness,
+                                           const Progress& progress = {});
 
 }  // namespace palpate

@@ -14,9 +14,9 @@ namespace palpate {
 
 /// The steps of building a model that take seconds. This class computes everything; a derived class may cache
 /// results between runs, which must be bit-identical.
-class Preparing {
+class ModelPreparation {
  public:
-  virtual ~Preparing() = default;
+  virtual ~ModelPreparation() = default;
 
   /// Calls prepare_ramps(), with its errors.
   virtual Result<Ramps> ramps(const Bricks<LabelId>& labels, const std::vector<RampStructure>& structures,
