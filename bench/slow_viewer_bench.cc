@@ -193,7 +193,7 @@ Session run_session(const LoadedScene& loaded, const Options& options, bool trou
     task->end = TaskEnd::kRecording;
     task->time_limit_s.reset();
     explore_options.training.tasks = {{"task", *std::move(task)}};
-    explore_options.training.have_to_fit = explore_options.training.begins_at_once = true;
+    explore_options.training.requires_all_tasks = explore_options.training.begins_with_first_tick = true;
   }
   std::optional<Drawing> drawing;
   if (troubled && renderer != nullptr) drawing.emplace(*renderer, loaded.model->labels->geometry());

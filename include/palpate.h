@@ -1,21 +1,20 @@
-/// palpate for programs in C, and for every language that calls C: models of segmented scans, and the forces
-/// on a tool that touches them.
+/// C interface of palpate: models of segmented scans, and contact forces on tools.
 ///
-/// Link libpalpate.so. docs/guide/c.md begins with a program.
+/// Link libpalpate.so. docs/guide/c.md starts with an example program.
 ///
 /// Units and frames. Lengths are mm, forces N, torques N mm about the tip, times s. Frames are those of
 /// docs/concepts/conventions.md: Patient is LPS (+x to the patient's left, +y posterior, +z superior), World
 /// is the workspace (+x right, +y forward, +z up, origin at the centre of the volume).
 ///
-/// Errors. A function returns PLP_OK, or an error status and changes nothing; plp_last_error() has the reason
-/// as text. No argument terminates the program: null pointers, non-finite numbers, sizes and indices out of
-/// range, and handles of another type are errors. A destroyed handle must not be used.
+/// Errors. A function returns PLP_OK, or an error status without side effects; plp_last_error() then returns
+/// the reason as text. No argument terminates the program: null pointers, non-finite numbers, sizes and
+/// indices out of range, and handles of another type are errors. A destroyed handle must not be used.
 ///
-/// Structs begin with their size. plp_X_init(&x, sizeof x) sets it and the defaults, so that a program keeps
-/// its meaning when a later library has members behind those that it knows.
+/// Structs begin with their size. plp_X_init(&x, sizeof x) sets it and the defaults, so that a compiled
+/// program stays compatible with a later library that appends members.
 ///
-/// Threads. A model may be used by any number of threads, a session, run or recording by one at a time, a
-/// loop as its functions say. Functions with the same handle are otherwise independent.
+/// Threads. A model may be used by any number of threads, a session, run or recording by one at a time; each
+/// function of a loop states its own rule. Functions with the same handle are otherwise independent.
 #ifndef PALPATE_H
 #define PALPATE_H
 
@@ -39,21 +38,21 @@
 extern "C" {
 #endif
 
-/// Version of the library, e.g. "1.0.0"; PLP_VERSION is that of the header. A program runs with any library
-/// of its soname, libpalpate.so.1, that is not older than its header.
+/// Version of the library, e.g. "1.0.0"; PLP_VERSION is the version of the header. A program runs with any
+/// library of its soname, libpalpate.so.1, that is not older than its header.
 PLP_API const char* plp_version(void);
 
 // ---- errors
 
 typedef enum plp_status {
   PLP_OK = 0,
-  PLP_BAD_INPUT = 1,      ///< An argument, a file or a setting that cannot be used as it is
-  PLP_USAGE = 2,          ///< Settings that do not go together
+  PLP_BAD_INPUT = 1,      ///< Invalid argument, file or setting
+  PLP_USAGE = 2,          ///< Inconsistent settings
   PLP_OUTPUT = 3,         ///< A file could not be written
   PLP_UNAVAILABLE = 4,    ///< A data set, a library or a thread is not available
-  PLP_INTERRUPTED = 5,    ///< Cancelled by plp_set_cancel_flag()'s flag
+  PLP_INTERRUPTED = 5,    ///< Cancelled through the flag of plp_set_cancel_flag()
   PLP_OUT_OF_MEMORY = 6,  ///< Nothing was changed
-  PLP_INTERNAL = 7        ///< A fault of the library
+  PLP_INTERNAL = 7        ///< Internal error of the library
 } plp_status;
 
 /// Reason for the latest error of the calling thread: "where: what", and the remedy in a second line. Empty
@@ -64,7 +63,7 @@ PLP_API const char* plp_last_error(void);
 /// plp_model_change, plp_model_cut, plp_model_sample and plp_simulate. They return PLP_INTERRUPTED, and
 /// change nothing, soon after `*flag` has become 1.
 /// @param flag  0 or 1, written by any thread and read without a lock until another flag is set; null: none,
-///              as at the beginning of a thread
+///              the initial state of every thread
 PLP_API void plp_set_cancel_flag(const uint8_t* flag);
 
 // ---- values
@@ -95,18 +94,18 @@ typedef enum plp_method {
   PLP_PROXY = 5
 } plp_method;
 
-/// Frame of poses that go in and wrenches that come out.
+/// Frame of input poses and output wrenches.
 typedef enum plp_frame { PLP_WORLD = 0, PLP_PATIENT = 1 } plp_frame;
 
-/// Bits of plp_record::flags that a host has to know; docs/reference/flags.md has all.
+/// Bits of plp_record::flags that a host must handle; docs/reference/flags.md lists all bits.
 typedef enum plp_flag {
   PLP_FLAG_CLAMPED = 1 << 0,     ///< The force exceeded the limit
   PLP_FLAG_NOT_FINITE = 1 << 1,  ///< A pose was not finite: the force was zero
   PLP_FLAG_OUTSIDE = 1 << 2,     ///< The tip is outside the volume
   PLP_FLAG_CONTACT = 1 << 4,     ///< A structure is in contact
-  PLP_FLAG_RAMP = 1 << 8,        ///< The force was ramping in or out, over half a second at the beginning
+  PLP_FLAG_RAMP = 1 << 8,        ///< The force was ramping in or out; the initial ramp takes 0.5 s
   PLP_FLAG_STALE = 1 << 9,       ///< The pose was older than 5 ms
-  PLP_FLAG_JUMP = 1 << 10        ///< The tip moved farther in one tick than a hand can: the force was zero
+  PLP_FLAG_JUMP = 1 << 10        ///< Implausible tip displacement within one tick: the force was zero
 } plp_flag;
 
 // ---- models
@@ -146,7 +145,7 @@ typedef struct plp_structure {
   uint32_t size;
   uint32_t label;  ///< 1 ... 65535
   const char* name;
-  int32_t tissue;  ///< Index into the tissues; -1: none, neither felt nor displayed
+  int32_t tissue;  ///< Index into the tissues; -1: no tissue, so neither touchable nor displayed
   uint8_t rgb[3];
   uint8_t reserved;  ///< 0
 } plp_structure;
@@ -186,8 +185,8 @@ PLP_API plp_status plp_model_create(const plp_labels* labels, const plp_tissue* 
 /// @param options       null: the defaults. Title and force limit are the scene's own
 PLP_API plp_status plp_model_load(const char* scene, const char* segmentation,
                                   const plp_model_options* options, plp_model** model);
-/// Next version: one tissue with other contact properties (stiffness, friction, viscosity). Immediate for the
-/// proxy; the field of a direct method is computed again.
+/// Creates the next version of a model, with changed contact properties (stiffness, friction, viscosity) of
+/// one tissue. Immediate for the proxy; for a direct method the field is recomputed.
 PLP_API plp_status plp_model_change(const plp_model* model, size_t tissue, const plp_tissue* properties,
                                     plp_model** next);
 
@@ -199,9 +198,9 @@ typedef struct plp_cut {
   double radius_mm;
 } plp_cut;
 PLP_API plp_status plp_cut_init(plp_cut* cut, size_t size);
-/// Next version: with the swept volume removed. The model must be prepared for the proxy.
+/// Creates the next version of a model, without the swept volume. The model must be prepared for the proxy.
 PLP_API plp_status plp_model_cut(const plp_model* model, const plp_cut* cuts, size_t count, plp_model** next);
-/// Frees a model; sessions, loops and versions that use it keep what they need. Null: nothing.
+/// Frees a model; sessions, loops and versions created from it stay valid. Null: no effect.
 PLP_API void plp_model_destroy(plp_model* model);
 
 typedef struct plp_model_info {
@@ -210,26 +209,26 @@ typedef struct plp_model_info {
   uint64_t content_hash;                ///< Hash of all data that determine forces
   const char* title;                    ///< Valid as long as the model
   int32_t dims[3];                      ///< Voxels along i, j, k
-  int32_t method;                       ///< plp_method of a session by default
+  int32_t method;                       ///< Default plp_method of sessions
   double spacing_mm[3];                 ///< Along i, j, k
   double direction[9];                  ///< By rows; its columns are the unit vectors of i, j, k in Patient
   double origin_mm[3];                  ///< Centre of voxel (0, 0, 0) in Patient
   double world_patient[16];             ///< Rigid map from Patient to World; homogeneous, by rows
   double max_force_N;                   ///< Limit of the model; infinite: none
-  uint32_t tissues, structures, tools;  ///< Numbers of each
-  uint32_t has_scan;                    ///< 0: there are labels alone
+  uint32_t tissues, structures, tools;  ///< Counts
+  uint32_t has_scan;                    ///< 0: labels only
 } plp_model_info;
 PLP_API plp_status plp_model_info_get(const plp_model* model, plp_model_info* info);
 /// A tissue or structure; names are valid as long as the model.
 PLP_API plp_status plp_model_tissue(const plp_model* model, size_t index, plp_tissue* tissue);
 PLP_API plp_status plp_model_structure(const plp_model* model, size_t index, plp_structure* structure);
 
-/// Field of a direct method at points in Patient: value, 0 in free space to 1 deep in the stiffest tissue,
-/// and gradient per mm. By the proxy: signed distance to the nearest felt surface, mm, negative inside and at
-/// most some millimetres, and its slope.
+/// Samples the field of a method at points in Patient. Direct methods: value, 0 in free space to 1 deep in
+/// the stiffest tissue, and gradient per mm. Proxy: signed distance to the nearest contact surface, mm,
+/// negative inside and clamped to a few millimetres, and its gradient.
 /// @param points_mm  3 * count numbers
 /// @param values     count numbers
-/// @param gradients  3 * count numbers; null: not wanted
+/// @param gradients  3 * count numbers; null: not returned
 PLP_API plp_status plp_model_sample(const plp_model* model, int32_t method, const double* points_mm,
                                     size_t count, double* values, double* gradients);
 /// Copies the labels, i fastest.
@@ -243,7 +242,7 @@ PLP_API plp_status plp_model_scan(const plp_model* model, const float** voxels, 
 /// A plane in Patient with a window of pixels on it.
 typedef struct plp_section {
   uint32_t size;
-  int32_t outlines;                ///< 0: structures have no outlines
+  int32_t outlines;                ///< 0: no outlines
   int32_t width_px, height_px;     ///< 1 ... 4096
   double centre_mm[3];             ///< Centre of the picture
   double right[3], down[3];        ///< Unit vectors to the picture's right and bottom, orthogonal
@@ -278,15 +277,15 @@ PLP_API plp_status plp_camera_init(plp_camera* camera, size_t size);
 /// Draws the structures in three dimensions, without a graphics card.
 /// @param rgb       3 bytes for each pixel, row 0 at the top
 /// @param bytes     3 * width_px * height_px
-/// @param depth_mm  width_px * height_px numbers: distance along the ray of the surface that is visible;
-///                  infinite: none. Null: not wanted
+/// @param depth_mm  width_px * height_px numbers: distance along the ray to the visible surface;
+///                  infinite: none. Null: not returned
 PLP_API plp_status plp_model_picture(const plp_model* model, const plp_camera* camera, uint8_t* rgb,
                                      size_t bytes, float* depth_mm);
 
 // ---- sessions: the host ticks
 
-/// Devices that touch a model, advanced by the host: no thread, no clock, and the same forces to the bit for
-/// the same inputs. A tick allocates and locks nothing, unless soft tissue is solved in it.
+/// Devices that touch a model, advanced by the host: no thread, no clock, and bitwise reproducible forces. A
+/// tick allocates and locks nothing, unless soft tissue is solved in it.
 typedef struct plp_session plp_session;
 
 /// Pose of a device.
@@ -295,7 +294,7 @@ typedef struct plp_pose {
   uint32_t buttons;            ///< Bit n: button n is held
   double tip_mm[3];            ///< In the session's frame
   double orientation_wxyz[4];  ///< Unit quaternion from the tool's axes to those of the session's frame
-  double age_s;                ///< Time since the pose was true; from 5 ms on the force fades
+  double age_s;                ///< Age of the pose; above 5 ms the force fades out
   uint32_t status;             ///< Bits: 1 device fault, 2 clutched, 4 halted
   uint32_t reserved;           ///< 0
 } plp_pose;
@@ -327,8 +326,8 @@ typedef struct plp_record {
   double force_world_N[3];
   double torque_world_Nmm[3];
   double tip_patient_mm[3];
-  double proxy_patient_mm[3];  ///< Tip as the surfaces constrain it
-  double normal_patient[3];    ///< Outward unit normal of all contacts together; 0 in free space
+  double proxy_patient_mm[3];  ///< Proxy: position of the tip constrained to the surfaces
+  double normal_patient[3];    ///< Outward unit normal of the combined contacts; 0 in free space
   double velocity_patient_mm_s[3];
   double depth_mm;           ///< Distance from the proxy to the tip; NaN: no surface within reach
   double field;              ///< Value of a direct method's field at the tip
@@ -354,11 +353,11 @@ typedef struct plp_session_options {
   int32_t friction;   ///< 0: off
   int32_t viscosity;  ///< 0: off
   int32_t passivity;  ///< 0: observed, not controlled
-  /// Solve yielding tissue within the ticks that need it, which takes milliseconds
+  /// Solve soft tissue synchronously within ticks, which then take milliseconds
   int32_t solve_soft_tissue;
   double max_force_N;             ///< Limit of the force
-  double max_torque_Nmm;          ///< Limit of the torque; 0: none is sent
-  double max_stiffness_N_per_mm;  ///< Stiffer tissue is rendered with this; infinite: no bound
+  double max_torque_Nmm;          ///< Limit of the torque; 0: no torque output
+  double max_stiffness_N_per_mm;  ///< Maximum rendered stiffness; infinite: no bound
   double continuous_force_N;      ///< Rating of the device for its thermal limit; NaN: none
   double position_step_mm;        ///< Encoder step; NaN: unknown
   double slew_N_per_s;            ///< Limit of the force's rate of change
@@ -370,7 +369,7 @@ PLP_API plp_status plp_session_create(const plp_model* model, const plp_session_
                                       plp_session** session);
 PLP_API void plp_session_destroy(plp_session* session);
 /// Advances by one tick.
-/// @param poses     one for each device; the first one's size is that of all
+/// @param poses     one for each device, each of the size of the first
 /// @param dt_s      duration since the last tick; not finite or negative: PLP_BAD_INPUT, zero wrenches, and
 ///                  the session is unchanged
 /// @param wrenches  one for each device, each of the size of the first
@@ -378,18 +377,18 @@ PLP_API plp_status plp_session_tick(plp_session* session, const plp_pose* poses,
                                     plp_wrench* wrenches);
 /// Advances by `ticks` ticks of one duration.
 /// @param poses     ticks * devices; the poses of one tick are consecutive
-/// @param wrenches  ticks * devices; null: not wanted
-/// @param records   ticks * devices, each of the size of the first; null: not wanted
+/// @param wrenches  ticks * devices; null: not returned
+/// @param records   ticks * devices, each of the size of the first; null: not returned
 PLP_API plp_status plp_session_run(plp_session* session, const plp_pose* poses, size_t ticks, double dt_s,
                                    plp_wrench* wrenches, plp_record* records);
 /// Record of the last tick. Error before the first.
 PLP_API plp_status plp_session_record(const plp_session* session, size_t device, plp_record* record);
 /// Resets the session: time 0, no contact; the model stays.
 PLP_API plp_status plp_session_reset(plp_session* session);
-/// Continues with a later version of the session's model; the force blends over.
+/// Switches to a later version of the session's model; the force is blended between the two.
 PLP_API plp_status plp_session_set_model(plp_session* session, const plp_model* model);
-/// Number of ticks since the beginning, and the hash over all of them: equal for equal runs, in every
-/// language.
+/// Number of ticks since creation or reset, and the hash over them: equal for equal runs in every language
+/// binding.
 PLP_API plp_status plp_session_hash(const plp_session* session, uint64_t* ticks, uint64_t* run_hash);
 
 // ---- runs: a simulated hand follows a script
@@ -399,9 +398,9 @@ typedef struct plp_run plp_run;
 
 typedef struct plp_run_options {
   uint32_t size;
-  int32_t method;           ///< plp_method at first
+  int32_t method;           ///< Initial plp_method
   const char* script_file;  ///< Palpation script (docs/guide/script.md); null: see script_text
-  const char* script_text;  ///< Its text; null: a script that suits the scene
+  const char* script_text;  ///< Script text; null: a default script planned for the scene
   const char* recording;    ///< HDF5 file to write; null: none
   int64_t seed;             ///< Seed of the hand's tremor; -1: the script's
   double max_force_N;       ///< NaN: the lesser of the device's continuous rating and 3 N
@@ -413,12 +412,12 @@ typedef struct plp_run_info {
   uint32_t size;
   uint32_t devices;
   uint64_t ticks;
-  uint64_t run_hash;  ///< Equal for equal runs: that of `palpate simulate`, too
+  uint64_t run_hash;  ///< Hash over all ticks; equal to that of `palpate simulate` for equal inputs
   uint64_t failed_steps;
   double rate_hz;
   double max_force_N;  ///< Largest force
   double limit_N;
-  uint64_t troubles;  ///< Number of sentences about failed steps and limits
+  uint64_t troubles;  ///< Number of problem messages (plp_run_trouble)
 } plp_run_info;
 
 /// Simulates a script on the virtual clock, as `palpate simulate` does.
@@ -429,14 +428,14 @@ PLP_API plp_status plp_run_info_get(const plp_run* run, plp_run_info* info);
 /// @param records  each of the size of the first
 PLP_API plp_status plp_run_records(const plp_run* run, size_t device, uint64_t first, size_t count,
                                    plp_record* records);
-/// A sentence about a failed step or a limit, valid as long as the run; null beyond the last.
+/// Message about a failed step or an unreachable force, valid as long as the run; null: index out of range.
 PLP_API const char* plp_run_trouble(const plp_run* run, size_t index);
 PLP_API void plp_run_destroy(plp_run* run);
 
 // ---- loops: palpate ticks
 
-/// A servo thread that ticks by itself. The host posts poses at any rate and reads the latest tick. A
-/// loop ignores the session option `slew_N_per_s` and does not solve soft tissue.
+/// Servo loop on its own thread. The host posts poses at any rate and reads the latest tick. A loop ignores
+/// the session option `slew_N_per_s` and does not solve soft tissue.
 typedef struct plp_loop plp_loop;
 
 typedef struct plp_loop_options {
@@ -449,21 +448,21 @@ PLP_API plp_status plp_loop_options_init(plp_loop_options* options, size_t size)
 
 /// @param options  null: the defaults
 PLP_API plp_status plp_loop_start(const plp_model* model, const plp_loop_options* options, plp_loop** loop);
-/// Hands over the latest pose of the tool, which is interpolated between two calls and is valid for 0.1 s.
-/// One thread at a time.
+/// Sets the target pose of the tool. The loop interpolates between successive poses; a pose expires after 0.1
+/// s. Call it from one thread at a time.
 PLP_API plp_status plp_loop_post(plp_loop* loop, const plp_pose* pose);
-/// The latest tick. Any thread; never delays the loop.
+/// Returns the latest tick. Callable from any thread; never delays the loop.
 PLP_API plp_status plp_loop_snapshot(const plp_loop* loop, plp_record* record);
 /// Continues with a later version of the loop's model. Any thread.
 PLP_API plp_status plp_loop_set_model(plp_loop* loop, const plp_model* model);
-/// No force from the next tick on, for good. Any thread.
+/// Switches the force off permanently from the next tick on. Callable from any thread.
 PLP_API plp_status plp_loop_emergency_stop(plp_loop* loop);
 
 typedef struct plp_loop_health {
   uint32_t size;
   int32_t running;  ///< 0: it has ended
   uint64_t ticks;
-  uint64_t skipped;  ///< Ticks that were due and omitted
+  uint64_t skipped;  ///< Number of missed ticks
   double rate_hz;    ///< Measured
   double on_time;    ///< Share of the ticks that were on time, 0 ... 1
   double lateness_p99_us, compute_p99_us;
@@ -471,13 +470,13 @@ typedef struct plp_loop_health {
 PLP_API plp_status plp_loop_health_get(const plp_loop* loop, plp_loop_health* health);
 /// Fades the force out and ends the thread. Takes a fifth of a second.
 PLP_API plp_status plp_loop_stop(plp_loop* loop);
-/// Stops and frees it. Null: nothing.
+/// Stops and frees a loop. Null: no effect.
 PLP_API void plp_loop_destroy(plp_loop* loop);
 
 // ---- recordings
 
-/// A recording of a run (docs/reference/recording.md), opened for reading. Reading runs in a confined process
-/// of its own, so that a damaged file is an error.
+/// A recording of a run (docs/reference/recording.md), opened for reading. It is parsed in a sandboxed
+/// process, so that a damaged file is an error and never a crash.
 typedef struct plp_recording plp_recording;
 
 typedef struct plp_recording_info {
@@ -490,8 +489,8 @@ typedef struct plp_recording_info {
   const char* data_set;  ///< Valid as long as the recording
   const char* title;
   const char* script;  ///< Text
-  int32_t complete;    ///< 0: the program ended before the run did
-  int32_t simulated;   ///< 0: a person held the tool
+  int32_t complete;    ///< 0: the recording was interrupted
+  int32_t simulated;   ///< 0: a physical device or a pointer moved the tool
 } plp_recording_info;
 
 PLP_API plp_status plp_recording_open(const char* file, plp_recording** recording);
@@ -500,7 +499,7 @@ PLP_API plp_status plp_recording_info_get(const plp_recording* recording, plp_re
 /// @param records  each of the size of the first
 PLP_API plp_status plp_recording_records(const plp_recording* recording, size_t device, uint64_t first,
                                          size_t count, plp_record* records);
-/// One number of every tick: a member of plp_record, such as "depth_mm" or "force_world_N".
+/// Reads one member of plp_record for every tick, such as "depth_mm" or "force_world_N".
 /// @param column  receives count * plp_field::count numbers
 PLP_API plp_status plp_recording_column(const plp_recording* recording, size_t device, const char* name,
                                         uint64_t first, size_t count, double* column);
@@ -514,7 +513,7 @@ typedef struct plp_field {
   int32_t type;  ///< plp_type
   const char* name;
   uint32_t offset;  ///< Bytes from the beginning of the struct
-  uint32_t count;   ///< Number of values; 1: no array
+  uint32_t count;   ///< Number of elements; 1: a scalar
 } plp_field;
 /// Member number `index` of a struct, e.g. "plp_record". Error beyond the last one.
 PLP_API plp_status plp_struct_field(const char* name, size_t index, plp_field* field);

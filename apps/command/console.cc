@@ -26,7 +26,7 @@ namespace palpate::app {
 namespace {
 
 // state of the current run; global because a signal handler accesses it
-std::atomic<bool> stop_requested{false}, stop_heard{false};
+std::atomic<bool> stop_requested{false}, stop_acknowledged{false};
 sem_t wake_up;  // posted when a stop is requested, and when the run ends
 
 extern "C" void request_stop(int signal) {
@@ -50,7 +50,7 @@ namespace detail {
 class StopWatch {
  public:
   explicit StopWatch(int err) {
-    stop_requested = stop_heard = false;
+    stop_requested = stop_acknowledged = false;
     ::sem_init(&wake_up, 0, 0);
     thread_ = std::thread([this, err] { watch(err); });
   }
@@ -69,7 +69,7 @@ class StopWatch {
     }
     const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(800);
     while (std::chrono::steady_clock::now() < deadline) {
-      if (run_ended_ || stop_heard) return;
+      if (run_ended_ || stop_acknowledged) return;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     abandon_outputs();
@@ -103,7 +103,7 @@ class Bar {
     drawn_ = now;
     constexpr int kWidth = 30;
     const int filled = static_cast<int>(kWidth * std::min(1.0, std::max(0.0, fraction)));
-    ::dprintf(terminal_, "\r\033[K%s [%s%s] %3d %%", fitted(printable_name(stage_), 34).c_str(),
+    ::dprintf(terminal_, "\r\033[K%s [%s%s] %3d %%", pad_or_truncate(printable_name(stage_), 34).c_str(),
               std::string(filled, '#').c_str(), std::string(kWidth - filled, ' ').c_str(),
               static_cast<int>(100 * fraction));
     shown_ = true;
@@ -116,7 +116,7 @@ class Bar {
     if (::poll(&screen, 1, 0) != 1) return;
     const std::string shown = printable_name(line);
     ::dprintf(terminal_, "\r\033[K%s",
-              fitted(shown, std::min(columns_of(shown), terminal_columns(terminal_))).c_str());
+              pad_or_truncate(shown, std::min(display_width(shown), terminal_columns(terminal_))).c_str());
     shown_ = true;
   }
   void clear() {
@@ -192,19 +192,19 @@ const Streams& Console::streams() const {
 
 Progress Console::progress() {
   Progress::Show show;
-  if (quiet) return {show, &stop_requested, &stop_heard};
+  if (quiet) return {show, &stop_requested, &stop_acknowledged};
   if (::isatty(state_->streams.err))
     show = [&bar = state_->bar](std::string_view stage, double fraction) { bar.show(stage, fraction); };
   else
     show = [&lines = state_->lines](std::string_view stage, double fraction) { lines.show(stage, fraction); };
-  return {show, &stop_requested, &stop_heard};
+  return {show, &stop_requested, &stop_acknowledged};
 }
 
 std::size_t Console::columns() const {
   return detail::terminal_columns(state_->streams.err);
 }
 
-void Console::live(const std::string& line) {
+void Console::show_status(const std::string& line) {
   if (quiet || !::isatty(state_->streams.err)) return;
   if (line.empty())
     state_->bar.clear();

@@ -40,7 +40,7 @@ class Console {
   Progress progress();  ///< Progress bar on stderr if that is a terminal, otherwise occasional lines
   /// Status line on stderr, truncated to the terminal's width. The next one replaces it and any other output
   /// erases it; an empty text only erases. No effect when quiet or without a terminal.
-  void live(const std::string& line);
+  void show_status(const std::string& line);
   /// Width available to a status line, in columns.
   std::size_t columns() const;
   Warn warn();                         ///< Prints "palpate: warning: ..." on stderr

@@ -57,15 +57,15 @@ std::vector<std::string> names_of_verbs(const CLI::App& app) {
 std::string suggestion_for(const Program& program, const std::string& word,
                            const std::vector<std::string>& verbs, bool first) {
   std::vector<std::string> others;
-  for (const OtherWord& other : program.other_words) others.emplace_back(other.word);
+  for (const VerbAlias& other : program.verb_aliases) others.emplace_back(other.word);
   const auto command = [&](const std::string& meant) {
-    for (const OtherWord& other : program.other_words)
+    for (const VerbAlias& other : program.verb_aliases)
       if (other.word == meant) return std::string(other.command);
     return std::string();
   };
   if (first && !command(word).empty()) return command(word);
-  const std::string verb = nearest(word, verbs);
-  return verb.empty() && first ? command(nearest(word, others)) : verb;
+  const std::string verb = closest_match(word, verbs);
+  return verb.empty() && first ? command(closest_match(word, others)) : verb;
 }
 
 bool exists(const std::string& path) {
@@ -74,7 +74,7 @@ bool exists(const std::string& path) {
 }
 
 /// Error for a command line that the parser rejected, with the word that most likely caused it.
-Error explain(const Program& program, const CLI::App& app, const CLI::ParseError& refusal) {
+Error describe_parse_error(const Program& program, const CLI::App& app, const CLI::ParseError& refusal) {
   const auto chosen = chosen_verbs(app);
   std::string command;
   std::vector<std::string> options;
@@ -94,7 +94,8 @@ Error explain(const Program& program, const CLI::App& app, const CLI::ParseError
   Error error{ErrorKind::kUsage, is_option ? "unknown option" : "unexpected argument", word, help};
   if (!is_option && !verbs.empty()) error.what = "unknown verb";
   const bool first = chosen.size() == 1 && !is_option;
-  const std::string meant = is_option ? nearest(word, options) : suggestion_for(program, word, verbs, first);
+  const std::string meant =
+      is_option ? closest_match(word, options) : suggestion_for(program, word, verbs, first);
   if (!meant.empty())
     error.remedy = "did you mean " + meant + "? " + help;
   else if (first && exists(word))
@@ -138,7 +139,7 @@ MeshPlacementOptions mesh_placement_options_of(const std::string& space, const s
   return placement_options;
 }
 
-/// Stops the program where kGlobalOptions and the parser's options of the program differ.
+/// Checks that kGlobalOptions and the parser's global options are the same.
 void check_global_options(const CLI::App& app) {
   std::size_t listed = 0;
   for (const GlobalOption& global : kGlobalOptions) {
@@ -281,7 +282,7 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
   } catch (const CLI::ParseError& error) {
     // help and version are reported as errors with exit code 0
     const bool requested = error.get_exit_code() == 0 && !is_help_on_unknown_verb(app);
-    return requested ? app.exit(error) : console.fail(explain(program, app, error));
+    return requested ? app.exit(error) : console.fail(describe_parse_error(program, app, error));
   }
   set_reading_limits(reading);
   placement_options.mesh = mesh_placement_options_of(mesh_space, mesh_unit);

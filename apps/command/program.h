@@ -17,7 +17,7 @@ class App;
 namespace palpate::app {
 
 /// A word known from other programs, and the equivalent command.
-struct OtherWord {
+struct VerbAlias {
   std::string_view word;
   const char* command;
 };
@@ -32,9 +32,8 @@ struct Companion {
 struct GlobalOption {
   const char* name;
   bool has_value;
-  bool is_passed_on;     ///< to the processes that `palpate cohort` starts
-  bool changes_results;  ///< files are read otherwise, so that what was made without it counts as another
-                         ///< result
+  bool is_passed_on;     ///< Passed on to the processes that `palpate cohort` starts
+  bool changes_results;  ///< Affects how files are read, so results made without it are not reused
 };
 /// All of them but help and version; run() checks that the parser has the same.
 inline constexpr std::array kGlobalOptions{
@@ -48,7 +47,7 @@ struct Program {
   const char* examples;  ///< Shown below the help
   std::vector<void (*)(CLI::App&, Run&)> verbs;
   std::vector<Companion> companions;
-  std::span<const OtherWord> other_words;  ///< Suggestions for unknown verbs
+  std::span<const VerbAlias> verb_aliases;  ///< Suggestions for unknown verbs
 };
 
 /// Runs one command line: parses it, runs its verb and flushes the output. Reading limits, mesh placement,

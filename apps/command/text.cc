@@ -15,7 +15,7 @@ bool continues(char c) {
 }
 
 // optimal string alignment distance (insert, remove, replace, swap neighbours), with three rows of the table
-std::size_t edits_between(const std::string& a, const std::string& b) {
+std::size_t edit_distance(const std::string& a, const std::string& b) {
   std::vector<std::size_t> before(b.size() + 1), above(b.size() + 1), row(b.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t{0});
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -32,19 +32,19 @@ std::size_t edits_between(const std::string& a, const std::string& b) {
 
 }  // namespace
 
-std::size_t columns_of(const std::string& text) {
+std::size_t display_width(const std::string& text) {
   return text.size() - static_cast<std::size_t>(std::count_if(text.begin(), text.end(), continues));
 }
 
-std::string fitted(std::string text, std::size_t width) {
-  if (columns_of(text) > width) {
-    while (columns_of(text) > width - 1) {
+std::string pad_or_truncate(std::string text, std::size_t width) {
+  if (display_width(text) > width) {
+    while (display_width(text) > width - 1) {
       while (continues(text.back())) text.pop_back();
       text.pop_back();
     }
     text += "…";
   }
-  return text + std::string(width - columns_of(text), ' ');
+  return text + std::string(width - display_width(text), ' ');
 }
 
 void print_wrapped(std::ostream& out, const std::string& text, const std::string& first,
@@ -65,11 +65,11 @@ void print_wrapped(std::ostream& out, const std::string& text, const std::string
   out << line << '\n';
 }
 
-std::string nearest(const std::string& word, const std::vector<std::string>& candidates) {
+std::string closest_match(const std::string& word, const std::vector<std::string>& candidates) {
   std::string best;
   std::size_t fewest = std::min<std::size_t>(3, (word.size() + 1) / 2);
   for (const std::string& candidate : candidates) {
-    const std::size_t edits = edits_between(word, candidate);
+    const std::size_t edits = edit_distance(word, candidate);
     if (edits >= fewest) continue;
     fewest = edits;
     best = candidate;

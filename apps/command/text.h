@@ -7,10 +7,10 @@
 namespace palpate::app {
 
 /// Width of a UTF-8 text on a terminal, in columns.
-std::size_t columns_of(const std::string& text);
+std::size_t display_width(const std::string& text);
 
 /// Pads the text with spaces, or truncates it with an ellipsis, to a width in columns.
-std::string fitted(std::string text, std::size_t width);
+std::string pad_or_truncate(std::string text, std::size_t width);
 
 /// Prints a text broken at spaces so that no line passes 100 columns.
 /// @param first   before the first line
@@ -20,6 +20,6 @@ void print_wrapped(std::ostream& out, const std::string& text, const std::string
 
 /// The candidate of which a word is most likely a misspelling; empty if none is close. Close means at most
 /// two letters inserted, removed, replaced or swapped, and less than half of the word.
-std::string nearest(const std::string& word, const std::vector<std::string>& candidates);
+std::string closest_match(const std::string& word, const std::vector<std::string>& candidates);
 
 }  // namespace palpate::app

@@ -11,8 +11,8 @@ struct LoadedScene;
 
 namespace palpate::app {
 
-/// DICOM study of the scan of a scene, if identifiers are to be kept; empty otherwise. Errors: the scene has
-/// no scan, or the scan is not DICOM.
+/// DICOM study that an export of the scene attaches to; empty unless `keep_identifiers`. Errors: the scene
+/// has no scan, or the scan is not DICOM.
 Result<std::optional<DicomAttachment>> attachment_of(const LoadedScene& loaded, bool keep_identifiers);
 
 }  // namespace palpate::app

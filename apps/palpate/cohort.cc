@@ -18,7 +18,7 @@
 #include "palpate/base/printable.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate_version.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -50,7 +50,7 @@ int print_json(const DeviceRegistry& known) {
 
 int print_text(const DeviceRegistry& known) {
   const auto row = [](const std::string& name, const std::string& what) {
-    std::printf("%s %s\n", fitted(name, 16).c_str(), what.c_str());
+    std::printf("%s %s\n", pad_or_truncate(name, 16).c_str(), what.c_str());
   };
   for (const OwnDevice& own : kOwn) row(own.name, own.what);
   for (const DeviceVendor& vendor : known.all()) {
@@ -76,8 +76,8 @@ void add_devices(CLI::App& app, Run& run) {
   verb->footer(
       "Example:\n"
       "  palpate devices\n\n"
-      "No device moves or gives force. palpate doctor shows what a device lacks on this machine and how to\n"
-      "provide it; docs/reference/devices.md lists the requirements of each device.");
+      "No device moves or applies force. palpate doctor shows what a device lacks on this machine and how\n"
+      "to provide it; docs/reference/devices.md lists the requirements of each device.");
   verb->callback([json, about, &run] {
     run = [json, about](Console& console) {
       const auto known = known_devices(*about);

@@ -83,7 +83,7 @@ void print_report(const DoctorReport& report) {
 void add_doctor(CLI::App& app, Run& run) {
   auto options = std::make_shared<DoctorArguments>();
   CLI::App* verb = app.add_subcommand("doctor", "Check this computer for use with a force-feedback device");
-  verb->add_flag("--json", options->json, "Print JSON, to attach to a question");
+  verb->add_flag("--json", options->json, "Print JSON, to attach to a bug report");
   verb->add_option("--seconds", options->settings.timer_s,
                    "Duration of the clock measurement in seconds; default: 5")
       ->check(number_between(0.1, 600));
@@ -101,8 +101,9 @@ void add_doctor(CLI::App& app, Run& run) {
       "  palpate doctor\n"
       "  palpate doctor --device haply --json\n"
       "  palpate doctor --hold touch\n\n"
-      "Only --hold gives force, and it asks first; otherwise nothing moves and nothing is changed. --hold\n"
-      "measures the delay and the stiffness that a hand holds stably, and explore uses the result. Every "
+      "Only --hold applies force, after confirmation; otherwise nothing moves and nothing is changed.\n"
+      "--hold measures the delay and the stiffness that a hand holds stably, and explore uses the result. "
+      "Every "
       "line\n"
       "that reports a problem says how to solve it. The exit code is 1 if a requirement is missing: "
       "permissions\n"
@@ -118,7 +119,7 @@ void add_doctor(CLI::App& app, Run& run) {
       const auto known = known_devices(options->about_devices, nullptr, options->settings.devices);
       if (!known) return console.fail(known.error());
       if (!options->hold.empty())
-        return hold_by_hand(*known, options->hold, options->hold_rate_hz, options->json, console);
+        return record_grip_trial(*known, options->hold, options->hold_rate_hz, options->json, console);
       const auto report = examine(*known, options->settings, console.progress());
       if (!report) return console.fail(report.error());
       if (options->json)

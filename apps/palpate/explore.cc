@@ -13,18 +13,18 @@
 #include "apps/command/signals.h"
 #include "apps/command/text.h"
 #include "grip_records.h"
-#include "inputs.h"
+#include "input_files.h"
 #include "known_devices.h"
+#include "page_server.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
 #include "palpate/device/rendered_stiffness.h"
 #include "palpate/device/settings.h"
 #include "palpate/server/viewer_server.h"
 #include "palpate/tracker/tracker_driver.h"
-#include "palpation.h"
 #include "recorded_runs.h"
-#include "scored.h"
-#include "serving.h"
+#include "scene_options.h"
+#include "scoring.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -59,7 +59,7 @@ Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
                  "the pointer is moved in the viewer, and --no-viewer turns the viewer off", "--device",
                  "leave out --no-viewer"};
   if (options.devices.front() == kRos2Hand && !options.serving.ros2)
-    return Error{ErrorKind::kUsage, "a hand of ROS 2 is moved by a node, and the session is not published",
+    return Error{ErrorKind::kUsage, "a ROS 2 node moves the tip only in a session published to ROS 2",
                  "--device", "give --ros2 DOMAIN, too"};
   if (options.navigation && std::ranges::find(options.devices, kTracker) == options.devices.end())
     return Error{ErrorKind::kUsage, "the options of a tracked tool need a tracker", "--registration",
@@ -140,7 +140,7 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, ViewerFau
   session.repeat = options.repeat;
   if (!options.no_supervisor) session.supervisor = {"/proc/self/exe", "supervise"};
   session.supervisor_log = options.supervisor_log.value_or("");
-  // questions appear in the live line and are answered by a key
+  // consent questions appear in the status line and are answered by a key
   session.has_operator = keys.active() && ::isatty(console.streams().err) == 1 && !console.quiet;
   session.request = [&keys, &faults, &console] {
     faults.show_next(console);
@@ -177,12 +177,13 @@ void note_rendered_stiffness(const LoadedScene& loaded, Console& console) {
   const double factor = RenderedStiffness(loaded.scene.workspace).at_device(1);
   if (factor == 1) return;
   char text[120];
-  std::snprintf(text, sizeof text, "felt stiffness, scale x force gain = %g times the tissue's:", factor);
+  std::snprintf(text, sizeof text,
+                "rendered stiffness = scale x force gain = %g times that of the tissue:", factor);
   console.note(text);
   for (const Tissue& tissue : loaded.model->tissues) {
     if (!tissue.touchable) continue;
     std::snprintf(text, sizeof text, " %.3g N/mm", factor * tissue.stiffness_N_per_mm);
-    console.note("  " + fitted(tissue.name, 24) + text);
+    console.note("  " + pad_or_truncate(tissue.name, 24) + text);
   }
 }
 
@@ -214,7 +215,7 @@ std::string state_of(std::uint32_t flags, bool pointer) {
                          {kFlagClutched, "clutched"},
                          {kFlagInside, "inside"},
                          {kFlagWedged, "wedged"},
-                         {kFlagNoGo, "kept away"},
+                         {kFlagNoGo, "no-go"},
                          {kFlagThermal, "cooling"},
                          {kFlagClamped, "clamped"},
                          {kFlagPassivity, "damped"},
@@ -262,25 +263,25 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
   // shown permanently, after the reason for a stop
   if (status.navigation) unusual += tip_error_text(*status.navigation);
   const auto add = [&](const std::string& part) {
-    const std::size_t beside = columns_of(force) + for_structure + columns_of(unusual);
-    if (beside + columns_of(part) <= columns) unusual += part;
+    const std::size_t beside = display_width(force) + for_structure + display_width(unusual);
+    if (beside + display_width(part) <= columns) unusual += part;
   };
   if (status.heat >= 0.005) add(" heat " + std::to_string(std::lround(100 * status.heat)) + "%");
   if (status.method != ForceMethod::kProxy) add(" " + std::string(name_of(status.method)));
   if (!status.task.empty()) add(" task " + std::to_string(std::lround(status.task_s)) + " s");
-  if (status.method_awaited) add(" (making " + std::string(name_of(*status.method_awaited)) + ")");
+  if (status.method_awaited) add(" (preparing " + std::string(name_of(*status.method_awaited)) + ")");
   if (status.skipped > 0) add(" skip " + std::to_string(status.skipped));
   if (status.dropped > 0) add(" drop " + std::to_string(status.dropped));
   std::string line;
   std::size_t left = 0;
   for (const std::string& usual :
        {std::string(time) + rate + late_part + force, std::string(time) + rate + force, std::string(force)}) {
-    const std::size_t used = columns_of(usual) + columns_of(unusual);
+    const std::size_t used = display_width(usual) + display_width(unusual);
     left = columns > used ? columns - used : 0;
     line = usual;
     if (left >= for_structure) break;
   }
-  return line + fitted(status.structure, std::max(for_structure, left)) + unusual;
+  return line + pad_or_truncate(status.structure, std::max(for_structure, left)) + unusual;
 }
 
 // prints notes at the first call, then the live line; reports once that a recording ended, and each method
@@ -303,7 +304,7 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
       }
     const std::string problems = s.device_failure ? s.device_failure->message() : "";
     if (problems != reported_failure)
-      console.warn()(problems.empty() ? "the device is back" : problems + "\n  no force until then");
+      console.warn()(problems.empty() ? "the device is ready again" : problems + "\n  no force until then");
     reported_failure = problems;
     if (first && !address.empty()) console.note("to see it, open " + address);
     first = false;
@@ -334,7 +335,7 @@ std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& opt
     if (!method.empty() && method != reported_method) console.warn()(method);
     reported_method = method;
     if (s.refusal) console.warn()(s.refusal->message());
-    console.live(s.question ? "y / n? " + s.question->text : live_line(s, console.columns()));
+    console.show_status(s.question ? "y / n? " + s.question->text : live_line(s, console.columns()));
   };
 }
 
@@ -407,13 +408,13 @@ void print_tip_error(const ViewedNavigation& navigation) {
   if (navigation.tip)
     std::printf("error of the tracked tip %.3f mm (TRE, root mean square), below %.3f in 95 of 100 cases%s\n",
                 navigation.tip->rms_mm, navigation.tip->max_mm,
-                navigation.tip->is_far ? "; far outside the points that were touched" : "");
+                navigation.tip->is_far ? "; far outside the registration points" : "");
   else
     std::printf("error of the tracked tip (TRE) unknown\n");
   std::printf("residual at the points %.3f mm (FRE)\n", navigation.fre_mm);
 }
 
-// limits the number of warnings, because a repeating script causes the same trouble in each repetition
+// limits the number of warnings, because a repeating script causes the same problems in each repetition
 void warn_of_problems(std::vector<std::string> problems, const std::string& declared, Console& console) {
   constexpr std::size_t kMaxWarnings = 10;
   std::erase_if(problems, [&](const std::string& one) { return declared.find(one) != std::string::npos; });
@@ -438,9 +439,9 @@ Result<TrainingOptions> training_of(const ExploreArguments& options, const Loade
       console.warn()("the task is made for " + printable_name(data_set) +
                      ", and the scene here is a different one");
     training.tasks.push_back(*std::move(task));
-    training.have_to_fit = true;
+    training.requires_all_tasks = true;
     // a person starts the task when ready, from the page or by a key
-    training.begins_at_once = options.devices.front() == kSimulatedHand || options.no_viewer;
+    training.begins_with_first_tick = options.devices.front() == kSimulatedHand || options.no_viewer;
   } else if (!loaded.data_set.empty() && !options.no_viewer && !options.serving.publishes()) {
     // a published session has no tasks: a receiver would see what a task hides
     for (const EmbeddedFile& file : embedded_tasks()) {
@@ -513,7 +514,7 @@ int explore_target(ExploreArguments options, Console& console) {
   // a scene without touchable tissue can still be viewed in the page
   const auto touchable = require_touchable_tissue(*loaded);
   if (!touchable && (options.script || options.no_viewer)) return console.fail(touchable.error());
-  if (!touchable) console.note("nothing in the scene can be felt yet: it is only shown in the page");
+  if (!touchable) console.note("the scene has no touchable tissue yet: it is only displayed in the page");
   if (!touchable) options.devices = {kPointer};
   const bool pointer = options.devices.front() == kPointer || options.devices.front() == kRos2Hand;
   const auto script = script_of(options.script);
@@ -540,7 +541,8 @@ int explore_target(ExploreArguments options, Console& console) {
   session.devices = options.devices;
   session.training = *training;
   // task for which the session was started; from the tasks that a page offers any may be started
-  if (training->have_to_fit) session.run.task = recorded_task(training->tasks.front(), loaded->data_set);
+  if (training->requires_all_tasks)
+    session.run.task = recorded_task(training->tasks.front(), loaded->data_set);
   session.plan = plan;
   session.navigation = options.navigation;
   const auto figures = stored_grip_figures();
@@ -550,7 +552,7 @@ int explore_target(ExploreArguments options, Console& console) {
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
                               status_for(options, address, declared, tracked, console));
   keys.reset();
-  console.live("");
+  console.show_status("");
   if (!result) return console.fail(result.error());
   if (result->stopped_by_user) console.note("stopped");
   if (plan && !plan->viewed()->saved)
@@ -577,9 +579,9 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
                    "Palpation script (TOML); default: one planned for the scene");
   verb->add_option(
           "--device", options.devices,
-          "Device to feel with: simulated (a hand that follows the script), pointer (moved by a "
+          "Device that moves the tip: simulated (a hand that follows the script), pointer (moved by a "
           "viewer in the page), ros2 (moved by a node, with --ros2), the name of a device (palpate "
-          "devices), or plugin=FILE (a driver of yours, docs/guide/plug-ins.md); may be repeated, up to "
+          "devices), or plugin=FILE (your own driver, docs/guide/plug-ins.md); may be repeated, up to "
           "4 devices; default: simulated")
       ->allow_extra_args(false);
   add_device_options(*verb, options.about_devices);
@@ -593,12 +595,12 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
   verb->add_option("-o,--output", options.recording, "Recording to write (HDF5)");
   verb->add_option(
       "-t,--task", options.task,
-      "Task to train, scored while it is done: a file or the name of a task (palpate task "
+      "Task to train, scored live: a file or the name of a task (palpate task "
       "list); default: the page offers the tasks made for the scene, unless the session is published "
       "by OpenIGTLink");
   verb->add_option("--learner", options.learner, "Pseudonym of the learner whose runs are recorded")
       ->check(CLI::Validator(
-          [](const std::string& name) { return name.empty() ? "a learner has a name" : ""; }, ""));
+          [](const std::string& name) { return name.empty() ? "the pseudonym must not be empty" : ""; }, ""));
   verb->add_option("--records", options.records, "File of training records (palpate records --help)");
   verb->add_option("--plan", options.plan,
                    "Plan to rehearse (palpate plan --help), shown and edited in the page; a file that does "
@@ -659,10 +661,10 @@ void add_explore(CLI::App& app, Run& run) {
       "(docs/concepts/methods.md). With a burr, b switches the motor, u undoes the last stroke and d redoes\n"
       "it (docs/guide/burr.md). t starts and ends a run of a task (docs/tutorials/training.md); with a\n"
       "simulated hand the run starts with the session. While a force-feedback device is stopped, a\n"
-      "six-digit code is shown with which it can be rearmed once from the page. While a device may give\n"
+      "six-digit code is shown with which it can be rearmed once from the page. While a device can apply\n"
       "force, a viewer's request for a change is shown instead of the status line: y accepts, n declines.\n"
       "Ctrl-C (SIGINT) or SIGTERM is the usual end of an open session: the force fades out, the\n"
-      "recording is finished, the figures are printed, and the exit code is 0. A second one ends the\n"
+      "recording is finished, the figures are printed, and the exit code is 0. A second signal ends the\n"
       "program at once. Ctrl-Z is ignored, because a device would keep its last force.\n"
       "A full disk ends the recording, not the session; the exit code is then 4.\n"
       "docs/guide/explore.md: real-time privileges, and how to read the figures.\n"

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "attachment.h"
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
@@ -12,7 +12,7 @@
 #include "palpate/volume/volume.h"
 #include "palpate/volume_io/dicom_export.h"
 #include "palpate/volume_io/volume_io.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -89,9 +89,11 @@ int export_label_map(const ExportOptions& options, Console& console) {
     if (!found) return console.fail(found.error());
     read = *std::move(found);
   }
-  const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
-  const auto labels = read_labels(options.source, options.made_with.names, progress, console.warn(), doubtful,
-                                  VoxelCaching::kOff, read ? &read->scan.geometry() : nullptr, {}, scan);
+  const AmbiguousLabels ambiguous =
+      read_as() == ReadAs::kLabels ? AmbiguousLabels::kWarn : AmbiguousLabels::kReject;
+  const auto labels =
+      read_labels(options.source, options.made_with.names, progress, console.warn(), ambiguous,
+                  VoxelCaching::kOff, read ? &read->scan.geometry() : nullptr, {}, scan);
   if (!labels) return console.fail(labels.error());
   console.note(origin_of_names(*labels));
   if (read)
@@ -116,7 +118,7 @@ int export_labels(const ExportOptions& options, const RecordingSource& recording
   if (scene.target.empty()) scene.target = recording.head().header.data_set;
   const auto layers = labels_of_scene(scene, *loaded->model, progress);
   if (!layers) return console.fail(layers.error());
-  const auto left = labels_left(recording, *loaded->model, *layers ? &**layers : nullptr, progress);
+  const auto left = remaining_labels(recording, *loaded->model, *layers ? &**layers : nullptr, progress);
   if (!left) {
     Error error = left.error();
     if (error.where.empty()) error.where = options.source.string();

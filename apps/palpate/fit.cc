@@ -86,7 +86,7 @@ void add_fit(CLI::App& app, Run& run) {
   verb->add_option("-t,--thickness", options->thickness_mm, "Thickness of the specimen in mm; default: thick")
       ->check(number_between(0.01, 1000));
   verb->add_option("-b,--base", options->base,
-                   "What the specimen lies on: bonded to a plate, sliding on it, or thick: too far to matter")
+                   "What the specimen lies on: bonded to a plate, sliding on it, or thick: without influence")
       ->check(CLI::IsMember({"thick", "bonded", "sliding"}));
   verb->add_option("--poissons-ratio", options->fit.poissons_ratio,
                    "Poisson's ratio, which indentation does not determine")
@@ -95,9 +95,8 @@ void add_fit(CLI::App& app, Run& run) {
   verb->add_option("--law", options->law, "Fit this law only; default: the simplest that explains the data")
       ->check(CLI::IsMember({"elastic", "neo-hookean", "exponential"}));
   verb->add_flag("--find-contact", options->fit.find_contact,
-                 "Depths do not begin at first contact: fit where it is");
-  verb->add_flag("--no-relaxation", options->no_relaxation,
-                 "Ignore that the force decays while depth is held");
+                 "Also fit the depth of first contact, because the depths do not start there");
+  verb->add_flag("--no-relaxation", options->no_relaxation, "Ignore stress relaxation at constant depth");
   verb->add_option("-p,--picture", options->picture, "Draw data and fit (SVG)")->type_name("FILE");
   verb->add_option("-o,--output", options->toml, "Also write the tissue's keys to a file (TOML)")
       ->type_name("FILE");
@@ -106,7 +105,7 @@ void add_fit(CLI::App& app, Run& run) {
       "  palpate fit curves.csv --radius 4\n"
       "  palpate fit curves.csv --radius 4 --thickness 15 --base bonded --picture fit.svg\n"
       "  palpate fit curves.csv --radius 3 --find-contact --law exponential -o liver.toml\n\n"
-      "The printed keys go into a [[tissue]] of a scene as they stand. docs/guide/fit.md.");
+      "The printed keys can be pasted unchanged into a [[tissue]] of a scene. docs/guide/fit.md.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_fit(*options, console); }; });
 }

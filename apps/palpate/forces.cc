@@ -3,11 +3,11 @@
 #include <optional>
 #include <vector>
 
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/output.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/rendering/rendering.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -94,8 +94,8 @@ void add_forces(CLI::App& app, Run& run) {
       ->check(CLI::IsMember({"axial", "coronal", "sagittal"}))
       ->capture_default_str();
   verb->add_option("--at", options->at,
-                   "Centre of the picture: patient coordinates in mm, LPS; default: the place where a hand "
-                   "would touch the first structure that can be felt")
+                   "Centre of the picture: patient coordinates in mm, LPS; default: the point at which "
+                   "a simulated hand touches the first touchable structure")
       ->delimiter(',')
       ->expected(3)
       ->check(number_between(-1e6, 1e6))

@@ -118,8 +118,8 @@ DeviceRegistry with_grip_figures(const DeviceRegistry& known, const GripFiguresB
   return all;
 }
 
-int hold_by_hand(const DeviceRegistry& known, const std::string& name, double rate_hz, bool json,
-                 Console& console) {
+int record_grip_trial(const DeviceRegistry& known, const std::string& name, double rate_hz, bool json,
+                      Console& console) {
   const DeviceVendor* vendor = known.find(name);
   const bool is_simulated = name == kSimulatedHand;
   if (!is_simulated && !vendor) return console.fail(check_devices({name}, known).error());

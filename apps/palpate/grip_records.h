@@ -19,7 +19,7 @@ DeviceRegistry with_grip_figures(const DeviceRegistry& known, const GripFiguresB
                                  double rate_hz);
 
 /// Implements `palpate doctor --hold NAME`; returns the exit code.
-int hold_by_hand(const DeviceRegistry& known, const std::string& name, double rate_hz, bool json,
-                 Console& console);
+int record_grip_trial(const DeviceRegistry& known, const std::string& name, double rate_hz, bool json,
+                      Console& console);
 
 }  // namespace palpate::app

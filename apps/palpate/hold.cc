@@ -6,11 +6,11 @@
 #include <optional>
 #include <vector>
 
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
 #include "palpate/stability/stability.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -221,7 +221,7 @@ void add_options(CLI::App& verb, HoldOptions& options) {
 void add_hold(CLI::App& app, Run& run) {
   auto options = std::make_shared<HoldOptions>();
   CLI::App* verb =
-      app.add_subcommand("hold", "Measure how much a tip buzzes that a simulated hand holds still");
+      app.add_subcommand("hold", "Measure the residual vibration of a tip that a simulated hand holds still");
   add_options(*verb, *options);
   verb->footer(
       "Examples:\n"

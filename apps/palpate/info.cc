@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "apps/command/text.h"
-#include "leaky.h"
+#include "leak_text.h"
 #include "palpate/base/reading.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate/json/json.h"
@@ -17,7 +17,7 @@
 #include "palpate/tissue/soft_tissue_solver.h"
 #include "palpate/volume_io/identifiers.h"
 #include "palpate/volume_io/volume_io.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -78,7 +78,7 @@ Info of_scan(const ScanFile& scan) {
 Result<Info> inspect(const InfoOptions& options, Console& console) {
   if (options.labels) {
     auto labels =
-        read_labels(options.file, options.names, console.progress(), console.warn(), Doubtful::kWarnedOf);
+        read_labels(options.file, options.names, console.progress(), console.warn(), AmbiguousLabels::kWarn);
     return labels ? of_labels(*std::move(labels), console) : labels.error();
   }
   if (options.scan) {
@@ -188,7 +188,7 @@ std::vector<std::string> oddities(const Info& info) {
     odd.push_back("in several parts, with the number and voxels of the parts other than the largest: " +
                   joined(strays));
   if (!info.leaks.empty())
-    odd.push_back(leaky_text(info.leaks, [&](LabelId id) { return name_of(info, id); }));
+    odd.push_back(describe_leaks(info.leaks, [&](LabelId id) { return name_of(info, id); }));
   return odd;
 }
 
@@ -231,8 +231,8 @@ void print_row(std::ostream& out, const std::string& id, const std::string& name
   const auto right = [](const std::string& text, std::size_t width) {
     return std::string(width - std::min(width, text.size()), ' ') + text;
   };
-  out << right(id, 5) << "  " << fitted(name, name_width) << ' ' << right(voxels, 10) << ' '
-      << right(volume, 11) << "  " << fitted(box, 23) << ' ' << right(components, 10) << '\n';
+  out << right(id, 5) << "  " << pad_or_truncate(name, name_width) << ' ' << right(voxels, 10) << ' '
+      << right(volume, 11) << "  " << pad_or_truncate(box, 23) << ' ' << right(components, 10) << '\n';
 }
 
 std::string one_decimal(double value) {
@@ -244,7 +244,7 @@ std::string one_decimal(double value) {
 void print_labels(std::ostream& out, const Info& info) {
   std::size_t width = 4;
   for (const SegmentStatistics& s : info.statistics)
-    width = std::max(width, columns_of(info.labels->labels.find(s.id)->name));
+    width = std::max(width, display_width(info.labels->labels.find(s.id)->name));
   width = std::min<std::size_t>(width, 32);
   out << '\n' << info.statistics.size() << (info.statistics.size() == 1 ? " label\n" : " labels\n");
   if (info.statistics.empty()) return;
@@ -319,7 +319,7 @@ Json json_of(const Info& info) {
           {{"id", leaks.label}, {"places", leaks.joints}, {"one_lps_mm", list(leaks.position.eigen())}});
     json["empty_slices"] = info.empty_slices;
     json["unnamed"] = info.labels->unnamed;
-    json["names_from"] = words_of(info.labels->name_source);
+    json["names_from"] = description_of(info.labels->name_source);
     if (info.labels->names_table) json["names_table"] = info.labels->names_table->string();
     json["labels"] = Json::array();
     for (const SegmentStatistics& s : info.statistics)
@@ -487,7 +487,8 @@ int run_info(const InfoOptions& options, Console& console) {
 
 void add_info(CLI::App& app, Run& run) {
   CLI::App* verb = app.add_subcommand(
-      "info", "Show the contents and the peculiarities of a volume, or the memory that a scene needs");
+      "info",
+      "Show the contents of a volume and anything unusual about it, or the memory that a scene needs");
   const auto options = std::make_shared<InfoOptions>();
   verb->add_option(
           "FILE", options->file,
@@ -496,9 +497,9 @@ void add_info(CLI::App& app, Run& run) {
       ->required();
   add_volume_option(*verb, options->volume);
   add_names_option(*verb, options->names);
-  verb->add_flag("-j,--json", options->json, "print JSON instead of text");
-  CLI::Option* labels = verb->add_flag("-l,--labels", options->labels, "read the file as labels");
-  verb->add_flag("-s,--scan", options->scan, "read the file as a scan")->excludes(labels);
+  verb->add_flag("-j,--json", options->json, "Print JSON instead of text");
+  CLI::Option* labels = verb->add_flag("-l,--labels", options->labels, "Read the file as labels");
+  verb->add_flag("-s,--scan", options->scan, "Read the file as a scan")->excludes(labels);
   verb->add_flag("--identifiers", options->identifiers,
                  "list the elements of DICOM files that identify the patient, by tag, without values");
   verb->add_flag("--keep-identifiers", options->keep_identifiers,
@@ -511,7 +512,7 @@ void add_info(CLI::App& app, Run& run) {
       "  palpate info FOLDER --volume 2                       second volume of DICOM files; without --volume "
       "they are listed\n"
       "  palpate info ct.nrrd --json | jq .spacing_mm\n"
-      "  palpate info scene.toml                              memory needed to feel it");
+      "  palpate info scene.toml                              memory that the scene needs");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_info(*options, console); }; });
 }

@@ -44,7 +44,7 @@ Result<std::shared_ptr<const Navigation>> navigation_of(const DeviceOptions& opt
 
 /// Registry of the drivers of this program. A new driver is added here and nowhere else.
 /// @param navigation  tracked tool; if set, it is available as a device
-/// @param names       devices that were asked for, of which those called plugin=FILE are plug-ins
+/// @param names       requested device names; plugin=FILE denotes a plug-in
 /// Errors: kUsage for an unknown device name or an invalid value.
 Result<DeviceRegistry> known_devices(const DeviceOptions& options = {},
                                      const std::shared_ptr<const Navigation>& navigation = nullptr,

@@ -11,7 +11,7 @@
 #include <optional>
 
 #include "apps/command/text.h"
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
@@ -23,7 +23,7 @@
 #include "palpate/scene/scene.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpate_version.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -137,7 +137,7 @@ void print_report(std::ostream& out, const LintReport& report) {
 // --- JSON output ----------------------------------------------------------------------------------------
 
 Json lint_json(const LintReport& report, const LintVerbOptions& options, const LabelMap& labels,
-               const std::vector<LintMend>& mends) {
+               const std::vector<LintRepair>& repairs) {
   Json json{{"grade", std::string(1, report.grade)},
             {"tool_radius_mm", options.tool_radius_mm},
             {"faults", report.count(LintSeverity::kFault)},
@@ -177,12 +177,12 @@ Json lint_json(const LintReport& report, const LintVerbOptions& options, const L
   json["kinds"] = std::move(kinds);
   if (options.fix) {
     json["mended"] = Json::array();
-    for (const LintMend& mend : mends)
-      json["mended"].push_back({{"kind", lint_kind(mend.kind).key},
-                                {"structure", mend.structure},
-                                {"parts", mend.parts},
-                                {"voxels", mend.voxels},
-                                {"name", mend.name}});
+    for (const LintRepair& repair : repairs)
+      json["mended"].push_back({{"kind", lint_kind(repair.kind).key},
+                                {"structure", repair.structure},
+                                {"parts", repair.parts},
+                                {"voxels", repair.voxels},
+                                {"name", repair.name}});
   }
   return json;
 }
@@ -315,27 +315,27 @@ Result<LintPage> page_of(const LintReport& report, const LintVerbOptions& option
   return page;
 }
 
-// --- mending --------------------------------------------------------------------------------------------
+// --- repairing ------------------------------------------------------------------------------------------
 
-void print_mends(std::ostream& out, const LintReport& report, const MendedLabels& mended) {
+void print_repairs(std::ostream& out, const LintReport& report, const RepairedLabels& repaired) {
   out << '\n';
-  if (mended.mends.empty()) out << "nothing to mend: the new file holds the same labels\n";
-  for (const LintMend& mend : mended.mends) {
-    const std::string name = printable_name(mended.labels.find(mend.structure)->name);
-    if (mend.parts > 0)
-      out << "mended: " << (mend.kind == LintKind::kIslands ? "removed " : "filled ")
-          << count_of(mend.parts, mend.kind == LintKind::kIslands ? "island" : "hole") << " of " << name
-          << ", " << count_of(mend.voxels, "voxel") << '\n';
+  if (repaired.repairs.empty()) out << "nothing to repair: the new file holds the same labels\n";
+  for (const LintRepair& repair : repaired.repairs) {
+    const std::string name = printable_name(repaired.labels.find(repair.structure)->name);
+    if (repair.parts > 0)
+      out << "repaired: " << (repair.kind == LintKind::kIslands ? "removed " : "filled ")
+          << count_of(repair.parts, repair.kind == LintKind::kIslands ? "island" : "hole") << " of " << name
+          << ", " << count_of(repair.voxels, "voxel") << '\n';
     else
-      out << "mended: label " << mend.structure << " is renamed to " << name << '\n';
+      out << "repaired: label " << repair.structure << " is renamed to " << name << '\n';
   }
   std::array<std::size_t, 32> left{};
   for (const LintFinding& finding : report.findings)
-    if (finding.severity != LintSeverity::kUndetermined && !lint_kind(finding.kind).is_mended)
+    if (finding.severity != LintSeverity::kUndetermined && !lint_kind(finding.kind).is_repairable)
       ++left.at(static_cast<std::size_t>(finding.kind));
   for (const LintKindInfo& kind : lint_kinds())
     if (const std::size_t count = left.at(static_cast<std::size_t>(kind.kind)); count > 0)
-      out << "not mended, because it needs a decision: " << kind.title << ", " << count_of(count, "finding")
+      out << "not repaired, because it needs a decision: " << kind.title << ", " << count_of(count, "finding")
           << '\n';
 }
 
@@ -386,20 +386,20 @@ int run_lint(const LintVerbOptions& options, Console& console) {
     console.note("page: " + options.page->string());
   }
   const LabelMap names_only{{}, volumes.labels->segments};
-  std::vector<LintMend> mends;
+  std::vector<LintRepair> repairs;
   if (options.fix) {
-    const auto mended = mended_labels(*std::move(volumes.labels), 0, progress);
-    if (!mended) return console.fail(mended.error());
-    if (const auto written = write_labels(*options.fix, mended->labels); !written)
+    const auto repaired = repaired_labels(*std::move(volumes.labels), 0, progress);
+    if (!repaired) return console.fail(repaired.error());
+    if (const auto written = write_labels(*options.fix, repaired->labels); !written)
       return console.fail(written.error());
-    mends = mended->mends;
-    if (words) print_mends(std::cout, *report, *mended);
+    repairs = repaired->repairs;
+    if (words) print_repairs(std::cout, *report, *repaired);
     if (!retains_names(*options.fix))
       console.warn()("only the format .seg.nrrd keeps the names and colours of the structures");
     console.note("labels: " + options.fix->string());
   }
   if (options.json) {
-    const std::string text = lint_json(*report, options, names_only, mends).dump(2) + "\n";
+    const std::string text = lint_json(*report, options, names_only, repairs).dump(2) + "\n";
     if (!words)
       std::cout << text;
     else if (const auto written = write_file(*options.json, text); !written)
@@ -413,7 +413,7 @@ int run_lint(const LintVerbOptions& options, Console& console) {
 void add_lint(CLI::App& app, Run& run) {
   const auto options = std::make_shared<LintVerbOptions>();
   CLI::App* verb = app.add_subcommand(
-      "lint", "Check whether a segmentation is fit for touch, and mend unambiguous faults");
+      "lint", "Check a segmentation for faults that affect touch, and repair unambiguous ones");
   add_source_options(*verb, options->source,
                      "Label map, a folder of DICOM with a segmentation, a scene file or a data set")
       ->required();
@@ -435,7 +435,7 @@ void add_lint(CLI::App& app, Run& run) {
       "  palpate lint labels.nii.gz ct.nii.gz --names dseg.tsv --page lint.html\n"
       "  palpate lint scene.toml --tool-radius 2.5\n"
       "  palpate lint knee.seg.nrrd --json - | jq .grade\n"
-      "  palpate lint knee.seg.nrrd --fix mended.seg.nrrd\n\n"
+      "  palpate lint knee.seg.nrrd --fix repaired.seg.nrrd\n\n"
       "Exit code 3: there are faults. Warnings and undecided findings leave it 0. docs/guide/lint.md.");
   verb->callback(
       [options, &run] { run = [options](Console& console) { return run_lint(*options, console); }; });

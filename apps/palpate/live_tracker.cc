@@ -101,11 +101,11 @@ Result<std::vector<ToolMarkers>> collect_pivot(const TrackerSettings& settings, 
     std::snprintf(text, sizeof text,
                   "%zu of %zu poses, turned by %.1f of %.0f degrees about the axis of least rotation",
                   poses.size(), kEnoughPoses, turn_deg, kEnoughTurn_deg);
-    console.live(text);
+    console.show_status(text);
     if (poses.size() >= kEnoughPoses && turn_deg >= kEnoughTurn_deg) break;
     std::this_thread::sleep_for(kPollInterval);
   }
-  console.live("");
+  console.show_status("");
   if (poses.size() < kMinPoses) return Progress::interrupted();
   return poses;
 }
@@ -171,10 +171,10 @@ Result<CollectedTouches> collect_touches(const TrackerSettings& settings, const 
     std::snprintf(text, sizeof text, "%zu of %zu points, %zu of %zu places",
                   std::min(touches.taken().size(), names.size()), names.size(), out.traced.size(),
                   requested > names.size() ? kTracePoints : 0);
-    console.live(text);
+    console.show_status(text);
     std::this_thread::sleep_for(kPollInterval);
   }
-  console.live("");
+  console.show_status("");
   out.points.assign(touches.taken().begin(),
                     touches.taken().begin() + static_cast<std::ptrdiff_t>(names.size()));
   return out;

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "apps/command/text.h"
-#include "inputs.h"
+#include "input_files.h"
 #include "live_tracker.h"
 #include "palpate/base/file.h"
 #include "palpate/base/printable.h"
@@ -20,7 +20,7 @@
 #include "palpate/navigation/result_files.h"
 #include "palpate/navigation/surface_registration.h"
 #include "palpate/surfaces/surfaces.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 /// Verbs for tracking: pivot calibration of a tracked tool and registration of the patient, from files or
@@ -31,7 +31,7 @@ namespace {
 constexpr std::size_t kMaxPoints_bytes = std::size_t{1} << 24, kMaxPoses_bytes = std::size_t{1} << 28;
 
 std::string shown_name(const std::string& name) {
-  return fitted(printable_name(name), 16);
+  return pad_or_truncate(printable_name(name), 16);
 }
 
 // ---- pivot
@@ -201,7 +201,7 @@ Result<Surface> surface_of(const RegisterVerb& options, Console& console) {
       names.push_back(each.name);
       known += (known.empty() ? "" : ", ") + printable_name(each.name);
     }
-    const std::string meant = nearest(options.structure, names);
+    const std::string meant = closest_match(options.structure, names);
     return Error{ErrorKind::kUsage, "no structure is called \"" + printable_name(options.structure) + "\"",
                  "--structure",
                  meant.empty() ? "there are: " + known
@@ -214,7 +214,7 @@ Result<Surface> surface_of(const RegisterVerb& options, Console& console) {
 
 void print_points(const RegistrationOutcome& outcome, bool declared_targets) {
   const PointRegistration& points = outcome.by_points;
-  std::printf("%s %s\n", fitted("point", 16).c_str(), "residual, mm");
+  std::printf("%s %s\n", pad_or_truncate("point", 16).c_str(), "residual, mm");
   for (std::size_t n = 0; n < outcome.names.size(); ++n)
     std::printf("%s %.3f\n", shown_name(outcome.names[n]).c_str(), points.residuals_mm[n]);
   std::printf("all              %.3f (FRE, root mean square); it does not predict the error elsewhere\n",

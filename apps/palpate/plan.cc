@@ -5,14 +5,14 @@
 #include <memory>
 
 #include "apps/command/text.h"
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
 #include "palpate/json/json.h"
 #include "palpate/rehearsal/plan_from_markups.h"
-#include "palpation.h"
-#include "planned.h"
+#include "plan_comparison.h"
+#include "scene_options.h"
 #include "verb.h"
 
 /// Rehearsal: plans, and their comparison with recordings.
@@ -29,7 +29,7 @@ struct PlanOptions {
 };
 
 std::string planned_name(const std::string& name) {
-  return fitted(printable_name(name), 24) + " ";
+  return pad_or_truncate(printable_name(name), 24) + " ";
 }
 
 // ---- from-markups
@@ -184,9 +184,9 @@ void print_figure(const char* name, const ToleratedValue& figure, const char* un
     std::snprintf(value, sizeof value, "none");
   else
     std::snprintf(value, sizeof value, "%.2f %s", figure.value, unit);
-  std::printf("  %s%s%s%s%s\n", fitted(name, 16).c_str(), fitted(value, 16).c_str(),
-              fitted(figure.allowed ? allowed_text(figure.allowed, unit) : "", 20).c_str(),
-              fitted(verdict(figure), 10).c_str(), more.c_str());
+  std::printf("  %s%s%s%s%s\n", pad_or_truncate(name, 16).c_str(), pad_or_truncate(value, 16).c_str(),
+              pad_or_truncate(figure.allowed ? allowed_text(figure.allowed, unit) : "", 20).c_str(),
+              pad_or_truncate(verdict(figure), 10).c_str(), more.c_str());
 }
 
 std::string at_tick(const RunPoint& point) {
@@ -225,30 +225,32 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
   for (std::size_t n = 0; n < made.trajectories.size(); ++n)
     print_made(plan.trajectories[n], made.trajectories[n]);
   if (!made.regions.empty()) {
-    std::printf("%s%s%s%s\n", fitted("removed, mm3", 27).c_str(), fitted("planned", 12).c_str(),
-                fitted("taken", 12).c_str(), "left");
+    std::printf("%s%s%s%s\n", pad_or_truncate("removed, mm3", 27).c_str(),
+                pad_or_truncate("planned", 12).c_str(), pad_or_truncate("taken", 12).c_str(), "left");
     for (std::size_t n = 0; n < made.regions.size(); ++n)
       std::printf("  %s%-12.1f%-12.1f%.1f\n", planned_name(plan.regions[n].name).c_str(),
                   made.regions[n].planned_mm3, made.regions[n].removed_mm3, made.regions[n].left_mm3());
   }
   if (!made.volumes.empty()) {
-    std::printf("%s%s%s%s%s\n", fitted("by structure, mm3", 27).c_str(), fitted("planned", 12).c_str(),
-                fitted("taken", 12).c_str(), fitted("left", 12).c_str(), "outside the plan");
+    std::printf("%s%s%s%s%s\n", pad_or_truncate("by structure, mm3", 27).c_str(),
+                pad_or_truncate("planned", 12).c_str(), pad_or_truncate("taken", 12).c_str(),
+                pad_or_truncate("left", 12).c_str(), "outside the plan");
     for (const StructureVolume& volume : made.volumes)
       std::printf("  %s%-12.1f%-12.1f%-12.1f%.1f\n", planned_name(scene.model->name_of(volume.label)).c_str(),
                   volume.in_plan.planned_mm3, volume.in_plan.removed_mm3, volume.in_plan.left_mm3(),
                   volume.outside_mm3);
   }
-  std::printf("%s%s%s\n", fitted("nearest to", 27).c_str(), fitted("mm", 12).c_str(), "asked");
+  std::printf("%s%s%s\n", pad_or_truncate("nearest to", 27).c_str(), pad_or_truncate("mm", 12).c_str(),
+              "asked");
   for (const StructureClearance& approach : made.approaches) {
     char requested[32] = "";
     if (approach.requested_mm) std::snprintf(requested, sizeof requested, "%g", *approach.requested_mm);
     std::printf("  %s%-12.2f%s%s%s\n", planned_name(scene.model->name_of(approach.label)).c_str(),
-                approach.nearest_mm, fitted(requested, 8).c_str(),
-                fitted(!approach.requested_mm       ? ""
-                       : approach.is_within_limit() ? "kept"
-                                                    : "NOT KEPT",
-                       10)
+                approach.nearest_mm, pad_or_truncate(requested, 8).c_str(),
+                pad_or_truncate(!approach.requested_mm       ? ""
+                                : approach.is_within_limit() ? "kept"
+                                                             : "NOT KEPT",
+                                10)
                     .c_str(),
                 std::isnan(approach.nearest_mm) ? "" : at_tick(approach.nearest).c_str());
   }

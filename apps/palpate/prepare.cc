@@ -5,8 +5,8 @@
 #include <functional>
 #include <limits>
 
-#include "inputs.h"
-#include "leaky.h"
+#include "input_files.h"
+#include "leak_text.h"
 #include "palpate/base/output.h"
 #include "palpate/base/reading.h"
 #include "palpate/catalog/catalog.h"
@@ -14,7 +14,7 @@
 #include "palpate/preparation/preparation.h"
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -72,7 +72,7 @@ Result<void> warn_of_leaks(const Bricks<LabelId>& labels, const std::vector<Labe
                            const std::function<std::string(LabelId)>& name_of, Console& console) {
   const auto leaks = find_leaks(labels, touchable, 0, console.progress());
   if (!leaks) return leaks.error();
-  if (!leaks->empty()) console.warn()(leaky_text(*leaks, name_of));
+  if (!leaks->empty()) console.warn()(describe_leaks(*leaks, name_of));
   return {};
 }
 
@@ -87,9 +87,10 @@ Result<Volume<std::uint8_t>> read_weights(const PrepareOptions& options, Console
   if (read_as() == ReadAs::kScan)
     return Error{ErrorKind::kUsage, "a scan needs a threshold to become a field", "--scan",
                  "add --threshold LOW HIGH"};
-  const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
+  const AmbiguousLabels ambiguous =
+      read_as() == ReadAs::kLabels ? AmbiguousLabels::kWarn : AmbiguousLabels::kReject;
   const auto file =
-      read_labels(options.source.target, options.source.names, console.progress(), console.warn(), doubtful);
+      read_labels(options.source.target, options.source.names, console.progress(), console.warn(), ambiguous);
   if (!file) {
     Error error = file.error();
     if (error.kind == ErrorKind::kBadInput && read_header(options.source.target).ok()) {
@@ -258,7 +259,7 @@ void add_prepare(CLI::App& app, Run& run) {
 
   constexpr const char* kForVolumes =
       "For one volume; a scene, a data set or a scan with its segmentation defines its own";
-  verb->add_option("-s,--sigma", options->sigma_mm, "width of the Gaussian in mm")
+  verb->add_option("-s,--sigma", options->sigma_mm, "Width of the Gaussian in mm")
       ->group(kForVolumes)
       ->check(number_between(0, 10))
       ->capture_default_str();
@@ -275,11 +276,11 @@ void add_prepare(CLI::App& app, Run& run) {
       ->expected(2)
       ->check(number_between(-1e9, 1e9))
       ->type_name("LOW HIGH");
-  verb->add_option("-j,--threads", options->threads, "number of threads; 0: all processors")
+  verb->add_option("-j,--threads", options->threads, "Number of threads; 0: all processors")
       ->group(kForVolumes)
       ->check(whole_between(0, 1024))
       ->capture_default_str();
-  verb->add_flag("-c,--compare", options->compare, "also report the difference between the two engines")
+  verb->add_flag("-c,--compare", options->compare, "Also report the difference between the two engines")
       ->group(kForVolumes);
   verb->callback([options, verb, &run] {
     for (const CLI::Option* setting : verb->get_options())

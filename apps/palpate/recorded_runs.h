@@ -6,7 +6,7 @@
 
 #include "palpate/records/records.h"
 #include "palpate/session/training.h"
-#include "scored.h"
+#include "scoring.h"
 
 namespace palpate::app {
 

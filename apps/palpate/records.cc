@@ -18,7 +18,7 @@
 #include "palpate/report/learners_page.h"
 #include "palpate_version.h"
 #include "recorded_runs.h"
-#include "scored.h"
+#include "scoring.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -98,10 +98,10 @@ int list(const RecordsOptions& options, Console& console) {
     int& row = in_a_row[{run.learner, run.task_hash}];
     row = run.in_band ? row + 1 : 0;
     std::printf("%6lld  %s  %s  %s  %s  %d of %d%s\n", static_cast<long long>(run.id),
-                fitted(printable_name(run.started_utc), 20).c_str(),
-                fitted(printable_name(run.learner), 16).c_str(), fitted(printable_name(run.task), 28).c_str(),
-                run.in_band ? "yes    " : "no     ", row, run.in_a_row,
-                row >= run.in_a_row ? "  PASSED" : "");
+                pad_or_truncate(printable_name(run.started_utc), 20).c_str(),
+                pad_or_truncate(printable_name(run.learner), 16).c_str(),
+                pad_or_truncate(printable_name(run.task), 28).c_str(), run.in_band ? "yes    " : "no     ",
+                row, run.in_a_row, row >= run.in_a_row ? "  PASSED" : "");
     return {};
   });
   return done ? int{kExitOk} : console.fail(done.error());
@@ -134,8 +134,9 @@ int show(const RecordsOptions& options, Console& console) {
   for (const RunMetric& metric : run->metrics) {
     char value[40] = "none";
     if (metric.value) std::snprintf(value, sizeof value, "%.4g", *metric.value);
-    std::printf("  %s  %s %s%s\n", fitted(printable_name(readable_metric_name(metric.name)), 36).c_str(),
-                value, metric.unit == "1" ? "" : printable_name(metric.unit).c_str(),
+    std::printf("  %s  %s %s%s\n",
+                pad_or_truncate(printable_name(readable_metric_name(metric.name)), 36).c_str(), value,
+                metric.unit == "1" ? "" : printable_name(metric.unit).c_str(),
                 !metric.counts   ? ""
                 : metric.in_band ? "  in band"
                                  : "  OUT OF BAND");
@@ -420,7 +421,7 @@ void add_records(CLI::App& app, Run& run) {
   exporting->add_option("--home-page", options->home_page,
                         "Home page of xAPI actors: the system that assigns the pseudonyms");
   exporting->add_option("-o,--output", options->output, "File to write")->required();
-  CLI::App* erasing = add("erase", "Erase a learner and all runs securely from the file", erase);
+  CLI::App* erasing = add("erase", "Securely erase a learner with all runs from the file", erase);
   erasing->add_option("learner", options->learner, "Pseudonym")->required();
   erasing->add_flag("--yes", options->yes, "Confirm");
 }

@@ -5,14 +5,14 @@
 #include <optional>
 #include <vector>
 
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
 #include "palpate/rendering/animated_png.h"
 #include "palpate/rendering/volume_picture.h"
 #include "palpate/report/moment.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -3,12 +3,12 @@
 #include <memory>
 #include <thread>
 
+#include "page_server.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/session/playback.h"
-#include "palpation.h"
-#include "scored.h"
-#include "serving.h"
+#include "scene_options.h"
+#include "scoring.h"
 #include "verb.h"
 
 namespace palpate::app {

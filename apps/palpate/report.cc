@@ -2,13 +2,13 @@
 
 #include <memory>
 
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
-#include "palpation.h"
-#include "planned.h"
+#include "plan_comparison.h"
 #include "report_model.h"
-#include "scored.h"
+#include "scene_options.h"
+#include "scoring.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -5,14 +5,14 @@
 #include <set>
 
 #include "apps/command/text.h"
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
 #include "palpate/device/rendered_stiffness.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/ramps.h"
 #include "palpate/volume_io/volume_io.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -56,7 +56,7 @@ Result<Data> read_data(const std::optional<fs::path>& scan, std::optional<int> v
     warn_if_silent(data.scan->header, *scan, console);
   }
   if (labels) {
-    auto read = read_labels(*labels, names, console.progress(), console.warn(), Doubtful::kRefused,
+    auto read = read_labels(*labels, names, console.progress(), console.warn(), AmbiguousLabels::kReject,
                             VoxelCaching::kOff, data.scan_grid(), placement_options, scan);
     if (!read) return read.error();
     data.labels = std::move(*read);
@@ -187,12 +187,12 @@ void note_without_preset(const Scene& scene, Console& console) {
   if (unknown == 0) return;
   if (unknown > kNamed) names += " and " + std::to_string(unknown - kNamed) + " more";
   if (unknown == all)
-    console.note("No name matches a preset, so nothing can be felt yet (" + names +
+    console.note("No name matches a preset, so no tissue is touchable yet (" + names +
                  "): set touchable = true, with a preset or a stiffness, on the tissues to feel, or name the "
                  "labels with --names.");
   else
     console.note(std::to_string(unknown) + " of " + std::to_string(all) +
-                 " structures match no preset and are not felt yet: " + names);
+                 " structures match no preset and are not touchable yet: " + names);
 }
 
 /// Warns if the law deforms tissue but no tissue is deformable.
@@ -201,7 +201,7 @@ void warn_if_nothing_deforms(const Scene& scene, Console& console) {
   if (std::none_of(scene.tissues.begin(), scene.tissues.end(),
                    [](const TissueSettings& tissue) { return tissue.touchable && tissue.elastic; }))
     console.warn()(
-        "no tissue in this scene yields: give one that is felt a youngs_modulus, or a preset that has one");
+        "no tissue in this scene yields: give a touchable tissue a youngs_modulus, or a preset that has one");
 }
 
 /// Warns of a stiffness that has no effect: deformable tissue is rendered from its modulus, and the
@@ -293,7 +293,7 @@ int run_new(NewOptions options, Console& console) {
   if (data->scan) input.scan_volume = &data->scan->scan;
   if (data->labels) {
     input.label_map = &data->labels->labels;
-    input.names_from = words_of(data->labels->name_source);
+    input.names_from = description_of(data->labels->name_source);
     // the table of names is stored in the scene, which is then independent of other files in the folder
     if (!input.names) input.names = data->labels->names_table;
     console.note(origin_of_names(*data->labels));
@@ -406,12 +406,12 @@ double max_N_of(const Scene& scene, const TissueSettings& tissue, const GridGeom
 void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& ids,
                    const GridGeometry& grid) {
   std::size_t width = 6;
-  for (const TissueSettings& tissue : scene.tissues) width = std::max(width, columns_of(tissue.name));
+  for (const TissueSettings& tissue : scene.tissues) width = std::max(width, display_width(tissue.name));
   const double factor = RenderedStiffness(scene.workspace).at_device(1);
   const bool elastic = is_elastic(scene.deformation.law);
   const bool stiffens = scene.deformation.law == TissueLaw::kExponential;
   std::printf("\n%s  felt  N/mm   %s%sat most N  friction  structures  rests on\n",
-              fitted("tissue", width).c_str(),
+              pad_or_truncate("tissue", width).c_str(),
               stiffens  ? "E kPa  nu    stiffening  "
               : elastic ? "E kPa  nu    "
                         : "",
@@ -422,8 +422,8 @@ void print_tissues(const Scene& scene, const std::vector<std::vector<LabelId>>& 
                                    : tissue.embedding ? "embedding"
                                                       : std::to_string(ids[i].size());
     const double max_N = max_N_of(scene, tissue, grid);
-    std::printf("%s  %-4s  %-5.3g  ", fitted(tissue.name, width).c_str(), tissue.touchable ? "yes" : "no",
-                tissue.stiffness_N_per_mm);
+    std::printf("%s  %-4s  %-5.3g  ", pad_or_truncate(tissue.name, width).c_str(),
+                tissue.touchable ? "yes" : "no", tissue.stiffness_N_per_mm);
     if (elastic && tissue.elastic)
       std::printf("%-5.3g  %-4.3g  ", tissue.elastic->youngs_modulus_kPa, tissue.elastic->poissons_ratio);
     else if (elastic)
@@ -547,7 +547,8 @@ void print_left_over(const Scene& scene, const LabelMap& labels,
   for (const Segment& segment : labels.segments) {
     if (!used_labels.contains(segment.id)) free.push_back(display_name(segment));
   }
-  if (!free.empty()) std::printf("\nnot felt, because they belong to no tissue: %s\n", join(free).c_str());
+  if (!free.empty())
+    std::printf("\nnot touchable, because they belong to no tissue: %s\n", join(free).c_str());
 
   std::vector<std::string> empty;
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
@@ -616,7 +617,7 @@ int run_check(const std::string& file, Console& console) {
   if (data->labels) print_left_over(*scene, data->labels->labels, ids);
   if (std::none_of(scene->tissues.begin(), scene->tissues.end(),
                    [](const auto& tissue) { return tissue.touchable; }))
-    console.warn()("nothing in this scene can be felt: set touchable = true on a tissue");
+    console.warn()("this scene has no touchable tissue: set touchable = true on a tissue");
   else
     warn_if_nothing_deforms(*scene, console);
   warn_of_ignored_stiffness(*scene, console);

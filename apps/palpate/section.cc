@@ -3,12 +3,12 @@
 #include <vector>
 
 #include "attachment.h"
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
 #include "palpate/rendering/rendering.h"
 #include "palpate/volume_io/dicom_export.h"
-#include "palpation.h"
+#include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -5,14 +5,14 @@
 #include <optional>
 #include <system_error>
 
-#include "inputs.h"
+#include "input_files.h"
 #include "palpate/base/output.h"
 #include "palpate/device/settings.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/report/report.h"
-#include "palpation.h"
 #include "report_model.h"
-#include "scored.h"
+#include "scene_options.h"
+#include "scoring.h"
 #include "verb.h"
 
 namespace palpate::app {

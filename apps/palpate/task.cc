@@ -9,7 +9,7 @@
 #include "palpate/json/json.h"
 #include "palpate/tasks/calibration.h"
 #include "recorded_runs.h"
-#include "scored.h"
+#include "scoring.h"
 #include "verb.h"
 
 namespace palpate::app {
@@ -179,8 +179,8 @@ int list_tasks(const TaskOptions& options, Console&) {
                       {"data_set", task->data_set},
                       {"briefing", task->briefing}});
     } else {
-      std::printf("%s  %s  %s\n", fitted(name, 22).c_str(), fitted(task->data_set, 26).c_str(),
-                  task->title.c_str());
+      std::printf("%s  %s  %s\n", pad_or_truncate(name, 22).c_str(),
+                  pad_or_truncate(task->data_set, 26).c_str(), task->title.c_str());
     }
   }
   if (options.json) std::printf("%s\n", json.dump(2).c_str());

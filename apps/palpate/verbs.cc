@@ -22,7 +22,7 @@ constexpr const char* kExamples =
     "Research and education, not for clinical use.";
 
 // commands of other programs, with the corresponding command of palpate
-constexpr OtherWord kOtherWords[] = {
+constexpr VerbAlias kOtherWords[] = {
     {"import", "palpate scene new SCAN LABELS -o scene.toml"},
     {"new", "palpate scene new SCAN LABELS -o scene.toml"},
     {"create", "palpate scene new SCAN LABELS -o scene.toml"},

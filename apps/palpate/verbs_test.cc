@@ -57,7 +57,7 @@ TEST(Verbs, PrintToTheStreamsTheyAreGiven) {
   }
 }
 
-TEST(Verbs, ReturnWhatAProgramWouldExitWith) {
+TEST(Verbs, ReturnExitCodes) {
   const Ended unknown = run_here({"simulat"});
   EXPECT_EQ(unknown.code, 2);
   EXPECT_THAT(unknown.err, HasSubstr("did you mean simulate"));
@@ -75,7 +75,7 @@ TEST(Verbs, OutputThatIsLostIsAFailure) {
   EXPECT_EQ(run_here({"--version"}).code, 0);
 }
 
-TEST(Verbs, ACompanionIsNoVerbOfTheLibrary) {
+TEST(Verbs, LibraryExcludesCompanionVerbs) {
   for (const auto& command : std::vector<std::vector<std::string>>{
            {"verify", "--list"}, {"--quiet", "verify"}, {"--memory", "1G", "verify"}}) {
     const Ended missing = run_here(command);

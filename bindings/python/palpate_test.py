@@ -399,7 +399,7 @@ class Environments(unittest.TestCase):
                 self.assertGreater(demo["rewards"][-1], -0.05)
                 np.testing.assert_array_equal(demo["next_obs/force"][:], data["demo_1/next_obs/force"][:])
 
-    def test_what_is_no_action_is_an_error(self):
+    def test_invalid_actions_are_errors(self):
         env = pp.Env(block())
         with self.assertRaises(pp.Usage):
             env.step(self.poses(np.zeros(3)))
@@ -422,7 +422,7 @@ class Verification(unittest.TestCase):
         self.assertIn(figures["kept"], (True, False))
         self.assertGreater(len(figures), 1)
 
-    def test_what_is_refused_says_why(self):
+    def test_errors_state_a_reason(self):
         with self.assertRaisesRegex(pp.BadInput, "spoon"):
             pp.verify("spoon")
         os.environ["PALPATE_PROGRAM"] = "/no/such/program"
@@ -472,7 +472,7 @@ class Hostile(unittest.TestCase):
                 continue
             self.assertTrue(np.isfinite(records["force_world_N"]).all())
 
-    def test_everything_public_says_what_it_is(self):
+    def test_public_names_have_docstrings(self):
         for name in pp.__all__:
             thing = getattr(pp, name)
             if name == "METHODS":

@@ -253,7 +253,7 @@ class AsTheTutorialSays(FourWindows):
         self.row_says("L041", "moves the tip")
         for other in ("L042", "L043"):
             self.at(other)
-            self.says("#lesson-note", "It is somebody else's turn: view only.")
+            self.says("#lesson-note", "Another learner's turn: view only.")
             self.assertFalse(self.is_enabled("#task-begin"))
 
         # 4.2 the run: Begin, the tip with the mouse button held, the force bar
@@ -285,14 +285,14 @@ class AsTheTutorialSays(FourWindows):
         self.row_says("L041", "moves the tip")
         second = self.at("L041") and (self.page.click("#task-end") or self.debriefed())
         self.assertIsNone(second["kept"])
-        self.page.wait("document.getElementById('verdict-more').innerText.includes('Somebody else held the tip during a part of the run')")
+        self.page.wait("document.getElementById('verdict-more').innerText.includes('Another viewer moved the tip during part of the run')")
         self.assertEqual(len(self.recorded()), 1)
 
         # 4.4 the next learner, and anyone
         self.name_learner("L042")
         self.row_says("L042", "moves the tip")
         self.at("L041")
-        self.says("#lesson-note", "It is somebody else's turn: view only.")
+        self.says("#lesson-note", "Another learner's turn: view only.")
         self.at("L042")
         self.begin()
         self.press("medial_meniscus")
@@ -320,7 +320,7 @@ class AsTheTutorialSays(FourWindows):
         self.assertIn("L043", self.page.run(f"return {curves}"))
         self.assertNotIn("L041", self.page.run(f"return {curves}"))
         self.page.click("#curves-close")
-        self.assertEqual(self.at("Teacher").run("return document.getElementById('curves-show').innerText"), "Everybody's curves")
+        self.assertEqual(self.at("Teacher").run("return document.getElementById('curves-show').innerText"), "All learners' curves")
         self.page.click("#curves-show")
         self.page.wait("!document.getElementById('curves').hidden")
         self.assertTrue(all(learner in self.page.run(f"return {curves}") for learner in LEARNERS))
@@ -359,7 +359,7 @@ class AsTheTutorialSays(FourWindows):
 
 
 class ATeacherWhoMakesMistakes(FourWindows):
-    def test_mistakes_are_said_and_mended(self):
+    def test_mistakes_are_reported_and_correctable(self):
         for name in ("Teacher", "L041", "L042"):
             self.come(name)
         # a learner who is not there is named: nobody can begin as somebody else, and whoever comes gets the tip
@@ -377,7 +377,7 @@ class ATeacherWhoMakesMistakes(FourWindows):
         bystander = self.debriefed()
         self.assertIsNone(bystander["kept"])
         self.assertIn(None, [metric["value"] for metric in bystander["metrics"]], "no force of a run in which nobody held the tip")
-        self.page.wait("document.getElementById('verdict-more').innerText.includes('Nobody held the tip during the run')")
+        self.page.wait("document.getElementById('verdict-more').innerText.includes('No viewer moved the tip during the run')")
         self.assertEqual(self.recorded(), [])
         # the wrong learner is named, and then the right one
         self.name_learner("L042")

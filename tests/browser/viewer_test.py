@@ -842,7 +842,7 @@ class WithPointer(Viewer):
         self.assertEqual(abs(self.volume_pixels() - others).max(), 0)
 
     @campaign
-    def test_lost_graphics_are_told_of_and_come_back(self):
+    def test_lost_graphics_are_reported_and_restored(self):
         note = "document.getElementById('graphics')"
         self.resting_plane()
         section = self.section_pixels()
@@ -1080,7 +1080,7 @@ class WithPointer(Viewer):
         self.page.pointer({"type": "pointerUp", "button": 0})
         self.page.wait("(palpateViewer.pose.devices[0].flags & 512) !== 0")
 
-    def test_space_only_stops_and_whoever_has_a_free_hand_rearms(self):
+    def test_space_only_stops_and_an_out_of_contact_viewer_rearms(self):
         felt = self.touch_something()
         free = self.approaches(felt["label"], 1, random.Random(1))[0][0]
         self.page.press(" ")
@@ -1094,7 +1094,7 @@ class WithPointer(Viewer):
         self.assertIn("stopped by this page", self.page.run("return document.getElementById('flags').textContent"))
         self.assertTrue(self.page.run("return document.getElementById('rearm').disabled"))
         self.assertIn("another viewer has the pointer", self.page.run("return document.getElementById('viewers').textContent"))
-        for answer, stop, words in ((2, "%d" % first, "another stop"), (3, "palpateViewer.state.stop", "touches something")):
+        for answer, stop, words in ((2, "%d" % first, "another stop"), (3, "palpateViewer.state.stop", "is in contact")):
             self.page.run("window.hand.ask({ type: 'rearm', id: %d, stop: %s })" % (answer, stop))
             self.page.wait(f"window.hand.answers[{answer}]")
             told = self.page.run(f"return window.hand.answers[{answer}]")
@@ -1309,7 +1309,7 @@ class WithTrouble(Viewer):
         self.server.__enter__()
 
     def assert_told_and_left_alone(self, *words):
-        self.page.wait("palpateViewer.link === 'ended' && !document.getElementById('mend').hidden")
+        self.page.wait("palpateViewer.link === 'ended' && !document.getElementById('remedy').hidden")
         told = self.page.run("return document.getElementById('cover').textContent")
         for word in words:
             self.assertIn(word, told)
@@ -1336,7 +1336,7 @@ class WithTrouble(Viewer):
             window.fetch = (...all) => { window.fetched.push(all[0]); return get(...all); };
             const honest = WebGL2RenderingContext.prototype.getError;
             WebGL2RenderingContext.prototype.getError = function () { return window.isEnough ? honest.call(this) : this.OUT_OF_MEMORY; };""")
-        self.open_page(wait="document.getElementById('mend')?.hidden === false")
+        self.open_page(wait="document.getElementById('remedy')?.hidden === false")
         self.page.developer_tools("Page.removeScriptToEvaluateOnNewDocument", **name)
         self.assertIn("memory", self.page.run("return document.getElementById('cover').textContent"))
         self.page.run("return window.advance(60000)")
@@ -2842,7 +2842,7 @@ class WithSphere(Viewer):
             self.assertEqual(abs(a - b).max(), 0)
 
     @campaign
-    def test_what_is_told_of_tissue_is_seen_and_how_it_is_strained(self):
+    def test_reported_deformation_and_strain_are_drawn(self):
         scene = self.server.scene()
         at, mm, wide, spacing = numpy.array((1, 0, 2)), numpy.array((-0.5, 1.5, 2)), 5, 2.5
 
@@ -3387,7 +3387,7 @@ outward = "right"
     def text(self, name):
         return self.page.run("palpateViewer.draw(); return document.getElementById(arguments[0]).textContent", name)
 
-    def test_what_keeps_away_is_told_drawn_and_heard_until_a_stop(self):
+    def test_no_go_regions_are_listed_drawn_and_audible_until_a_stop(self):
         self.let_another_viewer_lead()
         self.page.run("""window.voices = { begun: 0, ended: 0 };
             for (const [what, name] of [["begun", "start"], ["ended", "stop"]]) {

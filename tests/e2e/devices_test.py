@@ -72,7 +72,7 @@ class Doctor(cli.PalpateTest):
             for verb in (("doctor",), ("devices",), ("explore", "knee-phantom")):
                 self.fail_clearly(cli.USAGE, *verb, *option, says=says)
 
-    def test_no_makers_library_is_chosen_by_the_environment(self):
+    def test_vendor_library_is_not_taken_from_the_environment(self):
         for device, variable, name in (("force-dimension", "FAKE_DRD", "libdrd.so.3"), ("touch", "FAKE_HD", "libHD.so")):
             library = self.folder / name
             library.symlink_to(os.environ[variable])
@@ -140,7 +140,7 @@ class Doctor(cli.PalpateTest):
         self.assertIn("the device was not armed", terminal.shown)
 
     @cli.long
-    def test_who_interrupts_the_question_is_not_told_that_nobody_armed(self):
+    def test_interrupting_the_prompt_reports_no_missing_arming(self):
         terminal = self.hold_at_a_terminal()
         terminal.process.send_signal(signal.SIGINT)
         ended, _ = terminal.finish()
@@ -148,7 +148,7 @@ class Doctor(cli.PalpateTest):
         self.assertNotIn("was not armed", terminal.shown)
 
     @cli.long
-    def test_a_prompt_that_nobody_can_read_arms_nothing(self):
+    def test_without_a_terminal_the_device_stays_unarmed(self):
         master, slave = pty.openpty()
         self.addCleanup(os.close, master)
         self.addCleanup(os.close, slave)

@@ -463,7 +463,7 @@ class Explore(cli.PalpateTest):
         self.assertFalse(before[3] & termios.ECHO, "keys were not shown")
 
     @cli.long
-    def test_who_is_stopped_reads_how_to_go_on_in_a_narrow_terminal(self):
+    def test_narrow_status_line_shows_how_to_rearm(self):
         terminal = self.terminal(*self.explore("--repeat"), keyboard=True)
         terminal.wait_for(PRESSES)
         # on a machine that stood still the line ends with what it skipped, where that still fits
@@ -554,7 +554,7 @@ class Explore(cli.PalpateTest):
             answer = viewer.ask(type="rearm", stop=viewer.state["stop"])
             if answer["type"] == "done":
                 break
-            self.assertIn("touches something", answer["what"])
+            self.assertIn("is in contact", answer["what"])
             time.sleep(0.1)
         self.assertEqual(answer["type"], "done", answer)
         # it comes back and presses as before, for as long as a press takes to settle
@@ -602,7 +602,7 @@ class Explore(cli.PalpateTest):
                 self.assertEqual(plan.read_text(), text)
 
     @cli.long
-    def test_viewers_are_told_the_name_of_no_file(self):
+    def test_viewers_receive_no_file_name(self):
         # every name carries a word of its own; where which of them may stand, the manual says
         folder = self.folder / "CANARYFOLDER"
         plans = folder / "CANARYPLANS"
@@ -797,7 +797,7 @@ class Explore(cli.PalpateTest):
         terminal.process.send_signal(signal.SIGINT)
         self.assertEqual(terminal.finish()[0], cli.OK)
 
-    def test_who_asks_for_too_much(self):
+    def test_requests_beyond_the_limits_are_refused(self):
         recording = self.folder / "run.h5"
         for options, says in ((["--listen", "0.0.0.0"], "--token-file"), (["--listen", "example.org"], "numeric"),
                               (["--tls-cert", self.script], "--tls-key"),
@@ -811,7 +811,7 @@ class Explore(cli.PalpateTest):
         self.assertFalse(recording.exists())
 
     @cli.long
-    def test_viewers_are_told_nobodys_name(self):
+    def test_viewers_receive_no_patient_name(self):
         named = self.folder / privacy_test.CANARY
         named.mkdir()
         n = 40
@@ -881,14 +881,14 @@ class Explore(cli.PalpateTest):
         self.assertNotIn("refused", done.stderr)
 
     @cli.long
-    def test_the_stiffness_that_is_felt_is_told(self):
+    def test_rendered_stiffness_is_reported(self):
         scene = self.folder / "scene.toml"
         text = self.scene.read_text().replace("knee/", f"{self.made}/knee/")
         scene.write_text(text + "\n[workspace]\nscale = 2.0\nforce_gain = 0.25\n")
         done = self.succeed("explore", scene, "--script", self.script, "--seconds", "0.1")
-        self.assertIn("felt stiffness, scale x force gain = 0.5 times the tissue's", done.stderr)
+        self.assertIn("rendered stiffness = scale x force gain = 0.5 times that of the tissue", done.stderr)
         self.assertRegex(done.stderr, r"(?m)^  bone +0\.75 N/mm$")
-        self.assertNotIn("felt stiffness", self.succeed(*self.explore("--seconds", "0.1")).stderr)
+        self.assertNotIn("rendered stiffness", self.succeed(*self.explore("--seconds", "0.1")).stderr)
 
     def test_what_a_new_user_gets_wrong(self):
         recording = self.folder / "run.h5"

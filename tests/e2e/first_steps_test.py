@@ -134,7 +134,7 @@ class FirstSteps(cli.PalpateTest):
         add("knee.tar.gz", packed.getvalue(), "a tar archive, compressed by gzip", "unpack")
         return kinds
 
-    def test_what_is_no_volume_is_named_with_the_way_out(self):
+    def test_non_volume_files_are_named_with_a_remedy(self):
         for file, (what, remedy) in self.foreign().items():
             for verb in ("info", "section", "simulate", "scene new"):
                 with self.subTest(file.name, verb=verb):
@@ -292,24 +292,24 @@ class FirstSteps(cli.PalpateTest):
         self.assertIn("no label name matches a tissue", self.picture(labels).stderr)
         scene = self.folder / "scene.toml"
         self.assertIn("label 1, label 2", self.succeed("scene", "new", labels, "-o", scene).stderr)
-        self.assertIn("nothing in this scene can be felt", self.succeed("scene", "check", scene).stderr)
+        self.assertIn("this scene has no touchable tissue", self.succeed("scene", "check", scene).stderr)
         self.picture(scene)
         for verb in ("simulate", "forces", "hold", "prepare"):
             with self.subTest(verb):
                 target = scene if verb == "prepare" else labels
                 done = self.run_verb(verb, target)
                 self.assertEqual(done.returncode, cli.BAD_INPUT, done.stdout)
-                self.assertIn("nothing in the scene can be felt yet", done.stderr)
+                self.assertIn("the scene has no touchable tissue yet", done.stderr)
                 self.assertIn("touchable = true", done.stderr)
         # the page shows it; without one there is nothing to do
         done = self.succeed("explore", scene, "--seconds", "0.5", "--port", "0", "--no-realtime")
-        self.assertIn("nothing in the scene can be felt yet", done.stderr)
+        self.assertIn("the scene has no touchable tissue yet", done.stderr)
         self.assertIn("to see it, open http", done.stderr)
-        self.fail_clearly(cli.BAD_INPUT, "explore", scene, "--no-viewer", says="nothing in the scene can be felt yet")
+        self.fail_clearly(cli.BAD_INPUT, "explore", scene, "--no-viewer", says="the scene has no touchable tissue yet")
         # a tissue that is felt, but of no voxel
         scene.write_text(f'[data]\nlabels = "{labels}"\n[[tissue]]\nname = "a"\nlabels = [9]\noptional = true\n')
         self.picture(scene)
-        self.fail_clearly(cli.BAD_INPUT, "simulate", scene, says="no voxel of the scene can be felt")
+        self.fail_clearly(cli.BAD_INPUT, "simulate", scene, says="no voxel of the scene is touchable")
 
     def test_a_mask_is_called_after_its_file(self):
         mask = write_nrrd(self.folder / "femur_left.nrrd", lambda i, j, k: blocks(i, j, k) > 0)

@@ -51,7 +51,7 @@ class Hold(cli.KneeTest):
                                          "quiet", "rms_um", "wedged"])
         self.assertTrue(proxy["quiet"])
 
-    def test_stiffness_is_a_part_of_what_is_recommended(self):
+    def test_stiffness_is_a_fraction_of_the_recommended_one(self):
         own, half, whole = (self.figures("--at", "0,0,200", *more)["stiffness_N_per_mm"]
                             for more in ((), ("--stiffness", "0.5"), ("--stiffness", "1")))
         self.assertEqual(own, 1)

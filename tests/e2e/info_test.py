@@ -37,7 +37,7 @@ class Info(cli.PalpateTest):
                     counted = {label["id"]: label["voxels"] for label in info["labels"]}
                     self.assertEqual({label: counted[label] for label in voxels}, voxels)
 
-    def test_what_is_odd_about_the_atlas_is_said(self):
+    def test_peculiarities_of_the_atlas_are_reported(self):
         text = self.succeed("info", cli.need("knee_spl/seg.nrrd")).stdout
         self.assertIn("tibia", text)
         self.assertRegex(text, r"without a name.*: 3 \(1531\)")
@@ -45,7 +45,7 @@ class Info(cli.PalpateTest):
         tibia = next(row for row in text.splitlines() if " tibia " in row)
         self.assertIn("22", tibia.split())
 
-    def test_a_sheet_that_holds_together_by_edges_is_told_of(self):
+    def test_edge_connected_sheets_are_reported(self):
         # a wall one voxel thick across the volume, that goes on beside itself half way
         edge = 12
         voxels = bytes(i == (5 if j < 6 else 6) for _ in range(edge) for j in range(edge) for i in range(edge))

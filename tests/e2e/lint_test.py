@@ -62,13 +62,13 @@ class Lint(cli.KneeTest):
         self.assertNotIn("http", text.replace("http-equiv", ""))
         self.assertNotIn(self.labels.name, text)
 
-    def test_what_is_mended_is_gone_and_the_rest_stays(self):
+    def test_repairs_are_complete_and_change_nothing_else(self):
         labels, mended = self.damaged("damaged"), self.folder / "mended.seg.nrrd"
         before = labels.read_bytes()
         done = self.lint(labels, "--fix", mended, code=cli.LIMIT)
-        self.assertRegex(done.stdout, r"mended: removed \d+ islands? of")
-        self.assertRegex(done.stdout, r"mended: filled \d+ holes? of")
-        self.assertIn("not mended, because it needs a decision: ", done.stdout)
+        self.assertRegex(done.stdout, r"repaired:  removed \d+ islands? of")
+        self.assertRegex(done.stdout, r"repaired:  filled \d+ holes? of")
+        self.assertIn("not repaired, because it needs a decision: ", done.stdout)
         self.assertEqual(labels.read_bytes(), before)
         kinds = {finding["kind"] for finding in
                  json.loads(self.lint(mended, "--json", "-", code=cli.LIMIT).stdout)["findings"]
@@ -82,7 +82,7 @@ class Lint(cli.KneeTest):
                          [(s["id"], s["name"], s["colour"]) for s in other["labels"]])
         # a second time nothing is left to mend
         again = self.lint(mended, "--fix", self.folder / "again.seg.nrrd", code=cli.LIMIT)
-        self.assertIn("nothing to mend", again.stdout)
+        self.assertIn("nothing to repair", again.stdout)
 
     def test_what_cannot_be_done_is_one_error(self):
         link = self.folder / "link.seg.nrrd"

@@ -157,7 +157,7 @@ class Tasks(cli.PalpateTest):
         self.fail_clearly(cli.BAD_INPUT, "task", "score", self.simulate("one"), "--task", "scope-and-probe", says="two devices")
         script = self.folder / "watched.toml"
         self.fail_clearly(cli.USAGE, "explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--script", script, "--no-viewer",
-                          says="watched.toml:5: explore has no second hand")
+                          says="watched.toml:5: explore cannot move a scope by script")
         self.fail_clearly(cli.USAGE, "explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--task", "scope-and-probe", "--no-viewer",
                           says="needs a second device for the scope")
 
@@ -228,7 +228,7 @@ class Tasks(cli.PalpateTest):
         self.fail_clearly(cli.USAGE, "task", "scor", run, says="score")
 
     @cli.long
-    def test_each_kind_of_beginner_is_told_by_what_it_does_badly(self):
+    def test_each_novice_model_fails_its_own_metric(self):
         # few seeds, for every run of the tests; trainees.py does twenty of every task
         areas, _ = trainees.areas_of(TASK, 3, pathlib.Path(self.folder), 2, f"knee-phantom:spacing={cli.KNEE_MM}")
         self.assertEqual(trainees.faults_of(TASK, areas), [])

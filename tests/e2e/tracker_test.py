@@ -173,7 +173,7 @@ class Live(cli.PalpateTest):
         tracker.drop_after_s = 2
         done = self.succeed(*explored, "--seconds", 3, "-o", run_file)
         self.assertIn("has closed the connection", done.stderr)
-        self.assertIn("the device is back", done.stderr)
+        self.assertIn("the device is ready again", done.stderr)
         for place in cli.device_columns(run_file, "tip_patient_mm")["tip_patient_mm"]:
             self.assertLess(math.dist(place, PLACE), 0.01)
         # the registration's own error there, as its file has it, and the tool's

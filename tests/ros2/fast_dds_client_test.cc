@@ -424,7 +424,7 @@ TEST(Ros2Publisher, ASessionOfTheProgramIsReceived) {
   EXPECT_GT(largest_N, 0.1);
 }
 
-TEST(Ros2Publisher, RefusesWhatItCannotDo) {
+TEST(Ros2Publisher, RejectsInvalidOptions) {
   testing::FakeHost host;
   Ros2Options options;
   options.interface = "no_such_if0";

@@ -1,4 +1,4 @@
-// Page: makes the session, the pictures and the panels, and connects them.
+// Page: creates the session, the pictures and the panels, and connects them.
 
 import { batch, effect } from "@preact/signals-core";
 import { toast } from "./base/announce.js";
@@ -21,9 +21,9 @@ import { Panels } from "./page/panels.js";
 import { VoxelChanges } from "./page/voxels.js";
 import { CaptureButtons } from "./panels/capture_buttons.js";
 import { storeCards } from "./panels/cards.js";
-import { ContactPanel } from "./panels/contact.js";
-import { DevicePanel } from "./panels/device.js";
-import { DisplayPanel } from "./panels/display.js";
+import { ContactPanel } from "./panels/contact_panel.js";
+import { DevicePanel } from "./panels/device_panel.js";
+import { DisplayPanel } from "./panels/display_panel.js";
 import { showFacts } from "./panels/facts.js";
 import { Keys } from "./panels/keys.js";
 import { showLink } from "./panels/link.js";
@@ -84,19 +84,19 @@ export class Page {
   readonly voxels: VoxelChanges;
   readonly panels: Panels;
   readonly captures: CaptureButtons;
-  readonly later = new Part("later", async () => {
+  readonly deferredPanels = new Part("later", async () => {
     const { session, requests, history, permissions, volume, sections } = this;
-    const parts = await import("./panels/later.js");
+    const parts = await import("./panels/deferred_panels.js");
     parts.showTracked(session);
     parts.showPress(session, permissions);
-    new parts.FeelPanel(session, this.connection, requests, permissions);
+    new parts.HapticsPanel(session, this.connection, requests, permissions);
     new parts.LoopPlots(session);
     new parts.BurrControls(session, this.connection);
     new parts.Bookmarks({ session, history, volume, sections, turn: (rotation) => this.turn(rotation) });
     return new parts.StructuresPanel(session, requests, history, permissions);
   });
   readonly frames: Frames;
-  isWhole = false; // all dynamically imported panels are loaded
+  arePanelsLoaded = false; // all dynamically imported panels are loaded
   private readonly pictures;
 
   /** @param language  resolves when the page's texts are loaded */
@@ -116,7 +116,7 @@ export class Page {
       session,
       renderer,
       slicer.isSoftware,
-      slicer.mostSide,
+      slicer.maxSide,
       pointer,
       history,
       (rotation, gesture) => void requests.latest("rotation", { type: "set", rotation_wxyz: rotation }, gesture),
@@ -158,7 +158,7 @@ export class Page {
       sections,
       scope,
       voxels: this.voxels,
-      onFirstSection: () => void this.fetchTheRest(),
+      onFirstSection: () => void this.loadDeferredPanels(),
       onFrame: () => this.captures.capture.now?.drawn(),
     });
     effect(() => {
@@ -191,10 +191,10 @@ export class Page {
         onLink: (link) => this.onLink(link),
         onState: (state) => this.onState(state),
         onPose: (pose) => session.setPose(pose),
-        onToken: () => void loading.askForToken(),
+        onToken: () => void loading.requestToken(),
         onProblem: toast,
-        onOtherProtocol: () => void loading.whyEnded(versionError(PROTOCOL, null)),
-        onUnanswered: () => void loading.whyEnded(null),
+        onOtherProtocol: () => void loading.diagnoseDisconnect(versionError(PROTOCOL, null)),
+        onUnanswered: () => void loading.diagnoseDisconnect(null),
         onAsked: () => toast(words.askedAtDevice),
         onCut: (first, sweeps) => this.voxels.reportCut(first, sweeps),
         onDeformation: (received) => this.voxels.addDeformation(received),
@@ -216,7 +216,7 @@ export class Page {
       session.run.value = session.debriefing.value = session.tracked.value = null;
       session.plans.update(null);
     });
-    this.voxels.beginAnew();
+    this.voxels.reset();
     this.loading.reload();
   }
   private onState(state: State): void {
@@ -286,15 +286,15 @@ export class Page {
     this.history.clear();
   }
   /** Loads everything that the first section does not need. */
-  private async fetchTheRest(): Promise<void> {
+  private async loadDeferredPanels(): Promise<void> {
     // mark up to which the page's size is measured (tests/browser/smoke_test.py)
     performance.mark("first-section");
     this.renderer.begin();
-    await Promise.all([this.later.get(), Touching.load(), this.panels.fetchFor(this.session.scene.value!)]);
-    this.isWhole = true;
+    await Promise.all([this.deferredPanels.get(), Touching.load(), this.panels.fetchFor(this.session.scene.value!)]);
+    this.arePanelsLoaded = true;
   }
 
-  /** Requests a rotation of the object, if this viewer may. */
+  /** Requests a rotation of the object, if this viewer has the permission. */
   private turn(rotation: Quaternion): void {
     const now = this.session.pose.value?.rotation;
     const isOther = now && angleOf_deg(multiply(rotation, conjugate(now))) > MIN_TURN_DEG;

@@ -24,7 +24,7 @@ export function openToTests(page: Page): void {
       return session.isFresh.value;
     },
     get isLoaded() {
-      return session.volumes.value !== null && page.isWhole;
+      return session.volumes.value !== null && page.arePanelsLoaded;
     },
     get volumeHash() {
       return session.volumes.value?.hash ?? null;
@@ -123,7 +123,7 @@ export function openToTests(page: Page): void {
       return session.approach.value;
     },
     get tone() {
-      return page.panels.near.now?.heard.tone ?? null;
+      return page.panels.near.now?.approachSound.tone ?? null;
     },
     /** State of the tasks: view of the panel, progress of the run, latest results. */
     get training() {

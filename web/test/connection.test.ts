@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { Connection, type Link } from "../src/protocol/connection.js";
 import type { DeformationMessage } from "../src/protocol/deformation_message.js";
-import { Gone, isMemoryShort, Lasting, NoMemory, errorOf } from "../src/words/errors.js";
+import { VolumeNotFound, isMemoryShort, PermanentError, NoMemory, errorOf } from "../src/words/errors.js";
 
 /** Connection with simulated sockets and timers, and its messages. */
 function connection() {
@@ -222,10 +222,10 @@ test("connections with invalid poses are retried at increasing intervals", () =>
 test("HTTP errors are permanent or temporary", () => {
   for (const status of [400, 403, 404, 405, 413, 421, 431]) {
     const error = errorOf("/api/scene", status);
-    assert.ok(error instanceof Lasting && error.message.includes(String(status)) && error.how.length > 20);
+    assert.ok(error instanceof PermanentError && error.message.includes(String(status)) && error.remedy.length > 20);
   }
-  for (const status of [408, 429, 500, 502, 503]) assert.ok(!(errorOf("/api/scene", status) instanceof Lasting));
-  assert.ok(errorOf("/api/volume/scan/0f3a", 404) instanceof Gone);
+  for (const status of [408, 429, 500, 502, 503]) assert.ok(!(errorOf("/api/scene", status) instanceof PermanentError));
+  assert.ok(errorOf("/api/volume/scan/0f3a", 404) instanceof VolumeNotFound);
   assert.ok(
     isMemoryShort(new NoMemory()) &&
       isMemoryShort(new RangeError("Array buffer allocation failed")) &&

@@ -16,8 +16,8 @@ import {
 import { boxSection, runs } from "../src/drawing/in_volume.js";
 import { Volumes } from "../src/protocol/scene.js";
 import { OPTICS_DEG, Scope, standOff } from "../src/volume/scope.js";
-import { firstTouchable, Ground } from "../src/touch/surface.js";
-import { pathTo } from "../src/touch/stroke.js";
+import { firstTouchable, SurfaceBelowTool } from "../src/touch/surface.js";
+import { pathTo } from "../src/touch/surface_drag.js";
 import { Found, viewOf } from "../src/volume/view.js";
 
 const near = (a: readonly number[], b: readonly number[], within = 1e-9) =>
@@ -234,7 +234,7 @@ test("the path of the tip to a surface avoids felt structures", () => {
 
 test("the height is the distance to the nearest felt structure", () => {
   const { volumes, isTouchable } = room();
-  const ground = new Ground(volumes, 20, 9000);
+  const ground = new SurfaceBelowTool(volumes, 20, 9000);
   for (const p of [
     [0, -15, 0],
     [0.3, 12, 0.4],
@@ -252,12 +252,12 @@ test("the height is the distance to the nearest felt structure", () => {
     assert.ok(Math.abs(length(sub(found.foot, p)) - found.height_mm) < 1e-9);
   }
   assert.equal(ground.below([0, 0, 0], isTouchable), null, "none where it is within");
-  assert.equal(new Ground(volumes, 3).below([0, -15, 0], isTouchable), null, "none where it is far");
+  assert.equal(new SurfaceBelowTool(volumes, 3).below([0, -15, 0], isTouchable), null, "none where it is far");
 });
 
 test("the structure below a tool is searched again after movements and changes of voxels", () => {
   const { volumes, isTouchable } = room();
-  const ground = new Ground(volumes, 20, 9000);
+  const ground = new SurfaceBelowTool(volumes, 20, 9000);
   let looked = 0;
   const counted = (p: Vec3) => ((looked += 1), isTouchable(p));
   const appearances = (act: () => unknown) => {

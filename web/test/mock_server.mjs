@@ -707,7 +707,7 @@ function refusal(message, viewer) {
         how: "See why, and rearm again.",
       };
     if (labelAt(tip) !== 0 && options.input === "pointer")
-      return { what: "The tip touches something.", where: "", how: "Lead it to where it is free, then rearm." };
+      return { what: "The tip is in contact.", where: "", how: "Lead it to where it is free, then rearm." };
   }
   if (message.type === "undo" || message.type === "redo") {
     if (state.motor) return { what: "The burr's motor is on.", how: "Switch it off first." };

@@ -7,7 +7,7 @@ const { server } = page;
 
 /** Expects a permanent error to be reported with given texts, and no requests until the user retries. */
 async function reportedAndUnchanged(...received: string[]): Promise<void> {
-  await page.wait("the page gives up", () => page.viewer.link === "ended" && !page.byId("mend").hidden);
+  await page.wait("the page gives up", () => page.viewer.link === "ended" && !page.byId("remedy").hidden);
   for (const words of received) assert.ok(page.text("cover").includes(words), `${words} in: ${page.text("cover")}`);
   const fetched = globalThis.fetch,
     Socket = globalThis.WebSocket;
@@ -67,7 +67,7 @@ testsOf(page, "a page with errors", () => {
     await restart(["--protocol", "4"]);
     await reportedAndUnchanged("version 4", "version 3", "palpate 0.0.0-mock", "Reload the page");
     page.click("#again"); // a retry, which fails
-    await page.wait("told again", () => !page.byId("mend").hidden);
+    await page.wait("told again", () => !page.byId("remedy").hidden);
     await mended();
   });
 

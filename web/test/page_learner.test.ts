@@ -25,7 +25,7 @@ testsOf(page, "a learner's page", () => {
     teacher.ask({ type: "lesson", learner: "L042" });
     await page.wait("another's turn", () => page.viewer.state.lesson.of_another);
     assert.ok(isBeginDisabled());
-    assert.match(page.text("lesson-note"), /somebody else's turn/);
+    assert.match(page.text("lesson-note"), /Another learner's turn/);
   });
   test("a press takes a pointer that no viewer has", async () => {
     teacher.ask({ type: "lesson", learner: "" });

@@ -47,7 +47,7 @@ function pointer(isGranted = true) {
   const at = (ms: number) => {
     while (now < ms) {
       now += 8;
-      if (session.holding.value) beat!();
+      if (session.isPressing.value) beat!();
     }
   };
   device.onReleasedByPause = () => (lifts.releaseByPause += 1);
@@ -86,7 +86,7 @@ test("presses in two pictures release the tip", () => {
   const before = sent.length;
   device.move({ at: [50, 0, 0], into: null });
   at(500);
-  assert.equal(session.holding.value, false);
+  assert.equal(session.isPressing.value, false);
   assert.equal(sent.length, before);
 });
 
@@ -164,7 +164,7 @@ test("stalls of 50 to 400 ms do not end a hold, 200 times", () => {
     stall(50 + 350 * random());
     at(time() + 100 * random() + 16);
   }
-  assert.equal(session.holding.value, true, `seed ${seed}`);
+  assert.equal(session.isPressing.value, true, `seed ${seed}`);
   assert.deepEqual(lifts, { count: 0, releaseByPause: 0 }, `seed ${seed}`);
   assert.deepEqual(sent.at(-1), [1, 0, 0]);
 });
@@ -178,7 +178,7 @@ test("after a longer stall, and when the page is hidden, the hold ends with a me
     if (ms === 0) device.releaseByPause();
     else stall(ms);
     at(time() + 16);
-    assert.equal(session.holding.value, false);
+    assert.equal(session.isPressing.value, false);
     assert.deepEqual(lifts, { count: 1, releaseByPause: 1 });
     assert.deepEqual(sent.slice(before), [[-1, 0, 0]], "it leaves the surface, which would stay dented");
   }
@@ -221,7 +221,7 @@ test("a press ends if the pointer is refused or passed to another viewer", async
   refused.session.state.value = pointerState(null);
   refused.device.hold([{ at: [1, 0, 0], into: null }], false);
   await new Promise((later) => setTimeout(later));
-  assert.equal(refused.session.holding.value, false);
+  assert.equal(refused.session.isPressing.value, false);
 
   const { device, session, sent, asked, at } = pointer();
   session.state.value = pointerState("you");
@@ -230,7 +230,7 @@ test("a press ends if the pointer is refused or passed to another viewer", async
   session.state.value = pointerState("viewer");
   const before = sent.length;
   at(100);
-  assert.equal(session.holding.value, false);
+  assert.equal(session.isPressing.value, false);
   assert.equal(sent.length, before);
   assert.deepEqual(asked, []);
 });

@@ -40,7 +40,7 @@ test("a scene in which no tissue is felt says so in place of a contact", () => {
   const made = session();
   made.scene.value = { ...made.scene.value!, tissues: [{ touchable: false }] } as unknown as Scene;
   for (const x of [0, 3])
-    assert.deepEqual(made.contactOf(device(x, 0, 0, [0, 0, 0])), { label: 0, words: words.nothingToFeel });
+    assert.deepEqual(made.contactOf(device(x, 0, 0, [0, 0, 0])), { label: 0, words: words.nothingTouchable });
 });
 
 test("a touched structure is felt while there is a force or nothing withholds it", () => {

@@ -27,7 +27,7 @@ import { fetchScene, fetchVolumes } from "../src/protocol/scene.js";
 import { Flag } from "../src/protocol/wire.js";
 import { MAX_DISTANCE_MM, PointerDevice } from "../src/state/pointer.js";
 import { Session } from "../src/state/session.js";
-import { distanceFrom, Stroke, type SurfacePoint } from "../src/touch/stroke.js";
+import { distanceFrom, SurfaceDrag, type SurfacePoint } from "../src/touch/surface_drag.js";
 import { Touching } from "../src/touch/touching.js";
 import { Camera } from "../src/volume/camera.js";
 import { firstTouchable } from "../src/touch/surface.js";
@@ -123,7 +123,7 @@ class Figures {
 /** Picture with a cursor. */
 interface View {
   start: Position;
-  pick(at: Position, stroke: Stroke): SurfacePoint | null;
+  pick(at: Position, stroke: SurfaceDrag): SurfacePoint | null;
   hover(at: Position, end: Vec3): Vec3;
   /** Next position of a cursor that moves in a direction, or along an outline; null: none. */
   next(at: Position, place: SurfacePoint | null, angle: number, mm: number): Position | null;
@@ -294,7 +294,7 @@ class Subject {
     rate_hz: number,
   ): { cursors: Position[][]; places: (SurfacePoint | null)[] } {
     // finds surfaces, and remembers the latest one, like the stroke that is tested
-    const finder = new Stroke(this.session.volumes.value!, isTouchable, [0, 0, 0], 0, () => [0, 0, 0]);
+    const finder = new SurfaceDrag(this.session.volumes.value!, isTouchable, [0, 0, 0], 0, () => [0, 0, 0]);
     const find = (at: Position) => (finder.point = view.pick(at, finder));
     const cursors: Position[][] = [];
     const places: (SurfacePoint | null)[] = [];
@@ -406,7 +406,7 @@ class Subject {
           };
         }
       }
-      if (view.pick(view.start, new Stroke(volumes, felt, [0, 0, 0], 0, () => [0, 0, 0]))) return view;
+      if (view.pick(view.start, new SurfaceDrag(volumes, felt, [0, 0, 0], 0, () => [0, 0, 0]))) return view;
     }
   }
 }

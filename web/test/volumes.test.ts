@@ -41,25 +41,25 @@ test("a downsampled voxel lies at the centre of those it averages", () => {
 });
 
 test("a volume is downsampled until it fits the device", () => {
-  assert.equal(shrinkFor([256, 256, 124], { mostSide: 2048, mostTexels: 1e7 }), 1);
-  assert.equal(shrinkFor([256, 256, 124], { mostSide: 2048, mostTexels: 1e6 * 2 }), 2);
-  assert.equal(shrinkFor([256, 256, 124], { mostSide: 2048, mostTexels: 1e5 * 2 }), 4);
-  assert.equal(shrinkFor([600, 100, 100], { mostSide: 512, mostTexels: 1e9 }), 2);
+  assert.equal(shrinkFor([256, 256, 124], { maxSide: 2048, maxTexels: 1e7 }), 1);
+  assert.equal(shrinkFor([256, 256, 124], { maxSide: 2048, maxTexels: 1e6 * 2 }), 2);
+  assert.equal(shrinkFor([256, 256, 124], { maxSide: 2048, maxTexels: 1e5 * 2 }), 4);
+  assert.equal(shrinkFor([600, 100, 100], { maxSide: 512, maxTexels: 1e9 }), 2);
 });
 
 test("texels are voxels if memory allows, else the finest axis is coarsened first", () => {
-  const card = { mostTexels: 64e6, mostSide: 2048 };
-  assert.deepEqual(coarsening([100, 100, 100], [1, 1, 1], { mostTexels: 1e6, mostSide: 2048 }), [1, 1, 1]);
-  assert.deepEqual(coarsening([200, 200, 200], [1, 1, 1], { mostTexels: 1e6, mostSide: 2048 }), [2, 2, 2]);
+  const card = { maxTexels: 64e6, maxSide: 2048 };
+  assert.deepEqual(coarsening([100, 100, 100], [1, 1, 1], { maxTexels: 1e6, maxSide: 2048 }), [1, 1, 1]);
+  assert.deepEqual(coarsening([200, 200, 200], [1, 1, 1], { maxTexels: 1e6, maxSide: 2048 }), [2, 2, 2]);
   // knee scan: its slices, thicker than pixels, are downsampled last
   assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], card), [1, 1, 1]);
-  assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], { ...card, mostTexels: 9e6 }), [2, 2, 1]);
-  assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], { ...card, mostTexels: 1.2e6 }), [4, 4, 2]);
+  assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], { ...card, maxTexels: 9e6 }), [2, 2, 1]);
+  assert.deepEqual(coarsening([512, 512, 120], [0.28, 0.28, 1], { ...card, maxTexels: 1.2e6 }), [4, 4, 2]);
   // limit of the texture's side, border included
   assert.deepEqual(coarsening([2046, 64, 64], [1, 1, 1], card), [1, 1, 1]);
   assert.deepEqual(coarsening([64, 2047, 64], [1, 1, 1], card), [1, 2, 1]);
   // an axis of one texel cannot be downsampled
-  assert.deepEqual(coarsening([1, 10, 10], [0.1, 1, 1], { ...card, mostTexels: 25 }), [1, 2, 2]);
+  assert.deepEqual(coarsening([1, 10, 10], [0.1, 1, 1], { ...card, maxTexels: 25 }), [1, 2, 2]);
 });
 
 function cube(patientFromVoxel: Affine): Volumes {

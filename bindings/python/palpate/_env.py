@@ -1,4 +1,5 @@
-"""Environments for robot learning: a tool on patients, by the conventions of Gymnasium and robomimic, without either."""
+"""Environments for robot learning: a tool in contact with patients, by the conventions of Gymnasium and robomimic, without
+depending on either."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from ._model import Model, load
 from ._session import Session
 
 Observation = Dict[str, np.ndarray]
-# reward and whether the episode has ended, of each environment
+# maps the observation of one environment to (reward, terminated)
 Reward = Callable[[Observation], Tuple[Any, Any]]
 
 
@@ -94,7 +95,7 @@ class _Hand:
         return self.session.run(np.broadcast_to(tip, (settle, 3)), dt=dt)[-1]
 
     def move(self, target: np.ndarray, orientation: np.ndarray, ticks: int, dt: float) -> np.ndarray:
-        """To a pose, evenly."""
+        """Moves the tool to a pose at constant velocity."""
         fractions = np.arange(1, ticks + 1) / ticks
         tips = self.tip + fractions[:, None] * (target - self.tip)
         records = self.session.run(tips, _slerp(self.orientation, orientation, fractions), dt)
@@ -102,7 +103,7 @@ class _Hand:
         return records
 
     def push(self, force: np.ndarray, ticks: int, dt: float, mass: float, damping: float) -> np.ndarray:
-        """By a force on a hand of this mass, kg, and damping, N s/m, which the contact resists."""
+        """Moves the tool under a force on a hand of this mass, kg, and damping, N s/m, against the contact force."""
         for _ in range(ticks):
             contact, _ = self.session.tick(self.tip, self.orientation, dt)
             # N/kg is m/s²; velocities are mm/s
@@ -125,22 +126,22 @@ class _Hand:
 
 
 class Env:
-    """A tool on patients, with Gymnasium's reset() and step(): rigid tool, true contact forces, deterministic.
+    """A rigid tool in contact with patients, with Gymnasium's reset() and step(): exact contact forces, deterministic.
 
     A step holds an action for 1 / control_rate and ticks at `rate` within it, without Python between the ticks where the action
     is a pose. Positions, orientations and forces are in the patient (LPS), mm, N and N mm.
 
     Observation, a dict of arrays:
         tip (3,), orientation (4,) w x y z, velocity (3,) mm/s; force (3,) and torque (3,) about the tip on the hand;
-        force_by_structure (structures,): normal force with each of `structures`, N; indentation (3,): from the place where the
-        surfaces constrain the tip to the tip, mm; with `patch`, section (patch, patch): labels around the tip, axial.
+        force_by_structure (structures,): normal force with each of `structures`, N; indentation (3,): vector from the
+        proxy to the tip, mm; with `patch`, section (patch, patch): labels around the tip, axial.
 
     Args:
-        scenes: a model, or what load() takes, or a sequence of them: environment n has number n modulo their number.
-        envs: number of environments; None: one, whose arrays have no axis for it.
+        scenes: a model, or what load() takes, or a sequence of them: environment n uses scene n modulo the number of scenes.
+        envs: number of environments; None: a single one, whose arrays have no environment axis.
         action: "pose": the tip's target, mm, and its orientation, w x y z, shape (7,). "wrench": force on the hand, N, shape (3,),
             which moves the tool against its contact (`hand_mass`, kg; `hand_damping`, N s/m).
-        reward: observation of one environment to (reward, terminated); None: 0 and never.
+        reward: observation of one environment to (reward, terminated); None: reward 0, never terminated.
         start: tip at the beginning of an episode, mm, shape (3,), or a function of a numpy Generator and the Model that returns
             it; None: `clearance` mm above the middle.
         randomise: function of a Generator and the Model that returns the model of the next episode, such as
@@ -148,8 +149,8 @@ class Env:
         control_rate, rate: steps and ticks a second; their ratio is an integer.
         seconds: duration of an episode, after which it is truncated.
         patch, patch_mm: pixels and width of the section around the tip; 0: none.
-        threads: environments that are stepped at the same time. The result does not depend on it.
-        settings: of Session, such as max_force.
+        threads: number of environments stepped in parallel. Results do not depend on it.
+        settings: settings of Session, such as max_force.
 
     Attributes:
         structures: names, in the order of force_by_structure: those of the first scene.
@@ -177,7 +178,7 @@ class Env:
         several = isinstance(scenes, (list, tuple))
         self._models = [scene if isinstance(scene, Model) else load(scene) for scene in (scenes if several else [scenes])]
         if not self._models:
-            raise c.BadInput("scenes: none\n  give one at least")
+            raise c.BadInput("scenes: empty\n  give at least one scene")
         self.structures = [s.name for s in self._models[0].structures]
         self.up = _up(self._models[0])
         self.num_envs = 1 if envs is None else int(envs)
@@ -203,7 +204,7 @@ class Env:
         """Begins an episode in every environment.
 
         Args:
-            seed: equal seeds give equal episodes; environment n draws from (seed, n). None: the generators go on.
+            seed: equal seeds give equal episodes; environment n draws from (seed, n). None: the generators continue.
             options: "tip": position of this episode, mm, shape (3,), instead of `start`.
 
         Returns:
@@ -216,11 +217,11 @@ class Env:
         return self._stacked(self._each(lambda n: self._begin(self._hands[n], tip))), {}
 
     def step(self, action: Any) -> Tuple[Observation, Any, Any, Any, Dict[str, Any]]:
-        """Holds an action for a step.
+        """Applies an action for one control step.
 
         Args:
             action: of shape action_space.shape, with `envs` one for each environment. An environment whose episode has ended
-                begins another one instead.
+                starts a new episode and ignores the action.
 
         Returns:
             (observation, reward, terminated, truncated, info); info has "max_force", the largest force within the step, N, and
@@ -247,7 +248,7 @@ class Env:
         return seen, reward, terminated, truncated, {"max_force": max_force, "begun": begun}
 
     def close(self) -> None:
-        """Ends its threads."""
+        """Stops the worker threads."""
         if self._pool is not None:
             self._pool.shutdown()
 
@@ -290,17 +291,17 @@ class Env:
 
 
 class Episodes:
-    """Writes the episodes of an environment as robomimic lays them out, in HDF5: use it in the environment's place. Needs h5py.
+    """Writes the episodes of an environment in robomimic's HDF5 layout: a wrapper used in place of the environment. Needs h5py.
 
     The file has /data with a group demo_0, demo_1, ... for each episode that has ended: actions, rewards, dones, obs/NAME and
     next_obs/NAME, each with an entry for each step, and the attribute num_samples; /data has `total` and `env_args`.
 
     Args:
         env: an Env.
-        file: HDF5 file, which is made.
+        file: HDF5 file to create.
 
     Raises:
-        Unavailable: h5py is missing. OutputError: the file cannot be made.
+        Unavailable: h5py is missing. OutputError: the file cannot be created.
     """
 
     def __init__(self, env: Env, file: Union[str, "os.PathLike[str]"]) -> None:

@@ -1,4 +1,4 @@
-"""libpalpate.so by ctypes: where it is, its structs as it describes them itself, and its errors as exceptions."""
+"""ctypes binding of libpalpate.so: lookup, struct types generated from its own descriptions, and exceptions for its errors."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Error(Exception):
 
 
 class BadInput(Error, ValueError):
-    """An argument, a file or a setting that cannot be used as it is."""
+    """Invalid argument, file or setting."""
 
 
 class Usage(Error, ValueError):
-    """Settings that do not go together."""
+    """Inconsistent settings."""
 
 
 class OutputError(Error, OSError):
@@ -38,7 +38,7 @@ class OutOfMemory(Error, MemoryError):
 
 
 class Internal(Error, RuntimeError):
-    """A fault of palpate."""
+    """Internal error of palpate."""
 
 
 _ERRORS: Dict[int, Type[Error]] = {1: BadInput, 2: Usage, 3: OutputError, 4: Unavailable, 6: OutOfMemory, 7: Internal}
@@ -179,7 +179,7 @@ for _name in ("model", "session", "run", "loop", "recording"):
 lib.plp_run_trouble.argtypes = (_HANDLE, _SIZE)
 lib.plp_set_cancel_flag.argtypes = (ctypes.POINTER(ctypes.c_uint8),)
 lib.plp_set_cancel_flag.restype = None
-# what frees the handle that a function makes
+# destroy function for the handle that each function creates
 _DESTROYER = {"plp_model_create": "plp_model_destroy", "plp_model_load": "plp_model_destroy", "plp_model_change": "plp_model_destroy",
               "plp_model_cut": "plp_model_destroy", "plp_simulate": "plp_run_destroy", "plp_session_create": "plp_session_destroy",
               "plp_loop_start": "plp_loop_destroy", "plp_recording_open": "plp_recording_destroy"}
@@ -194,7 +194,7 @@ def check(status: int) -> None:
 
 
 def made(call: Any, *arguments: Any) -> int:
-    """The handle that a call makes, which may take long: Ctrl-C in the main thread cancels it."""
+    """Returns the handle created by a possibly long call; Ctrl-C in the main thread cancels it."""
     handle = ctypes.c_void_p()
     arguments = (*arguments, ctypes.byref(handle))
     if threading.current_thread() is not threading.main_thread():
@@ -217,7 +217,7 @@ def made(call: Any, *arguments: Any) -> int:
             flag.value, interruption = 1, error
     status, reason = results[0]
     if interruption is not None:
-        # what was finished all the same is freed by nobody else
+        # a handle created despite the cancellation would leak
         if status == 0:
             getattr(lib, _DESTROYER[call.__name__])(handle)
         raise interruption

@@ -30,10 +30,10 @@ class Tissue:
         labels: numbers of the structures made of it, 1 ... 65535.
         stiffness: force per depth, N/mm.
         friction: kinetic coefficient.
-        static_friction: coefficient up to which a tool sticks, at least `friction`; None: the same.
+        static_friction: static coefficient, at least `friction`; None: equal to `friction`.
         viscosity: force per velocity within it, N s/mm.
         puncture: normal force above which the tool punctures it, N; infinite: never.
-        touchable: False: it has no contact.
+        touchable: False: displayed only, without contact.
     """
 
     labels: Tuple[int, ...] = ()
@@ -73,7 +73,7 @@ class Structure:
 
 
 class _View:
-    """Memory of a model as NumPy sees it, which keeps the model alive."""
+    """NumPy array interface to the memory of a model; keeps the model alive."""
 
     def __init__(self, owner: "Model", address: int, shape: Tuple[int, ...], strides: Tuple[int, ...]) -> None:
         self.owner = owner
@@ -121,14 +121,14 @@ class Model:
     """A segmented volume with the haptic properties of its structures. Immutable; versions share unchanged data.
 
     Args:
-        labels: integer array of shape (i, j, k), in any memory order and byte count: values 0 (background) ... 65535. It is
+        labels: integer array of shape (i, j, k), of any memory order and integer width: values 0 (background) ... 65535. It is
             read during the call, not copied as a whole. `sitk.GetArrayViewFromImage(image).T` has this shape.
         spacing: distance of voxel centres along i, j, k, mm.
         origin: centre of voxel (0, 0, 0) in the patient (LPS), mm.
         direction: 3 x 3; its columns are the unit vectors of i, j, k in the patient. None: those of the patient's axes.
-        tissues: name to Tissue, or to a dict of Tissue's attributes. Labels of no tissue are not felt.
+        tissues: name to Tissue, or to a dict of Tissue's attributes. Labels without a tissue have no contact.
         tools: one for each device; none: a point.
-        names: label to name of the structure; others are called after their tissue.
+        names: label to structure name; default: the name of its tissue.
         method: force method that the model is prepared for (docs/concepts/methods.md).
         title: text.
         max_force: limit of the force, N.
@@ -182,12 +182,12 @@ class Model:
 
     @property
     def version(self) -> int:
-        """1, and one more for each change."""
+        """Version number: 1, incremented by each change."""
         return int(self._info.version)
 
     @property
     def hash(self) -> int:
-        """64-bit hash of everything that is felt."""
+        """64-bit hash of all data that determine forces."""
         return int(self._info.content_hash)
 
     @property
@@ -221,7 +221,7 @@ class Model:
         return np.array(self._info.world_patient).reshape(4, 4)
 
     def points(self, indices: Any) -> np.ndarray:
-        """Positions in the patient, mm, of voxel indices; shape (..., 3) both."""
+        """Converts voxel indices to positions in the patient (LPS), mm; both of shape (..., 3)."""
         return np.asarray(indices, float) * self.spacing @ self.direction.T + self.origin
 
     @property
@@ -259,7 +259,7 @@ class Model:
         """Labels of the structures of this name, or of the tissue of this name.
 
         Raises:
-            BadInput: there is none.
+            BadInput: no structure or tissue has this name.
         """
         structures = self.structures
         found = ([s.label for s in structures if s.name == name] or [s.label for s in structures if s.tissue == name])
@@ -275,10 +275,10 @@ class Model:
         return voxels
 
     def scan(self) -> np.ndarray:
-        """The scan on the labels' grid, float32 of shape (i, j, k), read-only. Not a copy: it keeps the model alive.
+        """The scan on the labels' grid, float32 of shape (i, j, k), read-only: a view, which keeps the model alive.
 
         Raises:
-            Unavailable: there are labels alone.
+            Unavailable: the model has no scan.
         """
         voxels, count = ctypes.c_void_p(), ctypes.c_size_t()
         c.check(c.lib.plp_model_scan(self._handle, ctypes.byref(voxels), ctypes.byref(count)))
@@ -289,8 +289,9 @@ class Model:
         """The field that a method renders, at points in the patient (LPS), mm, shape (..., 3).
 
         Returns:
-            (values, gradients) of shapes (...) and (..., 3), per mm. By the proxy the value is the signed distance to the nearest
-            felt surface, mm, negative inside and at most some millimetres. By any other method it is 0 in free space and 1 deep in
+            (values, gradients) of shapes (...) and (..., 3), per mm. For the proxy the value is the signed distance to the nearest
+            contact surface, mm, negative inside and clamped to a few millimetres. For any other method it is
+            0 in free space and 1 deep in
             the stiffest tissue.
         """
         at = np.ascontiguousarray(points, float)
@@ -309,7 +310,7 @@ class Model:
     def _window(self, struct: Any, place: str, at: Any, axes: Any, names: Mapping[str, Any], size: Optional[float], pixels: int,
                 **more: Any) -> Any:
         if isinstance(axes, str) and axes not in names:
-            raise c.BadInput(f"there is no {axes!r}\n  give one of {', '.join(names)}, or the vectors to the right and down")
+            raise c.BadInput(f"unknown plane or view {axes!r}\n  give one of {', '.join(names)}, or the vectors to the right and down")
         right, down = (np.asarray(axis, float) for axis in (names[axes] if isinstance(axes, str) else axes))
         centre = self._middle() if at is None else np.asarray(at, float)
         if right.shape != (3,) or down.shape != (3,) or centre.shape != (3,):
@@ -323,7 +324,8 @@ class Model:
         """Scan and structures in a plane: uint8 of shape (pixels, pixels, 3), row 0 at the top.
 
         Args:
-            plane: "axial", "sagittal" or "coronal", which hang radiologically, or two orthogonal unit vectors in the patient: to
+            plane: "axial", "sagittal" or "coronal", in radiological display convention,
+                or two orthogonal unit vectors in the patient: to
                 the right and down.
             at: centre in the patient (LPS), mm; None: the volume's.
             size: width and height, mm; None: the volume's longest side.
@@ -348,7 +350,7 @@ class Model:
 
     def picture(self, view: Any = "anterior", at: Any = None, *, size: Optional[float] = None, pixels: int = 512,
                 eye: float = math.inf) -> Tuple[np.ndarray, np.ndarray]:
-        """The structures in three dimensions, without a graphics card.
+        """Renders the structures in three dimensions, without a GPU.
 
         Args:
             view: side of the viewer: "anterior", "posterior", "left", "right", "superior" or "inferior", or two orthogonal unit
@@ -358,7 +360,8 @@ class Model:
             eye: distance of the eye from the centre, mm; infinite: parallel rays.
 
         Returns:
-            (rgb, depth): uint8 of shape (pixels, pixels, 3), and float32 of shape (pixels, pixels): the distance of what is seen
+            (rgb, depth): uint8 of shape (pixels, pixels, 3), and float32 of shape (pixels, pixels): the distance of the visible
+            surface
             from the eye, or with parallel rays from the plane through the centre, mm; infinite: nothing.
         """
         camera = self._window(c.Camera, "focus_mm", at, view, _VIEWS, size, pixels, eye_mm=eye)
@@ -371,8 +374,9 @@ class Model:
     def with_(self, *, stiffness: Optional[Mapping[str, float]] = None, friction: Optional[Mapping[str, float]] = None,
               static_friction: Optional[Mapping[str, float]] = None,
               viscosity: Optional[Mapping[str, float]] = None) -> "Model":
-        """A version with other properties of some tissues. Each argument maps a tissue's or structure's name to the value, in the
-        units of Tissue; a structure's name stands for its tissue.
+        """Returns a version with changed contact properties of some tissues.
+        Each argument maps a tissue's or structure's name to the value, in the
+        units of Tissue; a structure's name selects its tissue.
 
         Raises:
             BadInput: an unknown name, or a value out of range.
@@ -393,7 +397,7 @@ class Model:
                     raw.static_friction = max(raw.static_friction, raw.friction)
         model, before = self, len(changed)
         while changed:
-            # a tissue may be at most as stiff as what it rests on: a change that is refused may do after another
+            # a tissue must not be stiffer than its support: a change rejected now may be valid after another one
             refused: Optional[c.BadInput] = None
             for index, raw in list(changed.items()):
                 try:
@@ -407,11 +411,11 @@ class Model:
         return model
 
     def cut(self, path: Any, radius: float) -> "Model":
-        """A version from which a ball of this radius, mm, that moved along a path in the patient (LPS), mm, shape (3,) or (n, 3),
-        has taken away what it swept.
+        """Returns a version without the volume swept by a ball of this radius, mm, along a path in the patient (LPS), mm, of
+        shape (3,) or (n, 3).
 
         Raises:
-            BadInput: a path or radius that is none, or a model that is not prepared for the proxy.
+            BadInput: an invalid path or radius, or a model that is not prepared for the proxy.
         """
         points = np.atleast_2d(np.asarray(path, float))
         if points.shape[-1] != 3 or points.ndim != 2:
@@ -424,14 +428,14 @@ class Model:
 
 def load(scene: Union[str, "os.PathLike[str]"], segmentation: Union[str, "os.PathLike[str]", None] = None, *,
          method: Optional[str] = None) -> Model:
-    """What the command `palpate` takes: a data set ("knee-phantom:spacing=2"), a scene file, or a volume with or without its
-    segmentation. Results of preparation are kept on disk (docs/guide/cache.md).
+    """Loads what the command `palpate` accepts: a data set ("knee-phantom:spacing=2"), a scene file, or a volume with or without its
+    segmentation. Prepared data are cached on disk (docs/guide/cache.md).
 
     Args:
         method: force method that it is prepared for; None: the scene's.
 
     Raises:
-        BadInput, Unavailable: a scene that cannot be used, or is not here.
+        BadInput, Unavailable: an invalid scene, or a data set that is not installed.
     """
     options = c.initialised(c.ModelOptions, method=c.method_number(method))
     second = None if segmentation is None else os.fsencode(segmentation)

@@ -32,7 +32,7 @@ def _frame(records: np.ndarray) -> Any:
 
 
 def _loading(records: np.ndarray, labels: List[int]) -> Tuple[np.ndarray, np.ndarray]:
-    """Depth and force of the contact with these labels in which the force was greatest, from touch to that force."""
+    """Depth and force of the contact with these labels that had the largest force, from first touch to that maximum."""
     force = np.linalg.norm(records["force_world_N"], axis=1)
     touched = np.isin(records["label"], labels)
     if not touched.any():
@@ -49,11 +49,11 @@ class Run:
     Attributes:
         model: the model at the beginning.
         records: structured array, one element a tick, whose fields are the members of plp_record (include/palpate.h).
-        hash: 64-bit hash over all ticks: that of `palpate simulate`, too.
+        hash: 64-bit hash over all ticks, equal to that of `palpate simulate` for equal inputs.
         rate: ticks a second.
         max_force, limit: greatest force, and the limit of the force, N.
         failed_steps: number of steps of the script that failed.
-        trouble: a sentence about each failed step, and about limits.
+        trouble: messages about failed steps and unreachable forces.
     """
 
     def __init__(self, model: Model, handle: int) -> None:
@@ -73,14 +73,14 @@ class Run:
         return f"<palpate.Run of {len(self.records)} ticks, hash {self.hash:016x}>"
 
     def press(self, name: str) -> Tuple[np.ndarray, np.ndarray]:
-        """Depth in mm and force in N while a structure was pressed: of the contact in which the force was greatest, from touch to
-        that force. Empty if it was not touched.
+        """Depth in mm and force in N of the contact with a structure that had the largest force, from first touch to that
+        maximum. Empty if it was not touched.
 
         Args:
-            name: of a structure, or of a tissue.
+            name: name of a structure or tissue.
 
         Raises:
-            BadInput: there is none of that name.
+            BadInput: no structure or tissue has this name.
         """
         return _loading(self.records, self.model.labels_of(name))
 
@@ -93,18 +93,17 @@ def simulate(scene: Union[Model, str, "os.PathLike[str]"], script: Union[str, "o
              seed: Optional[int] = None, stiffness: Optional[Mapping[str, float]] = None, max_force: Optional[float] = None,
              rate: Optional[float] = None, method: Optional[str] = None,
              recording: Union[str, "os.PathLike[str]", None] = None) -> Run:
-    """A simulated hand follows a script on the virtual clock, as by `palpate simulate`: the same inputs give the same run to the
-    bit.
+    """Runs a script with the simulated hand on the virtual clock, as `palpate simulate` does; bitwise reproducible.
 
     Args:
         scene: a model, or what load() takes.
-        script: file of a palpation script (docs/guide/script.md), or its text, which has a line break. None: one that suits the
-            scene.
-        seed: of the hand's tremor; None: the script's.
+        script: file of a palpation script (docs/guide/script.md), or its text (recognised by a line break). None: a default
+            script planned for the scene.
+        seed: seed of the hand's tremor; None: the script's.
         stiffness: tissue or structure to N/mm (Model.with_).
         max_force: limit, N; None: the lesser of the device's continuous rating and 3 N.
         rate: ticks a second; None: the script's.
-        method: force method at first; None: the scene's.
+        method: initial force method; None: the scene's.
         recording: HDF5 file to write, or None.
 
     Raises:
@@ -131,7 +130,7 @@ def simulate(scene: Union[Model, str, "os.PathLike[str]"], script: Union[str, "o
 
 
 class Recording:
-    """A recording of a run, as read() opens it.
+    """A recording of a run, opened by read().
 
     Attributes:
         hash: as Run.hash; 0 if it is incomplete.
@@ -155,7 +154,7 @@ class Recording:
         """Ticks of a device, from `first` on; count None: to the end. Fields are the members of plp_record (include/palpate.h).
 
         Raises:
-            BadInput: more than there are, or a damaged file.
+            BadInput: ticks out of range, or a damaged file.
         """
         if first < 0 or (count is not None and count < 0):
             raise c.BadInput("first or count: negative")

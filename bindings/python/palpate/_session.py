@@ -1,4 +1,4 @@
-"""Sessions, which the caller ticks, and loops, which tick by themselves."""
+"""Sessions, ticked by the caller, and loops, ticked by their own thread."""
 
 from __future__ import annotations
 
@@ -111,12 +111,12 @@ class Session:
         self._model = model
 
     def tick(self, tip: Any, orientation: Any = None, dt: float = 1e-3) -> Tuple[np.ndarray, np.ndarray]:
-        """One tick.
+        """Advances by one tick.
 
         Args:
             tip: mm, in the session's frame; shape (3,), with several devices (devices, 3).
             orientation: unit quaternion w, x, y, z from the tool's axes to the frame's; shape (4,) or (devices, 4). None: the
-                axes are the same.
+                identity.
             dt: duration since the last tick, s.
 
         Returns:
@@ -131,11 +131,11 @@ class Session:
         return self.force.copy(), self.torque.copy()
 
     def run(self, tips: Any, orientations: Any = None, dt: float = 1e-3) -> np.ndarray:
-        """Many ticks of one duration, without Python between them.
+        """Advances by many ticks of equal duration in one native call.
 
         Args:
             tips: shape (n, 3), with several devices (n, devices, 3).
-            orientations: shape (n, 4) or (n, devices, 4), or that of one tick for all. None: not turned.
+            orientations: shape (n, 4) or (n, devices, 4), or one orientation for all ticks. None: the identity.
 
         Returns:
             Structured array of shape (n,), or (n, devices), whose fields are the members of plp_record (include/palpate.h).
@@ -152,7 +152,7 @@ class Session:
         return records if self._devices == 1 else records.reshape(len(at), self._devices)
 
     def record(self, device: int = 0) -> np.void:
-        """The last tick. Raises Usage before the first."""
+        """Record of the last tick. Raises Usage before the first tick."""
         records = c.records(1)
         c.check(c.lib.plp_session_record(self._handle, device, records.ctypes.data))
         return records[0]
@@ -163,14 +163,14 @@ class Session:
 
     @property
     def hash(self) -> int:
-        """64-bit hash over all ticks since the beginning: equal for equal runs, in every language."""
+        """64-bit hash over all ticks since creation or reset: equal for equal runs in every language binding."""
         ticks, run_hash = ctypes.c_uint64(), ctypes.c_uint64()
         c.check(c.lib.plp_session_hash(self._handle, ctypes.byref(ticks), ctypes.byref(run_hash)))
         return run_hash.value
 
 
 class Loop:
-    """A servo thread that ticks by itself. Python posts poses and reads the latest tick; the servo never waits for it.
+    """Servo loop on its own thread. Python posts poses and reads the latest tick; the servo never waits for Python.
 
     Args:
         model: model in contact.
@@ -180,7 +180,7 @@ class Loop:
         realtime: request real-time scheduling and locked memory; if refused, it ticks without them.
         settings: as for Session, of one device.
 
-    It ends at the end of a `with` block, by stop(), or with the object.
+    The loop stops at the end of a `with` block, on stop(), or when the object is destroyed.
     """
 
     def __init__(self, model: Model, *, frame: str = "patient", method: Optional[str] = None, rate: float = 1000,
@@ -209,8 +209,8 @@ class Loop:
         self._model = model
 
     def post(self, tip: Any, orientation: Any = (1, 0, 0, 0), buttons: int = 0) -> None:
-        """The latest pose: tip in mm, shape (3,), and unit quaternion w, x, y, z. It is interpolated between two calls, and valid
-        for 0.1 s.
+        """Sets the target pose: tip in mm, shape (3,), and unit quaternion w, x, y, z. The loop interpolates between poses; a
+        pose expires after 0.1 s.
 
         Raises:
             BadInput: a pose that is not finite.
@@ -227,13 +227,13 @@ class Loop:
         return records[0]
 
     def health(self) -> "dict[str, float]":
-        """running, ticks, skipped, rate_hz, on_time (0 ... 1), lateness_p99_us and compute_p99_us."""
+        """Loop statistics: running, ticks, skipped, rate_hz, on_time (0 ... 1), lateness_p99_us and compute_p99_us."""
         health = c.sized(c.LoopHealth)
         c.check(c.lib.plp_loop_health_get(self._handle, ctypes.byref(health)))
         return {name: getattr(health, name) for name, *_ in health._fields_ if name != "size"}
 
     def emergency_stop(self) -> None:
-        """No force from the next tick on, for good."""
+        """Switches the force off permanently from the next tick on."""
         c.check(c.lib.plp_loop_emergency_stop(self._handle))
 
     def stop(self) -> None:

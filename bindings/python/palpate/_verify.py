@@ -22,7 +22,7 @@ def _program() -> str:
     carried = pathlib.Path(__file__).resolve().parent / "bin" / "palpate"
     found = named or (str(carried) if carried.is_file() else shutil.which("palpate"))
     if not found:
-        raise c.Unavailable("verify: there is no program palpate\n  install it, or name it in PALPATE_PROGRAM")
+        raise c.Unavailable("verify: the program palpate was not found\n  install it, or name it in PALPATE_PROGRAM")
     return found
 
 
@@ -34,7 +34,7 @@ def verify(suite: str, **options: Any) -> Dict[str, Any]:
         options: of the suite "latency": seconds, spin, rate and scene.
 
     Returns:
-        The figures as `--json` writes them (docs/reference/verify.md), and "kept": whether all limits are.
+        The figures as `--json` writes them (docs/reference/verify.md), and "kept": whether all figures are within their limits.
 
     Raises:
         BadInput: an unknown suite or option. Unavailable: the program is missing. Internal: it failed.

@@ -15,7 +15,7 @@
 #include "palpate/volume/volume.h"
 
 /// Fitness of a segmentation for touch: faults of shape, of names and of placement, a grade for each
-/// structure, and what can be mended without a decision. Thresholds and their evidence:
+/// structure, and what can be repaired without a decision. Thresholds and their evidence:
 /// docs/decisions/0082-thresholds-of-lint.md.
 namespace palpate {
 
@@ -48,7 +48,7 @@ struct LintKindInfo {
   std::string_view definition;  ///< Condition under which it is reported, with thresholds; full sentences
   std::string_view effect;      ///< Consequence for touch; a clause without a full stop
   std::string_view remedy;      ///< Remedy; an imperative without a full stop
-  bool is_mended = false;       ///< Whether mended_labels() can mend it
+  bool is_repairable = false;   ///< Whether repaired_labels() can repair it
 };
 /// All kinds, in the order of LintKind.
 std::span<const LintKindInfo> lint_kinds();
@@ -114,22 +114,22 @@ struct LintOptions {
 /// Errors: kBadInput for a tool radius that is not above 0 and at most 12 mm; kInterrupted.
 Result<LintReport> lint(const LabelMap& labels, const LintOptions& options, const Progress& progress = {});
 
-/// A change made by mended_labels(), summed per kind and structure.
-struct LintMend {
+/// A change made by repaired_labels(), summed per kind and structure.
+struct LintRepair {
   LintKind kind = LintKind::kIslands;
   LabelId structure = 0;   ///< Segment id
   std::size_t parts = 0;   ///< Number of islands or holes; 0 for a name
   std::size_t voxels = 0;  ///< Number of changed voxels
   std::string name;        ///< New name, if a name was changed
 };
-struct MendedLabels {
+struct RepairedLabels {
   LabelMap labels;
-  std::vector<LintMend> mends;
+  std::vector<LintRepair> repairs;
 };
-/// Mends the faults that need no decision: an island takes the value that shares the most faces with it, a
+/// Repairs the faults that need no decision: an island takes the value that shares the most faces with it, a
 /// hole the value of the structure around it, and empty and duplicate names become unique. Grid, layers and
 /// values stay. Faults that lint() reports as islands, holes, no_name or duplicate_name are gone afterwards.
 /// Errors: kInterrupted.
-Result<MendedLabels> mended_labels(LabelMap labels, int threads = 0, const Progress& progress = {});
+Result<RepairedLabels> repaired_labels(LabelMap labels, int threads = 0, const Progress& progress = {});
 
 }  // namespace palpate

@@ -111,7 +111,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
                                   const Progress& progress = {});
 
 /// Labels at the end of a recording.
-struct LabelsLeft {
+struct RemainingLabels {
   LabelMap labels;  ///< On the model's grid; a voxel with contact is removed if its centre was swept
   std::vector<RemovedFigure> removed;
 };
@@ -120,8 +120,8 @@ struct LabelsLeft {
 /// @param layers  labels from which the model was made, on its grid, so that overlapping segments are
 /// preserved; null: the result has one layer, the model's
 /// Errors: those of replay.
-Result<LabelsLeft> labels_left(const RecordingSource& recording, const Model& model,
-                               const LabelMap* layers = nullptr, const Progress& progress = {});
+Result<RemainingLabels> remaining_labels(const RecordingSource& recording, const Model& model,
+                                         const LabelMap* layers = nullptr, const Progress& progress = {});
 
 /// Result of replay().
 struct ReplayResult {

@@ -57,9 +57,9 @@ class VirtualRun {
   std::array<Wrench, 2> sent_;
   Point<World> intended_;
   TickRecord record_;
-  double cut_s_ = 0;                                         // time of the last cut
-  std::optional<StrokeAction> stroke_;                       // pending stroke request of the script
-  std::optional<std::uint32_t> stroke_led_to_, law_led_to_;  // as in HandCommands
+  double cut_s_ = 0;                                           // time of the last cut
+  std::optional<StrokeAction> stroke_;                         // pending stroke request of the script
+  std::optional<std::uint32_t> stroke_version_, law_version_;  // as in HandCommands
   std::vector<RecordingEvent> events_;
   std::uint32_t reported_number_ = 0;
   VirtualClockSoftTissueSolver solver_;

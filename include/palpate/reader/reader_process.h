@@ -56,8 +56,8 @@ class ReaderProcess : public ByteSource {
     std::size_t shared_bytes = 0;  ///< Size of ParentEnd::shared(); bytes.
     std::string died;              ///< Error::what if the process ends before it has sent the requested
                                    ///< bytes.
-    std::string endless;           ///< Error::what if it sends nothing for `patience`.
-    std::chrono::milliseconds patience{20'000};
+    std::string endless;           ///< Error::what if it sends nothing for `timeout`.
+    std::chrono::milliseconds timeout{20'000};
   };
 
   /// Starts a process.
@@ -87,7 +87,7 @@ class ReaderProcess : public ByteSource {
   int pipe_ = -1, words_ = -1;
   std::span<std::byte> shared_;
   std::string died_, endless_;
-  std::chrono::milliseconds patience_{};
+  std::chrono::milliseconds timeout_{};
 };
 
 }  // namespace palpate::reader

@@ -73,7 +73,7 @@ enum class Originator : std::uint8_t {
   kViewerWithConsent,  ///< A viewer with permission, with consent given by a key where palpate runs
 };
 struct RequestedBy {
-  Originator asker = Originator::kSession;
+  Originator originator = Originator::kSession;
   std::uint32_t viewer = 0;  ///< Number of the viewer, from 1 in the order of their hellos; 0: none
 
   friend bool operator==(const RequestedBy&, const RequestedBy&) = default;

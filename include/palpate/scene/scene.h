@@ -326,7 +326,7 @@ struct SlideStep {
   double distance_mm = 5;
   double speed_mm_s = 10;
 };
-/// Guides a running burr in a straight line to a point, through what it cuts.
+/// Guides a running burr in a straight line to a point, cutting on the way.
 struct MillStep {
   Point<Patient> to;      ///< Centre of the head at the end
   double force_N = 1;     ///< Greatest force with which the hand pulls

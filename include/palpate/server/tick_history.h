@@ -14,7 +14,7 @@
 ///    servo ── ring ──► recorder's thread ── add() ──► TickHistory ── copy() ──► server's thread ──► viewers
 ///
 /// Neither the servo nor the recorder waits for a viewer: the oldest ticks are overwritten, and a viewer that
-/// reads too slowly is told how many it has lost.
+/// reads too slowly receives the number of ticks it has missed.
 namespace palpate {
 
 /// State of one device in a tick, in the precision in which viewers receive it.

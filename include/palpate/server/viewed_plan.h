@@ -40,7 +40,7 @@ struct PlanRequest {
   std::optional<std::array<double, 3>> entry_mm, target_mm;
   bool remove = false;
   // requests without a trajectory
-  std::optional<std::uint32_t> back_to;  ///< Undo: version of the plan to be restored
+  std::optional<std::uint32_t> restore_version;  ///< Undo: version of the plan to be restored
   bool save = false;
 };
 

@@ -18,7 +18,7 @@ namespace palpate {
 struct ViewedTask {
   struct Region {
     std::string name;
-    std::array<double, 3> middle_mm{};  ///< Centre, patient frame
+    std::array<double, 3> centre_mm{};  ///< Centre, patient frame
     double radius_mm = 0;               ///< Radius of a sphere about the centre that contains the region
     /// Unit vector, patient frame: side from which the region is visible; zero: any
     std::array<double, 3> outward{};
@@ -39,7 +39,7 @@ struct ViewedTask {
     std::size_t region = 0;
     std::array<double, 2> force_N{0, kUnknown};  ///< Force range of a touch; NaN: unbounded
     double seconds = 0, coverage = 0;
-    bool seen = false;  ///< Whether the region also has to be in the scope's view
+    bool in_scope_view = false;  ///< Whether the region also has to be in the scope's view
   };
   struct Scope {
     double optics_deg = 0, back_mm = 0;
@@ -82,7 +82,7 @@ struct ViewedTaskEvent {
 
 /// Progress of a run.
 struct ViewedTraining {
-  enum class Phase : std::uint8_t { kNone, kRunning, kKeeping, kOver };
+  enum class Phase : std::uint8_t { kNone, kRunning, kStoring, kOver };
   static constexpr std::size_t kMaxEvents = 8;
 
   Phase phase = Phase::kNone;
@@ -97,9 +97,8 @@ struct ViewedTraining {
   double missing_s = 0;
   std::vector<ViewedTaskEvent> events;  ///< Most recent events
   std::uint64_t events_before = 0;      ///< Number of events before these
-  bool keeps =
-      /// Whether the current run, or the next run of the session's own learner, is stored in the records
-      false;
+  /// Whether the current run, or the next run of the session's own learner, is stored in the records
+  bool is_stored = false;
   std::string learner;  ///< Pseudonym of the run's learner, not published; empty: none
 };
 
@@ -131,11 +130,11 @@ struct ViewedDebriefing {
   std::size_t forces = 0;  ///< Number of valid entries of Sample::forces_N
   std::vector<Sample> samples;
   struct Patch {
-    std::array<double, 3> middle_mm{};
+    std::array<double, 3> centre_mm{};
     bool covered = false;
   };
   std::vector<Patch> patches;
-  std::uint64_t patches_left_out = 0;
+  std::uint64_t omitted_patches = 0;
   std::optional<std::array<double, 3>> answer_mm, to_find_mm;
   int runs = 0, in_a_row = 0;
   std::optional<std::int64_t> run_id;

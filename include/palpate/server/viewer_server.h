@@ -46,7 +46,7 @@ struct ViewedStructure {
   int tissue = -1;                   ///< Index of its tissue; -1: none
   std::vector<LabelId> within = {};  ///< Labels of the structures in which it is nested (Model::enclosing)
 };
-/// Limitation of the model (Caveat).
+/// Known limitation of the model (Caveat), shown as a warning.
 struct ViewedCaveat {
   std::string concerns;  ///< Its subject: "placement", "side" or "force"
   std::string text;      ///< Caveat::text
@@ -63,7 +63,7 @@ struct ViewedRecording {
   };
   std::vector<Contact> contacts;  ///< Contacts of all devices, by begin
   /// Number of omitted contacts; the shortest are omitted if there are too many
-  std::uint64_t contacts_left_out = 0;
+  std::uint64_t omitted_contacts = 0;
   struct Event {
     double time_s = 0;
     std::string kind;                  ///< "stop", "rearm", "settings", "model"
@@ -74,7 +74,7 @@ struct ViewedRecording {
   };
   std::vector<Event> events;
   /// Number of omitted events: beyond the maximum, or without a tick in which they took effect.
-  std::uint64_t events_left_out = 0;
+  std::uint64_t omitted_events = 0;
   std::vector<double> force_N;  ///< Maximum force of any device within each of equal tick intervals
 };
 
@@ -257,7 +257,7 @@ struct ViewerIdentity {
   std::uint32_t number = 0;  ///< From 1, in the order of the viewers' hello messages
   bool control = false;      ///< Whether it may change things; every viewer may stop
   std::string learner{};     ///< Pseudonym of a learner with a token; empty: another role
-  bool teaches = false;      ///< Whether it leads the lesson: what it does is no learner's
+  bool teaches = false;      ///< Whether it leads the lesson; its actions are not attributed to a learner
 };
 
 /// Well-formed request; the host decides whether to grant it.
@@ -288,7 +288,7 @@ struct RearmRequest {
 struct LessonRequest {
   std::optional<std::string> learner, task;  ///< As in ViewedState::Lesson
   std::optional<bool> names;                 ///< Whether learners are shown what a quiz hides
-  /// Pseudonym of the learner whose page gets the pointer; empty: whoever has it loses it
+  /// Pseudonym of the learner whose page gets the pointer; empty: the current owner loses it
   std::optional<std::string> pointer;
   bool end = false;  ///< Ends the session
 };
@@ -318,8 +318,8 @@ class LiveHost;
 class PlaybackHost;
 class TickHistory;
 
-/// Session or recording as seen by its viewers: what there is to be looked at. A host that is neither a
-/// LiveHost nor a PlaybackHost can only be looked at and stopped. scene(), snapshot(), health(), state(),
+/// Source of the data that viewers observe: a live session or a recording. A host that is neither a LiveHost
+/// nor a PlaybackHost is read-only, except for the emergency stop. scene(), snapshot(), health(), state(),
 /// labels() and emergency_stop() are called on any thread, every other member on the server's unless stated
 /// otherwise; none may wait for the servo, and none may take longer than copying one tick's data
 /// (milliseconds).
@@ -330,7 +330,7 @@ class ViewerHost {
   virtual LiveHost* live() { return nullptr; }
   virtual PlaybackHost* playback() { return nullptr; }
 
-  /// Constant, on which start() relies. Scan and labels share one grid.
+  /// The same object for the lifetime of the server. Scan and labels share one grid.
   virtual const ViewedScene& scene() const = 0;
   /// Latest tick.
   /// @param stiffness_N_per_mm  rendered stiffness of the tissue in contact, per device

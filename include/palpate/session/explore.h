@@ -59,8 +59,8 @@ inline constexpr const char* kRos2Hand = "ros2";
 /// Valid device names of a session: the three above and those of `known`.
 std::vector<std::string> device_names(const DeviceRegistry& known);
 /// Checks whether a session can use these devices. Errors: kUsage for an unknown name (the message lists the
-/// known ones), a duplicate, more than kMaxDevices, a simulated hand that is not the first, a hand of
-/// ROS 2 beside another device, or an empty list.
+/// known ones), a duplicate, more than kMaxDevices, a simulated hand that is not the first, a ROS 2 hand
+/// combined with another device, or an empty list.
 Result<void> check_devices(const std::vector<std::string>& names, const DeviceRegistry& known);
 
 /// Options of explore().
@@ -76,12 +76,12 @@ struct ExploreOptions {
   /// Program and arguments of the supervisor process, which calls supervise() (supervisor.h). If it dies the
   /// force is switched off and another one is started. Empty: the session is not supervised.
   std::vector<std::string> supervisor;
-  /// File to which the supervisor appends its record (SupervisorSettings::record_file). Empty: none.
+  /// File to which the supervisor appends its record (SupervisorSettings::event_log_fd). Empty: none.
   std::filesystem::path supervisor_log;
   /// Polled fifty times a second by the calling thread; must not block. Empty: no requests.
   std::function<ExploreRequest()> request;
-  /// Whether whoever makes these requests also sees ExploreStatus::question and answers it. If false, viewers
-  /// cannot change anything while a physical device can apply force.
+  /// Whether the requests come from an operator who sees and answers ExploreStatus::question. If false,
+  /// viewers cannot change anything while a physical device can apply force.
   bool has_operator = false;
   /// Tasks offered in the session; none: nothing is evaluated.
   TrainingOptions training;
@@ -134,8 +134,8 @@ struct ExploreStatus {
   std::optional<std::uint32_t> stop;  ///< Number of the stop in effect; empty: none
   /// One-time code that re-arms a physical device from the page after that stop; empty: none.
   std::string arming_code;
-  /// Whether the page gives force back instead of kRearm: a viewer's pointer moves the tip and no device
-  /// applies force
+  /// Whether the force is re-armed in the page instead of by kRearm: a viewer's pointer moves the tip and no
+  /// device applies force
   bool rearmed_in_page = false;
   std::optional<ConsentQuestion> question;     ///< Question to be answered by kAgree or kDecline
   std::optional<Error> refusal;                ///< Refusal of a request since the last status
@@ -160,7 +160,7 @@ struct ExploreResult {
   std::optional<Error> recording_failure;
   std::vector<FinishedRun> runs;  ///< Runs of tasks
   bool stopped_by_user = false;   ///< Stopped by progress.stopped(), or by a teacher in the page
-  bool device_lost = false;       ///< The driver gave up, which ended the session
+  bool device_lost = false;       ///< The driver failed permanently, which ended the session
 };
 
 /// Runs a scene in real time with a scripted hand, the pointer of a viewer or physical devices, until the

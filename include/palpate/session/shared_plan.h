@@ -27,7 +27,7 @@ class SharedPlan {
                                                   bool may_change);
 
   /// Maximum number of versions stored for undo.
-  static constexpr std::size_t kMaxBefore = 200;
+  static constexpr std::size_t kMaxUndoVersions = 200;
 
   /// Current plan; never null. Each change creates a new object.
   std::shared_ptr<const ViewedPlan> viewed() const;
@@ -40,8 +40,8 @@ class SharedPlan {
  private:
   SharedPlan(std::filesystem::path file, std::optional<std::string> in_file, PlanFile plan,
              std::vector<ViewedPlan::KeepAway> keep_away, bool may_change);
-  void show();
-  Result<PlanFile> as_it_was(std::uint32_t version) const;
+  void publish();
+  Result<PlanFile> plan_at(std::uint32_t version) const;
   Result<void> save();
 
   const std::filesystem::path file_;
@@ -51,8 +51,8 @@ class SharedPlan {
   std::optional<std::string> in_file_;  ///< Expected content of the file; empty: the file does not exist
   std::string saved_;                   ///< Text of the plan last saved, as plan_text writes it
   PlanFile plan_;
-  /// Earlier plans by ViewedPlan::version; the last kMaxBefore
-  std::deque<std::pair<std::uint32_t, PlanFile>> before_;
+  /// Earlier plans by ViewedPlan::version; the last kMaxUndoVersions
+  std::deque<std::pair<std::uint32_t, PlanFile>> earlier_plans_;
   std::shared_ptr<const ViewedPlan> viewed_;
 };
 

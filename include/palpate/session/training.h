@@ -53,8 +53,8 @@ inline constexpr std::uint32_t kMaxRunsOfSession = 1000;
 /// A learner's record for one task, including this run.
 struct RunHistory {
   int runs = 0, in_a_row = 0;
-  /// Best value of each metric over the earlier runs that were in band; a run that was broken off would win
-  /// by a short path and low forces. kUnknown if there is none.
+  /// Best value of each metric over the earlier runs that were in band; an aborted run would otherwise be
+  /// best in path length and force. kUnknown if there is none.
   std::vector<double> best;
   std::optional<std::int64_t> run_id;  ///< Number of this run in the records
   std::optional<Error> not_stored;
@@ -73,9 +73,9 @@ RunHistory history_of(const TaskFile& task, const std::vector<TaskRun>& runs);
 struct TrainingOptions {
   std::vector<OfferedTask> tasks;
   /// Whether a task whose structures the scene lacks is an error; else it is omitted
-  bool have_to_fit = false;
-  bool begins_at_once = false;  ///< Whether the first task begins with the first tick
-  std::string learner;          ///< Pseudonym of the initial learner; empty: none
+  bool requires_all_tasks = false;
+  bool begins_with_first_tick = false;  ///< Whether the first task begins with the first tick
+  std::string learner;                  ///< Pseudonym of the initial learner; empty: none
   /// Stores a learner's finished run and returns the history from the records. Called on a separate thread,
   /// for one run at a time; may take long. Empty: runs are not stored. The history of a run that is not
   /// stored covers the session's own runs.

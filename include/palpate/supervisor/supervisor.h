@@ -8,8 +8,8 @@
 #include "palpate/base/heartbeat.h"
 #include "palpate/base/result.h"
 
-/// Watchdog process that outlives the session's process, whatever that dies of, and that also detects a
-/// process frozen as a whole (SIGSTOP, a debugger), which none of its own threads can notice.
+/// Watchdog process that survives any termination of the session's process, and also detects that the whole
+/// process is suspended (SIGSTOP, a debugger), which no thread of its own can detect.
 ///
 ///   session's process                          supervisor                     device's process
 ///     servo thread ── heartbeat, shared ──────► polls each millisecond
@@ -34,7 +34,7 @@ struct SupervisorSettings {
   /// Descriptor that receives a line of JSON per event, with the fields of SupervisorEvent, the session's
   /// process ID and the wall-clock time: a record that outlives the session. Owned by the caller; stays open.
   /// -1: none.
-  int record_file = -1;
+  int event_log_fd = -1;
   /// Request SCHED_FIFO and locked memory; without permission it runs as an ordinary process
   bool realtime = true;
 };
@@ -68,9 +68,9 @@ class Supervisor {
   /// For LoopSettings::heartbeat; valid for the lifetime of this object.
   virtual Heartbeat& heartbeat() noexcept = 0;
   /// False: the supervisor process has died, so the session is unsupervised. Thread-safe.
-  virtual bool watching() const noexcept = 0;
+  virtual bool is_running() const noexcept = 0;
   /// Replaces a dead supervisor process. Errors: those of start().
-  virtual Result<void> watch_again() = 0;
+  virtual Result<void> restart() = 0;
   /// Scheduling of the supervisor's process: "SCHED_FIFO 95", or the fallback and its reason.
   virtual std::string scheduler() const = 0;
   /// Up to 64 most recent events, oldest first.

@@ -69,9 +69,9 @@ enum class NameSource {
   /// values.
   kOnlyTable,
 };
-/// Text for the user, such as "a table beside it with its name"; without file names, which may contain a
-/// patient's name.
-std::string_view words_of(NameSource source);
+/// Text for the user, such as "a table next to it with the same name"; without file names, which may contain
+/// a patient's name.
+std::string_view description_of(NameSource source);
 
 struct LabelFile {
   VolumeHeader header;
@@ -81,13 +81,12 @@ struct LabelFile {
   std::optional<std::filesystem::path> names_table = {};  ///< File of the table, if the names come from one.
   std::string evidence = {};  ///< Why read_volume() classified it as labels: "its 3 values lie in patches".
 };
-/// Text for the user: "2 of 3 labels have names from knee.tsv, a table beside it with its name".
+/// Text for the user: "2 of 3 labels have their names from knee.tsv, a table next to it with the same name".
 std::string origin_of_names(const LabelFile& labels);
 
-/// Use of the cache of decompressed voxels (palpate/cache/cache.h) for voxels that take a while to
-/// decompress: kKept stores them and reads them from there, kOff does not. Header, names and warnings come
-/// from the files in either case.
-enum class VoxelCaching { kOff, kKept };
+/// Use of the cache of decompressed voxels (palpate/cache/cache.h), for voxels that are slow to decompress.
+/// kOn reads from and writes to the cache. Header, names and warnings come from the files in either case.
+enum class VoxelCaching { kOff, kOn };
 
 /// Coordinate system of a surface file.
 enum class MeshSpace { kLps, kRas };
@@ -212,12 +211,12 @@ ReadAs read_as();
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names = {},
                                                       const Progress& progress = {}, const Warn& warn = {},
-                                                      VoxelCaching unpacked = VoxelCaching::kOff,
+                                                      VoxelCaching caching = VoxelCaching::kOff,
                                                       std::optional<int> volume = {});
 
 /// Reads a 3-D (or 2-D, as one slice) scalar volume as a scan.
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress = {},
-                           const Warn& warn = {}, VoxelCaching unpacked = VoxelCaching::kOff,
+                           const Warn& warn = {}, VoxelCaching caching = VoxelCaching::kOff,
                            std::optional<int> volume = {}, const PlacementOptions& placement_options = {});
 
 /// True if a scan's values look like labels: by the meaning that its file declares, otherwise integers in
@@ -229,7 +228,7 @@ bool resembles_scan(const LabelMap& labels);
 
 /// Treatment of labels that look like a scan (resembles_scan) and that neither the file nor a table that
 /// names more than half of them declares to be labels.
-enum class Doubtful { kRefused, kWarnedOf };
+enum class AmbiguousLabels { kReject, kWarn };
 
 /// Reads a segmentation. Voxel values must be integers in 0 ... 65535. DICOM images are rejected.
 /// @param names      a table of label names, see read_label_names. If unset, and if the file itself contains
@@ -242,11 +241,14 @@ enum class Doubtful { kRefused, kWarnedOf };
 ///                   if null. Other label maps have their own grid.
 /// @param placement_options    values that it leaves unset are those of placement_options()
 /// @param scan       file of the scan, which does not count as another label map in the folder
-Result<LabelFile> read_labels(
-    const std::filesystem::path& file, const std::optional<std::filesystem::path>& names = {},
-    const Progress& progress = {}, const Warn& warn = {}, Doubtful doubtful = Doubtful::kRefused,
-    VoxelCaching unpacked = VoxelCaching::kOff, const GridGeometry* scan_grid = nullptr,
-    const PlacementOptions& placement_options = {}, const std::optional<std::filesystem::path>& scan = {});
+Result<LabelFile> read_labels(const std::filesystem::path& file,
+                              const std::optional<std::filesystem::path>& names = {},
+                              const Progress& progress = {}, const Warn& warn = {},
+                              AmbiguousLabels ambiguous = AmbiguousLabels::kReject,
+                              VoxelCaching caching = VoxelCaching::kOff,
+                              const GridGeometry* scan_grid = nullptr,
+                              const PlacementOptions& placement_options = {},
+                              const std::optional<std::filesystem::path>& scan = {});
 
 /// One row of a label table.
 struct NamedLabel {

@@ -165,7 +165,7 @@ TEST(Api, ARunHasTheHashThatItHasInCxx) {
   EXPECT_EQ(run_hash(session.get()), hash);
 }
 
-TEST(Api, LabelsOfAnyTypeAndOrderGiveTheSameModel) {
+TEST(Api, ModelIsIndependentOfLabelTypeAndOrder) {
   Block block;
   const std::uint64_t hash = info_of(block.model().get()).content_hash;
   // signed, 8 bytes, k fastest, as NumPy's order of (i, j, k)
@@ -189,7 +189,7 @@ TEST(Api, LabelsOfAnyTypeAndOrderGiveTheSameModel) {
   }
 }
 
-TEST(Api, ALabelThatNoStructureNamesIsNotFelt) {
+TEST(Api, LabelWithoutStructureHasNoContact) {
   Block block;
   block.voxels[0] = 9;
   const auto model = block.model();
@@ -210,7 +210,7 @@ TEST(Api, ALabelThatNoStructureNamesIsNotFelt) {
   EXPECT_EQ(tissue.stiffness_N_per_mm, 1);
 }
 
-TEST(Api, AVersionChangesWhatASessionFeels) {
+TEST(Api, NextVersionChangesContactOfASession) {
   const auto model = Block().model();
   const auto session = session_of(model.get());
   const auto poses = press();
@@ -365,7 +365,7 @@ TEST(Api, ASceneByItsNameRunsAsOnTheCommandLine) {
   EXPECT_EQ(plp_recording_column(opened, 0, "nothing", first, count, hashes.data()), PLP_BAD_INPUT);
 }
 
-TEST(Api, ALoopTicksByItselfAndFeelsWhatIsPosted) {
+TEST(Api, LoopTicksAndRendersPostedPoses) {
   const auto model = Block().model();
   plp_session_options session;
   plp_session_options_init(&session, sizeof session);
@@ -424,7 +424,7 @@ TEST(Api, HandlesComeAndGo) {
 }
 
 // a flag that is set cancels the next long call, and one that is not set does not
-TEST(Cancellation, AFlagOfTheThreadEndsALongCall) {
+TEST(Cancellation, CancelFlagEndsALongCall) {
   const Block block;
   std::uint8_t flag = 1;
   plp_set_cancel_flag(&flag);

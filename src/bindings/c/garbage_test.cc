@@ -137,7 +137,7 @@ TEST_F(Garbage, NullEverywhereIsAnError) {
   plp_recording_destroy(nullptr);
 }
 
-TEST_F(Garbage, AHandleOfAnotherTypeIsAnError) {
+TEST_F(Garbage, RejectsHandlesOfAnotherType) {
   auto* const model = reinterpret_cast<plp_model*>(session_.get());
   auto* const session = reinterpret_cast<plp_session*>(model_.get());
   plp_model_info info;

@@ -48,8 +48,8 @@ bool Tokens::has(Role /*role*/) const {
 std::optional<PictureKey> parse_picture_query(std::string_view /*query*/, std::size_t /*structures*/) {
   return {};
 }
-void PictureStore::want(PictureKey /*key*/, std::weak_ptr<const void> /*asker*/,
-                        std::function<void(Payload)> then) {
+void PictureStore::request(PictureKey /*key*/, std::weak_ptr<const void> /*asker*/,
+                           std::function<void(Payload)> then) {
   then(nullptr);
 }
 

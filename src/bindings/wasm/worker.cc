@@ -17,8 +17,8 @@
 #include "server/hub.h"
 #include "server/site.h"
 #include "server/viewer.h"
-#include "session/explore_watch.h"
 #include "session/live_session.h"
+#include "session/session_statistics.h"
 #include "wasm/worker_loop.h"
 
 #define PALPATE_EXPORT extern "C" __attribute__((visibility("default")))
@@ -56,7 +56,7 @@ class WorkerSession {
   GridClock clock_{kRate_hz};
   PointerDriver pointer_;
   LiveSession live_;
-  ExploreWatch watch_;
+  SessionStatistics watch_;
   std::unique_ptr<ServoLoop> servo_;
 
   WorkerLoop loop_;
@@ -161,8 +161,8 @@ int WorkerSession::get(std::string_view target, std::shared_ptr<const std::strin
   auto answer = site_->answer(request);
   if (auto* volume = std::get_if<server::VolumeRequest>(&answer)) {
     // made in this call: there is no other thread
-    volumes_->want(volume->key,
-                   [&body](server::PayloadStore::Payload payload) { body = std::move(payload); });
+    volumes_->request(volume->key,
+                      [&body](server::PayloadStore::Payload payload) { body = std::move(payload); });
     return body ? 200 : 503;
   }
   constexpr int kNotFound = 404;

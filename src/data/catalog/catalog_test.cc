@@ -85,7 +85,7 @@ class LocateTest : public testing::Test {
   ScopedEnvironment list_{"PALPATE_DATA", data_.path().c_str()};
 };
 
-TEST_F(LocateTest, AbsentSaysHowToGetIt) {
+TEST_F(LocateTest, ReportsHowToFetchAbsentData) {
   const auto data = locate("knee-atlas");
   ASSERT_FALSE(data);
   EXPECT_EQ(data.error().kind, ErrorKind::kUnavailable);

@@ -119,7 +119,7 @@ TEST_F(DownloadTest, ShortAnswersWithoutLengthAreResumed) {
   EXPECT_THAT(ranges(), ElementsAre("-", "bytes=150000-"));
 }
 
-TEST_F(DownloadTest, AttemptsAreBoundedAndWhatArrivedIsKept) {
+TEST_F(DownloadTest, BoundsAttemptsAndKeepsPartialDownload) {
   auto patient = request("cut-100");
   patient.attempts = 3;
   expect_unavailable(download(patient, {}), "the part received so far is kept");
@@ -148,7 +148,7 @@ TEST_F(DownloadTest, SilenceEnds) {
   expect_nothing();
 }
 
-TEST_F(DownloadTest, ServerThatIgnoresRangesBeginsAnew) {
+TEST_F(DownloadTest, RestartsIfTheServerIgnoresRanges) {
   ASSERT_TRUE(get("norange-cut-120000"));
   expect_whole();
   EXPECT_THAT(ranges(), ElementsAre("-", "bytes=120000-"));
@@ -330,7 +330,7 @@ TEST_F(DownloadTest, SecondProcessIsRefused) {
   ::close(fd);
 }
 
-TEST(Download, NobodyListens) {
+TEST(Download, ConnectionRefused) {
   const TemporaryFolder folder;
   // bound but not listening: the connection is refused immediately
   Download request;

@@ -111,7 +111,7 @@ TEST_F(FetchFilesTest, MissingExtraIsAWarningMissingLabelsAreAnError) {
   EXPECT_EQ(done.error().kind, ErrorKind::kUnavailable);
 }
 
-TEST_F(FetchFilesTest, OnlyWhatIsMissingOrDamagedIsFetched) {
+TEST_F(FetchFilesTest, FetchesOnlyMissingOrDamagedFiles) {
   ASSERT_TRUE(get("ok"));
   const auto labels_written = fs::last_write_time(into_ / "labels.nrrd");
   write_text(into_ / "names.tsv", "damaged");

@@ -200,7 +200,7 @@ TEST_F(FetchTest, InterruptedPhantomLeavesNothing) {
   EXPECT_TRUE(fs::is_empty(into.path()));
 }
 
-TEST_F(FetchTest, WhatAKilledRunLeftIsSwept) {
+TEST_F(FetchTest, RemovesFilesOfKilledRuns) {
   const TemporaryFolder into;
   const auto left = [&](const char* name, std::time_t age_s) {
     const fs::path made = into.path() / name;

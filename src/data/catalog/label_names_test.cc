@@ -32,7 +32,7 @@ TEST(MricronNames, NothingIsAnError) {
   EXPECT_FALSE(mricron_names_to_tsv("\n \r\n", "list").ok());
 }
 
-TEST(MricronNames, TableIsKeptAndRenewed) {
+TEST(MricronNames, TableIsStoredAndUpdated) {
   const TemporaryFolder folder;
   const auto list = folder / "list.txt", table = folder / "new/folder/names.tsv";
   write_text(list, "1 A\n");

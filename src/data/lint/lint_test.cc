@@ -32,7 +32,7 @@ TEST(Lint, TheManualListsEveryKind) {
   test::check_docs_section(PALPATE_SOURCE_DIR, "guide/lint.md", "kinds", lint_kind_table());
 }
 
-TEST(Lint, WithoutNamesSidesCannotBeTold) {
+TEST(Lint, SidesAreUndeterminedWithoutNames) {
   LintCase one = test::organs_case(1);
   for (Segment& segment : one.labels.segments)
     if (segment.name != "spine") segment.name = "organ " + std::to_string(segment.id);
@@ -43,7 +43,7 @@ TEST(Lint, WithoutNamesSidesCannotBeTold) {
   EXPECT_EQ(sides->severity, LintSeverity::kUndetermined);
 }
 
-TEST(Lint, WithoutAScanTheBodyCannotBeTold) {
+TEST(Lint, BodyIsUndeterminedWithoutScan) {
   const LintCase one = test::organs_case(1);
   const auto report = lint(one.labels, {});
   ASSERT_TRUE(report.ok());
@@ -99,33 +99,33 @@ TEST(Lint, DoesNotDependOnThreads) {
   }
 }
 
-TEST(Lint, WhatIsMendedIsGone) {
+TEST(Lint, RepairedFaultsAreNotReportedAgain) {
   std::mt19937 random(7);
   LintCase one = test::organs_case(4);
   for (const auto& fault : test::planted_faults())
-    if (lint_kind(fault.kind).is_mended) {
+    if (lint_kind(fault.kind).is_repairable) {
       ASSERT_TRUE(fault.plant(one, random)) << fault.name;
     }
   const LabelMap before = one.labels;
-  auto mended = mended_labels(one.labels);
-  ASSERT_TRUE(mended.ok());
-  one.labels = mended->labels;
+  auto repaired = repaired_labels(one.labels);
+  ASSERT_TRUE(repaired.ok());
+  one.labels = repaired->labels;
   const auto report = one.report();
   ASSERT_TRUE(report.ok());
   for (const LintFinding& finding : report->findings)
-    EXPECT_FALSE(finding.severity == LintSeverity::kFault && lint_kind(finding.kind).is_mended)
+    EXPECT_FALSE(finding.severity == LintSeverity::kFault && lint_kind(finding.kind).is_repairable)
         << finding.sentence;
   // the counts of the mends equal the number of changed voxels
   std::size_t changed = 0, declared = 0;
   for (std::size_t n = 0; n < before.layers[0].voxels().size(); ++n)
     changed += before.layers[0].voxels()[n] != one.labels.layers[0].voxels()[n];
-  for (const LintMend& mend : mended->mends) declared += mend.voxels;
+  for (const LintRepair& repair : repaired->repairs) declared += repair.voxels;
   EXPECT_GT(changed, 0u);
   EXPECT_EQ(changed, declared);
   // a second call changes nothing
-  const auto again = mended_labels(one.labels);
+  const auto again = repaired_labels(one.labels);
   ASSERT_TRUE(again.ok());
-  EXPECT_TRUE(again->mends.empty());
+  EXPECT_TRUE(again->repairs.empty());
 }
 
 TEST(Lint, GradesFollowFromFindings) {
@@ -150,7 +150,7 @@ TEST(Lint, ABadRadiusAndAnInterruptionAreErrors) {
   EXPECT_EQ(one.report(13).error().kind, ErrorKind::kBadInput);
   const std::atomic<bool> stop = true;
   EXPECT_EQ(lint(one.labels, {}, Progress({}, &stop)).error().kind, ErrorKind::kInterrupted);
-  EXPECT_EQ(mended_labels(one.labels, 0, Progress({}, &stop)).error().kind, ErrorKind::kInterrupted);
+  EXPECT_EQ(repaired_labels(one.labels, 0, Progress({}, &stop)).error().kind, ErrorKind::kInterrupted);
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ Volume<LabelId> random_blobs(std::mt19937& random, const std::array<int, 3>& dim
   return labels;
 }
 
-TEST(VoxelRuns, ComponentsAreThoseOfAFlood) {
+TEST(VoxelRuns, ComponentsEqualFloodFill) {
   const unsigned seed = test::test_seed();
   std::cout << "seed " << seed << '\n';
   std::mt19937 random(seed);

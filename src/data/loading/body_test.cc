@@ -62,7 +62,7 @@ TEST(BodyMask, ASkinThatTheScanCutsHasAnInsideInEachAxialSlice) {
   EXPECT_EQ(inside(body_mask(of_turned, nullptr, {}).value()), 8u * 8 * kEdge);
 }
 
-TEST(BodyMask, TheScanSaysWhereTheBodyEndsAndATableIsNoPartOfIt) {
+TEST(BodyMask, FollowsTheSkinAndExcludesTheTable) {
   const auto organ = labelled([](int i, int j, int k) { return in_square(i, j, 5, 6) && k == 6; });
   Volume<float> scan(cube());
   for (int k = 0; k < kEdge; ++k)

@@ -65,7 +65,7 @@ Result<void> resample_to_common_grid(SceneVolumes& volumes, const Progress& prog
         "scan and labels lie on different grids: the labels were resampled onto the scan's grid, which is "
         "finer, by nearest neighbour");
     if (reaches_beyond(labels.geometry(), scan.geometry()))
-      warn("part of the label map lies outside the scan and cannot be felt");
+      warn("part of the label map lies outside the scan and is not touchable");
   }
   volumes.labels = *std::move(moved);
   return {};

@@ -75,7 +75,7 @@ std::string why_not_touchable(const Scene& scene, const Result<std::shared_ptr<c
 }
 
 // an unfinished scene: no tissue is touchable, or none of them has a voxel
-TEST(BuildModel, WhereNothingIsFeltThereIsAModelToShow) {
+TEST(BuildModel, BuildsADisplayModelWithoutTouchableTissue) {
   const LabelMap labels = blocks(grid_of(1, 40));
   for (const char* preparation : {"", "[preparation]\nmethod = \"union-gaussian\"\nbits = 8\n"})
     for (const char* tissue : {"labels = [1]\ntouchable = false\n", "labels = [9]\noptional = true\n"}) {
@@ -119,7 +119,7 @@ TEST(BuildModel, LabelsBecomeTissuesLevelsAndAForce) {
   EXPECT_NEAR(sample_value(*m.field, Point<Patient>(36, 20, 20)), 0, 1e-3);
 }
 
-TEST(BuildModel, HashFollowsWhatIsFeltAndNothingElse) {
+TEST(BuildModel, HashDependsOnHapticPropertiesOnly) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const auto hash_of = [&](const std::string& text) {
     return (*build_model(scene_of(text), &labels, nullptr))->content_hash;
@@ -204,7 +204,7 @@ TEST(BuildModel, HashFollowsModuliUnderEveryLaw) {
   EXPECT_FALSE(model_with(elastic)->tissues[0].elastic.has_value());
 }
 
-TEST(BuildModel, WhatABurrIsToSpareIsThereWhicheverHandHoldsIt) {
+TEST(BuildModel, ProtectedStructuresApplyToEveryDevice) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const auto spared = [&](const std::string& tools) {
     const auto model = build_model(
@@ -219,7 +219,7 @@ TEST(BuildModel, WhatABurrIsToSpareIsThereWhicheverHandHoldsIt) {
   EXPECT_EQ(spared("[second_tool]\n"), (std::pair<std::size_t, bool>(0, false)));
 }
 
-TEST(BuildModel, WhatKeepsAwayIsToldWhicheverDistancesAreAskedFor) {
+TEST(BuildModel, NoGoStructuresAlwaysReportDistances) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const auto reported = [&](const std::string& more) {
     const auto model = build_model(scene_of(std::string(kScene) + more), &labels, nullptr);
@@ -347,7 +347,7 @@ TEST(BuildModel, NoOverlapIsAnError) {
   EXPECT_NE(model.error().message().find("overlap"), std::string::npos) << model.error().message();
 }
 
-TEST(BuildModel, ARawScanIsFeltByThresholdWithTheSameCode) {
+TEST(BuildModel, ThresholdTissueOfARawScanIsTouchable) {
   // a ramp of HU along x: 0 at x = 10, 300 at x = 20
   Volume<float> scan(grid_of(1, 40));
   for (int k = 0; k < 40; ++k)
@@ -395,7 +395,7 @@ TEST(BuildModel, NestedSegmentsKeepTheirVoxelsAndWithoutATissueTakeTheOuterOnes)
   EXPECT_EQ((*model)->enclosing_suffix(3), " (within hard)");
 }
 
-TEST(BuildModel, OfSegmentsThatCrossTheStiffestIsFeltAndOneThatIsNotFeltHidesNothing) {
+TEST(BuildModel, StiffestOverlappingSegmentIsTouchedAndUntouchableOnesHideNothing) {
   const GridGeometry grid = grid_of(1, 30);
   LabelMap labels;
   labels.layers.assign(3, Volume<LabelId>(grid));
@@ -432,7 +432,7 @@ TEST(BuildModel, ThresholdTissuesThatOverlapDoNotDependOnTheirOrder) {
   }
 }
 
-TEST(BuildModel, WhatTheScanDoesNotReachIsNotFelt) {
+TEST(BuildModel, LabelsOutsideTheScanHaveNoContact) {
   // a fill value of 0 would be on the threshold's ramp
   const LabelMap labels = blocks(grid_of(1, 40));
   const Volume<float> scan(grid_of(2, 8), -900.f);
@@ -454,7 +454,7 @@ TEST(BuildModel, AThresholdThatNothingReachesIsAnError) {
   EXPECT_NE(why_not_touchable(scene, build_model(scene, nullptr, &scan)).find("no voxel"), std::string::npos);
 }
 
-TEST(BuildModel, ASideThatContradictsTheAnatomyIsSaid) {
+TEST(BuildModel, ReportsASideThatContradictsTheAnatomy) {
   LabelMap map;
   map.layers.emplace_back(grid_of(1, 40, Point<Patient>(-20, -20, -20)));
   for (int k = 0; k < 40; ++k) {
@@ -556,7 +556,7 @@ TEST(BuildModel, ARampTakesTwoVoxels) {
   EXPECT_FALSE(build_model(scene_of(with_ramps("ramp_width = 12\n")), &coarse, nullptr).ok());
 }
 
-TEST(BuildModel, AThresholdWithRampsIsFeltFromItsMiddle) {
+TEST(BuildModel, ThresholdRampHasContactFromItsMiddle) {
   Volume<float> scan(grid_of(1, 40));
   for (int k = 0; k < 40; ++k)
     for (int j = 0; j < 40; ++j)
@@ -574,7 +574,7 @@ TEST(BuildModel, AThresholdWithRampsIsFeltFromItsMiddle) {
       << "nothing reaches 1300";
 }
 
-TEST(BuildModel, WhatIsThinIsSaidInOneLine) {
+TEST(BuildModel, ThinStructuresAreReportedInOneLine) {
   LabelMap map;
   map.layers.emplace_back(grid_of(1, 40));
   for (int k = 5; k < 35; ++k)
@@ -682,16 +682,16 @@ TEST(BuildModel, TheGapsOfAKneeAreFree) {
   EXPECT_EQ(inside, 0u);
 }
 
-TEST(BuildModel, ASceneInWhichNothingIsFeltIsAnError) {
+TEST(BuildModel, RejectsASceneWithoutTouchableTissue) {
   const LabelMap labels = blocks(grid_of(1, 30));
   const Scene scene = scene_of("[[tissue]]\nname = \"fat\"\nlabels = [4]\ntouchable = false\n");
-  EXPECT_NE(
-      why_not_touchable(scene, build_model(scene, &labels, nullptr)).find("nothing in the scene can be felt"),
-      std::string::npos);
+  EXPECT_NE(why_not_touchable(scene, build_model(scene, &labels, nullptr))
+                .find("the scene has no touchable tissue"),
+            std::string::npos);
 }
 
 // with its own scene; the nodules' modulus is the given multiple
-TEST(BuildModel, APhantomsNodulesAreAsStiffAsItsNameSays) {
+TEST(BuildModel, PhantomNameSetsNoduleStiffness) {
   const auto elastic_of = [](const std::string& name, const std::string& structure) {
     const auto loaded = load_scene_or_data_set({name});
     PALPATE_CHECK(loaded.ok());
@@ -712,7 +712,7 @@ TEST(BuildModel, APhantomsNodulesAreAsStiffAsItsNameSays) {
 }
 
 // bones are rigid, and every soft tissue of a knee has a modulus
-TEST(BuildModel, WhatIsSoftInTheKneePhantomHasAModulus) {
+TEST(BuildModel, SoftTissueOfTheKneePhantomHasAModulus) {
   const auto loaded = load_scene_or_data_set({"knee-phantom:spacing=2,lesion=6"});
   ASSERT_TRUE(loaded.ok()) << loaded.error().message();
   const Model& model = *loaded->model;
@@ -730,7 +730,7 @@ TEST(BuildModel, WhatIsSoftInTheKneePhantomHasAModulus) {
 }
 
 // words that suggest a preset are recognised in names derived from file names
-TEST(BuildModel, EveryWordOfAPresetIsKnownToBeAnatomy) {
+TEST(BuildModel, PresetTermsAreAnatomyWords) {
   // also names of people, which may occur in file names
   const std::set<std::string> names_of_people{"costa", "hoffa", "lien"};
   for (const TissuePreset& preset : tissue_presets())

@@ -48,7 +48,7 @@ TEST(LabelPlacement, CountsCentresInTheScansVoxels) {
   EXPECT_EQ(placement_of(none, grid_of(20)).fraction(), 1);
 }
 
-TEST(LabelPlacement, IsToldDoubtedAndRefused) {
+TEST(LabelPlacement, ReportsWarnsAndRefuses) {
   const LabelPlacement all{1000, 1000}, most{1000, 999}, some{1000, 940}, few{1000, 499};
   EXPECT_EQ(in_words(all), "100.0 % of the labelled voxels lie inside the scan");
   EXPECT_EQ(in_words(LabelPlacement{100000, 99999}), "99.9 % of the labelled voxels lie inside the scan");

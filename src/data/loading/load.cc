@@ -41,7 +41,7 @@ void take_labels(LabelFile labels, FileVolumes& files) {
     files.origin_of_names = origin_of_names(labels);
     files.names_table = std::move(labels.names_table);
   }
-  files.names_from = words_of(labels.name_source);
+  files.names_from = description_of(labels.name_source);
   files.volumes.labels = std::move(labels.labels);
 }
 
@@ -55,7 +55,7 @@ Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>&
   std::optional<LabelFile> labels;
   std::optional<ScanFile> scan;
   if (scan_file) {
-    auto read = read_scan(*scan_file, progress, warn, VoxelCaching::kKept, scan_volume, placement_options);
+    auto read = read_scan(*scan_file, progress, warn, VoxelCaching::kOn, scan_volume, placement_options);
     if (!read) return read.error();
     scan = std::move(*read);
     if (warn && (scan->header.has_segments || scan->header.meaning == ValueMeaning::kLabels))
@@ -63,8 +63,9 @@ Result<FileVolumes> volumes_of_files(const std::optional<std::filesystem::path>&
   }
   if (progress.stopped()) return Progress::interrupted();
   if (labels_file) {
-    const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
-    auto read = read_labels(*labels_file, names_file, progress, warn, doubtful, VoxelCaching::kKept,
+    const AmbiguousLabels ambiguous =
+        read_as() == ReadAs::kLabels ? AmbiguousLabels::kWarn : AmbiguousLabels::kReject;
+    auto read = read_labels(*labels_file, names_file, progress, warn, ambiguous, VoxelCaching::kOn,
                             scan ? &scan->scan.geometry() : nullptr, placement_options, scan_file);
     if (!read) return read.error();
     labels = std::move(*read);
@@ -120,7 +121,7 @@ Result<ReadScene> read_with_proposal(const Study& study, const std::optional<std
     input.labels = study.labels;
     input.scan = study.scan;
   } else {
-    auto volume = read_volume(study.scan, names, progress, warn, VoxelCaching::kKept, study.volume);
+    auto volume = read_volume(study.scan, names, progress, warn, VoxelCaching::kOn, study.volume);
     if (!volume) return volume.error();
     if (names && std::holds_alternative<ScanFile>(*volume)) return names_without_labels(study.scan.string());
     if (auto* labels = std::get_if<LabelFile>(&*volume)) {

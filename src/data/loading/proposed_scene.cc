@@ -75,7 +75,7 @@ Result<void> require_touchable_tissue(const LoadedScene& loaded) {
                            : "name the labels after tissues (femur, liver, ...) in a table, or write a scene "
                              "file with palpate scene new and set touchable = true in it";
   return Error{ErrorKind::kBadInput,
-               switched_off ? "nothing in the scene can be felt yet" : "no voxel of the scene can be felt",
+               switched_off ? "the scene has no touchable tissue yet" : "no voxel of the scene is touchable",
                loaded.scene.source, remedy + "; palpate section and explore can show it"};
 }
 

@@ -20,7 +20,7 @@ double distance_mm(const Model& model, std::size_t surface, double radius_mm) {
                                                       Vector<Patient>(0, 0.6, 0.8) * radius_mm);
 }
 
-TEST(ReadyFor, StructuresThatTouchGetAnOuterSurfaceAndWhatIsStifferALayerOfItsOwn) {
+TEST(ReadyFor, AdjacentStructuresShareAnOuterSurfaceAndStifferOnesHaveLayers) {
   const auto model = loaded_ball(kShell_mm).model;
   const std::array methods{ForceMethod::kProxy, ForceMethod::kSpline};
   const auto ready = ready_for(model, methods);
@@ -57,7 +57,7 @@ TEST(ReadyFor, StructuresThatTouchGetAnOuterSurfaceAndWhatIsStifferALayerOfItsOw
   EXPECT_EQ(*ready_for(*ready, methods), *ready) << "nothing to add";
 }
 
-TEST(ReadyFor, WhatCanBeGoneThroughAndWhatLiesBeneathHaveSurfacesOfTheirOwn) {
+TEST(ReadyFor, PuncturableTissueAndItsSupportHaveSeparateSurfaces) {
   Model model = *loaded_ball(kShell_mm).model;
   model.tissues[1].puncture_N = 2;
   const std::array methods{ForceMethod::kProxy};
@@ -79,7 +79,7 @@ TEST(ReadyFor, WhatCanBeGoneThroughAndWhatLiesBeneathHaveSurfacesOfTheirOwn) {
 }
 
 // soft, hard and soft again, with more stiffness levels than layers
-TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
+TEST(ReadyFor, LayerCountIsBoundedByTouchableStructures) {
   for (const double factor : {1.05, 1.2, 2.0}) {
     Model model = *loaded_ball(kShell_mm).model;
     GridGeometry grid;
@@ -129,7 +129,7 @@ TEST(ReadyFor, LayersAreAsManyAsAreFeltAndNoMoreThanThereAre) {
   }
 }
 
-TEST(ReadyFor, WhatTouchesNobodyStaysAsItIs) {
+TEST(ReadyFor, UntouchableTissueHasNoSurface) {
   Model model = *loaded_ball(kShell_mm).model;
   model.tissues[1].touchable = false;
   const std::array methods{ForceMethod::kProxy};

@@ -222,7 +222,7 @@ TEST_F(StoredPreparation, APhantomIsMadeOnce) {
   EXPECT_THAT(start("shell-phantom:spacing=2,thickness=4,radius=25").stages, Contains("phantom"));
 }
 
-TEST_F(StoredPreparation, EveryPhantomIsWhatItsParametersSayWithoutItsVoxels) {
+TEST_F(StoredPreparation, PhantomKeysDependOnParametersOnly) {
   for (const std::string& name : phantom_names()) {
     const auto parameters = parse_phantom(name + ":spacing=3" + (name == "knee-phantom" ? ",lesion=6" : ""));
     if (!parameters) continue;  // too thin for such voxels
@@ -263,7 +263,7 @@ TEST_F(StoredPreparation, NamesColoursFrictionAndViscosityNeedNoPreparing) {
   expect_same_model(*other.loaded.model, *start_scene(scene).loaded.model);
 }
 
-TEST_F(StoredPreparation, WhateverMattersIsPreparedAnew) {
+TEST_F(StoredPreparation, RelevantChangesInvalidateTheCache) {
   start_scene();
   struct Change {
     std::string scene, stage;
@@ -315,7 +315,7 @@ TEST_F(StoredPreparation, ASecondStartIsAFractionOfTheWork) {
   EXPECT_LT(4 * second, first);
 }
 
-TEST_F(StoredPreparation, OtherVoxelsAreReadAndPreparedAnew) {
+TEST_F(StoredPreparation, ChangedVoxelsInvalidateTheCache) {
   const Started first = start_scene();
   LabelMap labels = stored_ball();
   labels.layers[0].at(16, 16, 16) = 0;
@@ -331,7 +331,7 @@ TEST_F(StoredPreparation, OtherVoxelsAreReadAndPreparedAnew) {
   EXPECT_EQ(second.loaded.model->labels->at(16, 16, 16), 0);
 }
 
-TEST_F(StoredPreparation, WhatIsEditedIsTheSameToo) {
+TEST_F(StoredPreparation, EditedModelsAreEqualToo) {
   start_scene();
   const auto stored = start_scene().loaded.model;
   use_none();
@@ -348,7 +348,7 @@ TEST_F(StoredPreparation, WhatIsEditedIsTheSameToo) {
   expect_same_model(*edited(stored), *edited(made));
 }
 
-TEST_F(StoredPreparation, NoNameStandsInWhatIsKept) {
+TEST_F(StoredPreparation, EntriesContainNoNames) {
   start_scene();
   start(data_ / "CANARY.seg.nrrd");
   start("shell-phantom:spacing=2,thickness=4");
@@ -479,7 +479,7 @@ TEST_F(StoredPreparation, ForgedEntriesAreBelievedNothing) {
   }
 }
 
-TEST_F(StoredPreparation, DamagedEntriesArePreparedAnewAndReplaced) {
+TEST_F(StoredPreparation, DamagedEntriesAreReplaced) {
   const Started first = start_scene();
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
@@ -500,7 +500,7 @@ TEST_F(StoredPreparation, DamagedEntriesArePreparedAnewAndReplaced) {
   EXPECT_TRUE(warned_.empty());
 }
 
-TEST_F(StoredPreparation, WhatIsInterruptedKeepsNothingHalf) {
+TEST_F(StoredPreparation, InterruptionLeavesNoPartialEntry) {
   std::atomic<bool> stop{false};
   const Progress progress(
       [&](std::string_view stage, double) { stop = stop || stage == "preparing surfaces"; }, &stop);

@@ -109,7 +109,7 @@ std::map<std::string, std::string> totalsegmentator_tissues() {
   return tissues;
 }
 
-TEST(TotalSegmentatorNames, SuggestTheTissueThatAnatomySays) {
+TEST(TotalSegmentatorNames, SuggestTheAnatomicalTissue) {
   const auto tissues = totalsegmentator_tissues();
   ASSERT_EQ(tissues.size(), 428u);
   int unknown = 0;
@@ -125,7 +125,7 @@ TEST(TotalSegmentatorNames, SuggestTheTissueThatAnatomySays) {
   EXPECT_LE(unknown, 40);
 }
 
-TEST(TotalSegmentatorNames, AreKeptAsTheyAreWritten) {
+TEST(TotalSegmentatorNames, KeepTheirSpelling) {
   for (const auto& [name, tissue] : totalsegmentator_tissues()) EXPECT_EQ(structure_in_name(name), name);
 }
 

@@ -1,6 +1,6 @@
 #include "phantoms/palpation_phantoms.h"
-#include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
+#include "phantoms/phantom_variation.h"
 
 // Abdominal wall of skin, fat and muscle, over the structures to be palpated: the lower edge of a liver, and
 // a rib above it. The patient lies supine: the skin is at y = 0 and faces -y, +z is superior.

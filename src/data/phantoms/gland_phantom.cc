@@ -1,8 +1,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
+#include "phantoms/phantom_variation.h"
 
 // Arch of a lower jaw, anterior -y, and a gland on its front, to the left of the middle. Fat and skin are
 // shells around both, cut to the outside of the mouth; adjacent structures are in contact.

@@ -4,7 +4,7 @@
 #include <numbers>
 #include <utility>
 
-#include "phantoms/phantom_chance.h"
+#include "phantoms/phantom_variation.h"
 
 // A left knee in extension, composed of ellipsoids, capsules, cylinders and tori. +x lateral, -y anterior, +z
 // superior, mm. Cartilage is the shell between a bone and the same bone grown by the cartilage's thickness,

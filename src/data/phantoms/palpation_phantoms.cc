@@ -6,8 +6,8 @@
 #include <limits>
 #include <numbers>
 
-#include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
+#include "phantoms/phantom_variation.h"
 
 // Block and dome of soft tissue on a rigid plate, with nodules. The patient lies supine: the palpated surface
 // faces -y, and the plate's surface is at y = 0 for the dome, at y = thickness for the block.

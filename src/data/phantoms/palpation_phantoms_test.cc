@@ -186,7 +186,7 @@ TEST(PalpationPhantoms, WithoutNodulesAllIsSoft) {
   EXPECT_EQ(nodule_parameters(KneeParameters{}), nullptr);
 }
 
-TEST(PalpationPhantoms, WhatDoesNotFitIsRefusedWithTheWayOut) {
+TEST(PalpationPhantoms, RejectsParametersThatDoNotFitWithARemedy) {
   const auto message = [](const std::string& name) {
     const auto parsed = parse_phantom(name);
     EXPECT_FALSE(parsed.ok()) << name;

@@ -54,7 +54,7 @@ TEST(PhantomName, IsTheSameHoweverItWasWritten) {
   EXPECT_EQ(canonical("shell-phantom:spacing=1,thickness=1.8"), "shell-phantom:spacing=1,thickness=1.8");
 }
 
-TEST(PhantomName, FaultsAreNamedWithTheWayOut) {
+TEST(PhantomName, ErrorsNameTheFaultAndRemedy) {
   const auto message = [](const std::string& name) {
     const auto parsed = parse_phantom(name);
     EXPECT_FALSE(parsed.ok()) << name;
@@ -102,7 +102,7 @@ TEST(PhantomName, FaultsAreNamedWithTheWayOut) {
   EXPECT_THAT(message("temporal-bone:cells=1"), HasSubstr("too small for voxels of 0.4 mm"));
 }
 
-TEST(PhantomName, WhatIsTooLargeIsRefusedBeforeMemoryIsTaken) {
+TEST(PhantomName, RejectsLargePhantomsBeforeAllocating) {
   const auto refused = parse_phantom("skull-phantom:spacing=0.2");
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().what, HasSubstr("889 million voxels; a phantom has at most 200 million"));

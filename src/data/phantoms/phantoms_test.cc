@@ -247,7 +247,7 @@ TEST(Phantoms, ALesionThatIsNotVisibleIsInTheLabelsAlone) {
   }
 }
 
-TEST(Phantoms, WhatIsMissingLeavesAllElseAsItWas) {
+TEST(Phantoms, OmittedStructuresChangeNothingElse) {
   const Phantom mean = made("knee-phantom:spacing=1.6,seed=3");
   const Phantom odd = made("knee-phantom:spacing=1.6,seed=3,missing=patellar_cartilage+lateral_meniscus");
   EXPECT_EQ(odd.labels.find("patellar_cartilage"), nullptr);
@@ -262,7 +262,7 @@ TEST(Phantoms, WhatIsMissingLeavesAllElseAsItWas) {
   }
 }
 
-TEST(Phantoms, ADefectGoesThroughTheCartilageAndNoFarther) {
+TEST(Phantoms, DefectEndsAtTheBone) {
   const Phantom mean = made("knee-phantom:spacing=1.4");
   const auto parts = knee_phantom_parts();
   for (const char* cartilage : {"femoral_cartilage", "patellar_cartilage"}) {
@@ -299,7 +299,7 @@ TEST(Phantoms, ADefectGoesThroughTheCartilageAndNoFarther) {
 
 // ---- segmentation noise --------------------------------------------------------------------------
 
-TEST(Phantoms, NoiseMovesBordersAndKeepsStructures) {
+TEST(Phantoms, NoiseMovesBordersOnly) {
   const Phantom clean = made("knee-phantom:spacing=1.2"), noisy = made("knee-phantom:spacing=1.2,noise=0.5");
   EXPECT_GT(differing(clean, noisy), 5000u);
   EXPECT_EQ(clean.scan.voxels(), noisy.scan.voxels()) << "the scan is what it was";

@@ -1,5 +1,5 @@
-#include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
+#include "phantoms/phantom_variation.h"
 
 namespace palpate {
 namespace {

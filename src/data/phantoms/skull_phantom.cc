@@ -1,5 +1,5 @@
-#include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
+#include "phantoms/phantom_variation.h"
 
 // Cranium, anterior -y: an ellipsoid with a flat base. A wall lies between a surface and the same surface
 // offset inwards, and is nowhere thinner than the offset: where surfaces are blended, their distance

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <limits>
 
-#include "phantoms/phantom_chance.h"
 #include "phantoms/phantom_plan.h"
+#include "phantoms/phantom_variation.h"
 
 // Left temporal bone around a mastoid; +x lateral, +y posterior, +z superior. Positions are relative to the
 // suprameatal spine (Henle), at the posterosuperior margin of the ear canal on the lateral surface of the

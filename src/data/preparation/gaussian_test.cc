@@ -163,7 +163,7 @@ TEST(GaussianSmooth, TurnsAnImpulseIntoTheGaussianInMillimetres) {
   }
 }
 
-TEST(GaussianSmooth, KeepsTheSumOfWhatLiesFarFromTheBorder) {
+TEST(GaussianSmooth, KeepsTheSumFarFromTheBorder) {
   std::mt19937 random(13);
   Volume<float> volume(test_grid({40, 40, 40}, {0.8, 0.8, 0.8}));
   std::uniform_real_distribution<float> level(0, 255);
@@ -212,7 +212,7 @@ TEST(GaussianSmooth, AddsVariancesWhenAppliedTwice) {
   EXPECT_LT(worst, 0.05) << "of 255";
 }
 
-TEST(GaussianSmooth, OfAMirroredVolumeIsMirroredBitForBit) {
+TEST(GaussianSmooth, CommutesWithMirroringBitForBit) {
   std::mt19937 random(14);
   const GridGeometry grid = test_grid({23, 18, 14}, {0.5, 0.8, 1.2});
   const auto volume = random_floats(grid, random);
@@ -297,7 +297,7 @@ TEST(GaussianSmooth, StopsWhenAsked) {
   EXPECT_EQ(difference.error().kind, ErrorKind::kInterrupted);
 }
 
-TEST(GaussianSmooth, RefusesWhatItCannotSmooth) {
+TEST(GaussianSmooth, RejectsInvalidInput) {
   Volume<float> volume(test_grid({3, 3, 3}, {1, 1, 1}));
   EXPECT_EQ(gaussian_smooth(volume, {.sigma_mm = -1}).error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(gaussian_smooth(volume, {.sigma_mm = 1, .threads = -1}).error().kind, ErrorKind::kBadInput);
@@ -308,7 +308,7 @@ TEST(GaussianSmooth, RefusesWhatItCannotSmooth) {
   }
 }
 
-TEST(GaussianSmooth, OfNothingIsNothing) {
+TEST(GaussianSmooth, ZeroVolumeStaysZero) {
   for (const auto engine : {GaussianEngine::kDirect, GaussianEngine::kFourier}) {
     const auto smooth = gaussian_smooth(Volume<std::uint8_t>(), {.sigma_mm = 1, .engine = engine});
     ASSERT_TRUE(smooth.ok());

@@ -21,7 +21,7 @@ void check_section(const std::string& file, const std::string& name, const std::
 TEST(Docs, SceneListsEveryPreset) {
   check_section("reference/presets.md", "presets", tissue_preset_table());
 }
-TEST(Docs, SceneListsWhatEveryPresetIsMadeOf) {
+TEST(Docs, SceneKeysListPresetProperties) {
   check_section("reference/presets.md", "elastic", elastic_preset_table());
 }
 TEST(Docs, SceneListsHowPresetsRelax) {

@@ -237,7 +237,8 @@ SceneKeys declared_keys() {
           {"[[tissue]]",
            "A group of structures that feel alike, defined by one of `labels`, `threshold` and `embedding`. "
            "A preset gives initial values, which other keys override; the defaults below apply without a "
-           "preset. A tissue may not be stiffer than one that it rests on, nor rest on one that is not felt: "
+           "preset. A tissue may not be stiffer than one that it rests on, nor rest on one that is not "
+           "touchable: "
            "the force at their border would point inward.",
            {{.name = "name",
              .type = kText,
@@ -283,7 +284,7 @@ SceneKeys declared_keys() {
             {.name = "touchable",
              .type = kFlag,
              .default_text = "true",
-             .meaning = "`false`: shown, but not felt."},
+             .meaning = "`false`: displayed only, without contact."},
             {.name = "puncture",
              .type = kNumber,
              .unit = "N",
@@ -350,14 +351,15 @@ SceneKeys declared_keys() {
              .unit = "N·s/mm",
              .min = 0,
              .max = 0.1,
-             .meaning = "For the other methods: force along the surface per mm/s, below its two limits."},
+             .meaning = "For the direct methods: tangential force per mm/s, below its two limits "
+                        "(`friction`, `friction_max`)."},
             {.name = "friction_max",
              .type = kNumber,
              .default_text = "0.5",
              .unit = "N",
              .min = 0,
              .max = 10,
-             .meaning = "For the other methods: the other limit of the force along the surface."},
+             .meaning = "For the direct methods: absolute limit of the tangential force."},
             {.name = "colour",
              .type = kColour,
              .meaning = "`\"#rrggbb\"`. Default: that of the preset; without one those of the "
@@ -371,8 +373,8 @@ SceneKeys declared_keys() {
             {.name = "rests_on",
              .type = kNames,
              .default_text = "[]",
-             .meaning =
-                 "Tissues of this scene that support this one. They must be felt and at least as stiff."}}}),
+             .meaning = "Tissues of this scene that support this one. They must be touchable and at least as "
+                        "stiff."}}}),
       .preparation = {"[preparation]",
                       "Field of the direct methods: ramps that begin at the surface of every structure, or, "
                       "as published, the labels weighted by stiffness and smoothed together.",
@@ -680,7 +682,8 @@ SceneKeys declared_keys() {
              .meaning = "Maximum distance reported."}}},
       .no_go = {
           "[[no_go]]",
-          "A region that pushes the tool out, felt or not: structures, the half-space behind a plane, or a "
+          "A region that pushes the tool out, touchable or not: structures, the half-space behind a plane, "
+          "or a "
           "ball. Patient coordinates, LPS.",
           {{.name = "name", .type = kText, .meaning = "Shown while the tool is pushed out. Required."},
            {.name = "structures",
@@ -829,8 +832,7 @@ const ScriptKeys& script_key_tables() {
              .unit = "mm/s",
              .min = 0.1,
              .max = 200,
-             .meaning =
-                 "Speed of the approach; lower near structures that are felt, and for the touch itself."},
+             .meaning = "Speed of the approach; lower near touchable structures, and for the touch itself."},
             {.name = "clearance",
              .type = kNumber,
              .default_text = "15",
@@ -987,7 +989,7 @@ const ScriptKeys& script_key_tables() {
              .meaning = "Distance from the scope's tip back along its shaft to the camera. Must equal that "
                         "of the task."}}},
           {"mill",
-           "Guides a running burr in a straight line to a point, whatever it cuts or touches on the way. "
+           "Guides a running burr in a straight line to a point, regardless of what it cuts or touches. "
            "Needs an approach and `motor = true` before.",
            {{.name = "mill",
              .type = kPoint,
@@ -1001,14 +1003,14 @@ const ScriptKeys& script_key_tables() {
              .unit = "N",
              .min = 0.01,
              .max = 20,
-             .meaning = "Greatest force with which the hand pulls."},
+             .meaning = "Maximum force of the hand."},
             {.name = "speed",
              .type = kNumber,
              .default_text = "8",
              .unit = "mm/s",
              .min = 0.1,
              .max = 200,
-             .meaning = "Speed of the hand where nothing resists."}}}}};
+             .meaning = "Speed of the hand without resistance."}}}}};
   return keys;
 }
 

@@ -35,7 +35,7 @@ Scene new_scene(const NewSceneInput& input, const std::filesystem::path& folder 
   return *scene;
 }
 
-TEST(NewScene, GroupsStructuresByWhatTheirNamesSuggest) {
+TEST(NewScene, GroupsStructuresBySuggestedPreset) {
   const LabelMap map =
       make_map({"femur", "femoral_cartilage", "stomach", "tibia", "medial_meniscus", "", "implant"});
   const Scene scene = new_scene({.labels = "/cases/a/labels.nrrd", .label_map = &map, .side = Side::kRight});
@@ -55,7 +55,7 @@ TEST(NewScene, GroupsStructuresByWhatTheirNamesSuggest) {
   EXPECT_EQ(scene.tissues[5].name, "implant");
 }
 
-TEST(NewScene, SaysWhichTermOfANameSuggestsItsPreset) {
+TEST(NewScene, ReportsTheTermThatSuggestsAPreset) {
   const LabelMap map = make_map({"sterno_thyroid_left", "sterno_thyroid_right", "thyroid_gland",
                                  "kidney_cyst_left", "hip_implant", "stomach", "masseter_left"});
   const auto text = new_scene_text({.labels = "/l.nrrd", .label_map = &map}, "");
@@ -86,7 +86,7 @@ TEST(NewScene, WrapsTheTermsOfManyNames) {
   EXPECT_EQ(new_scene({.labels = "/l.nrrd", .label_map = &map}).tissues.size(), 1u);
 }
 
-TEST(NewScene, NothingRestsOnWhatIsNotThere) {
+TEST(NewScene, RestsOnOnlyPresentTissues) {
   const LabelMap map = make_map({"femoral_cartilage", "femur_fat", "lateral_meniscus"});
   const Scene with_cartilage = new_scene({.labels = "/l.nrrd", .label_map = &map});
   EXPECT_TRUE(with_cartilage.tissues[0].rests_on.empty());
@@ -215,7 +215,7 @@ TEST(NewScene, SmoothsByTheGridsThatTheFieldIsMadeFrom) {
   EXPECT_EQ(beside(thick), 4.0);
 }
 
-TEST(NewScene, SaysWhySigmaIsWide) {
+TEST(NewScene, ExplainsAWideSigma) {
   const LabelMap thick = map_with_spacing(0.5, 0.5, 3), fine = map_with_spacing(0.5, 0.5, 0.5);
   EXPECT_THAT(*new_scene_text({.labels = "/l.nrrd", .label_map = &thick}, "/"),
               HasSubstr("# voxels are up to 3 mm wide"));
@@ -294,7 +294,7 @@ TEST(NewScene, IgnoresValuesThatAreNotFinite) {
   EXPECT_LT(threshold[1], 5);
 }
 
-TEST(NewScene, SaysWhatItCannotWrite) {
+TEST(NewScene, RejectsUnusableInput) {
   const LabelMap map = make_map({"femur"}), empty = make_map({});
   const Volume<float> flat = scan_of({3, 3, 3}), none = scan_of({NAN, NAN}),
                       huge = scan_of({0, 1e30f, 1e30f});
@@ -306,7 +306,7 @@ TEST(NewScene, SaysWhatItCannotWrite) {
     EXPECT_FALSE(new_scene_text({.scan = "/s.nii", .scan_volume = scan}, "/").ok());
 }
 
-TEST(TomlText, EscapesWhatABasicStringMayNotHold) {
+TEST(TomlText, EscapesControlCharacters) {
   EXPECT_EQ(toml_string("a\"b\\c\nd\x7f"), "\"a\\\"b\\\\c\\u000Ad\\u007F\"");
   for (int c = 0; c < 128; ++c) {
     const std::string text(1, static_cast<char>(c));

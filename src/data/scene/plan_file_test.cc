@@ -162,7 +162,7 @@ TEST(ParsePlan, IsWrittenAndReadAgainToTheLastBit) {
   }
 }
 
-TEST(ParsePlan, EveryErrorNamesItsLineAndTheWayOut) {
+TEST(ParsePlan, EveryErrorHasLineAndRemedy) {
   EXPECT_THAT(refused_plan("[[trajectory]]\nname = \"a\"\nentry = [0,0,0]\ntarget = [0,0,9]\n"),
               AllOf(StartsWith("plan.toml:1: the plan has no title"), HasSubstr("title = ")));
   EXPECT_THAT(refused_plan("title = \"a\"\n"),

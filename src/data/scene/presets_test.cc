@@ -89,7 +89,7 @@ TEST(TissuePresets, StiffnessFollowsFromThePublishedModulus) {
 }
 
 // every soft preset has a modulus in the range of the key; only bone is rigid
-TEST(TissuePresets, WhatIsSoftSaysWhatItIsMadeOf) {
+TEST(TissuePresets, SoftPresetsHaveElasticConstants) {
   const TableSpec& keys = scene_key_tables().tissue;
   for (const TissuePreset& preset : tissue_presets()) {
     const auto& elastic = preset.values.elastic;
@@ -101,7 +101,7 @@ TEST(TissuePresets, WhatIsSoftSaysWhatItIsMadeOf) {
 }
 
 // every relaxation is valid in a scene and comes with a modulus
-TEST(TissuePresets, WhatRelaxesDoesItInATimeThatASceneMaySay) {
+TEST(TissuePresets, RelaxationTimesAreInRange) {
   const KeySpec& key = *scene_key_tables().tissue.find("relaxation");
   int relax = 0;
   for (const TissuePreset& preset : tissue_presets()) {

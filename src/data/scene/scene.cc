@@ -140,8 +140,8 @@ TissueSettings read_tissue(const TableReader& reader, Problems& problems) {
                         : *protection == "alarm" ? Protection::kAlarm
                                                  : Protection::kNone;
   if (tissue.protection != Protection::kNone && !tissue.touchable)
-    problems.add(reader.line("protection"), "tissue \"" + tissue.name + "\" is protected but not felt",
-                 "tissue that is not felt is never cut: leave out `protection` or `touchable = false`");
+    problems.add(reader.line("protection"), "tissue \"" + tissue.name + "\" is protected but not touchable",
+                 "untouchable tissue is never cut: leave out `protection` or `touchable = false`");
   if (auto fault = friction_fault(tissue))
     problems.add(reader.line("static_friction"), std::move(fault->what), std::move(fault->remedy));
   read_elastic(reader, tissue, problems);

@@ -232,7 +232,7 @@ ElasticConstants elastic_of(const std::string& keys) {
   return *scene->tissues[0].elastic;
 }
 
-TEST(ParseScene, ATissueIsMadeOfWhatItsKeysAndItsPresetSay) {
+TEST(ParseScene, TissueCombinesKeysAndPreset) {
   const ElasticConstants muscle = elastic_of("preset = 'muscle'\n");
   EXPECT_EQ(muscle, (ElasticConstants{14, 0.45}));
   EXPECT_EQ(elastic_of("youngs_modulus = 20\n"), (ElasticConstants{20, 0.45}));
@@ -259,7 +259,7 @@ Relaxation relaxation_of(const std::string& keys, const std::string& yielding = 
   return scene.ok() ? scene->tissues[0].relaxation : Relaxation{{{{-1, 0}, {}}}};
 }
 
-TEST(ParseScene, ATissueRelaxesAsItSaysOrAsItsPresetDoesWhereTheSceneAsks) {
+TEST(ParseScene, RelaxationComesFromKeysOrPreset) {
   const Relaxation none;
   const Relaxation muscle{{{{0.15, 0.7}, {}}}};
   const std::string requested = "relaxation = true\n";
@@ -276,7 +276,7 @@ TEST(ParseScene, ATissueRelaxesAsItSaysOrAsItsPresetDoesWhereTheSceneAsks) {
   EXPECT_EQ(relaxation_of("youngs_modulus = 10\nrelaxation = [[0.999, 0.01]]\n").term[0].time_s, 0.01);
 }
 
-TEST(ParseScene, TissueYieldsWhereTheLawSaysSo) {
+TEST(ParseScene, DeformationFollowsTheLaw) {
   const auto scene =
       parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[yielding]\nlaw = 'elastic'\ncell = 1.25\n", "t");
   ASSERT_TRUE(scene.ok()) << scene.error().message();
@@ -376,7 +376,7 @@ TEST(ParseScene, ABurrMayBeACylinderOrACone) {
   EXPECT_EQ(burr_shape(Tool{}), "");
 }
 
-TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
+TEST(Scene, ShaverCutsSoftTissueOnly) {
   const std::string tissues =
       "[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'meniscus'\nlabels = [1]\nyoungs_modulus = 100\n"
       "[[tissue]]\nname = 'bone'\nlabels = [2]\n"
@@ -419,7 +419,7 @@ TEST(Scene, AShaverTakesWhatIsSoftAndLeavesBone) {
   EXPECT_THAT(cone.error().message(), HasSubstr("a shaver cannot be a cone"));
 }
 
-TEST(ParseScene, TheKeysOfABurrSayItsDefaults) {
+TEST(ParseScene, BurrDefaultsMatchTheKeyTable) {
   const auto scene =
       parse_scene("[data]\nlabels = 'a.nrrd'\n[[tissue]]\nname = 'a'\nlabels = [1]\n[tool]\nkind = 'burr'\n",
                   "scene.toml");
@@ -470,7 +470,7 @@ TEST(ParseScene, TheSecondDeviceMayHoldAToolOfItsOwn) {
   EXPECT_EQ(burrs->tools[1].radius_mm, 1);
 }
 
-TEST(ParseScene, WhatIsWrongWithTheSecondToolNamesItsTable) {
+TEST(ParseScene, ErrorsOfTheSecondToolNameItsTable) {
   const auto fault = [](const std::string& keys) {
     const auto scene = parse_scene("[[tissue]]\nname = 'a'\nlabels = [1]\n[second_tool]\n" + keys, "t");
     return scene.ok() ? std::string("nothing") : scene.error().message();
@@ -789,7 +789,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2]\n[data]\nscan = 's'\nnames = 'n'\n", 4,
                  "names for labels but no labels", ""}));
 
-TEST(Nearest, IsOnlyWhatMayBeASlip) {
+TEST(Nearest, SuggestsOnlyLikelyMisspellings) {
   const std::vector<std::string_view> names{"femur", "tibia", "femoral_cartilage"};
   EXPECT_EQ(nearest("tibea", names), "tibia");
   EXPECT_EQ(nearest("Tibia", names), "tibia");
@@ -894,7 +894,7 @@ class LoadScene : public testing::Test {
   fs::path folder_;
 };
 
-TEST_F(LoadScene, ResolvesPathsBesideTheSceneFile) {
+TEST_F(LoadScene, ResolvesPathsRelativeToTheSceneFile) {
   const fs::path labels = folder_ / "elsewhere.nrrd";
   std::ofstream(folder_ / "scan.nii.gz") << "x";
   std::ofstream{labels} << "x";
@@ -958,7 +958,7 @@ TEST(EmbeddedScene, IsTheFileInData) {
   EXPECT_EQ(embedded_scene("knee"), text);
 }
 
-TEST(EmbeddedScene, KneeHasItsJointFeltAndTheRestShown) {
+TEST(EmbeddedScene, KneeHasATouchableJointOnly) {
   const auto scene = parse_scene(*embedded_scene("knee"), "knee.toml");
   ASSERT_TRUE(scene.ok());
   EXPECT_EQ(scene->side, Side::kUnknown) << "the anatomy tells";
@@ -970,7 +970,7 @@ TEST(EmbeddedScene, KneeHasItsJointFeltAndTheRestShown) {
 }
 
 // every soft tissue has a modulus in case the law is changed, and scenes with an elastic law use it
-TEST(EmbeddedScene, WhatIsSoftSaysWhatItIsMadeOf) {
+TEST(EmbeddedScene, SoftTissuesHaveElasticConstants) {
   for (const std::string name : {"knee", "head", "skull-phantom", "gland-phantom", "palpation-block",
                                  "palpation-dome", "abdominal-wall", "temporal-bone"}) {
     SCOPED_TRACE(name);

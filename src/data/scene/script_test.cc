@@ -117,7 +117,7 @@ TEST(ParseScript, DirectionsAreThePatients) {
   }
 }
 
-TEST(ParseScript, AnApproachSaysWhereAndWhence) {
+TEST(ParseScript, ApproachHasTargetAndDirection) {
   const auto script = parse_script(
       "[[step]]\napproach = [1, -2.5, 3]\nfrom = [0, 0, 2]\n[[step]]\nleave = true\n"
       "[[step]]\napproach = 'femur'\nlandmark = 'anterior'\n[[step]]\nleave = true\n"

@@ -138,7 +138,7 @@ coverage = 0.9
 name = "removed_in_plan"
 )";
 
-TEST(LoadTask, TakesOffByAPlanBesideIt) {
+TEST(LoadTask, LoadsThePlanNextToTheTask) {
   const test::TemporaryFolder folder;
   const auto file = folder / "task.toml";
   test::write_text(file, kTakeOff);
@@ -227,7 +227,7 @@ struct Wrong {
   const char* reported;
 };
 
-TEST(ParseTask, SaysWhatIsWrongAndWhere) {
+TEST(ParseTask, ErrorsNameFaultAndLine) {
   const Wrong wrongs[] = {
       {"title = \"Probe\"\n", "", "no title"},
       {"ordered = true", "orderd = true", "did you mean ordered"},

@@ -83,7 +83,7 @@ TEST(TomlDocument, SurvivesHostileNesting) {
 }
 
 // the deepest text that both guards accept is read and freed
-TEST(TomlDocument, ReadsWhatIsJustNotTooDeep) {
+TEST(TomlDocument, ReadsTheMaximumNesting) {
   const std::string key = "a.b.c.d.e.f.g.h";
   std::string text = key + " = 1";
   for (int i = 0; i < 30; ++i) text = key + " = {" + text + "}";

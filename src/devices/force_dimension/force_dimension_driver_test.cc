@@ -72,7 +72,7 @@ INSTANTIATE_TEST_SUITE_P(
                       DhdModelCase{60, "Falcon", 8, 3, 3, 4, false, false, false, 0, 0, 40, 0.063}),
     [](const auto& tested) { return "type" + std::to_string(tested.param.type); });
 
-TEST_P(DhdModels, SayWhatTheyAre) {
+TEST_P(DhdModels, ReportTheirProperties) {
   const DhdModelCase& expected = GetParam();
   DhdRig rig(expected.type, false);
   rig.device.left = expected.left;
@@ -152,7 +152,7 @@ TEST_P(DhdModels, EachAxisUnitButtonAndTheGripperIsInItsPlace) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-TEST(ForceDimension, WhatIsHeldAndWhetherItIsCarriedIsSaid) {
+TEST(ForceDimension, ReportsHeldMassAndCompensation) {
   FakeDhd& fake = fake_dhd();
   ForceDimensionSettings settings = fake_dhd_settings();
   settings.held_mass_kg = 0.19;
@@ -276,7 +276,7 @@ TEST(ForceDimension, ForcesThatAreOffWithoutACauseAreNotAskedFor) {
   EXPECT_TRUE(rig.driver->failure().has_value());
 }
 
-TEST(ForceDimension, StopLeavesZeroAndRunGoesOn) {
+TEST(ForceDimension, StopSendsZeroAndReadingContinues) {
   DhdRig rig;
   for (int round = 0; round < 2; ++round) {
     ASSERT_TRUE(rig.presses()) << round;
@@ -341,7 +341,7 @@ TEST(ForceDimension, InALoopNothingIsStrongerOrStifferThanItBears) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-TEST(ForceDimension, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
+TEST(ForceDimension, OpenFailuresHaveReasonAndRemedy) {
   const auto refusal = [](ForceDimensionDriver& driver) {
     const auto opened = driver.open(false);
     EXPECT_FALSE(opened.ok());

@@ -110,7 +110,7 @@ TEST(DhdFaultsAlone, OneThatDoesNotHearForcesIsSwitchedOff) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-TEST(DhdFaultsAlone, AnotherDeviceInItsPlaceIsNamedAndNotFelt) {
+TEST(DhdFaultsAlone, RejectsAReplacedDeviceByName) {
   DhdRig rig;
   ASSERT_TRUE(rig.presses());
   rig.device.plugged = false;
@@ -127,7 +127,7 @@ TEST(DhdFaultsAlone, AnotherDeviceInItsPlaceIsNamedAndNotFelt) {
 }
 
 // a device that returns uninitialised is closed, so that the vendor's program can open it
-TEST(DhdFaultsAlone, AnArmIsNotMovedInTheMiddleOfASession) {
+TEST(DhdFaultsAlone, ArmIsNotMovedDuringASession) {
   DhdRig rig(35, false);
   rig.device.initialised = false;
   ASSERT_TRUE(rig.driver->open(true).ok());
@@ -144,7 +144,7 @@ TEST(DhdFaultsAlone, AnArmIsNotMovedInTheMiddleOfASession) {
 }
 
 // the force never exceeds the wall's. PALPATE_TEST_FAULTS=200 sets their number
-TEST(DhdFaultsAlone, AnySequenceOfThemIsOutlived) {
+TEST(DhdFaultsAlone, SurvivesAnySequenceOfFaults) {
   DhdRig rig(35);
   testing::outlive_any(rig, rig.device, dhd_faults(), 6);
   rig.driver.reset();

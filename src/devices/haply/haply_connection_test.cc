@@ -79,7 +79,7 @@ Connection::Received next(Connection& connection, std::string& text, int& nothin
 
 // a message in fragments, with pauses longer than any timeout: within its header, its length, its payload and
 // between its frames, and with a ping in between
-TEST(HaplyConnection, AMessageInPiecesComesWhole) {
+TEST(HaplyConnection, AssemblesFragmentedMessages) {
   const std::string long_text(300, 'a'), all = service_frame(long_text) + service_frame("one", 1, false) +
                                                service_frame("?", 9) + service_frame("two", 0);
   std::vector<std::string> pieces;
@@ -148,7 +148,7 @@ TEST(HaplyConnection, AClosedOneStaysLost) {
 }
 
 // sending to a service that does not read is bounded in time
-TEST(HaplyConnection, SendingToWhoDoesNotReadEnds) {
+TEST(HaplyConnection, SendToAStalledPeerTimesOut) {
   std::atomic<bool> ended{false};
   RawService service;
   service.serve({}, milliseconds(0), [&](TestServiceSocket&) {

@@ -41,7 +41,7 @@ class Constant final : public ServoFunction {
   int updates_ = 0;
 };
 
-TEST(HaplyDriver, SaysWhatItIs) {
+TEST(HaplyDriver, ReportsDeviceProperties) {
   const HaplyRig rig;
   ASSERT_EQ(rig.driver->devices().size(), 1u);
   const DeviceInfo& info = rig.driver->devices()[0];
@@ -69,7 +69,7 @@ INSTANTIATE_TEST_SUITE_P(Services, HaplyVersions, ::testing::Values("3.0.2", "3.
                          });
 
 // a force with the key of another version has no effect
-TEST_P(HaplyVersions, AreToldApartAndFelt) {
+TEST_P(HaplyVersions, AreDistinguishedAndRendered) {
   HaplyRig rig(GetParam());
   EXPECT_TRUE(rig.presses()) << rig.wall.tip_x_mm << " " << rig.service.last_message();
   EXPECT_FALSE(rig.driver->failure());
@@ -128,7 +128,7 @@ TEST(HaplyDriver, HaltGivesZerosUntilResume) {
   EXPECT_TRUE(rig.presses());
 }
 
-TEST(HaplyDriver, StopLeavesZeroAndRunGoesOn) {
+TEST(HaplyDriver, StopSendsZeroAndReadingContinues) {
   HaplyRig rig;
   for (int round = 0; round < 2; ++round) {
     ASSERT_TRUE(rig.presses()) << round;
@@ -166,7 +166,7 @@ TEST(HaplyDriver, InALoopNothingIsStrongerOrStifferThanItBears) {
   EXPECT_EQ(service.violations(), 0);
 }
 
-TEST(HaplyDriver, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
+TEST(HaplyDriver, OpenFailuresHaveReasonAndRemedy) {
   HaplyRig rig("3.1.1", false);
   FakeInverseService& service = rig.service;
   const auto refusal = [&] {

@@ -48,7 +48,7 @@ TEST_P(HaplyFaults, TakeTheForceThenSayWhyAndAreOver) {
   EXPECT_EQ(rig.service.violations(), 0);
 }
 
-TEST(HaplyFaults, AClosedConnectionIsMadeAnewByItself) {
+TEST(HaplyFaults, ReconnectsAutomatically) {
   HaplyRig rig;
   ASSERT_TRUE(rig.presses());
   const int before = rig.service.connections();
@@ -59,7 +59,7 @@ TEST(HaplyFaults, AClosedConnectionIsMadeAnewByItself) {
 }
 
 // zero force is requested from a silent service before it is given up
-TEST(HaplyFaults, WhoIsSilentIsToldZero) {
+TEST(HaplyFaults, SilentServiceGetsZeroForce) {
   HaplyRig rig;
   ASSERT_TRUE(rig.presses());
   rig.service.silent = true;
@@ -100,7 +100,7 @@ TEST(HaplyFaults, ABrakeIsAFaultForAMoment) {
   EXPECT_EQ(rig.service.violations(), 0);
 }
 
-TEST(HaplyFaults, AnotherVersionThatNobodyKnowsIsNamed) {
+TEST(HaplyFaults, NamesUnknownVersions) {
   HaplyRig rig;
   ASSERT_TRUE(rig.presses());
   rig.service.stop();
@@ -112,7 +112,7 @@ TEST(HaplyFaults, AnotherVersionThatNobodyKnowsIsNamed) {
 }
 
 // the force never exceeds the wall's. PALPATE_TEST_FAULTS=200 sets their number
-TEST(HaplyFaults, AnySequenceOfThemIsOutlived) {
+TEST(HaplyFaults, SurvivesAnySequenceOfFaults) {
   HaplyRig rig;
   testing::outlive_any(rig, rig.service, haply_faults(), 20, [&](std::mt19937& random) {
     if (random() % 3 == 0) rig.service.close_connections();
@@ -175,7 +175,7 @@ class HaplyPace : public ::testing::Test {
   std::thread thread_;
 };
 
-TEST_F(HaplyPace, AStateThatNobodyAskedForIsNoOlderThanItsSampleSays) {
+TEST_F(HaplyPace, UnrequestedStateIsNoOlderThanItsReportedAge) {
   for (const double hz : {300.0, 2000.0, 8000.0}) {
     service_.pushes_hz = hz;
     wait_ms(300);
@@ -215,7 +215,7 @@ TEST_F(HaplyPace, OneThatFloodsGivesNoForceAndIsNamed) {
 }
 
 // PALPATE_TEST_SCHEDULES=10000 sets their number
-TEST_F(HaplyPace, OfAnyScheduleNoStateIsOlderThanItsSampleSays) {
+TEST_F(HaplyPace, ReportedAgeIsAnUpperBoundForAnySchedule) {
   const char* value = std::getenv("PALPATE_TEST_SCHEDULES");
   const int schedules = value != nullptr ? std::atoi(value) : 60;
   const unsigned seed = test::test_seed();

@@ -36,7 +36,7 @@ TEST(HaplyMessages, AreReadInMillimetres) {
               1e-9);
 }
 
-TEST(HaplyMessages, OfAWirelessGripHaveThreeButtons) {
+TEST(HaplyMessages, WirelessGripHasThreeButtons) {
   const auto state = parse_state(
       R"({"inverse3":[],"wireless_verse_grip":[{"state":{"buttons":{"a":true,"b":false,"c":true}}}]})");
   ASSERT_TRUE(state);
@@ -44,7 +44,7 @@ TEST(HaplyMessages, OfAWirelessGripHaveThreeButtons) {
   EXPECT_EQ(state->grips[0].orientation.w(), 1);
 }
 
-TEST(HaplyMessages, WhatIsNoNumberIsNotThere) {
+TEST(HaplyMessages, NonNumericFieldsAreAbsent) {
   for (const char* position_text : {R"({"x":null,"y":0,"z":0})", R"({"x":"1","y":0,"z":0})",
                                     R"({"x":0,"y":0})", "[0,0,0]", R"({"x":1e306,"y":0,"z":0})", "7"}) {
     const auto state = parse_state(
@@ -110,7 +110,7 @@ void expect_positions_of(const State& state, const nlohmann::json& message) {
 
 // an inventory with random changes or truncation: the result is usable, and equal to that of an independent
 // library
-TEST(HaplyMessages, NoBytesOfThemDoHarm) {
+TEST(HaplyMessages, ArbitraryBytesAreHarmless) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -137,7 +137,7 @@ TEST(HaplyMessages, NoBytesOfThemDoHarm) {
   EXPECT_GT(read, 300);
 }
 
-TEST(HaplyMessages, VersionsAreToldApart) {
+TEST(HaplyMessages, DistinguishesVersions) {
   const auto key = [](std::string_view text) -> std::string {
     const auto version = parse_version(text);
     const char* found = version ? force_key(*version) : nullptr;

@@ -67,7 +67,7 @@ INSTANTIATE_TEST_SUITE_P(Each, HdModels,
                            return name;
                          });
 
-TEST_P(HdModels, SayWhatTheyAre) {
+TEST_P(HdModels, ReportTheirProperties) {
   const HdModelCase& expected = GetParam();
   HdRig rig(false);
   rig.device.model = expected.model;
@@ -96,7 +96,7 @@ TEST_P(HdModels, SayWhatTheyAre) {
   EXPECT_TRUE(rig.device.ramping && rig.device.clamping && rig.device.force_on);
 }
 
-TEST(OpenHaptics, WhatTheMakerVouchesForIsItsStiffness) {
+TEST(OpenHaptics, StiffnessIsTheVendorsRating) {
   HdRig rig(false);
   rig.device.stiffness_N_per_mm = 0.8;
   ASSERT_TRUE(rig.driver->open(false).ok());
@@ -144,7 +144,7 @@ TEST(OpenHaptics, EachAxisUnitAndButtonIsInItsPlace) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-TEST(OpenHaptics, WhatIsHeldIsCarriedAndNeverAboveThePeak) {
+TEST(OpenHaptics, CompensatesHeldMassWithinPeakForce) {
   OpenHapticsSettings settings = fake_hd_settings();
   settings.held_mass_kg = 0.1;
   {
@@ -184,7 +184,7 @@ TEST(OpenHaptics, WhatIsHeldIsCarriedAndNeverAboveThePeak) {
   EXPECT_LE(rig.device.largest_N, 3.3 + 1e-9);
 }
 
-TEST(OpenHaptics, WhatIsTooHeavyIsNotCarried) {
+TEST(OpenHaptics, ExcessiveMassIsNotCompensated) {
   OpenHapticsSettings settings = fake_hd_settings();
   for (const double mass_kg : {0.1, 0.4}) {
     settings.held_mass_kg = mass_kg;
@@ -248,7 +248,7 @@ TEST(OpenHaptics, HaltGivesZerosUntilResume) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-TEST(OpenHaptics, StopLeavesZeroAndRunGoesOn) {
+TEST(OpenHaptics, StopSendsZeroAndReadingContinues) {
   HdRig rig;
   for (int round = 0; round < 2; ++round) {
     ASSERT_TRUE(rig.presses()) << round;
@@ -264,7 +264,7 @@ TEST(OpenHaptics, StopLeavesZeroAndRunGoesOn) {
 }
 
 // forces disabled by a halt are enabled by the next run
-TEST(OpenHaptics, ARunAfterOneThatEndedHaltedIsFelt) {
+TEST(OpenHaptics, RunAfterAHaltedOneHasForce) {
   HdRig rig;
   ASSERT_TRUE(rig.presses());
   rig.driver->halt();
@@ -323,7 +323,7 @@ TEST(OpenHaptics, InALoopNothingIsStrongerOrStifferThanItBears) {
   EXPECT_EQ(rig.fake.violations, 0) << rig.fake.first_violation.load();
 }
 
-TEST(OpenHaptics, WhatCannotBeOpenedSaysWhyAndWhatHelps) {
+TEST(OpenHaptics, OpenFailuresHaveReasonAndRemedy) {
   const auto refusal = [](OpenHapticsDriver& driver) {
     const auto opened = driver.open(false);
     EXPECT_FALSE(opened.ok());

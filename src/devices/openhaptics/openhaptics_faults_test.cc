@@ -57,7 +57,7 @@ TEST_P(HdFaults, TakeTheForceThenSayWhyAndAreOver) {
 }
 
 // also if the frame with the error is late, and run() already ticks
-TEST(HdFaultsAlone, WhatFailsIsBegunAnew) {
+TEST(HdFaultsAlone, ReinitialisesAfterAFailure) {
   for (const int late_ms : {0, 5, 9, 12, 30}) {
     SCOPED_TRACE(late_ms);
     HdRig rig;
@@ -72,7 +72,7 @@ TEST(HdFaultsAlone, WhatFailsIsBegunAnew) {
   }
 }
 
-TEST(HdFaultsAlone, AnotherDeviceByTheNameIsNotFelt) {
+TEST(HdFaultsAlone, RejectsAnotherDeviceOfTheSameName) {
   HdRig rig;
   ASSERT_TRUE(rig.presses());
   rig.device.plugged = false;
@@ -132,7 +132,7 @@ TEST(HdFaultsAlone, AStopThatHangsDoesNotKeepTheEnd) {
 }
 
 // the force never exceeds the wall's. PALPATE_TEST_FAULTS=200 sets their number
-TEST(HdFaultsAlone, AnySequenceOfThemIsOutlived) {
+TEST(HdFaultsAlone, SurvivesAnySequenceOfFaults) {
   HdRig rig;
   testing::outlive_any(rig, rig.fake, hd_faults_and_hang(), 6);
   rig.driver.reset();

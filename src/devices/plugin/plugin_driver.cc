@@ -61,7 +61,7 @@ bool all_finite(std::span<const double> values) {
 
 Result<DeviceInfo> info_of(const plp_driver_device& device, const std::string& where) {
   const auto wrong = [&](const char* what) {
-    return Error{ErrorKind::kUnavailable, what, where, "mend the plug-in (include/palpate_driver.h)"};
+    return Error{ErrorKind::kUnavailable, what, where, "correct the plug-in (include/palpate_driver.h)"};
   };
   const Eigen::Matrix3d axes = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(device.axes);
   if (!((axes.transpose() * axes - Eigen::Matrix3d::Identity()).norm() < 1e-6) || !(axes.determinant() > 0))
@@ -189,7 +189,7 @@ class PluginDriver::Core {
     const auto error = [&](std::string what, const char* remedy) {
       return Error{ErrorKind::kUnavailable, std::move(what), where_, remedy};
     };
-    constexpr const char* kMend = "mend the plug-in, and start the session again";
+    constexpr const char* kMend = "correct the plug-in, and restart the session";
     switch (loss_.load()) {
       case Loss::kNone:
         break;

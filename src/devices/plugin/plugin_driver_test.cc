@@ -124,7 +124,7 @@ TEST_F(Plugin, IsRunAgain) {
   }
 }
 
-TEST_F(Plugin, WhateverGoesWrongEndsInZeroForceAndAReason) {
+TEST_F(Plugin, EveryFaultEndsInZeroForceAndAReason) {
   const struct {
     const char *fault, *reason;
   } kFaults[] = {{"crash", "has ended by signal 11"},

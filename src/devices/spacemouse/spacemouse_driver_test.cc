@@ -101,7 +101,7 @@ TEST_F(SpaceMouse, IsNoDeviceThatPushes) {
   EXPECT_EQ(info.degrees_of_freedom_out, 0);
 }
 
-TEST_F(SpaceMouse, EachAxisGoesItsWay) {
+TEST_F(SpaceMouse, EachAxisMovesInItsDirection) {
   settings_.speed_mm_s = 400;
   settings_.turning_rad_s = 4;
   begin();
@@ -201,7 +201,7 @@ TEST_F(SpaceMouse, LostItIsAFaultUntilItIsBack) {
   EXPECT_EQ(observed_.last().tip.x(), x) << "the cap is where it was let go";
 }
 
-TEST_F(SpaceMouse, WhatIsMissingIsSaid) {
+TEST_F(SpaceMouse, ReportsMissingPermissions) {
   EXPECT_EQ(spacemouse_vendor(settings_).detect().connected[0].state, "ready");
   std::filesystem::remove_all(folder_.path() / "sys");
   const DeviceReport report = spacemouse_vendor(settings_).detect();

@@ -124,7 +124,7 @@ TEST_F(TrackedTip, IsWhereTheStreamTheTipAndTheRegistrationSay) {
 }
 
 // the tip stays at the same place in the patient when both are moved together
-TEST_F(TrackedTip, GoesWithThePatientsMarkers) {
+TEST_F(TrackedTip, FollowsThePatientsMarkers) {
   settings_.stream.reference = kReference;
   const Eigen::Isometry3d reference = turned(0.3, {0, 1, 0}, {-200, 30, 1000});
   server_.move(kReference, {reference});
@@ -141,7 +141,7 @@ TEST_F(TrackedTip, GoesWithThePatientsMarkers) {
   EXPECT_TRUE(says("ReferenceToTracker is not visible"));
 }
 
-TEST_F(TrackedTip, GrowsOldWhenItIsNotSeenAndComesBack) {
+TEST_F(TrackedTip, AgesWhileInvisibleAndRecovers) {
   begin();
   ASSERT_TRUE(comes_to(tip_of(kToolPose)));
   server_.move(kTool, {kToolPose, false});
@@ -152,7 +152,7 @@ TEST_F(TrackedTip, GrowsOldWhenItIsNotSeenAndComesBack) {
   EXPECT_TRUE(is_well());
 }
 
-TEST_F(TrackedTip, FarFromThePatientItCountsAsNotSeen) {
+TEST_F(TrackedTip, CountsAsInvisibleFarFromThePatient) {
   Eigen::Isometry3d far = kToolPose, near = kToolPose;
   settings_.navigation.patient.error.emplace().about = Point<Patient>(tip_of(kToolPose));
   near.translation() += Eigen::Vector3d(0, 0, TrackerDriver::kMaxFromPatient_mm - 1);
@@ -185,7 +185,7 @@ TEST_F(TrackedTip, AConnectionThatIsLostComesBack) {
   EXPECT_TRUE(is_well());
 }
 
-TEST_F(TrackedTip, WhatIsMissingIsSaidAtTheBeginning) {
+TEST_F(TrackedTip, ReportsMissingToolsAtTheStart) {
   settings_.stream.transform = "ProbeToTracker";
   EXPECT_THAT(refused(), HasSubstr("sends no ProbeToTracker\n  it sends: StylusToTracker"));
   settings_.stream.transform.clear();

@@ -60,7 +60,7 @@ std::optional<std::vector<std::byte>> found(const cache::Digest& key) {
   return std::vector<std::byte>(payload->bytes().begin(), payload->bytes().end());
 }
 
-TEST_F(CacheTest, FindsWhatWasKeptAndNothingElse) {
+TEST_F(CacheTest, FindsStoredEntriesOnly) {
   EXPECT_FALSE(cache::find(key_of(1)));
   cache::store(key_of(1), bytes_of("one"));
   cache::store(key_of(2), bytes_of(""));
@@ -72,7 +72,7 @@ TEST_F(CacheTest, FindsWhatWasKeptAndNothingElse) {
   EXPECT_TRUE(warnings_.empty());
 }
 
-TEST_F(CacheTest, IsNobodyElsesToRead) {
+TEST_F(CacheTest, IsReadableByTheOwnerOnly) {
   cache::store(key_of(1), bytes_of("one"));
   struct stat folder {
   }, file{};
@@ -82,12 +82,12 @@ TEST_F(CacheTest, IsNobodyElsesToRead) {
   EXPECT_EQ(file.st_mode & 0777u, 0600u);
 }
 
-TEST_F(CacheTest, LeavesNothingBesidesEntries) {
+TEST_F(CacheTest, LeavesOnlyEntries) {
   for (int n = 0; n < 5; ++n) cache::store(key_of(n), bytes_of("payload"));
   EXPECT_EQ(std::distance(fs::directory_iterator(stored_), {}), 5);
 }
 
-TEST_F(CacheTest, WithoutAFolderNothingIsKept) {
+TEST_F(CacheTest, StoresNothingWithoutAFolder) {
   set_cache({});
   EXPECT_FALSE(cache::is_cache_enabled());
   cache::store(key_of(1), bytes_of("one"));
@@ -95,7 +95,7 @@ TEST_F(CacheTest, WithoutAFolderNothingIsKept) {
   EXPECT_FALSE(fs::exists(stored_));
 }
 
-TEST_F(CacheTest, WhatWasUsedLongestAgoGoesFirst) {
+TEST_F(CacheTest, EvictsLeastRecentlyUsedEntries) {
   const std::vector<std::byte> payload(1000);
   use(3500);
   for (int n = 0; n < 3; ++n) {
@@ -113,7 +113,7 @@ TEST_F(CacheTest, WhatWasUsedLongestAgoGoesFirst) {
   EXPECT_EQ(cache_contents().max_bytes, 3500u);
 }
 
-TEST_F(CacheTest, WhatIsLargerThanTheWholeIsNotKeptAndDrivesNothingOut) {
+TEST_F(CacheTest, EntriesAboveTheLimitAreNotStoredAndEvictNothing) {
   use(3500);
   cache::store(key_of(1), std::vector<std::byte>(1000));
   cache::store(key_of(2), std::vector<std::byte>(3500));
@@ -122,7 +122,7 @@ TEST_F(CacheTest, WhatIsLargerThanTheWholeIsNotKeptAndDrivesNothingOut) {
   EXPECT_TRUE(warnings_.empty());
 }
 
-TEST_F(CacheTest, TakesAPartOfTheDiskAtMost) {
+TEST_F(CacheTest, IsBoundedByAFractionOfTheDisk) {
   use(std::numeric_limits<std::uint64_t>::max());
   cache::store(key_of(1), bytes_of("one"));
   const auto disk = fs::space(stored_);
@@ -141,7 +141,7 @@ TEST_F(CacheTest, IsEmptied) {
   EXPECT_TRUE(fs::exists(stored_ / "mine.txt"));
 }
 
-TEST_F(CacheTest, WhatAKilledProcessLeftIsSweptAway) {
+TEST_F(CacheTest, RemovesFilesOfKilledProcesses) {
   cache::store(key_of(1), bytes_of("one"));
   const fs::path left = test::write_text(stored_ / ".palpate-0123456789abcdef-XyZ123.kept", "half");
   fs::last_write_time(left, fs::file_time_type::clock::now() - std::chrono::hours(2));
@@ -180,7 +180,7 @@ TEST_F(CacheTest, EveryDamageIsAnEntryThatIsNotThere) {
   EXPECT_TRUE(warnings_.empty());
 }
 
-TEST_F(CacheTest, WhatIsNoFileIsNotWaitedFor) {
+TEST_F(CacheTest, DoesNotBlockOnSpecialFiles) {
   cache::store(key_of(1), bytes_of("one"));
   fs::remove(file_of(key_of(1)));
   ASSERT_EQ(::mkfifo(file_of(key_of(1)).c_str(), 0600), 0);
@@ -189,7 +189,7 @@ TEST_F(CacheTest, WhatIsNoFileIsNotWaitedFor) {
   EXPECT_FALSE(cache::find(key_of(2)));
 }
 
-TEST_F(CacheTest, AFolderThatOthersMayWriteToIsNotUsedAndToldOnce) {
+TEST_F(CacheTest, WarnsOnceOfWritableFolderAndDoesNotUseIt) {
   fs::create_directories(stored_);
   fs::permissions(stored_, fs::perms::all);
   cache::store(key_of(1), bytes_of("one"));
@@ -212,7 +212,7 @@ TEST_F(CacheTest, AnEntryThatOthersMayWriteToIsNotTaken) {
   EXPECT_FALSE(cache::find(key_of(1)));
 }
 
-TEST_F(CacheTest, AFileInThePlaceOfTheFolderIsToldOnce) {
+TEST_F(CacheTest, WarnsOnceIfTheFolderIsAFile) {
   test::write_text(folder_ / "home/cache/palpate", "a file");
   cache::store(key_of(1), bytes_of("one"));
   cache::store(key_of(2), bytes_of("two"));
@@ -221,7 +221,7 @@ TEST_F(CacheTest, AFileInThePlaceOfTheFolderIsToldOnce) {
   EXPECT_EQ(cache_contents().entries, 0u);
 }
 
-TEST_F(CacheTest, AFullDiskIsToldOnceAndLeavesNothing) {
+TEST_F(CacheTest, WarnsOnceOfFullDiskAndLeavesNoFile) {
   // the file size limit stands in for a full disk
   cache::store(key_of(1), bytes_of("one"));
   const auto ignored = std::signal(SIGXFSZ, SIG_IGN);
@@ -274,7 +274,7 @@ class CacheEnvironment : public ::testing::Test {
   std::vector<std::optional<std::string>> before_;
 };
 
-TEST_F(CacheEnvironment, SaysWhereTheFolderIs) {
+TEST_F(CacheEnvironment, SetsTheFolder) {
   EXPECT_EQ(cache_settings_of_environment()->folder, "/home/somebody/.cache/palpate");
   ::setenv("XDG_CACHE_HOME", "relative", 1);
   EXPECT_EQ(cache_settings_of_environment()->folder, "/home/somebody/.cache/palpate");
@@ -286,7 +286,7 @@ TEST_F(CacheEnvironment, SaysWhereTheFolderIs) {
   EXPECT_EQ(cache_settings_of_environment()->folder, "");
 }
 
-TEST_F(CacheEnvironment, SaysHowLargeItMayBe) {
+TEST_F(CacheEnvironment, SetsTheSizeLimit) {
   EXPECT_EQ(cache_settings_of_environment()->max_bytes, kDefaultCacheBytes);
   ::setenv("PALPATE_CACHE_LIMIT", "800M", 1);
   EXPECT_EQ(cache_settings_of_environment()->max_bytes, std::uint64_t{800} << 20);
@@ -328,7 +328,7 @@ TEST(CacheKeys, DigestsTellEveryByteAndTheSizeOfLargeThings) {
   EXPECT_NE(cache::digest_of(values), whole);
 }
 
-TEST(CacheKeys, AFilesDigestBeginsWhereItIsTold) {
+TEST(CacheKeys, FileDigestStartsAtTheGivenOffset) {
   const test::TemporaryFolder folder;
   const auto digest = [&](const std::string& text, std::uint64_t from) {
     return cache::digest_of(*InputFile::open(test::write_text(folder / "file", text)), from).value();

@@ -34,7 +34,7 @@ TEST(Json, WritesNumbersAndBytesThatJsonDoesNotHave) {
   EXPECT_EQ(Json("a\xff\n").dump(), "\"a\xef\xbf\xbd\\n\"");
 }
 
-TEST(Json, ReadsWhatItWrites) {
+TEST(Json, RoundTrips) {
   const Json json{{"a", {1, -2, 0.5}}, {"b", {{"c", "d"}, {"e", nullptr}}}, {"f", false}};
   const auto again = Json::parse(json.dump());
   ASSERT_TRUE(again);
@@ -45,13 +45,13 @@ TEST(Json, ReadsWhatItWrites) {
   EXPECT_FALSE(again->at("f").get<bool>());
 }
 
-TEST(Json, SortsMembersOfATextAndTakesTheLastOfOneName) {
+TEST(Json, SortsMembersAndKeepsTheLastDuplicate) {
   const auto json = Json::parse(R"({"b": 1, "a": 2, "b": 3})");
   ASSERT_TRUE(json);
   EXPECT_EQ(json->dump(), R"({"a":2,"b":3})");
 }
 
-TEST(Json, RefusesWhatIsNone) {
+TEST(Json, RejectsInvalidJson) {
   for (const char* text : {"", "{", "[1,]", "{\"a\": 1,}", "nan", "1 2", "{1: 2}", "\"\xff\"", "1e999"})
     EXPECT_FALSE(Json::parse(text)) << text;
   EXPECT_TRUE(Json::parse(std::string(500, '[') + std::string(500, ']')));
@@ -59,7 +59,7 @@ TEST(Json, RefusesWhatIsNone) {
   EXPECT_FALSE(Json::parse(std::string(1'000'000, '[')));
 }
 
-TEST(Json, SaysWhatIsMissing) {
+TEST(Json, NamesMissingMembers) {
   const Json json{{"a", 1}};
   EXPECT_EQ(json.find("b"), nullptr);
   EXPECT_EQ(json.at("a").find("b"), nullptr);

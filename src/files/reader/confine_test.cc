@@ -117,7 +117,7 @@ TEST_F(Confined, OpensNoOtherFile) {
   EXPECT_EQ(outcome([&] { return ::open(folder_.path().c_str(), O_RDONLY | O_DIRECTORY); }), EACCES);
 }
 
-TEST_F(Confined, OfAFolderOpensWhatStandsInItAndBelow) {
+TEST_F(Confined, OpensFilesInAndBelowAFolder) {
   if (!can_restrict_files()) GTEST_SKIP() << "this kernel has no Landlock";
   std::filesystem::create_directories(folder_ / "given" / "below");
   std::ofstream(folder_ / "given" / "below" / "inside") << "content";
@@ -145,7 +145,7 @@ TEST_F(Confined, OpensNothingElseUnderTheNameOfItsFile) {
   EXPECT_EQ(outcome(*opened, [&] { return open_to_read(file_); }), EACCES);
 }
 
-TEST_F(Confined, ReachesNobody) {
+TEST_F(Confined, HasNoNetworkAccess) {
   if (!can_restrict_system_calls())
     GTEST_SKIP() << "this kernel has no seccomp: nothing but its limits hold a reader";
   const pid_t test = ::getpid();

@@ -63,7 +63,7 @@ Result<std::unique_ptr<ReaderProcess>> ReaderProcess::start(const Job& job, cons
   std::unique_ptr<ReaderProcess> process(new ReaderProcess(progress));
   process->died_ = job.died;
   process->endless_ = job.endless;
-  process->patience_ = job.patience;
+  process->timeout_ = job.timeout;
   if (job.shared_bytes > 0) {
     // anonymous, so that no process can change its size
     void* shared =
@@ -118,9 +118,9 @@ void ReaderProcess::resume() const {
   }
 }
 
-// waits for data, in short steps so that a suspended program does not exceed `patience`
+// waits for data, in short steps so that a suspended program does not exceed `timeout`
 Result<void> ReaderProcess::wait() const {
-  for (std::chrono::milliseconds waited{0}; waited < patience_; waited += kPoll) {
+  for (std::chrono::milliseconds waited{0}; waited < timeout_; waited += kPoll) {
     if (progress_.stopped()) return Progress::interrupted();
     pollfd pipe{pipe_, POLLIN, 0};
     if (::poll(&pipe, 1, static_cast<int>(kPoll.count())) > 0) return {};

@@ -64,7 +64,7 @@ class ReaderProcessTest : public ::testing::Test {
   std::size_t before_ = 0;
 };
 
-TEST_F(ReaderProcessTest, WhatItSendsArrives) {
+TEST_F(ReaderProcessTest, DeliversSentBytes) {
   const auto process = start([](ParentEnd& parent) {
     const std::vector<std::byte> many(1 << 20, std::byte{7});
     return send(parent, 5) && parent.write(many);
@@ -104,7 +104,7 @@ TEST_F(ReaderProcessTest, IsEndedByNoNumberThatMayBeAnothers) {
   EXPECT_TRUE(child.finished());
 }
 
-TEST_F(ReaderProcessTest, WhereNoProcessIsToBeHadItSaysSo) {
+TEST_F(ReaderProcessTest, ReportsForkFailure) {
   // 0: the error was reported
   testing::Child child([] {
     if (!test::forbid_processes()) return;
@@ -119,16 +119,16 @@ TEST_F(ReaderProcessTest, WhereNoProcessIsToBeHadItSaysSo) {
   EXPECT_TRUE(child.finished());
 }
 
-TEST_F(ReaderProcessTest, WhatSaysNothingIsWaitedForAsLongAsPatienceLasts) {
+TEST_F(ReaderProcessTest, TimesOutASilentProcess) {
   Job impatient;
-  impatient.patience = std::chrono::milliseconds(200);
+  impatient.timeout = std::chrono::milliseconds(200);
   EXPECT_EQ(read_from([](ParentEnd&) -> bool { loop(); }, impatient), "it does not end");
   EXPECT_EQ(read_from([](ParentEnd&) { return ::raise(SIGSTOP) == 0; }, impatient), "it does not end");
 }
 
 TEST_F(ReaderProcessTest, EachByteRenewsThePatience) {
   Job job;
-  job.patience = std::chrono::seconds(3);
+  job.timeout = std::chrono::seconds(3);
   // eight bytes in 5 s
   EXPECT_EQ(read_from(
                 [](ParentEnd& parent) {
@@ -143,7 +143,7 @@ TEST_F(ReaderProcessTest, EachByteRenewsThePatience) {
             "0");
 }
 
-TEST_F(ReaderProcessTest, AnInterruptEndsWhatLoops) {
+TEST_F(ReaderProcessTest, InterruptEndsALoop) {
   std::atomic<bool> stop = false;
   const Progress progress({}, &stop);
   std::thread user([&] {
@@ -155,7 +155,7 @@ TEST_F(ReaderProcessTest, AnInterruptEndsWhatLoops) {
   user.join();
 }
 
-TEST_F(ReaderProcessTest, WhoFloodsIsLeftAlone) {
+TEST_F(ReaderProcessTest, TerminatesAFloodingProcess) {
   const Work flood = [](ParentEnd& parent) {
     const std::vector<std::byte> much(1 << 16, std::byte{1});
     while (parent.write(much)) {

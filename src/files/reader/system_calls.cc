@@ -26,7 +26,8 @@ constexpr std::uint32_t kMachine = AUDIT_ARCH_AARCH64;
 // matches no machine: no filter is installed
 constexpr std::uint32_t kMachine = 0;
 #endif
-static_assert(std::endian::native == std::endian::little, "arguments are looked at in their lower half");
+static_assert(std::endian::native == std::endian::little,
+              "the filter compares the lower half of 64-bit arguments");
 
 constexpr std::uint32_t kRefuse = SECCOMP_RET_ERRNO | EPERM;
 

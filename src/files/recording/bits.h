@@ -16,7 +16,7 @@ std::string status_bits();
 std::string setting_bits();
 /// "0 trilinear, 1 b-spline, ..."
 std::string method_numbers();
-/// RecordingEvent::kind and its by.asker, in the same form.
+/// RecordingEvent::kind and its by.originator, in the same form.
 std::string event_kinds();
 std::string askers();
 

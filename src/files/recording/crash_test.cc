@@ -168,7 +168,7 @@ TEST(KilledRecording, IsWholeAfterEveryWrite) {
   EXPECT_EQ(file, disk.file);
 }
 
-TEST(FullDisk, KeepsWhatWasFlushedWhereverItStrikes) {
+TEST(FullDisk, KeepsFlushedTicks) {
   const test::TemporaryFolder folder;
   const auto ticks = test::random_ticks(80, 1, 50, 7);
   // a run without failure determines the number of writes

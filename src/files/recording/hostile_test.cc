@@ -133,7 +133,7 @@ TEST_F(Hostile, ChangedShapesAndTypesAreNamed) {
 }
 
 /// A range may be read from a file that has changed since it was opened.
-TEST_F(Hostile, OfARangeTheGapsAreRefused) {
+TEST_F(Hostile, RejectsGapsInARange) {
   const auto source = RecordingSource::open(file_);
   ASSERT_TRUE(source) << source.error().message();
   ASSERT_TRUE(source->read_at(0, kTicks));
@@ -293,7 +293,7 @@ TEST_F(Hostile, SweepsAreOfShapesThatABurrHas) {
   }
 }
 
-TEST_F(Hostile, EventsAreBelievedByNobody) {
+TEST_F(Hostile, DamagedEventsAreRejected) {
   const auto with = [&](const char* name, hid_t type, const void* values) {
     return error_after([&](hid_t f) {
       const Handle column(H5Dopen2(f, name, H5P_DEFAULT), H5Dclose);
@@ -338,7 +338,7 @@ TEST_F(Hostile, NothingIsReadFromOtherFiles) {
               HasSubstr("stored in another file"));
 }
 
-TEST_F(Hostile, ForeignFilesAreToldApart) {
+TEST_F(Hostile, DistinguishesForeignFiles) {
   const auto error_of = [&](const fs::path& file) {
     const auto read = read_recording(file);
     if (read) return std::string("no error");

@@ -104,7 +104,7 @@ TEST(Recorder, WithoutAFileStillCountsAndSees) {
   EXPECT_EQ(observed, ticks.size());
 }
 
-TEST(Recorder, TakesWhatIsLeftBeforeItLeaves) {
+TEST(Recorder, DrainsTheRingBeforeItEnds) {
   const test::TemporaryFolder folder;
   const auto ticks = test::example_ticks(900, 1, kRecorderRate);
   SpscRing<TickRecord> ring(1024);
@@ -152,7 +152,7 @@ struct ReportingServo {
   }
 };
 
-TEST(Recorder, EveryEventStandsAtTheFirstTickThatHadHeardOfIt) {
+TEST(Recorder, EventsAreAtTheFirstTickTheyAffect) {
   const test::TemporaryFolder folder;
   auto ticks = test::example_ticks(20'000, 1, kRate);
   ReportingServo servo;
@@ -235,7 +235,7 @@ class StuckWriter : public RecordingWriter {
   std::binary_semaphore& released_;
 };
 
-TEST(Recorder, AStuckDiskHoldsUpNeitherTheRingNorWhoAsks) {
+TEST(Recorder, StalledDiskBlocksNeitherRingNorStatus) {
   const auto ticks = test::example_ticks(17, 1, kRecorderRate);
   SpscRing<TickRecord> ring(16);
   std::binary_semaphore entered(0), let_go(0);

@@ -61,7 +61,7 @@ void check(const Result<Recording>& read) {
   std::uint64_t last_tick = 0;
   for (const RecordingEvent& event : read.value().events) {
     must(event.kind <= RecordingEvent::Kind::kTissueSolution &&
-         event.by.asker <= Originator::kViewerWithConsent);
+         event.by.originator <= Originator::kViewerWithConsent);
     must(event.tick >= std::exchange(last_tick, event.tick));
   }
 }

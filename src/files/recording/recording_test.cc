@@ -86,7 +86,7 @@ TEST(Recording, ComesBackBitForBit) {
     }
 }
 
-TEST(Recording, MoreIsToldBeforeATickThanAPartHolds) {
+TEST(Recording, MoreEventsBeforeATickThanAPartHolds) {
   const test::TemporaryFolder folder;
   const auto ticks = numbered_ticks(5000, 1, 500, 1);
   std::vector<RecordingEvent> events;
@@ -116,7 +116,7 @@ TEST(Recording, MoreIsToldBeforeATickThanAPartHolds) {
 }
 
 // the reader's child process and a recording in memory give the same head
-TEST(RecordingSource, TellsWhatTheTicksAreAndReadsThemAgain) {
+TEST(RecordingSource, ReportsHeaderAndRereadsTicks) {
   const test::TemporaryFolder folder;
   auto ticks = test::example_ticks(9000, 1, 1000);
   for (std::size_t i = 0; i < ticks.size(); ++i) ticks[i].method = i < 5 ? 5 : i < 8000 ? 1 : 200;
@@ -183,7 +183,7 @@ TEST(RecordingSource, ReadsTicksAtAnyPlace) {
   EXPECT_NE(read.error().what.find("was replaced"), std::string::npos);
 }
 
-TEST(RecordingSource, EndsWhereWhoReadsWantsIt) {
+TEST(RecordingSource, ReaderCanStopEarly) {
   const test::TemporaryFolder folder;
   write_recording(folder / "run.h5", test::example_header(1), test::example_ticks(20000, 1, 1000));
   const auto source = RecordingSource::open(folder / "run.h5");
@@ -246,7 +246,7 @@ std::vector<std::string> problems_after_reading(const std::vector<std::string>& 
   return read && read->summary ? read->summary->problems : std::vector<std::string>{"no summary"};
 }
 
-TEST(Recording, KeepsTroubleWithinBounds) {
+TEST(Recording, BoundsTheNumberOfProblems) {
   EXPECT_EQ(problems_after_reading({}), std::vector<std::string>{});
   // around the boundaries of a chunk (16) and up to the maximum
   for (const std::size_t count : {1u, 15u, 16u, 17u, 1000u}) {

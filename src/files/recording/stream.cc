@@ -154,7 +154,7 @@ void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_
     receive_column(in, column, events, buffer, [](RecordingEvent& event) { return &event; });
   for (RecordingEvent& event : events) {
     if (event.kind > RecordingEvent::Kind::kTissueSolution) in.fail("an event has an unknown kind");
-    if (event.by.asker > Originator::kViewerWithConsent) in.fail("an event has an unknown source");
+    if (event.by.originator > Originator::kViewerWithConsent) in.fail("an event has an unknown source");
     if (event.tick < last_tick) in.fail("its events are out of order");
     last_tick = event.tick;
     if (event.kind == RecordingEvent::Kind::kSweep && !is_sweep(event.sweep)) in.fail("a sweep is invalid");

@@ -64,7 +64,7 @@ TEST(AnatomyWords, NamesOfSegmentersStayWhole) {
   }
 }
 
-TEST(AnatomyWords, WhatMightNameAPatientIsLeftOut) {
+TEST(AnatomyWords, OmitsPossiblePatientNames) {
   struct Case {
     std::string text, name;
     bool left_out;
@@ -121,7 +121,7 @@ TEST(AnatomyWords, NothingComesOutButWordsThatAreKnown) {
 }
 
 // TotalSegmentator's classes, as its masks are named: two lumina are distinct, and so are eight segments.
-TEST(AnatomyWords, NamesOfMasksAreKeptAsTheyAreWritten) {
+TEST(AnatomyWords, MaskNamesKeepTheirSpelling) {
   std::vector<std::string> names;
   std::istringstream words(
       "abdominal_cavity aorta_false_lumen aorta_true_lumen auditory_canal_left auditory_canal_right "
@@ -166,7 +166,7 @@ TEST(AnatomyWords, NamesOfMasksAreKeptAsTheyAreWritten) {
 }
 
 // words that may be a person's name or number are dropped
-TEST(AnatomyWords, WhatMayBeAPersonsNameIsLeftOut) {
+TEST(AnatomyWords, OmitsPossiblePersonNames) {
   for (const auto& [name, kept] : {std::pair("Bridge_Anna_liver", "liver"),
                                    {"head_Crown_19700101", ""},
                                    {"hand_liver", "liver"},

@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-TEST(ColourTable, ReadsWhatSlicerWrites) {
+TEST(ColourTable, ReadsSlicerFiles) {
   const auto labels = parse_colour_table(
       "# Color table file knee.ctbl\n"
       "# 2 values\r\n"

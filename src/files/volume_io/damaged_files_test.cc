@@ -51,7 +51,7 @@ TEST(DamagedFiles, ACutAnywhereIsAnErrorNeverZeros) {
   }
 }
 
-TEST(DamagedFiles, TheErrorSaysHowManySlicesThereAre) {
+TEST(DamagedFiles, ErrorStatesTheNumberOfSlices) {
   const TemporaryFolder folder;
   write_good(folder);
   const std::string whole = bytes_of_file(folder / "v.nii");
@@ -92,7 +92,7 @@ TEST(DamagedFiles, RandomDamageNeverCrashes) {
       SCOPED_TRACE("seed " + std::to_string(seed) + ", " + name + ", round " + std::to_string(round));
       const auto file = write_text(folder / ("bad-" + name), bytes);
       // damaged labels may look like a scan
-      const auto labels = read_labels(file, {}, {}, {}, Doubtful::kWarnedOf);
+      const auto labels = read_labels(file, {}, {}, {}, AmbiguousLabels::kWarn);
       ++(labels ? read : errors);
       if (!labels) {
         expect_understood(labels.error());

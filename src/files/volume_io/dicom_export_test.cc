@@ -119,7 +119,7 @@ TEST(DicomExport, EveryObjectHasIdentifiersOfItsOwnAndNoPatient) {
   EXPECT_EQ(uids.size(), several);
 }
 
-TEST(DicomExport, WhatSegCannotHoldIsAnError) {
+TEST(DicomExport, RejectsLabelsThatSegCannotRepresent) {
   const TemporaryFolder folder;
   LabelMap labels = overlapping_labels(false);
   GridGeometry sheared = labels.geometry();
@@ -156,7 +156,7 @@ TEST(DicomExport, APictureIsASecondaryCapture) {
 }
 
 // fails as a full disk does
-TEST(DicomExport, WhatCannotBeWrittenWholeIsNotThere) {
+TEST(DicomExport, FailedWritesLeaveNoFile) {
   const TemporaryFolder folder;
   rlimit before{};
   ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
@@ -185,7 +185,7 @@ void write_study_of(const std::filesystem::path& folder, const std::string& set,
   }
 }
 
-TEST(DicomExport, ANameKeepsItsLettersOrIsAnError) {
+TEST(DicomExport, NamesAreEncodedExactlyOrRejected) {
   const LabelMap labels = overlapping_labels(false);
   const auto name_in = [&](const std::string& set, const std::string& name) {
     const TemporaryFolder folder;

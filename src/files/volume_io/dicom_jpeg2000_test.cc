@@ -65,7 +65,7 @@ Codestream words_of(const Samples& samples, std::size_t word_bytes) {
   return words;
 }
 
-TEST(DicomJpeg2000, WhatWasPackedComesBack) {
+TEST(DicomJpeg2000, RoundTrips) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -87,7 +87,7 @@ TEST(DicomJpeg2000, WhatWasPackedComesBack) {
         }
 }
 
-TEST(DicomJpeg2000, TheWaveletThatLosesIsTold) {
+TEST(DicomJpeg2000, ReportsLossyCompression) {
   std::mt19937 random(1);
   const Jpeg2000Coding coding{12, false, true};
   const Samples samples = samples_of(coding, random);
@@ -98,7 +98,7 @@ TEST(DicomJpeg2000, TheWaveletThatLosesIsTold) {
   EXPECT_NE(words, words_of(samples, 2));
 }
 
-TEST(DicomJpeg2000, HeadersSayWhatIsNotRead) {
+TEST(DicomJpeg2000, HeadersNameUnsupportedFeatures) {
   std::mt19937 random(2);
   const Jpeg2000Coding coding{12};
   const Codestream packed = test::pack_jpeg2000(kRows, kColumns, samples_of(coding, random), coding);

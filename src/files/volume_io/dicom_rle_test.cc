@@ -80,7 +80,7 @@ std::optional<PlainBytes> unpacked(const PlainBytes& packed, std::size_t word_by
   return words;
 }
 
-TEST(DicomRle, WhatWasPackedComesBack) {
+TEST(DicomRle, RoundTrips) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);

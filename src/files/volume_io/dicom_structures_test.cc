@@ -253,7 +253,7 @@ Reported reported_slowly(const std::vector<Contour3>& contours, const V3& normal
   return reported;
 }
 
-TEST(DicomStructures, AreWhatTheOracleSays) {
+TEST(DicomStructures, EqualTheOracle) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -358,7 +358,7 @@ TEST(DicomStructures, PlanesThatAreMissedAreBridgedAndPartsAreNot) {
   EXPECT_EQ(count_in(rounded), 36u);
 }
 
-TEST(DicomStructures, WhatGoesBeyondTheScanIsCutOffAndTold) {
+TEST(DicomStructures, CropsContoursToTheScanWithANote) {
   EXPECT_FALSE(laid({rectangle(-3, 3, -3, 3, 0)}, kSmall).is_cut());
   EXPECT_TRUE(laid({rectangle(-3, 30, -3, 3, 0)}, kSmall).is_cut());
   EXPECT_EQ(count_in({rectangle(-3, 30, -3, 3, 0)}), 63u);
@@ -366,7 +366,7 @@ TEST(DicomStructures, WhatGoesBeyondTheScanIsCutOffAndTold) {
   EXPECT_EQ(count_in({rectangle(-3, 3, -3, 3, 40)}), 0u);
 }
 
-TEST(DicomStructures, WhatIsNotPlanarIsRefused) {
+TEST(DicomStructures, RejectsNonPlanarContours) {
   DicomStructure structure;
   structure.segment.number = 7;
   structure.contours = {rectangle(-3, 3, -3, 3, 0), rectangle(-3, 3, -3, 3, 2)};

@@ -62,7 +62,7 @@ TEST(DicomStudy, TheVolumeThatItWasMadeOnIsChosen) {
   EXPECT_TRUE(space->is_declared);
 }
 
-TEST(DicomStudy, WhatIsNotSaidIsToldAsThat) {
+TEST(DicomStudy, ReportsMissingReferences) {
   auto volumes = study();
   volumes.resize(1);
   const auto unsaid = choose_segmented(volumes, {VolumeRelation::kUnspecified}, {});
@@ -71,7 +71,7 @@ TEST(DicomStudy, WhatIsNotSaidIsToldAsThat) {
   EXPECT_THAT(unsaid->notes, ElementsAre(HasSubstr("was not checked")));
 }
 
-TEST(DicomStudy, WhatIsNotKnownIsAskedFor) {
+TEST(DicomStudy, AmbiguousStudiesAreErrors) {
   const auto alike = choose_segmented(
       study(), {VolumeRelation::kSeries, VolumeRelation::kSeries, VolumeRelation::kNone}, {});
   ASSERT_FALSE(alike);
@@ -95,7 +95,7 @@ TEST(DicomStudy, WhatIsNotKnownIsAskedFor) {
               HasSubstr("volume 1 (series 1), which cannot be used: a slice is missing"));
 }
 
-TEST(DicomStudy, ANumberDecidesAndWhatSpeaksAgainstItIsSaid) {
+TEST(DicomStudy, VolumeNumberOverridesReferencesWithANote) {
   const auto chosen =
       choose_segmented(study(), {VolumeRelation::kSeries, VolumeRelation::kImages, VolumeRelation::kNone}, 3);
   ASSERT_TRUE(chosen);

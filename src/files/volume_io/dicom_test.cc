@@ -290,7 +290,7 @@ TEST_F(Dicom, TemporalPositionsOfFramesAreVolumes) {
   EXPECT_EQ(read(2)->scan.at(1, 1, 4), 204);
 }
 
-TEST_F(Dicom, ASliceBesideTheOthersIsNamed) {
+TEST_F(Dicom, NamesADisplacedSlice) {
   write_series([](DicomImage& image, int k) {
     if (k == 2) image.frames[0].position[0] += 0.4;
   });
@@ -401,7 +401,7 @@ TEST_F(Dicom, DirectionsOfDiffusionAreVolumes) {
   EXPECT_EQ(read(3)->scan.at(2, 2, 2), 200);
 }
 
-TEST_F(Dicom, ALocalizerBesideTheScanIsNoQuestion) {
+TEST_F(Dicom, IgnoresLocalizers) {
   write_series();
   DicomImage localizer = slice(0);
   localizer.series += ".7";
@@ -419,7 +419,7 @@ TEST_F(Dicom, ALocalizerBesideTheScanIsNoQuestion) {
   EXPECT_THAT(refusal(2), HasSubstr("volume 2 cannot be used"));
 }
 
-TEST_F(Dicom, WhatTellsVolumesApart) {
+TEST_F(Dicom, SplitsVolumesByAttributes) {
   const auto volumes = [&] {
     const auto list = list_volumes(folder_.path());
     return list ? list->volumes.size() : 0;
@@ -529,7 +529,7 @@ TEST_F(Dicom, Jpeg2000OfOtherBitsOrSizesIsRefused) {
   EXPECT_THAT(refusal(), HasSubstr("is compressed as High-Throughput JPEG 2000 (HTJ2K)"));
 }
 
-TEST_F(Dicom, ALossIsSaid) {
+TEST_F(Dicom, ReportsLossyCompression) {
   const auto write = [&](DicomPacking packing, const std::string& declared) {
     write_series(
         [&](DicomImage& image, int) {
@@ -645,7 +645,7 @@ void claim_syntax(const std::filesystem::path& file, std::string uid) {
   std::ofstream(file, std::ios::binary) << bytes;
 }
 
-TEST_F(Dicom, WhatIsNotUnpackedIsRefusedByName) {
+TEST_F(Dicom, RefusesUnsupportedTransferSyntaxesByName) {
   for (const auto& [uid, name] : {std::pair{"1.2.840.10008.1.2.4.92", "JPEG 2000 of several components"},
                                   {"1.2.840.10008.1.2.4.201", "High-Throughput JPEG 2000 (HTJ2K)"},
                                   {"1.2.840.10008.1.2.4.102", "MPEG-4"},
@@ -712,13 +712,13 @@ TEST_F(Dicom, EverySliceHasItsOwnScale) {
   expect_voxels([](int i, int j, int k) { return (0.5 + k) * stored_at(i, j, k) - k; });
 }
 
-TEST_F(Dicom, Monochrome1KeepsItsValues) {
+TEST_F(Dicom, KeepsValuesOfMonochrome1) {
   // affects only the display (PS3.3 C.7.6.3.1.2), not the values
   write_series([](DicomImage& image, int) { image.photometric = "MONOCHROME1"; });
   expect_voxels();
 }
 
-TEST_F(Dicom, PaddingIsTheLowestValueAndIsTold) {
+TEST_F(Dicom, PaddingBecomesTheLowestValueWithANote) {
   write_series([](DicomImage& image, int) {
     image.is_signed = true;
     image.padding = -2000;
@@ -846,7 +846,7 @@ TEST_F(Dicom, FramesThatAreNotThereAreMissed) {
 
 // ---- rejected files -----------------------------------------------------------------------------
 
-TEST_F(Dicom, WhatLacksIsNamed) {
+TEST_F(Dicom, NamesMissingAttributes) {
   write_series([](DicomImage& image, int) { image.spacing_mm.reset(); });
   EXPECT_THAT(refusal(), AllOf(HasSubstr("PixelSpacing (0028,0030)"), HasSubstr("5 images")));
   write_series([](DicomImage& image, int) {
@@ -912,7 +912,7 @@ TEST_F(Dicom, PackedImagesOfOtherBitsAreRefused) {
   EXPECT_THAT(refusal(), AllOf(HasSubstr("slice 1 of 5"), HasSubstr("contradicts its stated size or bits")));
 }
 
-TEST_F(Dicom, ATextOfAHostileLengthTakesNoMemory) {
+TEST_F(Dicom, HostileTextLengthAllocatesNothing) {
   // ImageType declares a length of about 700 MiB
   write_series(DicomPacking::kImplicit);
   std::string bytes = bytes_of(folder_ / "IM0");
@@ -924,7 +924,7 @@ TEST_F(Dicom, ATextOfAHostileLengthTakesNoMemory) {
   EXPECT_THAT(warnings_, HasSubstr("left out: 1 file that is a DICOM file that ends within an element"));
 }
 
-TEST_F(Dicom, AnEndThatCannotBeReadIsTold) {
+TEST_F(Dicom, ReportsATruncatedEnd) {
   // nothing indicates that another slice existed: this is reported wherever the volume is read
   write_series();
   std::filesystem::resize_file(folder_ / "IM4", 200);
@@ -968,7 +968,7 @@ TEST_F(Dicom, OtherObjectsAreCountedAndImagesAreNoLabels) {
   EXPECT_FALSE(is_dicom(folder_ / "notes.txt"));
 }
 
-TEST_F(Dicom, WhatIsNoDicomHasNoNumber) {
+TEST_F(Dicom, NonDicomFilesHaveNoVolumeNumber) {
   std::ofstream(folder_ / "a.nrrd") << "NRRD0004\n";
   const auto scan = read_scan(folder_ / "a.nrrd", {}, {}, VoxelCaching::kOff, 2);
   ASSERT_FALSE(scan);
@@ -1003,7 +1003,7 @@ TEST_F(Dicom, StopsWhenItIsAsked) {
 
 // ---- patient identity ---------------------------------------------------------------------------
 
-TEST_F(Dicom, NothingSaysWhoItIs) {
+TEST_F(Dicom, OutputsContainNoIdentifiers) {
   const std::string canary = "DOE^CANARY";
   const auto with_patient = [&](const auto& change) {
     write_series([&](DicomImage& image, int k) {
@@ -1276,7 +1276,7 @@ TEST_F(Segmentation, FramesInAnyOrderWithEmptyOnesLeftOut) {
   }
 }
 
-TEST_F(Segmentation, OverlapsAreKeptInLayersAndTold) {
+TEST_F(Segmentation, StoresOverlapsInLayersWithANote) {
   test::DicomMasks masks;
   masks.segments = {{7, "one"}, {3, "two"}, {9, "three"}};
   masks.frames = {frame(7, 0, 1), frame(3, 0, 3), frame(9, 1, 4)};
@@ -1432,7 +1432,7 @@ TEST_F(Segmentation, PositionsWinOverSpacingBetweenSlices) {
   }
 }
 
-TEST_F(Segmentation, RoundedPositionsAreLaidAtTheSpacingThatIsSaid) {
+TEST_F(Segmentation, RoundedPositionsUseTheDeclaredSpacing) {
   test::DicomMasks masks;
   masks.slice_spacing_mm = 1.5;
   for (const double first_mm : {-98.5, -95.5, -97.0}) {
@@ -1516,7 +1516,7 @@ TEST_F(Segmentation, AFolderOfFilesIsOneSegmentation) {
   EXPECT_THAT(cut.error().remedy, Not(IsEmpty()));
 }
 
-TEST_F(Segmentation, WhatCannotBeIsRefusedByASentence) {
+TEST_F(Segmentation, RefusesInconsistentSegmentationsWithAReason) {
   test::DicomMasks masks;
   masks.frames = {frame(1, 0, 0), frame(1, 0, 1)};
   EXPECT_THAT(refusal(masks), HasSubstr("has two frames of segment 1 at the same position"));
@@ -1545,9 +1545,9 @@ TEST_F(Segmentation, WhatCannotBeIsRefusedByASentence) {
 // ---- studies ------------------------------------------------------------------------------------
 
 // two echoes of a series in one frame of reference, and objects that may have been made on them
-class StudyOfTwo : public Dicom {
+class IdentifyScanAndLabels : public Dicom {
  protected:
-  StudyOfTwo() {
+  IdentifyScanAndLabels() {
     for (const int echo : {1, 2})
       write_series(
           [&](DicomImage& image, int k) {
@@ -1574,7 +1574,7 @@ class StudyOfTwo : public Dicom {
   const test::TemporaryFolder elsewhere_;
 };
 
-TEST_F(StudyOfTwo, TheVolumeThatASegmentationWasMadeOnIsFound) {
+TEST_F(IdentifyScanAndLabels, TheVolumeThatASegmentationWasMadeOnIsFound) {
   test::DicomMasks masks;
   masks.series = "1.2.3.9753";
   masks.images = {"1.2.4.9753.20", "1.2.4.9753.21"};
@@ -1594,7 +1594,7 @@ TEST_F(StudyOfTwo, TheVolumeThatASegmentationWasMadeOnIsFound) {
   EXPECT_EQ(requested->volume, 2);
 }
 
-TEST_F(StudyOfTwo, AnotherFrameOfReferenceIsRefusedUnlessAVolumeIsAskedFor) {
+TEST_F(IdentifyScanAndLabels, AnotherFrameOfReferenceIsRefusedUnlessAVolumeIsAskedFor) {
   test::DicomMasks masks;
   masks.frame_of_reference = "1.2.6.9753";
   const auto other = study(masks);
@@ -1612,7 +1612,7 @@ TEST_F(StudyOfTwo, AnotherFrameOfReferenceIsRefusedUnlessAVolumeIsAskedFor) {
   EXPECT_THAT(study(masks, 1)->notes, ::testing::ElementsAre(HasSubstr("was not checked")));
 }
 
-TEST_F(StudyOfTwo, ASegmentationInTheFolderIsFound) {
+TEST_F(IdentifyScanAndLabels, ASegmentationInTheFolderIsFound) {
   EXPECT_FALSE(find_study(folder_.path(), {}, {})->labels);
   test::DicomMasks masks;
   masks.images = {"1.2.4.9753.11"};
@@ -1646,7 +1646,7 @@ TEST_F(StudyOfTwo, ASegmentationInTheFolderIsFound) {
               AllOf(HasSubstr("holds 3 segmentations"), HasSubstr((folder_ / "more" / "b").string())));
 }
 
-TEST_F(StudyOfTwo, WhatIsNoDicomIsNotAskedForIdentifiers) {
+TEST_F(IdentifyScanAndLabels, NonDicomFilesAreNotScannedForIdentifiers) {
   const auto seg = write({});
   ASSERT_TRUE(write_volume(elsewhere_ / "scan.nrrd", read(1)->scan));
   const auto beside = find_study(elsewhere_ / "scan.nrrd", seg, {});
@@ -1658,7 +1658,7 @@ TEST_F(StudyOfTwo, WhatIsNoDicomIsNotAskedForIdentifiers) {
   EXPECT_EQ(labels->volume, 1);
 }
 
-TEST_F(StudyOfTwo, DamagedSegmentationsAreRefusedByAMessage) {
+TEST_F(IdentifyScanAndLabels, DamagedSegmentationsAreRefusedByAMessage) {
   const auto seg = write({});
   const std::string whole = bytes_of(seg);
   for (std::size_t length = 140; length < whole.size(); length += 97) {
@@ -1726,8 +1726,8 @@ class StructureSet : public Dicom {
     const auto grid = read_header(folder_.path());
     EXPECT_TRUE(grid);
     return read_labels(
-        file_, {}, {}, [&](const std::string& message) { warnings_ += message + "\n"; }, Doubtful::kRefused,
-        VoxelCaching::kOff, &grid->geometry);
+        file_, {}, {}, [&](const std::string& message) { warnings_ += message + "\n"; },
+        AmbiguousLabels::kReject, VoxelCaching::kOff, &grid->geometry);
   }
   std::string refusal(const test::DicomContours& contours) {
     const auto read = labels(contours);
@@ -1780,7 +1780,7 @@ TEST_F(StructureSet, ContoursBecomeLabelsOnTheScansGrid) {
   EXPECT_EQ(read->labels.layers[1].at(5, 1, 2), 0);
 }
 
-TEST_F(StructureSet, WhatIsLeftOutOrFilledInIsTold) {
+TEST_F(StructureSet, ReportsOmittedAndInterpolatedContours) {
   auto contours = two();
   contours.structures.push_back({"point", "", "", "", {{{{-9, 21, -30}}, "POINT"}}});
   contours.structures.push_back({"nothing"});
@@ -1804,7 +1804,7 @@ TEST_F(StructureSet, WhatIsLeftOutOrFilledInIsTold) {
                     HasSubstr("lie outside the scan: far")));
 }
 
-TEST_F(StructureSet, WhatCannotBeIsRefusedByASentence) {
+TEST_F(StructureSet, RejectsInconsistentStructureSetsWithAReason) {
   auto contours = two();
   contours.structures[1].contours[0].declared_points = 5;
   EXPECT_THAT(refusal(contours), HasSubstr("damaged DICOM structure set"));
@@ -1841,7 +1841,7 @@ TEST_F(StructureSet, BelongsToItsScan) {
   EXPECT_FALSE(find_study(folder_.path(), file_, {}));
 }
 
-TEST_F(StructureSet, SaysNothingOfThePatient) {
+TEST_F(StructureSet, ContainsNoPatientData) {
   auto contours = two();
   contours.patient = "DOE^CANARY";
   contours.structures[0].contours[0].points[1][2] += 3;
@@ -1897,7 +1897,7 @@ TEST(SharedStructureSets, AreTheirContours) {
   const auto grid = read_header(folder.path());
   ASSERT_TRUE(grid) << grid.error().message();
   const auto read =
-      read_labels(structures, {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &grid->geometry);
+      read_labels(structures, {}, {}, {}, AmbiguousLabels::kReject, VoxelCaching::kOff, &grid->geometry);
   ASSERT_TRUE(read) << read.error().message();
   const auto& layer = read->labels.layers.at(0);
   const double spacing_mm = grid->geometry.spacing_mm.x();
@@ -2002,7 +2002,7 @@ TEST(DicomSeeds, AreUnderstood) {
       GridGeometry grid;
       grid.dims = {16, 12, 10};
       grid.origin = Point<Patient>(-16, 16, -30);
-      EXPECT_TRUE(read_labels(seed.path(), {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &grid));
+      EXPECT_TRUE(read_labels(seed.path(), {}, {}, {}, AmbiguousLabels::kReject, VoxelCaching::kOff, &grid));
       continue;
     }
     const auto list = list_volumes(seed.path());

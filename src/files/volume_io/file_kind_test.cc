@@ -91,7 +91,7 @@ TEST(FileKind, KnowsVolumesUnderAnotherName) {
   EXPECT_EQ(volume(nifti), "NIfTI");
 }
 
-TEST(FileKind, ATextIsNone) {
+TEST(FileKind, TextHasNoKind) {
   EXPECT_EQ(kind("title = \"Knee\"\n[data]\n", "scene.toml"), "");
   EXPECT_EQ(kind("value\tname\n", "names.tsv"), "");
   EXPECT_EQ(kind("MMORPG", "notes"), "");

@@ -54,7 +54,7 @@ FolderContent inspect_entry(const std::filesystem::path& folder) {
       content.volumes.push_back(entry->path().lexically_relative(folder).string());
     } else if (opened < kMaxOpened) {
       ++opened;
-      const auto kind = content_of(entry->path(), unpacked_front);
+      const auto kind = file_kind_of(entry->path(), unpacked_front);
       if (kind && !content.other) content.other = kind;
     }
   }
@@ -86,7 +86,7 @@ Error folder_error(const std::filesystem::path& folder) {
 // other file of a pair: "knee.hdr" and "knee.img", each optionally with ".gz"
 Result<std::filesystem::path> partner(const std::filesystem::path& file, const std::string& ending) {
   std::filesystem::path stem = file;
-  if (has_ending(stem, ".gz")) stem.replace_extension();
+  if (has_extension(stem, ".gz")) stem.replace_extension();
   for (const std::string& other : {ending, ending + ".gz"}) {
     std::filesystem::path candidate = stem;
     candidate.replace_extension(other);
@@ -101,21 +101,21 @@ Result<std::filesystem::path> partner(const std::filesystem::path& file, const s
 
 }  // namespace
 
-bool has_ending(const std::filesystem::path& file, std::string_view ending) {
+bool has_extension(const std::filesystem::path& file, std::string_view ending) {
   const std::string name = lower_case(file.filename().string());
   return name.size() > ending.size() && std::string_view(name).substr(name.size() - ending.size()) == ending;
 }
 
 Result<const Format*> format_of(const std::filesystem::path& file) {
   for (const Format& format : kFormats)
-    for (const std::string_view ending : format.endings)
-      if (has_ending(file, ending)) return &format;
+    for (const std::string_view ending : format.extensions)
+      if (has_extension(file, ending)) return &format;
   return bad_input(file.string(), "has an unsupported format",
                    "use NRRD (.nrrd, .nhdr, .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img) or MetaImage (.mha, "
                    ".mhd); DICOM files may have any name");
 }
 
-std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpack& unpack) {
+std::optional<FileKind> file_kind_of(const std::filesystem::path& file, const Unpack& unpack) {
   std::error_code failed;
   const std::uint64_t size = std::filesystem::file_size(file, failed);
   const auto front = read_front(file, Encoding::kRaw, kKindBytes);
@@ -124,7 +124,7 @@ std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpa
   if (!front->starts_with("\x1f\x8b")) return kind_of(*front, name, size);
   // the extension before ".gz" is used too
   const std::string unpacked = unpack(file, kKindBytes);
-  auto inside = kind_of(unpacked, has_ending(file, ".gz") ? file.stem().string() : name, 0);
+  auto inside = kind_of(unpacked, has_extension(file, ".gz") ? file.stem().string() : name, 0);
   if (inside) inside->what += ", compressed by gzip";
   if (inside && inside->mesh) {
     inside->mesh.reset();
@@ -162,8 +162,8 @@ Result<std::filesystem::path> OtherFiles::find(const OtherFile& requested) {
   return bad_input("", "another file is needed first");
 }
 
-Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others,
-                              const PlacementOptions& placement_options) {
+Result<VolumeFile> inspect_file(const Format& format, const std::filesystem::path& file, OtherFiles& others,
+                                const PlacementOptions& placement_options) {
   auto volume = format.inspect(file, others, placement_options);
   if (volume || others.requested()) return volume;
   // the content may be of another kind than the name says
@@ -171,7 +171,7 @@ Result<VolumeFile> understand(const Format& format, const std::filesystem::path&
     const auto front = read_front(packed, Encoding::kDeflate, bytes);
     return front ? *front : std::string();
   };
-  const auto kind = content_of(file, unpack);
+  const auto kind = file_kind_of(file, unpack);
   if (!kind || kind->volume == format.name) return volume;
   return bad_input(file.string(), "is " + kind->what + ", not " + format.name + " as its name says",
                    kind->remedy);
@@ -204,7 +204,7 @@ bool is_volume(const std::filesystem::path& file) {
     return true;
   if (!std::filesystem::is_regular_file(file, ignored)) return false;
   if (format_of(file)) return true;
-  const auto kind = content_of(file, unpacked_front);
+  const auto kind = file_kind_of(file, unpacked_front);
   return kind && !kind->volume.empty();
 }
 
@@ -216,7 +216,7 @@ std::optional<Error> describe_non_volume(const std::filesystem::path& file) {
     return std::nullopt;
   if (std::filesystem::is_directory(status)) return folder_error(file);
   if (!std::filesystem::is_regular_file(status) || format_of(file)) return std::nullopt;
-  const auto kind = content_of(file, unpacked_front);
+  const auto kind = file_kind_of(file, unpacked_front);
   if (!kind || !kind->volume.empty()) return std::nullopt;
   return bad_input(file.string(), "is " + kind->what, kind->remedy);
 }

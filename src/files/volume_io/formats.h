@@ -35,21 +35,22 @@ class OtherFiles {
 /// A file format. To add one, write a source file with its inspect function and add a line to formats.cc.
 struct Format {
   const char* name;
-  std::span<const std::string_view> endings;  ///< Extensions in lower case, with the dot.
+  std::span<const std::string_view> extensions;  ///< Extensions in lower case, with the dot.
   /// Parses and validates the header without reading voxels. The names of format and type in the header are
   /// filled in by the caller.
   Result<VolumeFile> (*inspect)(const std::filesystem::path& file, OtherFiles& others,
                                 const PlacementOptions& placement_options);
   ItkFormat writer;
-  std::span<const std::string_view> written;  ///< Extensions under which it is written, as a single file.
+  std::span<const std::string_view>
+      write_extensions;  ///< Extensions under which it is written, as a single file.
 };
 
 /// Format by the extension of a file.
 Result<const Format*> format_of(const std::filesystem::path& file);
 /// Inspects a file; if its name suggests the wrong format, the error names the actual one. Untrusted bytes
 /// may compromise the process: call it in a reader process (volume_reader.h).
-Result<VolumeFile> understand(const Format& format, const std::filesystem::path& file, OtherFiles& others,
-                              const PlacementOptions& placement_options);
+Result<VolumeFile> inspect_file(const Format& format, const std::filesystem::path& file, OtherFiles& others,
+                                const PlacementOptions& placement_options);
 /// Locates the additional file that a reader requests.
 /// @param file  the file that the user named
 /// @param requested  request of the reader, which is as untrusted as a header
@@ -58,13 +59,13 @@ Result<std::filesystem::path> find_other_file(const std::filesystem::path& file,
 /// Error for a path that does not exist or is a folder; nullopt otherwise.
 std::optional<Error> not_a_file(const std::filesystem::path& file);
 
-bool has_ending(const std::filesystem::path& file, std::string_view ending);
+bool has_extension(const std::filesystem::path& file, std::string_view ending);
 
 /// Kind of a file by its first bytes, decompressed if it is a gzip file; nullopt for text, unknown content
 /// and unreadable files.
 /// @param unpack  returns the first `bytes` decompressed bytes of a gzip file, or fewer
 using Unpack = std::function<std::string(const std::filesystem::path& file, std::size_t bytes)>;
-std::optional<FileKind> content_of(const std::filesystem::path& file, const Unpack& unpack);
+std::optional<FileKind> file_kind_of(const std::filesystem::path& file, const Unpack& unpack);
 
 Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others,
                                 const PlacementOptions& placement_options);

@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 bool has_image_name(const fs::path& file) {
   return std::ranges::any_of(std::array{".png", ".jpg", ".jpeg", ".tif", ".tiff"},
-                             [&](const char* ending) { return has_ending(file, ending); });
+                             [&](const char* ending) { return has_extension(file, ending); });
 }
 
 bool is_image(const fs::path& file) {
@@ -124,7 +124,7 @@ Result<void> find_slices(PictureReader& reader, const std::function<bool()>& sho
                          ImageStack& stack) {
   constexpr std::size_t kMaxSlices = 20'000;
   for (std::size_t n = 0; n < stack.files.size(); ++n) {
-    if (!should_continue()) return bad_input("", "nobody reads it");
+    if (!should_continue()) return bad_input("", "reading was interrupted");
     const auto decoder = reader.open(n);
     if (!decoder) return decoder.error();
     const auto& pages = (*decoder)->pages();
@@ -158,7 +158,7 @@ Result<void> find_colours(PictureReader& reader, const std::function<bool()>& sh
   std::vector<std::uint32_t> pixels(stack.shape.pixels());
   bool grey = true;
   for (std::size_t k = 0; k < stack.slices.size(); ++k) {
-    if (!should_continue()) return bad_input("", "nobody reads it");
+    if (!should_continue()) return bad_input("", "reading was interrupted");
     fraction = static_cast<double>(k) / static_cast<double>(stack.slices.size());
     if (auto read = reader.read(stack.slices[k], pixels); !read) return read;
     std::uint32_t last = 0;

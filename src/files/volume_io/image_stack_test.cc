@@ -187,7 +187,7 @@ TEST_F(ImageStack, TheSpacingIsAskedFor) {
   EXPECT_EQ(declared->scan.geometry().spacing_mm, Eigen::Vector3d(1, 2, 3));
 }
 
-TEST_F(ImageStack, WhatIsNoSliceIsTold) {
+TEST_F(ImageStack, ReportsFilesThatAreNotSlices) {
   write_stack(256, PngKind::kGrey8);
   write("readme.txt", "nothing");
   write(".hidden.png", "nothing");

@@ -139,7 +139,7 @@ TEST(Image, LzwOfALongStrip) {
   expect_pixels(test::tiff_of({flat}, layout), flat);
 }
 
-TEST(Image, WhatIsTooLargeTakesNoMemory) {
+TEST(Image, RejectsLargeImagesBeforeAllocating) {
   std::string bytes = test::png_of(test::some_picture(256), PngKind::kGrey8);
   for (const std::size_t at : {16u, 20u}) bytes.replace(at, 4, std::string("\x00\x01\x00\x00", 4));
   const auto large = pixels_of(bytes);

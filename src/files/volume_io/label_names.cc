@@ -39,7 +39,7 @@ std::string stem_of(const std::filesystem::path& file) {
   std::string name = file.filename().string();
   for (const std::string_view ending : {".gz", ".nii", ".seg", ".nrrd", ".nhdr", ".hdr", ".img", ".mha",
                                         ".mhd", ".seg", ".stl", ".obj", ".ply", ".vtk", ".vtp"})
-    if (has_ending(name, ending)) name.erase(name.size() - ending.size());
+    if (has_extension(name, ending)) name.erase(name.size() - ending.size());
   return name;
 }
 
@@ -47,7 +47,7 @@ std::string stem_of(const std::filesystem::path& file) {
 
 Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& file) {
   const auto table = std::find_if(std::begin(kTables), std::end(kTables),
-                                  [&](const Table& each) { return has_ending(file, each.ending); });
+                                  [&](const Table& each) { return has_extension(file, each.ending); });
   if (table == std::end(kTables))
     return bad_input(file.string(), "has an unsupported table format",
                      "use .ctbl, .tsv, .csv, .json, .label or .txt");
@@ -84,7 +84,7 @@ std::optional<AdjacentTable> find_adjacent_table(const std::filesystem::path& fi
   for (; !failed && entries != std::filesystem::directory_iterator(); entries.increment(failed)) {
     const std::filesystem::path& path = entries->path();
     std::error_code ignored;
-    if (has_ending(path, ".ctbl") || has_ending(path, ".tsv"))
+    if (has_extension(path, ".ctbl") || has_extension(path, ".tsv"))
       tables.push_back(path);
     else if (format_of(path) && !std::filesystem::equivalent(path, file, ignored) &&
              !(scan && std::filesystem::equivalent(path, *scan, ignored)))

@@ -76,7 +76,7 @@ TEST(LabelNames, TheOnlyTableInTheFolderNamesTheLabelsWhereItNamesAll) {
 }
 
 // with two volumes in a folder, its table may belong to either
-TEST(LabelNames, TheOnlyTableIsNotUsedBesideAnotherLabelMap) {
+TEST(LabelNames, IgnoresTheOnlyTableIfThereAreSeveralLabelMaps) {
   const TemporaryFolder folder;
   const auto file = write_labels_file(folder);
   write_text(folder / "names.ctbl", "1 femur 10 20 30 255\n2 tibia 1 2 3 255\n3 fibula 0 0 0 255\n");
@@ -92,11 +92,11 @@ TEST(LabelNames, TheOnlyTableIsNotUsedBesideAnotherLabelMap) {
   EXPECT_NE(warning.find("belong to other.nrrd"), std::string::npos) << warning;
   // the scan is not a label map
   const auto of_scan =
-      read_labels(file, {}, {}, warn, Doubtful::kRefused, VoxelCaching::kOff, nullptr, {}, other);
+      read_labels(file, {}, {}, warn, AmbiguousLabels::kReject, VoxelCaching::kOff, nullptr, {}, other);
   EXPECT_TRUE(of_scan->unnamed.empty());
 }
 
-TEST(LabelNames, ATableThatNamesNothingIsAnErrorThatSaysWhy) {
+TEST(LabelNames, RejectsTablesWithoutMatchingNames) {
   const TemporaryFolder folder;
   const auto file = write_labels_file(folder);
   const auto wrong =
@@ -136,7 +136,7 @@ TEST(LabelNames, ABadTableIsAnErrorWhenNamedAndAWarningWhenOnlyLyingThere) {
   EXPECT_NE(warning.find("participants.tsv:1"), std::string::npos) << warning;
 }
 
-TEST(LabelNames, ATableOfTheFilesOwnNameComesFirst) {
+TEST(LabelNames, PrefersTheTableOfTheSameName) {
   const TemporaryFolder folder;
   const auto file = write_labels_file(folder);
   write_text(folder / "other.ctbl", "1 femur 10 20 30 255\n");

@@ -5,7 +5,7 @@
 namespace palpate {
 namespace {
 
-TEST(SnapLabels, ReadsWhatItkSnapWrites) {
+TEST(SnapLabels, ReadsItkSnapFiles) {
   const auto labels = parse_snap_labels(
       "################################################\n"
       "# ITK-SnAP Label Description File\r\n"

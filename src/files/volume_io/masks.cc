@@ -21,7 +21,7 @@ constexpr std::size_t kMaxMasks = 1024;
 
 // a volume of two files is represented by its header
 bool is_named_as_volume(const fs::path& file) {
-  return format_of(file).ok() && !has_ending(file, ".img") && !has_ending(file, ".img.gz");
+  return format_of(file).ok() && !has_extension(file, ".img") && !has_extension(file, ".img.gz");
 }
 
 StructureFiles find_masks(const fs::path& folder) {
@@ -32,7 +32,7 @@ StructureFiles find_masks(const fs::path& folder) {
 
 // thrown when the parent has gone
 struct ReaderStopped : std::runtime_error {
-  ReaderStopped() : std::runtime_error("nobody reads it") {}
+  ReaderStopped() : std::runtime_error("reading was interrupted") {}
 };
 
 /// Receives the voxels of one file and records those that are not 0.
@@ -117,7 +117,7 @@ Result<VolumeFile> understand_mask(const fs::path& file, const PlacementOptions&
   const auto format = format_of(file);
   if (!format) return format.error();
   OtherFiles others;
-  auto volume = understand(**format, file, others, placement_options);
+  auto volume = inspect_file(**format, file, others, placement_options);
   if (others.requested()) return no_mask(file, "has its voxels in another file");
   if (volume && volume->header.layers > 1) return no_mask(file, "has several values for each voxel");
   return volume;

@@ -58,7 +58,7 @@ Result<LabelFile> read_masks(const fs::path& folder, std::vector<std::string>* d
   });
 }
 
-TEST(Masks, OfAFolderEachFileIsAStructureWhateverItsFormatAndOverlaps) {
+TEST(Masks, EachFileOfAFolderIsAStructure) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -137,7 +137,7 @@ TEST(Masks, AreCalledAfterAnatomyAloneAndByATable) {
   EXPECT_EQ(named->labels.segments[2].name, "cyst");
 }
 
-TEST(Masks, WhatIsNoMaskIsRefusedByName) {
+TEST(Masks, RejectsFilesThatAreNoMasksByName) {
   std::mt19937 random(7);
   const auto refusal = [&](const std::string& name, const auto& write) {
     const TemporaryFolder folder;
@@ -242,7 +242,7 @@ TEST(Masks, OfScaledValuesTheMaskIsTheSame) {
   }
 }
 
-TEST(Masks, WhatSystemsLeaveBesideFilesAndLinksThatLeadOutAreNone) {
+TEST(Masks, IgnoresSystemFilesAndOutsideLinks) {
   std::mt19937 random(9);
   const TemporaryFolder folder, elsewhere;
   ASSERT_TRUE(write_volume(folder / "liver.nii.gz", random_mask(random, 0.1)));

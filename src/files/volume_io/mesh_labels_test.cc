@@ -259,7 +259,7 @@ Result<TransformedMeshes> placed(const TriangleMesh& mesh, const GridGeometry* s
   return transform_meshes(survey, placement_options, declared);
 }
 
-TEST(MeshPlacementOptions, TheScanProvesWhatTheFileDoesNotSay) {
+TEST(MeshPlacementOptions, InfersSpaceAndUnitFromTheScan) {
   const GridGeometry scan = scan_beside_the_origin();
   const TriangleMesh in_mm =
       test_meshes::moved(test_meshes::sphere_mesh(12, 20), Eigen::Matrix3d::Identity(), {-90, 60, -10});
@@ -299,7 +299,7 @@ TEST(MeshPlacementOptions, SeveralUnitsThatFitAreAskedFor) {
   EXPECT_EQ(found->space, MeshSpace::kLps);
 }
 
-TEST(MeshPlacementOptions, WhatTheScanDoesNotProveIsAskedFor) {
+TEST(MeshPlacementOptions, AmbiguousPlacementIsAnError) {
   GridGeometry scan = scan_beside_the_origin();
   scan.origin = Point<Patient>(-40, -40, -20);
   const TriangleMesh middle = test_meshes::sphere_mesh(12, 20);

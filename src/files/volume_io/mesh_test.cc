@@ -49,7 +49,7 @@ TEST(Mesh, EveryFormatHoldsTheSameTriangles) {
   }
 }
 
-TEST(Mesh, ItsKindIsToldByItsFirstBytes) {
+TEST(Mesh, DetectsTheFormatByContent) {
   for (const WrittenMesh& written : in_every_format(awkward_mesh())) {
     const auto kind =
         kind_of(std::string_view(written.bytes).substr(0, kKindBytes), written.name, written.bytes.size());
@@ -58,7 +58,7 @@ TEST(Mesh, ItsKindIsToldByItsFirstBytes) {
   }
 }
 
-TEST(Mesh, WhatSlicerSaysOfItsAxesIsTaken) {
+TEST(Mesh, UsesTheSpaceDeclaredBySlicer) {
   const TriangleMesh mesh = awkward_mesh();
   const std::string title = "3D Slicer output. SPACE=RAS";
   const std::vector<WrittenMesh> files{
@@ -133,7 +133,7 @@ TEST(Mesh, PolygonsBecomeFansAndStripsTurnEverySecondTriangle) {
     EXPECT_GT((corners[n + 1] - corners[n]).cross(corners[n + 2] - corners[n]).z(), 0) << n;
 }
 
-TEST(Mesh, WhatIsNotReadIsSaid) {
+TEST(Mesh, ReportsUnsupportedContent) {
   const TriangleMesh box = test_meshes::box_mesh({1, 1, 1});
   std::string packed = test_meshes::vtp(box, "packed");
   packed.replace(packed.find("vtkZLibDataCompressor"), 21, "vtkLZ4DataCompressor ");
@@ -154,7 +154,7 @@ TEST(Mesh, WhatIsNotReadIsSaid) {
   EXPECT_THAT(refusal(cut, MeshFormat::kStl), HasSubstr("it ends after 10 of 12 triangles"));
 }
 
-TEST(Mesh, WhatTakesTooMuchMemoryIsRefusedByName) {
+TEST(Mesh, RejectsLargeMeshesByName) {
   const auto refusal = [](const std::string& bytes) {
     const auto file = parse_mesh(bytes, MeshFormat::kPly, "f");
     return file ? std::string("is read") : file.error().message();
@@ -175,7 +175,7 @@ TEST(Mesh, WhatTakesTooMuchMemoryIsRefusedByName) {
               HasSubstr("more than 1000000 triangles"));
 }
 
-TEST(Mesh, WhatOtherProgramsAddIsPassedOver) {
+TEST(Mesh, IgnoresExtensionsOfOtherPrograms) {
   const TriangleMesh box = test_meshes::box_mesh({1, 2, 3});
   // metadata that VTK stores for an array, such as its range
   std::string keyed = test_meshes::vtp(box, "ascii");

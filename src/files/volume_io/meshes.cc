@@ -106,7 +106,7 @@ Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::p
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
   const StructureFiles& found = meshes_of.found;
   for (const fs::path& one : found.files) {
-    if (!should_continue()) return bad_input("", "nobody reads it");
+    if (!should_continue()) return bad_input("", "reading was interrupted");
     const auto file = parse_file(one, meshes_of.formats.at(one));
     if (!file) return file.error();
     alike = alike && (first || declared == file->space);
@@ -150,7 +150,7 @@ Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::p
     auto file = parse_file(one, meshes_of.formats.at(one));
     if (!file) return file.error();
     for (std::size_t n = 0; n < file->meshes.size(); ++n) {
-      if (!should_continue()) return bad_input("", "nobody reads it");
+      if (!should_continue()) return bad_input("", "reading was interrupted");
       TriangleMesh& mesh = file->meshes[n];
       bool beyond = false;
       for (Eigen::Vector3d& point : mesh.points) {
@@ -165,7 +165,7 @@ Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::p
       const std::string message = name.empty() ? "its only structure" : name;
       const ClosedMesh closed = closed_mesh(mesh);
       mesh = {};
-      if (!should_continue()) return bad_input("", "nobody reads it");
+      if (!should_continue()) return bad_input("", "reading was interrupted");
       labels.voxels.push_back(voxels_of_mesh(closed, grid, should_continue));
       labels.names.push_back(name);
       if (closed.open_edges > 0)
@@ -204,7 +204,7 @@ std::optional<MeshFormat> mesh_format_of(const fs::path& file) {
   if (!fs::is_regular_file(file, failed)) return std::nullopt;
   // the extension of a volume takes precedence
   if (format_of(file)) return std::nullopt;
-  const auto kind = content_of(file, unpacked_front);
+  const auto kind = file_kind_of(file, unpacked_front);
   return kind ? kind->mesh : std::nullopt;
 }
 

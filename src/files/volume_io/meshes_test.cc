@@ -37,8 +37,8 @@ std::vector<std::string> warnings_of(const std::filesystem::path& file, const Gr
                                      const MeshPlacementOptions& placement_options = {}) {
   std::vector<std::string> declared;
   labels = read_labels(
-      file, {}, {}, [&](const std::string& warning) { declared.push_back(warning); }, Doubtful::kRefused,
-      VoxelCaching::kOff, scan, PlacementOptions{.mesh = placement_options});
+      file, {}, {}, [&](const std::string& warning) { declared.push_back(warning); },
+      AmbiguousLabels::kReject, VoxelCaching::kOff, scan, PlacementOptions{.mesh = placement_options});
   return declared;
 }
 
@@ -50,7 +50,7 @@ TEST(Meshes, EveryFormatBecomesTheSameLabels) {
     write_text(folder / written.name, written.bytes);
     EXPECT_TRUE(is_volume(folder / written.name)) << written.name;
     const auto labels =
-        read_labels(folder / written.name, {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &scan);
+        read_labels(folder / written.name, {}, {}, {}, AmbiguousLabels::kReject, VoxelCaching::kOff, &scan);
     ASSERT_TRUE(labels) << labels.error().message();
     EXPECT_EQ(labels->header.format, "surfaces");
     EXPECT_TRUE(labels->header.has_geometry);
@@ -64,7 +64,7 @@ TEST(Meshes, EveryFormatBecomesTheSameLabels) {
   }
 }
 
-TEST(Meshes, OfAFolderEachFileIsAStructure) {
+TEST(Meshes, EachFileOfAFolderIsAStructure) {
   const TemporaryFolder folder;
   const GridGeometry scan = scan_for_meshes();
   write_text(folder / "tibia.stl", shapes::binary_stl(ball_in_scan(6, {0, 0, 7})));
@@ -85,7 +85,8 @@ TEST(Meshes, OfAFolderEachFileIsAStructure) {
 
   // the error names a damaged file
   write_text(folder / "patella.obj", "v 0 0 0\nf 1 2 3\n");
-  const auto refused = read_labels(folder.path(), {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &scan);
+  const auto refused =
+      read_labels(folder.path(), {}, {}, {}, AmbiguousLabels::kReject, VoxelCaching::kOff, &scan);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().where, (folder / "patella.obj").string());
 }
@@ -215,7 +216,7 @@ TEST(Meshes, DamageIsOneErrorThatNamesTheFile) {
           bytes[random() % bytes.size()] ^= static_cast<char>(1 << random() % 8);
       write_text(folder / written.name, bytes);
       const auto labels =
-          read_labels(folder / written.name, {}, {}, {}, Doubtful::kRefused, VoxelCaching::kOff, &scan);
+          read_labels(folder / written.name, {}, {}, {}, AmbiguousLabels::kReject, VoxelCaching::kOff, &scan);
       if (labels) continue;
       EXPECT_EQ(labels.error().what.find("its reader"), std::string::npos) << labels.error().message();
       EXPECT_EQ(labels.error().where, (folder / written.name).string());

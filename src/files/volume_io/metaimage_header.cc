@@ -24,7 +24,7 @@ Result<std::pair<MetaFields, std::size_t>> split_fields(std::string_view bytes, 
                        "is the file complete and really a MetaImage?");
     const std::string name(trimmed(line.substr(0, equals)));
     if (!fields.emplace(name, std::string(trimmed(line.substr(equals + 1)))).second)
-      return bad_input(where, "gives the same field a second time");
+      return bad_input(where, "repeats a field of its header");
     if (name == "ElementDataFile") return std::pair(fields, bytes.size() - remaining.size());
   }
   return bad_input(source, "its header does not state where the voxels are (ElementDataFile)",

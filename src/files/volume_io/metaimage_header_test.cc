@@ -51,7 +51,7 @@ TEST(MetaImageHeader, FindsSeparateDataBehindAnotherHeader) {
             0u);
 }
 
-TEST(MetaImageHeader, WhatCannotBeRightIsAnError) {
+TEST(MetaImageHeader, RejectsInvalidHeaders) {
   for (const std::string& bad : {std::string(),
                                  kGood,
                                  replaced("= Image", "= Tube"),

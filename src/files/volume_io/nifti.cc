@@ -81,7 +81,7 @@ Result<void> read_label_names_of(const std::filesystem::path& file, Encoding enc
 Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles& others,
                                  const PlacementOptions& placement_options) {
   std::filesystem::path file = named;
-  if (has_ending(named, ".img") || has_ending(named, ".img.gz")) {
+  if (has_extension(named, ".img") || has_extension(named, ".img.gz")) {
     const auto header_file = others.find({OtherFile::Which::kHeader, ""});
     if (!header_file) return header_file.error();
     file = *header_file;

@@ -180,7 +180,7 @@ Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm
     header.affine.emplace();
     for (int n = 0; n < 12; ++n) (*header.affine)(n / 4, n % 4) = f.srow[n];
     if (!header.affine->allFinite())
-      return bad_input(source, "its sform holds something that is not a number",
+      return bad_input(source, "its sform contains a non-finite value",
                        "use its qform, if any, with --form q, or copy the sform from the original scan");
     const bool comparable =
         f.qform_code > 0 && !form && finite(f.quaternion) && finite(f.qoffset) &&
@@ -200,8 +200,7 @@ Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm
                        "copy it from the original scan");
   }
   if (f.qform_code > 0 && !(finite(f.quaternion) && finite(f.qoffset)))
-    return bad_input(source, "its qform holds something that is not a number",
-                     "copy it from the original scan");
+    return bad_input(source, "its qform contains a non-finite value", "copy it from the original scan");
   // ITK handles NIfTI-1 without an sform, and does not read NIfTI-2
   if (second || f.sform_code > 0)
     header.affine = f.qform_code > 0 ? from_qform(sized) : from_voxel_sizes(sized);

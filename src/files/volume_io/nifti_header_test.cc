@@ -68,7 +68,7 @@ TEST(NiftiHeader, WithoutAFormItHasNoGeometry) {
   EXPECT_FALSE(parse_nifti_header(Bytes().put<std::int16_t>(252, 0).text, "x")->has_geometry);
 }
 
-TEST(NiftiHeader, WhatCannotBeRightIsAnError) {
+TEST(NiftiHeader, RejectsInvalidHeaders) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   for (const std::string& bad :
        {std::string(), Bytes().text.substr(0, 347), Bytes().put<std::int32_t>(0, 540).text,
@@ -85,7 +85,7 @@ TEST(NiftiHeader, WhatCannotBeRightIsAnError) {
   }
 }
 
-TEST(NiftiHeader, TheIntentSaysWhatTheValuesAre) {
+TEST(NiftiHeader, IntentDeterminesTheMeaning) {
   for (const auto& [code, meaning] : {std::pair{0, ValueMeaning::kUnspecified},
                                       {1002, ValueMeaning::kLabels},
                                       {1003, ValueMeaning::kLabels},
@@ -164,7 +164,7 @@ TEST(NiftiHeader, TheSecondVersionsGeometryIsItsSformElseItsQformElseItsVoxelSiz
   EXPECT_EQ((*parse_nifti_header(bytes.text, "x")->affine)(1, 1), 8);
 }
 
-TEST(NiftiHeader, WhatCannotBeRightInTheSecondVersionIsAnError) {
+TEST(NiftiHeader, RejectsInvalidNifti2Headers) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (const std::string& bad :
        {Bytes2().text.substr(0, 539), Bytes2().put<char>(5, 'x').text, Bytes2().put<std::int64_t>(16, 0).text,

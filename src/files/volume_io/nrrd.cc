@@ -19,8 +19,7 @@ Result<std::uint64_t> skip_lines(const std::filesystem::path& file, std::uint64_
   return offset;
 }
 
-/// Rejects a negative byte skip that points before the beginning of the file, for which ITK would only report
-/// a failed seek.
+/// Rejects a negative byte skip for which the file is too short; ITK would only report a failed seek.
 Result<void> check_negative_byte_skip(const VoxelSource& voxels, const std::array<int, 3>& dims, int layers,
                                       const std::string& source) {
   if (voxels.encoding != Encoding::kRaw || !voxels.trailing_bytes) return {};
@@ -33,7 +32,7 @@ Result<void> check_negative_byte_skip(const VoxelSource& voxels, const std::arra
   if (!failed && size >= voxels.offset + needed + *voxels.trailing_bytes) return {};
   return bad_input(
       source,
-      "its byte skip of -" + std::to_string(*voxels.trailing_bytes + 1) + " asks for " +
+      "its byte skip of -" + std::to_string(*voxels.trailing_bytes + 1) + " requires " +
           std::to_string(voxels.offset + needed + *voxels.trailing_bytes) +
           " bytes of voxel data, but there are " + std::to_string(failed ? 0 : size),
       "the data are cut short, or the byte skip is wrong: -1 means that the voxels end the file");

@@ -33,7 +33,7 @@ Result<HeaderFields> split_lines(std::string_view bytes, const std::string& sour
   HeaderFields lines;
   std::string_view remaining = bytes;
   if (read_line(remaining).substr(0, 5) != "NRRD0")
-    return bad_input(source, "does not start like an NRRD file", "is it really one, and complete?");
+    return bad_input(source, "does not start with the NRRD magic", "is it really one, and complete?");
   for (int number = 2; !remaining.empty(); ++number) {
     const std::string_view line = read_line(remaining);
     if (line.empty()) break;
@@ -54,7 +54,7 @@ Result<HeaderFields> split_lines(std::string_view bytes, const std::string& sour
     std::string name = lower_case(trimmed(line.substr(0, colon)));
     std::erase(name, ' ');
     if (!lines.fields.emplace(name, std::string(trimmed(line.substr(colon + 1)))).second)
-      return bad_input(where, "gives the same field a second time");
+      return bad_input(where, "repeats a field of its header");
   }
   lines.end = bytes.size() - remaining.size();
   return lines;
@@ -179,7 +179,7 @@ class Parser {
     return {};
   }
 
-  // removes the axis of multiple values per voxel from the axes
+  // removes the layer axis (several values per voxel) from the spatial axes
   Result<void> remove_layer_axis() {
     const std::string* kinds = field("kinds");
     if (kinds == nullptr) return {};
@@ -190,7 +190,7 @@ class Parser {
     for (std::size_t a = 0; a < names.size(); ++a) {
       if (std::ranges::find(kScalarAxisKinds, lower_case(names[a])) != kScalarAxisKinds.end()) continue;
       if (header_.has_layer_axis || (a != 0 && a + 1 != names.size()))
-        return bad("holds several values for each voxel in a way that is not supported",
+        return bad("holds several values for each voxel in an unsupported layout",
                    "give one value for each voxel, or segmentation layers as the first axis");
       header_.has_layer_axis = true;
       layer_axis_index_ = a;

@@ -93,7 +93,7 @@ TEST(NrrdHeader, WithoutDirectionsOrAPatientSpaceItHasNoGeometry) {
   EXPECT_TRUE(parse_nrrd_header(nrrd_with("left-posterior-superior", "RAS"), "x")->has_geometry);
 }
 
-TEST(NrrdHeader, WhatCannotBeRightIsAnError) {
+TEST(NrrdHeader, RejectsInvalidHeaders) {
   for (const std::string& bad : {std::string(),
                                  std::string("NRRD"),
                                  std::string("NRRD0004\n"),

@@ -454,14 +454,14 @@ Result<ScanValues> unpack_scan(VolumeReader& reader, const std::filesystem::path
 }
 
 Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& path, const Progress& progress,
-                           const Warn& warn, VoxelCaching unpacked) {
+                           const Warn& warn, VoxelCaching caching) {
   const VolumeFile& file = reader.file();
   if (file.header.layers > 1)
     return bad_input(path.string(), "holds several values for each voxel, but a scan has one",
                      "if it is a segmentation give it as the labels");
   if (auto plausible = check_plausible(file, sizeof(float)); !plausible) return plausible.error();
 
-  const VoxelCacheEntry stored(reader, "scan", unpacked);
+  const VoxelCacheEntry stored(reader, "scan", caching);
   ScanValues values;
   if (stored.find_scan(values.voxels, values.replaced)) {
     progress.report("loading from the cache", 0);
@@ -495,7 +495,7 @@ std::string left_out_of_name(const std::string& name) {
 Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path& path,
                               const std::optional<std::filesystem::path>& names,
                               const std::optional<std::filesystem::path>& scan, const Progress& progress,
-                              const Warn& warn, Doubtful doubtful, VoxelCaching unpacked) {
+                              const Warn& warn, AmbiguousLabels ambiguous, VoxelCaching caching) {
   const VolumeFile& file = reader.file();
   const auto found = find_names(file, path, names, scan, warn);
   if (!found) return found.error();
@@ -504,7 +504,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     return plausible.error();
 
   LabelSink sink(file);
-  const VoxelCacheEntry stored(reader, "labels", unpacked);
+  const VoxelCacheEntry stored(reader, "labels", caching);
   if (sink.find(stored)) {
     progress.report("loading from the cache", 0);
   } else {
@@ -542,7 +542,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     if (s.name.empty()) result.unnamed.push_back(s.id);
   if (says_labels(result) || !resembles_scan(result.labels)) return result;
   const Error used = taken_for_labels(path, result.labels.segments.size());
-  if (doubtful == Doubtful::kRefused) return used;
+  if (ambiguous == AmbiguousLabels::kReject) return used;
   if (warn) warn(used.message());
   return result;
 }
@@ -643,7 +643,7 @@ ReadAs read_as() {
   return read_as_of_process();
 }
 
-std::string_view words_of(NameSource source) {
+std::string_view description_of(NameSource source) {
   switch (source) {
     case NameSource::kNone:
       return "nowhere";
@@ -668,7 +668,7 @@ std::string origin_of_names(const LabelFile& labels) {
   return (unnamed == 0 ? many : std::to_string(all - unnamed) + " of " + many) +
          (all - unnamed == 1 ? " has its name from " : " have their names from ") +
          (labels.names_table ? labels.names_table->string() + ", " : "") +
-         std::string(words_of(labels.name_source));
+         std::string(description_of(labels.name_source));
 }
 
 Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume) try {
@@ -683,13 +683,14 @@ Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optiona
 Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::path& file,
                                                       const std::optional<std::filesystem::path>& names,
                                                       const Progress& progress, const Warn& warn,
-                                                      VoxelCaching unpacked, std::optional<int> volume) try {
+                                                      VoxelCaching caching, std::optional<int> volume) try {
   using Volumes = std::variant<ScanFile, LabelFile>;
   auto reader = VolumeReader::open(file, progress, volume, nullptr, over_process({}));
   if (!reader) return reader.error();
   const auto labels = [&](const std::string& evidence) -> Result<Volumes> {
-    const Doubtful doubtful = read_as() == ReadAs::kLabels ? Doubtful::kWarnedOf : Doubtful::kRefused;
-    auto read = take_labels(*reader, file, names, {}, progress, warn, doubtful, unpacked);
+    const AmbiguousLabels ambiguous =
+        read_as() == ReadAs::kLabels ? AmbiguousLabels::kWarn : AmbiguousLabels::kReject;
+    auto read = take_labels(*reader, file, names, {}, progress, warn, ambiguous, caching);
     if (!read) return read.error();
     read->evidence = evidence;
     return Volumes(*std::move(read));
@@ -702,7 +703,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
   }
   std::string evidence;
   {
-    auto scan = take_scan(*reader, file, progress, warn, unpacked);
+    auto scan = take_scan(*reader, file, progress, warn, caching);
     if (!scan) return scan.error();
     const VolumeContent content = what_it_holds(*scan, file, names);
     if (content.kind == VolumeContent::Kind::kUnclear) return unclear_content(file, content.evidence);
@@ -719,7 +720,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
 }
 
 Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& progress, const Warn& warn,
-                           VoxelCaching unpacked, std::optional<int> volume,
+                           VoxelCaching caching, std::optional<int> volume,
                            const PlacementOptions& placement_options) try {
   if (!volume && !is_dicom(file)) {
     if (is_meshes(file))
@@ -736,14 +737,14 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
   auto reader = VolumeReader::open(file, progress, volume, nullptr, over_process(placement_options),
                                    ImageColours::kGrey);
   if (!reader) return reader.error();
-  return take_scan(*reader, file, progress, warn, unpacked);
+  return take_scan(*reader, file, progress, warn, caching);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }
 
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names, const Progress& progress,
-                              const Warn& warn, Doubtful doubtful, VoxelCaching unpacked,
+                              const Warn& warn, AmbiguousLabels ambiguous, VoxelCaching caching,
                               const GridGeometry* scan_grid, const PlacementOptions& placement_options,
                               const std::optional<std::filesystem::path>& scan) try {
   if (is_dicom(file))
@@ -751,7 +752,7 @@ Result<LabelFile> read_labels(const std::filesystem::path& file,
                      "give it as the scan, and a label map in addition");
   auto reader = VolumeReader::open(file, progress, {}, scan_grid, over_process(placement_options));
   if (!reader) return reader.error();
-  return take_labels(*reader, file, names, scan, progress, warn, doubtful, unpacked);
+  return take_labels(*reader, file, names, scan, progress, warn, ambiguous, caching);
 } catch (const std::bad_alloc&) {
   return out_of_memory(file);
 }

@@ -150,7 +150,7 @@ TEST(ReadVolume, AScanTakenForLabelsIsRefused) {
   // an explicit declaration as labels, by a table or a switch, takes precedence
   std::string warning;
   const auto warn = [&](const std::string& declared) { warning = declared; };
-  EXPECT_EQ(refusal_of(scan, std::nullopt, Progress(), Warn(warn), Doubtful::kWarnedOf), "");
+  EXPECT_EQ(refusal_of(scan, std::nullopt, Progress(), Warn(warn), AmbiguousLabels::kWarn), "");
   EXPECT_NE(warning.find("looks like a scan"), std::string::npos);
   std::string table = "value\tname\n";
   for (int n = 1; n <= 120; ++n) table += std::to_string(n) + "\tparcel " + std::to_string(n) + "\n";
@@ -180,7 +180,7 @@ TEST(ReadScan, RasIsTurnedIntoLps) {
   EXPECT_EQ(header->geometry.origin, Point<Patient>(-5, -6, 7));
 }
 
-TEST(ReadScan, WhatIsNotANumberIsReplacedWithAWarning) {
+TEST(ReadScan, ReplacesNaNWithAWarning) {
   const TemporaryFolder folder;
   std::string warning;
   const Warn warn = [&](const std::string& message) { warning = message; };
@@ -334,7 +334,7 @@ TEST(ReadLabels, KeepsNoTextButNames) {
   EXPECT_EQ(labels->header.format, "NRRD");
 }
 
-TEST(Read, WhatIsNoVolumeFileIsAClearError) {
+TEST(Read, NonVolumeFilesAreErrors) {
   const TemporaryFolder folder;
   std::filesystem::create_directory(folder / "d.nrrd");
   for (const auto& file :
@@ -456,7 +456,7 @@ TEST(ContentOf, ParcelsAreLabelsHoweverMany) {
             Kind::kLabels);
 }
 
-TEST(ReadVolume, SaysTheEvidenceAndAsksWhereItIsUnclear) {
+TEST(ReadVolume, ReportsTheEvidenceAndRejectsUnclearValues) {
   const TemporaryFolder folder;
   const auto read_row = [&](const std::vector<int>& row) { return read_volume(write_row(folder, row)); };
   const auto labels = read_row({0, 1, 1, 1, 2, 2, 2, 0});
@@ -489,7 +489,7 @@ TEST(ReadVolume, SaysTheEvidenceAndAsksWhereItIsUnclear) {
 }
 
 // a fine atlas changes from voxel to voxel: its table declares it as labels
-TEST(ReadVolume, ATableBesideAVolumeSaysThatItHoldsLabels) {
+TEST(ReadVolume, TableInTheSameFolderMarksLabels) {
   const TemporaryFolder folder;
   std::vector<int> fine;
   for (int n = 0; n < 300; ++n) fine.push_back(1 + n * 13 % 4100);
@@ -565,7 +565,7 @@ std::string nifti_of_two_forms(float quaternion_c, float qoffset_x, float handed
   return bytes;
 }
 
-TEST(NiftiForms, AMirrorOrMoreThanAVoxelIsSaidWithBothReadings) {
+TEST(NiftiForms, WarnsIfTheFormsDiffer) {
   const TemporaryFolder folder;
   const auto warnings_of = [&](const std::string& bytes) {
     std::string warnings;

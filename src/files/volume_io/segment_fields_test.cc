@@ -9,7 +9,7 @@ namespace {
 
 using Fields = std::vector<std::pair<std::string, std::string>>;
 
-TEST(SegmentFields, ReadsWhatSlicerWrites) {
+TEST(SegmentFields, ReadsSlicerFiles) {
   const Fields fields{{"Segment0_Color", "0.501961 0.682353 0.501961"},
                       {"Segment0_Extent", "0 511 0 511 0 118"},
                       {"Segment0_ID", "Segment_1"},

@@ -96,7 +96,7 @@ TEST(SharedData, TorsoScanAndItsLabelsLieOnOneGrid) {
   expect_voxels_of_itk(label_file);
 }
 
-TEST(SharedData, LabelsBesideDicomSegmentations) {
+TEST(SharedData, LabelsOfDicomSegmentations) {
   const std::map<std::string, std::map<LabelId, std::size_t>> voxels{
       {"heart_seg", {{3, 41449}}},
       {"liver_seg", {{1, 107098}}},
@@ -177,7 +177,7 @@ TEST(SharedData, ByteOrderDoesNotChangeAVoxel) {
   EXPECT_EQ(read_scan(big)->scan.voxels(), read_scan(little)->scan.voxels());
 }
 
-TEST(SharedData, NiftiThatSaysNothingAboutThePatientIsReadAndSaysSo) {
+TEST(SharedData, ReadsNiftiWithoutGeometryWithANote) {
   PALPATE_SHARED_FILE(file, "edge/nifti/niivue_minimal.nii.gz");
   const auto scan = read_scan(file);
   ASSERT_TRUE(scan) << scan.error().message();
@@ -221,7 +221,7 @@ TEST(SharedData, ASliceWrittenAsTextIsRead) {
   for (std::size_t n = 0; n < 27; ++n) EXPECT_EQ(scan->scan.voxels()[n], static_cast<float>(n + 1));
 }
 
-TEST(SharedData, WhatCannotBeReadSaysWhy) {
+TEST(SharedData, UnreadableFilesHaveAReason) {
   const std::map<std::string, std::string> reasons{
       {"nrrd_truncated/abdomen_ct_TRUNCATED_gzip.nrrd", "the voxel data end after 52 of 113 slices"},
       {"nrrd_pynrrd/BallBinary30x30x30_byteskip_minus_five.nhdr",

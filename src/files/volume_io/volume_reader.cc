@@ -22,7 +22,7 @@ namespace {
 
 bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others,
               const PlacementOptions& placement_options) {
-  const auto volume = understand(format, files.front(), others, placement_options);
+  const auto volume = inspect_file(format, files.front(), others, placement_options);
   if (others.requested()) return send_file_request(parent, *others.requested());
   if (!volume) return send_refusal(parent, volume.error());
   if (!send_volume(parent, *volume, files)) return false;
@@ -86,7 +86,8 @@ void VoxelSlots::wait() {
 }
 
 void VoxelSlots::write_number(std::uint32_t number) {
-  if (!parent_.write(std::as_bytes(std::span(&number, 1)))) throw std::runtime_error("nobody reads");
+  if (!parent_.write(std::as_bytes(std::span(&number, 1))))
+    throw std::runtime_error("reading was interrupted");
 }
 
 Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int> descriptors,
@@ -155,7 +156,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
                  "leave out the number: only DICOM files hold several"};
   const auto format = format_of(file);
   if (!format) {
-    const auto kind = content_of(file, unpacked_front);
+    const auto kind = file_kind_of(file, unpacked_front);
     return kind ? bad_input(file.string(), "is " + kind->what, kind->remedy) : format.error();
   }
 

@@ -228,7 +228,7 @@ TEST_F(VolumeReaderTest, BelievesNoPiece) {
   EXPECT_EQ(applied_to({128}, nullptr), "it died");
 }
 
-TEST_F(VolumeReaderTest, WhatGzipPackedIsUnpackedElsewhere) {
+TEST_F(VolumeReaderTest, GzipIsDecompressedInTheReaderProcess) {
   // "hello\n"
   constexpr unsigned char kPacked[] = {0x1f, 0x8b, 8,    0, 0, 0,    0,    0,    2,    3, 0xcb, 0x48, 0xcd,
                                        0xc9, 0xc9, 0xe7, 2, 0, 0x20, 0x30, 0x3a, 0x36, 6, 0,    0,    0};

@@ -33,11 +33,11 @@ bool fit_into_16_bits(const std::vector<float>& voxels) {
 
 }  // namespace
 
-VoxelCacheEntry::VoxelCacheEntry(const VolumeReader& reader, std::string_view kind, VoxelCaching unpacked)
+VoxelCacheEntry::VoxelCacheEntry(const VolumeReader& reader, std::string_view kind, VoxelCaching caching)
     : reader_(reader) {
   const VolumeFile& file = reader.file();
-  if (unpacked == VoxelCaching::kOff || !cache::is_cache_enabled() ||
-      file.voxels.encoding == Encoding::kRaw || file.voxels.encoding == Encoding::kSlices)
+  if (caching == VoxelCaching::kOff || !cache::is_cache_enabled() || file.voxels.encoding == Encoding::kRaw ||
+      file.voxels.encoding == Encoding::kSlices)
     return;
   changed_ = changed_at(reader.voxel_file());
   const auto packed = cache::digest_of(reader.voxel_file(), file.voxels.offset);

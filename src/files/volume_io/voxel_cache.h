@@ -17,7 +17,7 @@ namespace palpate::volume_io {
 class VoxelCacheEntry {
  public:
   /// @param kind  what is derived from the values; part of the key
-  VoxelCacheEntry(const VolumeReader& reader, std::string_view kind, VoxelCaching unpacked);
+  VoxelCacheEntry(const VolumeReader& reader, std::string_view kind, VoxelCaching caching);
 
   /// Cached layers; empty if there are none.
   std::vector<std::vector<LabelId>> find_labels(std::size_t layers) const;

@@ -24,12 +24,11 @@ class CachedVoxelsTest : public ::testing::Test {
                     nullptr);
   }
   Result<LabelFile> labels(const std::filesystem::path& file) {
-    return read_labels(file, {}, progress(), {}, Doubtful::kRefused, VoxelCaching::kKept);
+    return read_labels(file, {}, progress(), {}, AmbiguousLabels::kReject, VoxelCaching::kOn);
   }
   Result<ScanFile> scan(const std::filesystem::path& file) {
     return read_scan(
-        file, progress(), [this](const std::string& text) { warnings_.push_back(text); },
-        VoxelCaching::kKept);
+        file, progress(), [this](const std::string& text) { warnings_.push_back(text); }, VoxelCaching::kOn);
   }
 
   test::TemporaryFolder folder_;
@@ -54,7 +53,7 @@ LabelMap two_layers() {
   return map;
 }
 
-TEST_F(CachedVoxelsTest, LabelsComeBackWithEveryLayerAndWhatTheFilesSay) {
+TEST_F(CachedVoxelsTest, RestoresLayersAndFileMetadata) {
   ASSERT_TRUE(write_labels(folder_ / "a.seg.nrrd", two_layers()).ok());
   const auto first = labels(folder_ / "a.seg.nrrd");
   ASSERT_TRUE(first.ok()) << first.error().message();
@@ -97,7 +96,7 @@ TEST_F(CachedVoxelsTest, ARenamedStructureIsTheSameVoxelsAndOthersAreNot) {
   EXPECT_EQ(other->labels.layers[1].at(4, 4, 4), 1);
 }
 
-TEST_F(CachedVoxelsTest, TheSameBytesOfAnotherMeaningAreOtherVoxels) {
+TEST_F(CachedVoxelsTest, KeysIncludeTheInterpretationOfTheBytes) {
   ASSERT_TRUE(write_volume(folder_ / "a.nrrd", Volume<std::int16_t>(stored_grid(), 3)).ok());
   ASSERT_TRUE(scan(folder_ / "a.nrrd").ok());
   std::string bytes = test::bytes_of_file(folder_ / "a.nrrd");
@@ -140,7 +139,7 @@ TEST_F(CachedVoxelsTest, ScansComeBackBitForBitWithTheirWarning) {
   }
 }
 
-TEST_F(CachedVoxelsTest, WhatIsDamagedIsAnErrorEachTimeAndNotKept) {
+TEST_F(CachedVoxelsTest, DamagedFilesAreNeverCached) {
   ASSERT_TRUE(write_labels(folder_ / "a.seg.nrrd", two_layers()).ok());
   std::string bytes = test::bytes_of_file(folder_ / "a.seg.nrrd");
   bytes.resize(bytes.size() - 12);
@@ -150,7 +149,7 @@ TEST_F(CachedVoxelsTest, WhatIsDamagedIsAnErrorEachTimeAndNotKept) {
   EXPECT_EQ(cache_contents().entries, 0u);
 }
 
-TEST_F(CachedVoxelsTest, WhoDoesNotAskForItKeepsNothing) {
+TEST_F(CachedVoxelsTest, CachingIsOptIn) {
   ASSERT_TRUE(write_labels(folder_ / "a.seg.nrrd", two_layers()).ok());
   ASSERT_TRUE(read_labels(folder_ / "a.seg.nrrd").ok());
   EXPECT_EQ(cache_contents().entries, 0u);

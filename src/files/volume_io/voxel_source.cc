@@ -62,7 +62,7 @@ Result<std::array<int, 3>> volume_dims(const std::vector<std::int64_t>& axes, co
 
 Result<GridGeometry> checked(const GridGeometry& geometry, const std::string& source) {
   if (!geometry.spacing_mm.allFinite() || !geometry.direction.allFinite() || !geometry.origin.all_finite())
-    return bad_input(source, "its geometry holds something that is not a number");
+    return bad_input(source, "its geometry contains a non-finite value");
   if (geometry.spacing_mm.minCoeff() <= 0) return bad_input(source, "its spacing is not positive");
   // columns are unit vectors: the determinant is the volume of their parallelepiped, 1 if they are orthogonal
   constexpr double kFlat = 1e-3;

@@ -60,8 +60,8 @@ Result<void> write_image(const std::filesystem::path& file, const GridGeometry& 
   const auto found = format_of(file);
   if (!found) return cannot_write(file, found.error().what, found.error().remedy);
   const Format& format = **found;
-  if (std::none_of(format.written.begin(), format.written.end(),
-                   [&](std::string_view ending) { return has_ending(file, ending); }))
+  if (std::none_of(format.write_extensions.begin(), format.write_extensions.end(),
+                   [&](std::string_view ending) { return has_extension(file, ending); }))
     return cannot_write(file, "would be two files, but volumes are written as one",
                         "use .nrrd, .nii.gz or .mha");
   if (geometry.voxel_count() == 0) return cannot_write(file, "would hold no voxels");
@@ -143,7 +143,7 @@ Result<void> write_volume(const std::filesystem::path& file, const Volume<std::i
 }
 
 Result<void> write_labels(const std::filesystem::path& file, const LabelMap& labels) try {
-  const bool slicer = has_ending(file, ".seg.nrrd");
+  const bool slicer = has_extension(file, ".seg.nrrd");
   if (labels.layers.empty()) return cannot_write(file, "would hold no labels");
   if (labels.layers.size() > 1 && !slicer)
     return cannot_write(file, "cannot hold overlapping segments", "give it a name that ends in .seg.nrrd");

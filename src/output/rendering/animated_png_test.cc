@@ -136,7 +136,7 @@ TEST(AnimatedPng, PlaysTheFramesThatWereAdded) {
 }
 
 /// Animated and still pictures declare the same colour space.
-TEST(AnimatedPng, SaysItsColoursAsAStillDoes) {
+TEST(AnimatedPng, DeclaresColoursLikeAStillImage) {
   std::mt19937 random(1);
   Image image{20, 20, Bytes(1200)};
   for (std::uint8_t& value : image.rgb) value = static_cast<std::uint8_t>(random());

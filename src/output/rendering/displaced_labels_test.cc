@@ -75,7 +75,7 @@ TEST(MovedLabels, AreLookedUpWhereTissueLay) {
   EXPECT_GT(differing, 0);
 }
 
-TEST(MovedLabels, OfWhatRestsThereAreNone) {
+TEST(MovedLabels, AreEmptyAtRest) {
   std::mt19937 random(1);
   const auto labels = label_bricks(balls(random));
   const auto nothing = [](const Point<Patient>&) { return Vector<Patient>(); };

@@ -158,7 +158,7 @@ TEST(ForceArrows, EveryArrowIsTheForceAtItsMiddle) {
   }
 }
 
-TEST(ForceArrows, WhatPointsOutOfThePlaneIsMarked) {
+TEST(ForceArrows, MarksForcesOutOfThePlane) {
   const Model model = ball_model();
   // axial sections are viewed from the feet: superior is away from the viewer
   const auto above = request_at(AnatomicalPlane::kAxial, {0, 0, kBoneRadius_mm});
@@ -276,7 +276,7 @@ TEST(ForceArrows, ArrowsFillTheSectionWithoutLeavingIt) {
   }
 }
 
-TEST(ForceArrows, APageSaysWhatItShows) {
+TEST(ForceArrows, PageDescribesItsContents) {
   Model model = with_every_method(ball_model());
   model.title = "CANARY";
   const auto request = request_at(AnatomicalPlane::kSagittal, {-3.25, 8.04, -12});
@@ -296,7 +296,7 @@ TEST(ForceArrows, APageSaysWhatItShows) {
   }
 }
 
-TEST(ForceArrows, TheSideIsTold) {
+TEST(ForceArrows, LabelsTheSide) {
   Model model = ball_model();
   const auto request = request_at(AnatomicalPlane::kAxial, {15, 0, 0});
   EXPECT_TRUE(says(draw(model, request), ">SIDE UNKNOWN</text>"));
@@ -327,7 +327,7 @@ TEST(ForceArrows, NamesFromFilesStayText) {
   EXPECT_TRUE(says(with_name(""), number));
 }
 
-TEST(ForceArrows, WhatCannotBeDrawnIsRefused) {
+TEST(ForceArrows, RejectsInvalidViews) {
   const Model model = ball_model();
   auto request = request_at(AnatomicalPlane::kAxial, {500, 0, 0});
   auto refused = force_arrows_svg(model, ForceMethod::kTrilinear, request);
@@ -348,7 +348,7 @@ TEST(ForceArrows, WhatCannotBeDrawnIsRefused) {
   EXPECT_FALSE(force_arrows_svg(model, ForceMethod::kTrilinear, request).ok());
 }
 
-TEST(ForceArrows, AreWrittenWholeOrNotAtAll) {
+TEST(ForceArrows, AreWrittenAtomically) {
   const test::TemporaryFolder folder;
   const Model model = ball_model();
   const auto request = request_at(AnatomicalPlane::kAxial, {15, 0, 0});

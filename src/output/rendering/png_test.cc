@@ -93,7 +93,7 @@ TEST(Png, HoldsNoTextAndNoTime) {
   }
 }
 
-TEST(Png, WritesAFileOrSaysWhyNot) {
+TEST(Png, WritesAFileOrReportsTheReason) {
   const auto folder = std::filesystem::path(::testing::TempDir()) / "palpate_png_test";
   std::filesystem::create_directories(folder);
   const Image image = speckled(12, 10, 50);

@@ -101,7 +101,7 @@ TEST(SectionPicture, LettersStandOnTheEdges) {
          letters.bottom.c_str());
 }
 
-TEST(SectionPicture, SaysTheSideOrThatNobodyKnowsIt) {
+TEST(SectionPicture, LabelsTheSideOrUnknown) {
   constexpr Box kCorner{0, 0, 0.4, 0.1};
   Model model = ball();
   const auto marked = [&](const std::string& text) {
@@ -135,7 +135,7 @@ TEST(SectionPicture, WithoutOrientationNamesNoDirection) {
   EXPECT_FALSE(shows(image, "coronal"));
 }
 
-TEST(SectionPicture, SaysWhatItShowsAndWhatItIsFor) {
+TEST(SectionPicture, StatesContentsAndPurpose) {
   const Model model = ball();
   for (const int pixels : {kMinSectionPixels, 512, 768, 1100}) {
     SCOPED_TRACE(pixels);
@@ -161,7 +161,7 @@ TEST(SectionPicture, SaysWhatItShowsAndWhatItIsFor) {
   EXPECT_FALSE(shows(section_picture(labels, request_for(labels, SectionKind::kAxial)).value(), "W "));
 }
 
-TEST(SectionPicture, ScaleBarIsAsLongAsItSays) {
+TEST(SectionPicture, ScaleBarHasItsStatedLength) {
   const Model model = ball();
   for (const double size_mm : {7.0, 40.0, 100.0, 333.0}) {
     SCOPED_TRACE(size_mm);

@@ -212,7 +212,7 @@ Push random_push(const GridGeometry& grid, std::mt19937& random) {
   return push;
 }
 
-TEST(SectionRenderer, TissueIsDrawnWhereItHasGoneTo) {
+TEST(SectionRenderer, DrawsDeformedTissueAtItsDisplacedPosition) {
   std::size_t moved = 0;
   for (unsigned seed = 1; seed <= 40; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -340,7 +340,7 @@ TEST(SectionRenderer, BandsAndTilesLeaveNoSeam) {
   }
 }
 
-TEST(SectionRenderer, PlanesThatAreNoneShowBackground) {
+TEST(SectionRenderer, DegeneratePlanesShowBackground) {
   std::mt19937 random(6);
   const Model model = noise_model(test::make_grid({20, 20, 20}, 2), Values::kWhole, 4, random);
   for (const SectionStorage storage : kStorages) {
@@ -356,7 +356,7 @@ TEST(SectionRenderer, PlanesThatAreNoneShowBackground) {
 }
 
 // integers are stored exactly; a single outlier does not reduce the precision
-TEST(SectionRenderer, BricksKeepWhatAWindowShows) {
+TEST(SectionRenderer, BricksEqualTheWindowedScan) {
   GridGeometry grid;
   grid.dims = {64, 64, 16};
   Volume<float> scan(grid);
@@ -432,7 +432,7 @@ TEST(SectionRenderer, DrawsWhatThereIs) {
 }
 
 // pictures of changing size and style, copies, and a model that no longer exists
-TEST(SectionRenderer, IsTheSameWhateverWasDrawnBefore) {
+TEST(SectionRenderer, IsIndependentOfEarlierPictures) {
   std::mt19937 random(10);
   const GridGeometry grid = test::make_grid({30, 25, 20}, 2);
   auto model = std::make_unique<Model>(noise_model(grid, Values::kReal, 6, random));

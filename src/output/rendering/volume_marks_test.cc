@@ -78,7 +78,7 @@ TEST(VolumeMarks, AreWhereStepsAlongARayMeetThem) {
 }
 
 /// In perspective, an off-axis sphere projects to an ellipse that extends farther outwards than inwards.
-TEST(VolumeMarks, AreDrawnWholeWhereAnEyeSeesThemAtASlant) {
+TEST(VolumeMarks, AreCompleteInObliqueViews) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
@@ -114,7 +114,7 @@ TEST(VolumeMarks, AreDrawnWholeWhereAnEyeSeesThemAtASlant) {
   EXPECT_GT(covered, 10'000);
 }
 
-TEST(VolumeMarks, AreBeforeWhatIsDeeperAndFaintBehindWhatIsNot) {
+TEST(VolumeMarks, AreOpaqueInFrontAndFaintBehindSurfaces) {
   const VolumeCamera camera = marks_camera(false);
   const std::size_t middle = 3 * (60 * 30 + 30);
   const auto drawn = [&](double ball_mm, double other_mm, float surface_mm, double behind) {
@@ -138,7 +138,7 @@ TEST(VolumeMarks, AreBeforeWhatIsDeeperAndFaintBehindWhatIsNot) {
   EXPECT_NEAR(faint[0], 50, 3);
 }
 
-TEST(VolumeMarks, LeaveOutWhatIsNotFinite) {
+TEST(VolumeMarks, SkipNonFinitePoints) {
   const VolumeCamera camera = marks_camera(true);
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   std::vector<VolumeMark> marks;

@@ -166,7 +166,7 @@ TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
 }
 
 /// Compared with exhaustive search over all voxels around each cell and all cubes around each cube.
-TEST(VolumeRendererRays, LeapOverWhatIsEmptyAlone) {
+TEST(VolumeRendererRays, SkipEmptySpaceOnly) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);

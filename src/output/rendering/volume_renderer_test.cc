@@ -148,7 +148,7 @@ VolumeStyle some_style(const GridGeometry& grid, int number) {
   return style;
 }
 
-TEST(VolumeRenderer, DrawsWhatARayCasterDraws) {
+TEST(VolumeRenderer, EqualsARayCaster) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
@@ -222,7 +222,7 @@ TEST(VolumeRenderer, BlendsTheScanAsARayCasterDoes) {
 }
 
 /// Structures that reach the volume's border begin on the first sampling plane.
-TEST(VolumeRenderer, SaysDepthsOfWhatTheBorderCuts) {
+TEST(VolumeRenderer, HasDepthsAtTheVolumeBorder) {
   const GridGeometry grid = test::make_grid({20, 24, 28}, 0);
   const Volume<LabelId> labels(grid, 1);
   VolumeRenderer renderer = made(labels, some_appearances());
@@ -310,7 +310,7 @@ TEST(VolumeRenderer, DrawsTheSameOnEveryTargetAndWithAnyNumberOfThreads) {
   }
 }
 
-TEST(VolumeRenderer, AChangedBoxIsDrawnAsIfAllWereMadeAnew) {
+TEST(VolumeRenderer, PartialUpdateEqualsAFullRebuild) {
   const unsigned seed = test::test_seed();
   std::printf("seed %u\n", seed);
   std::mt19937 random(seed);
@@ -356,7 +356,7 @@ TEST(VolumeRenderer, BoxesThatChangeToAndFroTakeNoEverGrowingRoom) {
 }
 
 /// Blocks of two adjacent slices that share a slot in a thread's cache of lit blocks.
-TEST(VolumeRenderer, BlocksThatTakeEachOthersSlotAreBothSeen) {
+TEST(VolumeRenderer, BlocksSharingASlotAreBothVisible) {
   const GridGeometry grid = test::make_grid({64, 64, 30}, 1);
   Volume<LabelId> labels(grid);
   const auto fill = [&](int k, LabelId label) {
@@ -384,7 +384,7 @@ TEST(VolumeRenderer, BlocksThatTakeEachOthersSlotAreBothSeen) {
 }
 
 /// Image difference between two nearly identical views.
-TEST(VolumeRenderer, NothingJumpsWhereTheViewGoesOverToAnotherAxis) {
+TEST(VolumeRenderer, IsContinuousAcrossAxisChanges) {
   const GridGeometry grid = some_grid(1);
   std::mt19937 random(3);
   const Volume<LabelId> labels = some_shapes(grid, random);

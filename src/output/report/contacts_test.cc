@@ -128,7 +128,7 @@ TEST(Contacts, LabelWithoutContactDoesNotCount) {
   EXPECT_TRUE(summarise_structures(run.recording, Model{}, {}).empty());
 }
 
-TEST(Contacts, WhatIsFeltBeneathWhatIsTouchedIsCountedByItself) {
+TEST(Contacts, CountsForcesOfDeeperStructuresSeparately) {
   Script run;
   run.ticks(100, 5, 2);
   run.ticks(50, 6, 2);
@@ -352,7 +352,7 @@ TEST(Safety, ATickWithSeveralInterventionsIsOne) {
   EXPECT_EQ(count_ticks_with(run.recording, kInterventionFlags), 3u);
 }
 
-TEST(Forces, ExtremesSkipWhatIsNotFinite) {
+TEST(Forces, ExtremesSkipNonFiniteValues) {
   Script run;
   run.ticks(5, 0, 1.25);
   run.recording.ticks[2].device[0].force_N = {std::numeric_limits<double>::infinity(), 0, 0};

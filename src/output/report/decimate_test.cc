@@ -38,7 +38,7 @@ TEST(Decimate, FewSamplesStayAsTheyAre) {
   EXPECT_EQ(same.series, data.series);
 }
 
-TEST(Decimate, EveryRunKeepsItsExtremes) {
+TEST(Decimate, KeepsExtremesOfEveryInterval) {
   for (const std::size_t samples : {101, 1000, 12345}) {
     const PlotData data = random_data(samples, 2), drawn = decimate(data, 100);
     ASSERT_EQ(drawn.x.size(), 100u);

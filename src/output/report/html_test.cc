@@ -40,13 +40,13 @@ TEST(Numbers, DepthsInFrontOfTheSurfaceAreExplained) {
   EXPECT_EQ(depth_text(std::numeric_limits<double>::quiet_NaN()), "not measured");
 }
 
-TEST(CspHash, IsBase64OfTheHash) {
+TEST(CspHash, IsTheBase64Hash) {
   // hash of the empty text
   EXPECT_EQ(csp_hash("e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"),
             "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='");
 }
 
-TEST(ThreeDigits, AreThreeWhateverTheSize) {
+TEST(ThreeDigits, HasThreeSignificantDigits) {
   EXPECT_EQ(three_digits(0), "0");
   EXPECT_EQ(three_digits(1234), "1230");
   EXPECT_EQ(three_digits(99.96), "100");

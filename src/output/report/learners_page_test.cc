@@ -22,7 +22,7 @@ LearnersPage example() {
   return page;
 }
 
-TEST(LearnersPage, TheMedianGoesAsFarAsHalfOfThemCame) {
+TEST(LearnersPage, MedianEndsWhereHalfOfTheLearnersEnd) {
   EXPECT_TRUE(median_curve({}).empty());
   EXPECT_TRUE(median_curve({{1, 2, 3}}).empty()) << "one learner is no cohort";
   EXPECT_EQ(median_curve({{1, 2, 3}, {3}}), (std::vector<double>{2}));

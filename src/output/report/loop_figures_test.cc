@@ -75,7 +75,7 @@ TEST(Spread, IsNeverTooSmallAndTooLargeByAPartIn4096) {
   EXPECT_EQ(spread.max_s, values.back());
 }
 
-TEST(Spread, LeavesOutWhatIsNoNumber) {
+TEST(Spread, SkipsNaN) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   const Spread spread = spread_of({kNan, 3, std::numeric_limits<double>::infinity(), 1, kNan});
   EXPECT_EQ(spread.p50_s, 1);

@@ -59,7 +59,7 @@ TEST(RecordedMoment, IsShownByToolProxyTipForceAndWay) {
   EXPECT_EQ(drawn_line->from, proxy_position(*hardest, 0));
 }
 
-TEST(RecordedMoment, ShowsTissueWhereItWent) {
+TEST(RecordedMoment, ShowsDeformedTissue) {
   const Model model = example::with_soft_tibia(example::model());
   const Recording recording = example::leaning_recording(model);
   const auto hardest =
@@ -90,7 +90,7 @@ TEST(RecordedMoment, ShowsTissueWhereItWent) {
   EXPECT_EQ(recorded_moment(recording, model, recording.ticks.front().time_s)->left, nullptr);
 }
 
-TEST(RecordedMoment, OfAnotherModelThereIsNone) {
+TEST(RecordedMoment, IsEmptyForAnotherModel) {
   Model model = example::model();
   const Recording recording = example::recording(model);
   model.content_hash ^= 1;
@@ -99,7 +99,7 @@ TEST(RecordedMoment, OfAnotherModelThereIsNone) {
   EXPECT_EQ(moment.error().kind, ErrorKind::kBadInput);
 }
 
-TEST(RecordedMoment, OfNoTicksThereIsNone) {
+TEST(RecordedMoment, NoMomentWithoutTicks) {
   const Model model = example::model();
   Recording recording = example::recording(model);
   recording.ticks.clear();

@@ -118,7 +118,7 @@ TEST(Overlay, WayIsCutWhereTheContactBeginsAndEnds) {
   EXPECT_NEAR(static_cast<double>(paths[2].points.size()), 1001, 2);  // a second after it
 }
 
-TEST(Overlay, ALongWayKeepsItsEndsAndFewPoints) {
+TEST(Overlay, LongPathKeepsEndsAndFewPoints) {
   // a long contact: 300 000 ticks along a line
   Recording recording;
   recording.ticks.resize(300'000);

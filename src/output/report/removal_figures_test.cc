@@ -81,7 +81,7 @@ double below_plane_mm3(double radius_mm, double depth_mm, double distance_mm) {
   return area * distance_mm + pi * height * height * (3 * r - height) / 3;
 }
 
-TEST(Removal, OfABallThroughASlabIsKnown) {
+TEST(Removal, EqualsTheAnalyticalVolumeOfABallThroughASlab) {
   const Model model = bone_below();
   for (const double depth_mm : {-1.0, 0.5, 1.2}) {
     const Sweep sweep{{-1.13, 0.27, kTop_mm - depth_mm}, {1.37, 0.27, kTop_mm - depth_mm}, 2};
@@ -98,7 +98,7 @@ TEST(Removal, OfABallThroughASlabIsKnown) {
   }
 }
 
-TEST(Removal, TellsHowNearTheBurrCameToWhatItWasToSpare) {
+TEST(Removal, ReportsTheClearanceToProtectedStructures) {
   Model model = bone_below();
   model.tools[0].radius_mm = 2;
   model.protected_structures = {{kBone, model.surfaces[0].surface, true},
@@ -125,7 +125,7 @@ RecordingEvent changed(std::uint64_t tick, std::uint32_t action) {
   return event;
 }
 
-TEST(Removal, WhatIsUndoneIsNotGone) {
+TEST(Removal, UndoneStrokesAreNotCounted) {
   const Model model = bone_below();
   const Sweep first{{-5, 0, kTop_mm}, {-4, 0, kTop_mm}, 2, 1};
   const Sweep second{{5, 0, kTop_mm}, {5, 0, kTop_mm - 1.5}, 1, 2};
@@ -158,7 +158,7 @@ TEST(Removal, WhatIsUndoneIsNotGone) {
   EXPECT_EQ(all.undone, 0u);
 }
 
-TEST(Removal, LabelsAreWhatWasLeftAtATime) {
+TEST(Removal, LabelsMatchTheRemainingTissueAtATime) {
   const Model model = bone_below();
   const Point<Patient> first(0, 0, -2), second(5, 0, -2);
   const auto ball = [](const Point<Patient>& at, std::uint32_t stroke) { return Sweep{at, at, 1.5, stroke}; };
@@ -187,7 +187,7 @@ TEST(Removal, LabelsAreWhatWasLeftAtATime) {
   EXPECT_EQ(label_at(model, first), kBone);
 }
 
-TEST(Removal, HasItsTimesAndCountsWhatIsSweptTwiceOnce) {
+TEST(Removal, CountsOverlappingSweepsOnce) {
   const Model model = bone_below();
   const Sweep first{{-5, 0, kTop_mm}, {-4.8, 0, kTop_mm}, 2};
   const Sweep second{{5, 0, kTop_mm}, {5, 0, kTop_mm - 1.5}, 1};
@@ -221,7 +221,7 @@ TEST(Removal, MotorRunsBySwitchOrPedal) {
   EXPECT_TRUE(figures_of(recording, model).structures.empty());
 }
 
-TEST(Removal, WhatHasNoSurfaceOfItsOwnIsBelowTheCommonOne) {
+TEST(Removal, StructureWithoutSurfaceUsesTheCommonOne) {
   constexpr double kShell_mm = 2;
   const Model model =
       palpate::testing::as_one_body(palpate::testing::ball_model({0.6, 0.6, 0.6}, 1, kShell_mm), kShell_mm);
@@ -232,7 +232,7 @@ TEST(Removal, WhatHasNoSurfaceOfItsOwnIsBelowTheCommonOne) {
     EXPECT_NEAR(structure.depth_mm, structure.label == kBone ? 1.5 : 3.5, 0.02) << structure.label;
 }
 
-TEST(Removal, IsToldWithoutDepthWhereThereAreNoSurfaces) {
+TEST(Removal, HasNoDepthWithoutSurfaces) {
   Model model = bone_below();
   model.surfaces.clear();
   model.label_of_surface.clear();
@@ -245,7 +245,7 @@ TEST(Removal, IsToldWithoutDepthWhereThereAreNoSurfaces) {
   EXPECT_TRUE(figures_of(recording, model).structures.empty());
 }
 
-TEST(DepthBelow, GoesBeyondTheReachOfTheDistance) {
+TEST(DepthBelow, ExceedsTheRangeOfTheDistanceField) {
   const auto plane = bone_below().surfaces[0].surface;
   for (const double depth_mm : {-3.0, 0.0, 3.5, 4.2, 5.5}) {
     const double found_mm = depth_below_mm(*plane, Point<Patient>(0.3, -0.2, kTop_mm - depth_mm));

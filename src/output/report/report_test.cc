@@ -36,7 +36,7 @@ class Report : public ::testing::Test {
   Recording recording = example::recording(model);
 };
 
-TEST_F(Report, SaysWhatTheRunWas) {
+TEST_F(Report, StatesTheRun) {
   const std::string html = page();
   for (const std::string text : {"not for clinical use", "Simulated hand", "Example knee", "LEFT",
                                  "0123456789abcdef", "5eed5eed5eed5eed", "0123456789ab", "20240517",
@@ -101,7 +101,7 @@ TEST_F(Report, ANamelessStructureIsItsLabel) {
   EXPECT_THAT(page(), HasSubstr("label 97"));
 }
 
-TEST_F(Report, UnknownSideIsSaid) {
+TEST_F(Report, StatesAnUnknownSide) {
   model.side = Side::kUnknown;
   const std::string html = page();
   EXPECT_EQ(count(html, ">SIDE UNKNOWN</text>"), 12u);
@@ -117,7 +117,7 @@ TEST_F(Report, BothSidesNeedNoMark) {
   EXPECT_EQ(count(html, ">L</text>"), 8u);  // axial and coronal
 }
 
-TEST_F(Report, ASideFromTheAnatomySaysSo) {
+TEST_F(Report, StatesASideInferredFromAnatomy) {
   EXPECT_THAT(page(), HasSubstr("<span class=\"badge side\">LEFT</span>"));
   model.side_from_anatomy = true;
   EXPECT_THAT(page(), HasSubstr("<span class=\"badge side\">LEFT, from the fibula</span>"));
@@ -141,7 +141,7 @@ TEST_F(Report, WithoutOrientationNothingAnatomicalIsClaimed) {
     EXPECT_EQ(count(html, claim), 0u) << claim;
 }
 
-TEST_F(Report, SaysWhatTheHandDidNotReach) {
+TEST_F(Report, StatesUnreachedTargets) {
   recording.summary->problems = {"line 9: asked for 2.00 N, felt 1.50 N on patella", "line 12: <no way>"};
   const std::string html = page();
   EXPECT_THAT(html, HasSubstr("Script steps that failed"));
@@ -152,7 +152,7 @@ TEST_F(Report, SaysWhatTheHandDidNotReach) {
   EXPECT_THAT(page(), Not(HasSubstr("steps that failed")));
 }
 
-TEST_F(Report, DepthOutOfReachIsAGapAndIsSaid) {
+TEST_F(Report, DepthOutOfRangeIsAGapWithANote) {
   EXPECT_THAT(page(), Not(HasSubstr("eeper than measured")));
   EXPECT_THAT(page(), Not(HasSubstr("no surface was within reach")));
   // the first contact, with the tibia, except for its beginning and end
@@ -270,7 +270,7 @@ TEST_F(Report, EveryFlagThatWasMetHasARow) {
   EXPECT_THAT(html, HasSubstr(" invalid, 672 other<"));
 }
 
-TEST_F(Report, APointerThatNobodyPressesIsNoIntervention) {
+TEST_F(Report, IdlePointerIsNoIntervention) {
   recording = example::real_recording(model);
   for (TickRecord& tick : recording.ticks) tick.device[0].flags = kFlagStale;
   recording.summary = RecordingSummary{};
@@ -284,7 +284,7 @@ TEST_F(Report, APointerThatNobodyPressesIsNoIntervention) {
   EXPECT_THAT(html, HasSubstr("0 clamped, 0 invalid<"));
 }
 
-TEST_F(Report, SaysWhatTheForcesWereHeldTo) {
+TEST_F(Report, StatesTheForceLimits) {
   recording.ticks[3000].device[0].heat = 0.93;
   recording.ticks[3001].device[0].limit_N = 1.45;
   const std::string html = page();
@@ -326,7 +326,7 @@ TEST_F(Report, TheRealClockShowsHowTheLoopKeptTime) {
   EXPECT_THAT(cut, HasSubstr("<dt>Ticks not recorded</dt><dd>96 (0.990 %)</dd>"));
 }
 
-TEST_F(Report, MissingTicksAreSaidWhereverTheyMatter) {
+TEST_F(Report, StatesMissingTicks) {
   EXPECT_THAT(page(), Not(HasSubstr("Ticks are missing")));
   recording.summary->dropped = 12;
   const std::string html = page();
@@ -335,7 +335,7 @@ TEST_F(Report, MissingTicksAreSaidWhereverTheyMatter) {
   EXPECT_THAT(html, Not(HasSubstr("recomputes the run and verifies it")));
 }
 
-TEST_F(Report, SaysThatTheHashIsTheRecordedOne) {
+TEST_F(Report, StatesThatTheHashIsTheRecordedOne) {
   EXPECT_THAT(page(), HasSubstr("<code>palpate replay</code> recomputes the run and verifies it"));
   recording.summary.reset();
   EXPECT_THAT(page(), Not(HasSubstr("recomputes the run")));
@@ -349,7 +349,7 @@ TEST_F(Report, ARealDeviceIsNotCalledSimulated) {
   EXPECT_THAT(page(), Not(HasSubstr("imulated")));
 }
 
-TEST_F(Report, ACutShortRecordingSaysSo) {
+TEST_F(Report, StatesATruncatedRecording) {
   recording.summary.reset();
   recording.ticks.resize(4000);
   const std::string html = page();
@@ -407,7 +407,7 @@ TEST_F(Report, WorksWithoutScanAndLabels) {
   EXPECT_EQ(count(page(), "<figure class=\"volume\">"), 0u);
 }
 
-TEST_F(Report, SaysWhatABurrRemoved) {
+TEST_F(Report, StatesTheRemovedVolume) {
   for (const std::string part : {"What was removed", "id=\"plot-removed\"", "Motor", "\"removed\":"})
     EXPECT_THAT(page(), Not(HasSubstr(part))) << "without a burr";
   model = example::with_burr(model);
@@ -483,7 +483,7 @@ TEST_F(Report, WithLayersItIsAsIfNothingHadAModulus) {
   EXPECT_EQ(page(), html);
 }
 
-TEST_F(Report, TellsWhatEachStructureGaveWhereTissueYields) {
+TEST_F(Report, ListsTheForceShareOfEachStructure) {
   model = example::with_soft_tibia(model);
   recording = example::leaning_recording(model);
   const std::string html = page();
@@ -532,7 +532,7 @@ TEST_F(Report, CanBeInterrupted) {
   EXPECT_EQ(html.error().kind, ErrorKind::kInterrupted);
 }
 
-TEST_F(Report, OfALongRunTakesNoMoreMemory) {
+TEST_F(Report, MemoryIsIndependentOfRunLength) {
   const test::TemporaryFolder folder;
   // the example run repeated on one clock
   const auto peak_MiB = [&](int times) {
@@ -564,7 +564,7 @@ TEST_F(Report, OfALongRunTakesNoMoreMemory) {
       << once << " MiB and " << four_times << " MiB; the ticks themselves would be " << more_MiB << " more";
 }
 
-TEST_F(Report, IsWrittenWholeOrNotAtAll) {
+TEST_F(Report, IsWrittenAtomically) {
   const test::TemporaryFolder folder;
   ASSERT_TRUE(write_report(folder / "run.html", recording, model).ok());
   EXPECT_TRUE(test::bytes_of_file(folder / "run.html") == page());

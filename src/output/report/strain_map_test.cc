@@ -12,7 +12,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-TEST(StrainMap, ColoursWhatYieldsByItsStrainWhereItWent) {
+TEST(StrainMap, ColoursDeformedTissueByStrain) {
   const auto model = palpate::testing::soft_block(true);
   const DisplacedTissue deformed(*model, palpate::testing::pressed_at(0, 0));
   const TissueDisplacement moved = [&](const Point<Patient>& at_rest) { return deformed.moved_mm(at_rest); };
@@ -51,7 +51,7 @@ TEST(StrainMap, ColoursWhatYieldsByItsStrainWhereItWent) {
   EXPECT_GT(colours.size(), 10u);
 }
 
-TEST(StrainMap, TheScaleGoesFromNoneToTheMost) {
+TEST(StrainMap, ScaleSpansZeroToMaximum) {
   const std::string svg = strain_scale_svg();
   EXPECT_THAT(svg, HasSubstr("<stop offset=\"0%\" stop-color=\"#000004\"/>"));
   EXPECT_THAT(svg, HasSubstr("<stop offset=\"100%\" stop-color=\"#fcffa4\"/>"));

@@ -19,7 +19,7 @@ void write_file(const std::filesystem::path& file, const std::string& text) {
   std::ofstream(file) << text << "\n";
 }
 
-TEST(Doctor, SaysWhoMayHaveWhichRightsAndHow) {
+TEST(Doctor, ExplainsHowToGrantRealtimePermissions) {
   RealtimeGrant none;
   none.scheduler = "SCHED_OTHER (SCHED_FIFO refused)";
   none.memory = "not locked (refused)";
@@ -63,7 +63,7 @@ TEST(Doctor, ReadsGovernorsAndTheKernel) {
   EXPECT_THAT(kernel_line(root.path()).found, HasSubstr("6.1.0-18-rt-amd64"));
 }
 
-TEST(Doctor, ATimerThatIsLateIsSaid) {
+TEST(Doctor, ReportsALateTimer) {
   TimerFigures timer{.seconds = 5, .rate_hz = 1000, .p50_us = 20, .p99_us = 60, .max_us = 300, .on_time = 1};
   EXPECT_EQ(timer_line(timer, true).finding, Finding::kFine);
   timer.on_time = 0.93;

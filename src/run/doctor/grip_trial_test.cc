@@ -57,7 +57,7 @@ INSTANTIATE_TEST_SUITE_P(Each, GripTrials,
                          [](const auto& tested) { return "case" + std::to_string(tested.index); });
 
 // compared with the simulation's parameters: its latency, and stability at the advised stiffness
-TEST_P(GripTrials, AreToldByTheirDelayAndWhatTheyHold) {
+TEST_P(GripTrials, AreDistinguishedByDelayAndStiffness) {
   const GripTrialCase& tested = GetParam();
   double largest_N = 0;
   GripTrial::Ended ended = GripTrial::Ended::kNot;
@@ -298,7 +298,7 @@ TEST(GripTrialOfDevice, ADriverThatDoesNotBeginIsNotWaitedFor) {
   }
 }
 
-TEST(GripTrialOfDevice, IsKeptAsText) {
+TEST(GripTrialOfDevice, IsStoredAsText) {
   const GripFiguresByDevice hands{{"Touch no. 4711", {"Touch no. 4711", 1000, 0.0025, 0.8, 0.92, 0.552}},
                                   {"omega.3", {"omega.3", 4000, 0.001, 2, {}, 1.2}}};
   const auto read = parse_grip_figures(grip_figures_text(hands), "held");

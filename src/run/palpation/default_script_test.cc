@@ -71,7 +71,7 @@ TEST(DefaultScript, ACoveredStructureIsNamedWithItsCover) {
   EXPECT_EQ(result->summary.problems, result->problems);
 }
 
-TEST(DefaultScript, AStructureWithoutAFreeWayIsNamedWithWhatIsInFront) {
+TEST(DefaultScript, NamesObstructedStructuresAndTheObstacle) {
   // a shell around a hollow around the brain
   const auto result =
       palpated(balls({{kMiddle, 21, 2}, {kMiddle, 18, 0}, {kMiddle, 10, 1}}, {"brain", "skull"}));
@@ -81,7 +81,7 @@ TEST(DefaultScript, AStructureWithoutAFreeWayIsNamedWithWhatIsInFront) {
               ElementsAre("brain is not palpated: there is no free path to it: skull is in front of it"));
 }
 
-TEST(DefaultScript, ANoGoRegionThatKeepsTheToolAwayIsNamed) {
+TEST(DefaultScript, NamesABlockingNoGoRegion) {
   const auto labels = balls({{{14, 24, 24}, 8, 1}, {{36, 24, 24}, 6, 2}}, {"muscle", "femur"});
   const auto result = palpated(labels,
                                "\n[[no_go]]\nname = \"around the femur\"\ncentre = [36, 24, 24]\nradius = 9\n"
@@ -93,7 +93,7 @@ TEST(DefaultScript, ANoGoRegionThatKeepsTheToolAwayIsNamed) {
                        "away from it"));
 }
 
-TEST(DefaultScript, ASoftStructureIsPressedWithWhatADescentByTheMethodGives) {
+TEST(DefaultScript, SoftStructurePressMatchesTheMethodsDescent) {
   for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {
     SCOPED_TRACE(name_of(method));
     SimulationOptions options;
@@ -116,7 +116,7 @@ TEST(DefaultScript, ASoftStructureIsPressedWithWhatADescentByTheMethodGives) {
   }
 }
 
-TEST(DefaultScript, WhereNothingIsReachedTheErrorSaysWhy) {
+TEST(DefaultScript, ErrorExplainsWhyNothingIsReachable) {
   auto labels = balls({{kMiddle, 16, 2}, {kMiddle, 10, 1}}, {"brain", "something"});
   // the cover is not felt, and the brain adjoins the border of the scan on all sides
   for (LabelId& label : labels.layers[0].voxels()) label = 1;

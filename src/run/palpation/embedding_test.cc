@@ -125,7 +125,7 @@ TEST_P(Embedding, APressAtTheSkinReachesTheOrgansWithSmallForcesThatRise) {
 INSTANTIATE_TEST_SUITE_P(Laws, Embedding, ::testing::Values(TissueLaw::kLayers, TissueLaw::kElastic),
                          [](const auto& law) { return std::string(name_of(law.param, kTissueLaws)); });
 
-TEST(EmbeddingError, WhereNothingIsInsideItSaysSo) {
+TEST(EmbeddingError, ReportsAnEmptyInside) {
   const auto made = bedded(abdomen(false), false, TissueLaw::kLayers);
   ASSERT_FALSE(made.ok());
   EXPECT_THAT(made.error().what, HasSubstr("no unlabelled voxel lies inside the body"));

@@ -26,7 +26,7 @@ bool meets_bone(const Model& model, const Point<Patient>& p) {
                                 static_cast<int>(std::lround(v.z()))) == testing::kBone;
 }
 
-TEST(FreeSpace, GoesThroughTheHoleAndNotThroughTheWall) {
+TEST(FreeSpace, PathLeadsThroughTheHole) {
   const Model model = wall_model(true);
   const Point<Patient> from(10, 30, 30), to(50, 30, 30);
   const auto path = FreeSpace(model).path(from, to);
@@ -38,7 +38,7 @@ TEST(FreeSpace, GoesThroughTheHoleAndNotThroughTheWall) {
       EXPECT_FALSE(meets_bone(model, path[i - 1] + (path[i] - path[i - 1]) * t));
 }
 
-TEST(FreeSpace, GoesRoundTheVolumeWhenThereIsNoHole) {
+TEST(FreeSpace, PathLeadsAroundTheVolumeWithoutAHole) {
   // the air around the patient is free: around the wall's edge, outside the volume
   const Model model = wall_model(false);
   const auto path = FreeSpace(model).path(Point<Patient>(10, 30, 30), Point<Patient>(50, 30, 30));
@@ -46,7 +46,7 @@ TEST(FreeSpace, GoesRoundTheVolumeWhenThereIsNoHole) {
   for (const Point<Patient>& p : path) EXPECT_FALSE(meets_bone(model, p));
 }
 
-TEST(FreeSpace, KeepsOffStructuresWhereItCan) {
+TEST(FreeSpace, PathKeepsClearanceWherePossible) {
   const Model model = testing::ball_model({1, 1, 1});
   const auto path = FreeSpace(model).path(Point<Patient>(-26, 0, 0), Point<Patient>(26, 0, 0));
   ASSERT_FALSE(path.empty());

@@ -113,7 +113,7 @@ class HandTruth : public ::testing::Test {
   Recording recording_;
 };
 
-TEST_F(HandTruth, WhatIsEnclosedFailsByNameAndTheRunGoesOn) {
+TEST_F(HandTruth, EnclosedStructureFailsByNameAndTheRunContinues) {
   const LoadedScene scene = scene_of({[](const Eigen::Vector3d& p) {
     return p.norm() < 6 ? LabelId{2} : p.norm() < 12 ? LabelId{1} : LabelId{0};
   }});
@@ -187,7 +187,7 @@ TEST_F(HandTruth, ADirectionThatIsBlockedFailsByName) {
   expect_never_deeper(1, 1.2);
 }
 
-TEST_F(HandTruth, PointsLandmarksAndWhatIsNearestAreTouchedWhereTheyAre) {
+TEST_F(HandTruth, TouchesPointsLandmarksAndNearestSurfaces) {
   // a ball, and another one to its left
   const Eigen::Vector3d other(17, 0, 0);
   const LoadedScene scene = scene_of({[&](const Eigen::Vector3d& p) {
@@ -211,7 +211,7 @@ TEST_F(HandTruth, PointsLandmarksAndWhatIsNearestAreTouchedWhereTheyAre) {
   expect_never_deeper(1, 1.2);
 }
 
-TEST_F(HandTruth, WhatIsNotThereNotFeltOrAmbiguousIsAnErrorWithItsLine) {
+TEST_F(HandTruth, AbsentUntouchableOrAmbiguousStructuresAreErrorsWithLines) {
   MadeScene world{[](const Eigen::Vector3d& p) {
     if (p.norm() > 10) return LabelId{0};
     return p.x() > 5 ? LabelId{3} : p.x() > 0 ? LabelId{1} : LabelId{2};
@@ -221,7 +221,7 @@ TEST_F(HandTruth, WhatIsNotThereNotFeltOrAmbiguousIsAnErrorWithItsLine) {
   const LoadedScene scene = scene_of(world);
   EXPECT_THAT(error_of(scene, "\n" + touch_named("a")),
               AllOf(HasSubstr("test script:2"), HasSubstr("2 structures"), HasSubstr("\"#1\", \"#2\"")));
-  EXPECT_THAT(error_of(scene, touch_named("shown")), HasSubstr("not felt"));
+  EXPECT_THAT(error_of(scene, touch_named("shown")), HasSubstr("not touchable"));
   EXPECT_THAT(error_of(scene, touch("approach = \"#1\"\nnearest = \"e\"")), HasSubstr("no structure 'e'"));
   EXPECT_THAT(error_of(scene, touch("approach = [40, 0, 0]")),
               HasSubstr("no touchable structure within 5 mm"));
@@ -243,7 +243,7 @@ TEST_F(HandTruth, MoreThanTheLimitFailsByNameAndDoesNotGoIn) {
   expect_never_deeper(3, 1.2);
 }
 
-TEST_F(HandTruth, ASlideOntoAnotherStructureFailsAndSaysWhich) {
+TEST_F(HandTruth, SlideOntoAnotherStructureFailsByName) {
   const LoadedScene scene = scene_of({[](const Eigen::Vector3d& p) {
     if (p.y() < 0 || p.y() > 12 || std::abs(p.x()) > 18 || std::abs(p.z()) > 18) return LabelId{0};
     return p.x() < 0 ? LabelId{1} : LabelId{2};

@@ -42,7 +42,7 @@ TEST_F(ReplayTest, EveryTickAgrees) {
   EXPECT_EQ(result->ticks, recording_.ticks.size());
 }
 
-TEST_F(ReplayTest, WhatWasFeltBySeveralMethodsAgreesToo) {
+TEST_F(ReplayTest, ReplaysRunsWithSeveralMethods) {
   const auto script = parse_script(
       "[[step]]\napproach = \"ball\"\n[[step]]\npress = 0.8\n[[step]]\nmethod = \"smooth-sphere\"\n"
       "[[step]]\nhold = 0.3\n[[step]]\nmethod = \"stored-normals\"\n[[step]]\nhold = 0.3\n"
@@ -131,7 +131,7 @@ TEST_F(ReplayTest, EveryOutputIsCompared) {
   EXPECT_THAT(difference_after([](DeviceTick& d) { d.normal_patient[0] = 2; }), HasSubstr("normal_patient"));
 }
 
-TEST_F(ReplayTest, ACutShortRecordingReplaysAsFarAsItGoes) {
+TEST_F(ReplayTest, ReplaysATruncatedRecordingToItsEnd) {
   recording_.summary.reset();
   recording_.ticks.resize(500);
   const auto result = replay(recording_, loaded_.model);

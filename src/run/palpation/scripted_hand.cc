@@ -225,8 +225,9 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
     step.structure = *label;
   }
   if (!model_->is_touchable(step.structure))
-    return Error{ErrorKind::kBadInput, "'" + model_->name_of(step.structure) + "' is not felt in this scene",
-                 where, "set touchable = true on its [[tissue]], or choose another structure"};
+    return Error{ErrorKind::kBadInput,
+                 "'" + model_->name_of(step.structure) + "' is not touchable in this scene", where,
+                 "set touchable = true on its [[tissue]], or choose another structure"};
   if (const auto* other = std::get_if<std::string>(&approach->nearest)) {
     const auto label = find_structure(*model_, *other, where);
     if (!label) return label.error();
@@ -476,7 +477,7 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double
   const Point<World> front = X * approach_path_.back();
   const double behind_mm = (tip_of(tick) - front).dot(inward_), lead_mm = (commanded_ - front).dot(inward_);
   if (behind_mm > max_mm || lead_mm > max_mm + tracking_tolerance_mm(tick)) {
-    try_next_site(tick, "nothing was felt where its surface was expected, at " +
+    try_next_site(tick, "no contact at the expected surface position, " +
                             position_text(step.sites.sites[site_index_].surface.point));
     return false;
   }
@@ -511,7 +512,7 @@ bool ScriptedHand::press(const PlannedStep& step, const TickRecord& tick, double
   const double travel_s =
       requested_N_ * (1e3 / hand_.stiffness_N_per_m + 1 / soft_N_per_mm) / kMaxPressing_mm_s;
   if (step_time_s_ < kPatience_s + action.settle_s + travel_s) return false;
-  return fail(step, tick, text_of("it did not settle, %.2f N were felt", filtered_N_));
+  return fail(step, tick, text_of("the force did not settle: %.2f N measured", filtered_N_));
 }
 
 bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& tick, double dt_s) {
@@ -527,13 +528,13 @@ bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& tick, double 
   if (settled_s_ >= action.seconds - 0.5 * dt_s) return true;
   if (step_time_s_ < action.seconds + kHoldPatience_s) return false;
   return fail(step, tick,
-              text_of("held for %.2f s without interruption, asked for %.2f N, felt %.2f N", longest_s_,
+              text_of("held for %.2f s without interruption, requested %.2f N, measured %.2f N", longest_s_,
                       requested_N_, filtered_N_));
 }
 
 bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const auto& action = std::get<SlideStep>(step.action);
-  if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, "it met something: " + *over);
+  if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, "unexpected obstacle: " + *over);
   if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
   const Transform<World, Patient> X = X_WorldPatient(tick);
   const Vector<World> direction = (X * action.direction).normalized();

@@ -93,7 +93,7 @@ TEST(Simulate, APressThatTheTissueCannotGiveIsGivenUpAtTheSurface) {
               testing::kBoneRadius_mm - 6);
 }
 
-TEST(Simulate, FeelsTheCartilageOnTheBone) {
+TEST(Simulate, TouchesTheCartilageOnTheBone) {
   const auto result = simulate(loaded_ball(3), press_script("shell", 0.6), {}, "");
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_GE(result->holds[0].held_s, 0.5);
@@ -182,7 +182,7 @@ TEST(ScriptedHand, WaitsForItsOwnStrokeAndForNoOtherVersion) {
 // Regression: the hand leads the tip by a millimetre or two, so its return path has to start behind the tip,
 // not at a corner that only the hand reached; otherwise it stayed pressed against the obstacle for up to 25
 // s.
-TEST(ScriptedHand, ComesBackFromWhatItMetOnTheWay) {
+TEST(ScriptedHand, ReturnsFromAnObstacle) {
   const LoadedScene loaded = loaded_ball();
   const Script script =
       parse_script("[[step]]\napproach = \"ball\"\nfrom = \"posterior\"\n", "script round the ball").value();

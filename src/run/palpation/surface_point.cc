@@ -220,7 +220,7 @@ std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId str
 Result<SurfacePoint> find_surface_point(const Model& model, LabelId structure, double clearance_mm) {
   const std::string name = "'" + model.name_of(structure) + "'";
   if (!model.is_touchable(structure))
-    return Error{ErrorKind::kBadInput, name + " is not felt in this scene", "",
+    return Error{ErrorKind::kBadInput, name + " is not touchable in this scene", "",
                  "set touchable = true on its [[tissue]], or choose another structure"};
   if (model.field == nullptr)
     return Error{ErrorKind::kBadInput, "the model has no field to find a surface of " + name + " in", "model",

@@ -69,11 +69,11 @@ TEST(SurfacePoint, OfRampsIsFoundAsWell) {
   EXPECT_FALSE(find_surface_point(covered, kBone, 5).ok());
 }
 
-TEST(SurfacePoint, WhatIsNotFeltCannotBeTouched) {
+TEST(SurfacePoint, RejectsStructuresWithoutContact) {
   const Model model = testing::ball_model();
   const auto found = find_surface_point(model, testing::kFat, 5);
   ASSERT_FALSE(found.ok());
-  EXPECT_NE(found.error().what.find("not felt"), std::string::npos);
+  EXPECT_NE(found.error().what.find("not touchable"), std::string::npos);
 }
 
 }  // namespace

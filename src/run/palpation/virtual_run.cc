@@ -74,7 +74,7 @@ void VirtualRun::cut_what_was_swept() {
 void VirtualRun::change_stroke(StrokeAction action) {
   const ModelChange change = change_of_stroke(*model_, action);
   const auto carving = carving_after(model_->carving.get(), change);
-  stroke_led_to_ = carving != nullptr ? change.version : 0;
+  stroke_version_ = carving != nullptr ? change.version : 0;
   if (carving == nullptr) return;
   model_ = carving->applied_to(*model_);
   RecordingEvent& event = events_.emplace_back();
@@ -86,11 +86,11 @@ void VirtualRun::change_stroke(StrokeAction action) {
 
 // the law was checked when the script was read; only building its surfaces can fail
 void VirtualRun::change_law(TissueLaw law) {
-  law_led_to_ = model_->version;
+  law_version_ = model_->version;
   if (law == model_->tissue_law) return;
   const ModelChange change = change_of_law(*model_, law);
   auto next = next_version({model_, model_}, change, {}, progress_, *cached_preparation());
-  law_led_to_ = next ? change.version : 0;
+  law_version_ = next ? change.version : 0;
   if (!next) return;
   model_ = std::move(next->current);
   RecordingEvent& event = events_.emplace_back();
@@ -101,7 +101,7 @@ void VirtualRun::change_law(TissueLaw law) {
 }
 
 bool VirtualRun::act() {
-  HandCommands commands{parameters_.rotation_target, {}, {}, {}, {}, stroke_led_to_, law_led_to_};
+  HandCommands commands{parameters_.rotation_target, {}, {}, {}, {}, stroke_version_, law_version_};
   commands.scope_is_there = scope_ && scope_->is_there();
   const auto intention = hand_.next(record_, dt_s_, commands);
   if (!intention) return false;
@@ -109,7 +109,7 @@ bool VirtualRun::act() {
   if (scope_) scope_->advance(record_, dt_s_);
   if (commands.stroke) {
     stroke_ = commands.stroke;
-    stroke_led_to_.reset();
+    stroke_version_.reset();
   }
   if (commands.law) change_law(*commands.law);
   const bool turned = commands.rotation_target.coeffs() != parameters_.rotation_target.coeffs();

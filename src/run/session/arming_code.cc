@@ -32,19 +32,19 @@ bool are_equal(std::string_view one, std::string_view other) {
 
 }  // namespace
 
-std::string ArmingCode::shown(std::uint32_t stop, Clock::time_point now) {
+std::string ArmingCode::code_for(std::uint32_t stop, Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   if (now < paused_until_) return "";
   if (code_.empty() || stop != stop_ || now >= until_) {
     // wrong guesses are counted across codes
     code_ = new_code();
     stop_ = stop;
-    until_ = now + kLasts;
+    until_ = now + kValidity;
   }
   return code_;
 }
 
-bool ArmingCode::take(std::uint32_t stop, std::string_view code, Clock::time_point now) {
+bool ArmingCode::redeem(std::uint32_t stop, std::string_view code, Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   if (code_.empty() || now < paused_until_) return false;
   if (stop == stop_ && now < until_ && are_equal(code, code_)) {
@@ -52,10 +52,10 @@ bool ArmingCode::take(std::uint32_t stop, std::string_view code, Clock::time_poi
     wrong_ = 0;
     return true;
   }
-  if (++wrong_ >= kMaxWrong) {
+  if (++wrong_ >= kMaxWrongGuesses) {
     wrong_ = 0;
     code_.clear();
-    paused_until_ = now + kPause;
+    paused_until_ = now + kLockout;
   }
   return false;
 }

@@ -10,23 +10,24 @@
 namespace palpate {
 
 /// Six-digit code by which a page re-arms a physical device. It is displayed where palpate runs and is valid
-/// for one rearm after one stop, so that whoever enters it is in touch with somebody who sees the device.
+/// for one rearm after one stop, so that only someone in contact with a person at the device can enter it.
 ///
-///    shown() ── code for this stop, valid for kLasts ──► take() ── correct: used up
-///                                                            └─ kMaxWrong wrong ones: none for kPause
+///    shown() ── code for this stop, valid for kValidity ──► take() ── correct: used up
+///                                                            └─ kMaxWrongGuesses wrong ones: none for
+///                                                            kLockout
 ///
-/// At kMaxWrong guesses per kPause, each at a fresh code, a guesser needs 27 days for an even chance.
-/// Thread-safe.
+/// At kMaxWrongGuesses guesses per kLockout, each at a fresh code, a guesser needs 27 days for an even
+/// chance. Thread-safe.
 class ArmingCode {
  public:
   using Clock = std::chrono::steady_clock;
-  static constexpr std::chrono::seconds kLasts{60}, kPause{10};
-  static constexpr int kMaxWrong = 3;
+  static constexpr std::chrono::seconds kValidity{60}, kLockout{10};
+  static constexpr int kMaxWrongGuesses = 3;
 
   /// Code for this stop; empty if none is available.
-  std::string shown(std::uint32_t stop, Clock::time_point now = Clock::now());
+  std::string code_for(std::uint32_t stop, Clock::time_point now = Clock::now());
   /// Checks a code; a correct one is used up.
-  bool take(std::uint32_t stop, std::string_view code, Clock::time_point now = Clock::now());
+  bool redeem(std::uint32_t stop, std::string_view code, Clock::time_point now = Clock::now());
 
  private:
   std::mutex mutex_;

@@ -20,44 +20,44 @@ class ArmingCodes : public ::testing::Test {
 };
 
 TEST_F(ArmingCodes, AreSixDigitsThatAreGoodOnce) {
-  EXPECT_FALSE(code_.take(1, "", now_)) << "none was shown";
-  const std::string shown = code_.shown(1, now_);
+  EXPECT_FALSE(code_.redeem(1, "", now_)) << "none was shown";
+  const std::string shown = code_.code_for(1, now_);
   ASSERT_EQ(shown.size(), 6u);
   EXPECT_TRUE(std::ranges::all_of(shown, [](char c) { return c >= '0' && c <= '9'; }));
-  EXPECT_EQ(code_.shown(1, now_), shown) << "the same until it is used";
-  EXPECT_FALSE(code_.take(1, shown.substr(0, 5), now_));
-  EXPECT_TRUE(code_.take(1, shown, now_));
-  EXPECT_FALSE(code_.take(1, shown, now_)) << "used up";
-  EXPECT_NE(code_.shown(1, now_), shown);
+  EXPECT_EQ(code_.code_for(1, now_), shown) << "the same until it is used";
+  EXPECT_FALSE(code_.redeem(1, shown.substr(0, 5), now_));
+  EXPECT_TRUE(code_.redeem(1, shown, now_));
+  EXPECT_FALSE(code_.redeem(1, shown, now_)) << "used up";
+  EXPECT_NE(code_.code_for(1, now_), shown);
 }
 
 TEST_F(ArmingCodes, AreOfOneStopAndOfOneMinute) {
-  const std::string shown = code_.shown(1, now_);
-  EXPECT_FALSE(code_.take(2, shown, now_));
-  const std::string next = code_.shown(2, now_);
+  const std::string shown = code_.code_for(1, now_);
+  EXPECT_FALSE(code_.redeem(2, shown, now_));
+  const std::string next = code_.code_for(2, now_);
   EXPECT_NE(next, shown);
-  EXPECT_FALSE(code_.take(2, next, now_ + ArmingCode::kLasts));
-  EXPECT_NE(code_.shown(2, now_ + ArmingCode::kLasts), next);
+  EXPECT_FALSE(code_.redeem(2, next, now_ + ArmingCode::kValidity));
+  EXPECT_NE(code_.code_for(2, now_ + ArmingCode::kValidity), next);
 }
 
-TEST_F(ArmingCodes, GuessesAreFewWhateverCodeTheyAreAt) {
-  for (int n = 0; n < ArmingCode::kMaxWrong; ++n)
-    EXPECT_FALSE(code_.take(1, wrong(code_.shown(1, now_)), now_));
-  EXPECT_EQ(code_.shown(1, now_), "");
-  EXPECT_FALSE(code_.take(1, "", now_));
-  now_ += ArmingCode::kPause;
+TEST_F(ArmingCodes, GuessesAreLimitedAcrossCodes) {
+  for (int n = 0; n < ArmingCode::kMaxWrongGuesses; ++n)
+    EXPECT_FALSE(code_.redeem(1, wrong(code_.code_for(1, now_)), now_));
+  EXPECT_EQ(code_.code_for(1, now_), "");
+  EXPECT_FALSE(code_.redeem(1, "", now_));
+  now_ += ArmingCode::kLockout;
   // another stop between two guesses does not grant additional ones
-  EXPECT_FALSE(code_.take(1, wrong(code_.shown(1, now_)), now_));
-  EXPECT_FALSE(code_.take(2, wrong(code_.shown(2, now_)), now_));
-  EXPECT_FALSE(code_.take(3, wrong(code_.shown(3, now_)), now_));
-  EXPECT_EQ(code_.shown(3, now_), "");
-  now_ += ArmingCode::kPause;
-  EXPECT_TRUE(code_.take(3, code_.shown(3, now_), now_));
+  EXPECT_FALSE(code_.redeem(1, wrong(code_.code_for(1, now_)), now_));
+  EXPECT_FALSE(code_.redeem(2, wrong(code_.code_for(2, now_)), now_));
+  EXPECT_FALSE(code_.redeem(3, wrong(code_.code_for(3, now_)), now_));
+  EXPECT_EQ(code_.code_for(3, now_), "");
+  now_ += ArmingCode::kLockout;
+  EXPECT_TRUE(code_.redeem(3, code_.code_for(3, now_), now_));
 }
 
 TEST_F(ArmingCodes, AreSpreadOverAllThereAre) {
   std::set<std::string> visited;
-  for (std::uint32_t stop = 0; stop < 1000; ++stop) visited.insert(code_.shown(stop, now_));
+  for (std::uint32_t stop = 0; stop < 1000; ++stop) visited.insert(code_.code_for(stop, now_));
   // a thousand out of a million: occasional collisions are expected
   EXPECT_GT(visited.size(), 980u);
   for (char digit = '0'; digit <= '9'; ++digit)

@@ -140,7 +140,7 @@ TEST(BurrScene, AConeIsRecordedReplayedShownAndExported) {
       EXPECT_EQ(event.sweep.end_radius_mm, 3);
     }
   ASSERT_GT(sweeps.size(), 3u);
-  const auto left = labels_left(*recording, *loaded.model);
+  const auto left = remaining_labels(*recording, *loaded.model);
   ASSERT_TRUE(left.ok()) << left.error().message();
   ASSERT_EQ(left->removed.size(), 1u);
   EXPECT_NEAR(left->removed[0].volume_mm3, removed.by_label_mm3().begin()->second, 1e-6);
@@ -176,8 +176,8 @@ TEST_F(BurrRun, AnotherSweepIsAnotherRun) {
   EXPECT_GE(result->first_difference, first(EventKind::kSweep).tick);
 }
 
-TEST_F(BurrRun, WhatIsLeftIsWhatWasFeltLast) {
-  const auto left = labels_left(recording_, *loaded_.model);
+TEST_F(BurrRun, RemainingLabelsMatchTheFinalModel) {
+  const auto left = remaining_labels(recording_, *loaded_.model);
   ASSERT_TRUE(left.ok()) << left.error().message();
   std::vector<Cut> cuts;
   for (const RecordingEvent& event : recording_.events)
@@ -199,10 +199,10 @@ TEST_F(BurrRun, WhatIsLeftIsWhatWasFeltLast) {
   LoadedScene other = loaded_;
   Model model = *other.model;
   model.content_hash = 7;
-  EXPECT_FALSE(labels_left(recording_, model).ok());
+  EXPECT_FALSE(remaining_labels(recording_, model).ok());
 }
 
-TEST_F(BurrRun, WhatIsLeftOfOverlappingLayersIsEachWithoutWhatWasSwept) {
+TEST_F(BurrRun, SweepsAreRemovedFromEveryOverlappingLayer) {
   // overlapping layers: a region without contact around the ball, a part of the ball, and a structure by
   // threshold
   constexpr LabelId kRegion = 77, kPart = 78;
@@ -220,8 +220,8 @@ TEST_F(BurrRun, WhatIsLeftOfOverlappingLayersIsEachWithoutWhatWasSwept) {
   if (model.tissue_of_label.size() <= kPart) model.tissue_of_label.resize(kPart + 1, -1);
   model.segments = layers.segments;
   model.tissue_of_label[kPart] = model.tissue_of_label[testing::kBone];
-  const auto flat = labels_left(recording_, model);
-  const auto left = labels_left(recording_, model, &layers);
+  const auto flat = remaining_labels(recording_, model);
+  const auto left = remaining_labels(recording_, model, &layers);
   ASSERT_TRUE(flat.ok());
   ASSERT_TRUE(left.ok());
   ASSERT_EQ(left->labels.layers.size(), 3u);
@@ -237,7 +237,7 @@ TEST_F(BurrRun, WhatIsLeftOfOverlappingLayersIsEachWithoutWhatWasSwept) {
   EXPECT_GT(removed, 100u);
 }
 
-TEST_F(BurrRun, ShowsWhatIsGoneAtEachPlaceOfTheRecording) {
+TEST_F(BurrRun, PlaybackShowsTheRemovedTissueAtEachPosition) {
   std::vector<SweepRecord> all;
   for (const RecordingEvent& event : recording_.events)
     if (event.kind == EventKind::kSweep) all.push_back(event.sweep);
@@ -357,7 +357,7 @@ const char* const kTwoStrokes =
     "[[step]]\nhold = 0.3\n[[step]]\nmotor = false\n[[step]]\nleave = true\n"
     "[[step]]\nstroke = \"undo\"\n[[step]]\nstroke = \"redo\"\n[[step]]\nstroke = \"undo\"\n";
 
-TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
+TEST(BurrScene, UndoneStrokeIsRestoredInContactViewAndExport) {
   const test::TemporaryFolder folder;
   const LoadedScene loaded = testing::loaded_burr();
   // where the second stroke was, the ball is whole again
@@ -383,7 +383,7 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
       if (event.sweep.stroke == 1) first.push_back(cut_of(event.sweep));
     }
     if (event.kind != EventKind::kModel || !event.change.is_of_stroke()) continue;
-    EXPECT_EQ(event.by.asker, Originator::kScript);
+    EXPECT_EQ(event.by.originator, Originator::kScript);
     changes.push_back(event.change.tissue);
   }
   EXPECT_EQ(changes, (std::vector{ModelChange::kUndo, ModelChange::kRedo, ModelChange::kUndo}));
@@ -396,7 +396,7 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   EXPECT_EQ(again->run_hash, simulated->summary.run_hash);
 
   const auto expected = Carving(*loaded.model).with(first)->applied_to(*loaded.model);
-  const auto left = labels_left(*recording, *loaded.model);
+  const auto left = remaining_labels(*recording, *loaded.model);
   ASSERT_TRUE(left.ok()) << left.error().message();
   EXPECT_EQ(left->labels.layers.front().voxels(), expected->labels->dense().voxels());
   RemovedVolume removed(*loaded.model);
@@ -428,7 +428,7 @@ TEST(BurrScene, AStrokeThatIsUndoneIsFeltShownAndExportedNoMore) {
   EXPECT_EQ(playback.sweeps(playback.state().model_version, 0, 10000).back(), plain(first.back()));
 }
 
-TEST(BurrScene, AsManyEditsAsAnybodyWantsReplayToTheSameHash) {
+TEST(BurrScene, ManyEditsReplayToTheSameHash) {
   // the full campaign is PALPATE_TEST_EDITS=2000
   const char* const value = std::getenv("PALPATE_TEST_EDITS");
   const long edits = value != nullptr ? std::atol(value) : 200;

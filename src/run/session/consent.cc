@@ -36,7 +36,7 @@ void Consent::ask(const ViewerIdentity& who, std::int64_t id, std::string what,
     own = waiting_.emplace(waiting_.end());
   else
     finish(*own, not_agreed("the request was replaced by another one before it was accepted", ""));
-  *own = {++questions_, who, id, std::move(what), std::move(grant), now + kPatience};
+  *own = {++questions_, who, id, std::move(what), std::move(grant), now + kTimeout};
 }
 
 std::optional<ConsentQuestion> Consent::question(Clock::time_point now) {

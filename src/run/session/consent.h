@@ -25,7 +25,7 @@ class Consent {
  public:
   using Clock = std::chrono::steady_clock;
   /// Time after which an unanswered question is refused.
-  static constexpr std::chrono::seconds kPatience{20};
+  static constexpr std::chrono::seconds kTimeout{20};
 
   /// @param who, id  viewer and request id, for the answer
   /// @param what     description of the change: "turn the object by 20 degrees"

@@ -31,7 +31,7 @@ struct Request {
   std::uint64_t number() { return consent.question(now).value_or(ConsentQuestion{}).number; }
 };
 
-TEST(Consent, NothingIsDoneBeforeSomebodyAgrees) {
+TEST(Consent, RequestsWaitForConsent) {
   Request requested;
   EXPECT_EQ(requested.shown(), "");
   requested.ask(3, 7, "turn the object by 20 degrees");
@@ -49,12 +49,12 @@ TEST(Consent, NothingIsDoneBeforeSomebodyAgrees) {
   EXPECT_TRUE(requested.consent.read_answers(requested.now).empty()) << "each once";
 }
 
-TEST(Consent, DecliningAndSilenceAreToldInWords) {
+TEST(Consent, DeclinedAndExpiredRequestsAreAnswered) {
   Request requested;
   requested.ask(1, 5, "pause the force");
   requested.consent.answer(requested.number(), false, requested.now);
   requested.ask(2, 6, "resume the force");
-  requested.now += Consent::kPatience - 1s;
+  requested.now += Consent::kTimeout - 1s;
   EXPECT_NE(requested.shown(), "");
   const std::uint64_t last = requested.number();
   requested.now += 1s;
@@ -68,7 +68,7 @@ TEST(Consent, DecliningAndSilenceAreToldInWords) {
 }
 
 // a key press answers the question displayed at that moment
-TEST(Consent, AnAnswerIsToWhatWasShown) {
+TEST(Consent, AnswerAppliesToTheDisplayedQuestion) {
   Request requested;
   requested.ask(1, 5, "turn the object by 3 degrees");
   const std::uint64_t shown = requested.number();
@@ -86,7 +86,7 @@ TEST(Consent, AnAnswerIsToWhatWasShown) {
 }
 
 // repeated requests of one viewer do not delay the others
-TEST(Consent, EachViewerHasOnePlaceInTheOrderOfTheFirstQuestion) {
+TEST(Consent, EachViewerKeepsItsQueuePosition) {
   Request requested;
   requested.ask(1, 1, "one");
   requested.ask(2, 1, "two");
@@ -102,7 +102,7 @@ TEST(Consent, EachViewerHasOnePlaceInTheOrderOfTheFirstQuestion) {
   EXPECT_EQ(requested.granted, 1);
 }
 
-TEST(Consent, WhatCannotBeGrantedAnyMoreIsRefused) {
+TEST(Consent, RevalidatesAtGrant) {
   Consent consent;
   consent.ask({4, true}, 9, "use the method trilinear", []() -> Result<void> {
     return Error{ErrorKind::kUsage, "it has changed meanwhile", "method", ""};

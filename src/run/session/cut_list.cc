@@ -60,14 +60,15 @@ const CutList::InForce& CutList::in_force(std::uint32_t version) const {
   return last_;
 }
 
-std::size_t CutList::count(std::uint32_t version) const {
+std::size_t CutList::count_at(std::uint32_t version) const {
   const InForce& in = in_force(version);
   std::size_t count = std::max(sweeps_until(version), in.continues) - in.continues;
   for (const Run& run : in.runs) count += run.end - run.begin;
   return count;
 }
 
-std::vector<SweepRecord> CutList::by(std::uint32_t version, std::size_t first, std::size_t largest) const {
+std::vector<SweepRecord> CutList::sweeps_at(std::uint32_t version, std::size_t first,
+                                            std::size_t largest) const {
   const InForce& in = in_force(version);
   std::vector<SweepRecord> some;
   const auto take = [&](std::size_t begin, std::size_t end) {

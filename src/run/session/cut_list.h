@@ -34,9 +34,9 @@ class CutList {
   std::span<const Change> changes() const { return changes_; }
 
   /// Number of sweeps in force at a version.
-  std::size_t count(std::uint32_t version) const;
+  std::size_t count_at(std::uint32_t version) const;
   /// Sweeps in force at a version, from index `first` on, at most `largest`.
-  std::vector<SweepRecord> by(std::uint32_t version, std::size_t first, std::size_t largest) const;
+  std::vector<SweepRecord> sweeps_at(std::uint32_t version, std::size_t first, std::size_t largest) const;
   /// Length of the list after each undo up to that version.
   const std::vector<std::uint64_t>& undone_to(std::uint32_t version) const {
     return in_force(version).undone_to;

@@ -66,12 +66,12 @@ TEST(CutList, EveryVersionHasTheSweepsOfItsStrokes) {
   for (int n = 0; n < 2000; ++n) {
     const std::uint32_t at = random() % (version + 1);
     const std::vector<SweepRecord>& oracle = of_version[at];
-    ASSERT_EQ(list.count(at), oracle.size()) << at;
+    ASSERT_EQ(list.count_at(at), oracle.size()) << at;
     ASSERT_EQ(list.undone_to(at), undone_to[at]) << at;
     const std::size_t first = random() % (oracle.size() + 2), most = random() % 20;
     std::vector<SweepRecord> some;
     for (std::size_t i = first; i < oracle.size() && some.size() < most; ++i) some.push_back(oracle[i]);
-    ASSERT_EQ(list.by(at, first, most), some) << at << " " << first << " " << most;
+    ASSERT_EQ(list.sweeps_at(at, first, most), some) << at << " " << first << " " << most;
   }
 }
 

@@ -72,11 +72,11 @@ void Cutter::cut(std::vector<Cut> cuts) {
 
 void Cutter::change_strokes() {
   const LiveModel::Lock lock = model_.lock();
-  while (!wanted_.empty()) {
-    const Wanted requested = wanted_.front();
-    wanted_.pop_front();
-    const bool by_script = requested.by.asker == Originator::kScript;
-    if (by_script) script_led_to_ = 0;
+  while (!queued_.empty()) {
+    const QueuedChange requested = queued_.front();
+    queued_.pop_front();
+    const bool by_script = requested.by.originator == Originator::kScript;
+    if (by_script) script_version_ = 0;
     // a stroke has begun since the request, so the request does not refer to the last one
     if (requested.change.strokes != loop_.get()->strokes()) continue;
     const ModelChange change = change_of_stroke(model_.current(lock), requested.change.action);
@@ -84,7 +84,7 @@ void Cutter::change_strokes() {
     auto next = next_version(model_.versions(lock), change);
     if (!next) continue;
     model_.apply(lock, *std::move(next), change, requested.by);
-    if (by_script) script_led_to_ = change.version;
+    if (by_script) script_version_ = change.version;
     cuts_.add(change.version, requested.change.action);
     follow(change, removed_);
   }
@@ -96,7 +96,7 @@ std::ptrdiff_t Cutter::strokes_left(const LiveModel::Lock& lock, StrokeAction ac
   if (carving == nullptr) return 0;
   auto left = static_cast<std::ptrdiff_t>(action == StrokeAction::kUndo ? carving->strokes_to_undo()
                                                                         : carving->strokes_to_redo());
-  for (const Wanted& requested : wanted_) left += requested.change.action == action ? -1 : 1;
+  for (const QueuedChange& requested : queued_) left += requested.change.action == action ? -1 : 1;
   return left;
 }
 
@@ -117,33 +117,33 @@ Result<void> Cutter::check(const LiveModel::Lock& lock, const StrokeChange& chan
 }
 
 void Cutter::request(const LiveModel::Lock& /*held*/, const StrokeChange& change, RequestedBy by) {
-  wanted_.push_back({change, by});
+  queued_.push_back({change, by});
 }
 
 void Cutter::request_by_script(StrokeAction action) {
   const ServoLoop* const loop = loop_.get();
   const LiveModel::Lock lock = model_.lock();
-  script_led_to_ = 0;
+  script_version_ = 0;
   if (!loop || !first_->has_burr()) return;
   request(lock, {action, loop->strokes()}, {Originator::kScript});
-  script_led_to_.reset();
+  script_version_.reset();
 }
 
 std::optional<std::uint32_t> Cutter::script_version() const {
   const LiveModel::Lock lock = model_.lock();
-  return script_led_to_;
+  return script_version_;
 }
 
 std::vector<SweepRecord> Cutter::sweeps(std::uint32_t version, std::uint64_t first,
                                         std::size_t largest) const {
   const LiveModel::Lock lock = model_.lock();
-  return cuts_.by(version, static_cast<std::size_t>(first), largest);
+  return cuts_.sweeps_at(version, static_cast<std::size_t>(first), largest);
 }
 
 void Cutter::describe(const LiveModel::Lock& lock, const std::map<LabelId, double>& nearest_mm,
                       ViewedState& state) const {
   const Model& model = model_.current(lock);
-  state.sweeps = cuts_.count(model.version);
+  state.sweeps = cuts_.count_at(model.version);
   state.undone_to = cuts_.undone_to(model.version);
   if (const Carving* const carving = model.carving.get()) {
     state.strokes_to_undo = carving->strokes_to_undo();

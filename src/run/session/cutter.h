@@ -64,7 +64,7 @@ class Cutter {
                 ViewedState& state) const;
 
  private:
-  struct Wanted {
+  struct QueuedChange {
     StrokeChange change;
     RequestedBy by;
   };
@@ -80,8 +80,8 @@ class Cutter {
   CutList cuts_;                    // sweeps and stroke changes of the model
   RemovedVolume removed_;           // volume removed by them
   ProtectedDistanceMeter nearest_;  // their distance to structures
-  std::deque<Wanted> wanted_;
-  std::optional<std::uint32_t> script_led_to_;
+  std::deque<QueuedChange> queued_;
+  std::optional<std::uint32_t> script_version_;
 
   std::atomic<bool> ending_{false};
   std::thread thread_;

@@ -79,7 +79,7 @@ TEST(DeformedLabels, ADentIsADent) {
   EXPECT_EQ(observed.of(host), host.labels());
 }
 
-TEST(DeformedLabels, WhatTwoToolsDoIsAddedUp) {
+TEST(DeformedLabels, SumsDeformationsOfTwoTools) {
   DeformingHost host;
   DeformedLabels observed;
   host.deformations[0] = dent(15, 1.5);

@@ -13,9 +13,9 @@
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/supervisor/supervisor.h"
-#include "session/explore_watch.h"
 #include "session/live_session.h"
 #include "session/measured_cells.h"
+#include "session/session_statistics.h"
 #include "session/tip_source.h"
 #include "session/training.h"
 
@@ -37,7 +37,7 @@ struct Session {
   ServoLoop& loop;
   Recorder& recorder;
   TipSource& tip;
-  const ExploreWatch& watch;
+  const SessionStatistics& watch;
   LiveSession& live;
   Training* training;      // null: there are no tasks
   Supervisor* supervisor;  // null: the session is not supervised
@@ -58,11 +58,11 @@ class SupervisorKeeper {
  public:
   explicit SupervisorKeeper(const Session& session) : session_(session) {}
   void read_status() {
-    if (session_.supervisor == nullptr || session_.supervisor->watching()) return;
+    if (session_.supervisor == nullptr || session_.supervisor->is_running()) return;
     if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.live.stop_unsupervised();
     if (Clock::now() < next_try_) return;
     if (!failure_) deaths_ += 1;
-    const auto again = session_.supervisor->watch_again();
+    const auto again = session_.supervisor->restart();
     failure_ = again ? std::nullopt : std::optional(again.error());
     next_try_ = again ? Clock::time_point() : Clock::now() + std::chrono::seconds(1);
   }
@@ -80,7 +80,7 @@ class SupervisorKeeper {
 ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, Shown& shown,
                         const SupervisorKeeper& supervisor) {
   const LoopHealth health = session.loop.health();
-  const ExploreWatch::LastSecond last = session.watch.last_second();
+  const SessionStatistics::LastSecond last = session.watch.last_second();
   const TickRecord tick = session.loop.snapshot();
   const DeviceTick& device = tick.device[0];
   ExploreStatus status;
@@ -137,12 +137,12 @@ void grant(ExploreRequest request, const Session& session, Shown& shown) {
   };
   switch (request) {
     case ExploreRequest::kEmergencyStop:
-      return session.live.stop_here();
+      return session.live.stop_by_key();
     case ExploreRequest::kRearm:
-      return report_result(session.live.rearm_here(shown.stop));
+      return report_result(session.live.rearm_by_key(shown.stop));
     case ExploreRequest::kAgree:
     case ExploreRequest::kDecline:
-      return session.live.answer_here(shown.question, request == ExploreRequest::kAgree);
+      return session.live.answer_by_key(shown.question, request == ExploreRequest::kAgree);
     case ExploreRequest::kPause:
       return session.live.pause_by_key();
     case ExploreRequest::kNextMethod:
@@ -150,9 +150,9 @@ void grant(ExploreRequest request, const Session& session, Shown& shown) {
     case ExploreRequest::kMotor:
       return report_result(session.live.toggle_motor_by_key());
     case ExploreRequest::kUndoStroke:
-      return report_result(session.live.stroke_here(StrokeAction::kUndo));
+      return report_result(session.live.change_stroke_by_key(StrokeAction::kUndo));
     case ExploreRequest::kRedoStroke:
-      return report_result(session.live.stroke_here(StrokeAction::kRedo));
+      return report_result(session.live.change_stroke_by_key(StrokeAction::kRedo));
     case ExploreRequest::kTask:
       return report_result(session.live.begin_or_end_task_by_key());
     case ExploreRequest::kNone:
@@ -231,7 +231,7 @@ void finish(const Session& session, ExploreResult& result) {
   if (session.tip.pointer())
     std::erase_if(result.holds, [](const HoldFigure& hold) { return hold.peak_force_N == 0; });
   result.max_force_N = session.watch.max_force_N();
-  result.limit_N = std::min(session.live.highest_max_force_N(), session.model.scene_max_force_N);
+  result.limit_N = std::min(session.live.highest_force_limit_N(), session.model.scene_max_force_N);
 }
 
 LiveSessionParts session_parts(const RunSetup& setup, const Scene& scene, TipSource& tip,
@@ -277,7 +277,7 @@ Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options,
   if (options.supervisor.empty()) return std::unique_ptr<Supervisor>();
   SupervisorSettings settings;
   settings.command = options.supervisor;
-  settings.record_file = log.number();
+  settings.event_log_fd = log.number();
   settings.realtime = options.loop.realtime;
   if (driver.halt_file() >= 0) settings.halt_files.push_back(driver.halt_file());
   const auto devices = driver.devices();
@@ -291,7 +291,7 @@ Result<void> check_script(const Script& script) {
   for (std::size_t n = 0; n < script.steps.size(); ++n)
     if (std::holds_alternative<ScopeStep>(script.steps[n]))
       return Error{ErrorKind::kUsage,
-                   "explore has no second hand to move a scope: on the real clock a script moves one tip",
+                   "explore cannot move a scope by script: on the real clock a script moves a single tip",
                    script.source + ":" + std::to_string(script.lines[n]),
                    "run the script with palpate simulate, or remove the step and hold the scope with a "
                    "second device: --device simulated --device NAME"};
@@ -345,7 +345,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
         Training::start(options.training, *setup->model, (*tip)->driver().devices().size(), progress);
     if (!started) return started.error();
     training = *std::move(started);
-    if (options.training.have_to_fit)
+    if (options.training.requires_all_tasks)
       for (const OfferedTask& task : options.training.tasks)
         if (std::string out = out_of_reach(task.file, setup->limit_N); !out.empty())
           setup->problems.push_back(std::move(out));
@@ -377,7 +377,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   header.device = (*tip)->devices();
   header.devices = static_cast<int>((*loop)->devices().size());
   header.scheduler = (*loop)->scheduling().scheduler;
-  ExploreWatch watch(model, (*tip)->requested());
+  SessionStatistics watch(model, (*tip)->requested());
   if (training) training->begin_session(header);
   const auto on_tick = [&watch, &live, &training](const TickRecord& record,
                                                   std::span<const RecordingEvent> events) {

@@ -92,7 +92,7 @@ class Explore : public ::testing::Test {
   Recording recording_;
 };
 
-TEST_F(Explore, FeelsTheBallInRealTimeAndReplays) {
+TEST_F(Explore, TouchesTheBallInRealTimeAndReplays) {
   ExploreOptions options;
   options.seconds = kPatience_s;
   double last_s = -1, largest_N = 0;
@@ -157,10 +157,10 @@ TEST_F(Explore, ABurrsMotorAndStrokesAreAskedForByKeys) {
   for (const RecordingEvent& event : recording_.events) {
     sweeps += event.kind == RecordingEvent::Kind::kSweep ? 1 : 0;
     if (event.kind == RecordingEvent::Kind::kModel && event.change.is_of_stroke()) {
-      EXPECT_EQ(event.by.asker, Originator::kKey);
+      EXPECT_EQ(event.by.originator, Originator::kKey);
       strokes.push_back(event.change.tissue);
     }
-    if (event.by.asker == Originator::kKey && (event.changed & kSettingMotor) != 0)
+    if (event.by.originator == Originator::kKey && (event.changed & kSettingMotor) != 0)
       motor.push_back((event.switches & kSwitchMotor) != 0);
   }
   EXPECT_GT(sweeps, 0u);
@@ -256,7 +256,7 @@ TEST_F(Explore, StoppedInMidPressTheForceFadesOut) {
 }
 
 // force is given back only to a free tip: the hand withdraws by itself and resumes
-TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
+TEST_F(Explore, StoppedHandWithdrawsAndReturns) {
   ExploreOptions options;
   options.seconds = kPatience_s;
   ExploreStatus observed;
@@ -275,7 +275,7 @@ TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
     if (status.refusal) {
       // the key is pressed repeatedly until the status shows its effect
       EXPECT_THAT(status.refusal->what,
-                  ::testing::AnyOf(HasSubstr("touches something"), HasSubstr("not stopped")));
+                  ::testing::AnyOf(HasSubstr("is in contact"), HasSubstr("not stopped")));
     }
     shown_since += stops == 3;
     rearmed = rearmed || (shown_since > 2 && !status.stop);
@@ -293,7 +293,7 @@ TEST_F(Explore, AStoppedHandLeavesWhatItTouchesAndComesBack) {
   std::vector<std::pair<RecordingEvent::Kind, Originator>> reported;
   for (const RecordingEvent& event : recording_.events)
     if (event.kind == RecordingEvent::Kind::kStop || event.kind == RecordingEvent::Kind::kRearm)
-      reported.emplace_back(event.kind, event.by.asker);
+      reported.emplace_back(event.kind, event.by.originator);
   using Kind = RecordingEvent::Kind;
   EXPECT_EQ(reported, (decltype(reported){{Kind::kStop, Originator::kKey},
                                           {Kind::kStop, Originator::kKey},
@@ -348,7 +348,7 @@ TEST_F(Explore, WithoutARecordingItStillCounts) {
 }
 
 // a viewer who moves the tip may look on; a scripted hand has nothing to touch
-TEST_F(Explore, WhereNothingIsFeltAPointerLooksOn) {
+TEST_F(Explore, PointerObservesASceneWithoutTouchableTissue) {
   Model model = *loaded_.model;
   for (Tissue& tissue : model.tissues) tissue.touchable = false;
   std::fill(model.level_of_label.begin(), model.level_of_label.end(), 0.f);
@@ -368,7 +368,7 @@ TEST_F(Explore, WhereNothingIsFeltAPointerLooksOn) {
   EXPECT_EQ(result->summary.method_missing, 0u);
 }
 
-TEST_F(Explore, WhatCannotBeginIsAnError) {
+TEST_F(Explore, ReportsSetupErrors) {
   const auto error_of = [&](const Script& script, const ExploreOptions& options, const std::string& file) {
     const auto result = explore(loaded_, script, options, file, Progress({}, &stop_));
     PALPATE_CHECK(!result.ok());

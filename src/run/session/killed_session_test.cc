@@ -49,7 +49,7 @@ void expect_edits(const Recording& recording, bool count_askers) {
   for (const RecordingEvent& event : recording.events) {
     const TickRecord& tick = recording.ticks.at(event.tick);
     ASSERT_EQ(tick.tick, event.tick);
-    if (event.by.asker == Originator::kControlViewer) askers.insert(event.by.viewer);
+    if (event.by.originator == Originator::kControlViewer) askers.insert(event.by.viewer);
     if (event.kind != RecordingEvent::Kind::kModel) continue;
     EXPECT_EQ(event.number, ++version);
     if (event.change.is_of_tissue()) {

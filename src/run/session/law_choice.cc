@@ -68,7 +68,7 @@ Result<void> LawChoice::choose(const LiveModel::Lock& lock, TissueLaw law, Reque
   failure_.reset();
   if (law == model.tissue_law) {
     awaited_.reset();
-    script_led_to_ = model.version;
+    script_version_ = model.version;
     return {};
   }
   if (auto fine = check_law(model, law); !fine) return fine.error();
@@ -92,20 +92,20 @@ void LawChoice::switch_to(const LiveModel::Lock& lock, const Model& under, doubl
   if (is_moving(under.tissue_law)) start_solver(lock);
   model_.apply(lock, {with_law(*now.current, under, change), now.prepared}, change, by);
   awaited_.reset();
-  script_led_to_ = change.version;
+  script_version_ = change.version;
 }
 
 void LawChoice::choose_by_script(TissueLaw law) {
   const bool runs = loop_.get() != nullptr;
   const LiveModel::Lock lock = model_.lock();
-  script_led_to_.reset();
+  script_version_.reset();
   // a law that the script may not use was rejected when the script was read; a viewer may have cut since
-  if (!runs || !choose(lock, law, {Originator::kScript})) script_led_to_ = 0;
+  if (!runs || !choose(lock, law, {Originator::kScript})) script_version_ = 0;
 }
 
 std::optional<std::uint32_t> LawChoice::script_version() const {
   const LiveModel::Lock lock = model_.lock();
-  return script_led_to_;
+  return script_version_;
 }
 
 void LawChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
@@ -133,17 +133,17 @@ void LawChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
   cell_size_of(law) = {coarsened, made->warning};
 }
 
-// keeps the current law and reports the error to whoever requested the change
+// keeps the current law and reports the error to the requester
 void LawChoice::abandon(const LiveModel::Lock& /*held*/, Error why) {
   why.where = name_of(*awaited_, kTissueLaws);
   awaited_.reset();
   failure_ = std::move(why);
-  script_led_to_ = 0;
+  script_version_ = 0;
 }
 
 void LawChoice::abandon_without_memory(const LiveModel::Lock& /*held*/) noexcept {
   if (!awaited_) return;
-  script_led_to_ = 0;
+  script_version_ = 0;
   try {
     failure_.emplace(Error{ErrorKind::kUnavailable, "out of memory", "", ""}).where =
         name_of(*awaited_, kTissueLaws);

@@ -91,7 +91,7 @@ class LawChoice final : public PreparedChoice {
   std::optional<TissueLaw> awaited_;
   RequestedBy awaited_by_;
   std::optional<Error> failure_;
-  std::optional<std::uint32_t> script_led_to_;
+  std::optional<std::uint32_t> script_version_;
   std::array<CellSize, ModelChange::kLaws> cell_sizes_;
   std::vector<std::string> later_warnings_;
   bool has_ended_ = false;

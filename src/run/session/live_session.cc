@@ -35,7 +35,7 @@ LiveSession::LiveSession(LiveSessionParts parts)
       preparation_(model_, {&law_, &method_}),
       highest_max_force_N_(parts_.parameters.max_force_N) {}
 
-void LiveSession::begin(ServoLoop& loop, const ExploreWatch& watch) {
+void LiveSession::begin(ServoLoop& loop, const SessionStatistics& watch) {
   watch_ = &watch;
   set_tip_holder({});
   loop_.connect(loop);
@@ -83,7 +83,7 @@ ViewedScene LiveSession::make_scene() const {
   scene.continuous_force_N = device.continuous_force_N.value_or(kUnknown);
   const double largest = parts_.parameters.device[0].max_stiffness_N_per_mm;
   scene.max_stiffness_N_per_mm = std::isfinite(largest) ? largest : kUnknown;
-  scene.max_force_range = {kMaxForceRange.min, most_force_N()};
+  scene.max_force_range = {kMaxForceRange.min, max_selectable_force_N()};
   scene.rate_hz = parts_.rate_hz;
   if (parts_.training != nullptr) scene.tasks = parts_.training->tasks();
   return scene;
@@ -94,7 +94,7 @@ bool LiveSession::physical() const {
                      [](const DeviceInfo& info) { return !info.simulated; });
 }
 
-double LiveSession::most_force_N() const {
+double LiveSession::max_selectable_force_N() const {
   double max_N = std::min(kMaxForceRange.max, parts_.model->scene_max_force_N);
   for (const DeviceInfo& info : parts_.devices) max_N = std::min(max_N, info.peak_force_N.value_or(max_N));
   return max_N;
@@ -119,7 +119,7 @@ ViewedHealth LiveSession::health() const {
   if (now < health_until_) return health_;
   health_until_ = now + kHealthPeriod;
   const LoopHealth of_all = loop->health();
-  const ExploreWatch::LastSecond last = watch_->last_second();
+  const SessionStatistics::LastSecond last = watch_->last_second();
   health_ = {rate_.observe(of_all.ticks), last.lateness_p50_us, last.lateness_p99_us, last.lateness_max_us,
              last.compute_p50_us,         of_all.skipped,       of_all.dropped,       of_all.stalls};
   // frees model versions that the loop no longer uses
@@ -151,7 +151,7 @@ std::shared_ptr<const Bricks<LabelId>> LiveSession::labels() const {
   return model_.current(model_.lock()).labels;
 }
 
-double LiveSession::highest_max_force_N() const {
+double LiveSession::highest_force_limit_N() const {
   const Lock lock = model_.lock();
   return highest_max_force_N_;
 }
@@ -182,9 +182,9 @@ Result<void> LiveSession::check(const Lock& lock, const SettingsRequest& request
   }
   if (request.max_force_N) {
     const double requested_N = *request.max_force_N, min_N = kMaxForceRange.min;
-    if (!(requested_N >= min_N && requested_N <= most_force_N()))
+    if (!(requested_N >= min_N && requested_N <= max_selectable_force_N()))
       return invalid_value("a limit of " + rounded_text(requested_N) + " N is outside " +
-                               rounded_text(min_N) + " ... " + rounded_text(most_force_N()) + " N",
+                               rounded_text(min_N) + " ... " + rounded_text(max_selectable_force_N()) + " N",
                            "max_force_N", "the device and the scene allow no higher limit");
   }
   if (request.rotation_wxyz) {
@@ -214,9 +214,9 @@ bool LiveSession::needs_consent(bool could_increase_force) const {
 }
 
 template <class Request>
-Result<RequestOutcome> LiveSession::ask(const Request& request, std::string what) {
+Result<RequestOutcome> LiveSession::request_consent(const Request& request, std::string what) {
   if (!parts_.has_operator)
-    return refusal("the request cannot be confirmed while a device may give force", "",
+    return refusal("the request cannot be confirmed while a device can apply force", "",
                    "start palpate in a terminal, where the operator can accept it");
   consent_.ask(request.by, request.id, std::move(what), [this, request]() -> Result<void> {
     ServoLoop* loop = commanded_loop();
@@ -238,7 +238,7 @@ Result<RequestOutcome> LiveSession::set(const SettingsRequest& request) {
   const SettingsRequest answer = changes_of(request, now, model_.current(lock).tissue_law,
                                             law_.is_awaited(lock), method_.is_awaited(lock));
   const std::string what = consent_text(answer, now);
-  if (!what.empty() && needs_consent(could_increase_force(answer, now))) return ask(answer, what);
+  if (!what.empty() && needs_consent(could_increase_force(answer, now))) return request_consent(answer, what);
   if (auto applied = apply(lock, request, requested_by(request.by)); !applied) return applied.error();
   return RequestOutcome::kDone;
 }
@@ -266,7 +266,8 @@ Result<RequestOutcome> LiveSession::set(const TissueRequest& request) {
   const bool more = std::ranges::any_of(kContactProperties, [&](const ContactProperty& property) {
     return change->contact.*property.value > before.contact.*property.value;
   });
-  if (needs_consent(more)) return ask(request, consent_text(tissue.name, before.contact, change->contact));
+  if (needs_consent(more))
+    return request_consent(request, consent_text(tissue.name, before.contact, change->contact));
   if (auto applied = model_.edit(lock, *change, requested_by(request.by)); !applied) return applied.error();
   return RequestOutcome::kDone;
 }
@@ -284,9 +285,10 @@ Result<RequestOutcome> LiveSession::set(const StrokeRequest& request) {
   const LastStrokeRequest answer{request, loop->strokes()};
   if (auto fine = check(lock, answer, loop->parameters()); !fine) return fine.error();
   if (needs_consent(true))
-    return ask(answer, request.action == StrokeAction::kUndo
-                           ? "undo the last stroke: keep the " + cutter_name(*parts_.model) + " out of it"
-                           : std::string("redo the last undone stroke"));
+    return request_consent(answer, request.action == StrokeAction::kUndo
+                                       ? "undo the last stroke: keep the " + cutter_name(*parts_.model) +
+                                             " out of the restored volume"
+                                       : std::string("redo the last undone stroke"));
   if (auto applied = apply(lock, answer, requested_by(request.by)); !applied) return applied.error();
   return RequestOutcome::kDone;
 }
@@ -298,7 +300,7 @@ Result<void> LiveSession::apply(const Lock& lock, const LastStrokeRequest& reque
 
 // ---- keys at the device
 
-Result<void> LiveSession::rearm_here(std::uint32_t stop) {
+Result<void> LiveSession::rearm_by_key(std::uint32_t stop) {
   if (rearmed_in_page())
     return refusal("a pointer can be rearmed only by the viewer that moves it", "",
                    "press Rearm in the page");
@@ -320,7 +322,7 @@ Result<void> LiveSession::toggle_motor_by_key() {
   return {};
 }
 
-Result<void> LiveSession::stroke_here(StrokeAction action) {
+Result<void> LiveSession::change_stroke_by_key(StrokeAction action) {
   ServoLoop* loop = commanded_loop();
   if (!loop) return not_running();
   const Lock lock = model_.lock();

@@ -25,7 +25,6 @@
 #include "session/consent.h"
 #include "session/cutter.h"
 #include "session/deformed_labels.h"
-#include "session/explore_watch.h"
 #include "session/law_choice.h"
 #include "session/live_model.h"
 #include "session/measured_cells.h"
@@ -34,6 +33,7 @@
 #include "session/preparation_thread.h"
 #include "session/rate_meter.h"
 #include "session/session_loop.h"
+#include "session/session_statistics.h"
 #include "session/stop_switch.h"
 #include "session/training.h"
 
@@ -89,7 +89,7 @@ class LiveSession final : public LiveHost {
   ~LiveSession() override { end(); }
   /// Connects the session to the running loop, which must use the model and parameters of LiveSessionParts.
   /// @param loop, watch  outlive the session
-  void begin(ServoLoop& loop, const ExploreWatch& watch);
+  void begin(ServoLoop& loop, const SessionStatistics& watch);
   /// Refuses requests from now on and ends the worker threads. Viewers still observe the loop and the watch.
   void close();
   /// close(), and disconnects the loop and the watch, which may then be destroyed. No viewer may be
@@ -136,20 +136,20 @@ class LiveSession final : public LiveHost {
   void observe(const TickRecord& record) { history_.add(record); }
 
   // ---- keys at the device
-  void stop_here() { stop_.stop({Originator::kKey}); }
+  void stop_by_key() { stop_.stop({Originator::kKey}); }
   /// Stops the force because no supervisor process watches the session.
   void stop_unsupervised() { stop_.stop({Originator::kSession}); }
-  /// Gives the force back after a stop.
+  /// Re-arms the force after a stop.
   /// @param stop  number of the stop that was displayed to the operator
-  /// Errors: those of a viewer's rearm; kUsage for a pointer, whose force is given back in the page.
-  Result<void> rearm_here(std::uint32_t stop);
+  /// Errors: those of a viewer's rearm; kUsage for a pointer, which is re-armed in the page.
+  Result<void> rearm_by_key(std::uint32_t stop);
   void pause_by_key();
   /// Pending request of a viewer that needs consent here.
   std::optional<ConsentQuestion> question() { return consent_.question(); }
-  void answer_here(std::uint64_t question, bool agreed) { consent_.answer(question, agreed); }
+  void answer_by_key(std::uint64_t question, bool agreed) { consent_.answer(question, agreed); }
   /// StopSwitch::arming_code
   std::string arming_code() { return stop_.arming_code(); }
-  /// Whether force is given back in the page: only a pointer moves the tip and no device is physical.
+  /// Whether the force is re-armed in the page: only a pointer moves the tip and no device is physical.
   bool rearmed_in_page() const { return parts_.pointer != nullptr && !physical(); }
   /// Number of the stop in effect; empty if there is none.
   std::optional<std::uint32_t> current_stop() const { return stop_.current(); }
@@ -157,7 +157,7 @@ class LiveSession final : public LiveHost {
   /// Toggles the burrs' motors. Errors: kBadInput if no device has a burr.
   Result<void> toggle_motor_by_key();
   /// Errors: those of a viewer's StrokeRequest.
-  Result<void> stroke_here(StrokeAction action);
+  Result<void> change_stroke_by_key(StrokeAction action);
   /// Cutter::request_by_script
   void change_stroke_by_script(StrokeAction action) { cutter_.request_by_script(action); }
   void change_law_by_script(TissueLaw law) { law_.choose_by_script(law); }
@@ -165,7 +165,7 @@ class LiveSession final : public LiveHost {
   bool is_over() const { return is_over_; }
   /// Errors: those of Training::begin_or_end; kUsage if the session has no tasks.
   Result<void> begin_or_end_task_by_key();
-  /// Model version to which the script's last stroke change or law change led; see
+  /// Model version produced by the script's last stroke change or law change; see
   /// HandCommands::stroke_version and law_version.
   std::optional<std::uint32_t> script_stroke_version() const { return cutter_.script_version(); }
   std::optional<std::uint32_t> script_law_version() const { return law_.script_version(); }
@@ -183,7 +183,7 @@ class LiveSession final : public LiveHost {
   /// Log of all commands passed to the loop since begin().
   EventLog& log() { return loop_.log(); }
   /// Highest value of the user's force limit so far.
-  double highest_max_force_N() const;
+  double highest_force_limit_N() const;
 
  private:
   ViewedScene make_scene() const;
@@ -191,10 +191,10 @@ class LiveSession final : public LiveHost {
   ServoLoop* commanded_loop() const;
   bool physical() const;
   bool cuts() const;
-  double most_force_N() const;
+  double max_selectable_force_N() const;
   bool needs_consent(bool could_increase_force) const;
   template <class Request>
-  Result<RequestOutcome> ask(const Request& request, std::string what);
+  Result<RequestOutcome> request_consent(const Request& request, std::string what);
   /// Stroke request with the number of strokes begun when it was made.
   struct LastStrokeRequest : StrokeRequest {
     std::uint32_t strokes = 0;
@@ -216,7 +216,7 @@ class LiveSession final : public LiveHost {
 
   TickHistory history_;
   SessionLoop loop_;
-  const ExploreWatch* watch_ = nullptr;  // set before the loop is connected
+  const SessionStatistics* watch_ = nullptr;  // set before the loop is connected
   StopSwitch stop_;
   LiveModel model_;
   MethodChoice method_;

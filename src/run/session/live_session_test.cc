@@ -198,7 +198,7 @@ class Viewed : public ::testing::Test {
   }
   // answers the pending question by a key; returns what its viewer receives
   LateAnswer answer(bool agreed) {
-    live_->answer_here(live_->question().value_or(ConsentQuestion{}).number, agreed);
+    live_->answer_by_key(live_->question().value_or(ConsentQuestion{}).number, agreed);
     const auto answers = live_->read_answers();
     EXPECT_EQ(answers.size(), 1u);
     return answers.empty() ? LateAnswer{{}, 0, not_answered()} : answers.front();
@@ -220,10 +220,10 @@ class Viewed : public ::testing::Test {
   std::optional<HeldDriver> driver_;
   std::optional<LiveSession> live_;
   std::unique_ptr<ServoLoop> loop_;
-  std::optional<ExploreWatch> watch_;
+  std::optional<SessionStatistics> watch_;
 };
 
-TEST_F(Viewed, WhatIsShownNamesNobody) {
+TEST_F(Viewed, PublishedSceneContainsNoPatientName) {
   start();
   const ViewedScene& scene = live_->scene();
   EXPECT_EQ(scene.side, "left");
@@ -371,7 +371,7 @@ TEST_F(Viewed, TissuesAreTakenAllOrNone) {
   EXPECT_TRUE(soon([&] { return latest().model_version == 2; }));
 }
 
-TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
+TEST_F(Viewed, StiffnessChangeCausesNoForceStep) {
   start();
   ASSERT_NO_FATAL_FAILURE(press(2));
   ASSERT_TRUE(soon([&] { return std::abs(sent_N(latest()) - 1.5) < 0.02; })) << sent_N(latest());
@@ -406,7 +406,7 @@ TEST_F(Viewed, ANewStiffnessIsFeltWithoutAStep) {
   EXPECT_TRUE(soon([&] { return loop_->collect() == 1; })) << "older versions are freed";
 }
 
-TEST_F(Viewed, TheStiffnessThatIsToldIsWhatTheHandFeels) {
+TEST_F(Viewed, ReportedStiffnessIsTheRenderedStiffness) {
   for (const double largest : {std::numeric_limits<double>::infinity(), 0.2}) {
     WorkspaceSettings workspace;
     workspace.scale = 2;
@@ -421,7 +421,7 @@ TEST_F(Viewed, TheStiffnessThatIsToldIsWhatTheHandFeels) {
   }
 }
 
-TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
+TEST_F(Viewed, DirectMethodRequiresAFieldOfTheSameStiffness) {
   start();
   TissueRequest softer;
   softer.tissue = kViewedCartilage;
@@ -449,7 +449,7 @@ TEST_F(Viewed, ADirectMethodIsFeltOnlyWithTheStiffnessOfItsField) {
   EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
 }
 
-TEST_F(Viewed, RampsAreMadeAnewForADirectMethod) {
+TEST_F(Viewed, RampsAreRebuiltForADirectMethod) {
   // fields are not generated before this thread has made its other requests
   std::atomic<bool> may_be_made{false};
   rebuild_fields_ = [&](const Model& model, const Model& made, const Progress& progress) {
@@ -535,7 +535,7 @@ TEST_F(Viewed, ADirectMethodIsMadeReadyWhenItIsChosenFirst) {
   for (const std::uint8_t method : methods_in_order) EXPECT_TRUE(method == kNow || method == kThen);
 }
 
-TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
+TEST_F(Viewed, LaterMethodRequestReplacesAPendingOne) {
   every_method_ = false;
   std::atomic<bool> may_be_made{false};
   prepare_methods_ = [&](auto model, auto methods, const Progress& progress) {
@@ -571,7 +571,7 @@ TEST_F(Viewed, WhoWantsAnotherMethodMeanwhileGetsThat) {
   EXPECT_EQ(latest().device[0].flags & kFlagMethodMissing, 0u);
 }
 
-TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
+TEST_F(Viewed, ReportsMethodPreparationFailure) {
   every_method_ = false;
   std::atomic<int> tries{0};
   prepare_methods_ = [&](auto model, auto methods, const Progress& progress) {
@@ -597,7 +597,7 @@ TEST_F(Viewed, AMethodThatCannotBeMadeReadyIsTold) {
   EXPECT_TRUE(soon([&] { return live_->state().method == ForceMethod::kSpline; }));
 }
 
-TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
+TEST_F(Viewed, LawTakesEffectWhenItsSurfacesAreReady) {
   shell_ = ElasticConstants{60, 0.45};
   std::atomic<bool> may_be_made{false};
   std::atomic<int> made{0};
@@ -668,7 +668,7 @@ TEST_F(Viewed, ALawWithOtherSurfacesIsFeltWhenTheyAreMade) {
   EXPECT_TRUE(soon([&] { return live_->deformation(0) == nullptr; }));
 }
 
-TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
+TEST_F(Viewed, ReportsLawPreparationFailure) {
   shell_ = ElasticConstants{20, 0.45};
   int tries = 0;
   prepare_law_ = [&](const Model& model, TissueLaw law, std::size_t devices, const Progress& progress) {
@@ -698,7 +698,7 @@ TEST_F(Viewed, ALawWhoseSurfacesCannotBeMadeIsTold) {
 }
 
 // the session continues, viewers are told, and the run replays
-TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
+TEST_F(Viewed, ReportsSolverOutOfMemory) {
   shell_ = ElasticConstants{60, 0.45};
   std::atomic<bool> is_full{false};
   std::atomic<int> refused{0};
@@ -753,7 +753,7 @@ TEST_F(Viewed, TissueThatCannotBeSolvedForLackOfMemoryIsTold) {
   EXPECT_TRUE(replayed->identical) << replayed->difference;
 }
 
-TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
+TEST_F(Viewed, ReturningToTheProxyCancelsPreparation) {
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
   softer.tissue = kViewedBone;
@@ -777,7 +777,7 @@ TEST_F(Viewed, WhoGoesBackToTheProxyGetsIt) {
 
 // a session by the proxy starts without the field of the direct methods and makes it on demand, beside the
 // loop and without a new version of the model
-TEST_F(Viewed, ASessionOfTheProxyAloneMakesTheFieldOnDemand) {
+TEST_F(Viewed, ProxySessionBuildsTheFieldOnDemand) {
   proxy_alone_ = true;
   prepare_methods_ = [](auto model, auto methods, const Progress& progress) {
     return prepared_for(std::move(model), methods, {}, progress);
@@ -804,7 +804,7 @@ TEST_F(Viewed, ASessionOfTheProxyAloneMakesTheFieldOnDemand) {
   for (const TickRecord& tick : ticks()) EXPECT_EQ(tick.device[0].flags & kFlagMethodMissing, 0u);
 }
 
-TEST_F(Viewed, ASessionOfTheProxyAloneMakesTheFieldForItsPresentStiffness) {
+TEST_F(Viewed, ProxySessionBuildsTheFieldForTheCurrentStiffness) {
   proxy_alone_ = true;
   start(true, {}, std::numeric_limits<double>::infinity(), true);
   TissueRequest softer;
@@ -821,7 +821,7 @@ TEST_F(Viewed, ASessionOfTheProxyAloneMakesTheFieldForItsPresentStiffness) {
 }
 
 // out of memory, unsuitable values: the session continues, and the error is reported
-TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
+TEST_F(Viewed, ReportsFieldPreparationFailure) {
   using Made = Result<std::shared_ptr<const Model>>;
   std::atomic<int> tries{0};
   rebuild_fields_ = [&](const Model& model, const Model& made, const Progress& progress) -> Made {
@@ -879,7 +879,7 @@ TEST_F(Viewed, FieldsThatCannotBeMadeAreTold) {
 }
 
 // a script's method that cannot be prepared is replaced by the proxy
-TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
+TEST_F(Viewed, ReportsMethodFailureOfAScript) {
   std::atomic<int> tries{0};
   rebuild_fields_ = [&](const auto&...) -> Result<std::shared_ptr<const Model>> {
     ++tries;
@@ -907,7 +907,7 @@ TEST_F(Viewed, AScriptsMethodThatCannotBeMadeIsTold) {
   EXPECT_EQ(tries, 1);
 }
 
-TEST_F(Viewed, AScriptsMethodWhoseFieldsAreOfOtherStiffnessesIsTold) {
+TEST_F(Viewed, ReportsAScriptsMethodWithStaleFields) {
   start();
   TissueRequest softer;
   softer.tissue = kViewedBone;
@@ -923,7 +923,7 @@ TEST_F(Viewed, AScriptsMethodWhoseFieldsAreOfOtherStiffnessesIsTold) {
 
 // ---- a physical device
 
-TEST_F(Viewed, WhatAViewerWantsWaitsForConsentWhileADeviceMayPush) {
+TEST_F(Viewed, ViewerRequestsNeedConsentWhileADeviceIsArmed) {
   start(false);
   EXPECT_FALSE(live_->scene().simulated);
   EXPECT_TRUE(live_->state().armed);
@@ -1059,7 +1059,7 @@ TEST_F(Viewed, WhileItIsStoppedOnlyMoreNeedsConsent) {
   EXPECT_EQ(live_->state().max_force_N, 2);
 }
 
-TEST_F(Viewed, AViewerThatGoesTakesItsWishAlong) {
+TEST_F(Viewed, DisconnectedViewerWithdrawsItsRequest) {
   start(false);
   SettingsRequest request;
   request.by = {6, true};
@@ -1079,7 +1079,7 @@ TEST_F(Viewed, APhysicalDeviceIsArmedWhereItIs) {
   // a code that was never displayed is invalid
   EXPECT_EQ(error_in(live_->rearm({stop, {4, true}, "000000"})).where, "code");
   EXPECT_EQ(live_->state().stop, stop);
-  EXPECT_EQ(error_in(live_->rearm_here(stop)).what, "no error");
+  EXPECT_EQ(error_in(live_->rearm_by_key(stop)).what, "no error");
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
   EXPECT_TRUE(live_->state().armed);
   EXPECT_EQ(error_in(live_->claim_pointer(true, {1, true})).kind, ErrorKind::kUsage);
@@ -1118,12 +1118,12 @@ TEST_F(Viewed, ASimulatedDeviceIsRearmedFromAfar) {
 
 // Regression: a key toggled between stop and rearm, so that it re-armed after a viewer's stop and two quick
 // presses ended armed.
-TEST_F(Viewed, AStopOnlyStopsWhoeverAsksForItAndHoweverOften) {
+TEST_F(Viewed, StopsAreIdempotentFromAnySource) {
   for (const bool simulated : {false, true}) {
     start(simulated);
     live_->emergency_stop({3, false});
-    live_->stop_here();
-    live_->stop_here();
+    live_->stop_by_key();
+    live_->stop_by_key();
     live_->emergency_stop({4, true});
     const std::uint32_t last = stopped();
     EXPECT_EQ(last, 4u);
@@ -1133,10 +1133,10 @@ TEST_F(Viewed, AStopOnlyStopsWhoeverAsksForItAndHoweverOften) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     EXPECT_TRUE(latest().switches & kSwitchEmergencyStop);
     // a rearm sent before the last stop was noticed
-    EXPECT_THAT(error_in(live_->rearm_here(last - 1)).what, HasSubstr("another stop"));
+    EXPECT_THAT(error_in(live_->rearm_by_key(last - 1)).what, HasSubstr("another stop"));
     EXPECT_EQ(live_->state().stop, last);
-    EXPECT_EQ(error_in(live_->rearm_here(last)).what, "no error");
-    EXPECT_THAT(error_in(live_->rearm_here(last)).what, HasSubstr("not stopped"));
+    EXPECT_EQ(error_in(live_->rearm_by_key(last)).what, "no error");
+    EXPECT_THAT(error_in(live_->rearm_by_key(last)).what, HasSubstr("not stopped"));
     TearDown();
     reported_.clear();
   }
@@ -1146,20 +1146,20 @@ TEST_F(Viewed, OnlyAFreeHandGetsItsForceBack) {
   start();
   ASSERT_NO_FATAL_FAILURE(press(1));
   ASSERT_TRUE(soon([&] { return sent_N(latest()) > 0.3; }));
-  live_->stop_here();
+  live_->stop_by_key();
   const std::uint32_t stop = stopped();
   EXPECT_EQ(live_->state().stopped_by, StoppedBy::kKey);
   EXPECT_EQ(sent_N(latest()), 0);
-  for (const auto& refused : {live_->rearm_here(stop), live_->rearm({stop, {4, true}})}) {
-    EXPECT_THAT(error_in(refused).what, HasSubstr("touches something"));
+  for (const auto& refused : {live_->rearm_by_key(stop), live_->rearm({stop, {4, true}})}) {
+    EXPECT_THAT(error_in(refused).what, HasSubstr("is in contact"));
     EXPECT_THAT(error_in(refused).remedy, HasSubstr("free"));
   }
   ASSERT_NO_FATAL_FAILURE(leave());
-  EXPECT_EQ(error_in(live_->rearm_here(stop)).what, "no error");
+  EXPECT_EQ(error_in(live_->rearm_by_key(stop)).what, "no error");
   EXPECT_TRUE(soon([&] { return (latest().switches & kSwitchEmergencyStop) == 0; }));
 }
 
-TEST_F(Viewed, WhoAskedForWhatIsTold) {
+TEST_F(Viewed, EventsRecordTheirOriginator) {
   start();
   SettingsRequest settings;
   settings.by = {7, true};
@@ -1176,9 +1176,9 @@ TEST_F(Viewed, WhoAskedForWhatIsTold) {
   EXPECT_EQ(error_of(softer).what, "no error");
   live_->emergency_stop({9, false});
   EXPECT_EQ(error_in(live_->rearm({stopped(), {7, true}})).what, "no error");
-  live_->stop_here();
-  EXPECT_EQ(error_in(live_->rearm_here(99)).where, "stop") << "which is told to nobody";
-  EXPECT_EQ(error_in(live_->rearm_here(stopped())).what, "no error");
+  live_->stop_by_key();
+  EXPECT_EQ(error_in(live_->rearm_by_key(99)).where, "stop") << "which is told to nobody";
+  EXPECT_EQ(error_in(live_->rearm_by_key(stopped())).what, "no error");
   live_->pause_by_key();
   live_->next_method();
 
@@ -1306,7 +1306,7 @@ class ViewedExplore : public ::testing::Test {
 const char* const kPressAndHold =
     "[[step]]\napproach = \"ball\"\nspeed = 200.0\n[[step]]\npress = 0.8\n[[step]]\nhold = 60.0\n";
 
-TEST_F(ViewedExplore, WhatABurrTakesAwayIsShownRecordedAndReplays) {
+TEST_F(ViewedExplore, RemovalIsShownRecordedAndReplayed) {
   loaded_ = testing::loaded_burr();
   ExploreOptions options;
   options.seconds = 60;
@@ -1399,7 +1399,7 @@ TEST_F(ViewedExplore, AnUndoIsOfNoStrokeThatIsBegunAfterIt) {
   EXPECT_TRUE(stands);
 }
 
-TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {
+TEST_F(ViewedExplore, StrokeIsUndoneAndRedoneDuringContact) {
   loaded_ = testing::loaded_burr();
   ExploreOptions options;
   options.seconds = 60;
@@ -1457,7 +1457,7 @@ TEST_F(ViewedExplore, AStrokeIsUndoneAndDoneAgainWhileItIsFelt) {
   expect_replays(recording);
 }
 
-TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
+TEST_F(ViewedExplore, ViewerChangesAreRecordedAndReplayed) {
   ExploreOptions options;
   options.seconds = 60;
   int changed_at = -1, turned_at = -1;
@@ -1541,7 +1541,7 @@ TEST_F(ViewedExplore, WhatViewersChangeIsRecordedAndReplays) {
   EXPECT_FALSE(again->identical);
 }
 
-TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
+TEST_F(ViewedExplore, RebuiltFieldsReplay) {
   loaded_.model = std::make_shared<const Model>(testing::with_ramps(Model(*loaded_.model), 4));
   ExploreOptions options;
   options.seconds = 60;
@@ -1577,7 +1577,7 @@ TEST_F(ViewedExplore, FieldsThatWereMadeAnewReplay) {
   expect_replays(recording);
 }
 
-TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
+TEST_F(ViewedExplore, PointerRecoversAfterConnectionLoss) {
   ExploreOptions options;
   options.devices = {kPointer};
   options.seconds = 30;
@@ -1655,7 +1655,7 @@ TEST_F(ViewedExplore, APointerFeelsAndIsLostAndComesBack) {
   }
 }
 
-TEST_F(ViewedExplore, WhoCannotShowItEndsItBeforeItBegins) {
+TEST_F(ViewedExplore, ViewerServerFailurePreventsTheSession) {
   ExploreOptions options;
   options.viewers = [](LiveHost&) -> Result<std::shared_ptr<void>> {
     return Error{ErrorKind::kUnavailable, "the port is taken", "--port", "choose another"};

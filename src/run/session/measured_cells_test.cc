@@ -46,7 +46,7 @@ TEST(MeasuredCells, AreAsTheSceneHasThemElsewhere) {
 }
 
 // the session may release the model that the hand planned its path in, once it uses coarser cells
-TEST(MeasuredCells, TheHandKeepsTheModelThatItLooksAt) {
+TEST(MeasuredCells, HandKeepsItsModel) {
   LoadedScene loaded = testing::loaded_ball();
   const auto script = parse_script("[[step]]\napproach = \"ball\"\n", "test script");
   ASSERT_TRUE(script);

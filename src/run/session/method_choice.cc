@@ -156,7 +156,7 @@ Result<void> MethodChoice::use_fields(const LiveModel::Lock& lock, std::shared_p
   return not_made(why);
 }
 
-// keeps the current method and reports the error to whoever requested the change
+// keeps the current method and reports the error to the requester
 void MethodChoice::abandon(const LiveModel::Lock& lock, ForceMethod method, Error why) {
   const Model& model = model_.current(lock);
   awaited_.reset();

@@ -18,12 +18,12 @@
 #include "palpate/palpation/recorded_model.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/removed_volume.h"
+#include "session/clearance_history.h"
 #include "session/cut_list.h"
 #include "session/deformed_labels.h"
-#include "session/nearest_line.h"
 #include "session/played_solutions.h"
 #include "session/played_task.h"
-#include "session/recording_line.h"
+#include "session/recording_timeline.h"
 #include "session/solution_index.h"
 #include "session/tick_blocks.h"
 #include "session/viewed_scene.h"
@@ -170,7 +170,7 @@ class CutLabels {
 class Playback final : public PlaybackHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
-           const TickRecord& first, std::vector<double> begins_s, Edits edits, NearestLine nearest,
+           const TickRecord& first, std::vector<double> begins_s, Edits edits, ClearanceHistory nearest,
            SolutionIndex solutions, std::unique_ptr<const PlayedTask> task, std::shared_ptr<SharedPlan> plan)
       : header_(recording.head().header),
         model_(std::move(model)),
@@ -210,7 +210,7 @@ class Playback final : public PlaybackHost {
       constexpr double kNear_s = 0.25;
       const double speed = position_.playing() ? std::max(1.0, std::abs(position_.speed())) : 1.0;
       const auto near = static_cast<std::uint32_t>(kNear_s * speed / kSolverFrame_s);
-      is_deformable ? solutions_->want(shown_.solver_frame, near) : solutions_->want(0, 0);
+      is_deformable ? solutions_->request(shown_.solver_frame, near) : solutions_->request(0, 0);
     }
     stiffness_N_per_mm = {};
     // a direct method's stiffness depends on the stiffest tissue of the model, so none is reported
@@ -246,7 +246,7 @@ class Playback final : public PlaybackHost {
     state.model_version = shown_.model_version;
     state.law = name_of(edits_.laws.at(shown_.model_version), kTissueLaws);
     state.tissues = tissues_at(shown_.model_version);
-    state.sweeps = edits_.cuts.count(shown_.model_version);
+    state.sweeps = edits_.cuts.count_at(shown_.model_version);
     state.undone_to = edits_.cuts.undone_to(shown_.model_version);
     // last version that removed material, up to the one shown
     const auto later = std::ranges::upper_bound(edits_.gone, shown_.model_version, {}, &Edits::Gone::version);
@@ -273,14 +273,14 @@ class Playback final : public PlaybackHost {
   std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
                                   std::size_t largest) const override {
     const std::lock_guard lock(mutex_);
-    return edits_.cuts.by(version, static_cast<std::size_t>(first), largest);
+    return edits_.cuts.sweeps_at(version, static_cast<std::size_t>(first), largest);
   }
   std::shared_ptr<const Bricks<LabelId>> labels() const override {
     std::vector<SweepRecord> sweeps;
     {
       const std::lock_guard lock(mutex_);
       const std::uint32_t version = shown_.model_version;
-      sweeps = edits_.cuts.by(version, 0, edits_.cuts.count(version));
+      sweeps = edits_.cuts.sweeps_at(version, 0, edits_.cuts.count_at(version));
     }
     if (sweeps.empty()) return model_->labels;
     const std::lock_guard lock(cut_mutex_);
@@ -320,7 +320,7 @@ class Playback final : public PlaybackHost {
   mutable DeformedLabels visible_labels_;
   mutable std::mutex cut_mutex_;
   mutable CutLabels cut_;
-  const NearestLine nearest_;
+  const ClearanceHistory nearest_;
   const std::unique_ptr<const PlayedTask> task_;  // null: the recording is not shown as a run of a task
   const std::shared_ptr<SharedPlan> plan_;        ///< Plan shown along with the recording; may be null
 
@@ -365,8 +365,8 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
     played = std::make_unique<PlayedTask>(*task, *std::move(in_scene), *model);
   }
 
-  RecordingLine line(head);
-  NearestLine nearest(*model);
+  RecordingTimeline line(head);
+  ClearanceHistory nearest(*model);
   TickRecord first;
   std::vector<double> begins_s;
   Edits edits(*model);

@@ -108,7 +108,7 @@ TEST(Playback, ShowsTheTickOfEveryPlace) {
             kTicks - 1);
 }
 
-TEST(Playback, ReadsAFileAsWhatItHolds) {
+TEST(Playback, DetectsTheContentsOfAFile) {
   const test::TemporaryFolder folder;
   const LoadedScene ball = loaded_ball();
   const auto simulated = simulate(ball, testing::press_script("ball"), {}, folder / "run.h5");
@@ -183,7 +183,7 @@ TEST(Playback, RestsAtAStop) {
   EXPECT_EQ(playback->live(), nullptr);
 }
 
-TEST(Playback, SaysWhatItCannotShow) {
+TEST(Playback, ReportsUnavailableData) {
   const auto refused = [](const Recording& recording) {
     const auto opened = open_playback(recording, loaded_ball().model, Modality::kUnknown);
     return opened ? std::string("opened") : opened.error().message();
@@ -200,7 +200,7 @@ TEST(Playback, SaysWhatItCannotShow) {
   EXPECT_NE(refused(empty).find("no ticks"), std::string::npos);
 }
 
-TEST(Playback, WhereNoThreadIsToBeHadItSaysSo) {
+TEST(Playback, ReportsThreadCreationFailure) {
   const Recording recording = counted_recording();
   const test::NoThreads none;
   const auto opened = open_playback(recording, loaded_ball().model, Modality::kUnknown);

@@ -41,7 +41,7 @@ PlayedSolutions::~PlayedSolutions() {
   thread_.join();
 }
 
-void PlayedSolutions::want(std::uint32_t number, std::uint32_t near) {
+void PlayedSolutions::request(std::uint32_t number, std::uint32_t near) {
   const std::lock_guard lock(mutex_);
   near_ = near;
   if (wanted_ == number) return;

@@ -51,7 +51,7 @@ class PlayedSolutions {
   /// Requests a solution by its number; 0: none.
   /// @param near  until it is solved, the deformation of another position is shown if that is at most this
   /// many solutions away
-  void want(std::uint32_t number, std::uint32_t near);
+  void request(std::uint32_t number, std::uint32_t near);
   /// Deformation around a device's tool at the requested position or near it; null if nothing is deformed, or
   /// nothing is solved yet.
   std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const;

@@ -58,7 +58,7 @@ Result<void> PlayedTask::finish(bool is_whole) {
 
 ViewedTraining PlayedTask::at(double time_s) const {
   if (time_s < begin_s_) return {};
-  const auto after = std::ranges::upper_bound(stored_, time_s, {}, &Kept::at_s);
+  const auto after = std::ranges::upper_bound(stored_, time_s, {}, &StoredProgress::at_s);
   ViewedTraining run = std::prev(after)->run;
   const auto later = std::ranges::upper_bound(score_.events, time_s - begin_s_, {}, &TaskEvent::time_s);
   const bool is_over = time_s >= end_s_;

@@ -42,11 +42,11 @@ class PlayedTask {
   ViewedTask viewed_;
   RunReader reader_;
   RunTrace trace_;
-  struct Kept {
+  struct StoredProgress {
     double at_s;  // time in the recording
     ViewedTraining run;
   };
-  std::vector<Kept> stored_;  // without events
+  std::vector<StoredProgress> stored_;  // without events
   double period_s_ = 0.05, begin_s_ = 0, end_s_ = 0;
   TickRange ticks_{0, 0};
   TaskScore score_;

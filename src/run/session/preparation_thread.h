@@ -35,7 +35,7 @@ class PreparationThread {
   PreparationThread& operator=(const PreparationThread&) = delete;
 
   /// Makes sure that the thread runs and looks for pending choices once `lock` is free.
-  /// Errors: kUnavailable if there is no thread to be had.
+  /// Errors: kUnavailable if no thread can be created.
   Result<void> wake(const LiveModel::Lock& lock);
   /// Interrupts the preparation in progress and ends the thread.
   void end();

@@ -20,11 +20,11 @@ class RateMeter {
 
  private:
   using Clock = std::chrono::steady_clock;
-  struct Sight {
+  struct Sample {
     Clock::time_point time;
     std::uint64_t ticks;
   };
-  std::deque<Sight> samples_;
+  std::deque<Sample> samples_;
 };
 
 }  // namespace palpate

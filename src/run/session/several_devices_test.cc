@@ -198,7 +198,7 @@ TEST_F(SeveralDevices, OneThatIsAloneIsHeldByAPerson) {
   EXPECT_GT(result_->max_force_N, 0);
 }
 
-TEST_F(SeveralDevices, TroubleIsToldAndTheSessionKept) {
+TEST_F(SeveralDevices, DeviceFailureIsReportedAndTheSessionContinues) {
   ExploreOptions options = with_arm({"arm"}, 500);
   options.seconds = 60;
   enum { kWell, kLost, kBack } part = kWell;

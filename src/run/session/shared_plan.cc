@@ -98,7 +98,7 @@ SharedPlan::SharedPlan(std::filesystem::path file, std::optional<std::string> in
       in_file_(std::move(in_file)),
       saved_(in_file_ ? plan_text(plan) : ""),
       plan_(std::move(plan)) {
-  show();
+  publish();
 }
 
 std::shared_ptr<const ViewedPlan> SharedPlan::viewed() const {
@@ -106,7 +106,7 @@ std::shared_ptr<const ViewedPlan> SharedPlan::viewed() const {
   return viewed_;
 }
 
-void SharedPlan::show() {
+void SharedPlan::publish() {
   auto next = std::make_shared<ViewedPlan>();
   for (const PlanTrajectory& trajectory : plan_.trajectories)
     next->trajectories.push_back({trajectory.name, position_of(trajectory.entry),
@@ -131,18 +131,18 @@ Result<void> SharedPlan::change(const PlanRequest& request) {
   if (request.save) {
     if (auto saved = save(); !saved) return saved;
   } else {
-    auto next = request.back_to ? as_it_was(*request.back_to) : changed_plan(plan_, request);
+    auto next = request.restore_version ? plan_at(*request.restore_version) : changed_plan(plan_, request);
     if (!next) return next.error();
-    before_.emplace_back(viewed_->version, std::exchange(plan_, *std::move(next)));
-    if (before_.size() > kMaxBefore) before_.pop_front();
+    earlier_plans_.emplace_back(viewed_->version, std::exchange(plan_, *std::move(next)));
+    if (earlier_plans_.size() > kMaxUndoVersions) earlier_plans_.pop_front();
   }
-  show();
+  publish();
   return {};
 }
 
-Result<PlanFile> SharedPlan::as_it_was(std::uint32_t version) const {
-  const auto stored = std::ranges::find(before_, version, &std::pair<std::uint32_t, PlanFile>::first);
-  if (stored != before_.end()) return stored->second;
+Result<PlanFile> SharedPlan::plan_at(std::uint32_t version) const {
+  const auto stored = std::ranges::find(earlier_plans_, version, &std::pair<std::uint32_t, PlanFile>::first);
+  if (stored != earlier_plans_.end()) return stored->second;
   return cannot_change("that version of the plan is not stored", "back_to", "change it by hand");
 }
 

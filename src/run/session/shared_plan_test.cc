@@ -71,7 +71,7 @@ struct OpenPlan {
   std::string text() const { return *read_file(file); }
 };
 
-TEST(SharedPlan, IsSeenAsItsFileHasItWithTheStructuresOfTheScene) {
+TEST(SharedPlan, IsViewedAsInItsFile) {
   const OpenPlan open(kPlan);
   const ViewedPlan viewed = *open.plan->viewed();
   ASSERT_EQ(viewed.trajectories.size(), 2u);
@@ -85,7 +85,7 @@ TEST(SharedPlan, IsSeenAsItsFileHasItWithTheStructuresOfTheScene) {
   EXPECT_EQ(viewed.version, 1u);
 }
 
-TEST(SharedPlan, WhatIsChangedIsInTheFileWhenItIsSavedAndReadsAsAPlan) {
+TEST(SharedPlan, SavedChangesAreInTheFile) {
   const OpenPlan open(kPlan);
   PlanRequest moved = open.request(0);
   moved.target_mm = {-1.0000000000000002, 3, -5};
@@ -105,7 +105,7 @@ TEST(SharedPlan, WhatIsChangedIsInTheFileWhenItIsSavedAndReadsAsAPlan) {
   EXPECT_EQ(read->distances.size(), 1u);
 }
 
-TEST(SharedPlan, AChangeOfAnotherVersionIsRefusedAndOneGoesBackToAny) {
+TEST(SharedPlan, RejectsStaleChangesAndRestoresAnyVersion) {
   const OpenPlan open(kPlan);
   PlanRequest removed = open.request(0);
   removed.remove = true;
@@ -121,16 +121,16 @@ TEST(SharedPlan, AChangeOfAnotherVersionIsRefusedAndOneGoesBackToAny) {
   ASSERT_FALSE(late.ok());
   EXPECT_EQ(late.error().where, "version");
   PlanRequest back = open.request();
-  back.back_to = 1;
+  back.restore_version = 1;
   ASSERT_TRUE(open.plan->change(back).ok());
   EXPECT_EQ(open.plan->viewed()->trajectories.size(), 2u);
   EXPECT_EQ(open.plan->viewed()->trajectories[0].entry_within_mm, 2);
   back = open.request();
-  back.back_to = 77;
+  back.restore_version = 77;
   EXPECT_FALSE(open.plan->change(back).ok());
 }
 
-TEST(SharedPlan, WhatNoPlanCanBeIsRefusedAndNothingOfItIsDone) {
+TEST(SharedPlan, RejectsInvalidPlansAtomically) {
   const OpenPlan open(kPlan);
   const auto refused = [&](const PlanRequest& request, ErrorKind kind) {
     const auto before = open.plan->viewed();

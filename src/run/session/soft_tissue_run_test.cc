@@ -160,7 +160,7 @@ class SolutionRun : public ::testing::Test {
   Recording recording_;
 };
 
-TEST_F(SolutionRun, AHandHoldsWhatItWasAskedForAndTheTissueGivesWay) {
+TEST_F(SolutionRun, HoldsTheRequestedForceOnDeformingTissue) {
   simulate_it();
   double deepest_mm = 0, sustained_N = 0;
   for (const TickRecord& tick : recording_.ticks) {
@@ -206,7 +206,7 @@ INSTANTIATE_TEST_SUITE_P(Laws, RelaxingRun, ::testing::Values(TissueLaw::kElasti
                            return std::string(law.param == TissueLaw::kElastic ? "Elastic" : "NeoHookean");
                          });
 
-TEST_P(RelaxingRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays) {
+TEST_P(RelaxingRun, RelaxationDeepensAHoldAndReplays) {
   const LoadedScene loaded = relaxing_ball(GetParam());
   const auto script = parse_script(
       "[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.4\n[[step]]\nhold = 1.5\n"
@@ -241,7 +241,7 @@ TEST_P(RelaxingRun, WhatRelaxesIsPressedDeeperTheLongerItIsHeldAndTheRunReplays)
   EXPECT_FALSE(different->identical);
 }
 
-TEST_F(SolutionRun, AChainMailIsFeltAsLayersToTheBit) {
+TEST_F(SolutionRun, ChainMailForcesEqualLayersBitForBit) {
   std::vector<std::uint64_t> hashes[2];
   for (const TissueLaw law : {TissueLaw::kChainMail, TissueLaw::kLayers}) {
     const auto simulated = simulate(soft_ball(law), palpating(), {}, folder_ / "run.h5");
@@ -358,7 +358,7 @@ TEST_F(SolutionRun, AScriptChangesTheLawUnderTheToolAndTheRunReplays) {
 }
 
 // from layers to an elastic law, to a chain mail, and back
-TEST_F(SolutionRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
+TEST_F(SolutionRun, ScriptEnablesDeformationDuringContactAndReplays) {
   const LoadedScene layers = soft_ball(TissueLaw::kLayers);
   const Script changing =
       parse_script(
@@ -422,7 +422,7 @@ TEST_F(SolutionRun, AScriptLetsTissueBeginToYieldUnderTheToolAndTheRunReplays) {
   }
 }
 
-TEST_F(SolutionRun, AScriptThatCannotChangeTheLawSaysSoBeforeItBegins) {
+TEST_F(SolutionRun, RejectsAScriptThatCannotChangeTheLaw) {
   const auto error_of = [&](const LoadedScene& loaded, const std::string& law) {
     const Script script = parse_script("[[step]]\nlaw = \"" + law + "\"\n", "changing script").value();
     const auto simulated = simulate(loaded, script, {}, folder_ / "none.h5");
@@ -462,7 +462,7 @@ TEST_F(SolutionRun, OnTheRealClockAScriptChangesTheLawAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-TEST_F(SolutionRun, AViewerLetsAChainMailBeSeenInASceneByLayers) {
+TEST_F(SolutionRun, ViewerSelectsChainMailInALayerScene) {
   const LoadedScene layers = soft_ball(TissueLaw::kLayers);
   LiveHost* host = nullptr;
   bool requested = false, seen = false, observed_before = false;
@@ -538,7 +538,7 @@ TEST_F(SolutionRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-TEST_F(SolutionRun, OnTheRealClockAChainMailIsSeenAndNotRecorded) {
+TEST_F(SolutionRun, ChainMailIsShownAndNotRecordedOnTheRealClock) {
   const LoadedScene mail = soft_ball(TissueLaw::kChainMail);
   const double moved_mm = observed_motion_mm(mail);
   // 0.8 mm deep, and viewers receive every second node
@@ -550,7 +550,7 @@ TEST_F(SolutionRun, OnTheRealClockAChainMailIsSeenAndNotRecorded) {
   EXPECT_TRUE(result->identical) << result->difference;
 }
 
-TEST_F(SolutionRun, AnyPlaceOfARecordingYieldsAsItDidInTheRun) {
+TEST_F(SolutionRun, PlaybackDeformationEqualsTheRun) {
   simulate_it();
   const auto model = ready_model();
   const auto live = live_deformation([&](std::uint32_t) { return model; });
@@ -560,7 +560,7 @@ TEST_F(SolutionRun, AnyPlaceOfARecordingYieldsAsItDidInTheRun) {
   RecordProperty("max_off", std::to_string(max_off(**opened, live, some_rows())));
 }
 
-TEST_F(SolutionRun, APlaceAfterACutYieldsWithWhatIsLeft) {
+TEST_F(SolutionRun, PlaybackAfterACutUsesTheRemainingTissue) {
   simulate_it();
   // synthetic cut: beside the tool in the middle of the run, undone near its end
   const std::size_t half = recording_.ticks.size() / 2, late = 9 * recording_.ticks.size() / 10;
@@ -598,7 +598,7 @@ TEST_F(SolutionRun, APlaceAfterACutYieldsWithWhatIsLeft) {
   EXPECT_NE(live[frame - 1]->moved_mm, uncut[frame - 1]->moved_mm);
 }
 
-TEST_F(SolutionRun, WhatIsPlayedYieldsFromSolutionToSolution) {
+TEST_F(SolutionRun, PlaybackAdvancesFromSolutionToSolution) {
   simulate_it();
   const auto opened = open_playback(recording_, loaded_.model, Modality::kUnknown);
   ASSERT_TRUE(opened) << opened.error().message();
@@ -643,7 +643,7 @@ TEST_F(SolutionRun, ARecordingThatTellsOfOtherSolutionsIsShownAtRest) {
   EXPECT_EQ((*opened)->deformation(0), nullptr);
 }
 
-TEST_F(SolutionRun, FeltByAnotherMethodItReplaysToo) {
+TEST_F(SolutionRun, ReplaysWithAnotherMethod) {
   const Script script =
       parse_script("[[step]]\napproach = \"shell\"\n[[step]]\npress = 0.3\n[[step]]\nhold = 0.2\n",
                    "trilinear")

@@ -106,7 +106,7 @@ class CampaignSession {
   NoDriver driver_;
   Loop loop_;
   LiveSession live_;
-  ExploreWatch watch_;
+  SessionStatistics watch_;
 
   std::vector<Onlooker> viewers_;
   std::uint32_t greeted_ = 1, shown_ = 0;
@@ -142,7 +142,7 @@ void CampaignSession::tick() {
 void CampaignSession::stop() {
   ++stops;
   if (below(2) == 0)
-    live_.stop_here();
+    live_.stop_by_key();
   else
     live_.emergency_stop(somebody().identity);
   stopped_ = true;
@@ -159,7 +159,7 @@ void CampaignSession::rearm() {
                               : here          ? shown_
                                               : who.observed_stop;
   const bool was_free = free();
-  const bool done = here ? live_.rearm_here(names).ok() : live_.rearm({names, who.identity}).ok();
+  const bool done = here ? live_.rearm_by_key(names).ok() : live_.rearm({names, who.identity}).ok();
   if (!done) return;
   ++rearmed;
   EXPECT_TRUE(was_free);
@@ -225,7 +225,7 @@ void CampaignSession::act() {
       return;
     case 10: {
       const auto before = live_.read_answers().size();
-      live_.answer_here(question_, below(2) == 0);
+      live_.answer_by_key(question_, below(2) == 0);
       for (const LateAnswer& late : live_.read_answers()) agreed += late.outcome.ok() && before == 0;
       return;
     }

@@ -26,12 +26,12 @@ StoppedBy stopped_by(Originator asker) {
 
 void StopSwitch::begin() {
   const std::lock_guard lock(mutex_);
-  if (stopped_early_.load()) stop_logged(*loop_.get(), loop_.log(), originator_);
+  if (stopped_early_.load()) stop_logged(*loop_.get(), loop_.log(), requested_by_);
 }
 
 void StopSwitch::stop(RequestedBy by) {
   const std::lock_guard lock(mutex_);
-  originator_ = by;
+  requested_by_ = by;
   if (ServoLoop* loop = loop_.get()) return stop_logged(*loop, loop_.log(), by);
   stopped_early_.store(true);
 }
@@ -45,8 +45,8 @@ std::optional<std::uint32_t> StopSwitch::current() const {
 void StopSwitch::describe(ViewedState& state) const {
   const std::lock_guard lock(mutex_);
   state.stop = current();
-  state.stopped_by = stopped_by(originator_.asker);
-  state.stopped_by_viewer = originator_.viewer;
+  state.stopped_by = stopped_by(requested_by_.originator);
+  state.stopped_by_viewer = requested_by_.viewer;
   state.armed = physical_ && loop_.get() != nullptr && !state.stop;
 }
 
@@ -54,7 +54,7 @@ Result<void> StopSwitch::rearm(const RearmRequest& request) {
   if (physical_ && request.code.empty())
     return refusal("a force-feedback device must be rearmed at the device, not remotely", "",
                    "press r at the terminal of palpate with the tip free, or enter the code shown there");
-  if (physical_ && !arming_code_.take(request.stop, request.code))
+  if (physical_ && !arming_code_.redeem(request.stop, request.code))
     return refusal("the code differs from the one shown at the terminal of palpate", "code",
                    "each code is valid once, for a minute and for the last stop: enter the current one");
   return rearm(request.stop, requested_by(request.by));
@@ -72,7 +72,7 @@ Result<void> StopSwitch::rearm(std::uint32_t stop, RequestedBy by) {
     case RearmResult::kNotApplied:
       return refusal("the stop has not taken effect yet", "stop", "try again in a moment");
     case RearmResult::kTouching:
-      return refusal("the tip touches something", "", "move it to free space, then rearm");
+      return refusal("the tip is in contact", "", "move it to free space, then rearm");
     case RearmResult::kDone:
       break;
   }
@@ -81,7 +81,7 @@ Result<void> StopSwitch::rearm(std::uint32_t stop, RequestedBy by) {
 
 std::string StopSwitch::arming_code() {
   const auto stop = current();
-  return stop && physical_ ? arming_code_.shown(*stop) : std::string();
+  return stop && physical_ ? arming_code_.code_for(*stop) : std::string();
 }
 
 }  // namespace palpate

@@ -13,7 +13,7 @@
 
 namespace palpate {
 
-/// Stop switch of a session: stops the force at once, and re-arms it if whoever asks may do so.
+/// Stop switch of a session: stops the force at once, and re-arms it for authorised requesters.
 ///
 ///    stop() ── any thread, at any time ──► stopped ── rearm(), naming that stop ──► armed
 ///               └─ before there is a loop: applied by begin()
@@ -49,8 +49,8 @@ class StopSwitch {
   SessionLoop& loop_;
   const bool physical_;
   ArmingCode arming_code_;
-  mutable std::mutex mutex_;  // guards originator_, and stops requested before there is a loop
-  RequestedBy originator_;    // asker of the last stop
+  mutable std::mutex mutex_;  // guards requested_by_, and stops requested before there is a loop
+  RequestedBy requested_by_;  // source of the last stop
   std::atomic<bool> stopped_early_{false};
 };
 

@@ -38,7 +38,7 @@ std::optional<TickRecord> TickBlocks::tick_at(double at_s, int direction, double
 
 std::optional<TickRecord> TickBlocks::stored_at(std::uint64_t row) const {
   const std::lock_guard lock(mutex_);
-  const auto found = std::ranges::find(stored_, row / kTicks, &Kept::number);
+  const auto found = std::ranges::find(stored_, row / kTicks, &CachedBlock::number);
   if (found == stored_.end() || row % kTicks >= found->ticks.size()) return std::nullopt;
   return found->ticks[row % kTicks];
 }
@@ -60,20 +60,20 @@ std::size_t TickBlocks::block_at(double at_s) const {
 }
 
 const TickBlocks::Block* TickBlocks::find(std::size_t block) {
-  const auto found = std::ranges::find(stored_, block, &Kept::number);
+  const auto found = std::ranges::find(stored_, block, &CachedBlock::number);
   if (found == stored_.end()) return nullptr;
   stored_.splice(stored_.begin(), stored_, found);
   return &stored_.front().ticks;
 }
 
 bool TickBlocks::is_stored(std::size_t block) const {
-  return std::ranges::find(stored_, block, &Kept::number) != stored_.end();
+  return std::ranges::find(stored_, block, &CachedBlock::number) != stored_.end();
 }
 
 std::optional<TickRecord> TickBlocks::nearest_played(std::size_t block, int direction,
                                                      std::size_t from) const {
-  const Kept* nearest = nullptr;
-  for (const Kept& stored : stored_) {
+  const CachedBlock* nearest = nullptr;
+  for (const CachedBlock& stored : stored_) {
     const bool played = direction > 0   ? stored.number >= from && stored.number < block
                         : direction < 0 ? stored.number <= from && stored.number > block
                                         : false;

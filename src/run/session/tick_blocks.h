@@ -49,7 +49,7 @@ class TickBlocks {
   void try_again();
 
  private:
-  struct Kept {
+  struct CachedBlock {
     std::size_t number;
     Block ticks;
   };
@@ -66,7 +66,7 @@ class TickBlocks {
 
   mutable std::mutex mutex_;  // guards the members below
   std::condition_variable requested_changed_;
-  std::list<Kept> stored_;  // most recently wanted first
+  std::list<CachedBlock> stored_;  // most recently wanted first
   std::size_t wanted_ = 0;
   int direction_ = 0;
   std::optional<Error> failure_;

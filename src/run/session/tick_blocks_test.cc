@@ -67,7 +67,7 @@ class TickBlocksReadSlowly : public ::testing::Test {
                      begins_s()};
 };
 
-TEST_F(TickBlocksReadSlowly, WhatPlaysFasterThanItIsReadShowsHowFarItIs) {
+TEST_F(TickBlocksReadSlowly, FastPlaybackShowsTheLatestReadBlock) {
   EXPECT_EQ(shown_at(0.6, 1, 0.6), std::nullopt);
   ASSERT_TRUE(comes_to_read(0));
   EXPECT_EQ(shown_at(3.2, 1, 0.6), std::nullopt);

@@ -7,7 +7,7 @@
 #include "palpate/device/pointer_driver.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/session/explore.h"
-#include "session/explore_hand.h"
+#include "session/hand_thread.h"
 
 namespace palpate {
 

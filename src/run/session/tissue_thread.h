@@ -25,7 +25,7 @@ namespace palpate {
 ///
 /// If memory runs out, the loop gets a frame without known spots, so that tissue renders as a half-space of
 /// its own modulus (blend_compliance): the last solution would be extrapolated ever farther from the point
-/// for which it holds. Deformation is shown at rest. The solver starts afresh, and tries again every kRetry.
+/// for which it holds. Deformation is shown at rest. The solver is reset and retries every kRetry.
 class TissueThread {
  public:
   static constexpr std::chrono::seconds kRetry{1};

@@ -61,7 +61,7 @@ Result<std::unique_ptr<Training>> Training::start(const TrainingOptions& options
   for (const OfferedTask& offered : options.tasks) {
     auto found = offered.file.scope && devices < 2 ? Result<TaskInScene>(lacks_scope(offered.file))
                                                    : resolve_task(offered.file, model, progress);
-    if (!found && (options.have_to_fit || found.error().kind == ErrorKind::kInterrupted))
+    if (!found && (options.requires_all_tasks || found.error().kind == ErrorKind::kInterrupted))
       return found.error();
     if (!found) continue;
     viewed.push_back(viewed_task(offered, *found, model));
@@ -80,7 +80,7 @@ void Training::begin_session(const RecordingHeader& header) {
     const std::lock_guard lock(mutex_);
     header_ = std::make_shared<const RecordingHeader>(header);
   }
-  if (options_.begins_at_once && !options_.tasks.empty()) (void)begin(options_.tasks.front().name);
+  if (options_.begins_with_first_tick && !options_.tasks.empty()) (void)begin(options_.tasks.front().name);
 }
 
 // ---- a run
@@ -140,10 +140,10 @@ void Training::note_tip_holder(const ViewerIdentity& holder, Live& live) {
 // Reason why a run is not its learner's own; empty: it is. With the mutex locked.
 std::optional<Error> Training::reason_not_own(const Live& live) const {
   if (!viewers_move_tip_ || (live.was_driven && !live.was_driven_by_others)) return {};
-  return cannot_train(live.was_driven             ? "somebody else held the tip during a part of the run"
-                      : live.was_driven_by_others ? "somebody else held the tip during the run"
-                                                  : "nobody held the tip during the run",
-                      "", "only a run whose learner alone held the tip is saved");
+  return cannot_train(live.was_driven             ? "another viewer moved the tip during part of the run"
+                      : live.was_driven_by_others ? "another viewer moved the tip during the run"
+                                                  : "no viewer moved the tip during the run",
+                      "", "a run is saved only if its learner alone moved the tip");
 }
 
 Result<void> Training::end_run() {
@@ -227,7 +227,7 @@ void Training::finish_run(RunEnd end) {
   run.run_hash = live_->run_hash;
   run.header = header_;
   ViewedTraining state = viewed(*live_);
-  state.phase = ViewedTraining::Phase::kKeeping;
+  state.phase = ViewedTraining::Phase::kStoring;
   // the run is over: no force belongs to it any more
   std::ranges::fill(state.forces_N, 0);
   std::ranges::fill(state.protected_N, 0);
@@ -310,7 +310,7 @@ void Training::end() {
 // with the mutex locked
 ViewedTraining Training::viewed(const Live& live) const {
   ViewedTraining state = viewed_run(live.evaluator, options_.tasks[live.task].name, live.number);
-  state.keeps = stores_runs_of(live.learner);
+  state.is_stored = stores_runs_of(live.learner);
   state.learner = live.learner;
   return state;
 }
@@ -319,7 +319,7 @@ ViewedTraining Training::state() const {
   const std::lock_guard lock(mutex_);
   if (live_) return viewed(*live_);
   ViewedTraining state = state_;
-  if (state.phase != ViewedTraining::Phase::kKeeping) state.keeps = stores_runs_of(lesson_.learner);
+  if (state.phase != ViewedTraining::Phase::kStoring) state.is_stored = stores_runs_of(lesson_.learner);
   return state;
 }
 

@@ -37,9 +37,8 @@ class Training {
   void begin_session(const RecordingHeader& header);
   /// Processes a tick and the events that took effect with it. Does not throw.
   void observe(const TickRecord& tick, std::span<const RecordingEvent> events = {}) noexcept;
-  /// Sets the viewer that moves the tip; empty: nobody does. Call it before the first run of a session whose
-  /// tip is moved by viewers: a run is then stored only if its learner, and nobody else, held the tip during
-  /// it.
+  /// Sets the viewer that moves the tip; empty: none. Call it before the first run of a session whose tip is
+  /// moved by viewers: a run is then stored only if its learner alone moved the tip during it.
   void set_tip_holder(const std::optional<ViewerIdentity>& holder);
   /// Ends the run under way and waits until all finished runs are stored. Later ticks are ignored.
   void end();

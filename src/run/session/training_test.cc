@@ -145,7 +145,7 @@ TEST_F(LiveTask, IsTheScoreOfItsRecordingBitForBit) {
     const TaskFile task = ball_task(end);
     TrainingOptions training;
     training.tasks = {{"ball", task}};
-    training.begins_at_once = training.have_to_fit = true;
+    training.begins_with_first_tick = training.requires_all_tasks = true;
     const ExploreResult result = run(training);
     ASSERT_EQ(result.runs.size(), 1u);
     const TaskRun& live = result.runs[0].run;
@@ -167,7 +167,7 @@ TEST_F(LiveTask, IsTheScoreOfItsRecordingBitForBit) {
 TEST_F(LiveTask, ARunThatEndsWithTheSessionIsDebriefedToItsViewers) {
   TrainingOptions training;
   training.tasks = {{"ball", ball_task("recording")}};
-  training.begins_at_once = training.have_to_fit = true;
+  training.begins_with_first_tick = training.requires_all_tasks = true;
   std::shared_ptr<const ViewedDebriefing> seen;
   std::optional<Error> refused;
   const ExploreResult result = run(training, [&](LiveHost& host) {
@@ -237,7 +237,7 @@ TEST_F(LiveTask, IsLookedAtAgainAtThePlacesOfItsRecording) {
   const TaskFile task = ball_task("steps");
   TrainingOptions training;
   training.tasks = {{"ball", task}};
-  training.begins_at_once = training.have_to_fit = true;
+  training.begins_with_first_tick = training.requires_all_tasks = true;
   const TaskRun live = run(training).runs.at(0).run;
   const auto opened = [&](const TickRange& ticks) {
     auto recording = RecordingSource::open(file_);
@@ -300,7 +300,7 @@ TEST_F(LiveTask, ATaskThatDoesNotFitIsLeftOutOrRefused) {
   ASSERT_TRUE(left_out.ok());
   ASSERT_EQ((*left_out)->tasks().size(), 1u);
   EXPECT_EQ((*left_out)->tasks()[0].name, "ball");
-  training.have_to_fit = true;
+  training.requires_all_tasks = true;
   const auto refused = Training::start(training, *model, 1, {});
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().message(), HasSubstr("heart"));
@@ -332,7 +332,7 @@ class HandMade : public ::testing::Test {
   }
 };
 
-TEST_F(HandMade, IsToldAsItGoes) {
+TEST_F(HandMade, PublishesProgress) {
   const auto training = this->training();
   EXPECT_EQ(training->state().run, 0u);
   training->observe(tick(0, 0));
@@ -356,7 +356,7 @@ TEST_F(HandMade, IsToldAsItGoes) {
   EXPECT_EQ(now.missing_s, 0);
 }
 
-TEST_F(HandMade, ADroppedTickIsToldAndSuchARunDoesNotPass) {
+TEST_F(HandMade, DroppedTicksAreReportedAndFailTheRun) {
   for (const bool drops : {false, true}) {
     const auto training = this->training();
     ASSERT_TRUE(training->begin("ball").ok());
@@ -371,7 +371,7 @@ TEST_F(HandMade, ADroppedTickIsToldAndSuchARunDoesNotPass) {
   }
 }
 
-TEST_F(HandMade, AClockThatGoesBackEndsIt) {
+TEST_F(HandMade, BackwardClockEndsTheRun) {
   const auto training = this->training();
   ASSERT_TRUE(training->begin("ball").ok());
   for (const std::uint64_t n : {5u, 6u, 3u, 7u}) training->observe(tick(n, 0.4));
@@ -381,7 +381,7 @@ TEST_F(HandMade, AClockThatGoesBackEndsIt) {
   EXPECT_EQ(training->finished()[0].run.ticks.last, 6u);
 }
 
-TEST_F(HandMade, WhatIsLongIsTracedByFewSamplesWithEveryPeak) {
+TEST_F(HandMade, LongTraceKeepsPeaksInFewSamples) {
   const auto training = this->training();
   ASSERT_TRUE(training->begin("ball").ok());
   // 40 s at 1 kHz with a peak of one tick each second and one in the very last tick
@@ -406,7 +406,7 @@ TEST_F(HandMade, WhatIsLongIsTracedByFewSamplesWithEveryPeak) {
   EXPECT_NEAR(samples.back().time_s, debriefing->time_s, 1e-9);
 }
 
-TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
+TEST_F(HandMade, HistoryComesFromTheSessionOrTheRecords) {
   TrainingOptions options;
   std::vector<std::uint32_t> stored;
   std::atomic<bool> may_proceed{true};
@@ -434,7 +434,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   };
   may_proceed = false;
   do_run(0.4);
-  EXPECT_EQ(training->state().phase, Phase::kKeeping);
+  EXPECT_EQ(training->state().phase, Phase::kStoring);
   EXPECT_THAT(training->begin("ball").error().message(), HasSubstr("still being stored"));
   may_proceed = true;
   wait_until_stored(*training);
@@ -458,7 +458,7 @@ TEST_F(HandMade, TheHistoryIsThatOfTheSessionOrWhatIsKept) {
   EXPECT_FALSE(training->begin("ball").ok());
 }
 
-TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
+TEST_F(HandMade, RunsAreAttributedToTheirInitiator) {
   TrainingOptions options;
   std::vector<std::string> stored;
   options.store_run = [&](const TaskFile&, const TaskRun& run) {
@@ -477,7 +477,7 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   // a run without a learner is not stored, and every learner has a separate history
   do_run("");
   EXPECT_FALSE(training->debriefing()->run_id);
-  EXPECT_FALSE(training->state().keeps);
+  EXPECT_FALSE(training->state().is_stored);
   do_run("L007");
   EXPECT_EQ(training->debriefing()->learner, "L007");
   do_run("L042");
@@ -486,7 +486,7 @@ TEST_F(HandMade, ARunIsKeptAsWhoeverBeganIt) {
   EXPECT_EQ(training->debriefing()->runs, 2);
   // a teacher chooses the learner of runs that are begun without a name
   ASSERT_TRUE(training->teach({.learner = "L042"}).ok());
-  EXPECT_TRUE(training->state().keeps);
+  EXPECT_TRUE(training->state().is_stored);
   EXPECT_EQ(training->lesson().learner, "L042");
   do_run("");
   ASSERT_TRUE(training->teach({.learner = ""}).ok());
@@ -534,10 +534,10 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
   };
   const ViewerIdentity own{1, true, "L042"}, other{2, true, "L007"}, teacher{3, true, "", true},
       at_the_desk{4, true};
-  EXPECT_THAT(refusal_of({std::nullopt}), HasSubstr("nobody held the tip"));
-  EXPECT_THAT(refusal_of({std::nullopt, teacher}), HasSubstr("somebody else held the tip during the run"));
-  EXPECT_THAT(refusal_of({other}), HasSubstr("somebody else held the tip during the run"));
-  EXPECT_THAT(refusal_of({own, teacher, own}), HasSubstr("a part of the run"));
+  EXPECT_THAT(refusal_of({std::nullopt}), HasSubstr("no viewer moved the tip"));
+  EXPECT_THAT(refusal_of({std::nullopt, teacher}), HasSubstr("another viewer moved the tip during the run"));
+  EXPECT_THAT(refusal_of({other}), HasSubstr("another viewer moved the tip during the run"));
+  EXPECT_THAT(refusal_of({own, teacher, own}), HasSubstr("part of the run"));
   EXPECT_TRUE(stored.empty());
   EXPECT_EQ(refusal_of({own}), "");
   EXPECT_EQ(refusal_of({std::nullopt, own, std::nullopt}), "");
@@ -597,15 +597,15 @@ TEST(ScopeTask, IsOfferedWhereASecondDeviceHoldsTheScope) {
   ASSERT_EQ((*both)->tasks().size(), 2u);
   EXPECT_EQ((*both)->tasks()[0].scope->optics_deg, 0);
   EXPECT_EQ((*both)->tasks()[0].scope->back_mm, 5);
-  EXPECT_TRUE((*both)->tasks()[0].steps[0].seen);
-  options.have_to_fit = true;
+  EXPECT_TRUE((*both)->tasks()[0].steps[0].in_scope_view);
+  options.requires_all_tasks = true;
   const auto refused = Training::start(options, *model, 1, {});
   ASSERT_FALSE(refused.ok());
   EXPECT_THAT(refused.error().message(),
               HasSubstr("watch.toml:2: the task needs a second device for the scope"));
 }
 
-TEST(ScopeTask, TellsThatWhatIsTouchedIsNotSeen) {
+TEST(ScopeTask, ReportsContactOutsideTheView) {
   TrainingOptions options;
   options.tasks = {{"watch", scope_task()}};
   const auto training = Training::start(options, *loaded_ball().model, 2, {});
@@ -695,7 +695,7 @@ class TakeOffLive : public ::testing::Test {
   std::uint32_t version_ = 1;
 };
 
-TEST_F(TakeOffLive, IsToldAsItGoesAndCountsWhatIsGone) {
+TEST_F(TakeOffLive, PublishesProgressAndCountsRemoval) {
   ASSERT_EQ(training_->tasks()[0].regions.size(), 2u) << "the plan's come after the task's";
   EXPECT_EQ(training_->tasks()[0].regions[1].name, "all of it");
   EXPECT_GT(training_->tasks()[0].regions[1].radius_mm, 14);
@@ -720,7 +720,7 @@ TEST_F(TakeOffLive, IsToldAsItGoesAndCountsWhatIsGone) {
   EXPECT_EQ(volume_of(1), volume_of(0)) << "strokes from before can be done again";
 }
 
-TEST(ViewedTask, SaysWhatIsToBeDoneAndWhere) {
+TEST(ViewedTask, HasStepsAndRegions) {
   TrainingOptions options;
   options.tasks = {{"ball", ball_task("steps")}};
   const auto training = Training::start(options, *loaded_ball().model, 1, {});

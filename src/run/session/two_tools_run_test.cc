@@ -130,7 +130,7 @@ TEST_F(TwoToolsRun, ShowsTheToolOfEachDevice) {
   EXPECT_TRUE(scene.tools[1].cuts);
   EXPECT_EQ(scene.tools[1].burr, "ball");
   EXPECT_EQ(scene.tools[1].radius_mm, 2);
-  const auto left = labels_left(recording_, *loaded_.model);
+  const auto left = remaining_labels(recording_, *loaded_.model);
   ASSERT_TRUE(left.ok()) << left.error().message();
   ASSERT_EQ(left->removed.size(), 1u);
   EXPECT_GT(left->removed[0].volume_mm3, 2);

@@ -82,7 +82,7 @@ ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, 
   task.time_limit_s = file.time_limit_s;
   task.in_a_row = file.in_a_row;
   const auto add_region = [&](const std::string& name, const RegionView& view) {
-    task.regions.push_back({name, numbers_of(view.middle_mm), view.radius_mm, numbers_of(view.outward)});
+    task.regions.push_back({name, numbers_of(view.centre_mm), view.radius_mm, numbers_of(view.outward)});
   };
   for (std::size_t n = 0; n < file.regions.size(); ++n) {
     add_region(file.regions[n].name, view_of(in_scene.regions[n], model));
@@ -216,8 +216,8 @@ ViewedDebriefing debriefed(const TaskEvaluator& evaluator, const RunTrace& trace
   const std::size_t step =
       (patches.size() + ViewedDebriefing::kMaxPatches - 1) / ViewedDebriefing::kMaxPatches;
   for (std::size_t n = 0; n < patches.size(); n += step)
-    debriefing.patches.push_back({numbers_of(patches[n].middle_mm), patches[n].covered});
-  debriefing.patches_left_out = patches.size() - debriefing.patches.size();
+    debriefing.patches.push_back({numbers_of(patches[n].centre_mm), patches[n].covered});
+  debriefing.omitted_patches = patches.size() - debriefing.patches.size();
 
   if (const auto answer = evaluator.answer()) debriefing.answer_mm = numbers_of(answer->position_mm);
   if (const auto& middle = evaluator.task().answer_mm) debriefing.to_find_mm = numbers_of(*middle);

@@ -13,7 +13,7 @@ Places none(std::size_t count) {
   return Places(count, Eigen::Vector3d::Zero());
 }
 
-TEST(Buzz, OfASineIsItsAmplitudeFrequencyAndRms) {
+TEST(Buzz, MeasuresASine) {
   for (const double rate_hz : {1000.0, 4000.0}) {
     Places tip_mm;
     for (int i = 0; i <= rate_hz; ++i)

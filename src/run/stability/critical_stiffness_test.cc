@@ -36,7 +36,7 @@ TEST(CriticalStiffness, FallsWithDelayAndGrowsWithTheRate) {
   EXPECT_FALSE(swings(fast, 1.2));
 }
 
-TEST(CriticalStiffness, IsThatOfAnotherSimulationOfTheSamePlant) {
+TEST(CriticalStiffness, EqualsAnIndependentSimulation) {
   // stiffness in N/m at which a limit cycle first appeared in an independent simulation, in steps of 5 to 10
   // %
   const struct {
@@ -113,7 +113,7 @@ TEST(CriticalStiffness, PassivityBoundIsTheLesserOfSamplingAndQuantisation) {
   EXPECT_NEAR(passivity_bound_N_per_mm(*find_plant_device("premium-1.5"), 1000), 0.01, 1e-12);
 }
 
-TEST(CriticalStiffness, RecommendsPartOfTheLeastOverGrips) {
+TEST(CriticalStiffness, RecommendsAFractionOfTheMinimumOverGrips) {
   const PlantDevice device = *find_plant_device("premium-1.5");
   const auto recommended = recommended_stiffness_N_per_mm(device, 500, 2e-3);
   ASSERT_TRUE(recommended.ok());
@@ -176,7 +176,7 @@ TEST(CriticalStiffness, ABareMassSwingsFromTheTheoreticalDampingOn) {
       }
 }
 
-TEST(CriticalStiffness, RecommendsPartOfTheDampingThatABareDeviceBears) {
+TEST(CriticalStiffness, RecommendsAFractionOfTheStableDamping) {
   const PlantDevice premium = *find_plant_device("premium-1.5"), touch = *find_plant_device("touch");
   EXPECT_DOUBLE_EQ(recommended_damping_N_s_per_mm(premium, 1000, 1e-3),
                    kStiffnessMargin * neutral_damping_N_s_per_mm(premium.mass_kg, 1000, 1e-3));
@@ -187,7 +187,7 @@ TEST(CriticalStiffness, RecommendsPartOfTheDampingThatABareDeviceBears) {
             recommended_damping_N_s_per_mm(touch, 1000, 1e-3));
 }
 
-TEST(CriticalStiffness, RefusesWhatCannotBeHeld) {
+TEST(CriticalStiffness, RejectsUnstableSettings) {
   StabilityCase slow = premium(0), late = premium(1), limp = premium(0), smooth = premium(0),
                 light = premium(0);
   slow.rate_hz = std::nan("");

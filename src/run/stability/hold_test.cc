@@ -81,7 +81,7 @@ TEST(Hold, AWallThatIsTooStiffForRateAndDelayIsNotHeld) {
   EXPECT_EQ(fast->tip.size(), 8001u);
 }
 
-TEST(Hold, ABeginInsideIsSaid) {
+TEST(Hold, ReportsAStartInside) {
   const Point<Patient> deep(0, 5, 0);
   const auto result = hold_tip(ball_to_palpate(), hold_at(ForceMethod::kProxy, deep, deep));
   ASSERT_TRUE(result.ok());
@@ -89,7 +89,7 @@ TEST(Hold, ABeginInsideIsSaid) {
   EXPECT_EQ(result->buzz.force_N, 0);
 }
 
-TEST(Hold, RefusesWhatCannotBe) {
+TEST(Hold, RejectsInvalidOptions) {
   Hold slow = pressed_ball(), late = pressed_ball();
   slow.rate_hz = std::nan("");
   late.delay_s = 1;
@@ -104,7 +104,7 @@ TEST(Hold, RefusesWhatCannotBe) {
   EXPECT_EQ(stopped.error().kind, ErrorKind::kInterrupted);
 }
 
-TEST(HoldPicture, HasAPanelForEachTipAndSaysWhatItSees) {
+TEST(HoldPicture, HasAPanelForEachTip) {
   const Point<Patient> free(0, 25, 0);
   const std::array tips{*hold_tip(ball_to_palpate(), hold_at(ForceMethod::kTrilinear, free, free)),
                         *hold_tip(ball_to_palpate(), pressed_ball())};

@@ -18,7 +18,7 @@ LoadedScene ball_of(double stiffness_N_per_mm) {
   return loaded;
 }
 
-TEST(LimitedStiffness, OfASoftSceneIsNotClamped) {
+TEST(LimitedStiffness, SoftSceneIsNotClamped) {
   const auto limited = limited_stiffness(*ball_of(1).model, {}, ForceMethod::kProxy,
                                          *find_plant_device("premium-1.5"), 1000, 0);
   ASSERT_TRUE(limited.ok());
@@ -27,7 +27,7 @@ TEST(LimitedStiffness, OfASoftSceneIsNotClamped) {
   EXPECT_EQ(limited->clamped, "");
 }
 
-TEST(LimitedStiffness, IsTheRecommendedOneWhereMoreIsAskedAndSaysSoWithTheNumbers) {
+TEST(LimitedStiffness, ClampsToTheRecommendationWithAMessage) {
   const PlantDevice premium = *find_plant_device("premium-1.5");
   WorkspaceSettings workspace;
   workspace.scale = 2;
@@ -56,7 +56,7 @@ TEST(LimitedStiffness, PointsThatTouchTogetherAddUpButNotForTheProxy) {
   EXPECT_EQ(by_proxy->max_N_per_mm, directly->max_N_per_mm) << "the method may change";
 }
 
-TEST(LimitedStiffness, IsNoMoreThanWhatTheMakerVouchesForAndSaysSoWithTheNumbers) {
+TEST(LimitedStiffness, ClampsToTheVendorsRatingWithAMessage) {
   PlantDevice premium = *find_plant_device("premium-1.5");
   const double by_hand = *recommended_stiffness_N_per_mm(premium, 1000, 1e-3);
   ASSERT_GT(by_hand, 0.5);
@@ -85,7 +85,7 @@ TEST(LimitedStiffness, IsNoMoreThanWhatTheMakerVouchesForAndSaysSoWithTheNumbers
   }
 }
 
-TEST(LimitedStiffness, WhatTheoryPromisesIsLessThanWhatIsRecommended) {
+TEST(LimitedStiffness, TheoreticalBoundIsBelowTheRecommendation) {
   // otherwise a scene's stiffness could be reduced without a message
   for (const char* name : {"premium-1.5", "touch"})
     for (const double rate_hz : {250.0, 1000.0, 10000.0}) {
@@ -97,7 +97,7 @@ TEST(LimitedStiffness, WhatTheoryPromisesIsLessThanWhatIsRecommended) {
     }
 }
 
-TEST(LimitedDamping, IsWhatADeviceBearsByItselfAndSaysSoWithTheNumbers) {
+TEST(LimitedDamping, ClampsToTheStableDampingWithAMessage) {
   const PlantDevice premium = *find_plant_device("premium-1.5");
   Model model = *ball_of(1).model;
   WorkspaceSettings workspace;
@@ -116,7 +116,7 @@ TEST(LimitedDamping, IsWhatADeviceBearsByItselfAndSaysSoWithTheNumbers) {
       << limited().clamped;
 }
 
-TEST(LimitedDamping, IsToldAndRecordedAndReplays) {
+TEST(LimitedDamping, IsReportedRecordedAndReplayed) {
   LoadedScene loaded = ball_of(0.5);
   Model model = *loaded.model;
   model.tissues[0].viscosity_N_s_per_mm = 0.05;
@@ -142,7 +142,7 @@ TEST(LimitedDamping, IsToldAndRecordedAndReplays) {
   EXPECT_TRUE(again->identical) << again->difference;
 }
 
-TEST(LimitedStiffness, AStiffWallIsFeltAsTheDeviceHoldsIt) {
+TEST(LimitedStiffness, RendersAStiffSurfaceWithinTheDeviceLimit) {
   const LoadedScene loaded = ball_of(20);
   Script script = testing::press_script("ball");
   script.delay_s = 1e-3;

@@ -104,7 +104,7 @@ bool obey(char order, testing::TestDeviceDriver& driver) {
 }
 
 // @param halt_file  -1: the supervisor gets none, as if the device were inside this process
-int run(int memory_file, int halt_file, int record_file, bool kill_frozen,
+int run(int memory_file, int halt_file, int event_log_fd, bool kill_frozen,
         const std::filesystem::path& recording) {
   void* room =
       ::mmap(nullptr, sizeof(testing::TestDeviceMemory), PROT_READ | PROT_WRITE, MAP_SHARED, memory_file, 0);
@@ -114,7 +114,7 @@ int run(int memory_file, int halt_file, int record_file, bool kill_frozen,
   SupervisorSettings supervised{.command = {"/proc/self/exe", "supervise"},
                                 .halt_files = {},
                                 .kill_frozen = kill_frozen,
-                                .record_file = record_file};
+                                .event_log_fd = event_log_fd};
   if (halt_file >= 0) supervised.halt_files.push_back(halt_file);
   auto supervisor = Supervisor::start(supervised);
   PALPATE_CHECK(supervisor.ok());

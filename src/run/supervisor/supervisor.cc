@@ -59,12 +59,12 @@ class SupervisorProcess final : public Supervisor {
   Result<void> begin();
 
   Heartbeat& heartbeat() noexcept override { return block_.heartbeat; }
-  bool watching() const noexcept override {
+  bool is_running() const noexcept override {
     pollfd ended{process_.file(), POLLIN, 0};
     return process_.file() >= 0 && ::poll(&ended, 1, 0) == 0;
   }
-  Result<void> watch_again() override {
-    if (watching()) return {};
+  Result<void> restart() override {
+    if (is_running()) return {};
     end();
     return begin();
   }
@@ -102,8 +102,8 @@ Result<void> SupervisorProcess::begin() {
   };
   bool copied = copy(block_file_.number()) && copy(session.number());
   for (const int file : settings_.halt_files) copied = copied && copy(file);
-  const bool record = settings_.record_file >= 0;
-  if (record) copied = copied && copy(settings_.record_file);
+  const bool record = settings_.event_log_fd >= 0;
+  if (record) copied = copied && copy(settings_.event_log_fd);
   if (!copied) return refused("its files");
 
   posix_spawn_file_actions_t actions;

@@ -350,7 +350,7 @@ void expect_reopens(const std::filesystem::path& recording, std::uint64_t flushe
   EXPECT_GE(ticks, flushed);
 }
 
-TEST(Supervisor, WhateverASessionDiesOfItsDeviceGetsZero) {
+TEST(Supervisor, DeviceGetsZeroForceOnEveryDeath) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
@@ -486,7 +486,7 @@ TEST(Supervisor, AStarvedDeviceObeysTheNewestHalt) {
   expect_halted_when_it_hears(session);
 }
 
-TEST(Supervisor, ADeviceWhoseHaltFileWasFullHearsOfTheHalt) {
+TEST(Supervisor, FullHaltPipeStillReceivesTheHalt) {
   const Pressing session;
   ASSERT_TRUE(session.presses());
   ::kill(session.device_process(), SIGSTOP);
@@ -667,21 +667,21 @@ TEST(Supervisor, KeysAndSignalsThatEndProgramsDoNotEndIt) {
   EXPECT_NE(record.back().find("\"death\""), std::string::npos);
 }
 
-TEST(Supervisor, SaysThatItHasDiedAndWatchesAgain) {
+TEST(Supervisor, ReportsItsDeathAndRestarts) {
   auto supervisor =
       Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
   ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
-  EXPECT_TRUE((*supervisor)->watching());
+  EXPECT_TRUE((*supervisor)->is_running());
   EXPECT_FALSE((*supervisor)->scheduler().empty());
   ::kill(supervisor_of(::getpid()), SIGKILL);
-  EXPECT_TRUE(testing::soon([&] { return !(*supervisor)->watching(); }));
-  const auto again = (*supervisor)->watch_again();
+  EXPECT_TRUE(testing::soon([&] { return !(*supervisor)->is_running(); }));
+  const auto again = (*supervisor)->restart();
   ASSERT_TRUE(again.ok()) << again.error().message();
-  EXPECT_TRUE((*supervisor)->watching());
+  EXPECT_TRUE((*supervisor)->is_running());
 }
 
 // A supervisor may die between counting a halt and writing it.
-TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
+TEST(Supervisor, ReplacementReportsAnOngoingHalt) {
   int halt[2];
   ASSERT_EQ(::pipe2(halt, O_CLOEXEC), 0);
   auto supervisor =
@@ -695,8 +695,8 @@ TEST(Supervisor, TheNextOneTellsOfAHaltThatHasNotEnded) {
   (*supervisor)->heartbeat().halts = 7;
   EXPECT_EQ(reported(), 7u);
   ::kill(supervisor_of(::getpid()), SIGKILL);
-  ASSERT_TRUE(testing::soon([&] { return !(*supervisor)->watching(); }));
-  const auto again = (*supervisor)->watch_again();
+  ASSERT_TRUE(testing::soon([&] { return !(*supervisor)->is_running(); }));
+  const auto again = (*supervisor)->restart();
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_EQ(reported(), 7u);
   // a halt that has ended is not written again
@@ -752,7 +752,7 @@ TEST(Supervisor, ARecordThatTakesNothingForAWhileHoldsNothing) {
 }
 
 // A full disk takes whole lines or none, since another session's lines may follow.
-TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
+TEST(Supervisor, FullEventLogHasNoPartialLine) {
   const test::TemporaryFolder folder;
   const auto file = folder / "record";
   const int record = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
@@ -763,7 +763,7 @@ TEST(Supervisor, ARecordWithoutRoomTakesNoHalfOfALine) {
   if (session == 0) {
     ::dup2(over[1], STDERR_FILENO);
     const auto supervisor = Supervisor::start(
-        {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .record_file = record});
+        {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .event_log_fd = record});
     if (!supervisor.ok()) ::_exit(1);
     // space for part of a line
     rlimit full{};
@@ -804,7 +804,7 @@ TEST(Supervisor, IsEndedByNoNumberThatMayBeAnothers) {
   if (!finished && *watching > 0) ::kill(*watching, SIGKILL);
 }
 
-TEST(Supervisor, WhereNoProcessIsToBeHadItSaysSo) {
+TEST(Supervisor, ReportsForkFailure) {
   testing::Child child([] {
     if (!test::forbid_processes()) return;
     const auto supervisor =
@@ -817,7 +817,7 @@ TEST(Supervisor, WhereNoProcessIsToBeHadItSaysSo) {
   EXPECT_TRUE(child.finished());
 }
 
-TEST(Supervisor, AProgramThatIsNoneIsAnError) {
+TEST(Supervisor, RejectsAProgramThatDoesNotSupervise) {
   for (const char* program : {"/no/such/program", "/bin/true"}) {
     const auto supervisor = Supervisor::start({.command = {program}, .halt_files = {}});
     ASSERT_FALSE(supervisor.ok()) << program;
@@ -887,7 +887,7 @@ TEST(TestDevice, StarvedThroughAResumeItObeysTheNewerHalt) {
   EXPECT_TRUE(device.comes_to(true));
 }
 
-TEST(TestDevice, HearsOfAnEndBeforeItsHaltAndGoesOn) {
+TEST(TestDevice, ContinuesAfterAnEndBeforeTheHalt) {
   ReportedDevice device;
   ASSERT_TRUE(device.comes_to(true));
   device.driver().resume(1);
@@ -952,7 +952,7 @@ TEST(TestDevice, WaitsWhenItIsAlone) {
   EXPECT_LT(2 * (used_ns() - before_ns), monotonic_ns() - then_ns);
 }
 
-TEST(Supervise, CalledByAPersonItSaysWhoCallsIt) {
+TEST(Supervise, ExplainsItselfWhenRunManually) {
   EXPECT_EQ(supervise({}), 2);
   EXPECT_EQ(supervise({"1", "0", "0"}), 2);
   EXPECT_EQ(supervise({"-1", "0", "0"}), 2);

@@ -51,7 +51,7 @@ TEST(RunLocally, EachNumberOnceAndSomeAtATime) {
   for (const int number : ended) EXPECT_TRUE(fs::exists(folder / ("begun-" + std::to_string(number))));
 }
 
-TEST(RunLocally, EndsWhatRunsWhenItIsInterrupted) {
+TEST(RunLocally, InterruptEndsRunningJobs) {
   const test::TemporaryFolder folder;
   std::atomic<bool> stop = false;
   std::thread later([&] {
@@ -101,7 +101,7 @@ class PlayedSlurm {
   std::string path_;
 };
 
-TEST(RunBySlurm, TheNoteStaysUntilTheJobIsGone) {
+TEST(RunBySlurm, NoteIsKeptUntilTheJobEnds) {
   const test::TemporaryFolder folder;
   PlayedSlurm slurm(folder.path());
   SlurmOptions options;
@@ -138,7 +138,7 @@ TEST(RunBySlurm, TheNoteStaysUntilTheJobIsGone) {
   EXPECT_TRUE(check_no_slurm_job(folder.path()).ok());
 }
 
-TEST(RunBySlurm, LooksAgainForWhatOtherMachinesWrote) {
+TEST(RunBySlurm, RetriesUntilRemoteFilesAppear) {
   const test::TemporaryFolder folder;
   PlayedSlurm slurm(folder.path());
   slurm.play("sbatch", "cat > /dev/null; echo 12");

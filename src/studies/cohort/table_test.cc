@@ -8,7 +8,7 @@
 namespace palpate {
 namespace {
 
-TEST(CohortTable, IsReadWithWhateverSeparator) {
+TEST(CohortTable, DetectsTheSeparator) {
   const std::vector<std::string> texts{
       "# of "
       "March\nstudy\tsegmentation\tcase\tseed\tmax_force\n\nscan.nii.gz\tlabels.nii.gz\tA\t7\t2.5\nknee-"

@@ -41,7 +41,7 @@ std::optional<ThinSpot> thinnest_of(const Volume<LabelId>& labels) {
   return statistics.empty() ? std::nullopt : minimum_thickness(labels, statistics.front());
 }
 
-TEST(NearestOutside, IsThatOfTheSearchThroughAllOfThem) {
+TEST(NearestOutside, EqualsAnExhaustiveSearch) {
   constexpr unsigned kSeed = 20;
   std::mt19937 random(kSeed);
   for (int round = 0; round < 30; ++round) {
@@ -76,7 +76,7 @@ TEST(NearestOutside, IsThatOfTheSearchThroughAllOfThem) {
   }
 }
 
-TEST(ThinnestPoint, OfAPlateIsItsThickness) {
+TEST(ThinnestPoint, MeasuresAPlate) {
   for (const Eigen::Vector3d& spacing : {Eigen::Vector3d(0.5, 0.5, 0.5), Eigen::Vector3d(0.6, 0.6, 1.2)})
     for (int voxels = 1; voxels <= 7; ++voxels) {
       const double half = 0.5 * voxels * spacing[2];
@@ -104,7 +104,7 @@ TEST(ThinnestPoint, IsFoundWhereAPlateIsWornAndNotAtItsRim) {
   EXPECT_LT(off.head<2>().norm(), 2.5);
 }
 
-TEST(ThinnestPoint, OfASlantedPlateIsItsThicknessToAVoxel) {
+TEST(ThinnestPoint, MeasuresASlantedPlateToAVoxel) {
   const auto grid = grid_of_test(56, {0.5, 0.5, 0.5});
   const Eigen::Vector3d normal = Eigen::Vector3d(1, 2, 3).normalized();
   const auto thin = thinnest_of(where(

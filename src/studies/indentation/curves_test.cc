@@ -29,7 +29,7 @@ TEST(IndentationCurves, AreReadWithTheirSetupInAnyOrderOfColumns) {
   EXPECT_EQ((*curves)[1].force_N, (std::vector<double>{-0.001}));
 }
 
-TEST(IndentationCurves, WhatIsWrongIsNamedWithItsLine) {
+TEST(IndentationCurves, ErrorsNameTheLine) {
   struct Bad {
     const char *text, *what, *where;
   };

@@ -21,7 +21,7 @@ TissueFit fitted(std::span<const IndentationCurve> curves, const FitOptions& opt
   return fit.ok() ? *std::move(fit) : TissueFit{{LawFit{}}, 0, 0.45, 0, 0, {}};
 }
 
-TEST(FitTissue, RecoversWhatWasPlantedWithinFivePercentUnderTwoPercentOfNoise) {
+TEST(FitTissue, RecoversParametersWithinFivePercentUnderTwoPercentNoise) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
@@ -112,7 +112,7 @@ TEST(FitTissue, FindsWhereContactBegins) {
   EXPECT_NEAR(fit.best().youngs_modulus_kPa.value, 20, 1);
 }
 
-TEST(FitTissue, RefusesWhatTheDataDoNotDetermine) {
+TEST(FitTissue, RejectsUndeterminedParameters) {
   std::mt19937 random(7);
   const auto refused = [](const IndentationCurve& curve, const char* what, const FitOptions& options = {}) {
     const auto fit = fit_tissue({&curve, 1}, options);

@@ -43,7 +43,7 @@ TEST(VoxelisedSolid, IsPreparedForEveryMethod) {
   }
 }
 
-TEST(VoxelisedSolid, RefusesWhatTheFilterRefuses) {
+TEST(VoxelisedSolid, RejectsInvalidFilterWidths) {
   const auto solid = VoxelisedSolid::make(ball(), grid());
   const auto refused = solid->prepared(-1, 2);
   ASSERT_FALSE(refused.ok());
@@ -69,7 +69,7 @@ TEST(ExactSolid, HoldsTheExactValuesAtVoxelCentres) {
   }
 }
 
-TEST(ExactSolid, HoldsFarDistancesAtWhatFits) {
+TEST(ExactSolid, ClampsLargeDistances) {
   GridGeometry wide = grid();
   wide.spacing_mm = {3, 3, 3};
   wide.origin = {-66, -66, -45};

@@ -20,7 +20,7 @@ void expect_mean_p99_max_in_order(const std::map<std::string, double>& values) {
   }
 }
 
-TEST(AccuracyGate, EveryFigureIsThereOnceAndKeepsItsLimit) {
+TEST(AccuracyGate, EveryFigureOccursOnceWithinItsLimit) {
   const auto figures = run_accuracy({});
   ASSERT_TRUE(figures.ok());
   std::map<std::string, double> values;

@@ -93,7 +93,7 @@ TEST(ForceChanges, FollowFromAKnownGradient) {
   for (const double change : changes) EXPECT_NEAR(change, expected, 1e-9);
 }
 
-TEST(ForceChanges, OfAPerfectBallAreItsCurvaturesAlone) {
+TEST(ForceChanges, EqualTheCurvatureOfABall) {
   const double radius = 19.6;
   const Sampler ball = [](const Point<Patient>& p) {
     return FieldSample{smoothed_ball(p.eigen().norm(), 20, 1.5), Vector<Patient>(-p.eigen())};
@@ -104,7 +104,7 @@ TEST(ForceChanges, OfAPerfectBallAreItsCurvaturesAlone) {
   for (const double change : force_changes_percent(ball, path)) EXPECT_NEAR(change, expected, 1e-6);
 }
 
-TEST(ForceChanges, NoticeAJumpOfTheValueAndOfTheDirection) {
+TEST(ForceChanges, DetectJumpsOfMagnitudeAndDirection) {
   const auto path =
       constant_depth_path(Shape::half_space({}, {0, 0, 1}), {-0.5, 0, 0}, {1, 0, 0}, kStep, 100);
   const auto jump_of = [&](const FieldSample& before, const FieldSample& after) {

@@ -189,7 +189,7 @@ void expect_gaussian_sphere_to_jump_at_half_voxels_alone() {
 }
 
 // a single test, because the figures take seconds
-TEST(Accuracy, FiguresKeepTheirLimitsAndAreAsPhysicsSays) {
+TEST(Accuracy, FiguresAreWithinLimitsAndMatchTheory) {
   expect_every_method_measured();
   expect_limits_met();
   expect_limits_as_requested();

@@ -109,7 +109,7 @@ TEST(SmoothedSolid, EqualsASumOverItsPoints) {
   }
 }
 
-TEST(SmoothedSolid, OfACompactWeightIsOneInsideAndZeroOutside) {
+TEST(SmoothedSolid, CompactKernelIsOneInsideAndZeroOutside) {
   const Shape ball = Shape::sphere({}, 20);
   EXPECT_NEAR(smoothed_solid(ball, {12.1, 0, 0}, compact(4.5)), 1, 1e-9);
   EXPECT_EQ(smoothed_solid(ball, {0, 24.6, 0}, compact(4.5)), 0);
@@ -120,7 +120,7 @@ TEST(SmoothedSolid, OfACompactWeightIsOneInsideAndZeroOutside) {
 }
 
 // A thin plate has two crossings within the reach, and a line may miss it.
-TEST(SmoothedSolid, SeesBothSidesOfAThinSolid) {
+TEST(SmoothedSolid, IncludesBothSidesOfAThinSolid) {
   const Shape plate = Shape::box({}, {50, 50, 0.25});
   const AxisWeight weight = AxisWeight::gaussian(1);
   for (const double z : {-1.0, 0.0, 0.3, 2.0})

@@ -11,7 +11,7 @@ namespace palpate {
 namespace {
 
 // independent implementations with only the field in common
-TEST(BareForce, IsTheForceOfTheTrilinearMethod) {
+TEST(BareForce, EqualsTheTrilinearMethod) {
   constexpr unsigned kSeed = 11;
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937 random(kSeed);

@@ -13,7 +13,7 @@
 namespace palpate {
 namespace {
 
-TEST(LabelContact, KeepsItsLimits) {
+TEST(LabelContact, FiguresAreWithinLimits) {
   const auto figures = label_contact_figures({}, {.offsets = 2, .sheets = 6, .presses = 20});
   ASSERT_TRUE(figures.ok());
   for (const Figure& figure : *figures)
@@ -75,7 +75,7 @@ TEST(Sheets, JoinedByFacesLetNothingThrough) {
   }
 }
 
-TEST(Sheets, WhatLetsSomethingThroughIsToldOf) {
+TEST(Sheets, OpenSheetsAreReportedAsLeaks) {
   for (const int voxels : {1, 2}) {
     const PressedSheets all = press_sheets(voxels, label_contact::Joined::kByEdges, sheet_presses(400));
     EXPECT_EQ(all.open_and_not_leaky, 0);

@@ -184,7 +184,7 @@ TEST(Median, IsTheMiddleValue) {
   EXPECT_EQ(median({4, 1, 3, 2}), 3);
 }
 
-TEST(LatencyLimit, IsAFifthMoreOrWhatATickTakes) {
+TEST(LatencyLimit, IsTheLargerOfAFifthAndATick) {
   EXPECT_DOUBLE_EQ(lateness_ratio_limit(100, 2), 1.2);
   EXPECT_DOUBLE_EQ(lateness_ratio_limit(10, 2), 1.2);
   EXPECT_DOUBLE_EQ(lateness_ratio_limit(1, 2), 3);
@@ -261,7 +261,7 @@ TEST(PaceFigures, AreFiniteWithoutABareBlock) {
     EXPECT_TRUE(std::isfinite(figure.value)) << figure.name;
 }
 
-TEST(Latency, MeasuresWhatItWasAskedFor) {
+TEST(Latency, MeasuresTheRequestedCases) {
   SuiteOptions options;
   options.seconds = 0.1;
   options.rate_hz = 2000;
@@ -299,7 +299,7 @@ TEST(Latency, MeasuresWhatItWasAskedFor) {
               1e-6 * rate_kHz);
 }
 
-TEST(Latency, RefusesATimeOutOfRangeAndASceneThatIsNone) {
+TEST(Latency, RejectsInvalidTimeAndScene) {
   SuiteOptions options;
   options.seconds = 0;
   EXPECT_EQ(run_suite("latency", options).error().kind, ErrorKind::kUsage);

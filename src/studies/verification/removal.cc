@@ -217,14 +217,14 @@ Result<SuiteReport> run_removal(const Progress& progress) {
        "for 20 s with the motor on, and press on it with 1 N for 4 s"},
       {"led",
        "burrs whose tips are led at 10 mm/s through bone of 2 mJ/mm3: balls of 4 mm, cylinders of "
-       "3 mm and 8 mm long, cones of 1.8 to 3.5 mm and 7.65 mm long; volumes beside what geometry "
-       "says"},
+       "3 mm and 8 mm long, cones of 1.8 to 3.5 mm and 7.65 mm long; volumes compared with the analytical "
+       "values"},
       {"thin bone",
        "walls, rods, a cellular and a trabecular pattern in a block of 10 by 10 by 4 mm, upright and turned "
        "by 34 "
        "degrees, on grids of 0.2, 0.3 and 0.4 mm at 1 kHz and of 0.3 mm at 250 Hz and 10 kHz; volume paid "
        "for "
-       "beside that of the voxels removed"},
+       "compared with that of the removed voxels"},
       {"surfaces", "from labels as a scene is prepared, carved every 20 ms"},
       {"rates", "500 Hz to 10 kHz; grids of 0.3 and 0.6 mm, along the block and turned"}};
   return report;

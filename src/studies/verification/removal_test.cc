@@ -54,7 +54,7 @@ TEST(CuttingPlants, GiveNothingOutAndDoNotSwing) {
 }
 
 // a part of `palpate verify removal`
-TEST(ThinBone, CostsWhatIsLost) {
+TEST(ThinBone, FiguresAreWithinLimits) {
   const auto figures = thin_bone_figures({.all = false, .cut_s = 0.2}, {});
   ASSERT_TRUE(figures.ok());
   EXPECT_EQ(figures->size(), 2);

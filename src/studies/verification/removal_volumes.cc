@@ -89,7 +89,7 @@ double upright_mm3(const CutterHead& head, double deep_mm, double path_mm) {
 std::vector<CutterPath> cutter_paths() {
   const Vector<Patient> up(0, 0, 1), along(1, 0, 0), across(0, 1, 0);
   const CutterHead ball{2, 0, 0, along};
-  const CutterHead lying{1.5, 1.5, 5, along}, athwart{1.5, 1.5, 5, across}, standing{1.5, 1.5, 5, up};
+  const CutterHead axial{1.5, 1.5, 5, along}, transverse{1.5, 1.5, 5, across}, standing{1.5, 1.5, 5, up};
   const CutterHead cone{0.9, 1.75, 5, up};
   constexpr double kDistance_mm = 5, kDrilled_mm = 3, kMilled_mm = 2, kAbove_mm = 0.5, kSeparation_mm = 0.5;
   constexpr int kPasses = 5;
@@ -109,13 +109,13 @@ std::vector<CutterPath> cutter_paths() {
     for (Point<Patient>& corner : corners) corner += by;
     return corners;
   };
-  const double r = lying.tip_mm, row = lying.row_mm;
+  const double r = axial.tip_mm, row = axial.row_mm;
   return {{"ball/groove", ball, groove(0, 0), half_slot_mm3(ball.tip_mm, kDistance_mm), 2},
           {"ball/plane", ball, plane,
            passes_mm3(ball.tip_mm, kAbove_mm, kDistance_mm, kPasses, kSeparation_mm), 1},
-          {"cylinder/across", athwart, beside(groove(0, 0), across * (-row / 2)),
+          {"cylinder/across", transverse, beside(groove(0, 0), across * (-row / 2)),
            row * (kPi * r * r / 2 + kDistance_mm * r) + half_slot_mm3(r, kDistance_mm), 2},
-          {"cylinder/along", lying, beside(groove(0, 0), along * (-row / 2)),
+          {"cylinder/along", axial, beside(groove(0, 0), along * (-row / 2)),
            half_slot_mm3(r, kDistance_mm + row), 3},
           {"cylinder/drilling", standing, hole, upright_mm3(standing, kDrilled_mm, 0), 4.5},
           {"cylinder/by-its-side", standing, groove(0, -kMilled_mm),

@@ -96,7 +96,7 @@ Result<std::vector<Figure>> stiffness_figures(const StabilityCase& stability_cas
 
 Result<SuiteReport> run_stability(const Progress& progress) {
   SuiteReport report;
-  progress.report("the plant beside theory", 0);
+  progress.report("comparing the plant model with theory", 0);
   auto theory = theory_figures(progress);
   if (!theory) return theory.error();
   report.figures = *std::move(theory);

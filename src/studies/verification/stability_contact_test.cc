@@ -9,7 +9,7 @@ namespace {
 
 constexpr ContactEffort kLittle{2, 1, 0.5, 70, 1.2, 20};
 
-TEST(StabilityContact, KeepsItsLimits) {
+TEST(StabilityContact, FiguresAreWithinLimits) {
   SCOPED_TRACE("seed " + std::to_string(kContactSeed));
   const auto figures = contact_figures({}, kLittle);
   ASSERT_TRUE(figures.ok());

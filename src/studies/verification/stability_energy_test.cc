@@ -107,7 +107,7 @@ TEST(StabilityEnergy, TheControllerMakesNoQuietContactBuzz) {
     }
 }
 
-TEST(StabilityEnergy, WithATickThatKnowsTheDelayAPremiumGivesOutWhatAnEncoderHidesOrLittleMore) {
+TEST(StabilityEnergy, EnergyIsBoundedByTheEncoderErrorIfTheDelayIsReported) {
   const auto ball = exploration_ball();
   ASSERT_TRUE(ball);
   const PlantDevice device = *find_plant_device("premium-1.5");

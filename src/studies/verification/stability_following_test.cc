@@ -20,7 +20,7 @@ double steps(const PressResult& pressed, const PressingDevice& pressing) {
   return pressed.swing_mm / (pressing.device.encoder_step_m * 1e3);
 }
 
-TEST(Following, AtWhatIsRecommendedForItsDelayADeviceIsAsQuietAsAlone) {
+TEST(Following, RecommendedStiffnessForTheDelayIsStable) {
   for (const PlantDevice& plant : known_plant_devices())
     for (const char* grip : {"light-grip", "firm-grip"}) {
       SCOPED_TRACE(plant.name + ", " + grip);
@@ -54,7 +54,7 @@ TEST(Following, AtWhatIsRecommendedForItsDelayADeviceIsAsQuietAsAlone) {
 
 // The latency of following has to be counted: the stiffness that is stable for the device alone is not stable
 // here.
-TEST(Following, WhatADeviceBearsAloneItDoesNotBearHere) {
+TEST(Following, StableStiffnessIsLowerForAFollower) {
   for (const PlantDevice& plant : known_plant_devices()) {
     SCOPED_TRACE(plant.name);
     const PlantHand hand = *find_plant_hand("light-grip");

@@ -57,7 +57,7 @@ std::string name_of(const Grip& grip) {
          std::to_string(grip.stiffness_N_per_m) + " N/m, skin " + std::to_string(grip.skin_N_per_m);
 }
 
-TEST(StabilityGrip, ALooseGripIsQuietWhetherOrNotTheDelayIsTold) {
+TEST(StabilityGrip, LooseGripIsStableWithAndWithoutReportedDelay) {
   int swinging = 0;
   for (const Grip& grip : loose_grips()) {
     SCOPED_TRACE(name_of(grip));
@@ -78,7 +78,7 @@ TEST(StabilityGrip, ALooseGripIsQuietWhetherOrNotTheDelayIsTold) {
 }
 
 // With compliant skin, the small mass of the device oscillates against delayed damping.
-TEST(StabilityGrip, AHandWithSkinIsQuietAtWhatIsRecommended) {
+TEST(StabilityGrip, RecommendedStiffnessIsStableWithASkinModel) {
   for (const PlantDevice& device : known_plant_devices())
     for (const double rate_hz : {1000.0, 250.0})
       for (const double delay_s : {0.0, 1e-3, 4e-3}) {
@@ -129,7 +129,7 @@ TEST(StabilityGrip, AFreeTapReboundsNoFasterThanItCame) {
 }
 
 // For a physical device that declares only its rate, stiffness and latency are assumed conservatively.
-TEST(StabilityGrip, AFreeTapOfADeviceOfWhichNothingIsKnownReboundsNoFasterThanItCame) {
+TEST(StabilityGrip, TapOfAnUnknownDeviceGainsNoSpeed) {
   for (const double rate_hz : {250.0, 1000.0, 4000.0}) {
     DeviceInfo info;
     info.rate_hz = rate_hz;
@@ -160,7 +160,7 @@ TEST(StabilityGrip, AFreeTapOfADeviceOfWhichNothingIsKnownReboundsNoFasterThanIt
 
 // the decaying oscillation of documented hands after an impact is not mistaken for a limit cycle: their wall
 // is not softened
-TEST(StabilityGrip, ADocumentedHandFeelsTheWholeWall) {
+TEST(StabilityGrip, DocumentedGripsPressWithoutVibration) {
   for (const PlantHand& hand : known_plant_hands()) {
     SCOPED_TRACE(hand.name);
     const GripCase grip_case{

@@ -67,7 +67,7 @@ TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
   }
 }
 
-TEST(StabilityNoGo, AFeltWallIsNotStifferForTheRegionAtItsPlace) {
+TEST(StabilityNoGo, CoincidentRegionAddsNoStiffness) {
   // pressed by a prescribed tip: the total normal force is that of the stiffer of the two
   const Model& model = stiff_no_go(NoGoKind::kTouchable);
   Parameters parameters;

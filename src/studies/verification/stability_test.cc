@@ -10,7 +10,7 @@
 namespace palpate {
 namespace {
 
-TEST(Stability, ThePlantTurnsUnstableWhereTheorySays) {
+TEST(Stability, StabilityLimitMatchesTheory) {
   for (const double delay_s : {0.0, 3e-3}) {
     const double theory = 2 / (0.5e-3 + delay_s) * 1e-3;
     EXPECT_NEAR(neutral_stiffness_N_per_mm(2, 1000, delay_s) / theory, 1, 0.05) << "delay " << delay_s;

@@ -21,7 +21,7 @@ int turns_in_all() {
   return std::max(1, (value != nullptr ? std::atoi(value) : kDefault) / 10);
 }
 
-TEST(StabilityTurning, NoLeverPassesAPlateAndEachIsFelt) {
+TEST(StabilityTurning, NoLeverPassesAPlate) {
   SCOPED_TRACE("seed " + std::to_string(kTurningSeed));
   const auto figures = turning_figures(turns_in_all(), {});
   ASSERT_TRUE(figures.ok());

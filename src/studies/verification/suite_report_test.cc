@@ -64,7 +64,7 @@ TEST(SuiteReport, JsonSurvivesBytesThatAreNoUtf8) {
   EXPECT_TRUE(nlohmann::json::accept(to_json(report)));
 }
 
-TEST(SuiteReport, TablePutsFiguresOfOnePathSideBySideAndNamesWhatIsBeyondItsLimit) {
+TEST(SuiteReport, TableGroupsFiguresAndNamesExceededLimits) {
   const std::string table = to_table(example());
   EXPECT_THAT(table, HasSubstr("figure        mean     p99     max   unit     n\n"
                                "a/direction  0.661   3.700!  5.250    deg  4000\n"
@@ -114,7 +114,7 @@ TEST(SuiteReport, ManyFiguresOfShortNamesStandOneBelowTheOther) {
   EXPECT_THAT(to_table(report), HasSubstr("\nloop-59  59.000     us  9\n"));
 }
 
-TEST(SuiteReport, WrittenWholeOrNotAtAll) {
+TEST(SuiteReport, IsWrittenAtomically) {
   const auto folder = std::filesystem::path(::testing::TempDir()) / "palpate_suite_report_test";
   std::filesystem::create_directories(folder);
   const auto file = folder / "figures.json";

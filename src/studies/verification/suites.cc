@@ -46,7 +46,7 @@ Result<SuiteReport> tissue(const SuiteOptions&, const Progress& progress, const 
 constexpr Suite kSuites[] = {
     {"contact", "what the default method feels of label maps: terraces, seams, layers, thin sheets", contact},
     {"accuracy", "direction, magnitude and choppiness of every method against known surfaces", accuracy},
-    {"latency", "how the servo keeps time beside a bare loop, and how fast it could go", run_latency},
+    {"latency", "timing of the servo compared with a bare loop, and its maximum rate", run_latency},
     {"stability", "what simulated hands and devices hold: stiffness, buzz, energy, friction, drift",
      stability},
     {"removal", "what a burr takes out of bone: volume, work and steps at any rate and on any grid", removal},

@@ -102,7 +102,7 @@ Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figu
   };
   for (const double speed : {10.0, 40.0}) {
     if (progress.stopped()) return Progress::interrupted();
-    add("milled-beside", speed, mill_beside(**model, speed), 1.5);
+    add("milled-beside", speed, mill_nearby(**model, speed), 1.5);
   }
   // at higher speeds the ripple of a surface that sinks through cells dominates (docs/results/tissue.md)
   for (const double speed : {2.0, 5.0}) {
@@ -297,7 +297,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
       {"frame",
        "two iterations from the last solution while a sphere slides at 20 mm/s, 60 frames a second, "
        "39 105 cells that yield; processor time of one thread"},
-      {"kernel", "K u for a cell, beside a plain loop over as many bytes"}};
+      {"kernel", "K u for a cell, compared with a plain loop over the same number of bytes"}};
   return report;
 }
 

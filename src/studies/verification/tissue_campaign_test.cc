@@ -305,7 +305,7 @@ Found search(const std::shared_ptr<const Model>& model, std::mt19937& random) {
   return found;
 }
 
-TEST(TissueCampaign, ASearcherFindsANoduleAndNoneWhereThereIsNone) {
+TEST(TissueCampaign, SearcherFindsPresentNodulesOnly) {
   const int searches = requested_for("PALPATE_TEST_SEARCHES", 1);
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));

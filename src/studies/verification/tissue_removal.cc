@@ -111,7 +111,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
 
 }  // namespace
 
-CutTissue mill_beside(const Model& model, double speed_mm_s) {
+CutTissue mill_nearby(const Model& model, double speed_mm_s) {
   constexpr double kFar_mm = 10, kDeep_mm = 3, kEdge_mm = 2.5;
   const double step_mm = speed_mm_s * kSolverFrame_s;
   const Point<Patient> from(kEdge_mm + kHead_mm, -kFar_mm, kHead_mm - kDeep_mm);

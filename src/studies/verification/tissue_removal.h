@@ -23,7 +23,7 @@ struct CutTissue {
   std::uint64_t frames = 0;
 };
 /// A ball of 4 mm mills a groove 3 mm deep past the contact; its edge is 2.5 mm from the contact's centre.
-CutTissue mill_beside(const Model& model, double speed_mm_s);
+CutTissue mill_nearby(const Model& model, double speed_mm_s);
 /// The surface under the contact is removed, 12 mm wide and 4 mm deep.
 CutTissue trim_under(const Model& model, double speed_mm_s);
 

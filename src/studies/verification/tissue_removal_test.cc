@@ -8,17 +8,17 @@ namespace palpate {
 namespace {
 
 // A part of the tests of cut tissue in `verify tissue`.
-TEST(TissueRemoval, ASolutionGoesAlongWithWhatIsCut) {
+TEST(TissueRemoval, SolutionFollowsTheRemoval) {
   const auto model = soft_block(false);
   ASSERT_TRUE(model.ok());
-  const CutTissue milled = mill_beside(**model, 40);
+  const CutTissue milled = mill_nearby(**model, 40);
   EXPECT_GT(milled.frames, 25u);
   EXPECT_LT(milled.lag_percent, 0.1);
   EXPECT_LT(milled.change_percent, 1.5);
   EXPECT_LT(milled.force_changed_percent, -4);
 }
 
-TEST(TissueRemoval, ABoxThatIsLaidAnewIsHardlyFelt) {
+TEST(TissueRemoval, RebuildingTheBoxBarelyChangesTheForce) {
   const auto model = soft_block(false);
   ASSERT_TRUE(model.ok());
   const Recentring slid = slide_through_boxes(**model, 50);

@@ -26,7 +26,7 @@ class TissueTick : public ::testing::Test {
 };
 std::shared_ptr<const Model> TissueTick::nodule_, TissueTick::plain_;
 
-TEST_F(TissueTick, AToolThatPressesFeelsWhatASolutionGivesInTheEnd) {
+TEST_F(TissueTick, PressForceConvergesToTheSolution) {
   const TickError off = press_tissue(nodule_, 50, 0);
   EXPECT_GT(off.samples, 10);
   EXPECT_GT(off.peak_N, 0.2);
@@ -34,17 +34,17 @@ TEST_F(TissueTick, AToolThatPressesFeelsWhatASolutionGivesInTheEnd) {
   EXPECT_LT(off.mean_percent, 1);
 }
 
-TEST_F(TissueTick, AToolThatSlidesOverSomethingHardFeelsItWhereItIs) {
+TEST_F(TissueTick, SlidingToolLocatesAnInclusion) {
   const TickError off = slide_on_tissue(nodule_, 50);
   EXPECT_GT(off.samples, 10);
   EXPECT_LT(off.largest_percent, 6);
 }
 
-TEST_F(TissueTick, AtRestAFrameIsNotFelt) {
+TEST_F(TissueTick, NewFrameChangesNoForceAtRest) {
   EXPECT_LT(change_at_rest_N(nodule_), 1e-3);
 }
 
-TEST_F(TissueTick, ANeoHookeanBodyIsHarderThereAndKeepsWhatWasPutIn) {
+TEST_F(TissueTick, NeoHookeanBodyStiffensAndConservesEnergy) {
   const auto nodule = block(true, TissueLaw::kNeoHookean), plain = block(false, TissueLaw::kNeoHookean);
   EXPECT_GT(over_nodule(nodule, plain, 3).stiffness_percent, 22);
   const TickError off = press_tissue(nodule, 20, 0);
@@ -59,7 +59,7 @@ TEST_F(TissueTick, OverSomethingHardItIsHarder) {
   EXPECT_GT(over.stiffness_percent, over.force_percent);
 }
 
-TEST_F(TissueTick, WhatRelaxesIsWhatItsSeriesLeavesOfTheSameTissue) {
+TEST_F(TissueTick, RelaxedForceMatchesThePronySeries) {
   constexpr Relaxation kSeries{{{{0.5, 0.2}, {}}}};
   const auto elastic = soft_block(false), relaxing = soft_block(false, TissueLaw::kElastic, kSeries);
   ASSERT_TRUE(elastic.ok() && relaxing.ok());

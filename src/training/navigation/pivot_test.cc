@@ -86,7 +86,7 @@ TEST(Pivot, OutliersDoNotMoveIt) {
   }
 }
 
-TEST(Pivot, RefusesWhatSaysNothing) {
+TEST(Pivot, RejectsUndeterminedPoses) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   const auto refused = [](const std::vector<Pose>& poses) {

@@ -64,7 +64,7 @@ TEST(ParsePoints, OfSlicer) {
   EXPECT_EQ((*ras)[0].at_mm, Eigen::Vector3d(-1, -2, 3));
 }
 
-TEST(ParseMarkups, KeepsThemApartWithTheirTypes) {
+TEST(ParseMarkups, DistinguishesMarkupTypes) {
   const auto markups = parse_markups(R"({"markups": [
     {"type": "Line", "name": "L", "coordinateSystem": "LPS", "coordinateUnits": "mm", "controlPoints": [
       {"label": "L-1", "position": [1, 2, 3], "positionStatus": "defined"},

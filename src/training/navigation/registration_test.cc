@@ -46,7 +46,7 @@ TEST(ChiSquared, QuantilesOfTables) {
   EXPECT_NEAR(chi_squared_quantile(2, 0.5), 2 * std::numbers::ln2, 1e-10);
 }
 
-TEST(RegisterPoints, FindsWhatMovedThem) {
+TEST(RegisterPoints, RecoversTheTransform) {
   std::mt19937 random(test::test_seed());
   for (int turn = 0; turn < 200; ++turn) {
     SCOPED_TRACE("seed " + std::to_string(test::test_seed()) + ", turn " + std::to_string(turn));
@@ -126,7 +126,7 @@ TEST(TargetError, IsFitzpatricksEquation) {
 
 // predicted and simulated errors agree, also for the coplanar points of scikit-surgerycore's test, for which
 // the formula gives 1.350
-TEST(TargetError, IsWhatComesOut) {
+TEST(TargetError, EqualsTheSimulatedError) {
   const std::vector<Eigen::Vector3d> uneven = {
       {0, 0, 0}, {80, 5, 0}, {10, 60, 8}, {-20, 30, 40}, {15, -30, 25}};
   const Point<Patient> target(40, -60, 90);
@@ -171,7 +171,7 @@ TEST(TargetError, IsWhatComesOut) {
   }
 }
 
-TEST(RegisterPoints, RefusesWhatSaysNothing) {
+TEST(RegisterPoints, RejectsDegeneratePoints) {
   const auto refused = [](std::vector<PointPair> pairs) {
     const auto found = register_points(pairs);
     return found ? std::string("accepted") : found.error().message();

@@ -94,7 +94,7 @@ TEST(ErrorOfTip, IsTheSumOfItsParts) {
   EXPECT_EQ(exact->max_mm, error_at(error, {10, 20, 30}).max_mm);
 }
 
-TEST(ResultFiles, WhatIsNoneIsToldApart) {
+TEST(ResultFiles, RejectsOtherFiles) {
   const auto tip = [](const char* text) {
     const auto read = parse_tip(text, "tip.json");
     return read ? std::string("taken") : read.error().message();

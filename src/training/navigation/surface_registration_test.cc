@@ -125,7 +125,7 @@ TEST(RegisterToSurface, HandsThatShakeAndSlipAndABallThatTouches) {
   }
 }
 
-TEST(RegisterToSurface, RefusesWhatDoesNotHoldOrFit) {
+TEST(RegisterToSurface, RejectsUndeterminedOrPoorFits) {
   std::mt19937 random(test::test_seed());
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   const auto refused = [&](const Distance& of_surface, const std::vector<Point<Patient>>& positions) {

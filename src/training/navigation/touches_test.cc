@@ -44,7 +44,7 @@ TEST_F(Touches, AreTakenWhereTheTipIsHeldForASecond) {
   EXPECT_NEAR(taker_.taken().back().at.x(), 100, 0.2);
 }
 
-TEST_F(Touches, AreTheMeanOfTheirPosesAndSayHowFarThoseLieApart) {
+TEST_F(Touches, AverageTheirPosesAndReportTheSpread) {
   SCOPED_TRACE("seed " + std::to_string(test::test_seed()));
   ASSERT_EQ(hold({10, 20, 30}, 1.3, 0.1), State::kTaken);
   const TouchedPoint& point = taker_.taken().back();
@@ -56,7 +56,7 @@ TEST_F(Touches, AreTheMeanOfTheirPosesAndSayHowFarThoseLieApart) {
 }
 
 // the tip may have moved while its markers were hidden
-TEST_F(Touches, ABreakBeginsAnew) {
+TEST_F(Touches, GapStartsANewTouch) {
   EXPECT_EQ(hold({0, 0, 0}, 0.9), State::kHeld);
   time_s_ += 0.5;
   EXPECT_EQ(hold({0, 0, 0}, 0.9), State::kHeld);

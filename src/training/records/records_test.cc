@@ -59,7 +59,7 @@ std::string all_bytes_beside(const fs::path& folder) {
   return bytes;
 }
 
-TEST(Records, GiveBackWhatWasAdded) {
+TEST(Records, ReturnAddedRuns) {
   const test::TemporaryFolder folder;
   const fs::path file = folder / "records.db";
   const RunRecord run = a_run("L1", 3);
@@ -99,7 +99,7 @@ TEST(Records, AreForTheirOwnersEyes) {
   }
 }
 
-TEST(Records, ListsWhatIsAskedFor) {
+TEST(Records, ListMatchesTheQuery) {
   const test::TemporaryFolder folder;
   auto records = Records::open(folder / "records.db");
   ASSERT_TRUE(records.ok());
@@ -146,7 +146,7 @@ TEST(Records, EraseLeavesNoByte) {
   EXPECT_EQ(all_bytes_beside(folder.path()).find("CANARY"), std::string::npos);
 }
 
-TEST(Records, EraseSaysWhenSomebodyKeepsTheLog) {
+TEST(Records, EraseReportsALockedLog) {
   const test::TemporaryFolder folder;
   const fs::path file = folder / "records.db";
   auto records = Records::open(file);
@@ -165,7 +165,7 @@ TEST(Records, EraseSaysWhenSomebodyKeepsTheLog) {
   EXPECT_EQ(all_bytes_beside(folder.path()).find("CANARY"), std::string::npos);
 }
 
-TEST(Records, RefusesWhatIsNone) {
+TEST(Records, RejectsFilesThatAreNotRecords) {
   const test::TemporaryFolder folder;
   EXPECT_FALSE(Records::open_to_read(folder / "none.db").ok());
   EXPECT_FALSE(Records::open(folder / "no" / "folder.db").ok());

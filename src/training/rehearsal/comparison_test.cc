@@ -166,7 +166,7 @@ TEST(ComparePlan, OfSeveralWaysTheOneNearestToTheTargetCounts) {
   EXPECT_LT(done.entry.time_s, done.deepest.time_s - 1);
 }
 
-TEST(ComparePlan, WithoutStructuresTheEntryIsTheNearestPlaceOfTheWay) {
+TEST(ComparePlan, WithoutStructuresEntryIsTheNearestPathPoint) {
   const PlanInScene plan = scene_plan(R"([[trajectory]]
 name = "down"
 entry = [0, 0, 15]
@@ -184,7 +184,7 @@ entry_within = 1
   EXPECT_NEAR(done.angle_deg.value, std::atan(0.1) / kDegree, 0.05);
 }
 
-TEST(ComparePlan, WhatWasTouchedAloneOrNeverReached) {
+TEST(ComparePlan, UncutTrajectoryHasNoErrors) {
   const PlanInScene plan = scene_plan(kStraightDown);
   const StraightPath path{{{3, 0, 40}, {3, 0, 16}, {3, 0, 40}}};
   Recording run = run_along(path);
@@ -284,7 +284,7 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
   EXPECT_FALSE(made.is_within_limit());
 }
 
-TEST(ComparePlan, ADistanceThatIsNotKeptIsToldByItsTicks) {
+TEST(ComparePlan, ViolatedClearanceListsItsTicks) {
   // oscillates towards the ball and away: |p| = 20 + 4 cos, so the clearance is 5 + 4 cos
   const PlanInScene plan = scene_plan("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 3\n");
   const Recording run =
@@ -375,7 +375,7 @@ trajectory = "down"
 radius = 5
 )";
 
-TEST(ComparePlan, VolumesInAndOutsideOfThePlanAreThoseOfGeometry) {
+TEST(ComparePlan, VolumesInAndOutsideThePlanAreExact) {
   const PlanInScene plan = scene_plan(kSphereToTakeOff);
   // a ball of radius 4 mm, entirely in bone, 6 mm from the centre of the planned one
   Recording run = cutting_run({{Point<Patient>(6, 0, 3), 4}});
@@ -434,7 +434,7 @@ TEST(ComparePlan, VolumesOfEachStructure) {
 
 // ---- truncated recordings
 
-TEST(ComparePlan, WhatNobodySawIsNotKept) {
+TEST(ComparePlan, UnobservedRequirementsFail) {
   const PlanInScene plan = scene_plan(kStraightDown);
   Recording run = run_along(StraightPath{{{0, 0, 40}, {0, 0, 5}}});
   EXPECT_TRUE(compared(plan, run).is_within_limit());

@@ -76,7 +76,7 @@ TEST(PlanFromMarkups, NamesAreTheMarkupsOwnAndDiffer) {
   EXPECT_EQ(made->plan.trajectories[2].name, "trajectory 3");
 }
 
-TEST(PlanFromMarkups, WhatIsNoTrajectoryIsRefusedByItsName) {
+TEST(PlanFromMarkups, RejectsMarkupsThatAreNoTrajectoriesByName) {
   for (const char* type : {"Curve", "ClosedCurve", "ROI", "Plane", "Angle"})
     EXPECT_THAT(refused_markups(markups_of(type, "LPS", kPointsLps)),
                 AllOf(StartsWith("m.mrk.json: a markup is a " + std::string(type)), HasSubstr("a Line")));

@@ -96,7 +96,7 @@ TEST(PlanInScene, ShapesHaveTheirVolumesAndTheirPlaces) {
   }
 }
 
-TEST(PlanInScene, ARegionIsOfWhatABurrCanTake) {
+TEST(PlanInScene, RegionRequiresCuttableTissue) {
   Model model = testing::ball_model({1, 1, 1}, 1, 2);
   const auto plan = resolve_plan(plan_of(R"([[region]]
 name = "shell"

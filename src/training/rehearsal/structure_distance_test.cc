@@ -35,7 +35,7 @@ TEST(StructureDistance, OfABallAtAnyRange) {
   EXPECT_LT(worst_far_mm, 0.08);
 }
 
-TEST(StructureDistance, OfEveryStructureThatHasAVoxelFeltOrNot) {
+TEST(StructureDistance, CoversUntouchableStructures) {
   // bone up to 15 mm, then fat, which is not touchable, up to 24 mm; the shell has no voxel
   const Model model = testing::with_exact_surfaces(testing::ball_model({1, 1, 1}));
   const auto distances = structure_distances(model);

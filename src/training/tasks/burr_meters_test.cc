@@ -33,7 +33,7 @@ class BurrMeters : public ::testing::Test {
   StructureDistances distances_;
 };
 
-TEST_F(BurrMeters, BoneLeftIsTheDistanceOfWhatWasRemovedFromTheSurface) {
+TEST_F(BurrMeters, RemainingBoneIsTheDistanceFromRemovalToSurface) {
   ASSERT_EQ(distances_->size(), 1u);
   const double radius_mm = -distances_->front().distance_mm({0, 0, 0});
   RemovedVolume removed(model_);
@@ -69,7 +69,7 @@ TEST_F(BurrMeters, DistanceAndForceNearAreThoseOfEveryTick) {
 
 // A shaft of 3 mm radius is drilled into the ball along z, and a tunnel from its bottom along x. From above
 // the bottom of the shaft is seen, and the tunnel as far as its roof allows at the microscope's tilt.
-TEST_F(BurrMeters, TheMicroscopeSeesWhatNoRoofCovers) {
+TEST_F(BurrMeters, MicroscopeSeesUncoveredHeads) {
   const double bottom_mm = 5;
   RemovedVolume removed(model_);
   const MicroscopeView view({.from = {0, 0, 1}, .tilt_deg = 20}, model_);

@@ -31,7 +31,7 @@ TEST(AreaUnderCurve, IsTheShareOfPairsInOrder) {
   EXPECT_DOUBLE_EQ(area_under_curve(good, none, true), 1);
 }
 
-TEST(CutOff, OfExpertsIsTheirQuantile) {
+TEST(CutOff, ExpertCutOffIsAQuantile) {
   std::vector<double> values;
   for (int n = 0; n <= 100; ++n) values.push_back(n);
   const auto most = cut_off(values, {}, false);
@@ -75,7 +75,7 @@ TEST(CutOff, ItsIntervalHoldsTheTruthAboutNineteenTimesInTwenty) {
   EXPECT_LE(covered, kTimes * 0.99);
 }
 
-TEST(CutOff, SaysWhereThereIsNone) {
+TEST(CutOff, ReportsMissingCutOffs) {
   const std::vector<double> two{1, 2}, five{1, 2, 3, 4, 5}, higher{11, 12, 13};
   EXPECT_FALSE(cut_off(two, {}, false).ok());
   EXPECT_FALSE(cut_off(five, two, false).ok());

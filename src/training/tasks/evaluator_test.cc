@@ -244,7 +244,7 @@ TEST(Evaluator, IsTheSameWithinAHundredthAtEveryRate) {
   }
 }
 
-TEST(Evaluator, WhatIsTouchedBearsWhatLiesBeneath) {
+TEST(Evaluator, AttributesForcesBeneathToTheTouchedStructure) {
   TaskEvaluator evaluator(in_scene(kTask));
   for (std::uint64_t n = 0; n < 100; ++n) {
     TickRecord tick = tick_at(n, 1000);
@@ -290,7 +290,7 @@ TEST(Evaluator, AForceCountsAsItWasSent) {
   }
 }
 
-TEST(Evaluator, WhatIsSentIsSharedByAllContacts) {
+TEST(Evaluator, CommandedForceIsSharedAmongContacts) {
   TaskEvaluator evaluator(in_scene(kTask));
   for (std::uint64_t n = 0; n < 10; ++n) {
     TickRecord tick = tick_at(n, 1000);
@@ -361,7 +361,7 @@ TEST(Evaluator, EachRegionNeedsATouchOfItsOwn) {
       << "a place of its own";
 }
 
-TEST(Evaluator, CoverageIsWhatWasSweptAtEveryRate) {
+TEST(Evaluator, CoverageIsIndependentOfTheRate) {
   std::string text = R"(title = "Cover"
 end = "recording"
 [[region]]
@@ -495,7 +495,7 @@ void watched_run(double rate_hz, double swing_mm, const Take& take) {
   }
 }
 
-TEST(Evaluator, ContactOutOfTheScopesViewIsThatOfGeometryAtEveryRate) {
+TEST(Evaluator, ContactOutsideTheViewMatchesGeometryAtEveryRate) {
   const double border_mm = 50 * std::tan(ScopeOptics::kHalfField_deg * std::numbers::pi / 180);
   for (const double rate_hz : kRates_Hz) {
     TaskEvaluator evaluator(in_scene(kScopeTask));
@@ -676,7 +676,7 @@ TEST_F(TakeOff, ARunningBurrIsMeasuredNearStructuresAndWhereItIsHidden) {
   EXPECT_LT(value(score(run(1000)), Metric::kBoneLeft), -4);
 }
 
-TEST_F(TakeOff, WhatIsToldAfterItsTicksDoesNotCount) {
+TEST_F(TakeOff, CountsRemovalUpToTheLastTick) {
   Recording recording = run(1000);
   const TaskScore before = score(recording, {0, 499}), with = score(recording, {600, 900});
   EXPECT_EQ(value(before, Metric::kRemovedOutside), 0);
@@ -690,7 +690,7 @@ TEST_F(TakeOff, WhatIsToldAfterItsTicksDoesNotCount) {
   EXPECT_GT(value(score(recording, {0, 699}), Metric::kRemovedInPlan), 1);
 }
 
-TEST_F(TakeOff, HeardLiveItIsTheSameBitForBit) {
+TEST_F(TakeOff, LiveScoreEqualsRecordedScoreBitForBit) {
   const Recording recording = run(1000);
   TaskEvaluator live(task(*loaded_.model));
   auto event = recording.events.begin();
@@ -716,7 +716,7 @@ TEST_F(TakeOff, NeedsAToolThatTakesAndSomethingToTake) {
   EXPECT_THAT(resolve_task(*beside, *loaded_.model).error().message(), HasSubstr("nothing removable"));
 }
 
-TEST(Evaluator, WhatIsNotKnownIsInNoBand) {
+TEST(Evaluator, UnknownMetricsAreOutOfBand) {
   TaskEvaluator evaluator(in_scene(kTask));
   for (std::uint64_t n = 0; n < 100; ++n) ASSERT_TRUE(evaluator.observe(tick_at(n, 1000)).ok());
   const TaskScore score = evaluator.score(false);
@@ -742,7 +742,7 @@ TEST(Evaluator, RunsThatWereCutOrHaveGapsDoNotPass) {
   EXPECT_FALSE(run(true).score(false).in_band);
 }
 
-TEST(Evaluator, NumbersOfAnyKindAreBorne) {
+TEST(Evaluator, AcceptsNonFiniteNumbers) {
   const double odd[] = {kUnknown, std::numeric_limits<double>::infinity(), -1, 1e300, -0.0};
   TaskEvaluator evaluator(in_scene(kTask));
   std::uint64_t n = 0;

@@ -71,7 +71,7 @@ TEST(LookUp, PlacesBoundRegions) {
   EXPECT_FALSE(left->regions[0].has(2));
 }
 
-TEST(LookUp, SaysWhatTheSceneLacks) {
+TEST(LookUp, ReportsMissingStructures) {
   EXPECT_THAT(with_region("structures = [\"slap\"]").error().message(),
               ::testing::AllOf(HasSubstr("task.toml:2"), HasSubstr("no structure \"slap\""),
                                HasSubstr("slab, block")));
@@ -103,7 +103,7 @@ TEST(RegionView, LooksWhereTheRegionIsFree) {
   EXPECT_EQ(view_of(ball, model).radius_mm, 4);
 }
 
-TEST(SurfacePatches, AreToldInTheOrderInWhichTheyWereAdded) {
+TEST(SurfacePatches, KeepTheirOrder) {
   SurfacePatches patches;
   for (const double x : {-7.5, 3.2, 0.1}) patches.add({x, -0.5, 2.5});
   patches.cover({3.4, -0.5, 2.5});
@@ -115,7 +115,7 @@ TEST(SurfacePatches, AreToldInTheOrderInWhichTheyWereAdded) {
 }
 
 // reference: every patch whose cube is within half a millimetre of any contact
-TEST(SurfacePatches, CoversWhatIsNear) {
+TEST(SurfacePatches, CoverNearbyPoints) {
   std::mt19937_64 random(test::test_seed());
   std::uniform_real_distribution<double> coordinate(-5, 5);
   std::vector<Eigen::Vector3d> cubes;

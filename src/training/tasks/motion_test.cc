@@ -59,7 +59,7 @@ TEST(LowPass, IsTheSolutionOfItsEquation) {
   }
 }
 
-TEST(Motion, LengthAndSmoothnessOfACircleAreItsOwn) {
+TEST(Motion, MeasuresACircle) {
   // point on a circle: path R w T; jerk R w^3 and speed R w throughout, so that the dimensionless jerk is (w
   // T)^4
   constexpr double kRadius_mm = 10, kHz = 0.5, kLength_s = 80;

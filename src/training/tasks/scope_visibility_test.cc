@@ -66,7 +66,7 @@ TEST(HeldToLook, LooksThereWithItsShaftToTheSideThatIsAskedFor) {
   EXPECT_LT((down * view_direction_of({30, 8}) + Eigen::Vector3d::UnitZ()).norm(), 1e-12);
 }
 
-TEST(ScopeVisibility, SeesARoundFieldWhateverWayPatientAndScopeAreTurned) {
+TEST(ScopeVisibility, FieldOfViewIsRoundForAnyOrientation) {
   std::mt19937_64 random(test::test_seed() + 43);
   const Model model = nothing_touchable();
   for (int n = 0; n < 500; ++n) {
@@ -84,7 +84,7 @@ TEST(ScopeVisibility, SeesARoundFieldWhateverWayPatientAndScopeAreTurned) {
   }
 }
 
-TEST(ScopeVisibility, DoesNotSeeWhatLiesBehindWhatIsFelt) {
+TEST(ScopeVisibility, TouchableTissueOccludes) {
   const Model model = testing::ball_model({0.6, 0.6, 0.6});
   const ScopeVisibility sight({30, 8}, model);
   std::mt19937_64 random(test::test_seed() + 47);
@@ -113,7 +113,7 @@ TEST(ScopeVisibility, DoesNotSeeWhatLiesBehindWhatIsFelt) {
   }
 }
 
-TEST(ScopeVisibility, OfAPoseThatIsNotKnownNothingIsSeen) {
+TEST(ScopeVisibility, NothingIsVisibleAtAnUnknownPose) {
   const Model model = nothing_touchable();
   const ScopeVisibility sight({0, 0}, model);
   const TickRecord good = looking(model, {0, 0}, {0, 0, 20}, {0, 0, -1}, Eigen::Quaterniond::Identity());

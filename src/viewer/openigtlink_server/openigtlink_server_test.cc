@@ -314,7 +314,7 @@ TEST(OpenIgtLinkServer, ReportsAStop) {
   EXPECT_EQ(number(stopped.body, 0, 2), 3u) << "emergency";
 }
 
-TEST(OpenIgtLinkServer, ASilentReaderDelaysNobody) {
+TEST(OpenIgtLinkServer, StalledReadersDelayNoOtherClient) {
   Publishing publishing;
   // takes nothing
   Client silent(publishing.port(), 4096);
@@ -348,7 +348,7 @@ TEST(OpenIgtLinkServer, SurvivesGarbageAbruptClosesAndStatusOfVersion2) {
   EXPECT_EQ(client.next("ProbeToRAS").type, "TRANSFORM") << "seed " << seed;
 }
 
-TEST(OpenIgtLinkServer, RefusesWhatItCannotServe) {
+TEST(OpenIgtLinkServer, RejectsInvalidOptions) {
   FakeHost host;
   OpenIgtLinkOptions options;
   options.port = 0;

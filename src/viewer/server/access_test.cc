@@ -49,7 +49,7 @@ TEST(Tokens, SayWhichLearnerComes) {
   EXPECT_FALSE(tokens->has(Role::kControl));
 }
 
-TEST(Tokens, NewOnesOfARole) {
+TEST(Tokens, CreatesTokensOfARole) {
   const auto line = new_viewer_tokens({"learner", "L042"});
   ASSERT_TRUE(line.ok());
   EXPECT_EQ(Tokens::parse(*line, "new")->learners(), std::vector<std::string>{"L042"});
@@ -159,7 +159,7 @@ TEST(Tokens, AFileOfNewOnesIsItsOwnersAlone) {
   EXPECT_EQ(write_viewer_tokens(folder / "none" / "tokens", "view").error().kind, ErrorKind::kOutput);
 }
 
-TEST(Tokens, AFileThatEverybodyMayReadIsRefusedAndOneOfAGroupWarnedOf) {
+TEST(Tokens, RefusesWorldReadableFilesAndWarnsOfGroupReadable) {
   const TemporaryFolder folder;
   constexpr const char* kStrong = "k7wq2mzr9xbt4hvc";
   const auto file = write_text(folder / "tokens", std::string("view ") + kStrong + "\n");
@@ -216,7 +216,7 @@ TEST(Access, OnlyItsOwnPageIsItsOwnOrigin) {
       Access("127.0.0.1", 8480, true, {}, {}).is_own_origin("https://localhost:8480", "localhost:8480"));
 }
 
-TEST(Access, WithoutTokensEverybodyHasControl) {
+TEST(Access, WithoutTokensEveryViewerHasControl) {
   EXPECT_EQ(Access("127.0.0.1", 8480, false, {}, {}).admit("", {}, {}).who->role, Role::kControl);
   Access guarded("127.0.0.1", 8480, false, {}, both());
   EXPECT_FALSE(guarded.admit("", {}, {}).who);

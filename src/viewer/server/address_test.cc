@@ -9,7 +9,7 @@ IpAddress ip_address(const char* text) {
   return IpAddress::parse(text).value();
 }
 
-TEST(Address, WhatIsReadIsWrittenAgain) {
+TEST(Address, RoundTrips) {
   for (const char* text :
        {"0.0.0.0", "127.0.0.1", "192.0.2.7", "::", "::1", "2001:db8::7", "::ffff:192.0.2.7", "2001:db8::7%3"})
     EXPECT_EQ(ip_address(text).text(), text);

@@ -48,7 +48,7 @@ TickRecord numbered_tick(std::uint64_t number, int devices = 1) {
 }
 
 // offsets as in the document
-TEST(BundleMessage, StandsWhereTheDocumentSays) {
+TEST(BundleMessage, MatchesTheDocumentedLayout) {
   for (int devices = 1; devices <= kMaxDevices; ++devices) {
     TickHistory history;
     for (std::uint64_t n = 0; n < 3; ++n) history.add(numbered_tick(0x0102030405060700 + n, devices));
@@ -108,7 +108,7 @@ struct Reader {
 };
 
 // all ticks in a map, from which the ones that have to arrive are looked up
-TEST(BundleMessage, ReadersOfAnySpeedGetWhatASlowModelGives) {
+TEST(BundleMessage, ReadersOfAnySpeedMatchTheReferenceModel) {
   const auto seed = test::test_seed();
   std::mt19937_64 random(seed);
   for (int round = 0; round < 10; ++round) {
@@ -173,7 +173,7 @@ void add_ticks(TestServer& test, std::uint64_t from, std::uint64_t to) {
   for (std::uint64_t n = from; n < to; ++n) test.host.history.add(numbered_tick(n));
 }
 
-TEST(Viewer, EveryTickComesToWhoAsks) {
+TEST(Viewer, SubscribersReceiveEveryTick) {
   TestServer test;
   add_ticks(test, 0, 100);
   TestViewer viewer(test.port()), other(test.port());
@@ -199,7 +199,7 @@ TEST(Viewer, ARecordingHasNoBundles) {
   EXPECT_EQ(bundle(viewer, 3), "");
 }
 
-TEST(Viewer, ASlowReaderOfTicksIsToldWhatItLostAndDelaysNobody) {
+TEST(Viewer, SlowTickReadersGetLossCountsAndDelayNoOtherViewer) {
   TestServer test;
   TestViewer slow(test.port(), "", false, 4096), fast(test.port());
   for (TestViewer* viewer : {&slow, &fast}) viewer->greet({{"poses_hz", 120}, {"ticks", true}});

@@ -145,7 +145,7 @@ void Connection::send_volume(HttpResponse answer, bool keep_alive) {
 // sends one part after another, scheduled among all downloads
 void Connection::send_part(bool keep_alive) {
   if (volume_left_.empty()) return sent(keep_alive);
-  const auto turn = hub_.next_part(volume_left_.size());
+  const auto turn = hub_.next_chunk(volume_left_.size());
   const auto send = [this, part = volume_left_.substr(0, turn.bytes), keep_alive] {
     volume_left_.remove_prefix(part.size());
     write(part, "", [this, keep_alive] { send_part(keep_alive); });

@@ -46,7 +46,7 @@ std::array<int, 3> three(std::string_view bytes, std::size_t at) {
 }
 
 // every offset as in the document
-TEST(DeformationMessage, StandsWhereTheDocumentSays) {
+TEST(DeformationMessage, MatchesTheDocumentedLayout) {
   const ViewedDeformation deformation = deformation_of({6, 5, 4}, {1, 2, 1}, {3, 2, 2});
   const DeformationMessage message(2, &deformation);
   EXPECT_FALSE(message.rests());
@@ -76,7 +76,7 @@ TEST(DeformationMessage, StandsWhereTheDocumentSays) {
                       deformation.moved_mm[3 * static_cast<std::size_t>(i + 6 * (j + 5 * k)) + c], 0.0006);
 }
 
-TEST(DeformationMessage, WhatIsFarMovedHasWiderSteps) {
+TEST(DeformationMessage, LargeDisplacementsHaveCoarserQuantization) {
   ViewedDeformation deformation = deformation_of({3, 3, 3}, {1, 1, 1}, {1, 1, 1});
   deformation.moved_mm[3 * 13] = -120;
   const std::string bytes = DeformationMessage(0, &deformation).bytes();
@@ -84,7 +84,7 @@ TEST(DeformationMessage, WhatIsFarMovedHasWiderSteps) {
   EXPECT_NEAR(number_at<std::int16_t>(bytes, 96) * number_at<float>(bytes, 88), -120, 0.002);
 }
 
-TEST(DeformationMessage, WhatIsNoGridOrMovesNothingIsAtRest) {
+TEST(DeformationMessage, EmptyGridsAndZeroDisplacementsAreAtRest) {
   const ViewedDeformation fine = deformation_of({4, 4, 4}, {1, 1, 1}, {2, 2, 2});
   const std::string rest = DeformationMessage(1, nullptr).bytes();
   ASSERT_EQ(rest.size(), 96u);
@@ -122,7 +122,7 @@ TEST(DeformationMessage, WhatIsNoGridOrMovesNothingIsAtRest) {
   EXPECT_EQ(DeformationMessage(0, &largest).bytes().size(), 96u + 6 * 32768);
 }
 
-TEST(DeformationMessage, WhatTremblesLooksLikeBefore) {
+TEST(DeformationMessage, SubQuantumChangesAreIndistinguishable) {
   const ViewedDeformation before = deformation_of({4, 4, 4}, {1, 1, 1}, {2, 2, 2});
   ViewedDeformation now = before;
   now.frame = 78;
@@ -178,7 +178,7 @@ TEST(Viewer, HowTissueYieldsComesWhereItIsAnotherWayAndToOneThatComesLate) {
 }
 
 // a viewer that does not read gets the latest message when it does, not the earlier ones
-TEST(Viewer, ASlowViewerIsToldOfTheNewestTissue) {
+TEST(Viewer, SlowViewersReceiveTheLatestDeformation) {
   TestServer test;
   TestViewer slow(test.port(), "", false, 4096), other(test.port());
   for (TestViewer* viewer : {&slow, &other}) viewer->greet({{"yielded", true}});

@@ -37,7 +37,7 @@ Clock::time_point send(DownloadRateLimiter& pace, std::size_t bytes, Clock::time
   return now;
 }
 
-TEST(DownloadRateLimiter, AsMuchAsOneViewerLoadsIsNotHeldUp) {
+TEST(DownloadRateLimiter, SingleViewerIsNotLimited) {
   const Clock::time_point begin{};
   DownloadRateLimiter pace(kAtOnce_bytes, begin);
   EXPECT_EQ(pace.next(kAtOnce_bytes, false, begin).bytes, DownloadRateLimiter::kLargePart_bytes);
@@ -51,7 +51,7 @@ TEST(DownloadRateLimiter, AsMuchAsOneViewerLoadsIsNotHeldUp) {
   EXPECT_GT(send(pace, 1'000'000, much_later), much_later);
 }
 
-TEST(DownloadRateLimiter, WhatIsMoreGoesInSmallPartsAtTheRate) {
+TEST(DownloadRateLimiter, ExcessIsSentInSmallChunksAtTheLimitedRate) {
   const Clock::time_point begin{};
   DownloadRateLimiter pace(kAtOnce_bytes, begin);
   send(pace, kAtOnce_bytes, begin);
@@ -128,7 +128,7 @@ double at_the_rate_s(int loads) {
 }
 
 // a lower bound on time, so a slow machine cannot break it
-TEST(DownloadRateLimiter, AServerWithSeveralViewersKeepsIt) {
+TEST(DownloadRateLimiter, ServerLimitsSeveralViewers) {
   TestServer test({}, kDims);
   TestViewer one(test.port()), other(test.port());
   ASSERT_EQ(one.greet()["type"], "welcome");
@@ -136,7 +136,7 @@ TEST(DownloadRateLimiter, AServerWithSeveralViewersKeepsIt) {
   EXPECT_GE(load(test, 3), at_the_rate_s(3));
 }
 
-TEST(DownloadRateLimiter, AServerKeepsItWhereManyLoadWhoAreNoViewers) {
+TEST(DownloadRateLimiter, LimitAppliesToDownloadersThatAreNoViewers) {
   TestServer test({}, kDims);
   // each has begun and reads no further
   constexpr int kReceiveBuffer_bytes = 4096;

@@ -71,7 +71,7 @@ std::string refusal_of_a_recording() {
 
 }  // namespace error_canary
 
-TEST(ReportedError, APlaceIsToldWhereItIsAWordOfTheProtocol) {
+TEST(ReportedError, WhereIsReportedOnlyForProtocolWords) {
   const palpate::Json reported = error_json(error_canary::with_canary());
   EXPECT_EQ(reported["what"], "cannot be written, the disk is full");
   EXPECT_EQ(reported["where"], "");
@@ -83,7 +83,7 @@ TEST(ReportedError, APlaceIsToldWhereItIsAWordOfTheProtocol) {
 }
 
 // for any invalid key the answer names it
-TEST(ReportedError, EveryKeyOfARequestIsAWordOfTheProtocol) {
+TEST(ReportedError, RequestKeysAreProtocolWords) {
   const std::map<std::string, std::vector<const char*>> kKeys{
       {"set",
        {"method", "law", "friction", "viscosity", "passivity", "paused", "motor", "max_force_N",
@@ -106,7 +106,7 @@ TEST(ReportedError, EveryKeyOfARequestIsAWordOfTheProtocol) {
     }
 }
 
-TEST(ReportedError, NoFileOfARefusalLeavesTheMachine) {
+TEST(ReportedError, ErrorsContainNoFileNames) {
   error_canary::Refusing host;
   host.edit_scene().input = "pointer";
   host.edit_scene().tasks = {testing::test_task()};

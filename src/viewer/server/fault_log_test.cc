@@ -26,7 +26,7 @@ TEST(FaultLog, AFloodIsCounted) {
   EXPECT_EQ(lines.back(), "viewer 10.0.0.1: no hello");
 }
 
-TEST(FaultLog, NobodyNeedsToListen) {
+TEST(FaultLog, WorksWithoutListener) {
   FaultLog log({});
   log.add("10.0.0.1", "no hello");
   log.catch_up();

@@ -73,7 +73,7 @@ TEST(GuessLimit, OtherAddressesAreNotHeldUp) {
 }
 
 // a viewer with the right token shares an address with an attacker
-TEST(GuessLimit, TheRightTokenIsKeptOutNoLongerThanTheGuessing) {
+TEST(GuessLimit, ValidTokenIsBlockedOnlyDuringGuessing) {
   Access access = guarded();
   Clock::time_point now{};
   // an hour of guessing at full speed
@@ -138,7 +138,7 @@ TEST(GuessLimit, NoAddressIsRememberedForLongerThanASecond) {
   }
 }
 
-TEST(GuessLimit, TheSiteSaysWhenToTryAgain) {
+TEST(GuessLimit, SiteReportsRetryAfter) {
   testing::FakeHost host;
   Site site(host, guarded(), VolumeFacts{"00aa", 1, 0, {0, 1}, false});
   HttpRequest request;

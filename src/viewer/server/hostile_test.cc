@@ -375,7 +375,7 @@ TEST_F(HostileTest, ViewersThatNeverAnswer) {
   EXPECT_FALSE(bystander.pose().empty());
 }
 
-TEST_F(HostileTest, DownloadsThatNobodyReads) {
+TEST_F(HostileTest, DownloadsThatAreNotRead) {
   TestServer large({}, {256, 256, 80});
   const std::string requested =
       "GET /api/volume/scan/0f3a000000000001 HTTP/1.1\r\nHost: " + large.host_name() + "\r\n\r\n";
@@ -416,7 +416,7 @@ TEST_F(HostileTest, AnyBytes) {
   EXPECT_TRUE(soon([&] { return test.server->viewers() == 1; }));
 }
 
-TEST_F(HostileTest, GoneInTheMiddle) {
+TEST_F(HostileTest, DisconnectsMidRequest) {
   for (int n = 0; n < 50; ++n) {
     TestSocket socket(test.port());
     socket.send("GET /api/volume/scan/0f3a000000000001 HTTP/1.1\r\nHost: " + test.host_name() + "\r\n\r\n");

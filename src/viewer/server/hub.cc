@@ -26,13 +26,13 @@ constexpr auto kDeliveryTimeout = std::chrono::seconds(1);
 constexpr auto kPosePeriod =
     std::chrono::duration_cast<Hub::Clock::duration>(std::chrono::duration<double>(1 / kMaxPoses_hz));
 
-// roles with a reserved place, however many viewers there are
+// roles with a reserved slot, however many viewers there are
 bool has_reserved_slot(Role role) {
   return role == Role::kControl || role == Role::kTeacher;
 }
 
 // permission that a request needs
-Permission right_for(const Request& request) {
+Permission permission_for(const Request& request) {
   if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) {
     bool is_haptic = settings->law.has_value();
     visit_settings([&](const auto& setting) {
@@ -54,15 +54,15 @@ Result<RequestOutcome> outcome_of(const Result<void>& done) {
 // refusal of a request that only a running session can carry out
 Error read_only_error(ViewerHost& host) {
   if (host.playback() != nullptr)
-    return {ErrorKind::kUsage, "this is a recording: what was felt cannot be changed", "",
-            "palpate explore feels the scene anew"};
-  return {ErrorKind::kUsage, "viewers only look on here", "", ""};
+    return {ErrorKind::kUsage, "this is a recording: its contact settings cannot be changed", "",
+            "start a live session of the scene with palpate explore"};
+  return {ErrorKind::kUsage, "this session is view-only", "", ""};
 }
 
 }  // namespace
 
 Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore* pictures,
-         DownloadRateLimiter downloads, FaultLog log, std::function<void(int)> count_viewers)
+         DownloadRateLimiter downloads, FaultLog log, std::function<void(int)> on_viewer_count)
     : host_(host),
       live_(host.live()),
       site_(site),
@@ -70,7 +70,7 @@ Hub::Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, P
       pictures_(pictures),
       downloads_(downloads),
       log_(std::move(log)),
-      count_viewers_(std::move(count_viewers)),
+      on_viewer_count_(std::move(on_viewer_count)),
       loop_(loop),
       pose_timer_(loop.timer()),
       housekeeping_timer_(loop.timer()) {
@@ -126,7 +126,7 @@ void Hub::remove(const std::shared_ptr<Viewer>& viewer) {
     pointer_owner_ = nullptr;
     (void)live_->claim_pointer(false, viewer->identity());
   }
-  if (viewer->welcomed()) count();
+  if (viewer->welcomed()) update_viewer_count();
   if (ended_ && viewers_.empty()) loop_.stop();
 }
 
@@ -136,7 +136,7 @@ bool Hub::has_single_downloader() const {
                                kDownloadsPerViewer;
 }
 
-DownloadRateLimiter::Chunk Hub::next_part(std::size_t left_bytes) {
+DownloadRateLimiter::Chunk Hub::next_chunk(std::size_t left_bytes) {
   return downloads_.next(left_bytes, has_single_downloader(), Clock::now());
 }
 
@@ -153,7 +153,7 @@ void Hub::make_room_for_connection() {
 }
 
 void Hub::drop_oldest_unauthenticated() {
-  // a viewer that is closing occupies a place while it waits for the close frame
+  // a viewer that is closing occupies a slot while it waits for the close frame
   const auto ending =
       std::find_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->is_ending(); });
   if (viewers_.size() >= kMaxViewers + kMaxUnauthenticated && ending != viewers_.end())
@@ -171,25 +171,25 @@ void Hub::drop_oldest_unauthenticated() {
 
 bool Hub::make_room_for_viewer(Role role) {
   std::shared_ptr<Viewer> latest;  // most recent one without control
-  std::size_t all = 0, without_reserved_place = 0;
+  std::size_t all = 0, without_reserved_slot = 0;
   for (const auto& viewer : viewers_) {
     if (!viewer->welcomed() || viewer->is_ending()) continue;
     ++all;
     if (has_reserved_slot(viewer->who().role)) continue;
-    ++without_reserved_place;
+    ++without_reserved_slot;
     // the viewer that moves the tip is not dropped
     if (viewer.get() == pointer_owner_) continue;
     if (!latest || viewer->identity().number > latest->identity().number) latest = viewer;
   }
-  if (!has_reserved_slot(role) && without_reserved_place >= kMaxViewers - kReservedForControl) return false;
+  if (!has_reserved_slot(role) && without_reserved_slot >= kMaxViewers - kReservedSlots) return false;
   if (all < kMaxViewers) return true;
   if (!has_reserved_slot(role) || !latest) return false;
-  latest->end(kTryAgainLater, "gives its place to a viewer with control or a teacher");
+  latest->end(kTryAgainLater, "gives its slot to a viewer with control or a teacher");
   return true;
 }
 
 void Hub::request_volume(const PayloadKey& key, std::function<void(PayloadStore::Payload)> then) {
-  volumes_.want(key, [this, then = std::move(then)](PayloadStore::Payload payload) {
+  volumes_.request(key, [this, then = std::move(then)](PayloadStore::Payload payload) {
     loop_.post([then, payload = std::move(payload)] { then(payload); });
   });
 }
@@ -197,10 +197,10 @@ void Hub::request_volume(const PayloadKey& key, std::function<void(PayloadStore:
 void Hub::request_picture(PictureKey key, std::weak_ptr<const void> requester,
                           std::function<void(PictureStore::Payload)> then) {
   if (pictures_ == nullptr) return loop_.post([then = std::move(then)] { then(nullptr); });
-  pictures_->want(std::move(key), std::move(requester),
-                  [this, then = std::move(then)](PictureStore::Payload payload) mutable {
-                    loop_.post([then = std::move(then), payload = std::move(payload)] { then(payload); });
-                  });
+  pictures_->request(std::move(key), std::move(requester),
+                     [this, then = std::move(then)](PictureStore::Payload payload) mutable {
+                       loop_.post([then = std::move(then), payload = std::move(payload)] { then(payload); });
+                     });
 }
 
 void Hub::request_curves(const std::string& learner, std::function<void(Result<std::string>)> then) {
@@ -214,7 +214,7 @@ void Hub::request_curves(const std::string& learner, std::function<void(Result<s
 
 void Hub::welcome(Viewer& viewer) {
   viewer.set_number(++last_viewer_number_);
-  count();
+  update_viewer_count();
   publish_state();
   // the learner whose turn it is gets a free pointer
   const std::string& learner = viewer.who().learner;
@@ -232,10 +232,10 @@ void Hub::welcome(Viewer& viewer) {
   wait_for_poses();
 }
 
-void Hub::count() {
+void Hub::update_viewer_count() {
   welcomed_ = static_cast<int>(
       std::count_if(viewers_.begin(), viewers_.end(), [](const auto& viewer) { return viewer->welcomed(); }));
-  count_viewers_(welcomed_);
+  on_viewer_count_(welcomed_);
 }
 
 std::string Hub::answer(Viewer& viewer, const Request& request) {
@@ -252,7 +252,7 @@ Result<RequestOutcome> Hub::execute(Viewer& viewer, const Request& request) {
     return RequestOutcome::kDone;
   }
   if (const auto* refusal = std::get_if<Error>(&request.what)) return *refusal;
-  const Permission permission = right_for(request);
+  const Permission permission = permission_for(request);
   if (!is_permitted(viewer.who().role, permission, !host_.scene().tasks.empty()))
     return missing_permission(viewer.who().role, permission);
   if (permission == Permission::kOperateTool)
@@ -277,7 +277,7 @@ Result<RequestOutcome> Hub::execute(Viewer& viewer, const Request& request) {
   return outcome_of(execute_rearm(viewer, std::get<RearmRequest>(request.what)));
 }
 
-// a learner may only do what is recorded as his or her own run
+// a learner may operate the tool only if the run is attributed to that learner
 Result<void> Hub::check_may_operate(const Viewer& viewer) const {
   const Who& who = viewer.who();
   if (who.role != Role::kLearner) return {};
@@ -303,13 +303,12 @@ Result<void> Hub::execute_task(Viewer& viewer, TaskRequest request) {
 Result<void> Hub::execute_lesson(const LessonRequest& request) {
   if (auto allowed = check_may_hand_over(request); !allowed) return allowed;
   if (request.learner || request.task || request.end) {
-    if (live_ == nullptr)
-      return Error{ErrorKind::kUsage, "there is no session here that a lesson could be of", "", ""};
+    if (live_ == nullptr) return Error{ErrorKind::kUsage, "a recording cannot be used for a lesson", "", ""};
     if (auto accepted = live_->teach(request); !accepted) return accepted;
   }
   are_hidden_names_shown_ = request.names.value_or(are_hidden_names_shown_);
   publish_state();
-  // whoever is named gets the pointer, and a viewer that is no longer permitted loses it
+  // the named learner gets the pointer; a viewer that is no longer permitted loses it
   const std::string& named = request.pointer ? *request.pointer : request.learner.value_or("");
   if (request.pointer || !named.empty())
     hand_over_pointer(viewer_of_learner(named));
@@ -330,7 +329,7 @@ Result<void> Hub::check_may_hand_over(const LessonRequest& request) const {
   const std::string& learner = is_run ? training.learner : request.learner.value_or(state_.lesson.learner);
   if (!request.pointer->empty() && !learner.empty() && learner != *request.pointer)
     return Error{ErrorKind::kUsage,
-                 is_run ? "the run in progress is another learner's" : "the lesson is another learner's",
+                 is_run ? "the run in progress belongs to another learner" : "it is another learner's turn",
                  "pointer", is_run ? "end it first" : "choose that learner for the lesson first"};
   if (!request.pointer->empty() && viewer_of_learner(*request.pointer) == nullptr)
     return Error{ErrorKind::kUsage, "no page of that learner is connected", "pointer",
@@ -338,8 +337,8 @@ Result<void> Hub::check_may_hand_over(const LessonRequest& request) const {
   return {};
 }
 
-// Makes a viewer, or nobody (null), the one that moves the tip. It is released first, so that the force fades
-// out under the old hand before it rises under the new one.
+// Transfers the pointer to a viewer (null: to none). It is released first, so that the force fades out for
+// the previous owner before it ramps in for the next one.
 void Hub::hand_over_pointer(const Viewer* to) {
   if (pointer_owner_ == to) return;
   if (pointer_owner_) (void)live_->claim_pointer(false, pointer_owner_->identity());
@@ -348,7 +347,7 @@ void Hub::hand_over_pointer(const Viewer* to) {
     pointer_owner_ = to;
 }
 
-// Page of a learner: the one that has the pointer, or the one that came last; null: none is open.
+// Viewer of a learner: the pointer's owner, or the most recent one; null: not connected.
 const Viewer* Hub::viewer_of_learner(const std::string& learner) const {
   const Viewer* found = nullptr;
   for (const auto& viewer : viewers_) {
@@ -369,7 +368,7 @@ std::vector<ListedLearner> Hub::listed_learners() const {
   return listed;
 }
 
-// the force is given back only to the viewer that moves the tip
+// only the viewer that moves the tip can rearm the force
 Result<void> Hub::execute_rearm(Viewer& viewer, RearmRequest request) {
   if (host_.scene().input == "pointer" && pointer_owner_ != &viewer)
     return Error{ErrorKind::kUsage, "only the viewer that moves the tip can rearm the force", "",
@@ -392,7 +391,7 @@ Result<void> Hub::execute_pointer(Viewer& viewer, const PointerRequest& request)
 
 Result<void> Hub::execute_play(const PlayRequest& request) {
   if (PlaybackHost* const playback = host_.playback()) return playback->play(request);
-  return Error{ErrorKind::kUsage, "a session runs: there is no recording to be looked at", "",
+  return Error{ErrorKind::kUsage, "this is a live session, not a recording", "",
                "palpate replay RECORDING --view shows one"};
 }
 
@@ -451,7 +450,7 @@ std::string Hub::sweeps_after(SentSweeps& sent) const {
   sent.count = std::min(sent.count, state_.sweeps);
   const std::vector<SweepRecord> next = host_.sweeps(
       state_.model_version, sent.count, std::min<std::uint64_t>(kMaxAtOnce, state_.sweeps - sent.count));
-  // tells the viewer to drop the sweeps beyond `count`
+  // an empty list of sweeps makes the viewer drop those beyond `count`
   if (next.empty() && sent.shown == sent.count) return {};
   std::string text = sweeps_json(sent.count, next);
   sent.count += next.size();
@@ -593,10 +592,10 @@ void Hub::publish_due() {
   const std::int64_t clock_ns = monotonic_ns();
   const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
   const PoseMessage pose(tick, stiffness_N_per_mm, health_, clock_ns);
-  const NearMessage near(tick);
+  const DistanceMessage near(tick);
   struct Redacted {
     PoseMessage pose;
-    NearMessage near;
+    DistanceMessage near;
     bool reports_distances;
   };
   std::optional<Redacted> redacted;
@@ -607,9 +606,9 @@ void Hub::publish_due() {
       redacted_tick_ = redaction->of(tick);
       redacted_steps_->observe(redacted_tick_);
       redacted.emplace(Redacted{PoseMessage(redacted_tick_, {}, redaction->of(health_), clock_ns),
-                                NearMessage(redacted_tick_), redaction->scene().reports_distances()});
+                                DistanceMessage(redacted_tick_), redaction->scene().reports_distances()});
     }
-    const NearMessage& its_near = redaction != nullptr ? redacted->near : near;
+    const DistanceMessage& its_near = redaction != nullptr ? redacted->near : near;
     const bool reports_distances =
         redaction != nullptr ? redacted->reports_distances : host_.scene().reports_distances();
     viewer->enqueue_pose(redaction != nullptr ? redacted->pose : pose,
@@ -635,11 +634,11 @@ void Hub::run_housekeeping() {
   site_.access().forget_inactive_guesses(now);
   if (welcomed_ == 0) return;
   health_ = host_.health();
-  answer_late();
+  deliver_late_answers();
   publish_state();
 }
 
-void Hub::answer_late() {
+void Hub::deliver_late_answers() {
   if (live_ == nullptr) return;
   for (const LateAnswer& late : live_->read_answers())
     for (const auto& viewer : viewers_)

@@ -40,8 +40,8 @@ class Hub {
   using Clock = std::chrono::steady_clock;
   /// Maximum number of viewers after their hello, and of connections including them.
   static constexpr std::size_t kMaxViewers = 64, kMaxConnections = 256;
-  /// Places reserved for viewers with control or a teacher's role.
-  static constexpr std::size_t kReservedForControl = 2;
+  /// Slots reserved for viewers with control or a teacher's role.
+  static constexpr std::size_t kReservedSlots = 2;
   /// Maximum number of WebSockets before their hello, when their role is not known yet.
   static constexpr std::size_t kMaxUnauthenticated = 16;
   /// A single viewer downloads scan and labels concurrently.
@@ -50,7 +50,7 @@ class Hub {
   /// @param loop, host, site, volumes, pictures  outlive the hub
   /// @param pictures  null: no pictures of the volume are rendered
   Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore* pictures,
-      DownloadRateLimiter downloads, FaultLog log, std::function<void(int)> count_viewers);
+      DownloadRateLimiter downloads, FaultLog log, std::function<void(int)> on_viewer_count);
   ~Hub();
 
   void begin();
@@ -66,10 +66,10 @@ class Hub {
   /// If there are too many WebSockets before their hello, closes the oldest: clients without a token cannot
   /// lock out those with one.
   void drop_oldest_unauthenticated();
-  /// Whether a viewer that says hello gets a place. For a role with a reserved place, the most recent viewer
+  /// Whether a viewer that says hello gets a slot. For a role with a reserved slot, the most recent viewer
   /// of another role is closed if necessary.
   bool make_room_for_viewer(Role role);
-  /// If all places are taken, closes one connection: the one without progress for the longest time,
+  /// If all slots are taken, closes one connection: the one without progress for the longest time,
   /// preferring those that wait for a request, then those that are sending, then those whose answer is being
   /// generated.
   void make_room_for_connection();
@@ -80,7 +80,7 @@ class Hub {
   std::unique_ptr<Timer> timer() { return loop_.timer(); }
   FaultLog& log() { return log_; }
   /// Next part of a connection's download whose previous part has been sent.
-  DownloadRateLimiter::Chunk next_part(std::size_t left_bytes);
+  DownloadRateLimiter::Chunk next_chunk(std::size_t left_bytes);
   /// Asynchronous requests; `then` is called on the server's thread.
   void request_picture(PictureKey key, std::weak_ptr<const void> requester,
                        std::function<void(PictureStore::Payload)> then);
@@ -115,8 +115,7 @@ class Hub {
   const PublishedDeformation& published_deformation(std::size_t device) const {
     return deformations_[device].published;
   }
-  /// Latest plan; null if there is none, and for a redacted viewer: the plan's author may have known what is
-  /// hidden.
+  /// Latest plan; null if there is none, and for a redacted viewer, because a plan may reveal what is hidden.
   std::shared_ptr<const std::string> published_plan(const Viewer& viewer) const;
   /// Publishes the progress of a run if it has changed.
   void publish_training(Clock::time_point now);
@@ -124,7 +123,8 @@ class Hub {
   const std::string& published_training(const Viewer& viewer) const;
   /// Latest error estimate of a tracked tip; null: none.
   const std::shared_ptr<const std::string>& published_navigation() const { return navigation_json_; }
-  /// Debriefing of the last run; null if there is none, and for a learner if it was another learner's run.
+  /// Debriefing of the last run; null if there is none, or if the viewer is a learner and the run was another
+  /// learner's.
   std::shared_ptr<const std::string> published_debriefing(const Viewer& viewer) const;
 
  private:
@@ -140,10 +140,10 @@ class Hub {
   const Viewer* viewer_of_learner(const std::string& learner) const;
   std::vector<ListedLearner> listed_learners() const;
   void update_redaction();
-  void answer_late();
+  void deliver_late_answers();
   Result<void> execute_pointer(Viewer& viewer, const PointerRequest& request);
   Result<void> execute_play(const PlayRequest& request);
-  void count();
+  void update_viewer_count();
   void wait_for_poses();
   void publish_due();
   void publish_deformation(Clock::time_point now);
@@ -160,7 +160,7 @@ class Hub {
   PictureStore* const pictures_;
   DownloadRateLimiter downloads_;
   FaultLog log_;
-  const std::function<void(int)> count_viewers_;
+  const std::function<void(int)> on_viewer_count_;
 
   EventLoop& loop_;
   const std::unique_ptr<Timer> pose_timer_, housekeeping_timer_;

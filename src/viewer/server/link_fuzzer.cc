@@ -39,7 +39,7 @@ void message(std::string_view text) {
   if (const auto* lesson = std::get_if<LessonRequest>(&request->what))
     PALPATE_CHECK(lesson->learner || lesson->task || lesson->names || lesson->pointer || lesson->end);
   if (const auto* plan = std::get_if<PlanRequest>(&request->what))
-    PALPATE_CHECK(plan->trajectory.has_value() != (plan->save || plan->back_to.has_value()));
+    PALPATE_CHECK(plan->trajectory.has_value() != (plan->save || plan->restore_version.has_value()));
   if (const auto* error = std::get_if<Error>(&request->what))
     PALPATE_CHECK(!refused_json(request->id, *error).empty());
 }

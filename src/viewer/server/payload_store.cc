@@ -7,7 +7,7 @@
 
 namespace palpate::server {
 
-void PayloadStore::want(const PayloadKey& key, std::function<void(Payload)> then) {
+void PayloadStore::request(const PayloadKey& key, std::function<void(Payload)> then) {
   run([this, key, then = std::move(then)] {
     const Payload payload = made(key);
     if (!stop_) then(payload);

@@ -41,7 +41,7 @@ class PayloadStore {
 
   /// Passes the payload to `then` on the store's thread, or null if it could not be generated (out of
   /// memory), in which case the next request retries. `then` may throw; it is not called again.
-  void want(const PayloadKey& key, std::function<void(Payload)> then);
+  void request(const PayloadKey& key, std::function<void(Payload)> then);
   /// Runs another long job on the store's thread. `job` may throw, as above.
   void run(std::function<void()> job);
 

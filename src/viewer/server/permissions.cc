@@ -8,10 +8,10 @@ namespace {
 constexpr Grant kNo = Grant::kNo, kYes = Grant::kYes, kFree = Grant::kWithoutTasks;
 
 // columns in the order of Role: view, control, learner, teacher
-constexpr std::array kRights{
+constexpr std::array kPermissions{
     PermissionInfo{Permission::kObserve,
                    "look",
-                   "look on",
+                   "observe the session",
                    "sees scan, structures, poses, the state of the session, the plan and runs in progress",
                    {kYes, kYes, kYes, kYes}},
     PermissionInfo{Permission::kStop, "stop", "stop the force", "stops the force", {kYes, kYes, kYes, kYes}},
@@ -29,7 +29,7 @@ constexpr std::array kRights{
     PermissionInfo{
         Permission::kChangeContact,
         "feel",
-        "change what is felt",
+        "change contact settings",
         "changes contact settings: method, law, force limit, tissues, [switches](flags.md#switches) of this "
         "permission",
         {kNo, kYes, kFree, kYes}},
@@ -59,8 +59,8 @@ constexpr std::array kRights{
                    {kNo, kNo, kNo, kYes}},
 };
 
-const PermissionInfo& right_info(Permission permission) {
-  const PermissionInfo& info = kRights[static_cast<std::size_t>(permission)];
+const PermissionInfo& permission_info(Permission permission) {
+  const PermissionInfo& info = kPermissions[static_cast<std::size_t>(permission)];
   PALPATE_CHECK(info.permission == permission);
   return info;
 }
@@ -98,17 +98,17 @@ std::string_view name_of(Role role) {
 }
 
 std::span<const PermissionInfo> permission_infos() {
-  return kRights;
+  return kPermissions;
 }
 
 bool is_permitted(Role role, Permission permission, bool has_tasks) {
-  const Grant of = right_info(permission).grants[static_cast<std::size_t>(role)];
+  const Grant of = permission_info(permission).grants[static_cast<std::size_t>(role)];
   return of == Grant::kYes || (of == Grant::kWithoutTasks && !has_tasks);
 }
 
 std::vector<std::string_view> permissions_of(Role role, bool has_tasks, bool stores_runs) {
   std::vector<std::string_view> names;
-  for (const PermissionInfo& info : kRights) {
+  for (const PermissionInfo& info : kPermissions) {
     const bool is_of_runs =
         info.permission == Permission::kOwnRuns || info.permission == Permission::kAllRuns;
     if (is_permitted(role, info.permission, has_tasks) && (stores_runs || !is_of_runs))
@@ -118,7 +118,7 @@ std::vector<std::string_view> permissions_of(Role role, bool has_tasks, bool sto
 }
 
 Error missing_permission(Role role, Permission permission) {
-  const PermissionInfo& info = right_info(permission);
+  const PermissionInfo& info = permission_info(permission);
   std::vector<std::string> people, tokens;
   for (const Role other : kRoles) {
     if (info.grants[static_cast<std::size_t>(other)] != Grant::kYes) continue;
@@ -127,7 +127,7 @@ Error missing_permission(Role role, Permission permission) {
   }
   const bool is_for_now = info.grants[static_cast<std::size_t>(role)] == Grant::kWithoutTasks;
   return {ErrorKind::kUsage,
-          std::string(is_for_now ? "where there are tasks " : "") + "only " + joined(people) + " may " +
+          std::string(is_for_now ? "in a session with tasks " : "") + "only " + joined(people) + " may " +
               std::string(info.action_phrase),
           "role", "connect with a token for " + joined(tokens)};
 }
@@ -136,7 +136,7 @@ std::string permissions_table() {
   std::string text = "| may |";
   for (const Role role : kRoles) text += " " + std::string(name_of(role)) + " |";
   text += " in `may` |\n|---|" + std::string("---|---|---|---|---|\n");
-  for (const PermissionInfo& info : kRights) {
+  for (const PermissionInfo& info : kPermissions) {
     text += "| " + std::string(info.about) + " |";
     for (const Grant of : info.grants) text += " " + cell_of(of) + " |";
     text += " `" + std::string(info.name) + "` |\n";

@@ -75,7 +75,7 @@ Json requested(TestViewer& viewer, Json message) {
   }
 }
 
-TEST(Rights, TheTableOfTheDocsIsTheServers) {
+TEST(Rights, DocumentedTableEqualsTheServers) {
   const std::string path = PALPATE_SOURCE_DIR "/docs/reference/viewer-protocol.md";
   const std::string begin = "<!-- rights begin -->\n", end = "<!-- rights end -->";
   std::string text = *read_file(path);
@@ -91,7 +91,7 @@ TEST(Rights, TheTableOfTheDocsIsTheServers) {
 }
 
 // the server enforces every cell of the table that a message can test
-TEST(Rights, EveryCellIsKeptByTheServer) {
+TEST(Rights, ServerEnforcesEveryCell) {
   const std::map<Permission, std::vector<Json>> kMessages{
       {Permission::kStop, {{{"type", "stop"}}}},
       {Permission::kOperateTool,
@@ -139,9 +139,9 @@ TEST(Rights, EveryCellIsKeptByTheServer) {
     }
 }
 
-TEST(Rights, ARefusalSaysWhichRoleIsNeeded) {
+TEST(Rights, RefusalNamesTheRequiredRole) {
   EXPECT_EQ(missing_permission(Role::kLearner, Permission::kChangeContact).what,
-            "where there are tasks only a viewer with control or a teacher may change what is felt");
+            "in a session with tasks only a viewer with control or a teacher may change contact settings");
   EXPECT_EQ(missing_permission(Role::kLearner, Permission::kChangeContact).remedy,
             "connect with a token for control or teacher");
   EXPECT_EQ(missing_permission(Role::kView, Permission::kOperateTool).what,
@@ -150,7 +150,7 @@ TEST(Rights, ARefusalSaysWhichRoleIsNeeded) {
             "only a teacher may lead the lesson");
 }
 
-TEST(Rights, WhatIsRefusedIsNotDone) {
+TEST(Rights, RefusedRequestsHaveNoEffect) {
   School school;
   const auto learner = school.comes(Role::kLearner);
   EXPECT_EQ(school.welcome["learner"], "L042");
@@ -221,7 +221,7 @@ TEST(Rights, ALearnerDoesTasksAsHimOrHerselfAlone) {
 }
 
 // a session that ends while a run is in progress scores it while its viewers are still connected
-TEST(Rights, TheEndOfALessonIsAnsweredAndItsRunDebriefedBeforeTheClose) {
+TEST(Rights, LessonEndIsAnsweredAndDebriefedBeforeClosing) {
   School school;
   const auto teacher = school.comes(Role::kTeacher), one = school.comes(Role::kLearner, {{"task", true}});
   EXPECT_EQ(requested(*one, {{"type", "task"}, {"begin", "hold"}})["type"], "done");
@@ -245,7 +245,7 @@ Json state_when(TestViewer& viewer, const std::function<bool(const Json&)>& hold
   return state;
 }
 
-TEST(Rights, ThePointerGoesToWhomTheTeacherNames) {
+TEST(Rights, TeacherAssignsThePointer) {
   School school;
   // the teacher's page comes first, and takes the pointer
   const auto teacher = school.comes(Role::kTeacher);

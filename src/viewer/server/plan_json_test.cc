@@ -29,7 +29,7 @@ TEST(PlanJson, HasTheDocumentsKeys) {
     "keep_away": [{"label": 2, "mm": 3.0}]})"));
 }
 
-TEST(Viewer, APlanComesToWhoAsksAndAnewWhenItIsChanged) {
+TEST(Viewer, PlansAreSentToSubscribersOnEachChange) {
   TestServer test;
   test.host.rehearse(test_plan());
   TestViewer viewer(test.port()), other(test.port());
@@ -55,7 +55,7 @@ TEST(Viewer, APlanComesToWhoAsksAndAnewWhenItIsChanged) {
     EXPECT_EQ(next["type"], "state");
 }
 
-TEST(Viewer, WhatIsAskedOfAPlanIsOneThing) {
+TEST(Viewer, PlanRequestsHaveExactlyOneAction) {
   TestServer test;
   test.host.rehearse(test_plan());
   TestViewer viewer(test.port());

@@ -61,7 +61,7 @@ TickRecord full_tick(int devices) {
 const ViewedHealth kHealth{999.5, 1, 2, 3, 4, 5, 6, std::uint64_t{1} << 40};
 
 // every offset as in the document
-TEST(PoseMessage, HeadStandsWhereTheDocumentSays) {
+TEST(PoseMessage, HeadMatchesTheDocumentedLayout) {
   PoseMessage pose(full_tick(1), {0.5, 0, 0, 0}, kHealth, 0x1122334455667788);
   pose.set_sequence(0xa1a2a3a4a5a6a7a8);
   const std::string_view bytes = pose.bytes();
@@ -97,7 +97,7 @@ TEST(PoseMessage, NumbersAreLittleEndian) {
   EXPECT_EQ(pose.bytes().substr(8, 8), "\x08\x07\x06\x05\x04\x03\x02\x01");
 }
 
-TEST(PoseMessage, EveryDeviceStandsWhereTheDocumentSays) {
+TEST(PoseMessage, DevicesMatchTheDocumentedLayout) {
   for (int devices = 1; devices <= kMaxDevices; ++devices) {
     const PoseMessage pose(full_tick(devices), {0.1, 0.2, 0.3, 0.4}, kHealth, 0);
     const std::string_view bytes = pose.bytes();
@@ -136,7 +136,7 @@ TEST(PoseMessage, EveryDeviceStandsWhereTheDocumentSays) {
   }
 }
 
-TEST(PoseMessage, WhatIsNotKnownStaysSo) {
+TEST(PoseMessage, UnknownValuesStayNaN) {
   TickRecord tick = full_tick(1);
   tick.device[0].depth_mm = kUnknown;
   tick.device[0].limit_N = 1e300;

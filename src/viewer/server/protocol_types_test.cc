@@ -142,7 +142,8 @@ void add_settings(Module& module) {
     if (info.is_haptic) haptic.push_back(info.name);
   module.names("SETTING_NAMES", names);
   module.line(
-      "/** Switches that need the permission to change what is felt; the page shows them as check boxes. */");
+      "/** Switches that need the permission to change contact settings; the page shows them as check boxes. "
+      "*/");
   module.names("HAPTIC_SWITCHES", haptic);
   module.line();
 }
@@ -178,7 +179,7 @@ std::string protocol_types() {
   return module.text().substr(0, module.text().size() - 1);
 }
 
-TEST(ProtocolTypes, ThePageHasThoseOfTheTables) {
+TEST(ProtocolTypes, PageTypesEqualTheTables) {
   const std::string path = PALPATE_SOURCE_DIR "/web/src/protocol/protocol.gen.ts";
   if (std::getenv("PALPATE_UPDATE_DOCS") != nullptr) {
     ASSERT_TRUE(write_file(path, protocol_types()).ok());
@@ -199,7 +200,7 @@ std::string wire_table(const WireFields& part) {
   return table;
 }
 
-TEST(ProtocolTypes, TheManualHasTheNumbersOfABundle) {
+TEST(ProtocolTypes, ManualStatesTheBundleSizes) {
   EXPECT_EQ(wire_fields<BundledTick>().bytes(), kBundledTick_bytes);
   EXPECT_EQ(wire_fields<BundledDevice>().bytes(), kBundledDevice_bytes);
   const std::string path = PALPATE_SOURCE_DIR "/docs/reference/viewer-messages.md";

@@ -48,7 +48,7 @@ TEST(RedactedLabels, ABallInOneStructureBecomesIt) {
   EXPECT_EQ(wrong(block, {9, 10, 8}, 5.5, false), 0u);
 }
 
-TEST(RedactedLabels, WhatBordersOnAirMostlyIsNotAir) {
+TEST(RedactedLabels, StructuresBorderingAirAreNotLabelledAir) {
   // half a ball on top of a structure: more faces to air than to the structure
   const auto labels = painted({20, 20, 20}, [](int i, int j, int k) {
     const bool in_ball = (i - 10) * (i - 10) + (j - 10) * (j - 10) + (k - 10) * (k - 10) <= 16;
@@ -59,7 +59,7 @@ TEST(RedactedLabels, WhatBordersOnAirMostlyIsNotAir) {
     ASSERT_EQ(shown.voxels()[n], labels.voxels()[n] == kHidden ? 4 : labels.voxels()[n]);
 }
 
-TEST(RedactedLabels, AThinLayerGoesOnOverWhatItRestsOn) {
+TEST(RedactedLabels, ThinLayerContinuesOverItsSupport) {
   // a layer of 3 voxels between bone and air: a half ball of radius 3.5 mostly touches bone and air
   const auto layer = painted({24, 24, 24}, [](int, int, int k) {
     return LabelId(k < 10 ? 7 : k < 13 ? 4 : 0);
@@ -73,14 +73,14 @@ TEST(RedactedLabels, AThinLayerGoesOnOverWhatItRestsOn) {
   EXPECT_EQ(redacted(labels).voxels(), layer.voxels());
 }
 
-TEST(RedactedLabels, ABorderGoesOnThroughWhatHidIt) {
+TEST(RedactedLabels, BorderContinuesThroughTheHiddenStructure) {
   const auto plane = painted({24, 24, 24}, [](int, int, int k) { return LabelId(k < 12 ? 7 : 4); });
   EXPECT_EQ(wrong(plane, {12, 12, 12}, 5.2, false), 0u);
   const auto tilted = painted({24, 24, 24}, [](int i, int, int k) { return LabelId(k + i < 24 ? 7 : 4); });
   EXPECT_EQ(wrong(tilted, {12, 12, 12}, 5.2, false), 0u);
 }
 
-TEST(RedactedLabels, OnlyWhatTouchesAirAloneIsAir) {
+TEST(RedactedLabels, OnlyRegionsSurroundedByAirBecomeAir) {
   const auto labels = painted({12, 12, 12}, [](int i, int j, int k) {
     const bool is_alone = i > 7 && j > 3 && j < 6 && k > 3 && k < 6 && i < 10;
     return LabelId(is_alone ? kHidden : i < 4 ? 4 : i < 5 && j == 5 && k == 5 ? kHidden : 0);
@@ -90,7 +90,7 @@ TEST(RedactedLabels, OnlyWhatTouchesAirAloneIsAir) {
   EXPECT_EQ(shown.at(4, 5, 5), 4) << "one face of six is enough";
 }
 
-TEST(RedactedLabels, OrderOfAxesAndHiddenStructuresDoNotCount) {
+TEST(RedactedLabels, IsIndependentOfAxisAndStructureOrder) {
   const auto at = [](int i, int j, int k) {
     const bool in_ball = (i - 8) * (i - 8) + (j - 8) * (j - 8) + (k - 8) * (k - 8) <= 20;
     return LabelId(in_ball ? (i < 8 ? kHidden : kHidden + 1) : k < 7 ? 7 : j < 9 ? 4 : 0);

@@ -103,7 +103,7 @@ ViewedTask::Region region_in(const ViewedScene& scene, const ViewedTask::Region&
   });
   if (count == 0) return view;
   const Eigen::Vector3d centre = sum / count;
-  view.middle_mm = array_of(centre);
+  view.centre_mm = array_of(centre);
   view.radius_mm = 0;
   extent.for_each_voxel([&](int, int, int, const Eigen::Vector3d& at_position) {
     view.radius_mm = std::max(view.radius_mm, (at_position - centre).norm());

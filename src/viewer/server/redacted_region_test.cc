@@ -62,7 +62,7 @@ TEST(RedactedRegion, IsLookedAtAsTheSessionLooksAtIt) {
     ASSERT_TRUE(found.ok()) << found.error().message();
     const RegionView view = view_of(found->regions[0], model);
     const ViewedTask::Region region = region_in(scene, {"r", {}, 0, {}, extent});
-    EXPECT_EQ(region.middle_mm, numbers(view.middle_mm));
+    EXPECT_EQ(region.centre_mm, numbers(view.centre_mm));
     EXPECT_EQ(region.radius_mm, view.radius_mm);
     EXPECT_EQ(region.outward, numbers(view.outward));
     const RegionExtent bounds(*scene.labels, extent);
@@ -72,20 +72,20 @@ TEST(RedactedRegion, IsLookedAtAsTheSessionLooksAtIt) {
   }
 }
 
-TEST(RedactedRegion, WithoutVoxelsIsTheWholeVolume) {
+TEST(RedactedRegion, WithoutVoxelsCoversTheWholeVolume) {
   ViewedScene scene;
   scene.labels = label_bricks(slab());
   scene.structures = {{1, "slab", {}, -1}};
   const auto whole = region_in(scene, {"r", {1, 2, 3}, 4, {0, 0, 1}});
   const auto none = region_in(scene, {"r", {1, 2, 3}, 4, {0, 0, 1}, Extent{{7}, {}, {}, {}, 0, {}}});
-  EXPECT_EQ(whole.middle_mm, numbers(scene.labels->geometry().centre().eigen()));
-  EXPECT_EQ(none.middle_mm, whole.middle_mm);
+  EXPECT_EQ(whole.centre_mm, numbers(scene.labels->geometry().centre().eigen()));
+  EXPECT_EQ(none.centre_mm, whole.centre_mm);
   EXPECT_EQ(none.radius_mm, whole.radius_mm);
   EXPECT_EQ(whole.outward, (std::array<double, 3>{}));
   // a sphere does not depend on labels
   const auto ball =
       region_in(scene, {"r", {1, 2, 3}, 4, {}, Extent{{}, std::array{1.0, 2.0, 3.0}, {}, {}, 4, {}}});
-  EXPECT_EQ(ball.middle_mm, (std::array<double, 3>{1, 2, 3}));
+  EXPECT_EQ(ball.centre_mm, (std::array<double, 3>{1, 2, 3}));
   EXPECT_EQ(ball.radius_mm, 4);
 }
 

@@ -128,7 +128,7 @@ void Redaction::hide_recording() {
   if (!scene_.recording) return;
   ViewedRecording& recording = *scene_.recording;
   recording.contacts.clear();
-  recording.contacts_left_out = 0;
+  recording.omitted_contacts = 0;
   std::erase_if(recording.events, [&](const ViewedRecording::Event& event) {
     return event.tissue >= 0 && tissue_index_[static_cast<std::size_t>(event.tissue)] < 0;
   });
@@ -243,7 +243,7 @@ ViewedTraining Redaction::of(const ViewedTraining& training, const RedactedSteps
   redacted.task = training.task;
   redacted.time_s = training.time_s;
   redacted.missing_s = training.missing_s;
-  redacted.keeps = training.keeps;
+  redacted.is_stored = training.is_stored;
   redacted.done = steps.done();
   redacted.fraction = steps.fraction();
   for (const ViewedTaskEvent& event : training.events)

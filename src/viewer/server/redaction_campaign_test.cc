@@ -17,7 +17,7 @@
 #include "base/test_seed.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/scene/task_file.h"
-#include "server/near_message.h"
+#include "server/distance_message.h"
 #include "server/pose_message.h"
 #include "server/redacted_region.h"
 #include "server/redaction.h"
@@ -193,7 +193,7 @@ struct Shown {
 std::vector<Eigen::Vector3d> middles_of(const ViewedTask& task) {
   std::vector<Eigen::Vector3d> middles;
   for (const ViewedTask::Region& region : task.regions)
-    middles.emplace_back(region.middle_mm[0], region.middle_mm[1], region.middle_mm[2]);
+    middles.emplace_back(region.centre_mm[0], region.centre_mm[1], region.centre_mm[2]);
   return middles;
 }
 
@@ -369,7 +369,7 @@ TickRecord reported(const Redaction& redaction, const TickRecord& tick, Leak lea
 }
 
 std::string bytes_of(const TickRecord& record) {
-  return std::string(PoseMessage(record, {}, {}, 0).bytes()) + std::string(NearMessage(record).bytes());
+  return std::string(PoseMessage(record, {}, {}, 0).bytes()) + std::string(DistanceMessage(record).bytes());
 }
 
 // ---- routes
@@ -438,7 +438,8 @@ void touch(const Draw& draw, const Redaction& redaction, const Redaction& bare_r
         {at_position.cast<float>().cast<double>(), static_cast<float>(tick.device[0].force_N[2]), false});
     for (const Leak leak : {Leak::kNone, Leak::kForces, Leak::kDistances}) {
       const TickRecord record = reported(redaction, tick, leak);
-      reported_by[leak].push_back(read(PoseMessage(record, {}, {}, 0).bytes(), NearMessage(record).bytes()));
+      reported_by[leak].push_back(
+          read(PoseMessage(record, {}, {}, 0).bytes(), DistanceMessage(record).bytes()));
     }
     // the same pose and force in the anatomy without the hidden structure give identical bytes
     TickRecord bare;
@@ -488,7 +489,7 @@ Outcome played(const std::string& quiz) {
 class RedactionCampaign : public ::testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(ShippedQuizzes, RedactionCampaign, ::testing::ValuesIn(shipped_quizzes()));
 
-TEST_P(RedactionCampaign, NobodyFindsMoreThanByPoseAndTotalForce) {
+TEST_P(RedactionCampaign, RedactedDataLeakNoMoreThanPoseAndTotalForce) {
   const Outcome outcome = played(GetParam());
   outcome.untouched.print("never touches, against a blind guess");
   outcome.touched.print("touches, against pose and total force");

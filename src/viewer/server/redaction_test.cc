@@ -9,7 +9,7 @@
 
 #include "base/test_folder.h"
 #include "base/test_seed.h"
-#include "server/near_message.h"
+#include "server/distance_message.h"
 #include "server/pose_message.h"
 #include "server/redacted_region.h"
 #include "server/scene_json.h"
@@ -85,7 +85,7 @@ DeviceTick on_the_ball() {
   return device;
 }
 
-TEST(Redaction, WhatIsToBeFoundIsVoxelsOfWhatLiesAroundIt) {
+TEST(Redaction, HiddenStructuresTakeTheLabelOfTheirSurroundings) {
   FakeHost host;
   hide_a_ball(host);
   const Redaction redaction(host.scene());
@@ -97,7 +97,7 @@ TEST(Redaction, WhatIsToBeFoundIsVoxelsOfWhatLiesAroundIt) {
   EXPECT_FALSE(redaction.is_hidden(3));
 }
 
-TEST(Redaction, NothingThatIsToldNamesIt) {
+TEST(Redaction, NoMessageNamesTheHiddenStructure) {
   FakeHost host;
   hide_a_ball(host);
   host.edit_scene().recording.emplace().contacts = {{0, 1, 2, 1, 0}};
@@ -130,7 +130,7 @@ TEST(Redaction, NothingThatIsToldNamesIt) {
 /// Bytes of every message computed from a tick.
 std::string messages_of(const TickRecord& tick, const ViewedHealth& health = {}) {
   const PoseMessage pose(tick, {}, health, 0);
-  const NearMessage near(tick);
+  const DistanceMessage near(tick);
   return std::string(pose.bytes()) + std::string(near.bytes());
 }
 
@@ -188,7 +188,7 @@ TEST(Redaction, MessagesFollowFromThePoseAndTheTotalForce) {
   EXPECT_GT(touches, 200) << "or nothing was looked at";
 }
 
-TEST(Redaction, WhereATipIsPressedInItIsShownOnWhatIsThere) {
+TEST(Redaction, TipInTheHiddenStructureIsShownOnTheRedactedSurface) {
   FakeHost host;
   hide_a_ball(host);
   const Redaction redaction(host.scene());
@@ -216,7 +216,7 @@ TEST(Redaction, WhereATipIsPressedInItIsShownOnWhatIsThere) {
   EXPECT_EQ(redaction.of(tick).device[0].unclamped_force_N, 1.25);
 }
 
-TEST(Redaction, WhereAToolMayHaveCutNoContactIsTold) {
+TEST(Redaction, OmitsContactsWhereAToolMayHaveCut) {
   FakeHost host;
   hide_a_ball(host);
   host.edit_scene().tools = {{"burr", 0, true, "ball", {{0, 0, 0}}, {}}};
@@ -232,7 +232,7 @@ TEST(Redaction, WhereAToolMayHaveCutNoContactIsTold) {
   EXPECT_EQ(device.proxy_patient_mm, tick.device[0].tip_patient_mm);
 }
 
-TEST(Redaction, ARegionOfPlanesAloneIsToldAsItPushes) {
+TEST(Redaction, PlaneRegionsAreReportedWhilePushing) {
   FakeHost host;
   hide_a_ball(host);
   host.edit_scene().no_go = {{"wall", 1, ViewedNoGo::Plane{{0, 0, 0}, {0, 0, 1}}}};
@@ -251,7 +251,7 @@ TEST(Redaction, ARegionOfPlanesAloneIsToldAsItPushes) {
   EXPECT_EQ(of_structures.of(tick).device[0].flags, 0u);
 }
 
-TEST(Redaction, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
+TEST(Redaction, RunReportsTotalForcesAndVisibleSteps) {
   FakeHost host;
   hide_a_ball(host);
   ViewedTask& task = host.edit_scene().tasks[0];
@@ -303,7 +303,7 @@ TEST(Redaction, ARunTellsTotalForcesAndStepsOfWhatIsShown) {
   EXPECT_EQ(steps.done(), std::vector<bool>({false, false}));
 }
 
-TEST(Redaction, HowLongATickComputesIsNotTold) {
+TEST(Redaction, OmitsComputeTimes) {
   FakeHost host;
   hide_a_ball(host);
   const ViewedHealth health = Redaction(host.scene()).of(ViewedHealth{999, 1, 2, 3, 4, 5, 6, 7});
@@ -313,7 +313,7 @@ TEST(Redaction, HowLongATickComputesIsNotTold) {
   EXPECT_EQ(health.stalls, 7u);
 }
 
-TEST(Redaction, WhatABurrTookIsGoneFromWhatIsShown) {
+TEST(Redaction, OmitsRemovedTissue) {
   FakeHost host;
   hide_a_ball(host);
   const Redaction redaction(host.scene());
@@ -356,7 +356,7 @@ struct Quiz {
   std::unique_ptr<ViewerServer> server;
 };
 
-TEST(Redaction, ALearnerIsToldNothingOfItByAnyWay) {
+TEST(Redaction, LearnersReceiveNoDataOfTheHiddenStructure) {
   const Quiz quiz;
   const std::string hash = quiz.scene(kTeacherToken)["volume"]["hash"],
                     redacted = quiz.scene(kLearnerToken)["volume"]["hash"];
@@ -386,7 +386,7 @@ TEST(Redaction, ALearnerIsToldNothingOfItByAnyWay) {
   EXPECT_EQ(number_at<float>(open, kDevice + 84), 0.75f);
 }
 
-TEST(Redaction, EveryTickIsForWhoIsNotVeiled) {
+TEST(Redaction, OnlyUnredactedViewersReceiveTickBundles) {
   Quiz quiz;
   TestViewer learner(quiz.server->port()), teacher(quiz.server->port());
   learner.greet({{"token", kLearnerToken}, {"ticks", true}, {"poses_hz", 120}});
@@ -439,7 +439,7 @@ std::vector<std::string> answers_to_a_learner(const Quiz& quiz) {
   return answers;
 }
 
-TEST(Redaction, WhereItIsChangesNoByteOfWhatALearnerIsTold) {
+TEST(Redaction, LearnerMessagesAreIndependentOfTheHiddenPosition) {
   const Quiz here(kHere), elsewhere(kElsewhere);
   EXPECT_NE(here.host.scene().content_hash, elsewhere.host.scene().content_hash);
   const auto one = answers_to_a_learner(here), other = answers_to_a_learner(elsewhere);
@@ -454,7 +454,7 @@ TEST(Redaction, WhereItIsChangesNoByteOfWhatALearnerIsTold) {
   EXPECT_EQ(learner.text("task"), other_learner.text("task"));
 }
 
-TEST(Redaction, WhatItHidesSendsNoMessage) {
+TEST(Redaction, HiddenChangesTriggerNoMessage) {
   Quiz quiz;
   TestViewer learner(quiz.server->port()), teacher(quiz.server->port());
   teacher.greet({{"token", kTeacherToken}});
@@ -478,7 +478,7 @@ TEST(Redaction, WhatItHidesSendsNoMessage) {
   EXPECT_LE(states, 2) << "those of the beginning";
 }
 
-TEST(Redaction, APlanIsNotTold) {
+TEST(Redaction, PlansAreNotSent) {
   Quiz quiz;
   ViewedPlan plan;
   plan.trajectories = {{"to the nodule", {1, 2, 3}, {9, 12, 12}, {}, {}, {}, {}}};

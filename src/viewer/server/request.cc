@@ -212,12 +212,12 @@ PlanRequest read_plan(Fields& fields) {
   request.target_mm = fields.numbers<3>("target_mm");
   request.remove = fields.flag("remove").value_or(false);
   if (const auto version = fields.integer("back_to", 0, 0xffffffff))
-    request.back_to = static_cast<std::uint32_t>(*version);
+    request.restore_version = static_cast<std::uint32_t>(*version);
   request.save = fields.flag("save").value_or(false);
   fields.end();
   const bool changes = request.name || request.entry_mm || request.target_mm;
   const int requested =
-      int{changes} + int{request.remove} + int{request.back_to.has_value()} + int{request.save};
+      int{changes} + int{request.remove} + int{request.restore_version.has_value()} + int{request.save};
   if (requested != 1) fields.refuse("", "needs exactly one of a change, remove, back_to and save");
   if (request.trajectory.has_value() != (changes || request.remove))
     fields.refuse("trajectory", "is only for a change and for remove");

@@ -197,7 +197,7 @@ TEST(Request, AStopIsOneHoweverItIsAskedFor) {
     EXPECT_FALSE(is_stop(parse_viewer_message(text))) << text;
 }
 
-TEST(Request, WhatIsNoMessage) {
+TEST(Request, RejectsMalformedMessages) {
   for (const char* text : {
            "",
            " ",

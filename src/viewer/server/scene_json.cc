@@ -149,9 +149,9 @@ Json recording_json(const ViewedRecording& recording) {
           {"begin_s", recording.begin_s},
           {"end_s", recording.end_s},
           {"contacts", contacts},
-          {"contacts_left_out", recording.contacts_left_out},
+          {"contacts_left_out", recording.omitted_contacts},
           {"events", events},
-          {"events_left_out", recording.events_left_out},
+          {"events_left_out", recording.omitted_events},
           {"force_N", recording.force_N}};
 }
 

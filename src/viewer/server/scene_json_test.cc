@@ -63,7 +63,7 @@ TEST(SceneJson, HasTheDocumentsKeys) {
   EXPECT_TRUE(json["recording"].is_null());
 }
 
-TEST(SceneJson, WhatIsNotKnownIsNull) {
+TEST(SceneJson, UnknownValuesAreNull) {
   FakeHost host;
   host.edit_scene().scan = nullptr;
   const Json json = Json::parse(scene_json(host.scene(), host.state(), {}, {Role::kView, {}}, false));
@@ -80,7 +80,7 @@ TEST(SceneJson, HasTheCaveatsOfTheModel) {
             Json::parse(R"([{"concerns": "force", "text": "two tissues are felt as one\\u001b[2J"}])"));
 }
 
-TEST(SceneJson, TellsWhatKeepsAway) {
+TEST(SceneJson, HasNoGoRegions) {
   FakeHost host;
   host.edit_scene().distance_reach_mm = 15;
   host.edit_scene().no_go = {{"artery\x1b[2J", 2, LabelId{2}},
@@ -101,7 +101,7 @@ TEST(SceneJson, NamesThatAreNoUtf8DoNotHarm) {
   EXPECT_EQ(json["structures"][0]["name"], "f\\xff\"</script>\\u000a");
 }
 
-TEST(SceneJson, TellsOfARecordingThatIsLookedAt) {
+TEST(SceneJson, DescribesARecording) {
   FakeHost host;
   host.edit_scene().recording = ViewedRecording{
       300,   0.5,

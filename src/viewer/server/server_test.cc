@@ -96,7 +96,7 @@ TEST(ViewerServer, AnswersOneRequestAfterTheOther) {
 }
 
 // a large volume is generated and sent while other viewers get their poses
-TEST(ViewerServer, ALargeVolumeHoldsNobodyUp) {
+TEST(ViewerServer, LargeVolumesDelayNoOtherViewer) {
   TestServer test({}, {256, 256, 160});
   TestViewer viewer(test.port());
   viewer.greet({{"poses_hz", 120}});
@@ -164,7 +164,7 @@ TEST(ViewerServer, ListeningEverywhereItTellsAnAddress) {
   }
 }
 
-TEST(ViewerServer, WhereNoThreadIsToBeHadItSaysSo) {
+TEST(ViewerServer, ReportsThreadCreationFailure) {
   const palpate::test::NoThreads none;
   ViewerServerOptions options;
   options.port = 0;

@@ -32,7 +32,7 @@ struct SiteTest : ::testing::Test {
   int status_of(std::string_view target) { return status_of(get(target)); }
 };
 
-TEST_F(SiteTest, ServesWhatTheDocumentNames) {
+TEST_F(SiteTest, ServesDocumentedPaths) {
   EXPECT_EQ(status_of("/"), 200);
   EXPECT_EQ(status_of("/assets/index.html"), 200);
   EXPECT_EQ(status_of("/api/scene"), 200);
@@ -93,7 +93,7 @@ TEST_F(SiteTest, NothingLeadsOutOfIt) {
     EXPECT_EQ(status_of(target), 400) << target;
 }
 
-TEST_F(SiteTest, WhoAsksIsLookedAtFirst) {
+TEST_F(SiteTest, ValidatesTheOriginFirst) {
   HttpRequest request = get("/");
   request.host = "evil.example:8480";
   EXPECT_EQ(status_of(request), 421);
@@ -215,7 +215,7 @@ TEST_F(SiteTest, EveryAnswerIsGuarded) {
 }
 
 // an unknown Host is never echoed
-TEST_F(SiteTest, NothingOfARefusedRequestComesBack) {
+TEST_F(SiteTest, RefusalsEchoNothing) {
   HttpRequest request = get("/DOE^CANARY");
   request.host = "canary.example";
   const auto answer = std::get<HttpResponse>(site.answer(request));

@@ -42,7 +42,7 @@ const char* phase_text(ViewedTraining::Phase phase) {
       return "none";
     case ViewedTraining::Phase::kRunning:
       return "running";
-    case ViewedTraining::Phase::kKeeping:
+    case ViewedTraining::Phase::kStoring:
       return "keeping";
     case ViewedTraining::Phase::kOver:
       return "over";
@@ -75,7 +75,7 @@ Json task_json(const ViewedTask& task) {
   json["regions"] = Json::array();
   for (const ViewedTask::Region& region : task.regions)
     json["regions"].push_back({{"name", printable_name(region.name)},
-                               {"middle_mm", region.middle_mm},
+                               {"middle_mm", region.centre_mm},
                                {"radius_mm", region.radius_mm},
                                {"outward", region.outward}});
   json["steps"] = Json::array();
@@ -86,7 +86,7 @@ Json task_json(const ViewedTask& task) {
                              {"force_N", step.force_N},
                              {"seconds", step.seconds},
                              {"coverage", step.coverage},
-                             {"seen", step.seen}});
+                             {"seen", step.in_scope_view}});
   json["forces"] = Json::array();
   for (const ViewedTask::Force& force : task.forces)
     json["forces"].push_back(
@@ -126,7 +126,7 @@ std::string training_json(const ViewedTraining& training) {
   json["missing_s"] = training.missing_s;
   json["events"] = events_json(training.events);
   json["events_before"] = training.events_before;
-  json["keeps"] = training.keeps;
+  json["keeps"] = training.is_stored;
   return line_of(json);
 }
 
@@ -158,11 +158,11 @@ std::string debriefing_json(const ViewedDebriefing& debriefing) {
   }
   json["patches"] = Json::array();
   for (const ViewedDebriefing::Patch& patch : debriefing.patches) {
-    Json row = point_json(patch.middle_mm);
+    Json row = point_json(patch.centre_mm);
     row.push_back(patch.covered ? 1 : 0);
     json["patches"].push_back(std::move(row));
   }
-  json["patches_left_out"] = debriefing.patches_left_out;
+  json["patches_left_out"] = debriefing.omitted_patches;
   json["answer_mm"] = debriefing.answer_mm ? point_json(*debriefing.answer_mm) : Json();
   json["to_find_mm"] = debriefing.to_find_mm ? point_json(*debriefing.to_find_mm) : Json();
   json["runs"] = debriefing.runs;

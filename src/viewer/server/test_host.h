@@ -47,7 +47,7 @@ inline ViewedTraining test_training() {
   training.unseen = true;
   training.events = {{"over_limit", 0, 1.0, 2.6}};
   training.events_before = 4;
-  training.keeps = true;
+  training.is_stored = true;
   return training;
 }
 inline ViewedDebriefing test_debriefing() {

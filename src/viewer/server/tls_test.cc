@@ -80,7 +80,7 @@ struct TlsTest : ::testing::Test {
   }
 };
 
-TEST_F(TlsTest, EverythingGoesThroughIt) {
+TEST_F(TlsTest, EncryptsAllTraffic) {
   TestServer test(options, {64, 64, 64});
   EXPECT_EQ(test.server->url(), "https://" + test.host_name() + "/");
   const auto page = request(test.port(), "GET", "/", "", true);
@@ -105,7 +105,7 @@ TEST_F(TlsTest, EverythingGoesThroughIt) {
             403);
 }
 
-TEST_F(TlsTest, NothingGoesPastIt) {
+TEST_F(TlsTest, RefusesPlainConnections) {
   TestServer test(options);
   EXPECT_EQ(request(test.port(), "GET", "/").status, 0);
   TestSocket silent(test.port());
@@ -146,7 +146,7 @@ struct OfferingClient {
   bool agreed = false;
 };
 
-TEST_F(TlsTest, AKeyThatEverybodyMayReadIsRefused) {
+TEST_F(TlsTest, RefusesWorldReadableKeys) {
   for (const auto& [mode, refused] :
        {std::pair{0600, false}, {0640, false}, {0644, true}, {0604, true}, {0602, true}}) {
     ASSERT_EQ(::chmod(options.tls_key.c_str(), static_cast<mode_t>(mode)), 0);
@@ -158,7 +158,7 @@ TEST_F(TlsTest, AKeyThatEverybodyMayReadIsRefused) {
   }
 }
 
-TEST_F(TlsTest, OnlyCiphersWhoseKeysAreForgotten) {
+TEST_F(TlsTest, OnlyForwardSecretCiphers) {
   for (const bool rsa : {false, true}) {
     const Pem pem = self_signed(rsa);
     write_text(folder / "certificate.pem", pem.certificate);
@@ -185,7 +185,7 @@ TEST_F(TlsTest, OnlyCiphersWhoseKeysAreForgotten) {
   }
 }
 
-TEST_F(TlsTest, NothingOfAConnectionOutlivesIt) {
+TEST_F(TlsTest, DisablesCompressionAndResumption) {
   TestServer test(options);
   OfferingClient client(test.port(), TLS1_2_VERSION, "ECDHE+AESGCM");
   ASSERT_TRUE(client.agreed);
@@ -212,7 +212,7 @@ TEST_F(TlsTest, NoSessionIsOffered) {
   EXPECT_FALSE(SSL_SESSION_is_resumable(SSL_get0_session(client.tls)));
 }
 
-TEST_F(TlsTest, KeysAreNotAgreedUponAnew) {
+TEST_F(TlsTest, RefusesRenegotiation) {
   TestServer test(options);
   OfferingClient client(test.port(), TLS1_2_VERSION, "ECDHE+AESGCM");
   ASSERT_TRUE(client.agreed);
@@ -228,7 +228,7 @@ TEST_F(TlsTest, EndsWithViewersConnected) {
   EXPECT_EQ(viewer.close_code(), 1001);
 }
 
-TEST_F(TlsTest, AKeyOfAnotherCertificateIsRefused) {
+TEST_F(TlsTest, RefusesAMismatchedKey) {
   options.tls_key = write_key(self_signed(), "other.pem");
   palpate::testing::FakeHost host;
   const auto server = ViewerServer::start(host, options);

@@ -52,7 +52,8 @@ std::string_view read_word(std::string_view& row) {
 Result<std::string> new_token() {
   std::array<unsigned char, kNewToken> random{};
   if (::getrandom(random.data(), random.size(), 0) != static_cast<ssize_t>(random.size()))
-    return Error{ErrorKind::kUnavailable, "the system gives no random numbers", "getrandom", "try again"};
+    return Error{ErrorKind::kUnavailable, "the system's random number generator is not available",
+                 "getrandom", "try again"};
   std::string token;
   for (const unsigned char byte : random) token += kAlphabet[byte % kAlphabet.size()];
   return token;
@@ -102,8 +103,7 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     if (*role == Role::kLearner && !check_learner(who.learner))
       return bad_line(source, line, "this line has no pseudonym after its token");
     // a token in two lines would be ambiguous
-    if (tokens.holder_of(token))
-      return bad_line(source, line, "this line's token is repeated in another one");
+    if (tokens.holder_of(token)) return bad_line(source, line, "this token is also used in another line");
     tokens.tokens_.push_back({digest_of(token), std::move(who)});
   }
   if (tokens.empty())

@@ -18,8 +18,8 @@
 /// (docs/decisions/archive/0073-one-source-for-beast.md).
 ///
 /// One thread runs the event loop. Everything but EventLoop::post() is called on that thread, and every
-/// callback comes from it, never within the call that it was passed to. An operation holds its callback, and
-/// thereby what that refers to, until the callback has returned or the loop is destroyed.
+/// callback comes from it, never within the call that it was passed to. An operation owns its callback,
+/// including captured objects, until the callback has returned or the loop is destroyed.
 namespace palpate::server {
 
 /// WebSocket subprotocol that viewers request.
@@ -76,7 +76,7 @@ class HttpConnection {
   static constexpr std::size_t kPart_bytes = 64 << 10;
 
   virtual ~HttpConnection() = default;
-  /// Numeric address of the peer, for the log; "gone" if the peer closed before the connection was accepted.
+  /// Numeric address of the peer, for the log; "gone" if the peer disconnected before the accept.
   virtual const std::string& peer() const = 0;
   /// Address block of the peer; all 0 if it had closed.
   virtual const AddressBlock& from() const = 0;

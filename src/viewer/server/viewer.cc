@@ -121,7 +121,7 @@ void Viewer::handle_hello(const Hello& hello) {
   welcomed_ = true;
   receives_deformation_ = hello.wants_deformation;
   receives_training_ = hello.task;
-  receives_near_ = hello.near;
+  receives_distances_ = hello.near;
   receives_plan_ = hello.plan;
   receives_navigation_ = hello.navigation;
   receives_ticks_ = hello.ticks && hub_.tick_history() != nullptr;
@@ -169,16 +169,16 @@ bool Viewer::is_due(Clock::time_point now) const {
   return welcomed_ && !ending_ && now + kHalfPosePeriod >= next_pose_;
 }
 
-void Viewer::enqueue_pose(const PoseMessage& pose, const NearMessage* near, Clock::time_point now) {
+void Viewer::enqueue_pose(const PoseMessage& pose, const DistanceMessage* near, Clock::time_point now) {
   // a viewer behind its rate does not catch up
   next_pose_ = std::max(next_pose_ + pose_period_, now);
   pose_ = pose;
   pose_.set_sequence(++sequence_);
   pose_due_ = true;
   ticks_due_ = receives_ticks_;
-  if (receives_near_ && near && !(near_ && near->equals_except_tick(*near_))) {
+  if (receives_distances_ && near && !(near_ && near->equals_except_tick(*near_))) {
     near_ = *near;
-    near_due_ = true;
+    distances_due_ = true;
   }
   write_next();
 }
@@ -211,7 +211,7 @@ void Viewer::write_next() {
   } else if (!(pose_due_ && pose_is_next_) && next_ticks()) {
     pose_is_next_ = true;
     write(bundle_in_flight_, true);
-  } else if (std::exchange(near_due_, false)) {
+  } else if (std::exchange(distances_due_, false)) {
     near_in_flight_ = *near_;
     write(near_in_flight_.bytes(), true);
   } else if (std::exchange(pose_due_, false)) {
@@ -279,7 +279,7 @@ bool Viewer::next_training() {
 
 // latest message of one device; alternates with poses
 bool Viewer::next_deformation() {
-  if (!welcomed_ || !receives_deformation_ || Clock::now() < no_deformation_before_) return false;
+  if (!welcomed_ || !receives_deformation_ || Clock::now() < next_deformation_allowed_) return false;
   for (std::size_t n = 0; n < deformations_sent_.size(); ++n) {
     const std::size_t device =
         std::exchange(next_deformed_device_, (next_deformed_device_ + 1) % kMaxDevices);
@@ -301,7 +301,7 @@ bool Viewer::next_deformation() {
 // on a slow connection, poses have priority
 void Viewer::defer_deformation() {
   const Clock::time_point now = Clock::now();
-  no_deformation_before_ = now + 2 * (now - write_started_);
+  next_deformation_allowed_ = now + 2 * (now - write_started_);
 }
 
 void Viewer::write(std::string_view bytes, bool binary) {

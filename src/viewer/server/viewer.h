@@ -12,7 +12,7 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/server/address.h"
 #include "server/bundle_message.h"
-#include "server/near_message.h"
+#include "server/distance_message.h"
 #include "server/pose_message.h"
 #include "server/request.h"
 #include "server/scene_json.h"
@@ -57,10 +57,10 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void begin();
   /// Closes the viewer if it exceeds a time limit.
   void check(Clock::time_point now);
-  /// Whether a pose is due at this viewer's own rate.
+  /// Whether a pose is due at the rate that this viewer requested.
   bool is_due(Clock::time_point now) const;
   /// @param near  distances of the same tick; null: the scene has none
-  void enqueue_pose(const PoseMessage& pose, const NearMessage* near, Clock::time_point now);
+  void enqueue_pose(const PoseMessage& pose, const DistanceMessage* near, Clock::time_point now);
   void notify_state();
   /// Announces that a new deformation may be available.
   void notify_deformation();
@@ -80,7 +80,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void remove_from_hub();
 
   bool welcomed() const { return welcomed_; }
-  /// Whether the viewer has not said hello, and still may.
+  /// Whether the viewer's hello is still pending.
   bool is_silent() const { return !welcomed_ && !ending_ && !removed_; }
   bool is_ending() const { return ending_; }
   bool receives_deformation() const { return receives_deformation_ && !ending_; }
@@ -133,14 +133,14 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   Clock::time_point next_pose_{};
 
   std::deque<std::string> answers_;
-  bool has_dropped_requests_ = false;  // has ignored requests for want of room for answers
+  bool has_dropped_requests_ = false;  // whether requests were dropped because the answer queue was full
   bool state_due_ = false, pose_due_ = false, pose_is_next_ = false;
   SentSweeps sweeps_sent_;
   bool receives_deformation_ = false, deformation_in_flight_ = false;
   /// PublishedDeformation::number; 0: none shown
   std::array<std::uint64_t, kMaxDevices> deformations_sent_{};
   std::size_t next_deformed_device_ = 0;  ///< next device in round-robin order
-  Clock::time_point no_deformation_before_{};
+  Clock::time_point next_deformation_allowed_{};
   std::shared_ptr<const std::string> deformation_message_;
   bool receives_plan_ = false;
   std::shared_ptr<const std::string> plan_sent_;
@@ -150,9 +150,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::shared_ptr<const std::string> debriefing_sent_;
   std::uint64_t sequence_ = 0;
   PoseMessage pose_, pose_in_flight_;
-  bool receives_near_ = false, near_due_ = false;
-  std::optional<NearMessage> near_;
-  NearMessage near_in_flight_;
+  bool receives_distances_ = false, distances_due_ = false;
+  std::optional<DistanceMessage> near_;
+  DistanceMessage near_in_flight_;
   bool receives_ticks_ = false, ticks_due_ = false;
   SentTicks ticks_sent_;
   std::string bundle_in_flight_;

@@ -77,7 +77,7 @@ TEST(Viewer, WelcomeStateAndPoses) {
   EXPECT_EQ(number_at<float>(pose, 96 + 84), 0.75f);
 }
 
-TEST(Viewer, WhatIsCutComesToEveryoneInOrderAndOnce) {
+TEST(Viewer, SweepsReachEveryViewerOnceInOrder) {
   TestServer test;
   test.host.cut(450);
   TestViewer first(test.port());
@@ -162,7 +162,7 @@ TEST(Viewer, EachHasItsOwnRate) {
   EXPECT_FALSE(fast.pose().empty());
 }
 
-TEST(Viewer, NobodyWatchesNothingIsTaken) {
+TEST(Viewer, NoSnapshotsWithoutViewers) {
   TestServer test;
   {
     TestViewer viewer(test.port());
@@ -223,7 +223,7 @@ TEST(Viewer, RequestsAreGrantedAndRefused) {
   EXPECT_EQ(viewer.text("refused")["id"], 6);
 }
 
-TEST(Viewer, WhatOthersChangeIsTold) {
+TEST(Viewer, ChangesOfOtherViewersAreReported) {
   TestServer test;
   TestViewer viewer(test.port());
   viewer.greet();
@@ -232,7 +232,7 @@ TEST(Viewer, WhatOthersChangeIsTold) {
   EXPECT_EQ(viewer.text("state")["paused"], true);
 }
 
-TEST(Viewer, EachIsToldWhoMovesTheTip) {
+TEST(Viewer, StateNamesThePointerOwner) {
   GuardedServer guarded;
   std::optional<TestViewer> one(std::in_place, guarded.test.port());
   TestViewer other(guarded.test.port());
@@ -258,7 +258,7 @@ TEST(Viewer, EachIsToldWhoMovesTheTip) {
   EXPECT_TRUE(is_reported(other, "you"));
 }
 
-TEST(Viewer, RolesAreKept) {
+TEST(Viewer, EnforcesRoles) {
   GuardedServer guarded;
   const int port = guarded.test.port();
   TestViewer viewer(port);
@@ -312,7 +312,7 @@ TEST(Viewer, NoTokenNoView) {
 }
 
 // a late answer goes to the viewer that asked
-TEST(Viewer, WhatWaitsForConsentIsAnsweredLater) {
+TEST(Viewer, ConsentRequestsAreAnsweredLater) {
   TestServer test;
   test.host.ask_first();
   TestViewer one(test.port()), other(test.port());
@@ -339,7 +339,7 @@ TEST(Viewer, WhatWaitsForConsentIsAnsweredLater) {
       Json::parse(R"({"type": "refused", "id": 10, "what": "it was declined", "where": "", "how": ""})"));
 }
 
-TEST(Viewer, WhoeverMovesTheTipGetsItsForceBack) {
+TEST(Viewer, PointerOwnerCanRearm) {
   TestServer test({}, {5, 4, 3}, "pointer");
   TestViewer first(test.port()), second(test.port());
   first.greet();
@@ -368,7 +368,7 @@ struct TaskTest : ::testing::Test {
   TestServer test;
 };
 
-TEST_F(TaskTest, ARunIsToldToWhoWantsItAndDebriefedOnce) {
+TEST_F(TaskTest, SubscribersGetProgressAndOneDebriefing) {
   TestViewer first(test.port()), plain(test.port());
   first.greet({{"task", true}});
   plain.greet();
@@ -406,7 +406,7 @@ struct TaskByPointer : TaskTest {
   TaskByPointer() : TaskTest("pointer") {}
 };
 
-TEST_F(TaskByPointer, WhoeverMovesTheTipBeginsAndEnds) {
+TEST_F(TaskByPointer, PointerOwnerBeginsAndEndsRuns) {
   TestViewer first(test.port()), second(test.port());
   first.greet();
   second.greet();
@@ -423,7 +423,7 @@ TEST_F(TaskByPointer, WhoeverMovesTheTipBeginsAndEnds) {
   EXPECT_EQ(first.text("done")["id"], 5);
 }
 
-TEST(Viewer, WhoHasControlPlaysARecording) {
+TEST(Viewer, ControlIsRequiredForPlayback) {
   TemporaryFolder folder;
   FakeRecording recording;
   ViewerServerOptions options = guarded_options(folder);
@@ -465,7 +465,7 @@ TEST(Viewer, ARecordingCannotBeChanged) {
                                    {{"type", "task"}, {"begin", "hold"}}}) {
     message["id"] = 7;
     viewer.send(message);
-    EXPECT_EQ(viewer.text("refused")["what"], "this is a recording: what was felt cannot be changed")
+    EXPECT_EQ(viewer.text("refused")["what"], "this is a recording: its contact settings cannot be changed")
         << message;
   }
 }
@@ -475,7 +475,7 @@ TEST(Viewer, ASessionCannotBePlayed) {
   TestViewer viewer(test.port());
   viewer.greet();
   viewer.send({{"type", "play"}, {"id", 1}, {"playing", true}});
-  EXPECT_EQ(viewer.text("refused")["what"], "a session runs: there is no recording to be looked at");
+  EXPECT_EQ(viewer.text("refused")["what"], "this is a live session, not a recording");
 }
 
 TEST(Viewer, OneAtATimeMovesTheTip) {
@@ -542,7 +542,7 @@ TEST(Viewer, PingsAreAnswered) {
 
 // A viewer that does not read: others continue without a gap, and when it reads again it gets few messages,
 // ending with a recent one.
-TEST(Viewer, ASlowViewerDelaysNobodyAndGetsTheLatest) {
+TEST(Viewer, SlowViewersDelayNoOneAndReceiveTheLatestPose) {
   // reference: a second server without a slow viewer, since a busy machine delays both
   TestServer test, undisturbed;
   TestViewer slow(test.port(), "", false, 4096), other(test.port()), beside(undisturbed.port());
@@ -646,7 +646,7 @@ TEST(Viewer, AtMostSixtyFour) {
   EXPECT_TRUE(soon([&] { return crowd.comes(Crowd::kControl) == "welcome"; }));
 }
 
-TEST(Viewer, WhoLooksOnKeepsNobodyWithControlOut) {
+TEST(Viewer, ViewOnlyClientsCannotLockOutControl) {
   Crowd crowd;
   for (int n = 0; n < 62; ++n) ASSERT_EQ(crowd.comes(Crowd::kView), "welcome") << n;
   for (int n = 0; n < 5; ++n) EXPECT_EQ(crowd.comes(Crowd::kView), "sent away") << "two places are kept";
@@ -661,7 +661,7 @@ TEST(Viewer, WhoLooksOnKeepsNobodyWithControlOut) {
   EXPECT_EQ(crowd.comes(Crowd::kView), "sent away");
 }
 
-TEST(Viewer, WhoSaysNothingKeepsNobodyOut) {
+TEST(Viewer, SilentClientsCannotLockOutViewers) {
   Crowd crowd;
   // even if nearly every place is taken
   for (int n = 0; n < 62; ++n) ASSERT_EQ(crowd.comes(Crowd::kView), "welcome") << n;
@@ -675,7 +675,7 @@ TEST(Viewer, WhoSaysNothingKeepsNobodyOut) {
 }
 
 // sent to subscribers on a change, and to late subscribers
-TEST(Viewer, HowWrongATrackedTipMayBeIsToldToWhoAsks) {
+TEST(Viewer, TipErrorIsSentToSubscribers) {
   TestServer test;
   TestViewer viewer(test.port()), other(test.port());
   viewer.greet({{"navigation", true}});

@@ -80,7 +80,7 @@ TEST(VolumePayload, OtherNumbersAreWithinHalfAStep) {
   }
 }
 
-TEST(VolumePayload, WhatIsNoNumberIsTheLowest) {
+TEST(VolumePayload, NaNBecomesTheLowestValue) {
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN(),
                   kInf = std::numeric_limits<float>::infinity();
   const Volume<float> scan = scan_of({kNan, -kInf, kInf, -5, 9});
@@ -110,7 +110,7 @@ TEST(VolumePayload, ExtremeRangesStayFinite) {
   }
 }
 
-TEST(VolumePayload, ShrunkScanIsTheMeanOfWhatThereIs) {
+TEST(VolumePayload, ShrunkScanIsTheMeanOfExistingVoxels) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
   std::mt19937 random(seed);
@@ -226,10 +226,10 @@ TEST(PayloadStore, MakesEachOnceAndElsewhere) {
     received.push_back(std::move(payload));
     if (std::this_thread::get_id() == caller) elsewhere = false;
   };
-  store.want({false, 1, false}, visit);
-  store.want({true, 1, false}, visit);
-  store.want({true, 1, true}, visit);
-  store.want({false, 1, false}, visit);
+  store.request({false, 1, false}, visit);
+  store.request({true, 1, false}, visit);
+  store.request({true, 1, true}, visit);
+  store.request({false, 1, false}, visit);
   ASSERT_TRUE(palpate::testing::soon([&] {
     const std::lock_guard lock(mutex);
     return received.size() == 4;
@@ -251,18 +251,18 @@ TEST(PayloadStore, EndsWithWishesOpen) {
       while (!stop) std::this_thread::yield();
       return make(key, stop);
     });
-    for (const int shrink : {1, 2, 4}) store.want({true, shrink, true}, [&](const auto&) { ++reported; });
+    for (const int shrink : {1, 2, 4}) store.request({true, shrink, true}, [&](const auto&) { ++reported; });
   }
   EXPECT_EQ(reported, 0);
 }
 
 PayloadStore::Payload wait_for(PayloadStore& store) {
   std::promise<PayloadStore::Payload> promise;
-  store.want({}, [&](PayloadStore::Payload payload) { promise.set_value(std::move(payload)); });
+  store.request({}, [&](PayloadStore::Payload payload) { promise.set_value(std::move(payload)); });
   return promise.get_future().get();
 }
 
-TEST(PayloadStore, WhatCannotBeMadeEndsNothingElse) {
+TEST(PayloadStore, GenerationFailureAffectsNoOtherRequest) {
   int fails = 2;
   PayloadStore store([&](const PayloadKey&, const std::atomic<bool>&) -> PayloadStore::Payload {
     if (fails == 2) throw(--fails, std::bad_alloc());
@@ -274,10 +274,10 @@ TEST(PayloadStore, WhatCannotBeMadeEndsNothingElse) {
   EXPECT_EQ(*wait_for(store), "scan");
 }
 
-TEST(PayloadStore, WhoCannotBeToldEndsNothingElse) {
+TEST(PayloadStore, ThrowingCallbackAffectsNoOtherRequest) {
   PayloadStore store(
       [](const PayloadKey&, const auto&) { return std::make_shared<const std::string>("scan"); });
-  store.want({}, [](const auto&) { throw std::bad_alloc(); });
+  store.request({}, [](const auto&) { throw std::bad_alloc(); });
   EXPECT_EQ(*wait_for(store), "scan");
 }
 

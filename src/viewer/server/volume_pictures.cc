@@ -179,7 +179,8 @@ PictureStore::~PictureStore() {
   thread_.join();
 }
 
-void PictureStore::want(PictureKey key, std::weak_ptr<const void> asker, std::function<void(Payload)> then) {
+void PictureStore::request(PictureKey key, std::weak_ptr<const void> requester,
+                           std::function<void(Payload)> then) {
   std::optional<Wish> dropped;
   {
     const std::lock_guard lock(mutex_);
@@ -187,7 +188,7 @@ void PictureStore::want(PictureKey key, std::weak_ptr<const void> asker, std::fu
       dropped = std::move(wishes_.front());
       wishes_.pop_front();
     }
-    wishes_.push_back({std::move(key), std::move(asker), std::move(then)});
+    wishes_.push_back({std::move(key), std::move(requester), std::move(then)});
   }
   wished_.notify_one();
   if (dropped) dropped->then(nullptr);
@@ -207,7 +208,7 @@ void PictureStore::work() {
     wishes_.pop_front();
     lock.unlock();
 
-    if (wish.asker.expired()) continue;
+    if (wish.requester.expired()) continue;
     const Payload payload = made(wish.key);
     if (stop_) continue;
     // an exception from the callback is dropped; the connection that waits runs into its time limit

@@ -53,13 +53,13 @@ class PictureStore {
   PictureStore& operator=(const PictureStore&) = delete;
 
   /// Passes the bytes to `then` on the store's thread, or null if there is no picture.
-  /// @param asker  the request is dropped if this has expired
-  void want(PictureKey key, std::weak_ptr<const void> asker, std::function<void(Payload)> then);
+  /// @param requester  the request is dropped if this has expired
+  void request(PictureKey key, std::weak_ptr<const void> requester, std::function<void(Payload)> then);
 
  private:
   struct Wish {
     PictureKey key;
-    std::weak_ptr<const void> asker;
+    std::weak_ptr<const void> requester;
     std::function<void(Payload)> then;
   };
   /// Colours and opacities by label, and the index of each structure in the scene.

@@ -46,8 +46,9 @@ std::shared_ptr<const std::string> wait_for(PictureStore& store, const std::stri
   auto key = parse_picture_query(query, 2);
   if (!key) return nullptr;
   std::promise<PictureStore::Payload> promise;
-  const auto asker = std::make_shared<int>(0);
-  store.want(*key, asker, [&](PictureStore::Payload payload) { promise.set_value(std::move(payload)); });
+  const auto requester = std::make_shared<int>(0);
+  store.request(*key, requester,
+                [&](PictureStore::Payload payload) { promise.set_value(std::move(payload)); });
   return promise.get_future().get();
 }
 
@@ -70,7 +71,7 @@ struct Observed {
   int width, height;
 };
 
-TEST(PictureStore, DrawsWhatIsThereAndSaysWhatItIs) {
+TEST(PictureStore, DrawsTheSceneWithMetadata) {
   const BallHost host;
   PictureStore store(host);
   const auto payload = wait_for(store, kFront);
@@ -117,7 +118,7 @@ TEST(PictureStore, TakesLooksAndCutsAndAnEye) {
   EXPECT_NE(Observed(*near).structure_index(12, 24), 0);
 }
 
-TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
+TEST(PictureStore, NextPictureOmitsRemovedTissue) {
   BallHost host;
   PictureStore store(host);
   const auto whole = wait_for(store, kFront);
@@ -147,28 +148,28 @@ TEST(PictureStore, WhatABurrTookIsGoneFromTheNextPicture) {
   EXPECT_EQ(*wait_for(store, kFront), *whole);
 }
 
-TEST(PictureStore, DrawsNothingForWhoeverIsGone) {
+TEST(PictureStore, SkipsRequestsOfDisconnectedViewers) {
   const BallHost host;
   PictureStore store(host);
   const auto key = parse_picture_query(kFront, 2);
   ASSERT_TRUE(key);
   int granted = 0;
   for (int n = 0; n < 5; ++n)
-    store.want(*key, std::weak_ptr<int>(), [&](PictureStore::Payload) { ++granted; });
+    store.request(*key, std::weak_ptr<int>(), [&](PictureStore::Payload) { ++granted; });
   EXPECT_NE(wait_for(store, kFront), nullptr);
   EXPECT_EQ(granted, 0);
 }
 
 TEST(PictureStore, EndsWithWishesOpen) {
   const BallHost host;
-  const auto asker = std::make_shared<int>(0);
+  const auto requester = std::make_shared<int>(0);
   PictureStore store(host);
   const auto key = parse_picture_query(kFront, 2);
   ASSERT_TRUE(key);
   // the oldest requests beyond the limit are answered with null at once
   std::atomic<int> reported{0};
   for (std::size_t n = 0; n < 3 * PictureStore::kMaxWaiting; ++n)
-    store.want(*key, asker, [&](PictureStore::Payload) { ++reported; });
+    store.request(*key, requester, [&](PictureStore::Payload) { ++reported; });
   EXPECT_GE(reported, 1);
 }
 
@@ -187,7 +188,7 @@ TEST(ViewerServer, DrawsPicturesOfTheVolume) {
   EXPECT_EQ(request(test.port(), "GET", "/api/picture/00?view=64,48,0,0,0,1,0,0,0,1,0").status, 404);
 }
 
-TEST(PictureStore, ShowsHowTissueYieldsToWhoeverMaySeeIt) {
+TEST(PictureStore, ShowsDeformationToPermittedViewers) {
   struct DentedHost : BallHost {
     DentedHost() {
       Volume<LabelId> smaller(ball.labels->geometry());
@@ -207,8 +208,9 @@ TEST(PictureStore, ShowsHowTissueYieldsToWhoeverMaySeeIt) {
     auto key = parse_picture_query(kFront, 2);
     key->redaction = through;
     std::promise<PictureStore::Payload> promise;
-    const auto asker = std::make_shared<int>(0);
-    store.want(*key, asker, [&](PictureStore::Payload payload) { promise.set_value(std::move(payload)); });
+    const auto requester = std::make_shared<int>(0);
+    store.request(*key, requester,
+                  [&](PictureStore::Payload payload) { promise.set_value(std::move(payload)); });
     const auto payload = promise.get_future().get();
     if (payload == nullptr) return -1;
     const Observed observed(*payload);

@@ -97,7 +97,7 @@ TEST(IgtlMessages, PosesOfEveryKindAndVersionInPiecesOfAnyLength) {
 
 // messages packed by the reference library (libopenigtlink 1.11), with a rotation by 90 degrees about z and
 // the time 1234.5 s
-TEST(IgtlMessages, ThoseOfTheReferenceLibraryAreUnderstood) {
+TEST(IgtlMessages, ReadsMessagesOfTheReferenceLibrary) {
   const std::pair<const char*, std::string> packed[] = {
       {"transform",
        "00015452414e53464f524d0000005374796c7573546f547261636b65720000000000000004d27fffffff0000"
@@ -134,7 +134,7 @@ TEST(IgtlMessages, ThoseOfTheReferenceLibraryAreUnderstood) {
 }
 
 // PLUS reports it in the metadata, and before version 2 of the protocol by the identity
-TEST(IgtlMessages, AToolThatWasNotSeenHasNoPose) {
+TEST(IgtlMessages, InvisibleToolHasNoPose) {
   const auto observed = [](const MessageBytes& bytes) {
     const Read received = read(bytes);
     EXPECT_EQ(received.poses.size(), 1u);
@@ -165,7 +165,7 @@ TEST(IgtlMessages, AToolThatWasNotSeenHasNoPose) {
 }
 
 // names that exceed the message's field are in the metadata
-TEST(IgtlMessages, LongNamesAreWhole) {
+TEST(IgtlMessages, KeepsLongNames) {
   const std::string name = "AVeryLongInstrumentToTracker", shorter = name.substr(0, 20);
   const MessageWords words{{"IGTL_DEVICE_NAME", name}, {"TransformStatus", "OK"}},
       of_each{{name + "Status", "OK"}};
@@ -179,7 +179,7 @@ TEST(IgtlMessages, LongNamesAreWhole) {
   expect_some_pose(observed.poses[2], shorter);
 }
 
-TEST(IgtlMessages, WhatIsDamagedIsPassedOverAndWhatIsNoneEndsIt) {
+TEST(IgtlMessages, SkipsDamagedMessagesAndEndsOnForeignData) {
   MessageBytes wrong = test::transform_message("Tool", some_pose());
   wrong.back() ^= 1;
   const MessageBytes fine = test::transform_message("Tool", some_pose());
@@ -229,7 +229,7 @@ TEST(IgtlMessages, AWrongLengthEndsItAtOnce) {
   EXPECT_THAT(read(head_of(status, std::uint64_t{1} << 30)).refused, HasSubstr("does not send OpenIGTLink"));
 }
 
-TEST(IgtlMessages, APoseWhereNoTrackerSeesIsNone) {
+TEST(IgtlMessages, PoseOutsideTheTrackingRangeIsInvisible) {
   for (const double mm : {9'000.0, 11'000.0, 1e30, std::numeric_limits<double>::infinity(), std::nan("")}) {
     Eigen::Isometry3d pose = some_pose();
     pose.translation() = Eigen::Vector3d(0, mm, 0);
@@ -240,7 +240,7 @@ TEST(IgtlMessages, APoseWhereNoTrackerSeesIsNone) {
 }
 
 // a STATUS of version 2 with code OK
-TEST(IgtlMessages, TheGreetingIsAWholeMessage) {
+TEST(IgtlMessages, GreetingIsACompleteMessage) {
   const auto bytes = greeting();
   ASSERT_EQ(bytes.size(), kHead_bytes + 12 + 31 + 2);
   EXPECT_EQ(bytes[1], 2);

@@ -74,7 +74,7 @@ export function drawSide(frame: Frame, scene: Scene, slider = 0): void {
   const side = words.side[scene.side];
   const lines = [
     scene.side === "unknown" ? side : words.sideInPicture(side),
-    ...doubts(scene).map((doubt) => words.doubt[doubt]),
+    ...doubts(scene).map((doubt) => words.caveats[doubt]),
   ];
   lines.forEach((line, n) => {
     const isWarning = n > 0 || scene.side === "unknown";

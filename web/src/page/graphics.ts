@@ -1,5 +1,5 @@
-// Loss of graphics: contexts that the browser has taken away, and a worker that has failed. What is lost is reported on
-// the page and restored when the browser permits it.
+// Loss of graphics: lost WebGL contexts and a failed worker. Losses are reported on the page and restored as
+// soon as the browser permits.
 
 import { effect, signal } from "@preact/signals-core";
 import { showError } from "../base/announce.js";
@@ -10,7 +10,7 @@ import type { VolumeRenderer } from "../volume/volume_renderer.js";
 import { words } from "../words/words.js";
 
 /** Time after which a lost WebGL context that the browser has not restored is reported as permanent. */
-const HOPELESS_MS = 5000;
+const RESTORE_TIMEOUT_MS = 5000;
 
 type Which = "sections" | "volume";
 type Condition = "fine" | "lost" | "restorable";
@@ -21,9 +21,9 @@ export class Graphics {
     volume: signal<Condition>("fine"),
   };
   private readonly failed = signal<"no" | "once" | "again">("no"); // failures of the volume's worker
-  private readonly isHopeless = signal(false); // lost graphics are reported as permanent
-  private hopeless = 0; // timer of HOPELESS_MS
-  private isMending = false;
+  private readonly hasTimedOut = signal(false); // lost graphics are reported as permanent
+  private restoreTimer = 0; // timer of RESTORE_TIMEOUT_MS
+  private isRestoring = false;
 
   /** @param onVolumeLost  called when the displayed pictures of the volume are lost */
   constructor(
@@ -39,7 +39,7 @@ export class Graphics {
       its.onLost = () => this.lost(which);
       its.onRestorable = () => {
         this.condition[which].value = "restorable";
-        void this.mend();
+        void this.restoreContexts();
       };
     }
     renderer.onFailed = (isReplaced) => this.workerFailed(isReplaced);
@@ -54,15 +54,15 @@ export class Graphics {
     this.failed.value = isReplaced ? "once" : "again";
     this.condition.volume.value = isReplaced ? "restorable" : "lost";
     this.onVolumeLost();
-    void this.mend();
+    void this.restoreContexts();
   }
   private lost(which: Which): void {
     this.condition[which].value = "lost";
     if (which === "volume") this.onVolumeLost();
     this.redraw();
-    clearTimeout(this.hopeless);
-    this.isHopeless.value = false;
-    this.hopeless = window.setTimeout(() => (this.isHopeless.value = true), HOPELESS_MS);
+    clearTimeout(this.restoreTimer);
+    this.hasTimedOut.value = false;
+    this.restoreTimer = window.setTimeout(() => (this.hasTimedOut.value = true), RESTORE_TIMEOUT_MS);
   }
   /** Redraws the sections, which are empty without a context. */
   private redraw(): void {
@@ -70,22 +70,22 @@ export class Graphics {
   }
 
   /** Uploads everything to restored contexts; sections first, because they show the tip's position. */
-  private async mend(): Promise<void> {
-    if (this.isMending) return;
-    this.isMending = true;
+  private async restoreContexts(): Promise<void> {
+    if (this.isRestoring) return;
+    this.isRestoring = true;
     const { sections, volume } = this.condition;
     try {
-      while (await this.mendOne());
+      while (await this.restoreNext());
     } catch (error) {
       showError(error);
     }
-    this.isMending = false;
+    this.isRestoring = false;
     if (sections.value !== "fine" || volume.value !== "fine") return;
-    clearTimeout(this.hopeless);
-    this.isHopeless.value = false;
+    clearTimeout(this.restoreTimer);
+    this.hasTimedOut.value = false;
   }
   /** @returns whether something was restored */
-  private async mendOne(): Promise<boolean> {
+  private async restoreNext(): Promise<boolean> {
     const { sections, volume } = this.condition;
     if (sections.value === "restorable") {
       await this.slicer.restore(this.session.volumes.value);
@@ -115,9 +115,9 @@ export class Graphics {
             ? words.lostVolume
             : null;
     const all = [
-      ...(taken === null ? [] : [taken, this.isHopeless.value ? words.mendLost : words.lostHeals]),
-      ...(failed === "no" ? [] : [words.failedVolume, failed === "once" ? words.failedHeals : words.mendFailed]),
+      ...(taken === null ? [] : [taken, this.hasTimedOut.value ? words.remedyLost : words.lostRecovery]),
+      ...(failed === "no" ? [] : [words.failedVolume, failed === "once" ? words.failedRecovery : words.remedyFailed]),
     ];
-    return all.length === 0 ? "" : [...all, words.lostHarmless].join(" ");
+    return all.length === 0 ? "" : [...all, words.lostScope].join(" ");
   }
 }

@@ -9,7 +9,7 @@ import type { Scene } from "../protocol/messages.js";
 import { fetchScene, fetchVolumes, NeedsToken, showsTheSame, shrinkFor } from "../protocol/scene.js";
 import type { AnySlicer } from "../section/slicer.js";
 import type { Session } from "../state/session.js";
-import { Gone, isMemoryShort, Lasting } from "../words/errors.js";
+import { VolumeNotFound, isMemoryShort, PermanentError } from "../words/errors.js";
 import { words } from "../words/words.js";
 
 const TOKEN_KEY = "palpate.token";
@@ -17,7 +17,7 @@ const TOKEN_KEY = "palpate.token";
 const FIRST_RETRY_MS = 500,
   MAX_RETRY_MS = 5000;
 
-export interface Loads {
+export interface LoadingContext {
   session: Session;
   slicer: AnySlicer;
   connection: Connection;
@@ -29,13 +29,13 @@ export interface Loads {
 
 export class Loading {
   token = sessionStorage.getItem(TOKEN_KEY);
-  private loads!: Loads;
+  private context!: LoadingContext;
   private loading: Promise<void> | null = null;
   private isOutdated = false; // the scene may be another one than when loading began
-  private isAskingWhy = false;
+  private isDiagnosing = false;
 
-  begin(loads: Loads): Promise<void> {
-    this.loads = loads;
+  begin(context: LoadingContext): Promise<void> {
+    this.context = context;
     return this.load();
   }
   /** Loads the scene again, after an event that may have changed it; one load at a time. */
@@ -45,25 +45,25 @@ export class Loading {
   }
   /**
    * Loads the scene, and its volumes unless they are loaded already; one load at a time.
-   * @param lasting  problem to report first
+   * @param permanent  problem to report first
    */
-  private load(lasting: Lasting | null = null): Promise<void> {
-    return (this.loading ??= this.loadAll(lasting).finally(() => (this.loading = null)));
+  private load(permanent: PermanentError | null = null): Promise<void> {
+    return (this.loading ??= this.loadAll(permanent).finally(() => (this.loading = null)));
   }
-  private async loadAll(lasting: Lasting | null): Promise<void> {
-    if (lasting) await this.report(lasting);
+  private async loadAll(permanent: PermanentError | null): Promise<void> {
+    if (permanent) await this.report(permanent);
     let gone = ""; // hash of a volume that was missing at the previous attempt
     for (let tried = 0; ; tried++) {
       try {
         await this.loadOnce();
         if (!this.isOutdated) break;
       } catch (error) {
-        if (error instanceof NeedsToken) await this.tokenFromUser(this.token !== null);
-        else if (error instanceof Lasting) await this.report(error);
-        else if (error instanceof Gone && gone === error.message)
-          await this.report(new Lasting(words.lacksItsVolume(gone), words.startAgain));
+        if (error instanceof NeedsToken) await this.promptForToken(this.token !== null);
+        else if (error instanceof PermanentError) await this.report(error);
+        else if (error instanceof VolumeNotFound && gone === error.message)
+          await this.report(new PermanentError(words.lacksItsVolume(gone), words.startAgain));
         else {
-          if (error instanceof Gone) gone = error.message;
+          if (error instanceof VolumeNotFound) gone = error.message;
           write(byId("cover-text"), words.failedAgain((error as Error).message));
           await new Promise((later) => setTimeout(later, Math.min(FIRST_RETRY_MS * 2 ** tried, MAX_RETRY_MS)));
         }
@@ -72,7 +72,7 @@ export class Loading {
     byId("cover").hidden = true;
   }
   private async loadOnce(): Promise<void> {
-    const { session, connection, prepare } = this.loads;
+    const { session, connection, prepare } = this.context;
     this.isOutdated = false;
     const scene = await fetchScene(this.token);
     if (connection.link.value === "ended" || connection.link.value === "refused") connection.open();
@@ -83,14 +83,14 @@ export class Loading {
   }
 
   private async loadVolumes(scene: Scene): Promise<void> {
-    const { session, slicer, onVolumes } = this.loads;
+    const { session, slicer, onVolumes } = this.context;
     byId("cover").hidden = false;
     write(byId("cover-text"), words.loading);
     this.showProgress(0);
     const memory = memory_GB();
     let shrink = shrinkFor(scene.volume.dims, {
-      mostSide: slicer.mostSide,
-      mostTexels: memory <= 2 ? 8e6 : memory <= 4 ? 32e6 : 256e6,
+      maxSide: slicer.maxSide,
+      maxTexels: memory <= 2 ? 8e6 : memory <= 4 ? 32e6 : 256e6,
     });
     for (;;) {
       try {
@@ -104,7 +104,7 @@ export class Loading {
         break;
       } catch (error) {
         if (!isMemoryShort(error) || slicer.isLost) throw error;
-        if (shrink === 4) throw new Lasting(words.noMemory, words.mendMemory);
+        if (shrink === 4) throw new PermanentError(words.noMemory, words.remedyMemory);
         shrink = shrink === 1 ? 2 : 4;
       }
     }
@@ -117,14 +117,14 @@ export class Loading {
   }
 
   /** Shows a problem and its remedy; resolves when the user requests a retry. */
-  private report(lasting: Lasting): Promise<void> {
+  private report(permanent: PermanentError): Promise<void> {
     byId("cover").hidden = false;
     byId("cover-share").hidden = true;
-    write(byId("cover-text"), `${lasting.message} ${lasting.how}`);
-    byId("mend").hidden = false;
+    write(byId("cover-text"), `${permanent.message} ${permanent.remedy}`);
+    byId("remedy").hidden = false;
     return new Promise((again) => {
       byId("again").onclick = () => {
-        byId("mend").hidden = true;
+        byId("remedy").hidden = true;
         write(byId("cover-text"), words.again);
         again();
       };
@@ -134,23 +134,23 @@ export class Loading {
    * Handles a failed connection: a request for the scene shows whether and why the failure is permanent.
    * @param known  permanent problem, if already known
    */
-  async whyEnded(known: Lasting | null): Promise<void> {
+  async diagnoseDisconnect(known: PermanentError | null): Promise<void> {
     // a pending check covers all failed attempts
-    if (this.isAskingWhy && !known) return;
-    this.isAskingWhy = true;
+    if (this.isDiagnosing && !known) return;
+    this.isDiagnosing = true;
     await this.loading;
-    this.isAskingWhy = false;
-    const lasting = await fetchScene(this.token).then(
+    this.isDiagnosing = false;
+    const permanent = await fetchScene(this.token).then(
       () => known,
-      (error) => (error instanceof Lasting ? error : known),
+      (error) => (error instanceof PermanentError ? error : known),
     );
-    const { connection } = this.loads;
-    if (!lasting || this.loading || connection.link.value === "connected") return;
+    const { connection } = this.context;
+    if (!permanent || this.loading || connection.link.value === "connected") return;
     connection.end();
-    await this.load(lasting);
+    await this.load(permanent);
   }
 
-  private tokenFromUser(wasWrong: boolean): Promise<void> {
+  private promptForToken(wasWrong: boolean): Promise<void> {
     const dialog = byId<HTMLDialogElement>("token-dialog");
     const input = byId<HTMLInputElement>("token");
     byId("token-problem").hidden = !wasWrong;
@@ -167,14 +167,14 @@ export class Loading {
         isGiven = true;
         this.token = input.value.trim();
         sessionStorage.setItem(TOKEN_KEY, this.token);
-        this.loads.connection.setToken(this.token);
+        this.context.connection.setToken(this.token);
         input.value = "";
         done();
       };
     });
   }
   /** Asks for another token after a connection was refused. */
-  async askForToken(): Promise<void> {
+  async requestToken(): Promise<void> {
     // a download may be asking for the token already
     await this.loading;
     await this.load();

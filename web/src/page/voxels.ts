@@ -45,7 +45,7 @@ export class VoxelChanges {
   ) {}
 
   /** Discards what the previous connection has reported; each connection reports in full. */
-  beginAnew(): void {
+  reset(): void {
     this.reportCut(0, []);
     this.receivedDeformations = [];
     this.deformation.now?.forget();
@@ -108,7 +108,7 @@ export class VoxelChanges {
       if (!volumes || !scene || hidden !== this.hidden) return;
       if (this.redacted) await this.updateBox(this.redacted.lo, this.redacted.size, revealed(volumes, this.redacted));
       this.redacted = toFind && toFind.length > 0 ? redact(scene, volumes, toFind) : null;
-      session.drawnAs.value = this.redacted;
+      session.concealment.value = this.redacted;
       if (this.redacted) await this.updateBox(this.redacted.lo, this.redacted.size, this.redacted.now);
     });
   }

@@ -29,7 +29,7 @@ function showScene(scene: Scene): void {
 const viewersText = (state: State): string =>
   [
     state.viewers === 1 ? words.viewer : words.viewers(String(state.viewers)),
-    ...(state.pointer_by === null ? [] : [state.pointer ? words.youHold : words.viewerHolds]),
+    ...(state.pointer_by === null ? [] : [state.pointer ? words.youHavePointer : words.viewerHasPointer]),
     ...(state.recording ? [words.sessionRecorded] : []),
     ...(state.armed ? [words.deviceArmed] : []),
   ].join(" · ");

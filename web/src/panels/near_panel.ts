@@ -7,7 +7,7 @@ import type { Connection } from "../protocol/connection.js";
 import { byId, element, press, write } from "../base/dom.js";
 import { quantity } from "../words/figures.js";
 import { store, recall } from "../state/local_storage.js";
-import type { NearStructure } from "../protocol/near.js";
+import type { StructureDistance } from "../protocol/distances.js";
 import { PAGE_KEY, type StoredPage, type Session } from "../state/session.js";
 import { words } from "../words/words.js";
 
@@ -16,8 +16,8 @@ const MIN_WORDS_MS = 1000;
 const css = ([r, g, b]: Rgb): string => `rgb(${r} ${g} ${b})`;
 
 export class NearPanel {
-  readonly heard = new ApproachSound();
-  private worded_ms = -Infinity;
+  readonly approachSound = new ApproachSound();
+  private textUpdated_ms = -Infinity;
 
   constructor(
     private readonly session: Session,
@@ -29,12 +29,12 @@ export class NearPanel {
       byId("sound").hidden = !scene || scene.no_go.length === 0;
       byId("near-lists").hidden = !scene?.distances;
     });
-    this.heard.switch(recall<StoredPage>(PAGE_KEY).sound === true);
+    this.approachSound.switch(recall<StoredPage>(PAGE_KEY).sound === true);
     byId("sound").addEventListener("click", () => this.toggleSound());
     // browsers block sound before a user gesture
     for (const event of ["pointerdown", "keydown"])
-      document.addEventListener(event, () => this.heard.wake(), { capture: true });
-    effect(() => this.sound());
+      document.addEventListener(event, () => this.approachSound.wake(), { capture: true });
+    effect(() => this.updateSound());
     session.onFigures((now_ms) => this.draw(now_ms));
   }
 
@@ -46,14 +46,14 @@ export class NearPanel {
 
   toggleSound(): void {
     if (byId("sound").hidden || byId("near-card").hidden) return;
-    this.heard.switch(!this.heard.isOn);
-    this.heard.wake();
-    store<StoredPage>(PAGE_KEY, { sound: this.heard.isOn });
-    this.sound();
+    this.approachSound.switch(!this.approachSound.isOn);
+    this.approachSound.wake();
+    store<StoredPage>(PAGE_KEY, { sound: this.approachSound.isOn });
+    this.updateSound();
     this.draw(performance.now());
   }
-  /** Renews the sound: silent while the force is stopped, in a paused recording, and without a connection. */
-  sound(): void {
+  /** Updates the sound: silent while the force is stopped, in a paused recording, and without a connection. */
+  updateSound(): void {
     const pose = this.session.pose.value,
       state = this.session.state.value,
       approach = this.session.approach.value;
@@ -63,29 +63,29 @@ export class NearPanel {
       state.stop !== null ||
       state.playback?.playing === false ||
       this.connection.link.value !== "connected";
-    this.heard.update(isSilent ? null : (approach?.mm ?? null));
+    this.approachSound.update(isSilent ? null : (approach?.mm ?? null));
   }
 
   private draw(now: number): void {
     if (!this.isReported) return;
     const { session } = this;
-    press(byId("sound"), this.heard.isOn);
+    press(byId("sound"), this.approachSound.isOn);
     const approach = session.approach.value;
     const line = byId("no-go");
     line.classList.toggle("damage", approach?.pushes === true);
     write(line, this.approachText());
-    byId("sound-held").hidden = !this.heard.isBlocked;
+    byId("sound-held").hidden = !this.approachSound.isBlocked;
     const device = session.pose.value?.devices[0];
     const near = device ? session.nearTo(device) : [];
     this.drawRows(near);
     byId("near-none").hidden = near.length > 0;
     if (session.scene.value!.distances)
       write(byId("near-none"), words.nothingNear(quantity(session.scene.value!.distances.reach_mm, "mm")));
-    if (now - this.worded_ms < MIN_WORDS_MS) return;
-    this.worded_ms = now;
+    if (now - this.textUpdated_ms < MIN_WORDS_MS) return;
+    this.textUpdated_ms = now;
     const spoken = byId("near-words");
     // a live region while the sound is on, else only displayed
-    spoken.ariaLive = this.heard.isOn ? "polite" : "off";
+    spoken.ariaLive = this.approachSound.isOn ? "polite" : "off";
     write(
       spoken,
       near
@@ -108,7 +108,7 @@ export class NearPanel {
     return `⚠ ${words.tooNear(name, quantity(-approach.mm, "mm"))} · ${words.pushesBy(quantity(force_N, "N"))}`;
   }
 
-  private drawRows(near: NearStructure[]): void {
+  private drawRows(near: StructureDistance[]): void {
     const scene = this.session.scene.value,
       pushing = this.session.pushing.value;
     const rows = byId<HTMLTableElement>("near").tBodies[0]!;

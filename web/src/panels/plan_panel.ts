@@ -172,7 +172,7 @@ export class PlanPanel {
     });
     here.addEventListener("click", () => plans.replace(index, { ...one, [end]: session.anchor() }));
     const show = setMessages(element("button", { type: "button" }), {
-      text: "where",
+      text: "locate",
       title: end === "entry_mm" ? "showEntry" : "showTarget",
     });
     show.addEventListener("click", () => this.moveTo(one[end]));
@@ -207,9 +207,9 @@ export class PlanPanel {
     const [nearest] = plans.list
       .map((one) => ({ one, far: toTrajectory(one, device.tip) }))
       .sort((a, b) => a.far - b.far);
-    const isNear = nearest !== undefined && nearest.far <= NEAR_MM;
-    const beside = isNear ? besideTrajectory(nearest.one, device.tip, this.shaft(device)) : null;
-    write(byId("plan-nearest"), isNear ? nearest.one.name : words.noTrajectoryNear(quantity(NEAR_MM, "mm")));
+    const isDistanceMessage = nearest !== undefined && nearest.far <= NEAR_MM;
+    const beside = isDistanceMessage ? besideTrajectory(nearest.one, device.tip, this.shaft(device)) : null;
+    write(byId("plan-nearest"), isDistanceMessage ? nearest.one.name : words.noTrajectoryNear(quantity(NEAR_MM, "mm")));
     write(byId("plan-lateral"), beside ? quantity(beside.lateral_mm, "mm") : "–");
     write(byId("plan-left"), beside ? quantity(beside.left_mm, "mm") : "–");
     write(byId("plan-angle"), beside?.angle_deg == null ? "–" : `${digits(beside.angle_deg)}°`);
@@ -226,7 +226,7 @@ export class PlanPanel {
     if (name !== this.spoken && worst) announce(words.planBreachSpoken(name));
     this.spoken = name;
     // distances to keep cannot be checked if the scene reports no distances
-    byId("plan-untold").hidden = plan.keep_away.length === 0 || session.scene.value.distances !== null;
+    byId("plan-not-monitored").hidden = plan.keep_away.length === 0 || session.scene.value.distances !== null;
   }
 }
 

@@ -1,4 +1,4 @@
-// Force with which a press touches, for a pointer.
+// Slider for the pressing force of the pointer.
 
 import { effect } from "@preact/signals-core";
 import { byId, write } from "../base/dom.js";

@@ -15,7 +15,7 @@ export function showReadout(session: Session): void {
   const p = pointed ?? device?.tip;
   if (!p || !volumes || !scene) return;
   const position = positionText(p, session.convention.value, decimalsFor(volumes.voxelSize / volumes.shrink));
-  write(byId("position"), pointed ? position : `${words.atTip}  ${position}`);
+  write(byId("position"), pointed ? position : `${words.statusTip}  ${position}`);
   const value = volumes.valueAt(p);
   const { scan } = scene.volume;
   const figure = value === null || !scan ? null : valueText(value, scan.scale);

@@ -16,7 +16,7 @@ import {
 } from "../state/appearance.js";
 import type { Permissions } from "../state/permissions.js";
 import type { Requests } from "../state/requests.js";
-import { readable, type KeptScene, type Session } from "../state/session.js";
+import { readable, type StoredScene, type Session } from "../state/session.js";
 import { setMessages, words, type MessageAbout } from "../words/words.js";
 
 const hex = (colour: Rgb): string => "#" + colour.map((x) => x.toString(16).padStart(2, "0")).join("");
@@ -123,7 +123,7 @@ export class StructuresPanel {
         readable(tissue.name),
         tissue.touchable
           ? this.createTissueControls(scene, index)
-          : setMessages(element("p", { className: "quiet" }), { text: "shownNotFelt" }),
+          : setMessages(element("p", { className: "quiet" }), { text: "shownNotTouchable" }),
       ),
     );
     this.groups.push(...this.groupOf(scene, -1, null, null));
@@ -154,10 +154,10 @@ export class StructuresPanel {
       title,
       element("span", { className: "quiet" }, String(indices.length)),
     );
-    if (name === null) setMessages(title, { text: "feltNot" });
+    if (name === null) setMessages(title, { text: "notTouchable" });
     else write(title, name);
     const eye = element("button", { type: "button", className: "eye" });
-    if (name === null) setMessages(eye, { label: "showNotFelt" });
+    if (name === null) setMessages(eye, { label: "showNotTouchable" });
     else setMessages(eye, { label: "showGroup" }, name);
     const rows = element(
       "div",
@@ -262,7 +262,7 @@ export class StructuresPanel {
     this.alone = null;
     this.session.appearances.value = appearances;
     const scene = this.session.scene.value!;
-    storeScene<KeptScene>(scene.volume.hash, { looks: storedAppearances(scene, appearances) });
+    storeScene<StoredScene>(scene.volume.hash, { looks: storedAppearances(scene, appearances) });
     return true;
   }
   /** Shows the looks that differ from the displayed ones. */

@@ -1,4 +1,4 @@
-// WebSocket connection: reconnects with exponential backoff, holds the age of the latest pose.
+// WebSocket connection: reconnects with exponential backoff and tracks the age of the latest pose.
 
 import { batch, signal } from "@preact/signals-core";
 import type {
@@ -13,7 +13,7 @@ import type {
   Debriefing,
   TaskProgress,
 } from "./messages.js";
-import { decodeNear, isNear, type Near } from "./near.js";
+import { decodeDistances, isDistanceMessage, type DeviceDistances } from "./distances.js";
 import { decodeDeformation, isDeformation, type DeformationMessage } from "./deformation_message.js";
 import { decodePose, PROTOCOL, WireVersion, type Pose } from "./wire.js";
 import { transport, type Socket } from "./transport.js";
@@ -28,7 +28,7 @@ const MAX_RETRY_MS = 5000;
 const TOKEN_REFUSED = 4401,
   OTHER_PROTOCOL = 4406;
 /** Close code of a connection that ended without a closing handshake (RFC 6455, 7.4.1). */
-const GONE = 1006;
+const ABNORMAL_CLOSURE = 1006;
 /** Age beyond which a pose is displayed as stale. */
 export const STALE_MS = 250;
 /** Timeouts of a connection without messages, whose server may have vanished, and of one that is being established. */
@@ -58,7 +58,7 @@ export interface Listener {
   /** Deformation of tissue around a device; reported in full on each connection. */
   onDeformation(received: DeformationMessage): void;
   /** Distances of each tool, sent before the first pose that they apply to; reported again on each connection. */
-  onNear(near: Near[]): void;
+  onNear(near: DeviceDistances[]): void;
   /** The plan; reported again on each connection. */
   onPlan(plan: Plan): void;
   /** Registration error of a tracked tool; reported again on each connection. */
@@ -125,8 +125,8 @@ export class Connection {
   }
 
   /** Whether this viewer is connected and has a permission. */
-  allows(right: Permission): boolean {
-    return this.link.value === "connected" && this.may.value.has(right);
+  allows(permission: Permission): boolean {
+    return this.link.value === "connected" && this.may.value.has(permission);
   }
   /** Age of the latest pose. */
   age_ms(): number {
@@ -183,7 +183,7 @@ export class Connection {
     if (!socket || performance.now() - this.heard_ms <= max_ms) return;
     socket.close();
     // browsers report a vanished peer only after the timeout of the closing handshake
-    this.closed(socket, GONE);
+    this.closed(socket, ABNORMAL_CLOSURE);
   }
 
   /** Closes the connection, without reconnecting until open() is called. */
@@ -215,7 +215,7 @@ export class Connection {
     this.heard_ms = performance.now();
     if (typeof data !== "string") {
       try {
-        if (isNear(data)) return this.listener.onNear(decodeNear(data));
+        if (isDistanceMessage(data)) return this.listener.onNear(decodeDistances(data));
         if (isDeformation(data)) return this.listener.onDeformation(decodeDeformation(data));
         const pose = decodePose(data);
         this.poseAt_ms = this.heard_ms;

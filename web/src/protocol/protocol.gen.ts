@@ -26,7 +26,7 @@ export const SETTING_NAMES = [
   "max_force_N",
   "rotation_wxyz",
 ] as const;
-/** Switches that need the permission to change what is felt; the page shows them as check boxes. */
+/** Switches that need the permission to change contact settings; the page shows them as check boxes. */
 export const HAPTIC_SWITCHES = [
   "friction",
   "viscosity",

@@ -36,15 +36,15 @@ export async function fetchScene(token: string | null): Promise<Scene> {
 
 /** Capacity of the renderer: total number of texels, and texels along one side. */
 export interface Memory {
-  mostTexels: number;
-  mostSide: number;
+  maxTexels: number;
+  maxSide: number;
 }
 
 /** Smallest downsampling factor (1, 2 or 4) with which the volume fits the renderer. */
 export function shrinkFor(dims: Vec3, memory: Memory): 1 | 2 | 4 {
   for (const shrink of [1, 2] as const) {
     const shrunk = dims.map((n) => Math.ceil(n / shrink));
-    if (Math.max(...shrunk) <= memory.mostSide && shrunk.reduce((a, b) => a * b) <= memory.mostTexels) return shrink;
+    if (Math.max(...shrunk) <= memory.maxSide && shrunk.reduce((a, b) => a * b) <= memory.maxTexels) return shrink;
   }
   return 4;
 }

@@ -13,7 +13,7 @@ const FIRST_PIXEL_MS = 2e-5;
 
 export class PlainSlicer implements AnySlicer {
   readonly canvas = document.createElement("canvas");
-  readonly mostSide = 65536;
+  readonly maxSide = 65536;
   readonly isSoftware = true;
   readonly isLost = false;
   readonly isDone = true;

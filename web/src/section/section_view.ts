@@ -436,7 +436,7 @@ export class SectionView {
     if (
       !tip ||
       !this.session.planes.value.follow ||
-      this.session.holding.value ||
+      this.session.isPressing.value ||
       this.pointers.size > 0 ||
       this.settlesAt.value
     )
@@ -666,7 +666,7 @@ export class SectionView {
       const width = session.window.value.width;
       session.window.value = {
         level: session.window.value.level - (dy * width) / WINDOW_PIXELS,
-        width: Math.max(session.leastWindow, width * Math.exp(dx / WINDOW_PIXELS)),
+        width: Math.max(session.minWindowWidth, width * Math.exp(dx / WINDOW_PIXELS)),
       };
     } else this.moveMeasurePoint(this.patientAt(at));
     this.pointers.set(event.pointerId, at);

@@ -147,7 +147,7 @@ export interface Part {
 
 export class Slicer {
   readonly canvas = document.createElement("canvas");
-  readonly mostSide: number; // maximum side of a 3-D texture
+  readonly maxSide: number; // maximum side of a 3-D texture
   /** Whether WebGL is emulated on the CPU, about a hundred times slower than a graphics card. */
   readonly isSoftware: boolean;
   onLost: () => void = () => {};
@@ -173,7 +173,7 @@ export class Slicer {
     const gl = this.canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error(words.noWebGl);
     this.gl = gl;
-    this.mostSide = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
+    this.maxSide = gl.getParameter(gl.MAX_3D_TEXTURE_SIZE) as number;
     this.isSoftware = isSoftware(gl);
     this.extension = gl.getExtension("WEBGL_lose_context");
     this.canvas.addEventListener("webglcontextlost", (event) => {

@@ -3,7 +3,7 @@
 
 import type { DeviceTool, NoGo } from "../protocol/messages.js";
 import { add, dot, length, scale, sub, type Vec3 } from "../base/geometry.js";
-import type { Near } from "../protocol/near.js";
+import type { DeviceDistances } from "../protocol/distances.js";
 
 /** Part of a tool: balls along a line segment with linearly varying radius; patient frame, mm. */
 export interface ToolPart {
@@ -51,7 +51,7 @@ const toPlane = ({ from, to, radii_mm }: ToolPart, point: Vec3, outward: Vec3): 
   Math.min(dot(sub(from, point), outward) - radii_mm[0], dot(sub(to, point), outward) - radii_mm[1]);
 
 /** Distance between the surfaces of tool and region, mm, negative inside; null: beyond the reported reach. */
-function distanceOf({ label, plane, ball }: NoGo, parts: ToolPart[], near: Near): number | null {
+function distanceOf({ label, plane, ball }: NoGo, parts: ToolPart[], near: DeviceDistances): number | null {
   if (plane) return Math.min(...parts.map((part) => toPlane(part, plane.point_mm, plane.outward)));
   if (ball) return Math.min(...parts.map((part) => toPoint(part, ball.centre_mm))) - ball.radius_mm;
   return near.structures.find((structure) => structure.label === label)?.mm ?? null;
@@ -66,7 +66,7 @@ export interface Approach {
  * Region with the deepest penetration, or else the nearest one; null: no distance is known.
  * @param regions  null for each region that is concealed until it pushes
  */
-export function nearestNoGo(regions: (NoGo | null)[], parts: ToolPart[], near: Near): Approach | null {
+export function nearestNoGo(regions: (NoGo | null)[], parts: ToolPart[], near: DeviceDistances): Approach | null {
   // a region that pushes is reported by palpate
   if (near.noGo >= 0) return near.noGo < regions.length ? { region: near.noGo, mm: -near.depth, pushes: true } : null;
   const all = regions.flatMap((region, index): Approach[] => {

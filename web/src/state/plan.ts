@@ -2,7 +2,7 @@
 
 import type { DeviceTool, Plan, Trajectory } from "../protocol/messages.js";
 import { add, angleAt_deg, dot, length, normalize, scale, sub, type Vec3 } from "../base/geometry.js";
-import type { NearStructure } from "../protocol/near.js";
+import type { StructureDistance } from "../protocol/distances.js";
 
 /** Deviation of a tip from a trajectory. */
 export interface TrajectoryDeviation {
@@ -47,7 +47,7 @@ export interface Breach {
   requested_mm: number;
 }
 /** Structures closer than planned, the largest deficit first. */
-export function breachesOf({ keep_away }: Plan, near: NearStructure[]): Breach[] {
+export function breachesOf({ keep_away }: Plan, near: StructureDistance[]): Breach[] {
   return keep_away
     .flatMap(({ label, mm: requested_mm }) =>
       near.filter((one) => one.label === label && one.mm < requested_mm).map(({ mm }) => ({ label, mm, requested_mm })),

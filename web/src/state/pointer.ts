@@ -77,12 +77,12 @@ export class PointerDevice {
   /** Begins to move the tip along a path; takes the pointer first, if no viewer has it. */
   hold(path: PathPoint[], isFinger: boolean): void {
     // presses in two pictures at once are ambiguous
-    if (this.session.holding.value) return this.release();
+    if (this.session.isPressing.value) return this.release();
     const tip = this.session.pose.value?.devices[0]?.tip;
     this.remainingPath = [...path];
     this.position = tip ? { at: tip, into: null } : (path[0] ?? null);
     if (!this.position) return;
-    this.session.holding.value = true;
+    this.session.isPressing.value = true;
     this.hasSent = this.hasPressed = false;
     this.sent_ms = performance.now() + (isFinger ? PINCH_MS : 0);
     clearInterval(this.timer);
@@ -93,34 +93,34 @@ export class PointerDevice {
   }
   /** Replaces the remaining path. */
   move(step: PathPoint): void {
-    if (this.session.holding.value) this.remainingPath = [step];
+    if (this.session.isPressing.value) this.remainingPath = [step];
   }
   /** Replaces the remaining path by another one. */
   divert(path: PathPoint[]): void {
-    if (this.session.holding.value) this.remainingPath = [...path];
+    if (this.session.isPressing.value) this.remainingPath = [...path];
   }
   /** Continues the path. */
   follow(path: PathPoint[]): void {
-    if (this.session.holding.value) this.remainingPath.push(...path);
+    if (this.session.isPressing.value) this.remainingPath.push(...path);
   }
   release(): void {
     clearInterval(this.timer);
     const { position, hasSent } = this;
     this.hasSent = false;
     this.position = null;
-    this.session.holding.value = false;
+    this.session.isPressing.value = false;
     if (position && hasSent && this.isClaimed) this.retract(position);
   }
   /** Leaves the surface, which would stay dented, and releases the tip. */
   private retract({ at, into }: PathPoint): void {
     if (into) this.connection.moveTip(sub(at, scale(into, LEAVES_MM)));
-    const lift = () => this.session.holding.value || this.connection.liftTip();
+    const lift = () => this.session.isPressing.value || this.connection.liftTip();
     if (into) window.setTimeout(lift, LEAVING_MS);
     else lift();
   }
   /** Releases the tip although the press goes on: the page was hidden or did not run for too long. */
   releaseByPause(): void {
-    if (!this.session.holding.value) return;
+    if (!this.session.isPressing.value) return;
     this.release();
     this.onReleasedByPause();
   }

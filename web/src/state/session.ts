@@ -1,11 +1,11 @@
-// State shared by all parts of the page, as signals: what palpate reports, how it is displayed, and what follows from
-// both. Panels and pictures follow by reading it.
+// State shared by all parts of the page, as signals: what palpate reports, how it is displayed, and values
+// derived from both. Panels and pictures subscribe to it.
 
 import { batch, computed, effect, signal, untracked, type Signal } from "@preact/signals-core";
 import type { Debriefing, DeviceTool, Scene, State, TaskProgress, Tracked } from "../protocol/messages.js";
 import { add, rotate, conjugate, length, turn, invert, type Affine, type Vec3 } from "../base/geometry.js";
 import { store, recall, recallScene } from "./local_storage.js";
-import type { Near, NearStructure } from "../protocol/near.js";
+import type { DeviceDistances, StructureDistance } from "../protocol/distances.js";
 import type { PlanStore } from "./plan_store.js";
 import { nearestNoGo, toolParts, type Approach } from "./no_go.js";
 import { glossOf, appearancesOf, restored, type StoredAppearances, type Appearance } from "./appearance.js";
@@ -33,7 +33,7 @@ export interface Planes {
 }
 
 /** Appearance of a scene, as this browser stores them. */
-export interface KeptScene {
+export interface StoredScene {
   looks: StoredAppearances;
 }
 export type Layout = "two" | "five" | "volume" | "section" | "inside" | "scope";
@@ -51,8 +51,8 @@ export interface StoredPage {
 export const PAGE_KEY = "palpate.page";
 
 const TRAIL_S = 2;
-/** RGBA of a structure whose no-go region pushes a tool out. */
-const LIT = [255, 107, 94, 255];
+/** Highlight colour (RGBA) of a structure whose no-go region pushes a tool out. */
+const HIGHLIGHT_RGBA = [255, 107, 94, 255];
 /** RGBA of voxels that a burr has removed, in sections. */
 const REMOVED_RGBA = [178, 62, 98, 255];
 /** Flags of ticks in which the force is withheld or fades out. */
@@ -73,7 +73,7 @@ export class Session {
   readonly pose = signal<Pose | null>(null);
   readonly isFresh = signal(false);
   readonly age_ms = signal(Infinity);
-  readonly near = signal<Near[]>([]); // indexed by device number; empty: not reported
+  readonly near = signal<DeviceDistances[]>([]); // indexed by device number; empty: not reported
   readonly tracked = signal<Tracked | null>(null); // registration error of a tracked tool; null: no such tool
   readonly run = signal<TaskProgress | null>(null); // progress of the latest run of a task
   readonly debriefing = signal<Debriefing | null>(null); // results of the latest run
@@ -96,17 +96,17 @@ export class Session {
   readonly planes = signal<Planes>({ follow: true, cross: null, obliqueNormal: null });
   /** Returns the position under the mouse, on the section as drawn when called; null: the mouse is on no section. */
   readonly pointed = signal<(() => Vec3 | null) | null>(null);
-  readonly holding = signal(false); // a press on this page holds the tip
+  readonly isPressing = signal(false); // a press on this page controls the tip
   readonly press_N = signal(1); // force with which a press touches a surface
-  /** Voxel values displayed with the look of value `as`, for a quiz; null: none. */
-  readonly drawnAs = signal<{ values: number[]; as: number } | null>(null);
+  /** Voxel values displayed with the appearance of value `as`, to conceal them in a quiz; null: none. */
+  readonly concealment = signal<{ values: number[]; as: number } | null>(null);
   /** Labels to be found in a quiz, during which structures have no names; null: no quiz. */
   readonly quiz = signal<number[] | null>(null);
   /** Number of changes of displayed voxels and their deformation. */
   readonly edits = signal(0);
   plans!: PlanStore; // plan to rehearse
   trail: { p: Vec3; time: number }[] = []; // recent positions of the first tool; changes with `pose`
-  private knownWindow: Window | null = null; // initial window of the scene, or the one stored latest
+  private baseWindow: Window | null = null; // initial window of the scene, or the one stored latest
   private readonly figures_ms = signal(-Infinity);
 
   // ---- derived
@@ -143,7 +143,7 @@ export class Session {
   /** No-go region that pushes a tool out; null: none. */
   readonly pushing = computed(() => (this.approach.value?.pushes ? this.approach.value : null));
   /** Index of the structure whose no-go region pushes a tool out, which is highlighted; null: none. */
-  private readonly lit = computed(() => {
+  private readonly highlighted = computed(() => {
     const [scene, pushing] = [this.scene.value, this.pushing.value];
     const label = pushing && scene?.no_go[pushing.region]?.label;
     return label ? scene!.structures.findIndex((structure) => structure.label === label) : null;
@@ -160,9 +160,10 @@ export class Session {
         ),
       );
     if (this.appearances.value.length < REMOVED) rgba.set(REMOVED_RGBA, 4 * REMOVED);
-    const [lit, drawnAs] = [this.lit.value, this.drawnAs.value];
-    if (lit !== null && lit >= 0 && lit < 255) rgba.set(LIT, (lit + 1) * 4);
-    for (const value of drawnAs?.values ?? []) rgba.copyWithin(4 * value, 4 * drawnAs!.as, 4 * drawnAs!.as + 4);
+    const [highlighted, concealment] = [this.highlighted.value, this.concealment.value];
+    if (highlighted !== null && highlighted >= 0 && highlighted < 255) rgba.set(HIGHLIGHT_RGBA, (highlighted + 1) * 4);
+    for (const value of concealment?.values ?? [])
+      rgba.copyWithin(4 * value, 4 * concealment!.as, 4 * concealment!.as + 4);
     return rgba;
   });
   /** Gloss of 256 structures, in the order of the palette. */
@@ -172,8 +173,8 @@ export class Session {
     scene?.structures
       .slice(0, 255)
       .forEach(({ tissue }, index) => (values[index + 1] = glossOf(scene.tissues[tissue]?.friction)));
-    const drawnAs = this.drawnAs.value;
-    for (const value of drawnAs?.values ?? []) values[value] = values[drawnAs!.as]!;
+    const concealment = this.concealment.value;
+    for (const value of concealment?.values ?? []) values[value] = values[concealment!.as]!;
     return values;
   });
   /** Appearance of the volume: another object after every change of colours, voxels or deformation. */
@@ -194,12 +195,12 @@ export class Session {
         this.appearances.value = restored(
           scene,
           appearancesOf(scene),
-          recallScene<KeptScene>(scene.volume.hash).looks ?? {},
+          recallScene<StoredScene>(scene.volume.hash).looks ?? {},
         );
         const [low, high] = scene.volume.scan?.window ?? [0, 1];
-        this.window.value = this.knownWindow = this.keptWindow() ?? {
+        this.window.value = this.baseWindow = this.recalledWindow() ?? {
           level: (low + high) / 2,
-          width: Math.max(high - low, this.leastWindow),
+          width: Math.max(high - low, this.minWindowWidth),
         };
         this.planes.value = { ...this.planes.peek(), cross: null, follow: true };
       }
@@ -223,7 +224,7 @@ export class Session {
     this.planes.value = { follow: false, cross, obliqueNormal };
   }
 
-  // ---- followers, which run now if there is a value, and after each change
+  // ---- subscriptions: called now if there is a value, and after each change
 
   onScene(show: (scene: Scene) => void): void {
     follow(this.scene, show);
@@ -238,7 +239,7 @@ export class Session {
   updateFigures(now_ms: number): void {
     this.figures_ms.value = now_ms;
   }
-  /** Registers a display of figures, for now and each update. */
+  /** Registers a display of figures, called now and on each update. */
   onFigures(show: (now_ms: number) => void): void {
     effect(() => {
       const now_ms = this.figures_ms.value;
@@ -246,13 +247,13 @@ export class Session {
     });
   }
 
-  // ---- tools and places
+  // ---- tools and positions
 
   private isHidden(label: number | null): boolean {
     return label !== null && this.quiz.value?.includes(label) === true;
   }
   /** Distances of a device's tool, except to structures to be found in a quiz. */
-  nearTo(device: DevicePose): NearStructure[] {
+  nearTo(device: DevicePose): StructureDistance[] {
     return (this.near.value[device.number]?.structures ?? []).filter(({ label }) => !this.isHidden(label));
   }
   regionName(index: number): string {
@@ -286,28 +287,28 @@ export class Session {
   // ---- window of the scan
 
   /** Minimum width of a window: a thousandth of the scan's quantization step, which may be far below 1. */
-  get leastWindow(): number {
+  get minWindowWidth(): number {
     return (this.scene.value?.volume.scan?.scale ?? 1) / 1000;
   }
   /** Offset and scale from a window as stored by the browser to values of this scan. */
   private windowUnit({ volume, modality }: Scene): [number, number] {
     const [low, high] = volume.scan?.window ?? [0, 1];
-    return modality === "ct" ? [0, 1] : [low, Math.max(high - low, this.leastWindow)];
+    return modality === "ct" ? [0, 1] : [low, Math.max(high - low, this.minWindowWidth)];
   }
-  private keptWindow(): Window | null {
+  private recalledWindow(): Window | null {
     const scene = this.scene.peek()!;
     const stored = recall<StoredPage>(PAGE_KEY).windows?.[scene.modality];
     const [begin, unit] = this.windowUnit(scene);
     return stored && Number.isFinite(stored.level) && stored.width > 0
-      ? { level: begin + unit * stored.level, width: Math.max(unit * stored.width, this.leastWindow) }
+      ? { level: begin + unit * stored.level, width: Math.max(unit * stored.width, this.minWindowWidth) }
       : null;
   }
   /** Stores the window in the browser, if the user has changed it. */
   storeWindow(): void {
     const scene = this.scene.peek();
     const window = this.window.peek();
-    if (!scene || window === this.knownWindow) return;
-    this.knownWindow = window;
+    if (!scene || window === this.baseWindow) return;
+    this.baseWindow = window;
     const [begin, unit] = this.windowUnit(scene);
     store<StoredPage>(PAGE_KEY, {
       windows: {
@@ -338,11 +339,11 @@ export class Session {
     const index = this.volumes.value?.structureAt(device.tip) ?? null;
     const around = index === null ? null : this.nameAt(index);
     const name = touches ? (this.structureName(device.label) ?? words.unnamed(String(device.label))) : around;
-    if (!touches && this.hasNothingToFeel.value) return { label: 0, words: words.nothingToFeel };
+    if (!touches && this.hasNothingToFeel.value) return { label: 0, words: words.nothingTouchable };
     if (name === null) return { label: 0, words: device.flags & Flag.outside ? words.outside : words.free };
     return isTouchable
       ? { label: device.label, words: this.withEnclosing(readable(name), device.label) }
-      : { label: 0, words: words.notFelt(readable(name)) };
+      : { label: 0, words: words.touchesUntouchable(readable(name)) };
   }
   /** Name of a structure by its index; anonymous in a quiz. */
   nameAt(index: number): string {

@@ -46,21 +46,21 @@ export function firstTouchable(
 }
 
 /** Height above the nearest surface with contact below a position. */
-export class Ground {
+export class SurfaceBelowTool {
   private readonly steps: { offset: Vec3; far_mm: number }[] = []; // offsets of sampled voxels, nearest first
   private readonly stride: number; // spacing of offsets, voxels
   // cache of `below` by device number
-  private readonly ofTools = new Map<number, { at: string; found: ReturnType<Ground["below"]> }>();
+  private readonly ofTools = new Map<number, { at: string; found: ReturnType<SurfaceBelowTool["below"]> }>();
 
   constructor(
     private readonly volumes: Volumes,
     max_mm: number,
-    mostSteps = 40000,
+    maxSteps = 40000,
   ) {
     const edges = [0, 1, 2].map((axis) => column(volumes.patientFromVoxel, axis));
     const lengths = edges.map(length);
     const all = lengths.reduce((product, edge) => (product * 2 * max_mm) / edge, 1);
-    const stride = (this.stride = Math.max(1, Math.ceil(Math.cbrt(all / mostSteps))));
+    const stride = (this.stride = Math.max(1, Math.ceil(Math.cbrt(all / maxSteps))));
     const [ni, nj, nk] = lengths.map((edge) => Math.floor(max_mm / edge / stride)) as Vec3;
     for (let k = -nk; k <= nk; k++)
       for (let j = -nj; j <= nj; j++)
@@ -74,7 +74,7 @@ export class Ground {
   }
 
   /** Result of `below`, cached per device until the tool moves, because it may take as long as a frame. */
-  belowTool(number: number, p: Vec3, isTouchable: IsTouchable): ReturnType<Ground["below"]> {
+  belowTool(number: number, p: Vec3, isTouchable: IsTouchable): ReturnType<SurfaceBelowTool["below"]> {
     const at = p.join();
     if (this.ofTools.get(number)?.at !== at) this.ofTools.set(number, { at, found: this.below(p, isTouchable) });
     return this.ofTools.get(number)!.found;

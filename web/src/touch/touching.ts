@@ -6,7 +6,7 @@ import { Flag, type Pose } from "../protocol/wire.js";
 import { words } from "../words/words.js";
 import type { PointerDevice } from "../state/pointer.js";
 import type { Session } from "../state/session.js";
-import type { Stroke, SurfacePoint } from "./stroke.js";
+import type { SurfaceDrag, SurfacePoint } from "./surface_drag.js";
 import { Part } from "../words/part.js";
 
 /** Factor of the chosen force per step of the wheel. */
@@ -20,10 +20,10 @@ type Pressing = Pick<PointerEvent, "pointerType" | "pressure">;
 /** Press by a key, which has no pressure of its own. */
 const KEY: Pressing = { pointerType: "", pressure: 0 };
 
-const strokes = new Part("stroke", () => import("./stroke.js"));
+const strokes = new Part("stroke", () => import("./surface_drag.js"));
 
 export class Touching {
-  stroke: Stroke | null = null; // stroke of the current press
+  stroke: SurfaceDrag | null = null; // stroke of the current press
   private hadSurface = true; // the latest movement was over a surface
 
   /**
@@ -34,7 +34,7 @@ export class Touching {
   constructor(
     private readonly session: Session,
     private readonly pointer: PointerDevice,
-    private readonly pick: (at: Position, stroke: Stroke) => SurfacePoint | null,
+    private readonly pick: (at: Position, stroke: SurfaceDrag) => SurfacePoint | null,
     private readonly hover: (at: Position, end: Vec3) => Vec3,
     private readonly nothing: () => string,
   ) {
@@ -65,7 +65,7 @@ export class Touching {
     if (!device) return;
     this.cursor = [at, at];
     if (!strokes.now) return void strokes.get();
-    this.stroke = new strokes.now.Stroke(
+    this.stroke = new strokes.now.SurfaceDrag(
       session.volumes.peek()!,
       this.isTouchable,
       device.tip,
@@ -98,7 +98,7 @@ export class Touching {
     this.moveCursor(this.stroke, at);
     this.report(false);
   }
-  private moveCursor(stroke: Stroke, to: Position): void {
+  private moveCursor(stroke: SurfaceDrag, to: Position): void {
     const [x, y] = this.cursor[1];
     this.cursor = [[x, y], to];
     const path = stroke.follow(

@@ -1,4 +1,5 @@
-// Panel of a lesson: whose turn it is, who moves the tip, permitted task, names hidden by a quiz, and learning curves.
+// Lesson panel: the learner's turn, the owner of the tip, the permitted task, names hidden by a quiz, and
+// learning curves.
 
 import { effect } from "@preact/signals-core";
 import { toast } from "../base/announce.js";

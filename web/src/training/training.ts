@@ -130,7 +130,7 @@ export class Training {
   private publish(run: TaskProgress | null): void {
     const { before } = this;
     this.before = run;
-    if (!run) return this.beginAnew();
+    if (!run) return this.reset();
     if (run.phase === "running" && (before?.phase !== "running" || before.run !== run.run)) {
       this.session.debriefing.value = null;
       this.liveRun = run.run;
@@ -144,7 +144,7 @@ export class Training {
       this.chosen.value = run.task;
     this.reportEvents();
   }
-  private beginAnew(): void {
+  private reset(): void {
     this.shownRun = "";
     this.announcedRun = this.scopedRun = this.closedRun.value = this.liveRun = this.announcedEvents = 0;
     this.plots = [];
@@ -366,7 +366,7 @@ export class Training {
       ...task.steps.map((step, n) => {
         const where = setMessages(
           element("button", { type: "button", className: "where" }),
-          { text: "where", label: "whereIs" },
+          { text: "locate", label: "locateStep" },
           step.name,
         );
         where.addEventListener("click", () => this.viewStep(n));
@@ -380,7 +380,11 @@ export class Training {
             element("span", { className: "name" }, step.name),
             element("span", { className: "state" }),
             element("span", { className: "quiet" }, this.stepText(step)),
-            setMessages(element("meter", { min: 0, max: 1, value: 0, hidden: true }), { label: "howFar" }, step.name),
+            setMessages(
+              element("meter", { min: 0, max: 1, value: 0, hidden: true }),
+              { label: "stepProgress" },
+              step.name,
+            ),
           ),
           where,
         );
@@ -688,7 +692,7 @@ export class Training {
     if (!debriefing) return;
     if (byId<HTMLInputElement>("show-coverage").checked) drawPatches(frame, seen, debriefing);
     if (byId<HTMLInputElement>("show-way").checked) drawPath(frame, seen, debriefing, task.forces);
-    if (debriefing.to_find_mm) drawPosition(frame, seen, debriefing.to_find_mm, words.wasHere, true);
+    if (debriefing.to_find_mm) drawPosition(frame, seen, debriefing.to_find_mm, words.targetWasHere, true);
     if (debriefing.answer_mm) drawPosition(frame, seen, debriefing.answer_mm, words.yourAnswer, false);
   }
 }

@@ -81,8 +81,8 @@ export class ScopeView {
     title: "scopeHolder",
   });
   private readonly toTip = setMessages(element("button", { type: "button", className: "small" }), {
-    text: "toTheTip",
-    title: "atTipTitle",
+    text: "scopeToTip",
+    title: "scopeToTipTitle",
   });
 
   private gesture = 0; // undo group of movements of the camera
@@ -284,7 +284,7 @@ export class ScopeView {
             ? words.offTouched(quantity(camera.off_mm, "mm"))
             : scope.back_mm > 0
               ? words.behindTip(`${scope.back_mm} mm`)
-              : words.atTheTip,
+              : words.scopeAtTip,
           `${scope.optics_deg}°`,
           ...(scope.optics_deg > 0 ? [words.post(`${scope.post_deg}°`)] : []),
         ].join(", ");

@@ -22,13 +22,13 @@ export const texelsFor = (voxels: Vec3, factor: Vec3): Vec3 =>
  * Number of voxels per texel along each axis with which the grid fits the memory. The finest axis is coarsened first.
  * @param edges  lengths of a voxel's edges, mm
  */
-export function coarsening(dims: Vec3, edges: Vec3, { mostTexels, mostSide }: Memory): Vec3 {
+export function coarsening(dims: Vec3, edges: Vec3, { maxTexels, maxSide }: Memory): Vec3 {
   const factor: Vec3 = [1, 1, 1];
   for (;;) {
     const texels = texelsFor(dims, factor);
     // sides include the border (Field.bordered)
-    const long = texels.findIndex((n) => n + 2 > mostSide);
-    if (long < 0 && texels[0] * texels[1] * texels[2] <= mostTexels) return factor;
+    const long = texels.findIndex((n) => n + 2 > maxSide);
+    if (long < 0 && texels[0] * texels[1] * texels[2] <= maxTexels) return factor;
     const size = factor.map((n, axis) => (texels[axis]! > 1 ? n * edges[axis]! : Infinity));
     factor[long < 0 ? size.indexOf(Math.min(...size)) : long]! += 1;
   }

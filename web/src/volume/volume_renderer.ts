@@ -60,7 +60,7 @@ export class VolumeRenderer {
   private appearances = 0; // number of appearances so far
   private haze = "";
   private factor: Vec3 = [1, 1, 1]; // voxels per texel, along each axis
-  private memory: Memory = { mostTexels: 0, mostSide: 0 };
+  private memory: Memory = { maxTexels: 0, maxSide: 0 };
   private loads = 0;
   private failures = 0; // number of workers that failed after their start
   private displacement: Displacement | null = null;
@@ -216,8 +216,8 @@ export class VolumeRenderer {
     const load = ++this.loads;
     [this.volumes, this.memory, this.isEmpty] = [volumes, memory, false];
     if (this.isDead) return false;
-    for (let { mostTexels } = memory; ; mostTexels = Math.max(1, mostTexels / 2)) {
-      this.factor = coarsening(volumes.dims, volumes.edges, { ...memory, mostTexels });
+    for (let { maxTexels } = memory; ; maxTexels = Math.max(1, maxTexels / 2)) {
+      this.factor = coarsening(volumes.dims, volumes.edges, { ...memory, maxTexels });
       const texelFromPatient = invert(shrunkGrid(volumes.patientFromVoxel, this.factor));
       this.post({
         type: "begin",

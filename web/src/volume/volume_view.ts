@@ -40,7 +40,7 @@ import { Touching } from "../touch/touching.js";
 import { memory_GB } from "../base/screen.js";
 import type { Memory } from "../protocol/scene.js";
 import type { Session } from "../state/session.js";
-import { firstTouchable, Ground } from "../touch/surface.js";
+import { firstTouchable, SurfaceBelowTool } from "../touch/surface.js";
 import { BACKGROUND, viewOf, type Cut, type View } from "./view.js";
 import type { VolumeRenderer } from "./volume_renderer.js";
 import { Flag, type DevicePose } from "../protocol/wire.js";
@@ -77,7 +77,7 @@ export class VolumeView {
   /** Draws further overlays, below the tool. */
   drawMarks: (frame: Frame, seen: Projection & InVolume) => void = () => {};
   private readonly live: LivePicture<Camera>;
-  private ground: Ground | null = null;
+  private ground: SurfaceBelowTool | null = null;
   private over_ms = -Infinity; // time of the latest drawing of the tool
   private size = 0; // shorter side of the picture, CSS pixels; 0: never shown
   private rotation: Quaternion | null = null; // target of the rotation by the current drag; null: none
@@ -94,7 +94,7 @@ export class VolumeView {
     private readonly session: Session,
     private readonly renderer: VolumeRenderer,
     readonly isSoftware: boolean,
-    private readonly mostSide: number,
+    private readonly maxSide: number,
     private readonly pointer: PointerDevice,
     private readonly history: History,
     private readonly turnTo: (rotation: Quaternion, gesture: number) => void,
@@ -126,7 +126,7 @@ export class VolumeView {
   private get memory(): Memory {
     const memory = memory_GB();
     const most = memory <= 2 ? 2e6 : memory <= 4 ? 8e6 : 64e6;
-    return { mostTexels: this.isSoftware && !this.isWhole ? SOFTWARE_TEXELS : most, mostSide: this.mostSide };
+    return { maxTexels: this.isSoftware && !this.isWhole ? SOFTWARE_TEXELS : most, maxSide: this.maxSide };
   }
   /** Loads the volume into the renderer. */
   load(): void {
@@ -136,7 +136,7 @@ export class VolumeView {
   sceneChanged(): void {
     this.camera.setWorldFromPatient(this.session.scene.value!.world_from_patient);
     this.isOpen = false;
-    this.ground = new Ground(this.session.volumes.value!, MAX_HEIGHT_MM);
+    this.ground = new SurfaceBelowTool(this.session.volumes.value!, MAX_HEIGHT_MM);
     this.corners = this.session.volumes.value!.objectCorners;
     this.load();
     this.reset();

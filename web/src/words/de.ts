@@ -11,7 +11,7 @@ export const de: Words = {
   notice: "Nur für Forschung und Lehre — nicht für den klinischen Einsatz",
   side: { left: "LINKS", right: "RECHTS", both: "BEIDE SEITEN", unknown: "SEITE UNBEKANNT" },
   sideInPicture: (side) => `Seite: ${side}`,
-  doubt: { placement: "LAGE FRAGLICH", side: "SEITE FRAGLICH" },
+  caveats: { placement: "LAGE FRAGLICH", side: "SEITE FRAGLICH" },
   title: (side) => `palpate · ${side}`,
   sideInTitle: { left: "links", right: "rechts", both: "beide Seiten", unknown: "Seite unbekannt" },
   modality: { ct: "CT", mr: "MRT", unknown: "Modalität unbekannt" },
@@ -175,7 +175,7 @@ export const de: Words = {
 
   // force and contact
   panel: "Kraft, Strukturen und Einstellungen",
-  felt: "Kraft und Kontakt",
+  contactCard: "Kraft und Kontakt",
   limitNow: (now) => `von ${now}`,
   limitNowAndSet: (now, set) => `von ${now} (eingestellt ${set})`,
   forceMeter: "Kraft im Verhältnis zur Kraftgrenze",
@@ -183,12 +183,12 @@ export const de: Words = {
   depth: "Tiefe",
   speed: "Geschwindigkeit",
   heat: "Motorwärme",
-  comesFrom: "Kraft nach Struktur",
-  leansOn: (contacts: string) => `In Kontakt mit ${contacts}`,
+  forceByStructure: "Kraft nach Struktur",
+  inContactWith: (contacts: string) => `In Kontakt mit ${contacts}`,
   deep: "tief",
   whyTitle: "Erklärung der Kraft",
   pause: "Pause",
-  goOn: "Fortsetzen",
+  resume: "Fortsetzen",
   pauseTitle: "Kraft aus- oder wieder einblenden (P)",
   motor: "Motor",
   removed: (volume: string, structure: string) => `${volume} ${structure} abgetragen`,
@@ -207,15 +207,15 @@ export const de: Words = {
   armCodeTitle: "Steht im Terminal von palpate, solange das Gerät angehalten ist; einmal gültig, eine Minute lang",
   rearmTitle: "Kraft nach einem Not-Halt wieder einschalten, sobald die Spitze nichts berührt",
   free: "kein Kontakt",
-  nothingToFeel: "nichts zu fühlen: jedes Gewebe dieser Szene hat touchable = false",
+  nothingTouchable: "nichts zu fühlen: jedes Gewebe dieser Szene hat touchable = false",
   outside: "außerhalb des Volumens",
   within: (what, larger) => `${what} (in ${larger})`,
-  notFelt: (what) => `${what}, nicht gefühlt`,
+  touchesUntouchable: (what) => `${what}, nicht gefühlt`,
   unnamed: (label) => `Label ${label}`,
   deepAt: (depth, stiffness) => `Tiefe ${depth} bei ${stiffness}`,
   alongSurface: (force) => `${force} entlang der Oberfläche`,
   lessBecause: (force, asked, reason) => `von ${asked} auf ${force} reduziert: ${reason}`,
-  because: {
+  reductionReasons: {
     thermal: "Motoren warm",
     clamped: "Kraftgrenze",
     ramp: "Kraft wird eingeblendet",
@@ -252,11 +252,11 @@ export const de: Words = {
     "Spitze ins Freie führen, dann r im Terminal von palpate drücken oder die sechs Ziffern von dort eingeben",
   rearmOther: "freigeben kann nur, wer die Spitze führt",
   rearmWhenFree: "warten, bis die simulierte Hand nichts berührt, dann Freigeben drücken",
-  rearmAfterWay: "Spitze ins Freie führen, dann Freigeben drücken",
+  rearmOutOfContact: "Spitze ins Freie führen, dann Freigeben drücken",
   rearmNow: "Freigeben drücken, um die Kraft wieder einzuschalten",
   holdToTouch: "zum Tasten die Maustaste in einer Ansicht halten",
-  nobodyHolds: "Zeiger nicht in Gebrauch",
-  otherHolds: "ein anderer Betrachter hat den Zeiger, in Ruhe",
+  pointerFree: "Zeiger nicht in Gebrauch",
+  pointerIdleElsewhere: "ein anderer Betrachter hat den Zeiger, in Ruhe",
 
   // distances and no-go regions
   nearTool: "Nahe am Instrument",
@@ -264,9 +264,9 @@ export const de: Words = {
   nothingNear: (reach) => `Nichts innerhalb von ${reach}`,
   nearInWords: (name, mm) => `${name}: ${mm} Millimeter`,
   insideInWords: (name, mm) => `${name}: ${mm} Millimeter darin`,
-  keepAway: (way) => `${way} Abstand`,
-  beforeRegion: (name, way) => `${name}: noch ${way}, bevor sie wegdrückt`,
-  tooNear: (name, way) => `${name}: ${way} zu nah`,
+  keepAway: (distance) => `${distance} Abstand`,
+  beforeRegion: (name, distance) => `${name}: noch ${distance}, bevor sie wegdrückt`,
+  tooNear: (name, distance) => `${name}: ${distance} zu nah`,
   pushesBy: (force) => `weggedrückt mit ${force}`,
   keptAwayFrom: (name) => `weggedrückt von ${name}`,
   someRegion: "eine Sperrzone",
@@ -300,8 +300,8 @@ export const de: Words = {
   viewer: "1 Betrachter",
   viewers: (count) => `${count} Betrachter`,
   sessionRecorded: "Sitzung aufgezeichnet",
-  youHold: "Sie haben den Zeiger",
-  viewerHolds: "ein anderer Betrachter hat den Zeiger",
+  youHavePointer: "Sie haben den Zeiger",
+  viewerHasPointer: "ein anderer Betrachter hat den Zeiger",
   deviceArmed: "Gerät scharf",
 
   // structures
@@ -311,8 +311,8 @@ export const de: Words = {
   showAll: "Alle ein",
   hideAll: "Alle aus",
   noneFound: "Keine passende Struktur.",
-  shownNotFelt: "Sichtbar, nicht fühlbar",
-  feltNot: "Nicht fühlbar",
+  shownNotTouchable: "Sichtbar, nicht fühlbar",
+  notTouchable: "Nicht fühlbar",
   stiffnessOf: (name) => `Steifigkeit von ${name}`,
   frictionOf: (name) => `Reibung von ${name}`,
   colour: "Farbe",
@@ -323,7 +323,7 @@ export const de: Words = {
   hidden: "Aus",
   show: (name) => `${name} einblenden`,
   showGroup: (name) => `Gruppe ${name} einblenden`,
-  showNotFelt: "Nicht fühlbare Strukturen einblenden",
+  showNotTouchable: "Nicht fühlbare Strukturen einblenden",
   partly: "Teils",
   appearancePreset: "Darstellung …",
   appearances: {
@@ -341,15 +341,15 @@ export const de: Words = {
   beginTitle: "Gemessenen Durchgang beginnen (B)",
   end: "Beenden",
   endTitle: "Durchgang beenden (B)",
-  onceMore: "Wiederholen",
+  repeatRun: "Wiederholen",
   toBriefing: "Zur Aufgabe",
   taskSteps: "Schritte",
-  where: "Zeigen",
-  whereIs: (step) => `Ort zeigen: ${step}`,
+  locate: "Zeigen",
+  locateStep: (step) => `Ort zeigen: ${step}`,
   now: "jetzt",
   done: "erledigt",
   notDone: "nicht erledigt",
-  howFar: (step) => `Fortschritt: ${step}`,
+  stepProgress: (step) => `Fortschritt: ${step}`,
   stepTouch: (least, most, time) => `Mit ${least} bis ${most} berühren, ${time} lang`,
   stepTouchLeast: (least, time) => `Mit mindestens ${least} berühren, ${time} lang`,
   stepVisit: (time) => `Die Spitze dort halten, ${time} lang`,
@@ -494,9 +494,9 @@ export const de: Words = {
   runPlotAbout: (name) => `Kraft auf ${name} im Durchgang, mit Sollbereich, Grenze und Ereignissen`,
   runEvents: "Ereignisse",
   moreEvents: (count) => `und ${count} weitere`,
-  showWay: "Bahn der Spitze im Volumen",
+  showPath: "Bahn der Spitze im Volumen",
   showCoverage: "Abgetastete Fläche",
-  wasHere: "Ziel",
+  targetWasHere: "Ziel",
   yourAnswer: "eigene Antwort",
 
   // plan
@@ -531,10 +531,10 @@ export const de: Words = {
   lateral: "Seitl. Abweichung",
   depthLeft: "Verbleibende Tiefe",
   shaftAngle: "Schaftwinkel",
-  noTrajectoryNear: (way) => `Keine Trajektorie innerhalb von ${way}`,
-  planBreach: (name, way, asked) => `${name}: Abstand ${way}, geplant mindestens ${asked}`,
+  noTrajectoryNear: (distance) => `Keine Trajektorie innerhalb von ${distance}`,
+  planBreach: (name, distance, asked) => `${name}: Abstand ${distance}, geplant mindestens ${asked}`,
   planBreachSpoken: (name) => `näher an ${name} als geplant`,
-  planUntold: "Die Abstände des Plans werden nicht überwacht: Die Szene liefert keine Abstände ([distances]).",
+  planNotMonitored: "Die Abstände des Plans werden nicht überwacht: Die Szene liefert keine Abstände ([distances]).",
 
   // measures
   measures: "Messungen",
@@ -555,7 +555,7 @@ export const de: Words = {
 
   // settings
   changedSince: "Inzwischen von jemand anderem geändert: bleibt, wie es ist.",
-  feeling: "Haptik",
+  hapticsCard: "Haptik",
   method: "Kraftverfahren",
   law: "Weichgewebe",
   laws: {
@@ -603,7 +603,7 @@ export const de: Words = {
   positions: "Koordinaten",
 
   // status line
-  atTip: "Spitze",
+  statusTip: "Spitze",
   value: (value) => `Wert ${value}`,
 
   // errors and remedies
@@ -617,23 +617,24 @@ export const de: Words = {
   cameWith: (path, bytes) => `${path} hat unerwartet ${bytes} Bytes`,
   refuses: (path, status) =>
     `palpate hat eine Anfrage dieser Seite abgelehnt: ${path} antwortete mit Status ${status}.`,
-  mend403:
+  remedy403:
     "Öffnen Sie die Seite unter der Adresse, die palpate ausgegeben hat, " +
     "nicht eingebettet in eine andere Seite und ohne Proxy, der Anfragen verändert.",
-  mend404: "Der Server unter dieser Adresse ist nicht palpate oder eine andere Version davon: Laden Sie die Seite neu.",
-  mend421:
+  remedy404:
+    "Der Server unter dieser Adresse ist nicht palpate oder eine andere Version davon: Laden Sie die Seite neu.",
+  remedy421:
     "Öffnen Sie die Seite unter der Adresse, die palpate ausgegeben hat, " +
     "oder starten Sie palpate mit --host-name und dem Hostnamen dieser Seite.",
-  mendOther: "Laden Sie die Seite neu, um die Version des laufenden palpate zu erhalten.",
+  remedyOther: "Laden Sie die Seite neu, um die Version des laufenden palpate zu erhalten.",
   otherVersion: (palpate, theirs, own) =>
     `palpate ${palpate} verwendet Version ${theirs} des Betrachterprotokolls, diese Seite Version ${own}.`,
   someOtherVersion: (own) =>
     `palpate und diese Seite verwenden verschiedene Versionen des Betrachterprotokolls; diese Seite Version ${own}.`,
-  mendVersion: "Laden Sie die Seite neu, um die Version des laufenden palpate zu erhalten.",
+  remedyVersion: "Laden Sie die Seite neu, um die Version des laufenden palpate zu erhalten.",
   lacksItsVolume: (what) => `Die Szene von palpate verweist auf ein Volumen, das nicht existiert: ${what}.`,
   startAgain: "Starten Sie palpate neu.",
   noMemory: "Dieses Gerät hat zu wenig Speicher für das Volumen, auch bei einem Viertel der Auflösung.",
-  mendMemory: "Schließen Sie andere Tabs und Programme oder öffnen Sie die Seite auf einem anderen Gerät.",
+  remedyMemory: "Schließen Sie andere Tabs und Programme oder öffnen Sie die Seite auf einem anderen Gerät.",
   shrunk: (part) => `Auf diesem Gerät ist der Speicher knapp: Das Volumen wird mit ${part} seiner Auflösung gezeigt.`,
   noGraphicsMemory: "Der Grafikspeicher ist zu klein für das Volumen.",
   noWebGl:
@@ -642,13 +643,13 @@ export const de: Words = {
   lostSections: "Der Browser hat den Grafikkontext verloren: Die Schnitte können nicht gezeichnet werden.",
   lostVolume: "Der Browser hat den Grafikkontext verloren: Das Volumen kann nicht gezeichnet werden.",
   lostBoth: "Der Browser hat den Grafikkontext verloren: Die Schnitte und das Volumen können nicht gezeichnet werden.",
-  mendLost: "Laden Sie diese Seite neu; falls das nicht hilft, starten Sie den Browser neu.",
-  lostHeals: "Die Darstellung kehrt mit dem Kontext automatisch zurück.",
+  remedyLost: "Laden Sie diese Seite neu; falls das nicht hilft, starten Sie den Browser neu.",
+  lostRecovery: "Die Darstellung kehrt mit dem Kontext automatisch zurück.",
   failedVolume: "Die Volumendarstellung ist ausgefallen: Das Volumen kann nicht gezeichnet werden.",
-  failedHeals: "Sie wird neu gestartet.",
-  mendFailed:
+  failedRecovery: "Sie wird neu gestartet.",
+  remedyFailed:
     "Der Neustart ist fehlgeschlagen: Laden Sie diese Seite neu; falls das nicht hilft, starten Sie den Browser neu.",
-  lostHarmless: "Kraft und Not-Halt sind nicht betroffen.",
+  lostScope: "Kraft und Not-Halt sind nicht betroffen.",
 
   // token
   token: "Zugangscode",
@@ -713,16 +714,16 @@ export const de: Words = {
   scopeTitle: "Nur Endoskop (6)",
   optics: "Optik: Winkel zum Schaft",
   turnOptics: (key: string) => `Optik um den Schaft drehen (${key})`,
-  toTheTip: "Zur Spitze",
-  atTipTitle: "Zurück zur Instrumentenspitze (Pos1)",
+  scopeToTip: "Zur Spitze",
+  scopeToTipTitle: "Zurück zur Instrumentenspitze (Pos1)",
   movedFromTip: "von der Spitze entfernt",
   scopeHolder: "Instrument, das das Endoskop trägt",
   scopeBack: "Abstand der Kamera hinter der Spitze",
-  atTheTip: "an der Spitze",
-  offTouched: (way: string) => `${way} vor der berührten Oberfläche`,
-  behindTip: (way: string) => `${way} hinter der Spitze`,
+  scopeAtTip: "an der Spitze",
+  offTouched: (distance: string) => `${distance} vor der berührten Oberfläche`,
+  behindTip: (distance: string) => `${distance} hinter der Spitze`,
   post: (turn: string) => `Blickrichtung ${turn}`,
-  ahead: (way: string, structure: string) => `${way} voraus: ${structure}`,
+  ahead: (distance: string, structure: string) => `${distance} voraus: ${structure}`,
   insideOf: (structure: string) => `in ${structure}: keine Sicht`,
 
   // view menu of the volume

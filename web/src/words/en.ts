@@ -1,5 +1,5 @@
-// Texts of the page in English. Other languages have the same type, so that a missing message does not compile.
-// Parameters of messages are texts. In messages of the help, `X` is a key.
+// Texts of the page in English. Other languages have the same type, so that a missing message is a compile
+// error. Parameters of messages are preformatted texts. In help messages, `X` denotes a key.
 
 const IN_SECTION =
   "Arrow keys: change the slice, or move the tip (Shift: along the outline); plus and minus: zoom; Home: reset.";
@@ -9,7 +9,7 @@ export const en = {
   notice: "Research and education — not for clinical use",
   side: { left: "LEFT", right: "RIGHT", both: "BOTH SIDES", unknown: "SIDE UNKNOWN" },
   sideInPicture: (side: string) => `Side: ${side}`,
-  doubt: { placement: "PLACEMENT IN DOUBT", side: "SIDE IN DOUBT" },
+  caveats: { placement: "PLACEMENT IN DOUBT", side: "SIDE IN DOUBT" },
   title: (side: string) => `palpate · ${side}`,
   sideInTitle: { left: "left", right: "right", both: "both", unknown: "side unknown" },
   modality: { ct: "CT", mr: "MR", unknown: "Modality unknown" },
@@ -53,9 +53,9 @@ export const en = {
   stopThere: "The space bar on the computer running palpate stops at once.",
   loadedShare: "Volume download progress",
   lostBeforeAnswer: "The connection was lost before the answer arrived.",
-  askedAtDevice: "Waiting for consent at the device: applied if someone there agrees within 20 s.",
+  askedAtDevice: "Waiting for consent at the device: applied if the operator there agrees within 20 s.",
   shortPose: (bytes: string) => `truncated pose message of ${bytes} bytes`,
-  noPose: "not a pose message: it does not begin with PLPT",
+  noPose: "not a pose message: magic PLPT missing",
   noNear: (bytes: string) => `incomplete message of distances, ${bytes} bytes`,
   noDeformation: (bytes: string) => `incomplete message of tissue deformation, ${bytes} bytes`,
   parts: {
@@ -161,7 +161,7 @@ export const en = {
   pressForce: "Press with",
   pressTitle: "Force with which a press touches; also by the wheel during a press, or by the pressure of a pen",
   nothingThere: "nothing to touch under the cursor",
-  insideThere: "inside of a structure: press at its outline",
+  insideThere: "inside a structure: press at its outline",
   lifted: "lifted: no surface under the cursor",
   setDown: "set down under the cursor: the tip could not follow",
   releasedByPause: "released, because this page was hidden or did not run for half a second: press again",
@@ -172,7 +172,7 @@ export const en = {
 
   // force and contact
   panel: "Force, structures and settings",
-  felt: "Force and contact",
+  contactCard: "Force and contact",
   limitNow: (now: string) => `of ${now}`,
   limitNowAndSet: (now: string, set: string) => `of ${now} (set to ${set})`,
   forceMeter: "Force relative to its limit",
@@ -180,12 +180,12 @@ export const en = {
   depth: "Depth",
   speed: "Speed",
   heat: "Motor heat",
-  comesFrom: "Force by structure",
-  leansOn: (contacts: string) => `In contact with ${contacts}`,
+  forceByStructure: "Force by structure",
+  inContactWith: (contacts: string) => `In contact with ${contacts}`,
   deep: "deep",
   whyTitle: "Explanation of the force",
   pause: "Pause",
-  goOn: "Resume",
+  resume: "Resume",
   pauseTitle: "Fade the force out or back in (P)",
   motor: "Motor",
   removed: (volume: string, structure: string) => `${volume} of ${structure} removed`,
@@ -196,7 +196,7 @@ export const en = {
   undoStroke: "Undo stroke",
   undoStrokeTitle: "Restore the tissue removed last, between motor on and motor off (U)",
   redoStroke: "Redo stroke",
-  redoStrokeTitle: "Remove again what was restored last (Shift+U)",
+  redoStrokeTitle: "Repeat the removal undone last (Shift+U)",
   motorOffFirst: "First switch the motor off, or release its pedal",
   burrSound: "Sound of the burr: speed, load, density",
   rearm: "Rearm",
@@ -204,15 +204,15 @@ export const en = {
   armCodeTitle: "Shown in palpate's terminal while the device is stopped; valid once, for one minute",
   rearmTitle: "Restore the force after an emergency stop, once the tip touches nothing",
   free: "no contact",
-  nothingToFeel: "nothing to feel: every tissue of this scene has touchable = false",
+  nothingTouchable: "nothing to feel: every tissue of this scene has touchable = false",
   outside: "outside the volume",
   within: (what: string, larger: string) => `${what} (within ${larger})`,
-  notFelt: (what: string) => `${what}, not felt`,
+  touchesUntouchable: (what: string) => `${what}, not felt`,
   unnamed: (label: string) => `label ${label}`,
   deepAt: (depth: string, stiffness: string) => `${depth} deep at ${stiffness}`,
   alongSurface: (force: string) => `${force} along the surface`,
   lessBecause: (force: string, asked: string, reason: string) => `reduced from ${asked} to ${force}: ${reason}`,
-  because: {
+  reductionReasons: {
     thermal: "motors warm",
     clamped: "force limit",
     ramp: "fading in",
@@ -248,11 +248,11 @@ export const en = {
   rearmThere: "free the tip, then press r in palpate's terminal, or enter the six digits shown there",
   rearmOther: "only the viewer moving the tip can rearm",
   rearmWhenFree: "wait until the simulated hand is out of contact, then press Rearm",
-  rearmAfterWay: "move the tip out of contact, then press Rearm",
+  rearmOutOfContact: "move the tip out of contact, then press Rearm",
   rearmNow: "press Rearm to restore the force",
   holdToTouch: "hold the mouse button in a view to touch",
-  nobodyHolds: "pointer not in use",
-  otherHolds: "another viewer has the pointer, at rest",
+  pointerFree: "pointer not in use",
+  pointerIdleElsewhere: "another viewer has the pointer and is not pressing",
 
   // distances and no-go regions
   nearTool: "Near the tool",
@@ -260,9 +260,9 @@ export const en = {
   nothingNear: (reach: string) => `Nothing within ${reach}`,
   nearInWords: (name: string, mm: string) => `${name}: ${mm} millimetres`,
   insideInWords: (name: string, mm: string) => `${name}: ${mm} millimetres inside`,
-  keepAway: (way: string) => `keep ${way} away`,
-  beforeRegion: (name: string, way: string) => `${name}: ${way} before it pushes`,
-  tooNear: (name: string, way: string) => `${name}: ${way} too close`,
+  keepAway: (distance: string) => `keep ${distance} away`,
+  beforeRegion: (name: string, distance: string) => `${name}: ${distance} from its no-go boundary`,
+  tooNear: (name: string, distance: string) => `${name}: ${distance} too close`,
   pushesBy: (force: string) => `pushed out with ${force}`,
   keptAwayFrom: (name: string) => `pushed away from ${name}`,
   someRegion: "a no-go region",
@@ -296,8 +296,8 @@ export const en = {
   viewer: "1 viewer",
   viewers: (count: string) => `${count} viewers`,
   sessionRecorded: "session recorded",
-  youHold: "you have the pointer",
-  viewerHolds: "another viewer has the pointer",
+  youHavePointer: "you have the pointer",
+  viewerHasPointer: "another viewer has the pointer",
   deviceArmed: "device armed",
 
   // structures
@@ -307,8 +307,8 @@ export const en = {
   showAll: "Show all",
   hideAll: "Hide all",
   noneFound: "No matching structure.",
-  shownNotFelt: "Shown, not felt",
-  feltNot: "Not felt",
+  shownNotTouchable: "Shown, not felt",
+  notTouchable: "Not felt",
   stiffnessOf: (name: string) => `Stiffness of ${name}`,
   frictionOf: (name: string) => `Friction of ${name}`,
   colour: "Colour",
@@ -319,7 +319,7 @@ export const en = {
   hidden: "Hidden",
   show: (name: string) => `Show ${name}`,
   showGroup: (name: string) => `Show all of ${name}`,
-  showNotFelt: "Show structures that are not felt",
+  showNotTouchable: "Show structures that are not felt",
   partly: "Partly",
   appearancePreset: "Appearance …",
   appearances: {
@@ -337,15 +337,15 @@ export const en = {
   beginTitle: "Begin a measured run (B)",
   end: "End",
   endTitle: "End the run (B)",
-  onceMore: "Repeat",
+  repeatRun: "Repeat",
   toBriefing: "Briefing",
   taskSteps: "Steps",
-  where: "Locate",
-  whereIs: (step: string) => `Show the location of: ${step}`,
+  locate: "Locate",
+  locateStep: (step: string) => `Show the location of: ${step}`,
   now: "now",
   done: "done",
   notDone: "not done",
-  howFar: (step: string) => `Progress: ${step}`,
+  stepProgress: (step: string) => `Progress: ${step}`,
   stepTouch: (least: string, most: string, time: string) => `Touch with ${least} to ${most} for ${time}`,
   stepTouchLeast: (least: string, time: string) => `Touch with at least ${least} for ${time}`,
   stepVisit: (time: string) => `Hold the tip there for ${time}`,
@@ -388,15 +388,15 @@ export const en = {
   wasProtected: (name: string, force: string) => `Protected ${name} touched with ${force}`,
   wasUnseen: (force: string) => `Contact out of the scope's view, ${force}`,
   taskOver: "The run has ended",
-  taskWatch: "View only: whoever has control begins and ends runs.",
-  taskOthers: "Whoever moves the tip begins and ends runs.",
+  taskWatch: "View only: viewers with control begin and end runs.",
+  taskOthers: "The viewer that moves the tip begins and ends runs.",
   taskPlayed: "Recording: progress up to the position shown.",
   taskStored: "Runs are saved in the learner's records.",
   noTask: "none",
   lesson: "Lesson",
   youAreLearner: (name: string) => `Learner ${name}`,
   youAreTeacher: "Teacher",
-  lessonTurn: "Whose turn it is",
+  lessonTurn: "Turn",
   anyone: "Anyone",
   anyoneTitle: "No turn: a run belongs to the learner who begins it",
   nextTurn: (name: string) => `The next runs belong to ${name}, who gets the tip`,
@@ -410,7 +410,7 @@ export const en = {
   tipMovedBy: (name: string) => `${name} moves the tip.`,
   tipMovedByYou: "You move the tip.",
   tipMovedByOther: "Another page moves the tip.",
-  tipFree: "Nobody moves the tip: a press in a picture takes it.",
+  tipFree: "The tip is free: press in a picture to take it.",
   lessonOver: "The teacher has ended the lesson. To take part in the next one, reload the page.",
   lessonLearner: "Learner",
   lessonLearnerTitle: "Learner of the next runs: a pseudonym; empty: none",
@@ -420,15 +420,15 @@ export const en = {
   showNamesTitle: "Learners see structure names and the target of a quiz",
   endSession: "End the session",
   endSessionTitle: "Fade the force out and finish the recording",
-  endSessionAsked: "Ends for everybody: press again",
+  endSessionAsked: "Ends the session for all viewers: press again to confirm",
   lessonOf: (name: string) => `The next runs are saved for ${name}.`,
-  lessonOfNobody: "The next runs are saved for no learner, except those that a learner begins.",
-  lessonOfAnother: "It is somebody else's turn: view only.",
+  lessonOfNobody: "The next runs are saved only if a learner begins them.",
+  lessonOfAnother: "Another learner's turn: view only.",
   lessonRedacted: "Quiz: structure names and the target are hidden.",
   lessonYours: "The runs that you begin are saved as yours.",
   curves: "Learning curves",
   ownCurves: "My curves",
-  allCurves: "Everybody's curves",
+  allCurves: "All learners' curves",
   noCurves: (why: string) => `No learning curves: ${why}.`,
   taskNotStored: "Runs are not saved: no learner is specified.",
   runIn: "Every counted metric in its band",
@@ -440,7 +440,7 @@ export const en = {
   inARow: (runs: string, asked: string) => `${runs} of ${asked} in a row`,
   endedBy: {
     task: "ended automatically",
-    asked: "ended by a person",
+    asked: "ended by request",
     session: "ended with the session",
     trouble: "ended by a clock or memory error",
   },
@@ -491,9 +491,9 @@ export const en = {
   runPlotAbout: (name: string) => `Force on ${name} during the run, with its band, limit and events`,
   runEvents: "Events",
   moreEvents: (count: string) => `and ${count} more`,
-  showWay: "Tip path in the volume",
+  showPath: "Tip path in the volume",
   showCoverage: "Covered surface",
-  wasHere: "target",
+  targetWasHere: "target",
   yourAnswer: "your answer",
 
   // plan
@@ -529,10 +529,11 @@ export const en = {
   lateral: "Lateral deviation",
   depthLeft: "Remaining depth",
   shaftAngle: "Shaft angle",
-  noTrajectoryNear: (way: string) => `No trajectory within ${way}`,
-  planBreach: (name: string, way: string, asked: string) => `${name}: distance ${way}, planned at least ${asked}`,
+  noTrajectoryNear: (distance: string) => `No trajectory within ${distance}`,
+  planBreach: (name: string, distance: string, asked: string) =>
+    `${name}: distance ${distance}, planned at least ${asked}`,
   planBreachSpoken: (name: string) => `closer to ${name} than planned`,
-  planUntold: "The plan's distances are not monitored: the scene reports no distances ([distances]).",
+  planNotMonitored: "The plan's distances are not monitored: the scene reports no distances ([distances]).",
 
   // measures
   measures: "Measurements",
@@ -552,8 +553,8 @@ export const en = {
   showBookmark: (name: string) => `Show ${name}`,
 
   // settings
-  changedSince: "Changed by somebody else in the meantime: left as it is.",
-  feeling: "Haptics",
+  changedSince: "Not undone: another viewer has changed this setting since.",
+  hapticsCard: "Haptics",
   method: "Force method",
   law: "Soft tissue",
   laws: {
@@ -589,7 +590,7 @@ export const en = {
   scanInVolume: "Scan in volume",
   outlines: "Outlines",
   strain: "Strain",
-  strainTitle: "Colours in the sections: equivalent strain of deforming soft tissue, without its volumetric part",
+  strainTitle: "Colours in the sections: equivalent (deviatoric) strain of deforming soft tissue",
   strainLegend: "Equivalent strain",
   strainNone: "Equivalent strain: no deforming tissue",
   steps: (step: string) =>
@@ -600,7 +601,7 @@ export const en = {
   positions: "Coordinates",
 
   // status line
-  atTip: "tip",
+  statusTip: "tip",
   value: (value: string) => `value ${value}`,
 
   // errors and remedies
@@ -614,23 +615,23 @@ export const en = {
   cameWith: (path: string, bytes: string) => `${path} has an unexpected size of ${bytes} bytes`,
   refuses: (path: string, status: string) =>
     `palpate refused a request by this page: ${path} returned status ${status}.`,
-  mend403:
+  remedy403:
     "Open the page at the address that palpate printed, " +
     "not embedded in another page, and without a proxy that changes requests.",
-  mend404: "The server at this address is not palpate, or is another version of it: reload the page.",
-  mend421:
+  remedy404: "The server at this address is not palpate, or is another version of it: reload the page.",
+  remedy421:
     "Open the page at the address that palpate printed, " +
     "or start palpate with --host-name and this page's host name.",
-  mendOther: "Reload the page to get the version of the running palpate.",
+  remedyOther: "Reload the page to get the version of the running palpate.",
   otherVersion: (palpate: string, theirs: string, own: string) =>
     `palpate ${palpate} uses version ${theirs} of the viewer protocol, and this page uses version ${own}.`,
   someOtherVersion: (own: string) =>
     `palpate and this page use different versions of the viewer protocol; this page uses version ${own}.`,
-  mendVersion: "Reload the page to get the version of the running palpate.",
+  remedyVersion: "Reload the page to get the version of the running palpate.",
   lacksItsVolume: (what: string) => `palpate's scene refers to a volume that does not exist: ${what}.`,
   startAgain: "Restart palpate.",
   noMemory: "This device has too little memory for the volume, even at a quarter of its resolution.",
-  mendMemory: "Close other tabs and programs, or open the page on another device.",
+  remedyMemory: "Close other tabs and programs, or open the page on another device.",
   shrunk: (part: string) => `This device is low on memory: the volume is shown at ${part} of its resolution.`,
   noGraphicsMemory: "The graphics memory is too small for the volume.",
   noWebGl:
@@ -639,12 +640,12 @@ export const en = {
   lostSections: "The browser has lost the graphics context: the sections cannot be drawn.",
   lostVolume: "The browser has lost the graphics context: the volume cannot be drawn.",
   lostBoth: "The browser has lost the graphics context: the sections and the volume cannot be drawn.",
-  mendLost: "Reload this page; if that does not help, restart the browser.",
-  lostHeals: "Drawing resumes automatically when the context is restored.",
+  remedyLost: "Reload this page; if that does not help, restart the browser.",
+  lostRecovery: "Drawing resumes automatically when the context is restored.",
   failedVolume: "The volume renderer has stopped: the volume cannot be drawn.",
-  failedHeals: "It is being restarted.",
-  mendFailed: "Restarting it failed: reload this page; if that does not help, restart the browser.",
-  lostHarmless: "Force and emergency stop are not affected.",
+  failedRecovery: "It is being restarted.",
+  remedyFailed: "Restarting it failed: reload this page; if that does not help, restart the browser.",
+  lostScope: "Force and emergency stop are not affected.",
 
   // token
   token: "Token",
@@ -657,7 +658,7 @@ export const en = {
   // help
   help: "Mouse, touch and keyboard",
   gestures: [
-    ["`Space`", "emergency stop, for every focus; it never restores the force"],
+    ["`Space`", "emergency stop, whatever has the keyboard focus; it never restores the force"],
     ["`P`", "pause: fade the force out or back in; in a recording: play or pause"],
     [
       "drag in a section",
@@ -699,16 +700,16 @@ export const en = {
   scopeTitle: "Scope only (6)",
   optics: "Optics: angle to the shaft",
   turnOptics: (key: string) => `Rotate the optics about the shaft (${key})`,
-  toTheTip: "At tip",
-  atTipTitle: "Back to the tool's tip (Home)",
+  scopeToTip: "At tip",
+  scopeToTipTitle: "Back to the tool's tip (Home)",
   movedFromTip: "moved from the tip",
   scopeHolder: "Tool that carries the scope",
   scopeBack: "Distance of the camera behind the tip",
-  atTheTip: "at the tip",
-  offTouched: (way: string) => `${way} from the touched surface`,
-  behindTip: (way: string) => `${way} behind the tip`,
+  scopeAtTip: "at the tip",
+  offTouched: (distance: string) => `${distance} from the touched surface`,
+  behindTip: (distance: string) => `${distance} behind the tip`,
   post: (turn: string) => `post ${turn}`,
-  ahead: (way: string, structure: string) => `${way} ahead: ${structure}`,
+  ahead: (distance: string, structure: string) => `${distance} ahead: ${structure}`,
   insideOf: (structure: string) => `inside ${structure}: no view`,
 
   // view menu of the volume

@@ -4,7 +4,7 @@ import type { Socket, Transport } from "../protocol/transport.js";
 import type { FromWorker, ToWorker } from "./messages.js";
 
 /** Close code of a connection that ended without a closing handshake (RFC 6455, 7.4.1). */
-const GONE = 1006;
+const ABNORMAL_CLOSURE = 1006;
 
 /** A worker with a session. */
 export class WorkerTransport implements Transport {
@@ -48,7 +48,7 @@ export class WorkerTransport implements Transport {
       () => this.say({ type: "disconnect", socket: number }),
     );
     this.socket = socket;
-    if (this.died) queueMicrotask(() => socket.end(GONE));
+    if (this.died) queueMicrotask(() => socket.end(ABNORMAL_CLOSURE));
     else {
       this.say({ type: "connect", socket: number });
       queueMicrotask(() => socket.begin());
@@ -87,7 +87,7 @@ export class WorkerTransport implements Transport {
     this.opened.failed(why);
     for (const { failed } of this.answers.values()) failed(why);
     this.answers.clear();
-    this.socket?.end(GONE);
+    this.socket?.end(ABNORMAL_CLOSURE);
   }
 }
 
