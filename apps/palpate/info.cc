@@ -337,15 +337,15 @@ void print_json(std::ostream& out, const Info& info) {
 // --- memory of a scene ----------------------------------------------------------------------------------
 
 Json memory_json(const SceneMemory& memory) {
-  return {{"peak", memory.peak()},       {"stays", memory.stays()},           {"labels", memory.model.labels},
+  return {{"peak", memory.peak()},       {"stays", memory.permanent()},       {"labels", memory.model.labels},
           {"field", memory.model.field}, {"surfaces", memory.model.surfaces}, {"scan", memory.scan}};
 }
 
 void print_memory(std::ostream& out, const SceneMemory& memory) {
   out << "memory      up to " << memory_text(memory.peak()) << " to feel the scene, of which "
-      << memory_text(memory.stays()) << " stays: labels " << memory_text(memory.model.labels) << ", field "
-      << memory_text(memory.model.field) << ", surfaces " << memory_text(memory.model.surfaces) << ", scan "
-      << memory_text(memory.scan) << '\n';
+      << memory_text(memory.permanent()) << " stays: labels " << memory_text(memory.model.labels)
+      << ", field " << memory_text(memory.model.field) << ", surfaces " << memory_text(memory.model.surfaces)
+      << ", scan " << memory_text(memory.scan) << '\n';
 }
 
 int run_info_of_scene(const InfoOptions& options, Console& console) {

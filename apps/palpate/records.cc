@@ -353,7 +353,7 @@ Result<RunHistory> add_run_with_history(const std::filesystem::path& requested, 
   if (!id) return id.error();
   RunHistory history;
   history.run_id = *id;
-  history.best.assign(task.metrics.size(), kUnknown);
+  history.best.assign(task.metrics.size(), kNoValue);
   std::vector<bool> in_band;
   std::vector<std::int64_t> earlier;
   const auto listed = records.list({learner, task.title, 0}, [&](const RunRecord& run) -> Result<void> {

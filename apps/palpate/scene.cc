@@ -480,9 +480,9 @@ void print_relaxations(const Scene& scene) {
     if (!tissue.touchable || !tissue.elastic || !tissue.relaxation.relaxes()) continue;
     std::string terms;
     for (const RelaxationTerm& term : tissue.relaxation.term) {
-      if (!(term.part > 0)) continue;
+      if (!(term.fraction > 0)) continue;
       char text[48];
-      std::snprintf(text, sizeof text, "%s%.3g %% in %.3g s", terms.empty() ? "" : ", ", 100 * term.part,
+      std::snprintf(text, sizeof text, "%s%.3g %% in %.3g s", terms.empty() ? "" : ", ", 100 * term.fraction,
                     term.time_s);
       terms += text;
     }

@@ -29,10 +29,10 @@ enum DeviceStatus : std::uint32_t {
 struct DeviceSample {
   Point<Device> tip;  ///< mm
   Eigen::Quaterniond R_DeviceTool = Eigen::Quaterniond::Identity();
-  /// Velocities estimated by the device; kUnknown if it provides none.
-  Vector<Device> velocity_mm_s{kUnknown, kUnknown, kUnknown};
-  Vector<Device> angular_velocity_rad_s{kUnknown, kUnknown, kUnknown};
-  double gripper_rad = kUnknown;
+  /// Velocities estimated by the device; kNoValue if it provides none.
+  Vector<Device> velocity_mm_s{kNoValue, kNoValue, kNoValue};
+  Vector<Device> angular_velocity_rad_s{kNoValue, kNoValue, kNoValue};
+  double gripper_rad = kNoValue;
   std::uint32_t buttons = 0;  ///< Bit n: button n is held
   bool fault = false;         ///< The device withholds forces by itself
   bool set_down = false;      ///< There is no path from the previous pose to this one (kDeviceSetDown)
@@ -52,11 +52,11 @@ struct DeviceCommand {
 struct DeviceState {
   Point<World> tip;  ///< mm
   Eigen::Quaterniond R_WorldTool = Eigen::Quaterniond::Identity();
-  /// Velocities estimated by the device; kUnknown if it provides none. The tick measures the tip's velocity
+  /// Velocities estimated by the device; kNoValue if it provides none. The tick measures the tip's velocity
   /// itself.
-  Vector<World> velocity_mm_s{kUnknown, kUnknown, kUnknown};
-  Vector<World> angular_velocity_rad_s{kUnknown, kUnknown, kUnknown};
-  double gripper_rad = kUnknown;
+  Vector<World> velocity_mm_s{kNoValue, kNoValue, kNoValue};
+  Vector<World> angular_velocity_rad_s{kNoValue, kNoValue, kNoValue};
+  double gripper_rad = kNoValue;
   std::uint32_t buttons = 0;  ///< Bit n: button n is held
   std::uint32_t status = 0;   ///< DeviceStatus bits
   double age_s = 0;           ///< Age of the pose

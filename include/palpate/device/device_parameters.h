@@ -9,14 +9,14 @@
 
 namespace palpate {
 
-/// Output limits of one device; kUnknown where unknown. Then forces are limited by the user's limit alone,
+/// Output limits of one device; kNoValue where unknown. Then forces are limited by the user's limit alone,
 /// and torque and gripper force, for which the user sets no limit, stay off.
 struct OutputLimits {
-  double peak_force_N = kUnknown;
+  double peak_force_N = kNoValue;
   /// Rating that the thermal budget is based on; unknown: no thermal limit
-  double continuous_force_N = kUnknown;
-  double peak_torque_Nmm = kUnknown;
-  double peak_gripper_N = kUnknown;
+  double continuous_force_N = kNoValue;
+  double peak_torque_Nmm = kNoValue;
+  double peak_gripper_N = kNoValue;
   /// Limit of the rate of change of the force, N/s. A surface of 2 N/mm met at 0.5 m/s requires 1000 N/s.
   double slew_N_per_s = 2000;
 };
@@ -39,10 +39,10 @@ struct DeviceParameters {
   /// by the direct methods all are scaled by one factor.
   double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
   /// Encoder step; the passivity controller ignores smaller displacements
-  double position_step_mm = kUnknown;
+  double position_step_mm = kNoValue;
   /// Largest damping that the device renders stably, device N s/mm. Viscosity of tissue, the published
   /// friction and the coupling's damping are clamped to it. Not above 0 or NaN: unknown, no clamping.
-  double max_damping_N_s_per_mm = kUnknown;
+  double max_damping_N_s_per_mm = kNoValue;
   /// Delay from a command to its force, s; 0: none. Used by the passivity observer. The caller of
   /// ServoLoop::start() may state a longer delay than the device does, but not a shorter one.
   double delay_s = 0;

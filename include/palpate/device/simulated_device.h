@@ -19,8 +19,8 @@ class Mailbox;
 struct PlantDevice {
   std::string name;
   double mass_kg, damping_N_s_per_m, coulomb_N, encoder_step_m, peak_force_N, continuous_force_N;
-  double reach_m = kUnknown;             ///< Radius of the reachable ball; not enforced by the simulation
-  double stiffness_N_per_mm = kUnknown;  ///< Stiffness that the vendor vouches for
+  double reach_m = kNoValue;             ///< Radius of the reachable ball; not enforced by the simulation
+  double stiffness_N_per_mm = kNoValue;  ///< Stiffness that the vendor vouches for
 };
 /// Model of the hand between intended and actual position: rigidly attached to the device's mass, or a mass
 /// of its own behind the compliant skin of the fingers. SI units.

@@ -23,7 +23,7 @@ inline constexpr int kMaxContactsReported = 6;
 inline constexpr std::size_t kMaxNearReported = 8;
 
 /// Value of unknown quantities: not a number.
-inline constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+inline constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
 
 /// Conditions of a tick: contact, and why its output was changed or withheld. Bits.
 enum TickFlag : std::uint32_t {
@@ -110,19 +110,19 @@ struct DeviceTick {
   // inputs
   std::array<double, 3> tip_world_mm{};
   std::array<double, 4> orientation_wxyz{1, 0, 0, 0};
-  std::array<double, 3> velocity_world_mm_s{kUnknown, kUnknown, kUnknown};  ///< Estimated by the device
+  std::array<double, 3> velocity_world_mm_s{kNoValue, kNoValue, kNoValue};  ///< Estimated by the device
   /// Estimated by the device
-  std::array<double, 3> angular_velocity_world_rad_s{kUnknown, kUnknown, kUnknown};
-  double gripper_rad = kUnknown;
+  std::array<double, 3> angular_velocity_world_rad_s{kNoValue, kNoValue, kNoValue};
+  double gripper_rad = kNoValue;
   std::uint32_t buttons = 0;
   std::uint32_t status = 0;  ///< DeviceStatus bits
   double age_s = 0;          ///< Age of the pose
   // inputs: DeviceParameters; NaN: unknown
   double force_gain = 1, scale = 1;
-  double peak_force_N = kUnknown, continuous_force_N = kUnknown, peak_torque_Nmm = kUnknown;
-  double peak_gripper_N = kUnknown, slew_N_per_s = kUnknown;
-  double max_stiffness_N_per_mm = kUnknown, position_step_mm = kUnknown;
-  double max_damping_N_s_per_mm = kUnknown;  ///< NaN: unknown
+  double peak_force_N = kNoValue, continuous_force_N = kNoValue, peak_torque_Nmm = kNoValue;
+  double peak_gripper_N = kNoValue, slew_N_per_s = kNoValue;
+  double max_stiffness_N_per_mm = kNoValue, position_step_mm = kNoValue;
+  double max_damping_N_s_per_mm = kNoValue;  ///< NaN: unknown
   double delay_s = 0;
   // outputs
   std::array<double, 3> force_N{};     ///< Force sent, World

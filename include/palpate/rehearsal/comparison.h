@@ -22,7 +22,7 @@ namespace palpate {
 
 /// A measured deviation with its tolerance from the plan.
 struct ToleratedValue {
-  double value = kUnknown;
+  double value = kNoValue;
   /// Tolerance of the absolute value; empty: none
   std::optional<double> allowed;
   /// An unknown value violates a tolerance
@@ -56,17 +56,17 @@ struct TrajectoryResult {
   ToleratedValue target_error_mm;  ///< Distance from the target to the nearest point of the insertion
   /// Components of the target error: perpendicular to the trajectory, and along it, positive beyond the
   /// target.
-  double lateral_mm = kUnknown, along_mm = kUnknown;
+  double lateral_mm = kNoValue, along_mm = kNoValue;
   /// Angle between the trajectory and the line fitted to the path from the entry to the deepest point (total
   /// least squares, path segments weighted by their length), 0 ... 180. Unknown for paths below 1 mm.
   ToleratedValue angle_deg;
-  double line_rms_mm = kUnknown;  ///< RMS distance of the path from that line
+  double line_rms_mm = kNoValue;  ///< RMS distance of the path from that line
   /// Distance from the actual entry to the deepest point, along the trajectory
-  double depth_mm = kUnknown;
+  double depth_mm = kNoValue;
   ToleratedValue depth_error_mm;  ///< depth_mm minus the trajectory's length: positive is too deep
   /// Angle between the trajectory and the tool's shaft (the spindle of a burr, otherwise the longest capsule)
   /// at the deepest point. Known only for tools with a shaft and devices that report an orientation.
-  double shaft_deg = kUnknown;
+  double shaft_deg = kNoValue;
 
   bool is_within_limit() const {
     return entry_error_mm.is_within_limit() && target_error_mm.is_within_limit() &&
@@ -90,7 +90,7 @@ struct StructureVolume {
 /// prepared, before any removal; negative inside.
 struct StructureClearance {
   LabelId label = 0;
-  double nearest_mm = kUnknown;
+  double nearest_mm = kNoValue;
   RunPoint nearest;
   std::optional<double> requested_mm;  ///< Minimum clearance required by the plan
   double below_s = 0;                  ///< Duration below that clearance

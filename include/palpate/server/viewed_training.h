@@ -37,7 +37,7 @@ struct ViewedTask {
   struct Step {
     std::string name, kind;  ///< "touch", "visit", "cover", "remove"
     std::size_t region = 0;
-    std::array<double, 2> force_N{0, kUnknown};  ///< Force range of a touch; NaN: unbounded
+    std::array<double, 2> force_N{0, kNoValue};  ///< Force range of a touch; NaN: unbounded
     double seconds = 0, coverage = 0;
     bool in_scope_view = false;  ///< Whether the region also has to be in the scope's view
   };
@@ -113,7 +113,7 @@ struct ViewedDebriefing {
   double time_s = 0, missing_s = 0;
   std::uint64_t ticks = 0, first_tick = 0, last_tick = 0;
   struct Metric {
-    double value = kUnknown, best = kUnknown;
+    double value = kNoValue, best = kNoValue;
     bool in_band = false;
   };
   std::vector<Metric> metrics;
@@ -122,7 +122,7 @@ struct ViewedDebriefing {
   std::uint64_t more_events = 0;
   struct Sample {
     double time_s = 0;
-    std::array<double, 3> tip_mm{kUnknown, kUnknown, kUnknown};  ///< Patient frame
+    std::array<double, 3> tip_mm{kNoValue, kNoValue, kNoValue};  ///< Patient frame
     double touch_N = 0;                                          ///< Total contact force
     /// Contact force per measured force of the task, for the first of them
     std::array<double, kMaxForces> forces_N{};

@@ -156,8 +156,8 @@ struct ViewedScene {
   bool simulated = true;
   /// Source of the tip's motion: "script", "pointer", "ros2", "device", "recording"
   std::string input = "script";
-  /// Ratings of the first device; kUnknown: unknown.
-  double peak_force_N = kUnknown, continuous_force_N = kUnknown, max_stiffness_N_per_mm = kUnknown;
+  /// Ratings of the first device; kNoValue: unknown.
+  double peak_force_N = kNoValue, continuous_force_N = kNoValue, max_stiffness_N_per_mm = kNoValue;
   ValueRange max_force_range{};  ///< Range of the user's force limit; N
   double rate_hz = 1000;
   std::optional<ViewedRecording> recording;  ///< Recording shown in place of a session

@@ -54,7 +54,7 @@ inline constexpr std::uint32_t kMaxRunsOfSession = 1000;
 struct RunHistory {
   int runs = 0, in_a_row = 0;
   /// Best value of each metric over the earlier runs that were in band; an aborted run would otherwise be
-  /// best in path length and force. kUnknown if there is none.
+  /// best in path length and force. kNoValue if there is none.
   std::vector<double> best;
   std::optional<std::int64_t> run_id;  ///< Number of this run in the records
   std::optional<Error> not_stored;

@@ -38,7 +38,7 @@ class BurrNearStructures {
  private:
   StructureDistances structures_;
   double within_mm_;
-  double nearest_mm_ = kUnknown, peak_N_ = 0;
+  double nearest_mm_ = kNoValue, peak_N_ = 0;
   // last evaluation, from which the distance has changed by at most the displacement of the head
   std::optional<ToolHead> head_;
   double gap_mm_ = 0;

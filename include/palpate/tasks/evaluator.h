@@ -52,7 +52,7 @@ struct MetricValue {
   Metric metric = Metric::kTime;
   std::size_t part = 0;  ///< Index into the task's metrics
   /// NaN: not available (no contact, no motion, no answer), which is outside every band.
-  double value = kUnknown;
+  double value = kNoValue;
   /// Whether it is graded, and whether it is within its band.
   bool counts = false, in_band = false;
 };

@@ -31,7 +31,7 @@ class SurfacePatches {
   /// Marks as covered every patch of which a part is within kWithin_mm of a contact.
   void cover(const Eigen::Vector3d& contact_mm);
   struct Patch {
-    Eigen::Vector3d middle_mm;
+    Eigen::Vector3d centre_mm;
     bool covered = false;
   };
   /// All patches in the order of insertion.
@@ -86,7 +86,7 @@ struct TaskInScene {
 
 /// Suggested view of a region, patient frame.
 struct RegionView {
-  Eigen::Vector3d middle_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d centre_mm = Eigen::Vector3d::Zero();
   double radius_mm = 0;  ///< Radius of the bounding sphere around the centre
   /// Mean outward normal of the surface that is not covered by touchable tissue; unit. Zero: no preferred
   /// direction.

@@ -1109,16 +1109,16 @@ TEST(Proxy, DiscardedAttemptDoesNotExtendTheDisplacementLimit) {
   // Sticking on a floor in front of a wall, pulled towards it until static friction would release the proxy.
   // That attempt penetrates the wall and is discarded, and in the notch the proxy sticks: its distance to the
   // goal is slip.
-  constexpr double kBeforeWall_mm = 0.06, kTick_mm = 0.01, kStiffness_N_per_mm = 2;
-  ProxyRun run = on_floor(1, 0.1, kStiffness_N_per_mm);
+  constexpr double kBeforeWall_mm = 0.06, kTick_mm = 0.01, kFloor_N_per_mm = 2;
+  ProxyRun run = on_floor(1, 0.1, kFloor_N_per_mm);
   run.surfaces.push_back(make_contact_surface(
       cube_grid(10, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return kBeforeWall_mm - p.x(); }));
-  run.surfaces[1].stiffness_N_per_mm = kStiffness_N_per_mm;
+  run.surfaces[1].stiffness_N_per_mm = kFloor_N_per_mm;
   run.surfaces[1].static_friction = 1;
   run.surfaces[1].friction = 0.1;
   run.lead({0, 0, 3}, {0, 0, -1}, 0.1);
   ASSERT_TRUE(run.state.sticking);
-  const double max_N = kStiffness_N_per_mm * kTick_mm + kProxySettings.max_slip_N_per_s * run.dt_s + 1e-6;
+  const double max_N = kFloor_N_per_mm * kTick_mm + kProxySettings.max_slip_N_per_s * run.dt_s + 1e-6;
   for (double x_mm = 0; x_mm < 1.5; x_mm += kTick_mm) {
     const Vector<Patient> before_N = run.result.force_N;
     run.at({x_mm, 0, -1});

@@ -9,10 +9,10 @@ namespace palpate {
 
 OutputLimits limits_of(const DeviceInfo& info) {
   OutputLimits limits;
-  limits.peak_force_N = info.peak_force_N.value_or(kUnknown);
-  limits.continuous_force_N = info.continuous_force_N.value_or(kUnknown);
-  limits.peak_torque_Nmm = info.peak_torque_Nmm.value_or(kUnknown);
-  limits.peak_gripper_N = info.peak_gripper_N.value_or(kUnknown);
+  limits.peak_force_N = info.peak_force_N.value_or(kNoValue);
+  limits.continuous_force_N = info.continuous_force_N.value_or(kNoValue);
+  limits.peak_torque_Nmm = info.peak_torque_Nmm.value_or(kNoValue);
+  limits.peak_gripper_N = info.peak_gripper_N.value_or(kNoValue);
   return limits;
 }
 
@@ -49,7 +49,7 @@ DeviceParameters device_parameters(const DeviceInfo& info, const WorkspaceSettin
   parameters.max_stiffness_N_per_mm = stiffness_bound_N_per_mm(info);
   if (!info.simulated) parameters.max_damping_N_s_per_mm = conservative_bounds(info).damping_N_s_per_mm;
   parameters.delay_s = conservative_delay_s(info);
-  parameters.position_step_mm = info.position_step_mm.value_or(kUnknown);
+  parameters.position_step_mm = info.position_step_mm.value_or(kNoValue);
   return parameters;
 }
 

@@ -19,7 +19,7 @@ void InterpolatedPose::push(const Point<Device>& tip, const Eigen::Quaterniond& 
 }
 
 void InterpolatedPose::release() noexcept {
-  messages_.post({.set_downs = set_downs_});
+  messages_.post({{}, 0, false, set_downs_});
 }
 
 InterpolatedPose::Pose InterpolatedPose::pose_at(std::int64_t now_ns) const noexcept {

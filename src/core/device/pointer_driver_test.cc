@@ -97,8 +97,9 @@ TEST(PointerDriver, InterpolatesWithoutExtrapolation) {
   const auto declared_mm = [](int message) { return 4.0 * (message <= 10 ? message : 20 - message); };
   // plus the longest possible interpolation, 40 ms
   const auto observed = run(driver, 220, [&](int tick) {
-    if (tick % 8 == 0 && tick / 8 <= 20)
+    if (tick % 8 == 0 && tick / 8 <= 20) {
       EXPECT_TRUE(driver.move(Point<Device>(declared_mm(tick / 8), 0, 0)).ok());
+    }
   });
   double farthest_mm = 0;
   int between = 0;
@@ -146,8 +147,12 @@ TEST(PointerDriver, PoseExpiresAfterItsValidity) {
 TEST(PointerDriver, ReleaseInvalidatesThePoseAtOnce) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto observed = run(driver, 60, [&](int tick) {
-    if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0)).ok());
-    if (tick == 5) EXPECT_TRUE(driver.move(Point<Device>(30'000, 0, 0)).ok());
+    if (tick == 3) {
+      EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0)).ok());
+    }
+    if (tick == 5) {
+      EXPECT_TRUE(driver.move(Point<Device>(30'000, 0, 0)).ok());
+    }
     if (tick == 12) driver.release();
   });
   const Observed& last = observed.back();
@@ -163,9 +168,13 @@ TEST(PointerDriver, FirstPoseAfterExpiryAppliesAtOnce) {
     SCOPED_TRACE(release);
     PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
     const auto observed = run(driver, 700, [&](int tick) {
-      if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(10, 0, 0)).ok());
+      if (tick == 3) {
+        EXPECT_TRUE(driver.move(Point<Device>(10, 0, 0)).ok());
+      }
       if (tick == 20 && release) driver.release();
-      if (tick == 670) EXPECT_TRUE(driver.move(Point<Device>(90, 0, 0)).ok());
+      if (tick == 670) {
+        EXPECT_TRUE(driver.move(Point<Device>(90, 0, 0)).ok());
+      }
     });
     for (const Observed& at : observed) {
       const double x = at.tip.x();
@@ -181,10 +190,14 @@ TEST(PointerDriver, ATipIsSetDownAtOnceAlsoIfMessagesArriveTogether) {
     SCOPED_TRACE(follows);
     PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
     const auto observed = run(driver, 60, [&](int tick) {
-      if (tick == 3 || tick == 20) EXPECT_TRUE(driver.move(Point<Device>(10, 0, 0)).ok());
+      if (tick == 3 || tick == 20) {
+        EXPECT_TRUE(driver.move(Point<Device>(10, 0, 0)).ok());
+      }
       if (tick != 30) return;
       EXPECT_TRUE(driver.move(Point<Device>(14, 0, 0), {}, true).ok());
-      if (follows) EXPECT_TRUE(driver.move(Point<Device>(14, 0, 0)).ok());
+      if (follows) {
+        EXPECT_TRUE(driver.move(Point<Device>(14, 0, 0)).ok());
+      }
     });
     EXPECT_TRUE(observed[30].set_down);
     EXPECT_EQ(std::ranges::count_if(observed, &Observed::set_down), 1);
@@ -198,7 +211,9 @@ TEST(PointerDriver, ATipIsSetDownAtOnceAlsoIfMessagesArriveTogether) {
 TEST(PointerDriver, DistantClickIsApproachedAtLimitedSpeed) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto observed = run(driver, 350, [&](int tick) {
-    if (tick % 10 == 0) EXPECT_TRUE(driver.move(Point<Device>(tick < 50 ? 0 : 300, 0, 0)).ok());
+    if (tick % 10 == 0) {
+      EXPECT_TRUE(driver.move(Point<Device>(tick < 50 ? 0 : 300, 0, 0)).ok());
+    }
   });
   for (std::size_t n = 1; n < observed.size(); ++n) {
     const double dt_s = static_cast<double>(observed[n].at_ns - observed[n - 1].at_ns) * 1e-9;
@@ -290,12 +305,14 @@ TEST(PointerDriver, PressIsIndependentOfClockPauses) {
     const auto observed = run(
         driver, 600,
         [&](int tick) {
-          if (tick % 16 == 0) EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0), {{0, 0, -1}, 1}).ok());
+          if (tick % 16 == 0) {
+            EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0), {{0, 0, -1}, 1}).ok());
+          }
         },
         [](const Point<Device>& tip) { return std::clamp(-2 * tip.z(), 0.0, 6.0); }, portion);
-    std::vector<Point<Device>> tips;
-    for (const Observed& one : observed) tips.push_back(one.tip);
-    return tips;
+    std::vector<Point<Device>> observed_tips;
+    for (const Observed& one : observed) observed_tips.push_back(one.tip);
+    return observed_tips;
   };
   const auto whole = tips(1 << 30);
   EXPECT_NEAR(whole.back().z(), -0.5, 0.05);
@@ -348,7 +365,9 @@ TEST(PointerDriver, PoseIsConsistentAcrossThreads) {
 TEST(PointerDriver, RejectsNonFinitePositionsAndKeepsTheLast) {
   PointerDriver driver(Point<Device>(0, 0, 0), virtual_time);
   const auto observed = run(driver, 40, [&](int tick) {
-    if (tick == 3) EXPECT_TRUE(driver.move(Point<Device>(1, 2, 3)).ok());
+    if (tick == 3) {
+      EXPECT_TRUE(driver.move(Point<Device>(1, 2, 3)).ok());
+    }
     if (tick < 5) return;
     for (const auto& refused : {driver.move(Point<Device>(0, std::nan(""), 0)),
                                 driver.move(Point<Device>(0, 0, 0), {{0, 0, 1}, std::nan("")})}) {

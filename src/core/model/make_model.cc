@@ -88,7 +88,7 @@ void hash_value(std::uint64_t& hash, const NoGoSphere& sphere) {
 void hash_value(std::uint64_t& hash, const NoGoRegion& region) {
   const auto& [name, shape, keep_away_mm, stiffness_N_per_mm] = region;
   hash_word(hash, shape.index());
-  std::visit([&](const auto& shape) { hash_value(hash, shape); }, shape);
+  std::visit([&](const auto& alternative) { hash_value(hash, alternative); }, shape);
   hash_values(hash, keep_away_mm, stiffness_N_per_mm);
 }
 void hash_value(std::uint64_t& hash, const MethodSettings& settings) {

@@ -47,8 +47,9 @@ struct Drilling {
   BurrSettings burr = burr_of(60000, 8);
   bool vibrates = true;
 
-  std::vector<double> along_N, normal_N;  // per tick; along: in the direction in which the head would roll
-  std::vector<DeviceTick> ticks;
+  std::vector<double> along_N{},
+      normal_N{};  // per tick; along: in the direction in which the head would roll
+  std::vector<DeviceTick> ticks{};
   std::uint64_t hash = 0;
 
   Drilling& run() {

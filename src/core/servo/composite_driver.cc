@@ -40,7 +40,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
         period_ns_(std::llround(1e9 / *info.rate_hz)),
         pacer_(*info.rate_hz, 0, stop_) {
     // the position is unknown until the first update
-    for (DeviceSample& sample : latest_.samples) sample.tip = Point<Device>(kUnknown, kUnknown, kUnknown);
+    for (DeviceSample& sample : latest_.samples) sample.tip = Point<Device>(kNoValue, kNoValue, kNoValue);
   }
   ~Follower() override { end(); }
 

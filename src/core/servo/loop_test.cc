@@ -687,7 +687,7 @@ TEST(Loop, PhysicalDeviceBoundCannotBeChanged) {
   Loop loop(ball(), driver, parameters, {WorkspaceSettings{}}, {}, test_clock);
   loop.change([](Parameters& edited) {
     edited.device[0].max_stiffness_N_per_mm = std::numeric_limits<double>::infinity();
-    edited.device[0].max_damping_N_s_per_mm = kUnknown;
+    edited.device[0].max_damping_N_s_per_mm = kNoValue;
   });
   ASSERT_TRUE(loop.set_model(ball(2, 4)).ok());
   for (int n = 0; n < 700; ++n) tick_after(loop, 1'000'000);

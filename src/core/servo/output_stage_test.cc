@@ -18,7 +18,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // an output stage with given device and user limits, ticked once per call
 struct Stage {
-  OutputLimits limits{8, kUnknown, 500, 4};
+  OutputLimits limits{8, kNoValue, 500, 4};
   double max_force_N = 3;
   OutputState state;
 
@@ -283,7 +283,7 @@ TEST(OutputStage, SlewLimitSpreadsAStepAndConverges) {
 TEST(OutputStage, ThermalBudgetLimitsToTheContinuousForce) {
   for (const double rate_hz : {1000.0, 10000.0}) {
     Stage stage;
-    stage.limits = {8.5, 1.4, kUnknown, kUnknown};
+    stage.limits = {8.5, 1.4, kNoValue, kNoValue};
     stage.max_force_N = 8.5;
     double excess_s = 0, previous_N = 0;
     for (int n = 0; n < 20 * rate_hz; ++n) {
@@ -309,7 +309,7 @@ TEST(OutputStage, ThermalBudgetLimitsToTheContinuousForce) {
 
 TEST(OutputStage, ContinuousForceIsNeverThermallyLimited) {
   Stage stage;
-  stage.limits = {8.5, 1.4, kUnknown, kUnknown};
+  stage.limits = {8.5, 1.4, kNoValue, kNoValue};
   for (int n = 0; n < 60000; ++n) {
     const Output out = stage.step(Vector<World>(0, 1.399, 0));
     ASSERT_EQ(out.flags & kFlagClamped, 0u) << n;
@@ -432,7 +432,7 @@ TEST(OutputStage, ClampPreservesTheDirectionOfSlewLimitedForces) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> component(-1, 1), exponent(-300, 300), limit(0.01, 40);
   Stage stage;
-  stage.limits = {kUnknown, kUnknown, 1e-3, kUnknown, kInfinity};
+  stage.limits = {kNoValue, kNoValue, 1e-3, kNoValue, kInfinity};
   for (int i = 0; i < 1000000; ++i) {
     stage.state = {};
     stage.state.gain = 1;

@@ -545,7 +545,7 @@ TEST(Tick, ATipThatIsSetDownHasNoContactAndNoJumpAndIsFeltAtOnce) {
       ASSERT_TRUE(loop.record.device[0].flags & kFlagContact);
       DeviceState device;
       device.tip = {x_mm, 0, 0};
-      device.status = set_down ? kDeviceSetDown : 0;
+      device.status = set_down ? std::uint32_t{kDeviceSetDown} : 0u;
       loop.at(device);
       const DeviceTick& tick = loop.record.device[0];
       EXPECT_EQ((tick.flags & kFlagJump) != 0, !set_down && x_mm < 0);
@@ -1108,7 +1108,7 @@ TEST(Tick, NoProxyIsInitialisedWhereTheDirectMethodExertsNoForce) {
 
 // force on a tip that rested 1 mm deep and then moves outwards at a constant speed, after a dropout of the
 // given duration
-double returned_N(double speed_mm_s, double dropout_s, double moved_s, double bears_N_s_per_mm = kUnknown) {
+double returned_N(double speed_mm_s, double dropout_s, double moved_s, double bears_N_s_per_mm = kNoValue) {
   ProxyLoop loop;
   loop.parameters.friction = loop.parameters.viscosity = false;
   loop.parameters.max_force_N = 100;
@@ -1201,7 +1201,7 @@ TEST(Tick, DampingIsClampedToTheDeviceLimit) {
   EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.002, 0, 0, 0.012, along, 0.5, 3), 0.003, 1e-4)
       << "less is whole";
   // unknown damping clamps nothing; the same for recordings without it
-  for (const double unknown : {kUnknown, 0.0, -1.0})
+  for (const double unknown : {kNoValue, 0.0, -1.0})
     EXPECT_NEAR(damping_of(ForceMethod::kProxy, 0.05, 0, 0, unknown, along), 0.05, 1e-4);
 }
 

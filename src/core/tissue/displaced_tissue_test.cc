@@ -62,7 +62,7 @@ TEST(DisplacedTissue, EmptySpaceFollowsWithoutFolding) {
   EXPECT_EQ(deformed.moved_mm({0, 0, -25}).norm(), 0);
   EXPECT_EQ(deformed.moved_mm({0, 0, 39.9}).norm(), 0);
   EXPECT_EQ(deformed.moved_mm({200, 0, -5}).norm(), 0);
-  EXPECT_EQ(deformed.moved_mm({kUnknown, 0, -5}).norm(), 0);
+  EXPECT_EQ(deformed.moved_mm({kNoValue, 0, -5}).norm(), 0);
 }
 
 TEST(DisplacedTissue, StrainMatchesTheDisplacementGradient) {

@@ -93,7 +93,7 @@ class Components {
 template <class Run>
 void for_shell(const Sweep& sweep, const GridGeometry& grid, const Run& run) {
   const double beside_mm = 1.01 * grid.spacing_mm.norm();
-  const VoxelBox box = voxels_around(sweep, sweep.widest_mm() + beside_mm, grid);
+  const VoxelBox box = voxels_around(sweep, sweep.max_radius_mm() + beside_mm, grid);
   const SweptShape shape(sweep);
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   for (int k = box.first[2]; k < box.first[2] + box.size[2]; ++k)

@@ -547,17 +547,17 @@ TEST(TemporalBone, ItsDimensionsAreThoseOfPublications) {
     for (const char* one : {"temporal_bone", "dura", "sigmoid_sinus", "facial_nerve"})
       EXPECT_EQ(found.at(one).components, 1) << one;
     // centres of voxels are half a voxel inside each surface
-    constexpr double kVoxel_mm = 0.8;
+    constexpr double kSpacing_mm = 0.8;
     // by micro-CT (10.1186/s40463-019-0324-0): canal to sinus 13.7 with 3.4, nerve to sinus 7.2 with 1.8 mm
     const double canal_mm = apart_mm(phantom, "ear_canal_wall", "sigmoid_sinus");
-    EXPECT_GT(canal_mm, 13.7 - 1.6 - 3.4 - kVoxel_mm);
-    EXPECT_LT(canal_mm, 15.3 - 1.6 + 2.7 + kVoxel_mm);
+    EXPECT_GT(canal_mm, 13.7 - 1.6 - 3.4 - kSpacing_mm);
+    EXPECT_LT(canal_mm, 15.3 - 1.6 + 2.7 + kSpacing_mm);
     const double nerve_mm = apart_mm(phantom, "facial_nerve", "sigmoid_sinus");
-    EXPECT_GT(nerve_mm, 7.2 - 2 * 1.8 - kVoxel_mm);
-    EXPECT_LT(nerve_mm, 8.1 + 2 * 2.3 + kVoxel_mm);
+    EXPECT_GT(nerve_mm, 7.2 - 2 * 1.8 - kSpacing_mm);
+    EXPECT_LT(nerve_mm, 8.1 + 2 * 2.3 + kSpacing_mm);
     // plates close what the cavity would open
-    EXPECT_GT(apart_mm(phantom, "mastoid_cells", "sigmoid_sinus"), 1.4 - kVoxel_mm / 2);
-    EXPECT_GT(apart_mm(phantom, "mastoid_cells", "dura"), 1.4 - kVoxel_mm / 2);
+    EXPECT_GT(apart_mm(phantom, "mastoid_cells", "sigmoid_sinus"), 1.4 - kSpacing_mm / 2);
+    EXPECT_GT(apart_mm(phantom, "mastoid_cells", "dura"), 1.4 - kSpacing_mm / 2);
     EXPECT_GT(apart_mm(phantom, "mastoid_cells", "facial_nerve"), 1.2 - kVoxel_mm / 2);
     EXPECT_GT(apart_mm(phantom, "mastoid_cortex", "sigmoid_sinus"), 1.4 - kVoxel_mm / 2);
     std::uint64_t hash = kHashSeed;

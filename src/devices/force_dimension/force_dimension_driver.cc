@@ -425,9 +425,9 @@ class ForceDimensionDriver::Core {
     }
     const char id = unit.id.load();
     const std::int64_t requested_ns = monotonic_ns();
-    Eigen::Vector3d tip_m = Eigen::Vector3d::Constant(kUnknown), velocity_m_s = tip_m;
+    Eigen::Vector3d tip_m = Eigen::Vector3d::Constant(kNoValue), velocity_m_s = tip_m;
     double frame[3][3];
-    std::fill_n(&frame[0][0], 9, kUnknown);
+    std::fill_n(&frame[0][0], 9, kNoValue);
     const int received =
         library_->dhdGetPositionAndOrientationFrame(&tip_m[0], &tip_m[1], &tip_m[2], frame, id);
     if (received < 0) return fail(unit, requested_ns);
@@ -450,11 +450,11 @@ class ForceDimensionDriver::Core {
     DhdFailure failure = unit.status_failure;
     if (unit.is_broken) failure = DhdFailure::kBroken;
     if (failure == DhdFailure::kNone && unit.unheard_since_ns != 0) failure = DhdFailure::kSilent;
-    sample.velocity_mm_s = Vector<Device>(kUnknown, kUnknown, kUnknown);
+    sample.velocity_mm_s = Vector<Device>(kNoValue, kNoValue, kNoValue);
     if (library_->dhdGetLinearVelocity(&velocity_m_s[0], &velocity_m_s[1], &velocity_m_s[2], id) >= 0 &&
         velocity_m_s.allFinite())
       sample.velocity_mm_s = Vector<Device>(velocity_m_s * 1000);
-    sample.gripper_rad = kUnknown;
+    sample.gripper_rad = kNoValue;
     if (double gripper_rad = 0; unit.gripper && library_->dhdGetGripperAngleRad(&gripper_rad, id) >= 0)
       sample.gripper_rad = gripper_rad;
     sample.buttons = library_->dhdGetButtonMask(id);

@@ -28,7 +28,7 @@ struct Status {
 struct Inverse3 {
   std::string id;
   std::optional<Point<Device>> tip_mm;  ///< Finite
-  Vector<Device> velocity_mm_s{kUnknown, kUnknown, kUnknown};
+  Vector<Device> velocity_mm_s{kNoValue, kNoValue, kNoValue};
   Status status;
 };
 

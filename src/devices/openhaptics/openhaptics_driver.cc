@@ -560,9 +560,9 @@ class OpenHapticsDriver::Core {
     library.hdMakeCurrentDevice(unit.handle);
     library.hdBeginFrame(unit.handle);
     // a failed call leaves the values unchanged
-    Eigen::Vector3d tip_mm = Eigen::Vector3d::Constant(kUnknown), velocity_mm_s = tip_mm,
+    Eigen::Vector3d tip_mm = Eigen::Vector3d::Constant(kNoValue), velocity_mm_s = tip_mm,
                     turning_rad_s = tip_mm;
-    Eigen::Matrix4d transform = Eigen::Matrix4d::Constant(kUnknown);
+    Eigen::Matrix4d transform = Eigen::Matrix4d::Constant(kNoValue);
     int buttons = 0;
     library.hdGetDoublev(hd::kPosition, tip_mm.data());
     library.hdGetDoublev(hd::kVelocity, velocity_mm_s.data());
@@ -585,7 +585,7 @@ class OpenHapticsDriver::Core {
     if (!is_pose || unit.failure == HdFailure::kLost) return;
     sample.tip = Point<Device>(tip_mm);
     sample.R_DeviceTool = Eigen::Quaterniond(turn).normalized();
-    const Vector<Device> none(kUnknown, kUnknown, kUnknown);
+    const Vector<Device> none(kNoValue, kNoValue, kNoValue);
     sample.velocity_mm_s = velocity_mm_s.allFinite() ? Vector<Device>(velocity_mm_s) : none;
     sample.angular_velocity_rad_s = turning_rad_s.allFinite() ? Vector<Device>(turning_rad_s) : none;
     sample.buttons = static_cast<std::uint32_t>(buttons);

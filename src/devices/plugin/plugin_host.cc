@@ -26,7 +26,7 @@ namespace {
 
 using plugin::Request;
 
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
 constexpr std::int64_t kSilence_ns = static_cast<std::int64_t>(PluginDriver::kSilence_s * 1e9);
 constexpr int kPoll_ms = 1;
 // above the servo's, because it has to answer within the servo's tick
@@ -46,17 +46,17 @@ class PluginHost {
       for (double* value : {&device.peak_force_N, &device.continuous_force_N, &device.peak_torque_Nmm,
                             &device.peak_gripper_N, &device.position_step_mm, &device.stiffness_N_per_mm,
                             &device.delay_s, &device.mass_kg, &device.damping_N_s_per_m})
-        *value = kUnknown;
+        *value = kNoValue;
       for (int axis = 0; axis < 3; ++axis)
-        device.workspace_low_mm[axis] = device.workspace_high_mm[axis] = kUnknown;
+        device.workspace_low_mm[axis] = device.workspace_high_mm[axis] = kNoValue;
     }
     for (plp_driver_sample& sample : samples_.samples) {
       sample = {};
       sample.size = sizeof sample;
       sample.orientation_wxyz[0] = 1;
       for (int axis = 0; axis < 3; ++axis)
-        sample.velocity_mm_s[axis] = sample.angular_velocity_rad_s[axis] = kUnknown;
-      sample.gripper_rad = kUnknown;
+        sample.velocity_mm_s[axis] = sample.angular_velocity_rad_s[axis] = kNoValue;
+      sample.gripper_rad = kNoValue;
     }
   }
 

@@ -69,8 +69,8 @@ static void close_arm(void* context) {
 
 PLP_DRIVER_EXPORT int32_t plp_driver_v1(plp_driver* driver) {
   const char* const file = getenv("PALPATE_TEST_PLUGIN_FORCE");
-  static double nowhere;
-  acting_N = &nowhere;
+  static double initial_N;
+  acting_N = &initial_N;
   mode = getenv("PALPATE_TEST_PLUGIN");
   if (mode == NULL) mode = "";
   if (is_mode("fails")) return -1;

@@ -283,7 +283,7 @@ TEST_F(Hostile, SweepsAreOfShapesThatABurrHas) {
   SweepRecord endless = cone, pointed = cone, unknown = cone, twofold = ball;
   endless.axis_mm[0] = 1e5;
   pointed.end_radius_mm = 0;
-  unknown.axis_mm[2] = kUnknown;
+  unknown.axis_mm[2] = kNoValue;
   twofold.end_radius_mm = 1;
   for (const SweepRecord& none : {endless, pointed, unknown, twofold}) {
     written({none});

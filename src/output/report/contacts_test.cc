@@ -139,8 +139,8 @@ TEST(Contacts, CountsForcesOfDeeperStructuresSeparately) {
     device.path_share = {0.25, 0.75};
   }
   // a damaged file
-  run.recording.ticks[10].device[0].path_share[1] = kUnknown;
-  run.recording.ticks[11].device[0].path_depth_mm[1] = kUnknown;
+  run.recording.ticks[10].device[0].path_share[1] = kNoValue;
+  run.recording.ticks[11].device[0].path_depth_mm[1] = kNoValue;
   BeneathMeter meter(1);
   relink_unpaired(run.recording, [&](const TimedTick& now) { meter.observe(now); });
   const std::vector<DeepFigures> figures = meter.finish();

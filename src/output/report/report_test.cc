@@ -292,7 +292,7 @@ TEST_F(Report, StatesTheForceLimits) {
        {"<dt>Limit in effect</dt><dd>1.45 to 1.50 N</dd>", "<dt>The device gives at most</dt><dd>8.50 N</dd>",
         "<dt>The device: continuous force</dt><dd>1.40 N</dd>", "maximum used</dt><dd>93 %</dd>"})
     EXPECT_THAT(html, HasSubstr(text));
-  for (TickRecord& tick : recording.ticks) tick.device[0].continuous_force_N = kUnknown;
+  for (TickRecord& tick : recording.ticks) tick.device[0].continuous_force_N = kNoValue;
   const std::string unknown = page();
   EXPECT_THAT(unknown, HasSubstr("<dt>The device: continuous force</dt><dd>not known</dd>"));
   EXPECT_THAT(unknown, HasSubstr("maximum used</dt><dd>none kept</dd>"));

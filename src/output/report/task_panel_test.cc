@@ -43,7 +43,7 @@ name = "path_length"
   TaskScore score;
   score.metrics = {{Metric::kPeakForce, 0, 0.5, true, false},
                    {Metric::kStepsDone, 1, 0.5, true, true},
-                   {Metric::kPathLength, 2, kUnknown, false, true}};
+                   {Metric::kPathLength, 2, kNoValue, false, true}};
   score.done = {true, false};
   score.events = {{TaskEvent::Kind::kOverLimit, 0, 1234, 1.2345, 0.5}};
   score.more_events = 7;

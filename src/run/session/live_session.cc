@@ -79,10 +79,10 @@ ViewedScene LiveSession::make_scene() const {
   scene.device_name = device.name;
   scene.simulated = !physical();
   scene.input = parts_.input;
-  scene.peak_force_N = device.peak_force_N.value_or(kUnknown);
-  scene.continuous_force_N = device.continuous_force_N.value_or(kUnknown);
+  scene.peak_force_N = device.peak_force_N.value_or(kNoValue);
+  scene.continuous_force_N = device.continuous_force_N.value_or(kNoValue);
   const double largest = parts_.parameters.device[0].max_stiffness_N_per_mm;
-  scene.max_stiffness_N_per_mm = std::isfinite(largest) ? largest : kUnknown;
+  scene.max_stiffness_N_per_mm = std::isfinite(largest) ? largest : kNoValue;
   scene.max_force_range = {kMaxForceRange.min, max_selectable_force_N()};
   scene.rate_hz = parts_.rate_hz;
   if (parts_.training != nullptr) scene.tasks = parts_.training->tasks();

@@ -102,7 +102,7 @@ PlayedSolutions::Shown PlayedSolutions::solve(std::uint32_t number) {
 // Model with the labels and surfaces of that version, derived from the previous one if only more was cut.
 // Null if the version cannot be built or the thread is ending.
 std::shared_ptr<const Model> PlayedSolutions::model_of(std::uint32_t version) {
-  const std::size_t by = cuts_.count(version);
+  const std::size_t by = cuts_.count_at(version);
   const std::vector<std::uint64_t>& undone_to = cuts_.undone_to(version);
   const TissueLaw law = laws_.at(version);
   const double coarsened = laws_.coarsened_at(version);
@@ -114,7 +114,7 @@ std::shared_ptr<const Model> PlayedSolutions::model_of(std::uint32_t version) {
   const std::shared_ptr<const Model>& from = continues ? cut_ : model_;
   std::vector<Cut> cuts;
   for (const SweepRecord& sweep :
-       cuts_.by(version, continues ? cut_by_ : 0, std::numeric_limits<std::size_t>::max()))
+       cuts_.sweeps_at(version, continues ? cut_by_ : 0, std::numeric_limits<std::size_t>::max()))
     cuts.push_back(cut_of(sweep));
   std::shared_ptr<const Model> made = from;
   if (!cuts.empty()) {

@@ -25,7 +25,7 @@ Error lacks_scope(const TaskFile& task) {
 
 RunHistory history_of(const TaskFile& task, const std::vector<TaskRun>& runs) {
   RunHistory history;
-  history.best.assign(task.metrics.size(), kUnknown);
+  history.best.assign(task.metrics.size(), kNoValue);
   std::vector<bool> in_band;
   for (std::size_t n = 0; n < runs.size(); ++n) {
     // a run without ticks does not count and is not stored
@@ -275,7 +275,7 @@ void Training::store_runs() {
           ErrorKind::kUnavailable, std::string("the run could not be stored: ") + reason_of(why), "", ""};
     }
     try {
-      finished.history.best.resize(task.metrics.size(), kUnknown);
+      finished.history.best.resize(task.metrics.size(), kNoValue);
       debriefing = std::make_shared<const ViewedDebriefing>(
           debriefed(pending.live->evaluator, pending.live->trace, finished));
       std::vector<TaskEvent>& events = finished.run.score.events;

@@ -508,7 +508,7 @@ TEST_F(HandMade, ARunIsStoredOnlyIfItsLearnerAloneHeldTheTip) {
     RunHistory history;
     history.runs = 1;
     history.run_id = 7;
-    history.best.assign(task.metrics.size(), kUnknown);
+    history.best.assign(task.metrics.size(), kNoValue);
     return history;
   };
   const auto training = this->training(options);

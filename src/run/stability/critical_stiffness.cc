@@ -78,7 +78,7 @@ Result<double> stiffest_before(Fails fails, const StabilityCase& stability_case,
   return std::min(stiffness, kStiffestWall_N_per_mm);
 }
 
-/// What a recommended stiffness depends on: the device's dynamics, the tick rate and the delay.
+/// Constants of the loop that determine a recommended stiffness: the device's dynamics, tick rate and delay.
 using LoopConstants = std::array<double, 7>;
 
 LoopConstants constants_of(const PlantDevice& device, double rate_hz, double delay_s) {

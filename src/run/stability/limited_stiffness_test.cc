@@ -68,7 +68,7 @@ TEST(LimitedStiffness, ClampsToTheVendorsRatingWithAMessage) {
        {Case{0.5, 6, 0.5, "limited to 0.5, the maximum that the vendor of premium-1.5 guarantees"},
         Case{0.5, 0.6, 0.5, "'bone' asks for 0.6 N/mm"}, Case{0.5, 0.4, 0.5, nullptr},
         Case{50, 6, by_hand, "the maximum that is stable with"}, Case{1e-3, 6, 1e-3, "limited to 0.001"},
-        Case{kUnknown, 6, by_hand, "the maximum that is stable with"}}) {
+        Case{kNoValue, 6, by_hand, "the maximum that is stable with"}}) {
     SCOPED_TRACE(one.vouched);
     premium.stiffness_N_per_mm = one.vouched;
     for (const ForceMethod method : {ForceMethod::kProxy, ForceMethod::kTrilinear}) {

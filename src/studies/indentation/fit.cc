@@ -324,7 +324,7 @@ class Fit {
         return 1 / (1 + std::exp(-(found.x[at] + errors * found.error[at])));
       };
       const double wider = std::exp(2 * found.error[at + 1]);
-      terms.push_back({FittedValue{series[n].part, fraction(-2), fraction(2)},
+      terms.push_back({FittedValue{series[n].fraction, fraction(-2), fraction(2)},
                        FittedValue{series[n].time_s, series[n].time_s / wider, series[n].time_s * wider}});
     }
     std::ranges::sort(terms, {}, [](const auto& term) { return term[1].value; });

@@ -92,11 +92,11 @@ inline IndentationCurve planted_curve(const Planted& planted, std::mt19937& rand
     for (std::size_t m = 1; m <= n; ++m) {
       double left = 1;
       for (const RelaxationTerm& term : planted.relaxation.term) {
-        if (!(term.part > 0)) continue;
+        if (!(term.fraction > 0)) continue;
         // mean of the relaxation over the step in which the load came
         const double late = curve.time_s[n] - curve.time_s[m - 1], early = curve.time_s[n] - curve.time_s[m];
-        left -= term.part * (1 - term.time_s / (late - early) *
-                                     (std::exp(-early / term.time_s) - std::exp(-late / term.time_s)));
+        left -= term.fraction * (1 - term.time_s / (late - early) *
+                                         (std::exp(-early / term.time_s) - std::exp(-late / term.time_s)));
       }
       force_N += left * (elastic_N[m] - elastic_N[m - 1]);
     }

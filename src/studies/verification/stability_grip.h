@@ -27,7 +27,7 @@ struct GripCase {
   Grip grip;
   double stiffness_N_per_mm = 1;             ///< As felt at the device
   double viscosity_N_s_per_mm = 0;           ///< Viscosity inside the wall, as felt at the device
-  double max_damping_N_s_per_mm = kUnknown;  ///< As in DeviceParameters
+  double max_damping_N_s_per_mm = kNoValue;  ///< As in DeviceParameters
   double rate_hz = 1000;
   double delay_s = 1e-3;
   bool controller = true;

@@ -447,7 +447,7 @@ TEST(ComparePlan, UnobservedRequirementsFail) {
   EXPECT_NEAR(compared(plan, gap).missing_s, 0.101, 1e-9);
   EXPECT_FALSE(compared(plan, gap).is_within_limit());
   Recording blind = run;
-  for (std::size_t n = 100; n < 200; ++n) blind.ticks[n].device[0].tip_patient_mm[1] = kUnknown;
+  for (std::size_t n = 100; n < 200; ++n) blind.ticks[n].device[0].tip_patient_mm[1] = kNoValue;
   EXPECT_EQ(compared(plan, blind).invalid_ticks, 100u);
   EXPECT_NEAR(compared(plan, blind).trajectories[0].target_error_mm.value, 0, 1e-9);
 

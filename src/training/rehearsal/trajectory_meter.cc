@@ -140,7 +140,7 @@ void TrajectoryMeter::resume(const MeterInput& now) {
   path_.deepest_mm = along;
   path_.deepest = now.point;
   path_.to_deepest = path_.fit;
-  path_.shaft_deg = now.shaft ? angle_between_deg(-*now.shaft, axis_) : kUnknown;
+  path_.shaft_deg = now.shaft ? angle_between_deg(-*now.shaft, axis_) : kNoValue;
 }
 
 void TrajectoryMeter::end_insertion() {

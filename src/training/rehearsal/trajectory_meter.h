@@ -49,7 +49,7 @@ class TrajectoryMeter {
     double nearest_mm = std::numeric_limits<double>::infinity();
     // along the trajectory, from the planned entry
     double deepest_mm = -std::numeric_limits<double>::infinity();
-    double shaft_deg = kUnknown;  // at the deepest point
+    double shaft_deg = kNoValue;  // at the deepest point
     LineFit fit, to_deepest;
     Point<Patient> fitted_to;
   };

@@ -28,7 +28,7 @@ double bone_left_mm(const std::vector<StructureDistance>& structures, const Remo
         min_mm = std::min(min_mm,
                           nearest_distance_mm(structures, X * RemovedVolume::sample_point(i, j, k, index)));
   });
-  return std::isfinite(min_mm) ? min_mm : kUnknown;
+  return std::isfinite(min_mm) ? min_mm : kNoValue;
 }
 
 void BurrNearStructures::observe(const ToolHead& head, double force_N) {

@@ -404,20 +404,20 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
   };
   switch (task_.file.metrics[n].metric) {
     case Metric::kTime:
-      return begun_ ? time_s_ - started_s_ : kUnknown;
+      return begun_ ? time_s_ - started_s_ : kNoValue;
     case Metric::kIdleTime:
       return motion_.idle_s();
     case Metric::kPathLength:
       return motion_.path_mm();
     case Metric::kEconomy:
-      return motion_.path_mm() > 0 ? shortest_path_mm() / motion_.path_mm() : kUnknown;
+      return motion_.path_mm() > 0 ? shortest_path_mm() / motion_.path_mm() : kNoValue;
     case Metric::kSmoothness:
       return motion_.smoothness();
     case Metric::kMeanForce:
       return metric_meters_[n].contact_s > 0 ? metric_meters_[n].impulse_Ns / metric_meters_[n].contact_s
-                                             : kUnknown;
+                                             : kNoValue;
     case Metric::kPeakForce:
-      return metric_meters_[n].peak_N > 0 ? metric_meters_[n].peak_N : kUnknown;
+      return metric_meters_[n].peak_N > 0 ? metric_meters_[n].peak_N : kNoValue;
     case Metric::kForceInBand: {
       double in_s = 0, contact_s = 0;
       for (std::size_t f = 0; f < force_meters_.size(); ++f) {
@@ -425,7 +425,7 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
         in_s += force_meters_[f].in_band_s;
         contact_s += force_meters_[f].contact_s;
       }
-      return contact_s > 0 ? in_s / contact_s : kUnknown;
+      return contact_s > 0 ? in_s / contact_s : kNoValue;
     }
     case Metric::kLongestInBand: {
       double longest = 0;
@@ -443,7 +443,7 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
         covered += task_.regions[step.region].patches.covered();
         count += task_.regions[step.region].patches.count();
       }
-      return count ? static_cast<double>(covered) / static_cast<double>(count) : kUnknown;
+      return count ? static_cast<double>(covered) / static_cast<double>(count) : kNoValue;
     }
     case Metric::kProtectedTime:
       return sum(protection_meters_, &ForceMeter::above_s);
@@ -451,7 +451,7 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
       return static_cast<double>(std::count(done_.begin(), done_.end(), true)) /
              static_cast<double>(done_.size());
     case Metric::kAnswerError: {
-      if (!answered_) return kUnknown;
+      if (!answered_) return kNoValue;
       const Eigen::Vector3d off = *task_.answer_mm - answer_mm_;
       return (off - off.dot(answer_normal_) * answer_normal_).norm();
     }
@@ -466,7 +466,7 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
     case Metric::kDepthPastPlan:
       return removal.past_plan_mm;
     case Metric::kBoneLeft:
-      return removed_ ? bone_left_mm(*task_.distances[n], removed_->removed()) : kUnknown;
+      return removed_ ? bone_left_mm(*task_.distances[n], removed_->removed()) : kNoValue;
     case Metric::kBurrDistance:
       return burr_meters_[n]->nearest_mm();
     case Metric::kForceNear:
@@ -474,7 +474,7 @@ double TaskEvaluator::value_of(std::size_t n, const Removal& removal) const {
     case Metric::kHiddenTime:
       return hidden_s_;
   }
-  return kUnknown;
+  return kNoValue;
 }
 
 TaskScore TaskEvaluator::score(bool cut_short) const {
@@ -500,7 +500,7 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
     value.in_band = (!metric.at_least || value.value >= *metric.at_least) &&
                     (!metric.at_most || value.value <= *metric.at_most);
     if (value.counts && !value.in_band) score.in_band = false;
-    hash_double(score.hash, std::isnan(value.value) ? kUnknown : value.value);
+    hash_double(score.hash, std::isnan(value.value) ? kNoValue : value.value);
     score.metrics.push_back(value);
   }
   score.hash = hash_finish(score.hash);

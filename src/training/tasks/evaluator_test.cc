@@ -130,7 +130,7 @@ void synthetic_run(double rate_hz, const Take& take) {
 double value(const TaskScore& score, Metric metric) {
   for (const MetricValue& value : score.metrics)
     if (value.metric == metric) return value.value;
-  return kUnknown;
+  return kNoValue;
 }
 
 TEST(Evaluator, GivesClosedFormsAtEveryRate) {
@@ -277,7 +277,7 @@ TEST(Evaluator, AForceCountsAsItWasSent) {
     EXPECT_NEAR(value(evaluator.score(false), Metric::kPeakForce), c.expected_N, 1e-9);
     EXPECT_LE(value(evaluator.score(false), Metric::kPeakForce), c.sent_N);
   }
-  for (const double sent_N : {0.0, kUnknown}) {
+  for (const double sent_N : {0.0, kNoValue}) {
     TaskEvaluator evaluator(in_scene(kTask));
     for (std::uint64_t n = 0; n < 1000; ++n) {
       TickRecord tick = tick_at(n, 1000);
@@ -743,7 +743,7 @@ TEST(Evaluator, RunsThatWereCutOrHaveGapsDoNotPass) {
 }
 
 TEST(Evaluator, AcceptsNonFiniteNumbers) {
-  const double odd[] = {kUnknown, std::numeric_limits<double>::infinity(), -1, 1e300, -0.0};
+  const double odd[] = {kNoValue, std::numeric_limits<double>::infinity(), -1, 1e300, -0.0};
   TaskEvaluator evaluator(in_scene(kTask));
   std::uint64_t n = 0;
   for (const double a : odd) {
@@ -760,7 +760,7 @@ TEST(Evaluator, AcceptsNonFiniteNumbers) {
   TickRecord late = tick_at(n, 1000);
   late.time_s = 0;
   EXPECT_THAT(evaluator.observe(late).error().what, HasSubstr("clock"));
-  late.time_s = kUnknown;
+  late.time_s = kNoValue;
   EXPECT_FALSE(evaluator.observe(late).ok());
 }
 

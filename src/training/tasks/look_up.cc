@@ -95,9 +95,9 @@ RegionView view_of_part(const Model& model, const std::vector<bool>& has, const 
     }
   });
   if (count == 0) return view;
-  view.middle_mm = sum / count;
+  view.centre_mm = sum / count;
   for_each_voxel(labels, has, [&](int, int, int, const Eigen::Vector3d& at_position) {
-    if (bounds(at_position)) view.radius_mm = std::max(view.radius_mm, (at_position - view.middle_mm).norm());
+    if (bounds(at_position)) view.radius_mm = std::max(view.radius_mm, (at_position - view.centre_mm).norm());
   });
   // normals of a closed surface cancel out
   constexpr double kMinFraction = 0.05;

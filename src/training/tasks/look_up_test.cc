@@ -91,7 +91,7 @@ TEST(RegionView, LooksWhereTheRegionIsFree) {
   };
   // the slab's sides cancel, and its lower face is not in this half
   const RegionView upper = view("structures = [1]\nhalf = \"superior\"");
-  EXPECT_TRUE(upper.middle_mm.isApprox(Eigen::Vector3d(10, 5, 1.5), 1e-9)) << upper.middle_mm.transpose();
+  EXPECT_TRUE(upper.centre_mm.isApprox(Eigen::Vector3d(10, 5, 1.5), 1e-9)) << upper.centre_mm.transpose();
   EXPECT_TRUE(upper.outward.isApprox(Eigen::Vector3d::UnitZ(), 1e-9)) << upper.outward.transpose();
   EXPECT_NEAR(upper.radius_mm, Eigen::Vector3d(9.75, 4.75, 0.25).norm(), 1e-9);
   // over the whole surface the normals cancel
@@ -99,7 +99,7 @@ TEST(RegionView, LooksWhereTheRegionIsFree) {
   RegionInScene ball;
   ball.centre_mm = Eigen::Vector3d(1, 2, 3);
   ball.radius_mm = 4;
-  EXPECT_EQ(view_of(ball, model).middle_mm, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(view_of(ball, model).centre_mm, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(view_of(ball, model).radius_mm, 4);
 }
 
@@ -109,8 +109,8 @@ TEST(SurfacePatches, KeepTheirOrder) {
   patches.cover({3.4, -0.5, 2.5});
   const auto all = patches.all();
   ASSERT_EQ(all.size(), 3u);
-  EXPECT_EQ(all[0].middle_mm, Eigen::Vector3d(-7.5, -0.5, 2.5));
-  EXPECT_EQ(all[1].middle_mm, Eigen::Vector3d(3.5, -0.5, 2.5));
+  EXPECT_EQ(all[0].centre_mm, Eigen::Vector3d(-7.5, -0.5, 2.5));
+  EXPECT_EQ(all[1].centre_mm, Eigen::Vector3d(3.5, -0.5, 2.5));
   EXPECT_EQ((std::array{all[0].covered, all[1].covered, all[2].covered}), (std::array{false, true, false}));
 }
 

@@ -121,7 +121,7 @@ TEST(ScopeVisibility, NothingIsVisibleAtAnUnknownPose) {
   EXPECT_FALSE(sight.is_visible(good, {0, 0, 20})) << "its eye itself";
   EXPECT_FALSE(sight.is_visible(good, {0, 0, -1e300}));
   TickRecord bad = good;
-  bad.device[1].tip_patient_mm[1] = kUnknown;
+  bad.device[1].tip_patient_mm[1] = kNoValue;
   EXPECT_FALSE(sight.is_visible(bad, {0, 0, 0}));
   bad = good;
   bad.device[1].orientation_wxyz = {0, 0, 0, 0};

@@ -82,7 +82,7 @@ TEST(Sampler, WrenchAndOrientationAreOfOneFrame) {
 
 TEST(Sampler, ADeviceWithoutAPoseIsLeftOut) {
   Touching touching;
-  touching.tick.device[0].tip_patient_mm[1] = kUnknown;
+  touching.tick.device[0].tip_patient_mm[1] = kNoValue;
   HandSample sample;
   EXPECT_FALSE(Sampler(touching.host.scene()).convert(touching.tick, 0, sample));
 }

@@ -108,8 +108,8 @@ TEST(DeformationMessage, EmptyGridsAndZeroDisplacementsAreAtRest) {
   expect_rest([](ViewedDeformation& deformation) {
     deformation.moved_mm[5] = std::numeric_limits<float>::infinity();
   });
-  expect_rest([](ViewedDeformation& deformation) { deformation.first_patient_mm[1] = kUnknown; });
-  expect_rest([](ViewedDeformation& deformation) { deformation.axes[4] = kUnknown; });
+  expect_rest([](ViewedDeformation& deformation) { deformation.first_patient_mm[1] = kNoValue; });
+  expect_rest([](ViewedDeformation& deformation) { deformation.axes[4] = kNoValue; });
   expect_rest([](ViewedDeformation& deformation) { deformation.spacing_mm = 0; });
   expect_rest([](ViewedDeformation& deformation) { deformation.nodes = {1, 8, 8}; });
   expect_rest([](ViewedDeformation& deformation) {

@@ -138,7 +138,7 @@ TEST(PoseMessage, DevicesMatchTheDocumentedLayout) {
 
 TEST(PoseMessage, UnknownValuesStayNaN) {
   TickRecord tick = full_tick(1);
-  tick.device[0].depth_mm = kUnknown;
+  tick.device[0].depth_mm = kNoValue;
   tick.device[0].limit_N = 1e300;
   tick.device[0].heat = -std::numeric_limits<double>::infinity();
   const PoseMessage pose(tick, {}, kHealth, 0);

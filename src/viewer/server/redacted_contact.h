@@ -20,7 +20,7 @@ class RedactedContact {
 
   struct Touch {
     Eigen::Vector3d proxy_mm, normal;  ///< Patient frame; the normal is zero without contact
-    double depth_mm = kUnknown;        ///< Distance from proxy to tip; NaN without contact
+    double depth_mm = kNoValue;        ///< Distance from proxy to tip; NaN without contact
     LabelId label = 0;                 ///< Structure in contact; 0: none
   };
   /// @param tick    supplies the rotation of the object

@@ -23,7 +23,7 @@ void RedactedSteps::follow(const ViewedTraining& training) {
 }
 
 bool RedactedSteps::is_met(const Step& step, const TickRecord& tick) const {
-  if (!step.region || step.requested.seen) return false;
+  if (!step.region || step.requested.in_scope_view) return false;
   const std::string_view kind = step.requested.kind;
   if (kind == "visit") return step.region->bounds(vector_of(tick.device[0].tip_patient_mm));
   if (kind != "touch") return false;

@@ -188,7 +188,7 @@ TickRecord Redaction::of(const TickRecord& tick) const {
       shown.flags |= device.flags & kFlagNoGo;
     }
     // contact with the redacted labels, which do not include later cuts
-    shown.depth_mm = kUnknown;
+    shown.depth_mm = kNoValue;
     if (is_cut_) continue;
     const RedactedContact::Touch touch = contact_->of(redacted, d);
     shown.proxy_patient_mm = array_of(touch.proxy_mm);

@@ -255,8 +255,8 @@ TEST(Redaction, RunReportsTotalForcesAndVisibleSteps) {
   FakeHost host;
   hide_a_ball(host);
   ViewedTask& task = host.edit_scene().tasks[0];
-  task.steps = {{"push", "touch", 0, {1, kUnknown}, 0.2, 0, false},
-                {"find", "touch", 1, {1, kUnknown}, 0.2, 0, false}};
+  task.steps = {{"push", "touch", 0, {1, kNoValue}, 0.2, 0, false},
+                {"find", "touch", 1, {1, kNoValue}, 0.2, 0, false}};
   const Redaction redaction(host.scene());
   ViewedTraining run = palpate::testing::test_training();
   // from the evaluator: the ball is in contact, not the block

@@ -59,7 +59,7 @@ inline ViewedDebriefing test_debriefing() {
   debriefing.done = {true};
   debriefing.events = {{"step_done", 0, 1.5, 1.0}};
   debriefing.forces = 1;
-  debriefing.samples = {{0.02, {1, 2, 3.45678}, 1.5, {1.1}}, {0.04, {kUnknown, kUnknown, kUnknown}, 0, {}}};
+  debriefing.samples = {{0.02, {1, 2, 3.45678}, 1.5, {1.1}}, {0.04, {kNoValue, kNoValue, kNoValue}, 0, {}}};
   debriefing.patches = {{{0.5, 1.5, 2.5}, true}, {{0.5, 1.5, 3.5}, false}};
   debriefing.answer_mm = std::array{1.0, 2.0, 3.0};
   debriefing.runs = 4;
