@@ -66,7 +66,11 @@ class Install(unittest.TestCase):
         alone.mkdir()
         palpate = alone / "palpate"
         shutil.copy(self.palpate, palpate)
-        for arguments in (["verify", "--list"], ["verify", "--help"], ["help", "verify"], ["--memory", "1G", "verify", "accuracy"]):
+        for arguments in (["verify", "--help"], ["help", "verify"]):
+            done = subprocess.run([palpate, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
+            self.assertEqual((done.returncode, done.stderr), (0, ""), arguments)
+            self.assertIn("palpate-verify is a separate program, which is not installed", done.stdout)
+        for arguments in (["verify", "--list"], ["--memory", "1G", "verify", "accuracy"]):
             done = subprocess.run([palpate, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
             self.assertEqual((done.returncode, done.stdout), (5, ""), arguments)
             self.assertEqual(done.stderr.count("palpate: error: palpate-verify: "), 1, done.stderr)

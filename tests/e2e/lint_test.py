@@ -66,8 +66,8 @@ class Lint(cli.KneeTest):
         labels, mended = self.damaged("damaged"), self.folder / "mended.seg.nrrd"
         before = labels.read_bytes()
         done = self.lint(labels, "--fix", mended, code=cli.LIMIT)
-        self.assertRegex(done.stdout, r"repaired:  removed \d+ islands? of")
-        self.assertRegex(done.stdout, r"repaired:  filled \d+ holes? of")
+        self.assertRegex(done.stdout, r"repaired: removed \d+ islands? of")
+        self.assertRegex(done.stdout, r"repaired: filled \d+ holes? of")
         self.assertIn("not repaired, because it needs a decision: ", done.stdout)
         self.assertEqual(labels.read_bytes(), before)
         kinds = {finding["kind"] for finding in

@@ -133,7 +133,7 @@ test("a refused undo is reported and remains available; values changed by others
   state.max_force_N = 0.7;
   await history.undo();
   assert.equal(state.max_force_N, 0.7);
-  assert.match(received.at(-1)!, /somebody else/);
+  assert.match(received.at(-1)!, /another viewer/);
   state.max_force_N = 1;
   await history.undo();
   assert.equal(state.max_force_N, 1.4);

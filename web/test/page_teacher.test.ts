@@ -23,7 +23,7 @@ testsOf(page, "a teacher's page", () => {
     assert.equal(page.byId("lesson-learner-line").hidden, true, "nothing is typed");
     assert.deepEqual(listed(), ["[Anyone]", "L041 not connected", "L042 not connected"]);
     assert.equal(page.viewer.state.pointer_by, null, "a teacher's page leaves the pointer to the learners");
-    assert.match(page.text("lesson-tip-text"), /^Nobody/);
+    assert.match(page.text("lesson-tip-text"), /^The tip is free/);
 
     const first = new Viewer(page, TOKENS.L041),
       second = new Viewer(page, TOKENS.L042);

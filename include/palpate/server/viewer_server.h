@@ -286,10 +286,10 @@ struct RearmRequest {
 
 /// Settings of a lesson; missing values stay unchanged.
 struct LessonRequest {
-  std::optional<std::string> learner, task;  ///< As in ViewedState::Lesson
-  std::optional<bool> names;                 ///< Whether learners are shown what a quiz hides
+  std::optional<std::string> learner{}, task{};  ///< As in ViewedState::Lesson
+  std::optional<bool> names{};                   ///< Whether learners are shown what a quiz hides
   /// Pseudonym of the learner whose page gets the pointer; empty: the current owner loses it
-  std::optional<std::string> pointer;
+  std::optional<std::string> pointer{};
   bool end = false;  ///< Ends the session
 };
 

@@ -76,7 +76,7 @@ TEST(MakeModel, InvalidElasticConstantsAreRejected) {
     EXPECT_THAT(complaint({10, ratio}), HasSubstr("tissue \"organ\" has a Poisson's ratio of")) << ratio;
   EXPECT_EQ(complaint({10, 0.45}, 1), "no error");
   for (const double cell_mm : {-1.0, no_number, HUGE_VAL})
-    EXPECT_THAT(complaint({10, 0.45}, cell_mm), HasSubstr("cells of")) << cell_mm;
+    EXPECT_THAT(complaint({10, 0.45}, cell_mm), HasSubstr("the cell size is")) << cell_mm;
 }
 
 TEST(MakeModel, InvalidRelaxationIsRejected) {

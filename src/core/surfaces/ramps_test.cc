@@ -450,7 +450,7 @@ TEST(RampWidth, CoversTwoOfTheWidestVoxels) {
   EXPECT_EQ(*ramp_width_mm(2, grid_with_voxels(0.3, 0.3, 1)), 2);
   const auto narrow = ramp_width_mm(1.5, grid_with_voxels(0.3, 0.3, 1));
   ASSERT_FALSE(narrow.ok());
-  EXPECT_EQ(narrow.error().what, "a ramp of 1.5 mm on voxels that are up to 1 mm wide");
+  EXPECT_EQ(narrow.error().what, "the ramp width is 1.5 mm, and voxels are up to 1 mm wide");
   EXPECT_NE(narrow.error().remedy.find("2 mm"), std::string::npos);
   EXPECT_EQ(*ramp_width_mm({}, grid_with_voxels(1, 1, 10)), kMaxRampWidth_mm);
   const auto coarse = ramp_width_mm(12, grid_with_voxels(7, 7, 7));

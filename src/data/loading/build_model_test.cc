@@ -547,7 +547,8 @@ TEST(BuildModel, ARampTakesTwoVoxels) {
   const auto narrow = build_model(scene_of(with_ramps("ramp_width = 5\n")), &labels, nullptr);
   ASSERT_FALSE(narrow.ok());
   EXPECT_EQ(narrow.error().where, "test.toml");
-  EXPECT_THAT(narrow.error().message(), ::testing::HasSubstr("5 mm on voxels that are up to 3 mm"));
+  EXPECT_THAT(narrow.error().message(),
+              ::testing::HasSubstr("the ramp width is 5 mm, and voxels are up to 3 mm wide"));
   EXPECT_THAT(narrow.error().message(), ::testing::HasSubstr("6 mm"));
   EXPECT_EQ((*build_model(scene_of(with_ramps()), &labels, nullptr))->ramp_width_mm, 6);
   const LabelMap coarse = blocks(grid_of(7, 30));

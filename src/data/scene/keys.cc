@@ -472,26 +472,23 @@ SceneKeys declared_keys() {
              .default_text = "false",
              .meaning = "For the three elastic laws. `true`: tissues without a `relaxation` of their own "
                         "use that of their preset. `false`: they do not relax."}}},
-      .density = {"[density]",
-                  "For a burr: in a calibrated CT the cutting energy of every voxel of felt tissue without a "
-                  "modulus, "
-                  "such as bone, is its tissue's `cutting_energy` times the square of HU / `full`, which is "
-                  "limited to "
-                  "0.1 to 1.25 ([burr.md](../guide/burr.md#density)).",
-                  {{.name = "calibrated",
-                    .type = kFlag,
-                    .default_text = "false",
-                    .meaning =
-                        "`true`: the scan is a CT in calibrated Hounsfield units, and energies follow it. A "
+      .density =
+          {"[density]",
+           "For a burr. In a calibrated CT every voxel of touchable tissue without a modulus, such as "
+           "bone, has the `cutting_energy` of its tissue times the square of HU / `full`. This ratio is "
+           "limited to 0.1 to 1.25 ([burr.md](../guide/burr.md#density)).",
+           {{.name = "calibrated",
+             .type = kFlag,
+             .default_text = "false",
+             .meaning = "`true`: the scan is a CT in calibrated Hounsfield units, and energies follow it. A "
                         "cone-beam CT is not calibrated. `false`: energies depend on the tissue alone."},
-                   {.name = "full",
-                    .type = kNumber,
-                    .default_text = "1700",
-                    .unit = "HU",
-                    .min = 200,
-                    .max = 4000,
-                    .meaning =
-                        "Attenuation of bone that takes the whole `cutting_energy`. The default is that of "
+            {.name = "full",
+             .type = kNumber,
+             .default_text = "1700",
+             .unit = "HU",
+             .min = 200,
+             .max = 4000,
+             .meaning = "Attenuation of bone that takes the whole `cutting_energy`. The default is that of "
                         "cortical bone of 1.9 g/cm³."}}},
       .tool =
           {"[tool]",

@@ -781,7 +781,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{TISSUE "rests_on = ['b']\nstiffness = 1.5\n[[tissue]]\nname = 'b'\nlabels = [2]\n", 1,
                  "\"a\" (1.5 N/mm) is stiffer than \"b\" (1 N/mm)", "inward"},
         BadScene{TISSUE "rests_on = ['b']\n[[tissue]]\nname = 'b'\nlabels = [2]\ntouchable = false\n", 1,
-                 "rests on \"b\", which is not felt", "inward"},
+                 "rests on \"b\", which is not touchable", "inward"},
         BadScene{TISSUE "[data]\n", 4, "neither a scan nor labels", "labels = "},
         BadScene{TISSUE "[data]\nscan = 's'\n", 1, "has labels, but the scene has no label map", "labels = "},
         BadScene{"[[tissue]]\nname = 'a'\nthreshold = [1, 2]\n[data]\nlabels = 'l'\n", 1,

@@ -310,7 +310,7 @@ TEST(Recording, DescribesEveryBit) {
               ::testing::StartsWith("switches that are on: 1 friction, 2 viscosity, 4 paused, 8 emergency "
                                     "stop, 16 passivity, 32 motor"));
   EXPECT_EQ(description(internal::device_columns(), "status"),
-            "input: reasons why the device gets no force: 1 fault, 2 clutched, 4 halted");
+            "input: conditions of the device: 1 fault, 2 clutched, 4 halted, 8 set down");
   EXPECT_EQ(description(internal::event_columns(), "kind"),
             "kind of request: 0 model, 1 settings, 2 stop, 3 rearm, 4 sweep, 5 tissue solved");
   EXPECT_EQ(

@@ -225,7 +225,7 @@ TEST(SharedData, UnreadableFilesHaveAReason) {
   const std::map<std::string, std::string> reasons{
       {"nrrd_truncated/abdomen_ct_TRUNCATED_gzip.nrrd", "the voxel data end after 52 of 113 slices"},
       {"nrrd_pynrrd/BallBinary30x30x30_byteskip_minus_five.nhdr",
-       "asks for 54004 bytes of voxel data, but there are 54000"},
+       "requires 54004 bytes of voxel data, but there are 54000"},
       {"nrrd_pynrrd/BallBinary30x30x30_nifti.nhdr", "holds more voxel data than stated in its header"},
       {"nrrd_pynrrd/test1d_ascii.nrrd", "has 1 axis"},
       {"nrrd_pynrrd/test_customFields.nrrd", "has 1 axis"},

@@ -104,7 +104,7 @@ TEST(VolumeMessage, BelievesNoVolume) {
               HasSubstr("more voxels than any scan"));
   EXPECT_THAT(error_of([](VolumeFile& v) { v.header.geometry.spacing_mm[2] = 0; }), HasSubstr("spacing"));
   EXPECT_THAT(error_of([&](VolumeFile& v) { v.header.geometry.direction(1, 1) = kNan; }),
-              HasSubstr("not a number"));
+              HasSubstr("a non-finite value"));
   EXPECT_THAT(error_of([](VolumeFile& v) { v.header.geometry.direction.setZero(); }),
               HasSubstr("in one plane"));
   for (const int layers : {0, -3, 4097})
