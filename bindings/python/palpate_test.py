@@ -5,6 +5,7 @@
 """
 
 import gc
+import importlib
 import inspect
 import math
 import os
@@ -36,6 +37,7 @@ import prepared
 prepared.share(os.environ["PALPATE"])
 
 import palpate as pp
+from palpate import _library as c
 
 SCENE = "palpation-block:spacing=2"
 SCRIPT = '[[step]]\napproach = "plate"\n[[step]]\npress = 0.5\n[[step]]\nleave = true\n'
@@ -428,6 +430,40 @@ class Verification(unittest.TestCase):
         os.environ["PALPATE_PROGRAM"] = "/no/such/program"
         with self.assertRaisesRegex(pp.Unavailable, "PALPATE_PROGRAM"):
             pp.verify("contact")
+
+
+class TwoLibraries(unittest.TestCase):
+    def test_another_build_in_the_same_process_is_independent(self):
+        with tempfile.TemporaryDirectory() as folder:
+            # stripped, so that it is not the same file
+            other = pathlib.Path(folder, "libpalpate.so.1")
+            subprocess.run(["strip", "-o", other, c._find()], check=True)
+            mine = {name: module for name, module in sys.modules.items() if name.split(".")[0] == "palpate"}
+            library = os.environ["PALPATE_LIBRARY"]
+            try:
+                for name in mine:
+                    del sys.modules[name]
+                os.environ["PALPATE_LIBRARY"] = str(other)
+                second = importlib.import_module("palpate")
+            finally:
+                os.environ["PALPATE_LIBRARY"] = library
+                for name in [name for name in sys.modules if name.split(".")[0] == "palpate"]:
+                    del sys.modules[name]
+                sys.modules.update(mine)
+            loaded = pathlib.Path("/proc/self/maps").read_text(encoding="utf-8")
+            self.assertIn(str(other), loaded)
+            self.assertIn(os.path.realpath(library), loaded)
+            labels = block().labels()
+            sessions = [package.Session(package.Model(labels, tissues={"bone": {"labels": 1}})) for package in (pp, second)]
+            for tip in press(700):
+                forces = [session.tick(tip)[0] for session in sessions]
+                np.testing.assert_array_equal(*forces)
+            self.assertEqual(sessions[0].hash, sessions[1].hash)
+            self.assertGreater(forces[0][2], 1)
+            # an error of one is not that of the other
+            with self.assertRaises(second.BadInput):
+                sessions[1].advance(NAN)
+            self.assertNotEqual(pp._library.lib.plp_last_error(), second._library.lib.plp_last_error())
 
 
 class Hostile(unittest.TestCase):

@@ -481,7 +481,7 @@ class Lesson(Trainee):
         self.assertIn("nodule", [structure["name"] for structure in self.page.run("return palpateViewer.scene.structures")])
         self.page.wait(f"{at} === {place}")
         self.assertTrue(self.page.run("return document.getElementById('task-begin').disabled || document.getElementById('task-begin').hidden"))
-        self.assertIn("somebody else's", self.text("#lesson-note"))
+        self.assertIn("Another learner's turn", self.text("#lesson-note"))
 
 
 class Played(viewer_test.Viewer):
