@@ -1013,7 +1013,7 @@ class WithPointer(Viewer):
         self.page.pointer({"type": "pointerMove", "x": 500, "y": 3})
         shown = """palpateViewer.draw();
             const words = (id) => document.getElementById(id).textContent;
-            return { touched: words("touched"), footer: words("structure"), stiffness: words("stiffness"), why: words("why"),
+            return { touched: words("touched"), footer: words("structure"), stiffness: words("stiffness"), why: words("force-explanation"),
                      rows: [...document.querySelectorAll("#felt tr")].filter((row) => !row.hidden).length,
                      marked: document.querySelectorAll(".structure.touched").length, force: Math.hypot(...palpateViewer.pose.devices[0].force) };"""
 

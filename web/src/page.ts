@@ -23,7 +23,6 @@ import { CaptureButtons } from "./panels/capture_buttons.js";
 import { storeCards } from "./panels/cards.js";
 import { ContactPanel } from "./panels/contact_panel.js";
 import { DevicePanel } from "./panels/device_panel.js";
-import { DisplayPanel } from "./panels/display_panel.js";
 import { showFacts } from "./panels/facts.js";
 import { Keys } from "./panels/keys.js";
 import { showLink } from "./panels/link.js";
@@ -90,6 +89,7 @@ export class Page {
     parts.showTracked(session);
     parts.showPress(session, permissions);
     new parts.HapticsPanel(session, this.connection, requests, permissions);
+    new parts.DisplayPanel(session, history);
     new parts.LoopPlots(session);
     new parts.BurrControls(session, this.connection);
     new parts.Bookmarks({ session, history, volume, sections, turn: (rotation) => this.turn(rotation) });
@@ -231,7 +231,11 @@ export class Page {
     const { session, connection, requests, history, permissions, panels, captures } = this;
     const toolbar = new Toolbar(session, connection, requests, history, permissions);
     const device = new DevicePanel(session, requests, permissions);
-    new DisplayPanel(session, history);
+    history.register(
+      "window",
+      () => session.window.value,
+      (to) => (session.window.value = to),
+    );
     new ContactPanel(session);
     showFacts(session);
     showLink(session, connection);

@@ -2,6 +2,7 @@
 
 export { Bookmarks } from "./bookmarks.js";
 export { BurrControls } from "./burr_controls.js";
+export { DisplayPanel } from "./display_panel.js";
 export { HapticsPanel } from "./haptics_panel.js";
 export { LoopPlots } from "./loop_plots.js";
 export { showPress } from "./press.js";

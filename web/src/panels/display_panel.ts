@@ -18,11 +18,6 @@ export class DisplayPanel {
     private readonly session: Session,
     private readonly history: History,
   ) {
-    history.register(
-      "window",
-      () => session.window.value,
-      (to) => (session.window.value = to),
-    );
     const preset = byId<HTMLSelectElement>("preset");
     preset.addEventListener("change", () => this.usePreset(preset.value as Preset));
     for (const name of ["level", "width"] as const) this.connectWindow(name);
