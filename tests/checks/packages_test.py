@@ -126,8 +126,18 @@ grep -q {self.hash} /tmp/run.txt
 python3 -c 'import palpate as pp; print(format(pp.simulate("{SCENE}", seed=1).hash, "016x"))' | grep -q {self.hash}
 ! command -v cc
 """)
+        # the wheel brings its libraries: before any package of palpate, with Python and NumPy alone
+        (self.out / "use_wheel.sh").write_text(f"""apt-get install --yes --no-install-recommends python3-pip python3-numpy
+pip install --break-system-packages --no-index --no-deps /debs/*.whl
+palpate simulate {SCENE} --seed 1 | grep {self.hash}
+python3 -c 'import palpate as pp; print(format(pp.simulate("{SCENE}", seed=1).hash, "016x"))' | grep {self.hash}
+pip uninstall --yes --break-system-packages palpate
+! command -v palpate
+apt-get purge --yes --autoremove python3-pip python3-numpy
+""")
         run("mmdebstrap", "--mode=unshare", "--variant=apt", f"--customize-hook=copy-in {self.out} /",
             "--customize-hook=mv \"$1/out\" \"$1/debs\"", f"--customize-hook={listing} {before}",
+            "--customize-hook=chroot \"$1\" sh -e -c 'apt-get update && sh -e /debs/use_wheel.sh'",
             f"--customize-hook={measure}",
             f"--customize-hook=chroot \"$1\" sh -c 'apt-get update && apt-get install --yes --no-install-recommends {names}'",
             f"--customize-hook={measure}",
