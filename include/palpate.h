@@ -420,7 +420,8 @@ typedef struct plp_run_info {
   uint64_t troubles;  ///< Number of problem messages (plp_run_trouble)
 } plp_run_info;
 
-/// Simulates a script on the virtual clock, as `palpate simulate` does.
+/// Simulates a script on the virtual clock, as `palpate simulate` does. What it prepares of the model is kept
+/// with the model for its next run.
 /// @param options  null: the defaults
 PLP_API plp_status plp_simulate(const plp_model* model, const plp_run_options* options, plp_run** run);
 PLP_API plp_status plp_run_info_get(const plp_run* run, plp_run_info* info);

@@ -22,9 +22,9 @@ double density_ratio(double HU, double full_HU);
 /// Value of Model::density_ratios for the ratio 1.
 inline constexpr std::uint16_t kDensityRatioOne = 10'000;
 
-/// Model::density_ratios: density_ratio() of the voxels of felt rigid tissue, i.e. without elastic constants.
-/// A voxel of nothing that is felt next to it has the mean of its neighbours, because a surface between
-/// voxels may reach into it; every other voxel has the ratio 1.
+/// Model::density_ratios: density_ratio() of the voxels of touchable rigid tissue, i.e. without elastic
+/// constants. A voxel of no touchable tissue next to it has the mean of its neighbours, because a surface
+/// between voxels may reach into it; every other voxel has the ratio 1.
 /// @return null if Model::full_density_HU is 0 or there is no scan
 std::shared_ptr<const Bricks<std::uint16_t>> density_ratios_of(const Model& model);
 

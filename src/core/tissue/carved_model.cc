@@ -158,8 +158,8 @@ void Carving::take(std::span<const Cut> cuts) {
 
 // adds a sweep to its device's account, and a fragment to none
 void Carving::count(const Cut& cut) {
-  CarvedMaterial nobody;
-  CarvedMaterial& carved = cut.device == Cut::kBrokenOff ? nobody : carved_[cut.device];
+  CarvedMaterial discarded;
+  CarvedMaterial& carved = cut.device == Cut::kBrokenOff ? discarded : carved_[cut.device];
   ++carved.sweeps;
   if (original_labels_ == nullptr) return;
   const double sample_mm3 = original_labels_->geometry().spacing_mm.prod() / SweptSamples::kSamples;

@@ -21,7 +21,7 @@ Role role_of(const Model& model, LabelId label) {
   return model.tissue_of(label)->protection == Protection::kNone ? Role::kCut : Role::kSpared;
 }
 
-/// 26-connected components of the voxels of felt tissue.
+/// 26-connected components of the voxels of touchable tissue.
 class Components {
  public:
   Components(const Model& model, const Carving& carving)
