@@ -64,6 +64,13 @@ struct ScriptKeys {
 };
 const ScriptKeys& script_key_tables();
 
+/// Names of the elements of a table such as kTissueLaws, as the choices of a key.
+template <class Entries>
+std::vector<std::string_view> names_of(const Entries& entries) {
+  std::vector<std::string_view> names;
+  for (const auto& entry : entries) names.push_back(entry.name);
+  return names;
+}
 /// Names of kPatientDirections.
 std::vector<std::string_view> direction_names();
 /// Declares the key `structures`: labels by name or number.
