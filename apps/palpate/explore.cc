@@ -21,6 +21,7 @@
 #include "palpate/device/rendered_stiffness.h"
 #include "palpate/device/settings.h"
 #include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_tokens.h"
 #include "palpate/tracker/tracker_driver.h"
 #include "recorded_runs.h"
 #include "scene_options.h"

@@ -1,7 +1,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_tokens.h"
 #include "verb.h"
 
 namespace palpate::app {

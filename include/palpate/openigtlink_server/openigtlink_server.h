@@ -5,7 +5,7 @@
 #include <string>
 
 #include "palpate/base/result.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 /// Publishes a session by OpenIGTLink, so that 3D Slicer and other programs of image-guided therapy show the
 /// tool, the force and the section beside their own data. Clients only receive: nothing that they send

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "palpate/base/result.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 /// Publishes a session to nodes of ROS 2, without ROS 2: by DDS, under the topic and type names that its
 /// middleware uses, with the names of CRTK (collaborative robotics toolkit). docs/guide/ros2.md lists the

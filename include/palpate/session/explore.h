@@ -12,7 +12,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/navigation/navigated_tip.h"
 #include "palpate/palpation/palpation.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/servo/servo_loop.h"
 #include "palpate/session/shared_plan.h"
 #include "palpate/session/training.h"

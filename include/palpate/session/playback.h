@@ -6,7 +6,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/session/shared_plan.h"
 #include "palpate/session/training.h"
 

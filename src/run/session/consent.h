@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/session/explore.h"
 
 namespace palpate {

@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"
 #include "session/cut_list.h"

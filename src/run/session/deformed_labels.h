@@ -5,7 +5,7 @@
 #include <mutex>
 
 #include "palpate/device/telemetry.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/volume/bricks.h"
 
 namespace palpate {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "session/live_model.h"
 #include "session/measured_cells.h"
 #include "session/preparation_thread.h"

@@ -7,7 +7,7 @@
 
 #include "palpate/model/changed_model.h"
 #include "palpate/recording/recording.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "session/session_loop.h"
 
 namespace palpate {

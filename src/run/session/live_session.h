@@ -19,7 +19,7 @@
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
 #include "palpate/server/tick_history.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/servo/servo_loop.h"
 #include "palpate/session/shared_plan.h"
 #include "session/consent.h"

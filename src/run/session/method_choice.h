@@ -7,7 +7,7 @@
 #include <optional>
 #include <span>
 
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "session/live_model.h"
 #include "session/preparation_thread.h"
 #include "session/session_loop.h"

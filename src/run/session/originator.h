@@ -1,7 +1,7 @@
 #pragma once
 
 #include "palpate/recording/recording.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 namespace palpate {
 

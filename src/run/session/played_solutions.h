@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "palpate/base/progress.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/tissue/soft_tissue_solver.h"
 #include "palpate/tissue/tissue_laws.h"
 #include "session/cut_list.h"

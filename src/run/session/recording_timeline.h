@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/recording/recording.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 namespace palpate {
 

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "palpate/base/contact_properties.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/servo/servo.h"
 
 /// Effect of a viewer's request on a session, and the text of the consent question about it.

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "palpate/recording/recording.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "session/arming_code.h"
 #include "session/session_loop.h"
 

@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "palpate/recording/recording.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/servo/servo_loop.h"
 #include "palpate/tissue/chain_mail.h"
 #include "palpate/tissue/soft_tissue_solver.h"

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "palpate/server/viewed_training.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "palpate/session/training.h"
 #include "session/viewed_run.h"
 

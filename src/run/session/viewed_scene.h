@@ -2,7 +2,7 @@
 
 #include "palpate/contact/model.h"
 #include "palpate/scene/scene.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 namespace palpate {
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "palpate/openigtlink/encoding.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 namespace palpate::openigtlink_server {
 

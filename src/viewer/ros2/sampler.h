@@ -5,7 +5,7 @@
 #include <string>
 
 #include "palpate/device/telemetry.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "ros2/samples.h"
 
 namespace palpate::ros2 {

@@ -9,7 +9,7 @@
 
 #include "base/test_folder.h"
 #include "palpate/base/file.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_tokens.h"
 
 namespace palpate::server {
 namespace {

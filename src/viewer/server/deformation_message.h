@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 namespace palpate::server {
 

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "palpate/device/telemetry.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 namespace palpate::server {
 

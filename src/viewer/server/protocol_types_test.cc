@@ -13,7 +13,7 @@
 #include "palpate/base/file.h"
 #include "palpate/device/settings.h"
 #include "palpate/server/tick_history.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "server/bundle_message.h"
 
 namespace palpate::server {

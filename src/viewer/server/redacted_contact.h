@@ -7,7 +7,7 @@
 
 #include "palpate/device/telemetry.h"
 #include "palpate/geometry/geometry.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 namespace palpate::server {
 

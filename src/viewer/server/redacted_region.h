@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/server/viewed_training.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 namespace palpate::server {
 

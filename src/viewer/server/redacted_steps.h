@@ -5,7 +5,7 @@
 
 #include "palpate/device/telemetry.h"
 #include "palpate/server/viewed_training.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "server/redacted_region.h"
 
 namespace palpate::server {

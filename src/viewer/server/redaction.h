@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/device/telemetry.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "server/redacted_contact.h"
 #include "server/redacted_steps.h"
 

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <variant>
 
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 
 /// Parsing of viewers' messages (docs/reference/viewer-requests.md).
 namespace palpate::server {

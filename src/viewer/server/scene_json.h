@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "palpate/base/result.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "server/permissions.h"
 
 /// JSON messages of the server (docs/reference/viewer-http.md, docs/reference/viewer-messages.md).

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <variant>
 
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "server/access.h"
 #include "server/http_request.h"
 #include "server/payload_store.h"

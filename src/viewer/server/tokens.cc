@@ -14,7 +14,7 @@
 
 #include "palpate/base/file.h"
 #include "palpate/base/learner.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_tokens.h"
 
 namespace palpate::server {
 namespace {

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "palpate/rendering/volume_renderer.h"
-#include "palpate/server/viewer_server.h"
+#include "palpate/server/viewer_host.h"
 #include "server/redaction.h"
 
 namespace palpate::server {
