@@ -1,4 +1,4 @@
-"""Asks CalculiX for what soft tissue gives way in five cases, and compares bench's `tissue_truth` with it.
+"""Computes the compliance of soft tissue in five cases with CalculiX and compares bench's `tissue_truth` with it.
 
 usage: calculix.py TISSUE_TRUTH FOLDER
 
@@ -28,7 +28,8 @@ SHALLOW_MM = np.arange(0, 8.01, 0.5)
 
 
 class Case:
-    """A body by its modulus (kPa; None: rigid) at a place; z = 0 is its surface, below it is negative."""
+    """A body given by its modulus as a function of position (x, y, z in mm; kPa; None: rigid); its surface is z = 0,
+    the body is below."""
 
     def __init__(self, name, modulus, nu=0.45, rho=3.0, down=DOWN_MM, whole_x=False):
         self.name, self.modulus, self.nu, self.rho, self.down = name, modulus, nu, rho, down

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""What palpate costs from C and from Python beside C++, all in one process, and a robot's environment beside real time.
+"""Overhead of palpate called from C and Python relative to C++, measured in one process, and speed of the
+reinforcement-learning environment relative to real time.
 
     PALPATE_LIBRARY=libpalpate.so.1 PALPATE=palpate bench/embedding.py build/bench/bench/libembedding_ticks.so [DATA] [--json FILE]
 

@@ -12,7 +12,8 @@ CELL_MM = 0.15
 
 
 def sinks_by(half, x, y):
-    """Where an even pressure of 1 on a square sinks in, times pi E*."""
+    """Displacement at (x, y) under a uniform pressure of 1 on a square of half edge `half` at the origin, times pi E*
+    (Love 1929)."""
     def reach(a, b):
         return numpy.hypot(a, b)
     east, west, north, south = x + half, x - half, y + half, y - half
@@ -25,7 +26,8 @@ def sinks_by(half, x, y):
 
 
 def force(depth_at, xs, ys):
-    """Of a tool that is so deep at a place of the surface at rest."""
+    """Force on a rigid tool, N for E* = 1 N/mm2. @param depth_at  penetration of the undeformed surface at (x, y), mm
+    """
     depth = depth_at(*numpy.meshgrid(xs, ys, indexing="ij"))
     rows, columns = depth.shape
     away_x, away_y = numpy.arange(-rows, rows) * CELL_MM, numpy.arange(-columns, columns) * CELL_MM

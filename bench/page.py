@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""The viewer's page as Chromium opens it, its graphics computed by the processor, beside an earlier palpate's page in the same run.
+"""Loading and drawing times of the viewer's page in Chromium with software rendering, compared with an earlier
+palpate's page in the same run.
 
     bench/page.py PALPATE [--against PALPATE] [--scene NAME] [--stops N] [--repeat N]
     bench/page.py PALPATE --recording MINUTES|FILE [--places N]
@@ -149,8 +150,8 @@ class Page:
             look();""", "args": [0.4 + 0.3 * (n % 2)]})
 
     def opacity(self, count):
-        """Of a changed opacity: ms to the picture, the median; processor ms of the page until then beyond what it takes at rest,
-        the mean, and those of the graphics."""
+        """Cost of changing a structure's opacity: median time to the next picture, and mean processor time of the page
+        and of the graphics process above their idle load, all ms."""
         waits, spent = [], dict.fromkeys(("renderer", "gpu-process"), 0.0)
         for n in range(count):
             time.sleep(1.5)  # the picture of before is sharp

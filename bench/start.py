@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""How long the first and every later start of a scene take: start_bench, each time a process of its own, until the model is
-ready for the default method. First starts have an empty cache, later ones what the first left.
+"""Duration of cold and warm starts of a scene until the model is ready for the default method. Each start is a process
+of start_bench; cold starts have an empty cache, warm ones the cache of the first.
 
     bench/start.py build/bench/bench/start_bench [--repeat N] SCENE...
 """

@@ -6,7 +6,8 @@ set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 
 find_program(CCACHE_PROGRAM ccache)
 if(CCACHE_PROGRAM)
-  # what a precompiled header does not depend on: macros that it does not use, the times of what it includes
+  # required by ccache for precompiled headers: it then ignores macro definitions and __DATE__, __TIME__ and
+  # __TIMESTAMP__
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE_PROGRAM})
 endif()
 
@@ -20,22 +21,22 @@ add_compile_options(-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-con
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # GCC 12 warns of impossible overlaps in std::string concatenation (GCC bug 105651)
   add_compile_options(-Wno-restrict)
-  # A unit allocates a gigabyte and more in the compiler, which by default looks for garbage in it again and again
+  # g++ allocates more than 1 GB for a unity source: let it collect garbage only from 1 GiB on
   cmake_host_system_information(RESULT memory_MiB QUERY TOTAL_PHYSICAL_MEMORY)
   cmake_host_system_information(RESULT cores QUERY NUMBER_OF_LOGICAL_CORES)
   math(EXPR memory_per_core_MiB "${memory_MiB} / ${cores}")
   if(CMAKE_UNITY_BUILD AND memory_per_core_MiB GREATER 3000)
     add_compile_options("$<$<COMPILE_LANGUAGE:CXX>:SHELL:--param ggc-min-heapsize=1048576>")
   endif()
-  # What refers to a temporary that is gone, as an `auto` of an Eigen expression may, the optimiser sees, and
-  # sanitized builds do not look for (below). tests/checks/check_dangling.py shows that it does.
+  # References to destroyed temporaries, such as `auto` of an Eigen expression, are detected by the optimiser; sanitized
+  # builds do not check them (below). tests/checks/check_dangling.py shows that it does.
   if(PROJECT_IS_TOP_LEVEL AND NOT PALPATE_SANITIZE)
     add_compile_options("$<$<CONFIG:Release>:-Werror=dangling-pointer;-Werror=uninitialized;-Werror=maybe-uninitialized>")
   endif()
 endif()
 
-# palpate_of_a_tick(MODULE...): modules whose code runs in every tick. The same instructions, chosen and ordered for
-# processors since 2015: for any processor at all g++ clears what is small by `rep stos`, which begins slowly. A tick
+# palpate_of_a_tick(MODULE...): tunes the modules whose code runs in every tick for processors since 2015, with the same
+# instruction set: with generic tuning g++ clears small objects by `rep stos`, which has a high startup cost. A tick
 # takes 4 % less (docs/decisions/archive/0072-what-a-tick-and-a-start-spend.md).
 function(palpate_of_a_tick)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
@@ -45,9 +46,9 @@ function(palpate_of_a_tick)
   endif()
 endfunction()
 
-# What an attacker who found a fault in a parser would need is taken away: SECURITY.md, and
-# tests/checks/check_hardening.py looks for each in the program. Flags of this folder alone: who links the core gets
-# none of them. A sanitizer sees more than these do, and has its own idea of the stack.
+# Exploit mitigations (SECURITY.md); tests/checks/check_hardening.py verifies each in the program. Set per directory, so
+# that programs that link the installed core do not inherit them. Not in sanitized builds, which detect more and lay out
+# the stack themselves.
 if(PALPATE_HARDEN AND NOT PALPATE_SANITIZE)
   add_compile_options(-fstack-protector-strong -fstack-clash-protection)
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64|i[3-6]86)$")
@@ -72,11 +73,11 @@ if(PALPATE_SANITIZE)
   # One width of vectors and none at all show what a sanitizer can see; the tests of the release build compare
   # every target.
   add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3|HWY_AVX3_DL)")
-  # clang's UndefinedBehaviorSanitizer, beyond what is ours
+  # suppressions for findings of clang's UndefinedBehaviorSanitizer in third-party headers
   if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang" AND PALPATE_SANITIZE MATCHES "undefined")
     add_compile_options(-fsanitize-ignorelist=${CMAKE_CURRENT_LIST_DIR}/sanitizer_ignores.txt)
   endif()
-  # What g++'s checks cost beside what they alone would find (docs/decisions/archive/0014-units.md has the figures).
+  # Checks of g++ whose cost exceeds what only they would find (figures in docs/decisions/archive/0014-units.md).
   # AddressSanitizer sees what is read or written beyond an object, through a null pointer or by a pointer that wrapped
   # around; release builds refuse a pointer to a temporary that is gone (above). The fuzzers, by clang, keep all of these
   # for the parsers, where bytes and offsets come from outside.
@@ -86,6 +87,6 @@ if(PALPATE_SANITIZE)
 endif()
 
 if(NOT PALPATE_SANITIZE)
-  # What has SSSE3 and no SSE4 was sold from 2006 to 2008, and takes one lane at a time.
+  # Processors with SSSE3 but without SSE4 (2006 to 2008) run the scalar code.
   add_compile_definitions("HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_AVX3_DL)")
 endif()

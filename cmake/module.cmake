@@ -82,10 +82,10 @@ endfunction()
 #
 # A module: a static library palpate_NAME, its unit tests (NAME_test, one executable
 # for all *_test.cc of the module) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
-# once for every target, and that no other source can therefore share a unit with. ALONE are sources whose
+# once for every target, and that therefore cannot be part of a unity source. ALONE are sources whose
 # headers take long to compile, and that a change of another source should not compile again. FUZZED are the sources that
-# the fuzzers' bytes reach, where most of the module's are not. WORDS says that the module has no loop over voxels or ticks
-# that somebody waits for: it is optimised less, and compiles in two thirds of the time and less. NUMERIC_TESTS says that
+# the fuzzers' bytes reach, where most of the module's are not. WORDS marks a module without performance-critical loops
+# over voxels or ticks: it is compiled with -O1, in at most two thirds of the time. NUMERIC_TESTS says that
 # its tests loop over many points or ticks themselves, so that they are worth optimising.
 function(palpate_module name)
   cmake_parse_arguments(MODULE "WORDS;NUMERIC_TESTS" "SLOW_SANITIZED" "CI;NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})

@@ -7,9 +7,8 @@ import shutil
 
 
 def share(program):
-    """From here on, runs of `program` by this process take what any test of the same build has prepared, and leave there
-    what they prepare: in PALPATE_CACHE, a folder in the build folder that belongs to this very program. A program that has
-    changed begins with an empty one. Without a build folder nothing is kept."""
+    """Sets PALPATE_CACHE of this process to a folder of the build that all its tests share. The folder is keyed by the
+    program's hash, and those of other hashes are deleted. Without a build folder the cache is off."""
     program = pathlib.Path(program).resolve()
     build = program.parents[2]
     if not (build / "CMakeCache.txt").is_file():

@@ -140,7 +140,8 @@ class Browser:
             time.sleep(0.02)
 
     def hear(self):
-        """From here on `window.heard` has each text that the page announces: the next may replace one before it is looked for."""
+        """Collects in window.heard every text of the page's live region from now on, because the next text may replace
+        one before a test reads it."""
         self.run("window.heard = []; const box = document.getElementById('spoken'); "
                  "new MutationObserver(() => window.heard.push(box.textContent)).observe(box, { childList: true })")
 

@@ -110,7 +110,8 @@ class Trainee(viewer_test.Viewer):
         return (patient_from_voxel[:3, :3] @ voxel + patient_from_voxel[:3, 3]).tolist()
 
     def way_into(self, name):
-        """Where in the section nothing is, and below it a place a little inside a structure that is brought into the plane first."""
+        """Two viewport positions in the oblique section: free space, and directly below it a point 1.4 mm inside a
+        structure. The structure must be in the plane."""
         script = """palpateViewer.draw();
             const canvas = document.querySelector('#picture-oblique canvas');
             const places = palpateViewer.scene.structures.findIndex((s) => s.name === arguments[0]);
@@ -155,7 +156,8 @@ class Trainee(viewer_test.Viewer):
         return self.is_soon(until, 3)
 
     def press_into(self, name, press, move, release, until):
-        """Presses from outside, and runs along until the page tells that it is so; it stays pressed then.
+        """Presses into a structure from outside and slides along it until the expression `until` is true; the contact
+        is kept.
 
         The section glides, and shows the structure elsewhere by the time of the press; and on a machine that stands still for a while contact
         begins anew, in which nothing is felt before the tip has been outside.
@@ -350,7 +352,7 @@ class WholeTask(Trainee):
 
 
 class Quiz(Trainee):
-    """The nodule of the block, which nobody is to see."""
+    """A quiz whose nodule must not be visible in the page."""
 
     scene_name = "palpation-block:seed=3,diameter=9,depth=4,stiffness=15"
 

@@ -33,8 +33,8 @@ try:
 except ImportError:
     numpy = None
 
-# The software renderer, also where there is a graphics card: the same picture everywhere. It draws what the page draws,
-# and what the browser puts together of it takes no shaders; that this waits for pictures is told in the console.
+# Always the software renderer (SwiftShader), also with a graphics card, so that pictures are equal everywhere;
+# compositing is done without the GPU. Chromium reports the resulting read-backs in the console (WAITS_FOR_PICTURES).
 WITHOUT_WEBGL = [*browser.ARGUMENTS, "--disable-software-rasterizer"]
 browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "--disable-gpu"] + [
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-gpu-compositing"]
@@ -48,7 +48,8 @@ STRUCTURES, POSITIONS = int(os.environ.get("PALPATE_TEST_STRUCTURES", "3")), 3
 # of the page while it is busy; a measurement takes 100
 STOPS = int(os.environ.get("PALPATE_TEST_STOPS", "20"))
 AXE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "web", "node_modules", "axe-core", "axe.min.js")
-# of all that the browser fetches until the first section is drawn, but for what the session says and its voxels; as it stands, and as it is sent
+# maximum size of the page's files fetched until the first section is drawn, uncompressed and as sent; without session
+# data and voxels
 MOST_PAGE_BYTES = 250_000
 HOOK = "/assets/viewer_test_hook.js"  # which only a browser that a test drives fetches
 BLENDING, INSIDE = 1 << 15, 1 << 17  # of a pose's flags
@@ -57,13 +58,13 @@ command = None  # of the server: (port, input, token file, ...) -> arguments
 
 
 def campaign(test):
-    """A test for every night: it goes over at many places what a journey shows at one, or takes long."""
+    """Marks a test of the nightly lane: it repeats a journey's check at many places, or takes long."""
     test.is_campaign = True
     return test
 
 
 class Lane(unittest.TestLoader):
-    """Of a class the journeys, or the campaigns; a test that is named is run in any case."""
+    """Loads the journeys or the campaigns of a class; a test given by name is always run."""
 
     campaigns = False
 
@@ -193,7 +194,8 @@ class Viewer(unittest.TestCase):
 
     @classmethod
     def open_browser(cls, own=False):
-        """Takes the browser that all classes share, for a start costs as much as a test; or one of its own for what would not be undone."""
+        """Uses the browser shared by all classes, because starting one costs as much as a test; `own` starts a separate
+        one for tests whose effects cannot be undone."""
         if own:
             cls.page = browser.Browser().__enter__()
             cls.addClassCleanup(cls.page.__exit__)
@@ -207,8 +209,8 @@ class Viewer(unittest.TestCase):
     def open_page(self, wait=LOADED, keeps=False):
         """@param keeps  what the browser has kept of the page until now"""
         if not keeps:
-            # the page that is still open would keep more after that. (It is left for the next one directly: by way of another
-            # document the browser loses the first two fingers that come after a slider's.)
+            # stops the page that is still open from storing more. It is replaced directly: via about:blank Chromium
+            # drops the first two touch points after a slider was touched.
             self.page.run("try { localStorage.clear(); } catch { /* the browser's first page has none */ } Storage.prototype.setItem = () => {};")
         self.page.dark(True)
         self.page.resize(*SIZE)
@@ -276,7 +278,7 @@ class Viewer(unittest.TestCase):
         return numpy.frombuffer(data, numpy.uint8).reshape(height, width, 4)[:, :, :3].astype(int)
 
     def barriers(self):
-        """What axe finds, of WCAG 2.2 A and AA and of its best practice."""
+        """Violations of WCAG 2.2 A and AA and of best practice that axe-core finds."""
         if not self.page.run("return window.axe !== undefined"):
             with open(AXE, encoding="utf-8") as source:
                 self.page.run(source.read())
@@ -285,7 +287,8 @@ class Viewer(unittest.TestCase):
             .then(({ violations }) => done(violations.flatMap(({ id, nodes }) => nodes.map(({ html, failureSummary }) => [id, html, failureSummary]))))""")
 
     def let_another_viewer_lead(self):
-        """From here on `lead(place)` in the page has the tip where it is asked for at once."""
+        """Gives the pointer to a second viewer; lead(place) in the page then moves the tip to a position, patient, mm.
+        """
         self.page.wait("palpateViewer.state.pointer")
         self.page.click("[data-tool=window]")
         self.page.wait("!palpateViewer.state.pointer")
@@ -300,7 +303,7 @@ class Viewer(unittest.TestCase):
 
 
 class WithoutWebGl(Viewer):
-    """Where the browser has no 3-D textures palpate draws the volume."""
+    """Without 3-D textures in the browser, palpate renders the volume on the server."""
 
     @classmethod
     def setUpClass(cls):
@@ -315,7 +318,8 @@ class WithoutWebGl(Viewer):
         return numpy.array(answer["seen"], bool).reshape(size)
 
     def seen_from(self, views, size, mm):
-        """Of each view what a press would meet, and what is not the ground's colour."""
+        """For each view: mask of pixels whose ray hits a structure, and mask of pixels that differ from the background.
+        """
         met, coloured = [], []
         for dx, dy, perspective in views:
             self.page.run("palpateViewer.lookFrom(arguments[0], arguments[1], arguments[2])", dx, dy, perspective)
@@ -546,7 +550,7 @@ class WithPointer(Viewer):
         self.assertEqual(abs(self.volume_pixels() - before).max(), 0)
 
     def coverage(self, mask):
-        """How much of each voxel's neighbourhood is in a mask, [1 2 1] / 4 each way, with a border of nothing."""
+        """Mask smoothed by [1 2 1] / 4 along each axis, padded by one voxel of zeros."""
         share = mask.astype(float)
         for axis in range(3):
             padded = numpy.pad(share, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
@@ -556,8 +560,8 @@ class WithPointer(Viewer):
 
     def first_met(self, shares, eye, rays, nearest):
         """
-        Of rays from one place or each from its own: how much of the first surface each label has, all 0 where there is none. A picture's
-        surface is where 0.45 is covered.
+        Label fractions at the first surface along each ray (total coverage 0.45), all 0 for rays that hit nothing.
+        `eye` is one origin or one per ray.
         shares: of each label, by `coverage`; linear between the middles of voxels
         """
         voxel_from_patient = numpy.linalg.inv(self.patient_from_voxel)
@@ -588,7 +592,8 @@ class WithPointer(Viewer):
         return met
 
     def tell_structures_apart(self):
-        """Gives them colours that are told apart in whatever light. @returns which pixels have the colours of what rays have met, as it is mixed"""
+        """Assigns colours that remain distinguishable under shading. @returns a function of (pixels, label fractions):
+        share of pixels whose colour agrees"""
         structures = self.scene["structures"]
         palette = []
         for n, structure in enumerate(structures):
@@ -907,9 +912,10 @@ class WithPointer(Viewer):
         return found
 
     def take_hand(self):
-        """A second viewer takes the hand; `lead` then leads it. This page has it when it opens, and lets go with another tool."""
-        # it asks once, as it opens: not let go of before it has it, for then it would come to have it and keep it; where the
-        # hand of the test before was not gone yet it was refused, and does not ask again
+        """Passes the tip to a second viewer, which lead() then moves. The page holds the tip when it opens, and
+        releases it when another tool is chosen."""
+        # the page requests the tip once, on opening. Wait for it: a release before the grant would be ineffective. If
+        # the previous test's viewer still held the tip, the request was refused and is not repeated
         asked_s = time.monotonic()
         while not self.page.run("return palpateViewer.state.pointer") and time.monotonic() < asked_s + 2:
             time.sleep(0.02)
@@ -1249,7 +1255,8 @@ class WithHand(Viewer):
         self.assertTrue(all(a[0] < b[0] for a, b in zip(places, places[1:])))
         self.assertGreater(numpy.ptp(numpy.array(places)[:, 1:4], axis=0).max(), 2)
 
-# Put into a page before its own script: a clock of the page's that `advance` puts forward by so many ms, with all that was to happen until then.
+# Injected before the page's script: replaces its clock and timers. advance(ms) moves the clock forward and runs the
+# timers that become due.
 CLOCK = """{
   const own = { now: performance.now.bind(performance), date: Date.now, setTimeout, clearTimeout, setInterval, clearInterval, frame: requestAnimationFrame };
   const timers = new Map();
@@ -1286,7 +1293,7 @@ CLOCK = """{
 
 
 class WithTrouble(Viewer):
-    """The mock, that does not answer as it should: what does not heal by itself is told, and tried again when somebody says so."""
+    """The mock server with faults: errors that do not resolve by themselves are shown, and retried on request."""
 
     draws_seldom = False
 
@@ -1369,7 +1376,7 @@ class WithTrouble(Viewer):
 
 
 class WithoutParts(Viewer):
-    """The mock, some of whose files are not to be had."""
+    """The mock server without some of the page's files."""
 
     draws_seldom = False
     expected = ("Failed to load resource", "Failed to fetch dynamically imported module")
@@ -1444,7 +1451,8 @@ class WithLoading(Viewer):
 
 
 class WithRamp(Viewer):
-    """The mock's scan of 16 bits without a sign, on a grid whose axes are swapped, mirrored and tilted, with 116 structures; the tip moves all the time."""
+    """The mock's unsigned 16-bit scan on a grid with permuted, mirrored and oblique axes and 116 structures; the tip
+    moves continuously."""
 
     @classmethod
     def setUpClass(cls):
@@ -2292,7 +2300,8 @@ class WithShaft(Viewer):
         return numpy.where(inside, self.labels[tuple(numpy.moveaxis(numpy.where(inside[..., None], voxel, 0), -1, 0))], 0)
 
     def occluded(self, points, slack):
-        """Whether something lies in front of points by more than `slack` mm: True, False, or None at an edge, where it differs 2 mm beside or 1.5 mm before and behind."""
+        """For each point, whether it is occluded by voxels more than `slack` mm in front of it; None near an edge,
+        where the answer changes within 2 mm laterally or 1.5 mm in depth."""
         into = points - self.eye if self.is_perspective else numpy.broadcast_to(self.into, points.shape)
         into = into / numpy.linalg.norm(into, axis=1)[:, None]
         aside = numpy.cross(into, (0.3, 0.5, 0.8))
@@ -2316,7 +2325,8 @@ class WithShaft(Viewer):
         return zip(*(numpy.split(one, ends) for one in (at, own, beside)))
 
     def runs(self, points, at, whole_mm, slack):
-        """Which of the points on a line are seen, and which hidden: without those that are within a piece (6 pixels of it, or an eightieth) of another state."""
+        """Masks of the visible and of the hidden points of a line, without points closer than one dash (6 pixels, or
+        1/80 of the line) to a change of visibility."""
         states = self.occluded(points, slack)
         step_mm = numpy.linalg.norm(points[1] - points[0])
         step_pixels = numpy.linalg.norm(at[-1] - at[0]) / (len(at) - 1)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Whether this build refuses what refers to a temporary that is gone.
+"""Checks that the release build rejects references to destroyed temporaries.
 
     check_dangling.py BUILD
 
@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 
-# the function with what dangles, and what stands there instead where it is right
+# description: (function with the placeholder KEPT, text that makes it dangle, text that makes it valid)
 CASES = {
     "an expression of a temporary's": ("double NAME(const Vector3d& a, double s) { KEPT e = a + s * Vector3d(1, 2, s).cwiseAbs(); return e.sum(); }",
                                        "auto", "const Vector3d"),
@@ -71,7 +71,7 @@ def main():
         if fine.returncode != 0:
             sys.exit(f"refused where nothing dangles:\n{fine.stdout}")
         wrong = compiled(text.replace("KEPT", dangling) for text, dangling, _ in CASES.values())
-    # of which function a message is, the compiler says before it
+    # the compiler names the function on a line before each message
     complaints, function = set(), None
     for line in wrong.stdout.splitlines():
         if named := re.search(r"(?:In function|inlined from) .*\bcase_(\d+)\(", line):

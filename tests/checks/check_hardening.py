@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
-"""Looks into programs for what their build protects (cmake/compiler.cmake, SECURITY.md).
+"""Checks that programs contain the exploit mitigations of their build (cmake/compiler.cmake, SECURITY.md).
 
     check_hardening.py PROGRAM...
 
-Prints a line for each protection that is not there; exit code 1 when there is any. Reads x86-64 programs of
-Linux that have their symbols; of another machine's, what does not depend on the processor.
+Prints a line for each protection that is not there; exit code 1 when there is any. Requires x86-64 Linux programs with symbols; for other processors only the processor-independent mitigations are checked.
 """
 
 import pathlib

@@ -1,4 +1,4 @@
-"""A program of tools/ as a module: its name has no ending that Python would find it by."""
+"""Imports a program of tools/ as a module; its file name has no .py suffix, so `import` does not find it."""
 
 import importlib.machinery
 import importlib.util

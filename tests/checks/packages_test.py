@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""What tools/make_packages makes of a build: Debian packages as policy asks, which install and leave nothing when they are removed;
-an archive and a wheel that run elsewhere, with the libraries they carry and no others, to the same run as the build.
+"""What tools/make_packages makes of a build: Debian packages that follow policy, install, and leave no files after
+removal; an archive and a wheel that run in another place with only their bundled libraries and reproduce the build's
+run hash.
 
     packages_test.py BUILD
 """

@@ -20,13 +20,14 @@
 /// Label maps as bodies that a proxy presses on, for tests of contact.
 namespace palpate::test {
 
-/// A label map with what is felt of it, without friction.
+/// A prepared, frictionless model and its contact surfaces.
 struct Body {
   std::shared_ptr<const Model> model;
   std::vector<ContactSurface> surfaces;
 
   bool is_touchable(LabelId label) const { return model->is_touchable(label); }
-  /// Whether a surface belongs to a layer and is in contact with a tool that has punctured nothing.
+  /// Whether `surface` exists, is on `layer` and is not covered by another surface, so that a tool that has punctured
+  /// nothing can touch it.
   bool is_touched(const ContactSurface& surface, int layer = 0) const {
     return surface.surface != nullptr && surface.covered_by < 0 && surface.layer == layer;
   }
@@ -37,7 +38,8 @@ struct Body {
         smallest = std::min(smallest, surface.surface->distance_mm(at) - radius_mm);
     return smallest;
   }
-  /// Straight before a target, with room for a sphere all the way out of everything's reach.
+  /// Nearest point from `target` along `outward` from which a sphere has more than 0.2 mm of clearance up to far_mm;
+  /// empty: there is none.
   std::optional<Point<Patient>> free_place(const Point<Patient>& target, const Vector<Patient>& outward,
                                            double radius_mm, double far_mm) const {
     std::optional<Point<Patient>> first;
@@ -59,7 +61,7 @@ struct Body {
   }
 };
 
-/// Whether no centre of a felt voxel is nearer to `at` than `clear_mm` plus half a voxel diagonal.
+/// Whether every centre of a touchable voxel is farther from `at` than `clear_mm` plus half a voxel diagonal.
 inline bool is_clear_of_voxels(const Body& body, const Point<Patient>& at, double clear_mm) {
   const Bricks<LabelId>& labels = *body.model->labels;
   const GridGeometry& grid = labels.geometry();
@@ -96,7 +98,7 @@ inline Model model_of(const LabelMap& map,
   return model;
 }
 
-// stiffness that a proposed scene gives a structure, by its name; empty: not felt
+// preset stiffness of a structure, found by its name as in a proposed scene; empty: not touchable
 inline std::optional<double> as_proposed(const Segment& segment) {
   const TissuePreset* preset = match_preset(segment.name).preset;
   if (preset == nullptr || !preset->values.touchable) return {};
@@ -110,7 +112,8 @@ inline Body one_body(const Model& model) {
   return {*ready, (*ready)->surfaces};
 }
 
-/// Felt voxels with a free one beside a face: all of them, and those with another felt label around.
+/// Touchable voxels with an untouchable face neighbour: all of them, and those with another touchable label among their
+/// 26 neighbours.
 struct ExposedVoxels {
   std::vector<std::array<int, 3>> all, seams;
 

@@ -18,8 +18,8 @@
 #include "palpate/phantoms/phantoms.h"
 #include "soft_and_bone.h"
 
-/// A tool that is free is left alone: presses to 8 N on layered bodies, from which the hand goes back the way
-/// it came or out on another side. PALPATE_TEST_PRESSES says how many on each body.
+/// A tool in free air has no force: presses to 8 N on layered bodies, withdrawn along the entry path or out through
+/// another side. PALPATE_TEST_PRESSES: number of presses on each body.
 namespace palpate::free_air {
 namespace {
 
@@ -47,13 +47,14 @@ int presses_requested() {
 
 struct FreeAirFigures {
   int presses = 0, back = 0, lateral = 0;
-  int held_back = 0, held_lateral = 0;  ///< ways that led to free air, where the hand then rested
-  int hooked = 0;  ///< ways back of a tool that had slid round to the other side: what it went round holds it
-  int within_while_free = 0;  ///< ticks in which a layer within gave force while the outermost proxy was free
+  int held_back = 0, held_lateral = 0;  ///< exit paths that reached free air, where the tip then rested
+  int hooked = 0;  ///< withdrawals along the entry path of a tool that had slid around an obstacle, which then
+                   ///< constrains it; not counted as failures
+  int within_while_free = 0;  ///< ticks in which an inner layer exerted force while the outermost proxy was free
   int untold = 0;             ///< ticks with a force that neither a contact nor a release explains
   int jumps = 0, slow_releases = 0;
-  int drawn = 0, held_outside = 0;  ///< withdrawals and ways out after which more than kLeft_N was left
-  int grown = 0;                    ///< in which a force grew in free air
+  int drawn = 0, held_outside = 0;  ///< withdrawals and lateral exits after which more than kLeft_N remained
+  int grown = 0;                    ///< withdrawals in which the force increased in free air
   double largest_jump_N = 0, max_released_N = 0, max_drawn_N = 0, longest_drawn_s = 0;
 };
 
@@ -118,7 +119,7 @@ class FreeAirPress {
     return true;
   }
 
-  // at rest in free air: what is left only falls, at the pace of a slip
+  // one tick at rest in free air: the residual force may only decrease, at the rate of the slip limit
   void hold() {
     const double before_N = result_.force_N.norm();
     advance();
@@ -226,7 +227,7 @@ void expect_left_alone(const char* what, const Model& model) {
     EXPECT_EQ(f.within_while_free, 0);
     EXPECT_LT(f.largest_jump_N, kMaxJump_N);
     EXPECT_EQ(f.slow_releases, 0);
-    EXPECT_GT(f.held_back, f.back / 2) << "what is expected of ways back was looked at";
+    EXPECT_GT(f.held_back, f.back / 2) << "too few withdrawals reached free air to test them";
     EXPECT_EQ(f.untold, 0);
     // one of 5256 was (docs/decisions/0076-layers-hold-while-covered.md)
     EXPECT_LE(f.drawn, f.held_back / 80);
@@ -278,7 +279,7 @@ TEST(FreeAir, FreeToolHasNoForceNearAHeadOfFourStiffnesses) {
                     model_of(*labels, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
 }
 
-// from above into the cup, through its thin wall to the side, and out: nothing is touched there any more
+// into the cup from above, out through its thin wall into free air
 TEST(FreeAir, ToolThatExitedThroughACupIsReleased) {
   for (const double wall_mm : {1.0, 1.5})
     for (const double radius_mm : {0.0, 0.5, 1.5}) {

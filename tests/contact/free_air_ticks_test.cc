@@ -37,7 +37,7 @@ int presses_on_each() {
 struct TickFigures {
   int presses = 0, in_free_air = 0;
   int pressed = 0;        ///< presses that reached 1 N: without force nothing is tested
-  int unnamed = 0;        ///< ticks that sent more than kPerceptible_N, which no flag explains
+  int unnamed = 0;        ///< ticks that sent more than kPerceptible_N without a flag that explains the force
   int pulled = 0;         ///< presses after which more than kPerceptible_N outlasted the release
   int grown = 0;          ///< presses after which the force in free air grew
   double max_left_N = 0;  ///< force when free air was reached

@@ -13,8 +13,8 @@
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
 
-/// Random presses on the thin tissues of two real knees, on voxels turned obliquely: the proxy's whole way
-/// stays outside, by an oracle of its own. PALPATE_TEST_PRESSES says how many presses in all.
+/// Random presses on the thin tissues of two real knees, resampled on rotated grids: the proxy's whole path stays
+/// outside, checked by an independent oracle. PALPATE_TEST_PRESSES: total number of presses.
 namespace palpate {
 namespace {
 
@@ -35,7 +35,7 @@ constexpr double kMax_N = 8.5;
 constexpr double kMaxStep_mm = 0.5;  // a tick of 1 ms: half a metre a second
 constexpr double kWidest_mm = 3;     // the tool's radius
 constexpr double kEvery_mm = 0.01;
-// every tenth press beyond those is with a shaft, which is felt as a row of spheres
+// one additional press with a shaft for every ten with a sphere; its contact is sampled as a row of spheres
 constexpr int kPressesAShaft = 10;
 constexpr double kEveryOfShaft_mm = 0.05, kAlongShaft_mm = 0.1, kShaftDip_mm = 0.03;
 
@@ -60,7 +60,8 @@ int presses_a_turn() {
   return (press_count() + turns - 1) / turns;
 }
 
-/// A signed field by its values alone: in double, trilinear, and its outside value beyond the voxels.
+/// Reference evaluation of a signed field: trilinear interpolation in double, the field's outside value beyond the
+/// grid.
 class Oracle {
  public:
   explicit Oracle(const SignedField& field)
@@ -171,15 +172,14 @@ struct Counted {
   }
 };
 
-/// A hand that presses with a sphere or a shaft on one structure, and the oracle that looks at the proxy's
-/// way.
+/// A press with a sphere or a shaft on one structure; the oracle checks the proxy's path.
 class Press {
  public:
   Press(const ContactSurface& surface, const Oracle& oracle, const ToolSphere& tool)
       : touchable_(surface), oracle_(oracle), tool_(tool) {}
 
-  /// From before the structure, along a random direction through `target`, askew, up to a random force; every
-  /// other one then slides. True when it was felt.
+  /// Presses towards `target` along a random direction with a random tilt up to a random force; about half of the
+  /// presses then slide. Returns whether contact force was rendered.
   bool move(const Point<Patient>& target, Chance& chance) {
     const Vector<Patient> inward = chance.direction();
     tip_ = first_touch(target, inward) - inward * chance.between(0.5, 2);
@@ -225,7 +225,7 @@ class Press {
   }
   double multiplier_mm() const { return (state_.position - tip_).norm(); }
 
-  // A hand that presses no harder than it wants to, and moves no faster than it can.
+  // moves the tip, limited to max_mm_ of penetration and kMaxStep_mm per tick
   void lead(const Vector<Patient>& displacement) {
     Vector<Patient> pressed = tip_ + displacement - state_.position;
     if (pressed.norm() > max_mm_) pressed = pressed * (max_mm_ / pressed.norm());

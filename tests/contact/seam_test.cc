@@ -35,7 +35,7 @@ constexpr double kStep_mm = 0.02;  // 20 mm/s at 1 kHz
 constexpr double kFar_mm = 12, kDeepest_mm = 6, kSlide_mm = 5, kWithdrawn_mm = 6, kOutside_mm = 0.05;
 constexpr double kContact_mm = 0.5, kContact_N = 0.01;
 constexpr double kJump_N = 0.02, kInward_N = 0.02, kFree_N = 0.001, kDrag_N = 0.05;
-// free for 50 ms: what a proxy still slips by is over, and what pulls is wrong
+// after 1 mm (50 ms) in free space the slip has ended, and any remaining inward force is a fault
 constexpr double kSlipOver_mm = 1;
 
 int seam_presses() {
@@ -43,7 +43,7 @@ int seam_presses() {
   return value != nullptr ? std::atoi(value) : 400;
 }
 
-// the same with a closed surface for each label, as it was before there were outer ones
+// the same model with a separate closed surface for each label, without common outer surfaces
 Body apart(const Model& model) {
   Body body{std::make_shared<const Model>(model), {}};
   for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label) {
@@ -58,8 +58,8 @@ Body apart(const Model& model) {
   return body;
 }
 
-/// More than half a voxel inside what is felt: a point so deep in felt voxels, a sphere over a felt centre by
-/// more than half the widest spacing.
+/// Oracle for penetration of more than half a voxel. A point is inside if all voxels within one voxel of it are
+/// touchable; a sphere if it covers a touchable voxel centre by more than half the largest spacing.
 class HalfAVoxel {
  public:
   explicit HalfAVoxel(const Body& body)
@@ -99,7 +99,7 @@ struct Figures {
   double largest_jump_N = 0, max_drawn_N = 0, max_inward_N = 0;
 };
 
-/// A hand that presses a sphere on a body, slides, and goes back the way that it came.
+/// Presses a sphere on a body, slides it, and withdraws it along the direction of the force.
 class SeamPress {
  public:
   SeamPress(const Body& body, const HalfAVoxel& half, double radius_mm, Figures& figures)
@@ -123,7 +123,7 @@ class SeamPress {
     const Vector<Patient> along(Eigen::AngleAxisd(lateral, outward.eigen()) * across);
     for (double slid_mm = 0; slid_mm < kSlide_mm && force_N() < kSlideMost_N; slid_mm += kStep_mm)
       lead(along * kStep_mm);
-    // a way that comes out of the body on another side is no press that can be taken back
+    // a path that left the body on another side cannot be withdrawn
     if (!came_out_) withdraw();
     figures_.unfelt += unfelt_;
     figures_.inside += inside_;
@@ -131,8 +131,8 @@ class SeamPress {
   }
 
  private:
-  // the way that it is pushed, until it has been free for long; what lies above it, or hard in the soft that
-  // it is drawn through, may stop it
+  // withdraws along the force until the tip has been free for kWithdrawn_mm; ends early at a structure above or at hard
+  // tissue on the path
   void withdraw() {
     const Vector<Patient> out = result_.force_N.normalized();
     outward_ = out;
@@ -290,7 +290,7 @@ void expect_one_body(const char* what, const Model& model) {
     EXPECT_EQ(figures.trapped, 0);
   }
   EXPECT_LT(elsewhere, withdrawals / 6);
-  // some of ten thousands, and which ones they are goes with how a processor rounds
+  // a few of ten thousand; which ones depends on the processor's rounding
   EXPECT_LE(drawn_after, 1 + withdrawals / 500);
   EXPECT_LE(pulled_inward, 1 + withdrawals / 5000);
   if (std::getenv("PALPATE_TEST_APART") != nullptr) {
@@ -439,7 +439,7 @@ TEST(Seams, ObliqueKneeHasNoSeams) {
   expect_one_body_in("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd", 0);
 }
 
-// 116 regions of a brain, as nobody presses on: each beside many others, of one stiffness and of four
+// 116 brain regions, each adjacent to many others: with one stiffness, and with four
 TEST(Seams, HeadHasNoSeams) {
   const std::filesystem::path file = "/usr/share/mricron/templates/aal.nii.gz";
   if (!std::filesystem::exists(file)) {

@@ -17,14 +17,14 @@
 #include "openhaptics/test_hd_rig.h"
 #include "palpate/servo/composite_driver.h"
 
-/// Devices of two makers in one session, each in its maker's own clock, when either breaks or both do.
+/// Devices of two vendors in one session, each on its vendor's clock, under faults of one or both.
 namespace palpate {
 namespace {
 
 using testing::kBoneRadius_mm;
 using testing::soon;
 
-/// A device, its maker's side and its driver.
+/// A device: the fake of its vendor's library and the driver.
 class Made {
  public:
   virtual ~Made() = default;
@@ -36,7 +36,7 @@ class Made {
   virtual void begin_faults(std::mt19937& random) = 0;
   virtual void end_faults(std::mt19937& random) = 0;
   virtual std::string faults() const = 0;
-  /// Lets the driver go. @return the first rule of its maker's that was broken; empty: none
+  /// Destroys the driver. @return the first rule of the vendor's library that was violated; empty: none
   virtual std::string end() = 0;
 };
 
@@ -143,8 +143,8 @@ class TwoVendors {
     return dynamic_cast<Touch*>(made_[d].get()) ? Touch::kMax_N : kUsers_N;
   }
   bool presses(std::size_t d) const { return made_[d]->force_N() > 0.4 * limit_N(d); }
-  /// Contact begins outside: a hand that was lost may have come back within, and one whose tick came late has
-  /// jumped there. Hence again and again.
+  /// Presses until both devices render force. Contact must begin outside the surface, but a device may recover inside,
+  /// or jump there after a late tick; hence the retries.
   bool press() {
     return loop_ && soon([&] {
              // the field fades out over four millimetres
@@ -163,7 +163,7 @@ class TwoVendors {
              return false;
            });
   }
-  /// Whether it presses for longer than any command of before is worth anything, and is ticked all the while.
+  /// Whether the device keeps pressing, with ticks, for longer than the validity of earlier commands.
   bool goes_on_pressing(std::size_t d) const {
     return soon([&] {
       const std::uint64_t then = loop_->snapshot().tick;
@@ -220,8 +220,8 @@ INSTANTIATE_TEST_SUITE_P(First, TwoVendorsFaults,
                                            NamedMakers{"Inverse3AndTouch", {&make<Inverse3>, &make<Touch>}}),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
-// Whichever owns the clock: no force where something is wrong, the other hand goes on feeling, none above its
-// own limit, and both are felt again. PALPATE_TEST_FAULTS=200 takes that many.
+// With either device as clock owner: a faulty device has zero force, the other keeps rendering, each stays within its
+// own limit, and both recover. PALPATE_TEST_FAULTS: number of fault sequences.
 TEST_P(TwoVendorsFaults, SurvivesAnySequenceOfFaults) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));

@@ -1,4 +1,4 @@
-"""The files that the manual's examples take for granted, small: each page finds them in its folder."""
+"""Small versions of the files that the manual's examples assume; each page gets them in its folder."""
 
 import collections
 import gzip
@@ -53,7 +53,8 @@ def markups(kind, places):
 
 
 def poses():
-    """Of a tool that turns about its tip, 100 mm below its markers: x, y, z and a quaternion whose scalar comes last."""
+    """Poses of a tool that pivots about its tip, 100 mm below its markers: lines of x, y, z (mm) and a quaternion,
+    scalar last."""
     lines = []
     for n in range(200):
         a, b = 0.5 * math.cos(0.37 * n), 0.5 * math.sin(0.61 * n)
@@ -93,7 +94,8 @@ def write_nifti(file, volume):
 
 
 def stl(low, high):
-    """A box, LPS, mm. Mirrored into RAS one so far anterior would lie outside of the scan."""
+    """A box as ASCII STL, LPS, mm. make() puts it so far anterior that reading it as RAS would place it outside the
+    scan."""
     corners = [[(low, high)[n >> axis & 1][axis] for axis in range(3)] for n in range(8)]
     faces = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)]
     return "solid box\n" + "".join("facet normal 0 0 0\nouter loop\n" + "".join("vertex {} {} {}\n".format(*corners[n]) for n in face)

@@ -58,7 +58,8 @@ def blocks(root, page):
 
 
 def commands(block):
-    """The command lines of a block: of one with prompts those behind them. A backslash goes on in the next line."""
+    """Command lines of a block; of a console block, the text after each `$ `. A trailing backslash joins the next line.
+    """
     lines = re.sub(r"\\\n\s*", " ", block.text).splitlines()
     if block.language == "console":
         return [line[2:] for line in lines if line.startswith("$ ")]

@@ -124,7 +124,7 @@ def last_lines(text, count=8):
 
 
 class Program:
-    """palpate in a surrounding of its own, and what its helps say."""
+    """palpate in an isolated environment, with the help text of each verb."""
 
     def __init__(self, path, folder):
         self.path, self.folder = path, folder
@@ -157,7 +157,8 @@ class Program:
                 re.findall(r"^[^\n]*?=(\S+?)(?=\s\s|$|\n)", entry) + re.findall(r"default:? (\S+)", entry)}
 
     def run(self, script, folder):
-        """Of a shell script in a folder: exit code and what it printed. It and what it began are ended after some minutes."""
+        """Runs a shell script in `folder` and returns (exit code, output). The script and its children are killed after
+        MOST_S seconds."""
         with subprocess.Popen(["bash", "-e", "-o", "pipefail", "-c", script], cwd=folder, env=self.environment, text=True,
                               errors="replace", stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               start_new_session=True) as process:

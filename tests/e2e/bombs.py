@@ -1,4 +1,5 @@
-"""Files that promise, or hold, far more than they are: nested, sparse, long and deep. Each is small on disk."""
+"""Decompression bombs and headers that declare more data than the file holds: nested, sparse, long and deeply nested
+files, each small on disk."""
 
 import bz2
 import gzip

@@ -1,4 +1,4 @@
-"""What was prepared before is taken the next time, and whatever becomes of it harms nobody."""
+"""Prepared models are cached and reused; a missing, limited or shared cache never changes a result."""
 
 import os
 import stat

@@ -20,7 +20,7 @@ import prepared
 PALPATE = os.environ["PALPATE"]
 # it checks itself, and takes several times as long
 SANITIZED = bool(os.environ.get("PALPATE_SANITIZE"))
-# the edge of the generated knee's voxels where the picture is no matter, mm
+# voxel edge of the generated knee in tests that do not depend on image detail, mm
 KNEE_MM = "2.0" if SANITIZED else "1.5"
 # a script for where the whole palpation is no matter either
 TOUCH = '[[step]]\napproach = "femur"\nspeed = 200.0\n[[step]]\npress = 0.8\n'
@@ -43,8 +43,8 @@ OK, BAD_INPUT, USAGE, LIMIT, OUTPUT, UNAVAILABLE, INTERRUPTED = 0, 1, 2, 3, 4, 5
 
 
 def spawn(*arguments, **options):
-    """Runs the palpate binary in a process of its own. For what is about processes: death, signals, limits, privileges, the
-    environment, the real standard streams, bytes that may bring a parser down. Returns what run() does."""
+    """Runs the palpate binary in a process of its own. For tests of process behaviour: crashes, signals, limits,
+    privileges, environment, standard streams, and input that may crash a parser. Returns what run() does."""
     return subprocess.run([PALPATE, *map(str, arguments)], capture_output=True, text=True,
                           errors="replace", stdin=subprocess.DEVNULL, timeout=600, **options)
 
@@ -78,7 +78,7 @@ def spawn_only():
 
 
 def set_environment(environment):
-    """Of this process, of which no thread may be reading it."""
+    """Replaces the environment of this process; no other thread may read it at the same time."""
     for name in os.environ.keys() - environment.keys():
         del os.environ[name]
     for name, value in environment.items():
@@ -110,8 +110,8 @@ def need(name):
 
 
 def as_nobody():
-    """What to put before a command so that file permissions hold for it. Tests that need it fail in CI, and are
-    skipped elsewhere, where root cannot become somebody else."""
+    """Command prefix that runs a program as an unprivileged user, so that file permissions apply; empty if this process
+    is not root. Without setpriv the test fails in CI and is skipped elsewhere."""
     if os.geteuid() != 0:
         return []
     command = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
@@ -121,14 +121,15 @@ def as_nobody():
 
 
 def interrupt_is(which, process):
-    """Whether SIGINT is among a process's signals that are "SigCgt", handled, or "ShdPnd", not taken yet (proc(5))."""
+    """Whether SIGINT is set in a signal mask of a process, `which` of /proc/PID/status: "SigCgt" (handled) or "ShdPnd"
+    (pending)."""
     status = pathlib.Path(f"/proc/{process.pid}/status").read_text()
     signals = int(re.search(rf"^{which}:\s*(\w+)$", status, re.MULTILINE).group(1), 16)
     return bool(signals >> (signal.SIGINT - 1) & 1)
 
 
 def wait_for_handler(process):
-    """Until SIGINT is handled, or the process has ended: before that a program dies of it."""
+    """Waits until the process has installed a handler for SIGINT, or has ended; before that SIGINT would kill it."""
     while process.poll() is None and not interrupt_is("SigCgt", process):
         time.sleep(0.01)
 
@@ -189,8 +190,8 @@ class PalpateTest(unittest.TestCase):
 
 
 class KneeTest(PalpateTest):
-    """Has the generated knee, coarse, for what is not about the picture: cls.scan, cls.labels, a place for cls.scene,
-    and cls.script, which is soon done."""
+    """Provides a coarse generated knee: cls.scan, cls.labels, cls.scene (path for new_scene()) and cls.script, a short
+    palpation."""
 
     @classmethod
     def setUpClass(cls):
@@ -242,7 +243,7 @@ class KneeTest(PalpateTest):
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def check_outputs_that_cannot_be_written(self, verb, ending, another):
-        """@param ending, another  of a picture's name, and one that is none"""
+        """@param ending   file extension that the verb writes @param another  extension that it rejects"""
         missing = self.folder / "missing" / f"picture{ending}"
         self.fail_clearly(OUTPUT, verb, self.scene, "-o", missing, says="missing")
         self.fail_clearly(OUTPUT, verb, self.scene, "-o", self.folder, says="folder")

@@ -1,5 +1,5 @@
-"""palpate explore dies, or is to die, at random moments: of every signal, of an exception in each of its threads, with its
-disk full or its streams closed, stopped for a while. Each time its supervisor's log says what happened, its recording
+"""palpate explore under every signal, an exception in each thread, a full disk, closed streams and SIGSTOP, each at a
+random time. Each time its supervisor's log says what happened, its recording
 replays as far as it goes, and nothing of it stays behind. A trial of some causes in every run, PALPATE_TEST_DEATHS=all takes all causes 20 times."""
 
 import contextlib
@@ -26,16 +26,16 @@ import explore_test
 # big enough to be pressed, and soon ready
 KNEE_MM = "3.0"
 SEED = int(os.environ.get("PALPATE_TEST_SEED", "20261121").replace("any", str(random.randrange(10**9))))
-# a death that is seen later is told with what the supervisor wrote down
+# a death detected later than this is printed with the supervisor's log entry
 LATE_MS = 100
 ALL = os.environ.get("PALPATE_TEST_DEATHS") == "all"
 
-# signals that nobody has promised anything about: the program dies of them
+# signals without a handler: the default action terminates the program
 DEADLY = [signal.SIGKILL, signal.SIGQUIT, signal.SIGILL, signal.SIGTRAP, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE,
           signal.SIGUSR1, signal.SIGSEGV, signal.SIGUSR2, signal.SIGALRM, signal.SIGSTKFLT, signal.SIGXCPU, signal.SIGVTALRM,
           signal.SIGPROF, signal.SIGIO, signal.SIGPWR, signal.SIGSYS, signal.SIGRTMIN, signal.SIGRTMAX]
 GENTLE = [signal.SIGINT, signal.SIGTERM]
-# a device would hold its last force, or a hand would be let go of for nothing
+# ignored: stopping would leave a device at its last force, and ending would drop the session without need
 IGNORED = [signal.SIGHUP, signal.SIGPIPE, signal.SIGXFSZ, signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU]
 
 
@@ -45,8 +45,8 @@ def trials(causes, few):
 
 
 class BareThread(threading.Thread):
-    """How late a thread gets its processor while this is entered: one of the supervisor's priority where the system allows it,
-    or an ordinary one, as most are that have to end before their process has."""
+    """Measures the scheduling delay of an idle thread within a `with` block, at the supervisor's real-time priority
+    where permitted, or at normal priority, as reference for the detection times."""
 
     SUPERVISOR = 95
 
@@ -315,8 +315,8 @@ class Deaths(cli.PalpateTest):
                 self.assert_nothing_left(claims=2)
             self.assert_replays(session.recording, whole=False)
 
-    # main, who ends what does not hear, the hand, the recorder, who looks up causes, soft tissue; those with names of
-    # their own
+    # unnamed: main, stop watch (console.cc), simulated hand, recorder, late-tick monitor, soft-tissue solver; then the
+    # named threads
     THREADS = sorted(6 * ["palpate"] + ["palpate-guard", "palpate-servo", "viewer-pictures", "viewer-volumes", "viewers"])
 
     def begin_watched(self):
@@ -377,7 +377,7 @@ class Deaths(cli.PalpateTest):
         with urllib.request.urlopen(self.address(session) + path.lstrip("/"), timeout=300) as answer:
             return json.loads(answer.read()) if path == "/api/scene" else len(answer.read())
 
-    # of the viewers' one and of that which makes fields a session does not die: neither is a reason to let go of a hand
+    # an exception in the viewer server's thread or in the field-preparation thread does not end the session
     @cli.long
     def test_an_exception_in_any_thread(self):
         seen_ms = []

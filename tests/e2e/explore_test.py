@@ -31,8 +31,8 @@ PRESS = cli.TOUCH + '[[step]]\nhold = 60.0\n'
 ERASE = "\r\033[K"
 PRESSES = r" 0\.[5-9]\d/1\.40 N  femur"
 
-# s since the tick before, N sent, N asked and flags of ticks in the last second before the loop was told to stop; then
-# the same from that tick on
+# dt (s), rendered force (N), unclamped force (N) and flags of each tick: one line for the last 1000 ticks before the
+# stop request, one for the ticks from it on
 LAST_FORCES = """
 import sys, h5py, numpy
 with h5py.File(sys.argv[1]) as run:
@@ -44,13 +44,13 @@ for part in (rows[max(0, paused - 1000):paused], rows[paused:]):
 """
 
 
-# what a machine is told that is slow, or busy when a session begins
+# warning printed on a machine that is slow, or busy when a session begins
 SLOW_MACHINE = re.compile("palpate: warning: soft tissue is solved in cells of .*\r?\n")
 
 
 class Terminal:
-    """palpate with its stderr on a terminal, and that terminal's keys when it has a keyboard; its frames are what each
-    redrawing of the live line shows. What is `typed` lies there before palpate begins."""
+    """palpate with stderr on a pseudo-terminal, and stdin too if `keyboard`. frames() are the successive contents of
+    the status line. `typed` is in the input buffer before palpate starts."""
 
     def __init__(self, *arguments, keyboard=False, typed=b""):
         self.master, slave = pty.openpty()
@@ -178,7 +178,8 @@ class Viewer:
                 return message
 
     def wait_for_pose(self, is_it):
-        """The first of the poses to come for which it is so: of the first device (force N, stiffness, label, flags)."""
+        """Waits for a pose whose first device satisfies is_it(force_N, stiffness, label, flags); returns these four
+        values."""
         until = time.monotonic() + 300
         while time.monotonic() < until:
             kind, data = self.next()
@@ -189,7 +190,7 @@ class Viewer:
             label = struct.unpack_from("<H", data, 96 + 96)[0]
             if is_it(force, stiffness, label, flags):
                 return force, stiffness, label, flags
-        raise AssertionError(f"no such pose within a minute; the last: {force, stiffness, label, flags}")
+        raise AssertionError(f"no such pose within five minutes; the last: {force, stiffness, label, flags}")
 
     def get(self, path):
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))

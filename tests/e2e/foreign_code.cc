@@ -1,5 +1,5 @@
-// Code of somebody else: whoever loads it makes the file that FOREIGN_CODE_RAN names. ITK's factories, HDF5's
-// filters and OpenSSL's providers come as such libraries.
+// Untrusted shared library: loading it creates the file named by FOREIGN_CODE_RAN. Stands for ITK factories, HDF5
+// filters and OpenSSL providers.
 #include <cstdio>
 #include <cstdlib>
 

@@ -1,4 +1,4 @@
-"""The demo's way: the generated knee, from a name to a force, a recording, a replay and a report."""
+"""The demo's steps on the generated knee: load by name, simulate, record, replay, report."""
 
 import re
 

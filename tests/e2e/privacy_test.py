@@ -1,4 +1,4 @@
-"""A patient's name in a path, in NRRD keys or in NIfTI's text leaves it nowhere but on the terminal."""
+"""A patient's name in a path, in NRRD keys or in NIfTI text appears in no output file."""
 
 import gzip
 import math

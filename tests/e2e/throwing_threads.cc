@@ -1,6 +1,5 @@
-// Loaded before palpate, it lets a thread that the test has chosen throw an exception that nobody expects: as
-// a thread asks the system for something, or is answered, it looks whether it is the one. THROWING_THREAD
-// names a file that holds the thread's number, four bytes; 0: none.
+// LD_PRELOAD library that makes a chosen thread throw: before and after each intercepted blocking call a thread
+// compares its number with the one in the file THROWING_THREAD (four bytes; 0: none).
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <poll.h>

@@ -1,5 +1,5 @@
-"""Scripted trainees: an expert and three kinds of beginner do every task with the simulated hand, and each kind has to be
-told from the expert by what it does badly, and by nothing that it does well.
+"""Scripted trainees: an expert and three kinds of beginner do every task with the simulated hand, and the metrics must
+distinguish each kind from the expert by its own weakness and by no other compared metric.
 
     PALPATE=build/release/apps/palpate/palpate python3 tests/e2e/trainees.py [--seeds 20] [--task NAME] [--markdown]
 
@@ -21,7 +21,8 @@ import tempfile
 
 # each kind, and by which of the metrics that are compared it has to be told
 KINDS = ("heavy", "shaky", "incomplete")
-TOLD_BY = {"heavy": "excess_impulse", "shaky": "smoothness", "incomplete": "steps_done"}
+add the comment: # metric that must distinguish each kind of novice from the expert (AUC >= LEAST_AREA); the metrics of
+the other kinds must not, "shaky": "smoothness", "incomplete": "steps_done"}
 # at the menisci the limit of 8.5 N is more than the simulated device gives
 HEAVY_AT_THE_MENISCI = "peak_force of medial_meniscus, lateral_meniscus"
 TOLD_BY_OWN = {"meniscus-probing": {"heavy": HEAVY_AT_THE_MENISCI}, "scope-and-probe": {"incomplete": "unseen_time"},

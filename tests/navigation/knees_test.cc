@@ -12,8 +12,8 @@
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
 
-/// Bones of two knees, traced by a tracked pointer: found again from ten degrees and ten millimetres away, by
-/// a hand that shakes, too, and never taken for the other side's.
+/// Surface registration of bones of two knees from points traced by a tracked pointer: converges from ten degrees and
+/// ten millimetres away, also with tremor, and rejects the mirrored bone.
 namespace palpate {
 namespace {
 

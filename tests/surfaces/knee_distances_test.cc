@@ -12,8 +12,8 @@
 #include "palpate/sampling/surface_tree.h"
 #include "palpate/surfaces/surfaces.h"
 
-/// How far the generated knee's structures are, as ticks tell it, beside a slow oracle of another kind: every
-/// triangle of the structure's surface.
+/// Distances to the generated knee's structures by SurfaceTree, compared with a slow independent oracle: the nearest of
+/// all triangles of the surface.
 namespace palpate {
 namespace {
 

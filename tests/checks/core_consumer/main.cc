@@ -7,8 +7,8 @@
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
 
-// somebody else's simulator: a segmented block, a tip that is pressed into it and felt by the proxy, and a
-// hole that is cut under the tip while it is felt
+// a third-party simulator: a segmented ball, a tip pressed into it with the proxy method, and a hole cut under the tip
+// while in contact
 namespace {
 
 constexpr double kStiffness_N_per_mm = 1, kRadius_mm = 8, kVoxel_mm = 0.6, kDepth_mm = 1;
@@ -45,7 +45,7 @@ class Simulator {
     parameters_.method = palpate::ForceMethod::kProxy;
   }
 
-  // half a second in which the tip goes to a height above the ball's middle; gives the force in the patient
+  // moves the tip to `height_mm` above the ball's centre within 0.5 s; returns the final force, Patient
   palpate::Vector<palpate::Patient> hold(const palpate::Model& model, double height_mm) {
     constexpr int kTicks = 500;
     const double from_mm = height_mm_;
