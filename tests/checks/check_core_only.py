@@ -18,8 +18,8 @@ import sys
 # what the compiler brings, and Highway; Eigen is headers only
 ALLOWED = re.compile(r"^(linux-vdso|ld-linux-[a-z0-9-]+|libc|libm|libgcc_s|libstdc\+\+|libpthread|librt|libdl"
                      r"|libhwy|libasan|libubsan|libtsan)\.so")
-# Headers that its sources may not include: all in /usr/include but those of Eigen, Highway, the compiler and the system. Headers
-# directly in /usr/include may be the system's; a library that installs there is detected by ldd.
+# Headers that its sources may not include: all in /usr/include but those of Eigen, Highway, the compiler and the
+# system. Headers directly in /usr/include may be the system's; a library that installs there is detected by ldd.
 OTHER_HEADER = re.compile(r"/usr/(?:local/)?include/(?!eigen3/|hwy/|c\+\+/|(?:x86_64|aarch64)-linux-gnu/|linux/|asm|bits/|sys/|gnu/)[^/\s]+/\S+")
 # packages that the core must not even look for
 FORBIDDEN_IN_CACHE = ("ITK_DIR", "HDF5", "CURL", "TBB_DIR", "OPENSSL", "kissfft_DIR", "PNG_", "tomlplusplus",

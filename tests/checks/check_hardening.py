@@ -3,7 +3,8 @@
 
     check_hardening.py PROGRAM...
 
-Prints a line for each protection that is not there; exit code 1 when there is any. Requires x86-64 Linux programs with symbols; for other processors only the processor-independent mitigations are checked.
+Prints a line for each protection that is not there; exit code 1 when there is any. Requires x86-64 Linux programs with
+symbols; for other processors only the processor-independent mitigations are checked.
 """
 
 import pathlib

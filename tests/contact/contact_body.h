@@ -26,8 +26,8 @@ struct Body {
   std::vector<ContactSurface> surfaces;
 
   bool is_touchable(LabelId label) const { return model->is_touchable(label); }
-  /// Whether `surface` exists, is on `layer` and is not covered by another surface, so that a tool that has punctured
-  /// nothing can touch it.
+  /// Whether `surface` exists, is on `layer` and is not covered by another surface, so that a tool that has
+  /// punctured nothing can touch it.
   bool is_touched(const ContactSurface& surface, int layer = 0) const {
     return surface.surface != nullptr && surface.covered_by < 0 && surface.layer == layer;
   }
@@ -38,8 +38,8 @@ struct Body {
         smallest = std::min(smallest, surface.surface->distance_mm(at) - radius_mm);
     return smallest;
   }
-  /// Nearest point from `target` along `outward` from which a sphere has more than 0.2 mm of clearance up to far_mm;
-  /// empty: there is none.
+  /// Nearest point from `target` along `outward` from which a sphere has more than 0.2 mm of clearance up to
+  /// far_mm; empty: there is none.
   std::optional<Point<Patient>> free_place(const Point<Patient>& target, const Vector<Patient>& outward,
                                            double radius_mm, double far_mm) const {
     std::optional<Point<Patient>> first;
@@ -112,8 +112,8 @@ inline Body one_body(const Model& model) {
   return {*ready, (*ready)->surfaces};
 }
 
-/// Touchable voxels with an untouchable face neighbour: all of them, and those with another touchable label among their
-/// 26 neighbours.
+/// Touchable voxels with an untouchable face neighbour: all of them, and those with another touchable label
+/// among their 26 neighbours.
 struct ExposedVoxels {
   std::vector<std::array<int, 3>> all, seams;
 

@@ -18,8 +18,8 @@
 #include "palpate/phantoms/phantoms.h"
 #include "soft_and_bone.h"
 
-/// A tool in free air has no force: presses to 8 N on layered bodies, withdrawn along the entry path or out through
-/// another side. PALPATE_TEST_PRESSES: number of presses on each body.
+/// A tool in free air has no force: presses to 8 N on layered bodies, withdrawn along the entry path or out
+/// through another side. PALPATE_TEST_PRESSES: number of presses on each body.
 namespace palpate::free_air {
 namespace {
 
@@ -48,10 +48,11 @@ int presses_requested() {
 struct FreeAirFigures {
   int presses = 0, back = 0, lateral = 0;
   int held_back = 0, held_lateral = 0;  ///< exit paths that reached free air, where the tip then rested
-  int hooked = 0;  ///< withdrawals along the entry path of a tool that had slid around an obstacle, which then
-                   ///< constrains it; not counted as failures
-  int within_while_free = 0;  ///< ticks in which an inner layer exerted force while the outermost proxy was free
-  int untold = 0;             ///< ticks with a force that neither a contact nor a release explains
+  int hooked = 0;  ///< withdrawals along the entry path of a tool that had slid around an obstacle, which
+                   ///< then constrains it; not counted as failures
+  int within_while_free =
+      0;           ///< ticks in which an inner layer exerted force while the outermost proxy was free
+  int untold = 0;  ///< ticks with a force that neither a contact nor a release explains
   int jumps = 0, slow_releases = 0;
   int drawn = 0, held_outside = 0;  ///< withdrawals and lateral exits after which more than kLeft_N remained
   int grown = 0;                    ///< withdrawals in which the force increased in free air

@@ -13,8 +13,8 @@
 #include "palpate/stability/stability.h"
 #include "palpate/volume_io/volume_io.h"
 
-/// A tip held in the two narrow gaps between bones of a hand-segmented knee: the published union field buzzes there
-/// (positive control), the proxy does not. PALPATE_TEST_GRID_MM: spacing of the tested positions.
+/// A tip held in the two narrow gaps between bones of a hand-segmented knee: the published union field buzzes
+/// there (positive control), the proxy does not. PALPATE_TEST_GRID_MM: spacing of the tested positions.
 namespace palpate {
 namespace {
 

@@ -13,8 +13,8 @@
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
 
-/// Random presses on the thin tissues of two real knees, resampled on rotated grids: the proxy's whole path stays
-/// outside, checked by an independent oracle. PALPATE_TEST_PRESSES: total number of presses.
+/// Random presses on the thin tissues of two real knees, resampled on rotated grids: the proxy's whole path
+/// stays outside, checked by an independent oracle. PALPATE_TEST_PRESSES: total number of presses.
 namespace palpate {
 namespace {
 
@@ -60,8 +60,8 @@ int presses_a_turn() {
   return (press_count() + turns - 1) / turns;
 }
 
-/// Reference evaluation of a signed field: trilinear interpolation in double, the field's outside value beyond the
-/// grid.
+/// Reference evaluation of a signed field: trilinear interpolation in double, the field's outside value
+/// beyond the grid.
 class Oracle {
  public:
   explicit Oracle(const SignedField& field)
@@ -178,8 +178,8 @@ class Press {
   Press(const ContactSurface& surface, const Oracle& oracle, const ToolSphere& tool)
       : touchable_(surface), oracle_(oracle), tool_(tool) {}
 
-  /// Presses towards `target` along a random direction with a random tilt up to a random force; about half of the
-  /// presses then slide. Returns whether contact force was rendered.
+  /// Presses towards `target` along a random direction with a random tilt up to a random force; about half of
+  /// the presses then slide. Returns whether contact force was rendered.
   bool move(const Point<Patient>& target, Chance& chance) {
     const Vector<Patient> inward = chance.direction();
     tip_ = first_touch(target, inward) - inward * chance.between(0.5, 2);

@@ -58,8 +58,8 @@ Body apart(const Model& model) {
   return body;
 }
 
-/// Oracle for penetration of more than half a voxel. A point is inside if all voxels within one voxel of it are
-/// touchable; a sphere if it covers a touchable voxel centre by more than half the largest spacing.
+/// Oracle for penetration of more than half a voxel. A point is inside if all voxels within one voxel of it
+/// are touchable; a sphere if it covers a touchable voxel centre by more than half the largest spacing.
 class HalfAVoxel {
  public:
   explicit HalfAVoxel(const Body& body)
@@ -131,8 +131,8 @@ class SeamPress {
   }
 
  private:
-  // withdraws along the force until the tip has been free for kWithdrawn_mm; ends early at a structure above or at hard
-  // tissue on the path
+  // withdraws along the force until the tip has been free for kWithdrawn_mm; ends early at a structure above
+  // or at hard tissue on the path
   void withdraw() {
     const Vector<Patient> out = result_.force_N.normalized();
     outward_ = out;

@@ -143,8 +143,8 @@ class TwoVendors {
     return dynamic_cast<Touch*>(made_[d].get()) ? Touch::kMax_N : kUsers_N;
   }
   bool presses(std::size_t d) const { return made_[d]->force_N() > 0.4 * limit_N(d); }
-  /// Presses until both devices render force. Contact must begin outside the surface, but a device may recover inside,
-  /// or jump there after a late tick; hence the retries.
+  /// Presses until both devices render force. Contact must begin outside the surface, but a device may
+  /// recover inside, or jump there after a late tick; hence the retries.
   bool press() {
     return loop_ && soon([&] {
              // the field fades out over four millimetres
@@ -220,8 +220,8 @@ INSTANTIATE_TEST_SUITE_P(First, TwoVendorsFaults,
                                            NamedMakers{"Inverse3AndTouch", {&make<Inverse3>, &make<Touch>}}),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
-// With either device as clock owner: a faulty device has zero force, the other keeps rendering, each stays within its
-// own limit, and both recover. PALPATE_TEST_FAULTS: number of fault sequences.
+// With either device as clock owner: a faulty device has zero force, the other keeps rendering, each stays
+// within its own limit, and both recover. PALPATE_TEST_FAULTS: number of fault sequences.
 TEST_P(TwoVendorsFaults, SurvivesAnySequenceOfFaults) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));

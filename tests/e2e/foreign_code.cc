@@ -1,5 +1,5 @@
-// Untrusted shared library: loading it creates the file named by FOREIGN_CODE_RAN. Stands for ITK factories, HDF5
-// filters and OpenSSL providers.
+// Untrusted shared library: loading it creates the file named by FOREIGN_CODE_RAN. Stands for ITK factories,
+// HDF5 filters and OpenSSL providers.
 #include <cstdio>
 #include <cstdlib>
 

@@ -1,5 +1,5 @@
-// LD_PRELOAD library that makes a chosen thread throw: before and after each intercepted blocking call a thread
-// compares its number with the one in the file THROWING_THREAD (four bytes; 0: none).
+// LD_PRELOAD library that makes a chosen thread throw: before and after each intercepted blocking call a
+// thread compares its number with the one in the file THROWING_THREAD (four bytes; 0: none).
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <poll.h>

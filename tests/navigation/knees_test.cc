@@ -12,8 +12,8 @@
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
 
-/// Surface registration of bones of two knees from points traced by a tracked pointer: converges from ten degrees and
-/// ten millimetres away, also with tremor, and rejects the mirrored bone.
+/// Surface registration of bones of two knees from points traced by a tracked pointer: converges from ten
+/// degrees and ten millimetres away, also with tremor, and rejects the mirrored bone.
 namespace palpate {
 namespace {
 

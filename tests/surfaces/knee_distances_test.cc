@@ -12,8 +12,8 @@
 #include "palpate/sampling/surface_tree.h"
 #include "palpate/surfaces/surfaces.h"
 
-/// Distances to the generated knee's structures by SurfaceTree, compared with a slow independent oracle: the nearest of
-/// all triangles of the surface.
+/// Distances to the generated knee's structures by SurfaceTree, compared with a slow independent oracle: the
+/// nearest of all triangles of the surface.
 namespace palpate {
 namespace {
 

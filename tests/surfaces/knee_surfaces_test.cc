@@ -10,8 +10,8 @@
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
 
-/// Cartilages and menisci of two real knees as surfaces, with the default setting: no voxel or component is lost, and
-/// stored normals agree with the surface also at edges.
+/// Cartilages and menisci of two real knees as surfaces, with the default setting: no voxel or component is
+/// lost, and stored normals agree with the surface also at edges.
 namespace palpate {
 namespace {
 

@@ -197,8 +197,8 @@ struct PassivitySettings {
   /// counts as reversed. Less than one step, and more than the displacement that the rotating object adds
   /// while the encoder does not change.
   double reversal_steps = 0.8;
-  /// Maximum fraction of the force that is removed during withdrawal; also limited to the force of one
-  /// encoder step.
+  /// Maximum fraction of the force that is removed during withdrawal. The removed force is also limited to
+  /// that of one encoder step.
   double max_hysteresis = 0.5;
   /// Maximum force change per encoder step while the energy is negative. It is below the friction of devices
   /// with coarse encoders, so that the tip does not bounce within a single step, which the encoder cannot

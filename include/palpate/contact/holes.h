@@ -34,7 +34,7 @@ struct Hole {
 /// throw.
 class Holes {
  public:
-  static constexpr std::size_t kCapacity = 32;  ///< Capacity
+  static constexpr std::size_t kCapacity = 32;  ///< Maximum number of holes; a further one closes the oldest
 
   std::span<const Hole> all() const { return {hole_.data(), count_}; }
   bool empty() const { return count_ == 0; }

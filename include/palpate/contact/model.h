@@ -209,8 +209,9 @@ struct Model {
   /// Voxels of bone that is too thin for the material ahead of a burr to be measured from its surface
   /// (palpate/tissue/thin_voxels.h). null: none, or no tool is a burr.
   std::shared_ptr<const Bricks<std::uint8_t>> thin_voxels;
-  /// Attenuation at which touchable rigid tissue has its cutting energy; elsewhere the energy follows `scan`,
-  /// which is a calibrated CT (palpate/tissue/bone_density.h). 0: the energy does not depend on density.
+  /// Attenuation at which touchable rigid tissue has exactly its tissue's cutting energy; at any other
+  /// attenuation the energy is scaled by density_ratio(), with the HU of `scan`, which is a calibrated CT
+  /// (palpate/tissue/bone_density.h). 0: the energy does not depend on density.
   double full_density_HU = 0;
   /// Ratio of every voxel's cutting energy to its tissue's, where kDensityRatioOne is 1. null: 1 everywhere.
   std::shared_ptr<const Bricks<std::uint16_t>> density_ratios;

@@ -108,7 +108,8 @@ struct RecordingEvent {
   std::uint64_t input_tick = 0;  ///< kTissueSolution: tick from which it was solved
   /// kTissueSolution: ComplianceFrame::hash of the result, or kUnsolved.
   std::uint64_t frame_hash = 0;
-  /// Memory ran out while the frame was solved: it knows no spot, and the solver starts afresh after it.
+  /// The frame could not be solved because memory ran out: every LocalCompliance in it is unknown, and the
+  /// solver was restarted after it.
   static constexpr std::uint64_t kUnsolved = 0;
 
   friend bool operator==(const RecordingEvent&, const RecordingEvent&) = default;

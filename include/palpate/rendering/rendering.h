@@ -73,9 +73,9 @@ OrientationLetters orientation_letters(const SectionPlane& plane);
 /// Displacement of the tissue that is at a point at rest; patient frame, mm. Continuous, and with a gradient
 /// below 1, so that tissue does not fold; called for many points of a picture, on the rendering thread.
 using TissueDisplacement = std::function<Vector<Patient>(const Point<Patient>& at_rest)>;
-/// Rest position of the tissue that is displaced to `displayed`: solves x + moved(x) = seen by fixed-point
-/// iteration x <- seen - moved(x), with half steps if full steps do not converge, to kAtRestNear_mm; the last
-/// of kMaxAtRestSteps iterates where tissue folds.
+/// Rest position of the tissue that is displaced to `displayed`: solves x + moved(x) = displayed by
+/// fixed-point iteration x <- displayed - moved(x), with half steps if full steps do not converge, to
+/// kAtRestNear_mm; the last of kMaxAtRestSteps iterates where tissue folds.
 Point<Patient> rest_position(const Point<Patient>& displayed, const TissueDisplacement& moved);
 inline constexpr double kAtRestNear_mm = 0.002;
 inline constexpr int kMaxAtRestSteps = 16;

@@ -148,7 +148,7 @@ inline constexpr BurrRenderingSettings kBurrRenderingSettings;
 static_assert(names_every_member<OutputSettings>() && names_every_member<RotationSettings>() &&
               names_every_member<BurrRenderingSettings>());
 
-/// Calls `of(group, name, value)` for every setting; the value is a double or an int.
+/// Calls `visitor(group, name, value)` for every setting; the value is a double or an int.
 template <class Visit>
 void visit_haptic_settings(Visit&& visitor) {
   const auto group = [&](const char* title, const auto& settings) {

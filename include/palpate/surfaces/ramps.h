@@ -53,7 +53,7 @@ inline constexpr double kDeepestRamp_mm = 12;
 /// Properties of a structure's ramp.
 struct RampFigures {
   LabelId label = 0;
-  double max_N = 0;  ///< Greatest v of its voxels
+  double max_N = 0;  ///< Maximum of the ramp v over the structure's voxels
   /// Half thickness, mm: median distance to the nearest voxel centre outside over the structure's own ridge
   /// (voxels with no deeper neighbour). Up to half a voxel more than half the true thickness, and at most 7.
   double half_thickness_mm = 0;

@@ -52,7 +52,7 @@ class CarvedSurface {
   /// Version after more sweeps. The cost is proportional to the volume of their bounding box.
   CarvedSurface with(std::span<const Sweep> sweeps) const;
 
-  /// Current surface. Identical to made() while nothing has been removed.
+  /// Current surface. The same object as original() while nothing has been removed.
   const std::shared_ptr<const Surface>& surface() const { return now_; }
   /// Prepared surface.
   const std::shared_ptr<const Surface>& original() const { return original_; }
@@ -122,7 +122,7 @@ class Carving {
   const std::shared_ptr<const Bricks<std::uint8_t>>& removed_fraction() const {
     return remaining_.removed_fraction;
   }
-  /// Whether taken() is recorded: the tissue was deformable (TissueLaw) when the carving began.
+  /// Whether removed_fraction() is recorded: the tissue was deformable (TissueLaw) when the carving began.
   bool records_fractions() const { return records_fractions_; }
 
   /// Number of sweeps of a device's burr that have been applied since the start, including undone ones.

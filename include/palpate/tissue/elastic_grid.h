@@ -191,7 +191,7 @@ class ElasticGrid {
   /// The node touches no solid cell.
   static constexpr std::uint8_t kNoNode = 8;
   std::uint8_t constraint(int i, int j, int k) const { return constraints_[node_number(i, j, k)]; }
-  /// Holds components of a node; a solver prescribes their displacement.
+  /// Constrains components of a node; their displacement is prescribed by the caller of the solver.
   void constrain(int i, int j, int k, std::uint8_t components) {
     constraints_[node_number(i, j, k)] |= components;
   }
@@ -209,8 +209,8 @@ class ElasticGrid {
   /// Spring constants by nodal value of the layout, N/mm.
   const ElasticValues& springs() const { return springs_; }
 
-  /// Holds every part that is not connected to a constraint; returns the number of its cells. Solvers call
-  /// it.
+  /// Constrains, in place, every component that is not connected to a constrained node or a spring. Returns
+  /// the number of its cells. Called by the constructors of the solvers.
   std::size_t constrain_floating_components();
   /// Same as constrain_floating_components(), applied to a copy of the constraints, by node_number().
   class FloatingComponents {

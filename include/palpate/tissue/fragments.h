@@ -10,11 +10,11 @@ namespace palpate {
 /// Largest volume of a fragment that is removed; larger pieces stay in place.
 inline constexpr double kMaxFragment_mm3 = 20;
 
-/// Fragments that cuts have severed from the body, as cuts by kBrokenOff that remove them: they
-/// would be rinsed away. A fragment is a 26-connected component of voxels of touchable tissue of at most
-/// kMaxFragment_mm3 that was part of a larger component before any removal. Components with a voxel of a
-/// structure that has a protection stay in place. The motor does no work on fragments, and no energy is
-/// charged for them.
+/// Fragments that cuts have severed from the body, as cuts with Cut::device = Cut::kBrokenOff that remove
+/// them, because a fragment would be rinsed away. A fragment is a 26-connected component of voxels of
+/// touchable tissue of at most kMaxFragment_mm3 that was part of a larger component before any removal.
+/// Components with a voxel of a structure that has a protection stay in place. The motor does no work on
+/// fragments, and no energy is charged for them.
 ///
 /// The result depends on the remaining labels next to the cuts alone. The cost is proportional to the surface
 /// of the cuts and kMaxFragment_mm3, in voxels.

@@ -20,7 +20,8 @@ bool motor_was_on(const Model& model, const TickRecord& tick);
 /// axis of a cylinder or cone.
 class ProtectedDistanceMeter {
  public:
-  /// @param model  with nothing removed; protected structures prepared (ready_for)
+  /// @param model  with nothing removed; protected structures prepared (prepared_for() in
+  /// palpate/model/make_model.h)
   explicit ProtectedDistanceMeter(const Model& model);
 
   /// Includes the burr's position in a tick, whether it cut or only touched.

@@ -122,7 +122,7 @@ void settle_burr(const CarvedMaterial& carved, BurrState& state);
 
 /// Number of complete sweeps since the start; these can be carved from a surface.
 std::uint64_t finished_sweeps(const BurrState& state);
-/// Complete sweeps from `number` on, which must not be below `state.first`.
+/// Complete sweeps from `number` on, which must not be below `state.first_sweep`.
 std::span<const Sweep> finished_from(const BurrState& state, std::uint64_t number);
 /// All complete sweeps still stored, as cuts of a device.
 std::vector<Cut> finished_cuts(const BurrState& state, std::uint32_t device);

@@ -43,7 +43,8 @@ class RemovedVolume {
   bool counts(LabelId label) const { return is_cuttable_[label]; }
   /// Swept points of a voxel; 0 outside the volume.
   std::uint64_t swept_samples(int i, int j, int k) const { return remaining_.swept.at(i, j, k); }
-  /// Calls visit(i, j, k, label, places) for every voxel with swept points, in no particular order.
+  /// Calls visit(i, j, k, label, samples) for every voxel with swept points, in no particular order;
+  /// `samples` has a bit per swept point.
   template <class Visit>
   void for_each_swept(const Visit& visit) const {
     remaining_.swept.for_each(

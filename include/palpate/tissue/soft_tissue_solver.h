@@ -108,7 +108,7 @@ class SoftTissueSolver {
 class VirtualClockSoftTissueSolver {
  public:
   explicit VirtualClockSoftTissueSolver(double rate_hz) : ticks_(ticks_of_solver_frame(rate_hz)) {}
-  /// Call before every tick; while no tissue is deformable, call rest() instead.
+  /// Call before every tick; while no tissue is deformable, call publish_pending() instead.
   /// @param before  previous tick; null if there was none
   /// @returns whether frame() has changed
   bool advance(const Model& model, const TickRecord* before);

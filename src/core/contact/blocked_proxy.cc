@@ -27,7 +27,7 @@ SearchDirections::SearchDirections(const Vector<Patient>& to_tip)
 
 Eigen::Vector3d SearchDirections::direction(int cone, int n) const {
   constexpr double kBetween_rad = 2 * std::numbers::pi / kProxySettings.search_directions;
-  // successive cones are turned by half of that
+  // successive cones are rotated by half of the angle between directions
   const double lateral = cone * kProxySettings.search_cone_rad,
                around = (n + 0.5 * (cone & 1)) * kBetween_rad;
   return std::cos(lateral) * ahead_ +

@@ -11,7 +11,8 @@ namespace {
 double free_distance_mm(PairSet& pairs, const Point<Patient>& proxy) {
   double free_mm = std::numeric_limits<double>::infinity();
   for (std::size_t n = 0; n < pairs.count(); ++n) {
-    // a surface within the skin that has no normal is no constraint: half of its clearance
+    // a surface within the skin that has no normal there yields no constraint; half of its clearance is then
+    // free
     const double clearance_mm = pairs.clearance(n, proxy);
     const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kProxySettings.skin_mm, 0.5 * clearance_mm});
     free_mm = std::min(free_mm, leaves_mm / pairs[n].surface->max_gradient());

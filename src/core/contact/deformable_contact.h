@@ -40,7 +40,8 @@ struct PressingTool {
 /// Force of deformable tissue.
 struct DeformableForce {
   SoftContactForce law;  ///< Force, tangent stiffness and energy
-  /// Force over the length of the spring vector; `own` is without the device's stiffness limit.
+  /// Force over the length of the spring vector; `unclamped_secant_N_per_mm` without the device's stiffness
+  /// limit.
   double secant_N_per_mm = 0, unclamped_secant_N_per_mm = 0;
   bool relaxed = false;          ///< Whether the relaxation state was advanced by this tick
   TissueContact tissue_contact;  ///< Contact as input of displaced_by_others() for the other tools

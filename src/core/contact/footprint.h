@@ -29,12 +29,12 @@ struct Footprint {
   Vector<Patient> arm_mm;
 };
 
-/// Equivalent sphere of several places. Places far apart follow Hertz's law independently, f ~ sqrt(R) d^1.5.
-/// A sphere with the force-weighted mean depth, and with the radius that gives the sum of the forces, then
-/// has the exact force and energy. A place behind a deeper one along the pressing direction is shielded: if
-/// their lateral distance is less than the smaller radius, it counts only by that ratio. The result is
-/// continuous as a place enters the surface or passes another one. Bounded work; does not allocate, lock or
-/// throw.
+/// Equivalent sphere of several press points. Points far apart follow Hertz's law independently, f ~ sqrt(R)
+/// d^1.5. A sphere with the force-weighted mean depth, and with the radius that gives the sum of the forces,
+/// then has the exact force and energy. A point behind a deeper one along the pressing direction is shielded:
+/// if their lateral distance is less than the smaller radius, its weight is the ratio of the two. The result
+/// is continuous when a point enters the surface or passes another one. Bounded work; does not allocate, lock
+/// or throw.
 /// @param points       1 ... kMaxFootprintPoints
 /// @param along        direction in which the tissue pushes the tool back; unit
 /// @param base_per_mm  -B E* of tissue on a rigid base (layer_base_mm_per_N); 0: a half-space, or softer.
@@ -43,7 +43,8 @@ struct Footprint {
 Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Patient>& along,
                        double base_per_mm = 0);
 
-/// Compliance between two places under unit forces, times E*, plus `base_per_mm` because the sphere law
+/// Mutual compliance of two press points (displacement at one per unit force at the other), times E*, plus
+/// `base_per_mm` because the sphere law
 /// subtracts the base's contribution for the sum of all forces: 1 / (pi r) (1 - x)^2 with x = pi base r / 2,
 /// and 0 from x = 1 on. Press points closer than a radius are partly merged.
 /// @param lateral_mm     lateral distance r
@@ -51,7 +52,7 @@ Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Pati
 /// @param base_per_mm  as of footprint_of
 double pair_interaction_per_mm(double lateral_mm, double radius_mm, double base_per_mm);
 
-/// Press places of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
+/// Press points of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
 /// are the maximum over the given surfaces.
 /// @param all       all surfaces of the model
 /// @param surfaces  indices of the surfaces in contact, without duplicates

@@ -37,7 +37,8 @@ inline bool can_touch(std::span<const ContactSurface> surfaces, int layer, const
 /// Pair of a tool part and a surface that it may touch in this tick.
 struct ContactPair {
   const Surface* surface;
-  int index, sphere;
+  int index;   ///< Index into the surfaces
+  int sphere;  ///< Index of the tool part
   ToolSphere shape;
   int steps;  ///< Number of intervals in a capsule's row of spheres. 0: a sphere
 
@@ -67,6 +68,8 @@ struct ContactPair {
   }
 };
 
+/// Set of the pairs that a layer's proxy can touch, nearest first, each with its last evaluated clearance.
+/// Does not allocate.
 class PairSet {
  public:
   /// An empty set.

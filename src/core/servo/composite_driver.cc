@@ -75,7 +75,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
       samples[d].fault = samples[d].fault || gone();
     }
   }
-  /// Leaves the commands for the next update.
+  /// Posts the commands, which the follower's next update returns to its driver.
   void receive_commands(std::span<const DeviceCommand> commands, std::int64_t now_ns) noexcept {
     std::copy_n(commands.begin(), part_.count, next_.commands.begin());
     next_.at_ns = now_ns;

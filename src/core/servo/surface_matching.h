@@ -11,14 +11,14 @@ namespace palpate {
 /// Correspondence of each surface of a model to a surface of the version before.
 using SurfaceMatches = std::array<SurfaceCorrespondence, kMaxSurfaces>;
 
-/// Matches the model's surfaces to the remembered ones; returns one entry per surface of `model`. A structure
+/// Matches the surfaces of `model` to `last_surfaces`; returns one entry per surface of `model`. A structure
 /// is first compared at its previous index, so that an edit that reorders nothing costs one comparison per
 /// surface.
 std::span<const SurfaceCorrespondence> match_surfaces(const Model& model,
                                                       const SessionState::Surfaces& last_surfaces,
                                                       SurfaceMatches& correspondences);
 
-/// Replaces the remembered surfaces by those of `model`.
+/// Stores the surfaces of `model` in `last_surfaces`.
 void store_surfaces(const Model& model, SessionState::Surfaces& last_surfaces);
 
 }  // namespace palpate

@@ -27,12 +27,11 @@ inline constexpr const char* kRealClock = "real";
 inline constexpr std::size_t kMaxText = 8192;  ///< Maximum size of a header text; bytes
 inline constexpr std::size_t kMaxScript = std::size_t{16} << 20;
 inline constexpr std::size_t kMaxStructures = 65536;
-inline constexpr std::size_t kMaxNames =
-    std::size_t{64}  /// Maximum total size of all structures' and tissues' names; bytes
-    << 20;
+/// Maximum total size of all structures' and tissues' names; bytes
+inline constexpr std::size_t kMaxNames = std::size_t{64} << 20;
 inline constexpr std::size_t kMaxProblems = 1000;
 inline constexpr std::size_t kMaxMethods = 256;    ///< The method number is a byte
-inline constexpr std::size_t kProblemBytes = 512;  ///< Maximum size of one trouble as written here; bytes
+inline constexpr std::size_t kProblemBytes = 512;  ///< Maximum size of one recorded problem; bytes
 
 /// All fields of the header except script and structures: attributes of the group /header.
 template <class Header, class Visit>

@@ -9,7 +9,7 @@ namespace palpate::volume_io {
 
 struct AnatomyInName {
   std::string name;       ///< Anatomical words in their original spelling; empty if there are none.
-  bool left_out = false;  ///< There are other words other than neutral ones such as "mask".
+  bool left_out = false;  ///< The text has further words that are not neutral as "mask" is.
 };
 /// Words of `text` that are known to be anatomy (those of the tissue presets, TotalSegmentator and
 /// FreeSurfer), each with a following number of one or two digits: "sub-01_rib_left_4" gives "rib_left_4". A

@@ -801,7 +801,7 @@ Result<std::vector<DicomStructure>> read_structure_set(const std::filesystem::pa
 
 // ---- referenced images ----------------------------------------------------------------------------
 
-// calls look for each item of a sequence
+// calls visit(item) for each item of a sequence
 template <class Visit>
 void for_each_item(DcmItem& item, const DcmTagKey& sequence, const Visit& visit) {
   for (DcmItem* each : items_of(item, sequence)) visit(*each);

@@ -95,8 +95,7 @@ std::vector<DicomFrame> frames_of(std::vector<DicomImage> images, DicomIdentifie
 }
 
 // @param should_continue  called with the index of the file to be read, and with the number of files when all
-// are done;
-//              false: the parent has gone
+//                         are done; false: the parent has gone
 template <class ShouldContinue>
 Result<DicomContent> inspect(DicomLibrary& library, const FoundFiles& found,
                              const ShouldContinue& should_continue) {

@@ -13,7 +13,6 @@ namespace palpate::volume_io {
 /// @returns true if the frame is complete; false if a segment lies outside the data, begins before its
 ///          predecessor, is truncated, or does not contain exactly one byte for each word (except for one
 ///          byte that pads an odd length)
-///          odd number)
 bool unpack_rle(std::span<const std::uint8_t> packed, std::size_t word_bytes, std::span<std::uint8_t> words);
 
 }  // namespace palpate::volume_io

@@ -35,7 +35,7 @@ class StructurePlanes {
   /// others.
   static Result<StructurePlanes> make(const DicomStructure& structure, const GridGeometry& grid);
 
-  /// Calls take(i + j * dims[0]) once for each voxel of a slice of the grid that is inside.
+  /// Calls visit(i + j * dims[0]) once for each voxel of a slice of the grid that is inside.
   void read_slice(int slice, const std::function<void(std::size_t)>& visit) const;
   /// Number of missing planes that were filled from their neighbours.
   std::size_t bridged() const { return bridged_; }

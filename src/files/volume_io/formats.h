@@ -61,10 +61,10 @@ std::optional<Error> not_a_file(const std::filesystem::path& file);
 
 bool has_extension(const std::filesystem::path& file, std::string_view ending);
 
+/// Returns the first `bytes` decompressed bytes of a gzip file, or fewer.
+using Unpack = std::function<std::string(const std::filesystem::path& file, std::size_t bytes)>;
 /// Kind of a file by its first bytes, decompressed if it is a gzip file; nullopt for text, unknown content
 /// and unreadable files.
-/// @param unpack  returns the first `bytes` decompressed bytes of a gzip file, or fewer
-using Unpack = std::function<std::string(const std::filesystem::path& file, std::size_t bytes)>;
 std::optional<FileKind> file_kind_of(const std::filesystem::path& file, const Unpack& unpack);
 
 Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& others,

@@ -71,10 +71,11 @@ std::vector<std::vector<std::uint32_t>> loops_of(std::vector<DirectedEdge> edges
   std::ranges::sort(edges);
   std::vector<char> used(edges.size());
   std::vector<std::uint32_t> path;
-  // on_path: position of a corner on the path + 1, 0 if it is not on it
   std::vector<std::pair<std::uint32_t, std::size_t>> starts;  // first outgoing edge of each corner
   for (std::size_t n = 0; n < edges.size(); ++n)
     if (n == 0 || edges[n].first != edges[n - 1].first) starts.emplace_back(edges[n].first, n);
+  // next: first unused outgoing edge of each corner; on_path: position of a corner on the path + 1, 0 if it
+  // is not on it
   std::vector<std::size_t> next(starts.size()), on_path(starts.size());
   for (std::size_t n = 0; n < starts.size(); ++n) next[n] = starts[n].second;
   const auto corner_of = [&](std::uint32_t point) {

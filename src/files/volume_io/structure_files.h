@@ -75,8 +75,7 @@ Result<LabelReader> open_sliced_files(
 
 /// Starts a process that reads the files as one structure each.
 /// @param inspect    called in that process; it must call `should_continue` regularly and set `fraction` to
-/// the
-///                   completed fraction of its work, 0 ... 1
+///                   the completed fraction of its work, 0 ... 1
 /// @param too_large  remedy if the data do not fit into memory
 Result<LabelReader> open_structure_files(
     const StructureFiles& found, const std::filesystem::path& named, const Progress& progress,

@@ -81,7 +81,7 @@ void VoxelSlots::drain() {
 }
 
 void VoxelSlots::wait() {
-  if (!parent_.wait_for_grant()) throw std::runtime_error("no word");
+  if (!parent_.wait_for_grant()) throw std::runtime_error("no grant");
   --filled_;
 }
 

@@ -24,9 +24,9 @@
 ///                             refusal ─────────────── parses the header
 ///     on a request: locates and opens the
 ///     other file, restarts with both
-///     requests the voxels ─ word ───────────────────► for each piece:
+///     requests the voxels ─ grant ──────────────────► for each piece:
 ///                          ◄─ "slot n is filled" ──── fills slot n, initially free
-///     copies it, "it is free" ─ word ───────────────►
+///     copies it, "it is free" ─ grant ──────────────►
 ///     converts the values
 namespace palpate::volume_io {
 

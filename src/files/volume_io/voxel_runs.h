@@ -24,9 +24,9 @@ class VoxelRuns {
   }
   void end_slice() { ends_.push_back(runs_.size()); }
 
-  /// Calls take(i + j * dims[0]) once for each voxel of a slice.
-  template <class Take>
-  void read_slice(int slice, const Take& visit) const {
+  /// Calls visit(i + j * dims[0]) once for each voxel of a slice.
+  template <class Visit>
+  void read_slice(int slice, const Visit& visit) const {
     const auto at = static_cast<std::size_t>(slice - first_slice_);
     if (slice < first_slice_ || at >= ends_.size()) return;
     const std::size_t begin = at == 0 ? 0 : ends_[at - 1];

@@ -7,8 +7,8 @@
 #include "palpate/model/make_model.h"
 #include "palpate/servo/servo.h"
 
-// a third-party simulator: a segmented ball, a tip pressed into it with the proxy method, and a hole cut under the tip
-// while in contact
+// a third-party simulator: a segmented ball, a tip pressed into it with the proxy method, and a hole cut
+// under the tip while in contact
 namespace {
 
 constexpr double kStiffness_N_per_mm = 1, kRadius_mm = 8, kVoxel_mm = 0.6, kDepth_mm = 1;
