@@ -72,7 +72,7 @@ Result<std::shared_ptr<const Model>> model_of(const LabelMap& labels) {
   auto model = build_model(*scene, &labels, nullptr);
   if (!model) return model.error();
   constexpr std::array kProxy{ForceMethod::kProxy};
-  return ready_for(*std::move(model), kProxy);
+  return prepared_with_cache(*std::move(model), kProxy);
 }
 
 // presses and slides at random positions, at half to full speed, with rotations of the tool about its tip

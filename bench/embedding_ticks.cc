@@ -29,7 +29,7 @@ void* bench_cpp_open(const char* scene) {
   const auto loaded = palpate::load_scene_or_data_set({scene});
   if (!loaded) return nullptr;
   const palpate::ForceMethod method = palpate::ForceMethod::kProxy;
-  auto ready = palpate::ready_for(loaded->model, {&method, 1});
+  auto ready = palpate::prepared_with_cache(loaded->model, {&method, 1});
   if (!ready) return nullptr;
   auto session = std::make_unique<CppSession>();
   session->model = *std::move(ready);

@@ -224,7 +224,7 @@ Result<std::shared_ptr<const Model>> ball() {
   auto model = build_model(*scene, &map, nullptr);
   if (!model) return model.error();
   constexpr std::array kDirect{ForceMethod::kTrilinear};
-  return ready_for(*std::move(model), kDirect);
+  return prepared_with_cache(*std::move(model), kDirect);
 }
 
 double part_of(std::vector<double> values, double part) {

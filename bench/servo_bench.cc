@@ -80,7 +80,7 @@ Result<Knee> knee_of(const std::string& what, LabelMap labels, ForceMethod metho
   if (!model) return model.error();
   // the footprint is counted in the field, whatever the method
   const std::array methods{method, ForceMethod::kTrilinear};
-  auto ready = ready_for(*std::move(model), methods);
+  auto ready = prepared_with_cache(*std::move(model), methods);
   if (!ready) return ready.error();
   return Knee{title, {*std::move(scene), *std::move(ready), ""}};
 }

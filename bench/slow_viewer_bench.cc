@@ -98,7 +98,7 @@ ViewersReport watch(const Options& options, int port, bool troubled) {
   for (std::thread& thread : threads) thread.join();
 
   ReceivedPoses observed;
-  for (const auto& client : clients) observed.add(client->seen());
+  for (const auto& client : clients) observed.add(client->received());
   report.poses = observed.ages_ms.size();
   report.missed = observed.missed;
   std::vector<double> first_ms;

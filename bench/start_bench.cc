@@ -28,7 +28,7 @@ int main(int argc, char** argv) {
   set_cache(*std::move(cache));
   const auto loaded = load_scene_or_data_set({argv[1]});
   const ForceMethod method = ForceMethod::kProxy;
-  const auto ready = loaded ? ready_for(loaded->model, {&method, 1}) : loaded.error();
+  const auto ready = loaded ? prepared_with_cache(loaded->model, {&method, 1}) : loaded.error();
   if (!ready) {
     std::fprintf(stderr, "start_bench: error: %s\n", ready.error().message().c_str());
     return 1;

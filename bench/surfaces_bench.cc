@@ -142,7 +142,7 @@ Result<nlohmann::json> run(const Options& options) {
         const Bricks<LabelId> version = labels.with(dug);
         const double t = now_s();
         const bool local = whole ? update_surface(surface, version, dug.box).ok()
-                                 : prepare_patch(surface, version, dug.box).local;
+                                 : prepare_patch(surface, version, dug.box).is_applicable;
         const double ms = 1e3 * (now_s() - t);
         labels_ms.push_back(1e3 * (t - begin));
         if (local) (whole ? again_ms : patch_ms).push_back(ms);

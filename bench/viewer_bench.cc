@@ -62,7 +62,7 @@ int run(const Options& options) {
   for (std::thread& thread : threads) thread.join();
 
   ReceivedPoses observed;
-  for (const auto& client : clients) observed.add(client->seen());
+  for (const auto& client : clients) observed.add(client->received());
   const double p50 = quantile(observed.ages_ms, 0.5), p99 = quantile(observed.ages_ms, 0.99),
                p999 = quantile(observed.ages_ms, 0.999), most = quantile(observed.ages_ms, 1);
   std::printf("%d viewers at %g Hz for %g s%s: %zu poses, %llu missed\n", options.viewers, options.poses_hz,

@@ -68,9 +68,9 @@ void ViewerClient::read_until(std::int64_t until_ns) {
     std::int64_t clock_ns;
     std::memcpy(&sequence, pose.data() + kSequenceAt, sizeof sequence);
     std::memcpy(&clock_ns, pose.data() + kClockAt, sizeof clock_ns);
-    if (last_ > 0) observed_.missed += sequence - last_ - 1;
+    if (last_ > 0) received_.missed += sequence - last_ - 1;
     last_ = sequence;
-    observed_.ages_ms.push_back(static_cast<double>(got_ns - clock_ns) * 1e-6);
+    received_.ages_ms.push_back(static_cast<double>(got_ns - clock_ns) * 1e-6);
   }
 }
 

@@ -28,7 +28,7 @@ class ViewerClient {
 
   /// Reads until the deadline, or until the server closes the connection.
   void read_until(std::int64_t until_ns);
-  const ReceivedPoses& seen() const { return observed_; }
+  const ReceivedPoses& received() const { return received_; }
 
  private:
   void send(const std::string& bytes);
@@ -37,7 +37,7 @@ class ViewerClient {
 
   int handle_;
   std::string input_;
-  ReceivedPoses observed_;
+  ReceivedPoses received_;
   std::uint64_t last_ = 0;
 };
 

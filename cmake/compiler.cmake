@@ -35,10 +35,10 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   endif()
 endif()
 
-# palpate_of_a_tick(MODULE...): tunes the modules whose code runs in every tick for processors since 2015, with the same
-# instruction set: with generic tuning g++ clears small objects by `rep stos`, which has a high startup cost. A tick
-# takes 4 % less (docs/decisions/archive/0072-what-a-tick-and-a-start-spend.md).
-function(palpate_of_a_tick)
+# palpate_tune_tick_modules(MODULE...): tunes the modules whose code runs in every tick for processors since 2015, with
+# the same instruction set: with generic tuning g++ clears small objects by `rep stos`, which has a high startup cost. A
+# tick takes 4 % less (docs/decisions/archive/0072-what-a-tick-and-a-start-spend.md).
+function(palpate_tune_tick_modules)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
     foreach(module ${ARGN})
       target_compile_options(palpate_${module} PRIVATE $<$<CONFIG:Release>:-mtune=skylake>)

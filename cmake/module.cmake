@@ -76,7 +76,7 @@ function(palpate_precompiled_headers out numeric)
   target_precompile_headers(${target} PRIVATE ${PROJECT_SOURCE_DIR}/tests/test_headers.h)
 endfunction()
 
-# palpate_module(NAME [WORDS] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [ALONE ...] [LINK ...] [PRIVATE_LINK ...]
+# palpate_module(NAME [LESS_OPTIMISED] [NUMERIC_TESTS] SOURCES ... [SIMD ...] [ALONE ...] [LINK ...] [PRIVATE_LINK ...]
 #              [TESTS ...] [CI PATTERN ...] [NIGHTLY FILTER REASON ...] [SLOW_SANITIZED FILTER]
 #              [FUZZERS ...])
 #
@@ -84,16 +84,16 @@ endfunction()
 # for all *_test.cc of the module) and its fuzzers (one executable a file). SIMD are sources that Highway compiles
 # once for every target, and that therefore cannot be part of a unity source. ALONE are sources whose
 # headers take long to compile, and that a change of another source should not compile again. FUZZED are the sources that
-# the fuzzers' bytes reach, where most of the module's are not. WORDS marks a module without performance-critical loops
-# over voxels or ticks: it is compiled with -O1, in at most two thirds of the time. NUMERIC_TESTS says that
-# its tests loop over many points or ticks themselves, so that they are worth optimising.
+# the fuzzers' bytes reach, where most of the module's are not. LESS_OPTIMISED marks a module without
+# performance-critical loops over voxels or ticks: it is compiled with -O1, in at most two thirds of the time.
+# NUMERIC_TESTS says that its tests loop over many points or ticks themselves, so that they are worth optimising.
 function(palpate_module name)
-  cmake_parse_arguments(MODULE "WORDS;NUMERIC_TESTS" "SLOW_SANITIZED" "CI;NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
+  cmake_parse_arguments(MODULE "LESS_OPTIMISED;NUMERIC_TESTS" "SLOW_SANITIZED" "CI;NIGHTLY;SOURCES;SIMD;ALONE;LINK;PRIVATE_LINK;TESTS;TEST_LINK;FUZZERS;FUZZED" ${ARGN})
   set(library palpate_${name})
   # private headers are included as MODULE/NAME.h
   cmake_path(GET CMAKE_CURRENT_SOURCE_DIR PARENT_PATH group)
   set(less_optimised)
-  if(MODULE_WORDS AND NOT PALPATE_BUILD_FUZZERS)
+  if(MODULE_LESS_OPTIMISED AND NOT PALPATE_BUILD_FUZZERS)
     set(less_optimised $<$<CONFIG:Release>:-O1>)
     if(PALPATE_SANITIZE)
       set(less_optimised -O0)
@@ -103,7 +103,7 @@ function(palpate_module name)
   if(alone)
     set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   endif()
-  if(name IN_LIST PALPATE_TYPES_ALONE)
+  if(name IN_LIST PALPATE_PARTIAL_MODULES)
     set(MODULE_SOURCES ${PALPATE_FUZZED_${name}})
     set(MODULE_SIMD)
     set(MODULE_ALONE)
@@ -111,7 +111,7 @@ function(palpate_module name)
   if(MODULE_SOURCES)
     add_library(${library} STATIC ${MODULE_SOURCES} ${MODULE_SIMD} ${MODULE_ALONE})
     # a function that no fuzzer calls, and what it would call, are left out when one is linked
-    if(name IN_LIST PALPATE_TYPES_ALONE OR (PALPATE_BUILD_FUZZERS AND MODULE_FUZZED))
+    if(name IN_LIST PALPATE_PARTIAL_MODULES OR (PALPATE_BUILD_FUZZERS AND MODULE_FUZZED))
       target_compile_options(${library} PRIVATE -ffunction-sections)
     endif()
     target_compile_options(${library} PRIVATE ${less_optimised})

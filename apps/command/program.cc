@@ -225,11 +225,12 @@ int run_verb(const Program& program, const std::vector<std::string>& arguments, 
                "Suppress progress and notes; results, warnings and errors still appear");
   ReadingLimits reading;
   app.add_option_function<std::string>(
-         "--memory", [&](const std::string& text) { reading.max_memory_bytes = memory_bytes(text); },
+         "--memory", [&](const std::string& text) { reading.max_memory_bytes = parse_memory_size(text); },
          "Maximum memory for reading files, such as 800M or 4G; default: half of the available memory")
       ->check(CLI::Validator(
           [](const std::string& text) {
-            return memory_bytes(text) > 0 ? std::string() : "not an amount of memory: write it as 800M or 4G";
+            return parse_memory_size(text) > 0 ? std::string()
+                                               : "not an amount of memory: write it as 800M or 4G";
           },
           "AMOUNT"));
   app.add_flag(

@@ -11,7 +11,7 @@ namespace {
 
 std::string entries_text(const CacheContents& contents) {
   return std::to_string(contents.entries) + (contents.entries == 1 ? " entry, " : " entries, ") +
-         memory_text(contents.bytes);
+         memory_size_text(contents.bytes);
 }
 
 int show() {
@@ -23,7 +23,7 @@ int show() {
   const CacheContents contents = cache_contents();
   std::printf("folder\t%s\n", folder.c_str());
   std::printf("kept\t%s\n", entries_text(contents).c_str());
-  std::printf("at most\t%s\n", memory_text(contents.max_bytes).c_str());
+  std::printf("at most\t%s\n", memory_size_text(contents.max_bytes).c_str());
   return kExitOk;
 }
 

@@ -60,7 +60,7 @@ int draw_forces(const ForcesOptions& options, Console& console) {
   const ForceMethod of_scene = loaded->scene.force.method;
   const ForceMethod method =
       options.method.value_or(of_scene == ForceMethod::kProxy ? ForceMethod::kTrilinear : of_scene);
-  const auto model = ready_for(loaded->model, std::array{method}, progress);
+  const auto model = prepared_with_cache(loaded->model, std::array{method}, progress);
   if (!model) return console.fail(model.error());
 
   ForceArrowsRequest request;

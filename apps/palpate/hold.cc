@@ -130,7 +130,7 @@ int hold_target(const HoldOptions& options, Console& console) {
   const auto loaded = load_touchable_target(options.source, console, options.preparation);
   if (!loaded) return console.fail(loaded.error());
   const auto methods = methods_of(options, *loaded);
-  const auto model = ready_for(loaded->model, methods, progress);
+  const auto model = prepared_with_cache(loaded->model, methods, progress);
   if (!model) return console.fail(model.error());
 
   Hold hold;

@@ -342,10 +342,10 @@ Json memory_json(const SceneMemory& memory) {
 }
 
 void print_memory(std::ostream& out, const SceneMemory& memory) {
-  out << "memory      up to " << memory_text(memory.peak()) << " to feel the scene, of which "
-      << memory_text(memory.permanent()) << " stays: labels " << memory_text(memory.model.labels)
-      << ", field " << memory_text(memory.model.field) << ", surfaces " << memory_text(memory.model.surfaces)
-      << ", scan " << memory_text(memory.scan) << '\n';
+  out << "memory      up to " << memory_size_text(memory.peak()) << " to feel the scene, of which "
+      << memory_size_text(memory.permanent()) << " stays: labels " << memory_size_text(memory.model.labels)
+      << ", field " << memory_size_text(memory.model.field) << ", surfaces "
+      << memory_size_text(memory.model.surfaces) << ", scan " << memory_size_text(memory.scan) << '\n';
 }
 
 int run_info_of_scene(const InfoOptions& options, Console& console) {
@@ -421,14 +421,16 @@ int run_info_of_dicom(const InfoOptions& options, Console& console) {
 Json identifiers_json(const IdentifierReport& report) {
   Json rows = Json::array();
   for (const IdentifierRow& row : report.rows) {
-    Json json{
-        {"kind", in_words(row.kind)}, {"what", row.what}, {"files", row.files}, {"different", row.different}};
+    Json json{{"kind", description_of(row.kind)},
+              {"what", row.what},
+              {"files", row.files},
+              {"different", row.different}};
     if (!row.example.empty()) json["example"] = row.example;
     rows.push_back(std::move(json));
   }
   return {{"files", report.files},
           {"identifiers", std::move(rows)},
-          {"burnt_in_unsaid", report.burnt_in_unsaid},
+          {"burnt_in_unsaid", report.burnt_in_unstated},
           {"notes", report.notes}};
 }
 
@@ -441,7 +443,7 @@ void print_identifiers(std::ostream& out, const IdentifierReport& report) {
   out << '\n';
   std::optional<IdentifierKind> kind;
   for (const IdentifierRow& row : report.rows) {
-    if (kind != row.kind) out << '\n' << in_words(row.kind) << '\n';
+    if (kind != row.kind) out << '\n' << description_of(row.kind) << '\n';
     kind = row.kind;
     out << "  " << std::left << std::setw(48) << row.what << " in " << files(row.files);
     if (row.different > 1)
@@ -449,9 +451,9 @@ void print_identifiers(std::ostream& out, const IdentifierReport& report) {
     if (!row.example.empty()) out << ": " << row.example;
     out << '\n';
   }
-  if (report.burnt_in_unsaid > 0)
+  if (report.burnt_in_unstated > 0)
     print_wrapped(out,
-                  files(report.burnt_in_unsaid) +
+                  files(report.burnt_in_unstated) +
                       " do not state whether text is burnt into the pixels (BurnedInAnnotation (0028,0301)): "
                       "inspect them",
                   "\n", "");

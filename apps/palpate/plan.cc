@@ -254,13 +254,13 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
                     .c_str(),
                 std::isnan(approach.nearest_mm) ? "" : at_tick(approach.nearest).c_str());
   }
-  for (const ClearanceViolation& breach : made.breaches)
-    std::printf("  %.2f mm from %s (%g required): ticks %llu to %llu, nearest %s\n", breach.nearest_mm,
-                printable_name(scene.model->name_of(breach.label)).c_str(), breach.requested_mm,
-                static_cast<unsigned long long>(breach.begin.tick),
-                static_cast<unsigned long long>(breach.last_tick), at_tick(breach.nearest).c_str());
-  if (made.more_breaches > 0)
-    std::printf("  and %llu more\n", static_cast<unsigned long long>(made.more_breaches));
+  for (const ClearanceViolation& violation : made.violations)
+    std::printf("  %.2f mm from %s (%g required): ticks %llu to %llu, nearest %s\n", violation.nearest_mm,
+                printable_name(scene.model->name_of(violation.label)).c_str(), violation.requested_mm,
+                static_cast<unsigned long long>(violation.begin.tick),
+                static_cast<unsigned long long>(violation.last_tick), at_tick(violation.nearest).c_str());
+  if (made.omitted_violations > 0)
+    std::printf("  and %llu more\n", static_cast<unsigned long long>(made.omitted_violations));
   if (made.cut_short) std::printf("the recording was cut short: what followed is unknown\n");
   if (made.missing_s > 0) std::printf("%.3f s are missing because ticks were dropped\n", made.missing_s);
   std::printf("%s\n", made.is_within_limit() ? "KEPT: all requirements of the plan"

@@ -60,7 +60,7 @@ Result<PlannedScene> scene_of_plan(const PlanFile& plan, std::shared_ptr<const M
   if (!found) return found.error();
   if (has_touchable_tissue(*model)) {
     constexpr std::array kProxyAlone = {ForceMethod::kProxy};
-    auto ready = ready_for(std::move(model), kProxyAlone, progress);
+    auto ready = prepared_with_cache(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
     model = *std::move(ready);
   }
@@ -98,7 +98,7 @@ Json json_of(const PlannedScene& scene, const PlanComparison& made) {
             {"volumes", Json::array()},
             {"structures", Json::array()},
             {"breaches", Json::array()},
-            {"more_breaches", made.more_breaches}};
+            {"more_breaches", made.omitted_violations}};
   for (std::size_t n = 0; n < made.trajectories.size(); ++n)
     json["trajectories"].push_back(json_of(plan.trajectories[n], made.trajectories[n]));
   for (std::size_t n = 0; n < made.regions.size(); ++n) {
@@ -126,15 +126,15 @@ Json json_of(const PlannedScene& scene, const PlanComparison& made) {
                                   {"over_time_mm", over_time}});
   }
   json["times_s"] = made.times_s;
-  for (const ClearanceViolation& breach : made.breaches)
-    json["breaches"].push_back({{"name", model.name_of(breach.label)},
-                                {"label", breach.label},
-                                {"requested_mm", breach.requested_mm},
-                                {"nearest_mm", breach.nearest_mm},
-                                {"begin", json_of(breach.begin)},
-                                {"nearest", json_of(breach.nearest)},
-                                {"last_tick", breach.last_tick},
-                                {"end_s", breach.end_s}});
+  for (const ClearanceViolation& violation : made.violations)
+    json["breaches"].push_back({{"name", model.name_of(violation.label)},
+                                {"label", violation.label},
+                                {"requested_mm", violation.requested_mm},
+                                {"nearest_mm", violation.nearest_mm},
+                                {"begin", json_of(violation.begin)},
+                                {"nearest", json_of(violation.nearest)},
+                                {"last_tick", violation.last_tick},
+                                {"end_s", violation.end_s}});
   return json;
 }
 

@@ -17,7 +17,7 @@ struct PlannedScene {
   std::vector<StructureDistance> distances;
 };
 /// Resolves a plan in a model and makes the model ready for the proxy. Errors: those of resolve_plan,
-/// ready_for and structure_distances.
+/// prepared_with_cache and structure_distances.
 Result<PlannedScene> scene_of_plan(const PlanFile& plan, std::shared_ptr<const Model> model,
                                    Console& console);
 

@@ -187,8 +187,9 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
     const std::uint64_t beside = memory.scan + memory.model.labels;
     std::printf(
         "memory    up to %s, of which the field keeps %s\n",
-        memory_text(std::max(memory.read + memory.model.labels, beside + memory.model.peak_of_field)).c_str(),
-        memory_text(memory.model.field).c_str());
+        memory_size_text(std::max(memory.read + memory.model.labels, beside + memory.model.peak_of_field))
+            .c_str(),
+        memory_size_text(memory.model.field).c_str());
     std::fflush(stdout);
   };
   // a scene rendered by the proxy is loaded without the field
@@ -214,7 +215,8 @@ int prepare_scene(const PrepareOptions& options, Console& console) {
     without_field.model.peak_of_field = of_field.peak;
     print_memory(without_field);
   }
-  const auto ready = ready_for(loaded->model, std::array{ForceMethod::kTrilinear}, console.progress());
+  const auto ready =
+      prepared_with_cache(loaded->model, std::array{ForceMethod::kTrilinear}, console.progress());
   if (!ready) return console.fail(ready.error());
   const FieldVolume& field = (*ready)->field->storage();
   if (const auto written = write(options.output, field); !written) return console.fail(written.error());

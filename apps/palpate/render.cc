@@ -169,7 +169,7 @@ struct Drawn {
   std::shared_ptr<const Model> model;  ///< Model at the start of the recording
   std::optional<RecordedMoment> moment;
 
-  const Model& shown() const { return moment && moment->left ? *moment->left : *model; }
+  const Model& shown() const { return moment && moment->current_model ? *moment->current_model : *model; }
 };
 
 Result<Drawn> load_drawn(const RenderOptions& options, Console& console) {

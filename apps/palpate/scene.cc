@@ -327,7 +327,7 @@ class UsageInWords : public CLI::Formatter {
 
 /// Names of an enumeration, without that of kUnknown.
 template <class Enum, std::size_t N>
-std::vector<std::string> known_names(const std::array<Word<Enum>, N>& words) {
+std::vector<std::string> known_names(const std::array<NamedValue<Enum>, N>& words) {
   std::vector<std::string> names;
   for (const auto& [value, name] : words)
     if (value != Enum::kUnknown) names.emplace_back(name);

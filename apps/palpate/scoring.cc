@@ -102,7 +102,7 @@ Result<TaskInScene> resolve_for_score(const TaskFile& task, std::shared_ptr<cons
                                   [](const TaskStep& step) { return step.kind == StepKind::kCover; });
   if (covers) {
     constexpr std::array kProxyAlone = {ForceMethod::kProxy};
-    auto ready = ready_for(std::move(model), kProxyAlone, progress);
+    auto ready = prepared_with_cache(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
     model = *std::move(ready);
   }

@@ -28,13 +28,13 @@ struct Body {
   bool is_touchable(LabelId label) const { return model->is_touchable(label); }
   /// Whether `surface` exists, is on `layer` and is not covered by another surface, so that a tool that has
   /// punctured nothing can touch it.
-  bool is_touched(const ContactSurface& surface, int layer = 0) const {
+  bool is_active_surface(const ContactSurface& surface, int layer = 0) const {
     return surface.surface != nullptr && surface.covered_by < 0 && surface.layer == layer;
   }
   double clearance_mm(const Point<Patient>& at, double radius_mm, int layer = 0) const {
     double smallest = std::numeric_limits<double>::infinity();
     for (const ContactSurface& surface : surfaces)
-      if (is_touched(surface, layer))
+      if (is_active_surface(surface, layer))
         smallest = std::min(smallest, surface.surface->distance_mm(at) - radius_mm);
     return smallest;
   }
@@ -54,7 +54,7 @@ struct Body {
   Vector<Patient> outward(const Point<Patient>& at) const {
     const ContactSurface* nearest = nullptr;
     for (const ContactSurface& surface : surfaces)
-      if (is_touched(surface) &&
+      if (is_active_surface(surface) &&
           (nearest == nullptr || surface.surface->distance_mm(at) < nearest->surface->distance_mm(at)))
         nearest = &surface;
     return nearest->surface->outward(at);
@@ -107,7 +107,7 @@ inline std::optional<double> as_proposed(const Segment& segment) {
 
 inline Body one_body(const Model& model) {
   const std::array methods{ForceMethod::kProxy};
-  const auto ready = ready_for(std::make_shared<const Model>(model), methods);
+  const auto ready = prepared_with_cache(std::make_shared<const Model>(model), methods);
   EXPECT_TRUE(ready.ok());
   return {*ready, (*ready)->surfaces};
 }

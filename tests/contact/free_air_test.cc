@@ -29,8 +29,8 @@ constexpr unsigned kFreeAirSeed = 49;
 constexpr double kDt_s = 0.001, kPress_N = 8, kStep_mm = 0.02;
 constexpr int kHold_ticks = 700;
 constexpr double kFar_mm = 12, kDeepest_mm = 12, kLateral_mm = 30;
-constexpr double kFree_mm = 1;    // clearance from every touchable structure, beyond the radius of the tool
-constexpr double kLeft_N = 0.02;  // residual force below the threshold of perception
+constexpr double kFree_mm = 1;  // clearance from every touchable structure, beyond the radius of the tool
+constexpr double kResidual_N = 0.02;  // residual force below the threshold of perception
 constexpr double kJump_N = 0.02;  // change of the force in a tick beyond stiffness times displacement of the
                                   // tip
 // limit for all layers together; a place where no contact constrains the path has given 0.024 N
@@ -47,16 +47,19 @@ int presses_requested() {
 
 struct FreeAirFigures {
   int presses = 0, back = 0, lateral = 0;
-  int held_back = 0, held_lateral = 0;  ///< exit paths that reached free air, where the tip then rested
+  int reached_free_back = 0,
+      reached_free_lateral = 0;  ///< exit paths that reached free air, where the tip then rested
   int hooked = 0;  ///< withdrawals along the entry path of a tool that had slid around an obstacle, which
                    ///< then constrains it; not counted as failures
   int within_while_free =
-      0;           ///< ticks in which an inner layer exerted force while the outermost proxy was free
-  int untold = 0;  ///< ticks with a force that neither a contact nor a release explains
+      0;                ///< ticks in which an inner layer exerted force while the outermost proxy was free
+  int unexplained = 0;  ///< ticks with a force that neither a contact nor a release explains
   int jumps = 0, slow_releases = 0;
-  int drawn = 0, held_outside = 0;  ///< withdrawals and lateral exits after which more than kLeft_N remained
-  int grown = 0;                    ///< withdrawals in which the force increased in free air
-  double largest_jump_N = 0, max_released_N = 0, max_drawn_N = 0, longest_drawn_s = 0;
+  int residual_after_back = 0,
+      residual_after_lateral =
+          0;      ///< withdrawals and lateral exits after which more than kResidual_N remained
+  int grown = 0;  ///< withdrawals in which the force increased in free air
+  double largest_jump_N = 0, max_released_N = 0, max_residual_N = 0, longest_residual_s = 0;
 };
 
 enum class ExitPath { kBack, kLateral };
@@ -67,8 +70,8 @@ class FreeAirPress {
   FreeAirPress(const Body& body, double radius_mm, FreeAirFigures& figures)
       : body_(body), tool_{{}, radius_mm}, figures_(figures) {}
 
-  void move(const Point<Patient>& target, const Vector<Patient>& outward, const Vector<Patient>& across,
-            ExitPath path_out) {
+  void run(const Point<Patient>& target, const Vector<Patient>& outward, const Vector<Patient>& across,
+           ExitPath path_out) {
     const auto start = body_.free_place(target, outward, tool_.radius_mm, kFar_mm);
     if (!start) return;
     ++figures_.presses;
@@ -94,10 +97,10 @@ class FreeAirPress {
       ++figures_.hooked;
       return;
     }
-    ++(is_back_ ? figures_.held_back : figures_.held_lateral);
+    ++(is_back_ ? figures_.reached_free_back : figures_.reached_free_lateral);
     for (int n = 0; n < kHold_ticks; ++n) hold();
-    figures_.drawn += is_back_ && drawn_;
-    figures_.held_outside += !is_back_ && drawn_;
+    figures_.residual_after_back += is_back_ && has_residual_;
+    figures_.residual_after_lateral += !is_back_ && has_residual_;
     figures_.grown += is_back_ && grown_;
   }
 
@@ -127,10 +130,10 @@ class FreeAirPress {
     const double now_N = result_.force_N.norm();
     grown_ = grown_ || now_N > before_N + kRounding_N;
     held_s_ += kDt_s;
-    if (held_s_ * kProxySettings.max_slip_N_per_s <= left_N_ + kSlip_N || now_N <= kLeft_N) return;
-    drawn_ = true;
-    figures_.max_drawn_N = std::max(figures_.max_drawn_N, now_N);
-    figures_.longest_drawn_s = std::max(figures_.longest_drawn_s, held_s_);
+    if (held_s_ * kProxySettings.max_slip_N_per_s <= residual_N_ + kSlip_N || now_N <= kResidual_N) return;
+    has_residual_ = true;
+    figures_.max_residual_N = std::max(figures_.max_residual_N, now_N);
+    figures_.longest_residual_s = std::max(figures_.longest_residual_s, held_s_);
   }
 
   void advance() {
@@ -143,24 +146,24 @@ class FreeAirPress {
     figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
     figures_.jumps += jump_N > kJump_N;
     // unexplained force: no contact of the outer layer, no force of an inner layer, no release
-    figures_.untold += result_.force_N != Vector<Patient>() && state_.contact_count == 0 &&
-                       within_N(result_) == 0 && result_.release.force_N == Vector<Patient>();
+    figures_.unexplained += result_.force_N != Vector<Patient>() && state_.contact_count == 0 &&
+                            within_N(result_) == 0 && result_.release.force_N == Vector<Patient>();
     figures_.within_while_free += is_free() && within_N(result_) > 0;
     // a releasing force decreases by the full slip limit per tick, unless a layer is released in the same
     // tick
     const double released_N = result_.release.force_N.norm();
     figures_.max_released_N = std::max(figures_.max_released_N, released_N);
     const double expected_N = std::max(0.0, before.release.force_N.norm() - kSlip_N);
-    if (!has_let_go(before, result_)) figures_.slow_releases += released_N > expected_N + kRounding_N;
+    if (!has_released_layer(before, result_)) figures_.slow_releases += released_N > expected_N + kRounding_N;
     if (is_far_from_all()) {
-      if (held_s_ == 0) left_N_ = result_.force_N.norm();
+      if (held_s_ == 0) residual_N_ = result_.force_N.norm();
     } else {
-      left_N_ = held_s_ = 0;
+      residual_N_ = held_s_ = 0;
     }
   }
 
   // whether a layer has stopped giving force
-  static bool has_let_go(const ProxyResult& before, const ProxyResult& now) {
+  static bool has_released_layer(const ProxyResult& before, const ProxyResult& now) {
     for (std::size_t n = 0; n < kMaxLayers; ++n)
       if (before.of_layer[n].force_N != Vector<Patient>() && now.of_layer[n].force_N == Vector<Patient>())
         return true;
@@ -186,8 +189,8 @@ class FreeAirPress {
   ProxyResult result_;
   Point<Patient> tip_, start_;
   bool went_round_ = false;  // the tool has slid round to where the tip had come out on another side
-  bool begun_ = false, is_back_ = false, drawn_ = false, grown_ = false;
-  double left_N_ = 0, held_s_ = 0;
+  bool begun_ = false, is_back_ = false, has_residual_ = false, grown_ = false;
+  double residual_N_ = 0, held_s_ = 0;
 };
 
 FreeAirFigures press_all_over(const Body& body, int presses, double radius_mm) {
@@ -203,13 +206,13 @@ FreeAirFigures press_all_over(const Body& body, int presses, double radius_mm) {
     const Eigen::Vector3d outward = Eigen::AngleAxisd(tilt(random), lateral) * normal;
     const Eigen::Vector3d across = Eigen::AngleAxisd(turn(random), outward) * outward.unitOrthogonal();
     FreeAirPress(body, radius_mm, figures)
-        .move(target, Vector<Patient>(outward), Vector<Patient>(across),
-              n % 4 < 2 ? ExitPath::kBack : ExitPath::kLateral);
+        .run(target, Vector<Patient>(outward), Vector<Patient>(across),
+             n % 4 < 2 ? ExitPath::kBack : ExitPath::kLateral);
   }
   return figures;
 }
 
-void expect_left_alone(const char* what, const Model& model) {
+void expect_no_force_in_free_air(const char* what, const Model& model) {
   SCOPED_TRACE(std::string(what) + ", seed " + std::to_string(kFreeAirSeed));
   const Body body = one_body(model);
   for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
@@ -220,24 +223,24 @@ void expect_left_alone(const char* what, const Model& model) {
         "(largest "
         "%.3f N), %d slow releases (largest %.2f N); drawn %d (%.3f N, %.2f s), grown %d; hooked %d, held "
         "outside %d\n",
-        what, radius_mm, f.presses, f.held_back, f.held_lateral, f.within_while_free, f.jumps,
-        f.largest_jump_N, f.slow_releases, f.max_released_N, f.drawn, f.max_drawn_N, f.longest_drawn_s,
-        f.grown, f.hooked, f.held_outside);
+        what, radius_mm, f.presses, f.reached_free_back, f.reached_free_lateral, f.within_while_free, f.jumps,
+        f.largest_jump_N, f.slow_releases, f.max_released_N, f.residual_after_back, f.max_residual_N,
+        f.longest_residual_s, f.grown, f.hooked, f.residual_after_lateral);
     std::fflush(stdout);
     EXPECT_GT(f.presses, presses_requested() / 16) << "of a quarter for each tool";
     EXPECT_EQ(f.within_while_free, 0);
     EXPECT_LT(f.largest_jump_N, kMaxJump_N);
     EXPECT_EQ(f.slow_releases, 0);
-    EXPECT_GT(f.held_back, f.back / 2) << "too few withdrawals reached free air to test them";
-    EXPECT_EQ(f.untold, 0);
+    EXPECT_GT(f.reached_free_back, f.back / 2) << "too few withdrawals reached free air to test them";
+    EXPECT_EQ(f.unexplained, 0);
     // one of 5256 was (docs/decisions/0076-layers-hold-while-covered.md)
-    EXPECT_LE(f.drawn, f.held_back / 80);
+    EXPECT_LE(f.residual_after_back, f.reached_free_back / 80);
     EXPECT_EQ(f.grown, 0);
   }
 }
 
 TEST(FreeAir, FreeToolHasNoForceNearPlatesInSoftTissue) {
-  expect_left_alone("cells, plates", soft_and_bone_model(cells_and_plates(kFreeAirSeed)));
+  expect_no_force_in_free_air("cells, plates", soft_and_bone_model(cells_and_plates(kFreeAirSeed)));
 }
 
 TEST(FreeAir, FreeToolHasNoForceNearThePhantomKnee) {
@@ -245,27 +248,28 @@ TEST(FreeAir, FreeToolHasNoForceNearThePhantomKnee) {
   ASSERT_TRUE(parameters.ok());
   const auto phantom = make_phantom(*parameters);
   ASSERT_TRUE(phantom.ok());
-  expect_left_alone("knee-phantom", model_of(phantom->labels, as_proposed));
+  expect_no_force_in_free_air("knee-phantom", model_of(phantom->labels, as_proposed));
 }
 
-void expect_left_alone_in(const char* what, const std::string& name, double min_N_per_mm) {
+void expect_no_force_in_free_air_near(const char* what, const std::string& name, double min_N_per_mm) {
   const auto file = shared_file(name);
   if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
   if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
   const auto labels = labels_of(*file);
   ASSERT_TRUE(labels);
-  expect_left_alone(what, model_of(*labels, [&](const Segment& segment) {
-                      const auto stiffness = as_proposed(segment);
-                      return stiffness && *stiffness >= min_N_per_mm ? stiffness : std::nullopt;
-                    }));
+  expect_no_force_in_free_air(what, model_of(*labels, [&](const Segment& segment) {
+                                const auto stiffness = as_proposed(segment);
+                                return stiffness && *stiffness >= min_N_per_mm ? stiffness : std::nullopt;
+                              }));
 }
 
 TEST(FreeAir, FreeToolHasNoForceNearTheHandSegmentedKnee) {
-  expect_left_alone_in("knee_spl", "knee_spl/seg.nrrd", presses_requested() >= 1000 ? 0 : 0.2);
+  expect_no_force_in_free_air_near("knee_spl", "knee_spl/seg.nrrd", presses_requested() >= 1000 ? 0 : 0.2);
 }
 
 TEST(FreeAir, FreeToolHasNoForceNearTheObliqueKnee) {
-  expect_left_alone_in("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd", 0);
+  expect_no_force_in_free_air_near("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd",
+                                   0);
 }
 
 TEST(FreeAir, FreeToolHasNoForceNearAHeadOfFourStiffnesses) {
@@ -276,8 +280,8 @@ TEST(FreeAir, FreeToolHasNoForceNearAHeadOfFourStiffnesses) {
   }
   const auto labels = labels_of(file);
   ASSERT_TRUE(labels);
-  expect_left_alone("head",
-                    model_of(*labels, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
+  expect_no_force_in_free_air(
+      "head", model_of(*labels, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
 }
 
 // into the cup from above, out through its thin wall into free air

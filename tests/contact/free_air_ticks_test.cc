@@ -37,7 +37,7 @@ int presses_on_each() {
 struct TickFigures {
   int presses = 0, in_free_air = 0;
   int pressed = 0;        ///< presses that reached 1 N: without force nothing is tested
-  int unnamed = 0;        ///< ticks that sent more than kPerceptible_N without a flag that explains the force
+  int unexplained = 0;    ///< ticks that sent more than kPerceptible_N without a flag that explains the force
   int pulled = 0;         ///< presses after which more than kPerceptible_N outlasted the release
   int grown = 0;          ///< presses after which the force in free air grew
   double max_left_N = 0;  ///< force when free air was reached
@@ -65,7 +65,7 @@ class DrivenSession {
   }
   const Point<Patient>& tip() const { return tip_; }
   double force_N() const { return sent_.force_N.norm(); }
-  bool names_its_force() const {
+  bool is_explained_by_flags() const {
     // the slew limit may still be on its way to a force that has ended
     constexpr std::uint32_t kCauses = kFlagContact | kFlagRelease | kFlagSlew;
     return force_N() <= kPerceptible_N || (record_.device[0].flags & kCauses) != 0;
@@ -87,7 +87,7 @@ void press(const Body& body, double radius_mm, const Point<Patient>& start, cons
   double max_N = 0;
   const auto move = [&](const Vector<Patient>& step) {
     session.move(step);
-    figures.unnamed += !session.names_its_force();
+    figures.unexplained += !session.is_explained_by_flags();
     max_N = std::max(max_N, session.force_N());
   };
   const auto is_free = [&] { return is_clear_of_voxels(body, session.tip(), radius_mm + kFree_mm); };
@@ -156,7 +156,7 @@ TickFigures press_all_over(const char* what, const LabelMap& map, TissueLaw law)
       "%-13s %-11s %3d presses, %3d to 1 N and more, %3d in free air (at most %.2f N left): %d ticks "
       "unnamed, %d pulled, %d grown\n",
       what, law == TissueLaw::kElastic ? "elastic" : "layers", figures.presses, figures.pressed,
-      figures.in_free_air, figures.max_left_N, figures.unnamed, figures.pulled, figures.grown);
+      figures.in_free_air, figures.max_left_N, figures.unexplained, figures.pulled, figures.grown);
   std::fflush(stdout);
   return figures;
 }
@@ -170,7 +170,7 @@ TEST_P(FreeAirTicks, FreeToolHasNoForce) {
     const TickFigures figures = press_all_over(what, map, GetParam());
     EXPECT_GT(figures.pressed, figures.presses / 2);
     EXPECT_GT(figures.in_free_air, figures.presses / 2);
-    EXPECT_EQ(figures.unnamed, 0);
+    EXPECT_EQ(figures.unexplained, 0);
     EXPECT_EQ(figures.pulled, 0);
     EXPECT_EQ(figures.grown, 0);
   }

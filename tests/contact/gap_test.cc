@@ -86,7 +86,7 @@ Bones read_bones(const std::filesystem::path& file, const std::string& preparati
   auto model = build_model(*scene, &labels, nullptr);
   PALPATE_CHECK(model.ok());
   const std::array methods{ForceMethod::kTrilinear, ForceMethod::kProxy};
-  auto ready = ready_for(*model, methods);
+  auto ready = prepared_with_cache(*model, methods);
   PALPATE_CHECK(ready.ok());
   Bones bones{*ready, {}};
   for (std::size_t g = 0; g < 2; ++g) {

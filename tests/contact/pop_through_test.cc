@@ -180,7 +180,7 @@ class Press {
 
   /// Presses towards `target` along a random direction with a random tilt up to a random force; about half of
   /// the presses then slide. Returns whether contact force was rendered.
-  bool move(const Point<Patient>& target, Chance& chance) {
+  bool run(const Point<Patient>& target, Chance& chance) {
     const Vector<Patient> inward = chance.direction();
     tip_ = first_touch(target, inward) - inward * chance.between(0.5, 2);
     follow();
@@ -189,7 +189,7 @@ class Press {
     const Vector<Patient> lateral = inward.cross(chance.direction()).normalized();
     const Vector<Patient> push = (inward + lateral * chance.between(0, 0.6)).normalized() * speed_mm;
     double path_mm = 0;
-    while (path_mm < max_mm_ + 6 && multiplier_mm() < max_mm_ - 1e-6) {
+    while (path_mm < max_mm_ + 6 && penetration_mm() < max_mm_ - 1e-6) {
       lead(push);
       path_mm += speed_mm;
     }
@@ -208,13 +208,13 @@ class Press {
   Point<Patient> first_touch(const Point<Patient>& target, const Vector<Patient>& inward) const {
     const double far_mm = 150;
     double to_go_mm = far_mm, clearance_mm = 0;
-    while ((clearance_mm = below_or_above(target - inward * to_go_mm)) > 0.01)
+    while ((clearance_mm = tool_clearance_mm(target - inward * to_go_mm)) > 0.01)
       to_go_mm -= std::max(0.01, clearance_mm / touchable_.surface->max_gradient());
     return target - inward * to_go_mm;
   }
 
   // distance of the outline of the tool from the structure, along the whole shaft
-  double below_or_above(const Point<Patient>& at) const {
+  double tool_clearance_mm(const Point<Patient>& at) const {
     const int count = static_cast<int>(tool_.axis_mm.norm() / kAlongShaft_mm);
     double min_mm = std::numeric_limits<double>::infinity();
     for (int n = 0; n <= count; ++n) {
@@ -223,7 +223,7 @@ class Press {
     }
     return min_mm - tool_.radius_mm;
   }
-  double multiplier_mm() const { return (state_.position - tip_).norm(); }
+  double penetration_mm() const { return (state_.position - tip_).norm(); }
 
   // moves the tip, limited to max_mm_ of penetration and kMaxStep_mm per tick
   void lead(const Vector<Patient>& displacement) {
@@ -240,17 +240,18 @@ class Press {
     const ProxyResult result = advance_proxy({&touchable_, 1}, {&tool_, 1}, tip_, state_, {}, &path);
     ++ticks_;
     ASSERT_TRUE(state_.coupled);
-    ASSERT_LT(path.count, path.corner.size()) << "no corner is lost";
-    ASSERT_EQ(path.corner[path.count - 1], state_.position);
+    ASSERT_LT(path.count, path.vertices.size()) << "no corner is lost";
+    ASSERT_EQ(path.vertices[path.count - 1], state_.position);
     touched_ = touched_ || result.force_N.norm() > 0.05;
-    for (std::size_t n = 1; n < path.count; ++n) scan_along(path.corner[n - 1], path.corner[n]);
+    for (std::size_t n = 1; n < path.count; ++n) scan_along(path.vertices[n - 1], path.vertices[n]);
   }
 
   void scan_along(const Point<Patient>& a, const Point<Patient>& b) {
     const double every_mm = tool_.axis_mm == Vector<Patient>() ? kEvery_mm : kEveryOfShaft_mm;
     const int pieces = static_cast<int>((b - a).norm() / every_mm) + 1;
     for (int n = 0; n <= pieces; ++n)
-      deepest_mm_ = std::max(deepest_mm_, -below_or_above(a + (b - a) * (static_cast<double>(n) / pieces)));
+      deepest_mm_ =
+          std::max(deepest_mm_, -tool_clearance_mm(a + (b - a) * (static_cast<double>(n) / pieces)));
   }
 
   const ContactSurface& touchable_;
@@ -287,13 +288,13 @@ CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, C
     const auto targets = places_of(grid, structure.value);
     for (int n = 0; n < presses_a_turn(); ++n) {
       Press press(surface, oracle, {{}, n % 4 == 0 ? 0 : chance.between(0, kWidest_mm)});
-      const bool touched = press.move(targets[chance.below(targets.size())], chance);
+      const bool touched = press.run(targets[chance.below(targets.size())], chance);
       counted.spheres.add({1, touched, press.ticks(), press.deepest_mm()});
     }
     for (int n = 0; n < presses_a_turn(); n += kPressesAShaft) {
       const Vector<Patient> along_mm = shaft_chance.direction() * shaft_chance.between(3, 60);
       Press press(surface, oracle, {{}, shaft_chance.between(0.3, kWidest_mm), along_mm});
-      const bool touched = press.move(targets[shaft_chance.below(targets.size())], shaft_chance);
+      const bool touched = press.run(targets[shaft_chance.below(targets.size())], shaft_chance);
       counted.shafts.add({1, touched, press.ticks(), press.deepest_mm()});
     }
   }

@@ -44,7 +44,7 @@ int seam_presses() {
 }
 
 // the same model with a separate closed surface for each label, without common outer surfaces
-Body apart(const Model& model) {
+Body with_separate_label_surfaces(const Model& model) {
   Body body{std::make_shared<const Model>(model), {}};
   for (std::size_t label = 1; label < model.tissue_of_label.size(); ++label) {
     Model alone = model;
@@ -60,9 +60,9 @@ Body apart(const Model& model) {
 
 /// Oracle for penetration of more than half a voxel. A point is inside if all voxels within one voxel of it
 /// are touchable; a sphere if it covers a touchable voxel centre by more than half the largest spacing.
-class HalfAVoxel {
+class DeepPenetrationOracle {
  public:
-  explicit HalfAVoxel(const Body& body)
+  explicit DeepPenetrationOracle(const Body& body)
       : body_(body),
         labels_(*body.model->labels),
         X_VoxelPatient_(labels_.geometry().X_PatientVoxel().inverse()) {}
@@ -102,10 +102,10 @@ struct Figures {
 /// Presses a sphere on a body, slides it, and withdraws it along the direction of the force.
 class SeamPress {
  public:
-  SeamPress(const Body& body, const HalfAVoxel& half, double radius_mm, Figures& figures)
-      : body_(body), half_(half), tool_{{}, radius_mm}, figures_(figures) {}
+  SeamPress(const Body& body, const DeepPenetrationOracle& oracle, double radius_mm, Figures& figures)
+      : body_(body), oracle_(oracle), tool_{{}, radius_mm}, figures_(figures) {}
 
-  void move(const Point<Patient>& target, const Vector<Patient>& outward, double lateral) {
+  void run(const Point<Patient>& target, const Vector<Patient>& outward, double lateral) {
     const auto start = body_.free_place(target, outward, tool_.radius_mm, kFar_mm);
     if (!start) {
       ++figures_.left_out;
@@ -225,7 +225,7 @@ class SeamPress {
     const double jump_N = (result_.force_N - before_N).norm() - non_slip_change_N;
     figures_.largest_jump_N = std::max(figures_.largest_jump_N, jump_N);
     jumped_ = jumped_ || jump_N > kJump_N;
-    inside_ = inside_ || half_.inside(state_.position, tool_.radius_mm);
+    inside_ = inside_ || oracle_.inside(state_.position, tool_.radius_mm);
     unfelt_ =
         unfelt_ || (rendered_N() < kContact_N && body_.clearance_mm(tip_, tool_.radius_mm) < -kContact_mm);
     for (int layer = 0; layer < kMaxLayers && !withdrawing_; ++layer)
@@ -237,7 +237,7 @@ class SeamPress {
   }
 
   const Body& body_;
-  const HalfAVoxel& half_;
+  const DeepPenetrationOracle& oracle_;
   ToolSphere tool_;
   Figures& figures_;
   ProxyState state_;
@@ -252,13 +252,13 @@ class SeamPress {
 Figures press_all_over(const Body& body, int presses, double radius_mm) {
   std::mt19937 random(kSeamSeed);
   Figures figures;
-  const HalfAVoxel half(body);
+  const DeepPenetrationOracle oracle(body);
   const ExposedVoxels voxels = exposed_voxels(body);
   const auto X_PatientVoxel = body.model->labels->geometry().X_PatientVoxel();
   std::uniform_real_distribution<double> turn(0, 6.283185307179586);
   for (int n = 0; n < presses; ++n) {
     const Point<Patient> target = X_PatientVoxel * voxels.any(n % 2 == 0, random);
-    SeamPress(body, half, radius_mm, figures).move(target, body.outward(target), turn(random));
+    SeamPress(body, oracle, radius_mm, figures).run(target, body.outward(target), turn(random));
   }
   return figures;
 }
@@ -272,7 +272,7 @@ void print(const char* what, double radius_mm, const Figures& f) {
   std::fflush(stdout);
 }
 
-void expect_one_body(const char* what, const Model& model) {
+void expect_no_seams(const char* what, const Model& model) {
   SCOPED_TRACE("seed " + std::to_string(kSeamSeed));
   const Body body = one_body(model);
   int withdrawals = 0, elsewhere = 0, drawn_after = 0, pulled_inward = 0;
@@ -294,7 +294,7 @@ void expect_one_body(const char* what, const Model& model) {
   EXPECT_LE(drawn_after, 1 + withdrawals / 500);
   EXPECT_LE(pulled_inward, 1 + withdrawals / 5000);
   if (std::getenv("PALPATE_TEST_APART") != nullptr) {
-    const Body before = apart(model);
+    const Body before = with_separate_label_surfaces(model);
     for (const double radius_mm : {0.0, 0.5, 1.5, 3.0})
       print("labels apart", radius_mm, press_all_over(before, seam_presses() / 4, radius_mm));
   }
@@ -394,7 +394,7 @@ TEST(Seams, FlatSeamsAreNotRendered) {
         Eigen::Vector3d(0.28, 0.28, 1)}) {
     for (const double turned : {0.0, 25.0, 60.0}) {
       const Model model = model_of(flat_top(spacing_mm, turned), [](const Segment&) { return 1.0; });
-      const Body body = one_body(model), before = apart(model);
+      const Body body = one_body(model), before = with_separate_label_surfaces(model);
       for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
         const Crossing one = cross(body, radius_mm), two = cross(before, radius_mm);
         if (folder != nullptr && radius_mm == 0 && turned == 0) draw(two, one, folder);
@@ -417,13 +417,13 @@ TEST(Seams, FlatSeamsAreNotRendered) {
   }
 }
 
-void expect_one_body_in(const char* what, const std::string& name, double min_N_per_mm) {
+void expect_no_seams_in(const char* what, const std::string& name, double min_N_per_mm) {
   const auto file = shared_file(name);
   if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
   if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
   const auto labels = labels_of(*file);
   ASSERT_TRUE(labels);
-  expect_one_body(what, model_of(*labels, [&](const Segment& segment) {
+  expect_no_seams(what, model_of(*labels, [&](const Segment& segment) {
                     const auto stiffness = as_proposed(segment);
                     return stiffness && *stiffness >= min_N_per_mm ? stiffness : std::nullopt;
                   }));
@@ -432,11 +432,11 @@ void expect_one_body_in(const char* what, const std::string& name, double min_N_
 // all of its 48 structures where many presses are asked for: preparing them takes longer than pressing them
 TEST(Seams, HandSegmentedKneeHasNoSeams) {
   const bool whole = seam_presses() >= 1000;
-  expect_one_body_in("knee_spl", "knee_spl/seg.nrrd", whole ? 0 : 0.2);
+  expect_no_seams_in("knee_spl", "knee_spl/seg.nrrd", whole ? 0 : 0.2);
 }
 
 TEST(Seams, ObliqueKneeHasNoSeams) {
-  expect_one_body_in("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd", 0);
+  expect_no_seams_in("knee_dess", "knee_dess/SAG_3D_DESS_RIGHT_bones_cart_men_fib-label.nrrd", 0);
 }
 
 // 116 brain regions, each adjacent to many others: with one stiffness, and with four
@@ -448,9 +448,9 @@ TEST(Seams, HeadHasNoSeams) {
   }
   const auto labels = labels_of(file);
   ASSERT_TRUE(labels);
-  expect_one_body("head", model_of(*labels, [](const Segment&) { return 0.4; }));
+  expect_no_seams("head", model_of(*labels, [](const Segment&) { return 0.4; }));
   if (seam_presses() < 1000) return;
-  expect_one_body("head, layers",
+  expect_no_seams("head, layers",
                   model_of(*labels, [](const Segment& segment) { return 0.2 + 0.3 * (segment.id % 4); }));
 }
 
@@ -459,7 +459,7 @@ TEST(Seams, PhantomKneeHasNoSeams) {
   ASSERT_TRUE(parameters.ok());
   const auto phantom = make_phantom(*parameters);
   ASSERT_TRUE(phantom.ok());
-  expect_one_body("knee-phantom", model_of(phantom->labels, as_proposed));
+  expect_no_seams("knee-phantom", model_of(phantom->labels, as_proposed));
 }
 
 }  // namespace

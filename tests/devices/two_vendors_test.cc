@@ -25,9 +25,9 @@ using testing::kBoneRadius_mm;
 using testing::soon;
 
 /// A device: the fake of its vendor's library and the driver.
-class Made {
+class VendorDevice {
  public:
-  virtual ~Made() = default;
+  virtual ~VendorDevice() = default;
   virtual DeviceDriver& driver() = 0;
   /// Where the hand wants to be, mm within the ball's surface.
   virtual void lead(double deep_mm) = 0;
@@ -41,9 +41,9 @@ class Made {
 };
 
 template <class Side>
-class MadeWithFaults : public Made {
+class DeviceWithFaults : public VendorDevice {
  public:
-  MadeWithFaults(Side& side, const std::vector<testing::DriverFault<Side>>& known) : there_(side, known) {}
+  DeviceWithFaults(Side& side, const std::vector<testing::DriverFault<Side>>& known) : there_(side, known) {}
   void begin_faults(std::mt19937& random) override {
     there_.begin_any(random, [] {});
   }
@@ -54,9 +54,9 @@ class MadeWithFaults : public Made {
   testing::StartedFaults<Side> there_;
 };
 
-class Omega final : testing::DhdSide, public MadeWithFaults<testing::FakeDhdDevice> {
+class Omega final : testing::DhdSide, public DeviceWithFaults<testing::FakeDhdDevice> {
  public:
-  Omega() : MadeWithFaults(device, testing::dhd_faults()) { device.intended_x_mm = 0; }
+  Omega() : DeviceWithFaults(device, testing::dhd_faults()) { device.intended_x_mm = 0; }
   DeviceDriver& driver() override { return *driver_; }
   void lead(double deep_mm) override { device.intended_y_mm = kBoneRadius_mm - deep_mm; }
   double force_N() const override { return device.force_N; }
@@ -71,9 +71,9 @@ class Omega final : testing::DhdSide, public MadeWithFaults<testing::FakeDhdDevi
       std::make_unique<ForceDimensionDriver>(testing::fake_dhd_settings());
 };
 
-class Touch final : testing::HdSide, public MadeWithFaults<testing::FakeHd> {
+class Touch final : testing::HdSide, public DeviceWithFaults<testing::FakeHd> {
  public:
-  Touch() : MadeWithFaults(fake, testing::hd_faults_and_hang()) { device.max_force_N = kMax_N; }
+  Touch() : DeviceWithFaults(fake, testing::hd_faults_and_hang()) { device.max_force_N = kMax_N; }
   DeviceDriver& driver() override { return *driver_; }
   void lead(double deep_mm) override { device.intended_x_mm = deep_mm - kBoneRadius_mm; }
   double force_N() const override { return device.force_N; }
@@ -88,9 +88,9 @@ class Touch final : testing::HdSide, public MadeWithFaults<testing::FakeHd> {
   std::unique_ptr<DeviceDriver> driver_ = std::make_unique<OpenHapticsDriver>(testing::fake_hd_settings());
 };
 
-class Inverse3 final : testing::HaplySide, public MadeWithFaults<testing::FakeInverseService> {
+class Inverse3 final : testing::HaplySide, public DeviceWithFaults<testing::FakeInverseService> {
  public:
-  Inverse3() : HaplySide("3.1.1"), MadeWithFaults(service, testing::haply_faults()) {}
+  Inverse3() : HaplySide("3.1.1"), DeviceWithFaults(service, testing::haply_faults()) {}
   DeviceDriver& driver() override { return *driver_; }
   // its workspace's middle lies before the base and above it
   void lead(double deep_mm) override { service.intend(Point<Device>(kBoneRadius_mm - deep_mm, -120, 150)); }
@@ -110,9 +110,9 @@ class Inverse3 final : testing::HaplySide, public MadeWithFaults<testing::FakeIn
   std::unique_ptr<DeviceDriver> driver_ = std::make_unique<HaplyDriver>(service.settings());
 };
 
-using Makers = std::array<std::unique_ptr<Made> (*)(), 2>;
+using DeviceFactories = std::array<std::unique_ptr<VendorDevice> (*)(), 2>;
 template <class Device>
-std::unique_ptr<Made> make() {
+std::unique_ptr<VendorDevice> make() {
   return std::make_unique<Device>();
 }
 
@@ -121,13 +121,13 @@ class TwoVendors {
  public:
   static constexpr double kUsers_N = 0.4;  // the makers' own are 3.3 N and more
 
-  explicit TwoVendors(const Makers& vendors) : made_{vendors[0](), vendors[1]()} {
-    for (const auto& each : made_) {
+  explicit TwoVendors(const DeviceFactories& vendors) : devices_{vendors[0](), vendors[1]()} {
+    for (const auto& each : devices_) {
       each->lead(kFree_mm);
       const auto opened = each->driver().open(false);
       EXPECT_TRUE(opened.ok()) << (opened.ok() ? "" : opened.error().message());
     }
-    both_.emplace(std::vector<DeviceDriver*>{&made_[0]->driver(), &made_[1]->driver()},
+    both_.emplace(std::vector<DeviceDriver*>{&devices_[0]->driver(), &devices_[1]->driver()},
                   CompositeDriverSettings{.rate_hz = 1000, .realtime = false});
     Parameters parameters;
     parameters.max_force_N = kUsers_N;
@@ -138,11 +138,11 @@ class TwoVendors {
     if (loop) loop_ = std::move(*loop);
   }
 
-  Made& device(std::size_t d) { return *made_[d]; }
+  VendorDevice& device(std::size_t d) { return *devices_[d]; }
   double limit_N(std::size_t d) const {
-    return dynamic_cast<Touch*>(made_[d].get()) ? Touch::kMax_N : kUsers_N;
+    return dynamic_cast<Touch*>(devices_[d].get()) ? Touch::kMax_N : kUsers_N;
   }
-  bool presses(std::size_t d) const { return made_[d]->force_N() > 0.4 * limit_N(d); }
+  bool presses(std::size_t d) const { return devices_[d]->force_N() > 0.4 * limit_N(d); }
   /// Presses until both devices render force. Contact must begin outside the surface, but a device may
   /// recover inside, or jump there after a late tick; hence the retries.
   bool press() {
@@ -175,49 +175,50 @@ class TwoVendors {
     });
   }
   /// Diagnostic text for failure messages.
-  std::string declared() const {
+  std::string diagnostics() const {
     if (!loop_) return "no loop";
     const auto failure = both_->failure();
     std::ostringstream text;
     text << (failure ? failure->message() : "nothing");
     const TickRecord tick = loop_->snapshot();
-    for (std::size_t d = 0; d < made_.size(); ++d)
-      text << "; " << made_[d]->faults() << ": " << made_[d]->force_N() << " N, "
+    for (std::size_t d = 0; d < devices_.size(); ++d)
+      text << "; " << devices_[d]->faults() << ": " << devices_[d]->force_N() << " N, "
            << tick.device[d].tip_world_mm[0] << " mm, flags " << std::hex << tick.device[d].flags << std::dec;
     return text.str();
   }
   /// Stops the loop; both devices must end at zero force and have stayed within their limits.
   void end() {
     loop_->stop();
-    for (std::size_t d = 0; d < made_.size(); ++d) {
+    for (std::size_t d = 0; d < devices_.size(); ++d) {
       EXPECT_TRUE(soon([&] { return device(d).force_N() == 0; }));
       EXPECT_LE(device(d).largest_N(), limit_N(d) + 1e-9) << d;
     }
     loop_.reset();
     both_.reset();
-    for (const auto& each : made_) EXPECT_EQ(each->end(), "");
+    for (const auto& each : devices_) EXPECT_EQ(each->end(), "");
   }
 
  private:
   static constexpr double kFree_mm = -6;
   void lead(double deep_mm) {
-    for (const auto& each : made_) each->lead(deep_mm);
+    for (const auto& each : devices_) each->lead(deep_mm);
   }
 
-  std::array<std::unique_ptr<Made>, 2> made_;
+  std::array<std::unique_ptr<VendorDevice>, 2> devices_;
   std::optional<CompositeDriver> both_;
   std::unique_ptr<ServoLoop> loop_;
 };
 
-struct NamedMakers {
+struct NamedFactories {
   const char* name;
-  Makers vendors;
+  DeviceFactories vendors;
 };
-class TwoVendorsFaults : public ::testing::TestWithParam<NamedMakers> {};
+class TwoVendorsFaults : public ::testing::TestWithParam<NamedFactories> {};
 INSTANTIATE_TEST_SUITE_P(First, TwoVendorsFaults,
-                         ::testing::Values(NamedMakers{"OmegaAndTouch", {&make<Omega>, &make<Touch>}},
-                                           NamedMakers{"TouchAndOmega", {&make<Touch>, &make<Omega>}},
-                                           NamedMakers{"Inverse3AndTouch", {&make<Inverse3>, &make<Touch>}}),
+                         ::testing::Values(NamedFactories{"OmegaAndTouch", {&make<Omega>, &make<Touch>}},
+                                           NamedFactories{"TouchAndOmega", {&make<Touch>, &make<Omega>}},
+                                           NamedFactories{"Inverse3AndTouch",
+                                                          {&make<Inverse3>, &make<Touch>}}),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
 // With either device as clock owner: a faulty device has zero force, the other keeps rendering, each stays
@@ -229,7 +230,7 @@ TEST_P(TwoVendorsFaults, SurvivesAnySequenceOfFaults) {
   TwoVendors rig(GetParam().vendors);
   for (int n = 0; n < testing::fault_sequences(3); ++n) {
     SCOPED_TRACE("sequence " + std::to_string(n));
-    ASSERT_TRUE(rig.press()) << rig.declared();
+    ASSERT_TRUE(rig.press()) << rig.diagnostics();
     // one of the two, or both
     const auto which = 1 + random() % 3;
     for (std::size_t d = 0; d < 2; ++d)
@@ -237,14 +238,14 @@ TEST_P(TwoVendorsFaults, SurvivesAnySequenceOfFaults) {
     const auto is_faulty = [&](std::size_t d) { return (which >> d & 1) != 0; };
     for (std::size_t d = 0; d < 2; ++d) {
       ASSERT_TRUE(!is_faulty(d) || soon([&] { return rig.device(d).force_N() == 0; }))
-          << d << ": " << rig.declared();
+          << d << ": " << rig.diagnostics();
     }
     for (std::size_t d = 0; d < 2; ++d) {
-      ASSERT_TRUE(is_faulty(d) || rig.goes_on_pressing(d)) << d << ": " << rig.declared();
+      ASSERT_TRUE(is_faulty(d) || rig.goes_on_pressing(d)) << d << ": " << rig.diagnostics();
     }
     for (std::size_t d = 0; d < 2; ++d) rig.device(d).end_faults(random);
   }
-  ASSERT_TRUE(rig.press()) << rig.declared();
+  ASSERT_TRUE(rig.press()) << rig.diagnostics();
   rig.end();
 }
 

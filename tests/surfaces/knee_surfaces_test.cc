@@ -57,33 +57,33 @@ int count_components(const GridGeometry& grid, const Inside& inside) {
   return count;
 }
 
-struct Kept {
+struct VoxelRetention {
   std::size_t voxels = 0, outside = 0;
   double deepest = 0;  ///< Greatest distance of a labelled voxel centre outside the surface, in half voxels
                        ///< along the normal
 };
 
-Kept count_retained(const PreparedSurface& s, const Volume<LabelId>& labels) {
-  Kept stored;
+VoxelRetention count_retained(const PreparedSurface& s, const Volume<LabelId>& labels) {
+  VoxelRetention retention;
   const auto X_PatientVoxel = labels.geometry().X_PatientVoxel();
   const auto& dims = labels.geometry().dims;
   for (int k = 0; k < dims[2]; ++k) {
     for (int j = 0; j < dims[1]; ++j) {
       for (int i = 0; i < dims[0]; ++i) {
         if (labels.at(i, j, k) != s.label) continue;
-        ++stored.voxels;
+        ++retention.voxels;
         const Point<Patient> centre = X_PatientVoxel * Point<Voxel>(i, j, k);
         const double out = s.surface.distance_mm(centre);
         // the centre is a voxel of the position; what is left is rounding of its place
         if (out <= 1e-6) continue;
-        ++stored.outside;
+        ++retention.outside;
         const Eigen::Vector3d n = labels.geometry().direction.transpose() * s.surface.outward(centre).eigen();
-        stored.deepest =
-            std::max(stored.deepest, out / (0.5 * n.cwiseAbs().dot(labels.geometry().spacing_mm)));
+        retention.deepest =
+            std::max(retention.deepest, out / (0.5 * n.cwiseAbs().dot(labels.geometry().spacing_mm)));
       }
     }
   }
-  return stored;
+  return retention;
 }
 
 /// Angles between the normal and the position's gradient, where the surface crosses the grid, in degrees.
@@ -129,9 +129,9 @@ void expect_thin_tissue_survives(const std::string& name) {
   for (const PreparedSurface& s : *prepared) {
     const std::string tissue = read->labels.find(s.label)->name;
     SCOPED_TRACE(tissue);
-    const Kept stored = count_retained(s, labels);
-    EXPECT_LE(static_cast<double>(stored.outside), 0.05 * static_cast<double>(stored.voxels));
-    EXPECT_LE(stored.deepest, 1);
+    const VoxelRetention retention = count_retained(s, labels);
+    EXPECT_LE(static_cast<double>(retention.outside), 0.05 * static_cast<double>(retention.voxels));
+    EXPECT_LE(retention.deepest, 1);
     const Volume<std::int16_t> position = s.surface.position().bricks().dense();
     const int components =
         count_components(position.geometry(), [&](int i, int j, int k) { return position.at(i, j, k) <= 0; });
@@ -151,8 +151,8 @@ void expect_thin_tissue_survives(const std::string& name) {
     std::printf(
         "%-26s %7zu voxels, %zu outside, %d components of %d, %zu strays; normal to gradient %4.1f median "
         "%4.1f p90 %4.1f p99 deg, %.4f %% beyond 90; steepest %.2f\n",
-        tissue.c_str(), stored.voxels, stored.outside, components, labelled, s.strays.size(), percentile(0.5),
-        percentile(0.9), percentile(0.99), 100 * astray, s.surface.max_gradient());
+        tissue.c_str(), retention.voxels, retention.outside, components, labelled, s.strays.size(),
+        percentile(0.5), percentile(0.9), percentile(0.99), 100 * astray, s.surface.max_gradient());
   }
 }
 

@@ -30,13 +30,13 @@ struct ContactProperties {
 /// Description of one contact property.
 struct ContactProperty {
   double ContactProperties::*value;
-  std::string_view name;        ///< With its unit: viewer messages, recordings
-  std::string_view key;         ///< In scene files
-  std::string_view words;       ///< In texts for users
-  std::string_view unit;        ///< In texts for users; empty: dimensionless
-  std::string_view ascii_unit;  ///< In recordings; "1": dimensionless
-  ValueRange range;             ///< Permitted values
-  std::string_view about;       ///< In the manual of scene files
+  std::string_view name;          ///< With its unit: viewer messages, recordings
+  std::string_view key;           ///< In scene files
+  std::string_view display_name;  ///< In texts for users
+  std::string_view unit;          ///< In texts for users; empty: dimensionless
+  std::string_view ascii_unit;    ///< In recordings; "1": dimensionless
+  ValueRange range;               ///< Permitted values
+  std::string_view about;         ///< In the manual of scene files
 };
 
 /// All contact properties, in the order of the members of ContactProperties.

@@ -53,7 +53,7 @@ Result<std::string> read_file(const std::filesystem::path& file,
 
 /// Durability of a committed file. kToDisk: complete even after a power cut. kNot: a power cut may leave it
 /// incomplete; the death of the process never does.
-enum class Flush { kToDisk, kNot };
+enum class Flush { kToDisk, kNone };
 
 /// Output file that appears complete under its name or not at all: write to path(), then commit(). Until
 /// then, and after any failure, only a hidden temporary file in the same folder exists, which the destructor

@@ -47,43 +47,43 @@ inline std::uint64_t hash_finish(std::uint64_t hash) {
 /// depends on the previous one; here words are buffered and then multiplied in pairs into four independent
 /// chains, which a processor executes in parallel. Two words are folded into a chain as in wyhash (Wang Yi,
 /// 2019): the high half of a 128-bit product XOR its low half.
-class HashOfWords {
+class WordHasher {
  public:
-  // gathered_ is not initialised: every word is written before it is read.
-  HashOfWords() {
+  // buffer_ is not initialised: every word is written before it is read.
+  WordHasher() {
     // a different seed for each chain
     for (std::size_t n = 0; n < kChains; ++n) chain_[n] = kHashSeed * (2 * n + 1);
   }
   /// Appends words, and doubles by their bits. One call with several words costs less than one call for each.
   template <class... Words>
   void add(Words... words) {
-    static_assert(sizeof...(words) <= kGathered - kAtOnce);
-    if (held_ > kGathered - sizeof...(words)) fold();
-    std::uint64_t* next = gathered_.data() + held_;
+    static_assert(sizeof...(words) <= kBufferedWords - kWordsPerRound);
+    if (buffered_ > kBufferedWords - sizeof...(words)) fold();
+    std::uint64_t* next = buffer_.data() + buffered_;
     ((*next++ = word_of(words)), ...);
-    held_ += sizeof...(words);
+    buffered_ += sizeof...(words);
   }
   /// Appends the size, then the bytes as words of eight bytes, the last one padded with zeros.
   void add_bytes(const void* data, std::size_t size) {
     add(size);
     const auto* bytes = static_cast<const unsigned char*>(data);
     while (size > 0) {
-      if (held_ == kGathered) fold();
-      const std::size_t count = std::min(kGathered - held_, (size + 7) / 8),
+      if (buffered_ == kBufferedWords) fold();
+      const std::size_t count = std::min(kBufferedWords - buffered_, (size + 7) / 8),
                         taken = std::min(size, 8 * count);
-      gathered_[held_ + count - 1] = 0;
-      std::memcpy(gathered_.data() + held_, bytes, taken);
-      held_ += count;
+      buffer_[buffered_ + count - 1] = 0;
+      std::memcpy(buffer_.data() + buffered_, bytes, taken);
+      buffered_ += count;
       bytes += taken;
       size -= taken;
     }
   }
   /// Hash of everything added; nothing may be added afterwards.
   std::uint64_t value() {
-    const std::uint64_t count = count_ + held_;
+    const std::uint64_t count = count_ + buffered_;
     fold();
     // the remaining words, padded with zeros
-    while (held_ > 0 && held_ < kAtOnce) gathered_[held_++] = 0;
+    while (buffered_ > 0 && buffered_ < kWordsPerRound) buffer_[buffered_++] = 0;
     fold();
     std::uint64_t hash = kHashSeed;
     hash_word(hash, count);
@@ -92,7 +92,8 @@ class HashOfWords {
   }
 
  private:
-  static constexpr std::size_t kChains = 4, kAtOnce = 2 * kChains, kGathered = 32 * kAtOnce;
+  static constexpr std::size_t kChains = 4, kWordsPerRound = 2 * kChains,
+                               kBufferedWords = 32 * kWordsPerRound;
   static constexpr std::array<std::uint64_t, kChains> kSecret{0xa0761d6478bd642full, 0xe7037ed1a0b428dbull,
                                                               0x8ebc6af09c88c6e3ull, 0x589965cc75374cc3ull};
 
@@ -106,25 +107,24 @@ class HashOfWords {
   static std::uint64_t word_of(Word word) {
     return static_cast<std::uint64_t>(word);
   }
-  // mixes the buffered words into the chains, kAtOnce at a time; fewer than kAtOnce remain
+  // mixes the buffered words into the chains, kWordsPerRound at a time; fewer than kWordsPerRound remain
   void fold() {
-    if (held_ < kAtOnce) return;
+    if (buffered_ < kWordsPerRound) return;
     std::array<std::uint64_t, kChains> chain = chain_;
     std::size_t first = 0;
-    for (; first + kAtOnce <= held_; first += kAtOnce)
+    for (; first + kWordsPerRound <= buffered_; first += kWordsPerRound)
       for (std::size_t n = 0; n < kChains; ++n)
-        chain[n] =
-            folded_product(gathered_[first + n] ^ kSecret[n], gathered_[first + kChains + n] ^ chain[n]);
+        chain[n] = folded_product(buffer_[first + n] ^ kSecret[n], buffer_[first + kChains + n] ^ chain[n]);
     chain_ = chain;
     count_ += first;
-    std::copy(gathered_.begin() + static_cast<std::ptrdiff_t>(first),
-              gathered_.begin() + static_cast<std::ptrdiff_t>(held_), gathered_.begin());
-    held_ -= first;
+    std::copy(buffer_.begin() + static_cast<std::ptrdiff_t>(first),
+              buffer_.begin() + static_cast<std::ptrdiff_t>(buffered_), buffer_.begin());
+    buffered_ -= first;
   }
 
-  std::array<std::uint64_t, kGathered> gathered_;
+  std::array<std::uint64_t, kBufferedWords> buffer_;
   std::array<std::uint64_t, kChains> chain_;
-  std::size_t held_ = 0;
+  std::size_t buffered_ = 0;
   std::uint64_t count_ = 0;
 };
 

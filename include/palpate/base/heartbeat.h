@@ -18,13 +18,13 @@ struct Heartbeat {
   static constexpr std::uint64_t kPermanentHalt = std::numeric_limits<std::uint64_t>::max();
 
   // ---- written by the process that runs the loop
-  std::atomic<std::int64_t> beat_ns{kResting};     ///< End of the last tick; ns. kResting: no tick is due.
-  std::atomic<std::int64_t> checked_ns{kResting};  ///< Last check by the loop's own watchdog; ns.
-  std::atomic<std::uint64_t> ended_halts{0};       ///< Number of the newest halt that has ended.
+  std::atomic<std::int64_t> beat_ns{kResting};      ///< End of the last tick; ns. kResting: no tick is due.
+  std::atomic<std::int64_t> checked_ns{kResting};   ///< Last check by the loop's own watchdog; ns.
+  std::atomic<std::uint64_t> newest_ended_halt{0};  ///< Number of the newest halt that has ended.
 
   // ---- written by the supervisor
-  /// Number of the newest halt, which is in force until ended_halts reaches it.
-  std::atomic<std::uint64_t> halts{0};
+  /// Number of the newest halt, which is in force until newest_ended_halt reaches it.
+  std::atomic<std::uint64_t> newest_halt{0};
 };
 
 static_assert(std::atomic<std::int64_t>::is_always_lock_free);

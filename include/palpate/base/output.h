@@ -24,16 +24,16 @@ class OutputClaim {
   /// of this file are removed. Errors: kOutput if the folder is missing or not writable, or if another
   /// process has claimed the file.
   static Result<OutputClaim> take(const std::filesystem::path& file);
-  OutputClaim(OutputClaim&& other) noexcept : lock_(std::exchange(other.lock_, {})) {}
+  OutputClaim(OutputClaim&& other) noexcept : lock_path_(std::exchange(other.lock_path_, {})) {}
   OutputClaim& operator=(OutputClaim&& other) noexcept {
-    std::swap(lock_, other.lock_);
+    std::swap(lock_path_, other.lock_path_);
     return *this;
   }
   ~OutputClaim();
 
  private:
-  explicit OutputClaim(std::string lock) : lock_(std::move(lock)) {}
-  std::string lock_;
+  explicit OutputClaim(std::string lock) : lock_path_(std::move(lock)) {}
+  std::string lock_path_;
 };
 
 /// Removes everything that this process has begun to write and not finished: temporaries, lock files,
@@ -44,9 +44,9 @@ void abandon_outputs() noexcept;
 /// Claims a file that a run will write, until the claim is destroyed. Checks that its folder exists and is
 /// writable, that the file is no folder or device, and that no other process is writing it. Call it before
 /// long work, so that a wrong name is reported at once.
-/// @param never  input files that the output must not replace
-/// Errors: kUsage if `file` is one of `never`, kOutput otherwise.
+/// @param inputs  files that the output must not replace
+/// Errors: kUsage if `file` is one of `inputs`, kOutput otherwise.
 Result<OutputClaim> claim_output(const std::filesystem::path& file,
-                                 std::span<const std::filesystem::path> never = {});
+                                 std::span<const std::filesystem::path> inputs = {});
 
 }  // namespace palpate

@@ -25,7 +25,7 @@ const ReadingLimits& reading_limits();
 /// @param more_bytes  memory to be allocated in addition
 /// @param what  subject of the error: what is to be read or prepared
 /// Errors: kBadInput with the memory needed, the memory allowed and how to allow more.
-Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what);
+Result<void> check_memory(std::uint64_t more_bytes, const std::string& what);
 
 /// Checks that a file named by something in `folder` lies in that folder or below it after links are
 /// resolved. Errors: kBadInput if it does not, unless follow_links is set. A missing file passes: the reader
@@ -33,8 +33,8 @@ Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what);
 Result<void> check_stays_in(const std::filesystem::path& folder, const std::filesystem::path& file);
 
 /// Human-readable size: "5.1 GiB", "1.3 MiB".
-std::string memory_text(std::uint64_t bytes);
+std::string memory_size_text(std::uint64_t bytes);
 /// Bytes from "800M", "1.5GiB" or "4G" (binary units KiB, MiB, GiB, TiB); 0 for anything else.
-std::uint64_t memory_bytes(const std::string& text);
+std::uint64_t parse_memory_size(const std::string& text);
 
 }  // namespace palpate

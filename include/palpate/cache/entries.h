@@ -22,7 +22,7 @@ bool is_cache_enabled();
 class Payload {
  public:
   explicit Payload(std::size_t size) : bytes_(new std::byte[size]), size_(size) {}
-  std::span<std::byte> room() { return {bytes_.get(), size_}; }
+  std::span<std::byte> writable_bytes() { return {bytes_.get(), size_}; }
   std::span<const std::byte> bytes() const { return {bytes_.get(), size_}; }
 
  private:

@@ -91,7 +91,7 @@ class OwnerCache {
 
  private:
   struct Entry {
-    std::uint64_t owners = 0;  ///< Owners::number(). 0: empty entry
+    std::uint64_t owners = 0;  ///< Owners::id(). 0: empty entry
     int surface = -1;
     /// Whether tissue had been removed from the surface; the original surface and labels do not change
     /// afterwards.

@@ -229,7 +229,7 @@ struct Model {
   /// Factor by which the elastic solver's cells are enlarged, and their number per axis reduced, on a machine
   /// on which a frame would otherwise exceed its time budget. At least 1. A property of the session, not of
   /// the scene, and therefore not part of any content hash.
-  double tissue_coarsened = 1;
+  double tissue_cell_factor = 1;
   /// Relaxation times of all elastic tissues. Empty: nothing relaxes.
   RelaxationTimes relaxation_times;
 

@@ -69,15 +69,15 @@ struct NoGoForce {
 /// because its spring is made stiffer by what the series connection removes. Each region is linearised at the
 /// tool; for planes the force has a potential, for curved regions approximately.
 ///
-/// At most kMaxNoGoMet regions act at a time, the deepest. Stateless; bounded work; does not allocate, lock
-/// or throw.
+/// At most kMaxActiveNoGo regions act at a time, the deepest. Stateless; bounded work; does not allocate,
+/// lock or throw.
 /// @param spheres                 tool parts in the operator's pose
 /// @param tip                     position of the tip
 /// @param max_stiffness_N_per_mm  limit in the patient; no region is stiffer than nine tenths of it. 0: no
 /// force
-NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
+NoGoForce no_go_force(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity());
-inline constexpr std::size_t kMaxNoGoMet = 8;  ///< Regions that act at a time
+inline constexpr std::size_t kMaxActiveNoGo = 8;  ///< Maximum number of regions that act at a time
 
 }  // namespace palpate

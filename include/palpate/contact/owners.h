@@ -59,7 +59,7 @@ class Owners {
   OwnerFractions within(const Bricks<LabelId>& labels, const Point<Patient>& x) const;
   double reach_mm() const { return reach_mm_; }
   /// Identifies this object among all made in this process; at least 1.
-  std::uint64_t number() const { return number_; }
+  std::uint64_t id() const { return id_; }
 
  private:
   /// Voxels of one structure in a block: from `begin` in index_ to the begin of the next run.
@@ -80,7 +80,7 @@ class Owners {
                    const std::array<float, 3>& per_reach) const;
   static OwnerFractions in_order(OwnerFractions fractions);
 
-  std::uint64_t number_;
+  std::uint64_t id_;
   std::vector<std::int16_t> structure_of_label_;
   Eigen::Vector3d spacing_mm_;
   double reach_mm_;

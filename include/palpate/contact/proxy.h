@@ -31,7 +31,7 @@ struct ProxyOptions {
   const ComplianceFrame* compliance = nullptr;
   std::size_t device = 0;
   /// Contacts of all devices with deformable tissue in the last tick. Empty: there is one device.
-  std::span<const TissueContact> presses = {};
+  std::span<const TissueContact> tissue_contacts = {};
   /// Relaxation times of the model. null: nothing relaxes.
   const RelaxationTimes* relaxation_times = nullptr;
   /// Permanent holes of all tools in structures with stays_open. null: every puncture closes.

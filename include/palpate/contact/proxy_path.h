@@ -9,14 +9,14 @@ namespace palpate {
 /// Path of a proxy in one tick, recorded for collision checks: vertices with attitudes. Between vertices the
 /// position is interpolated linearly and the attitude at constant angular velocity.
 struct ProxyPath {
-  std::array<Point<Patient>, 192> corner;
-  std::array<Eigen::Quaterniond, 192> attitude;
+  std::array<Point<Patient>, 192> vertices;
+  std::array<Eigen::Quaterniond, 192> attitudes;
   std::size_t count = 0;
 
   void add(const Point<Patient>& next, const Eigen::Quaterniond& turned) {
-    if (count == corner.size()) return;
-    corner[count] = next;
-    attitude[count++] = turned;
+    if (count == vertices.size()) return;
+    vertices[count] = next;
+    attitudes[count++] = turned;
   }
 };
 

@@ -70,9 +70,9 @@ struct RelaxationState {
   /// Low-pass filtered elastic force for each time constant of the model: a fraction g of the modulus loses
   /// the force g times this.
   std::array<double, kMaxRelaxationTimes> lagging_N{};
-  RelaxationFractions parts;  ///< Fractions used in the last tick, or those of the dent
-  Point<Patient> at;          ///< Last contact point on the undeformed surface
-  bool presses = false;       ///< Whether the tool pressed in the last tick
+  RelaxationFractions fractions;  ///< Fractions used in the last tick, or those of the dent
+  Point<Patient> at;              ///< Last contact point on the undeformed surface
+  bool presses = false;           ///< Whether the tool pressed in the last tick
 
   bool is_active() const { return elastic_N > 0; }
   void hash_into(std::uint64_t& hash) const;
@@ -82,16 +82,16 @@ struct RelaxationState {
 /// interval, to 1e-14. Bit-identical on every machine, which std::exp does not guarantee.
 /// @param x  at least 0
 struct Decay {
-  double left = 1, mean = 1;
+  double remaining = 1, mean = 1;
 };
 Decay decay(double x);
 
 /// Contact of a tool with relaxing tissue.
 struct RelaxingContact {
-  RelaxationFractions parts;  ///< Relaxing fractions of the tissue
-  Point<Patient> at;          ///< Contact point on the undeformed surface
-  double reach_mm = 1;        ///< Radius of the dent that the tool makes; above 0
-  double blend_s = 1;         ///< Time over which new fractions replace those rendered before; above 0
+  RelaxationFractions fractions;  ///< Relaxing fractions of the tissue
+  Point<Patient> at;              ///< Contact point on the undeformed surface
+  double reach_mm = 1;            ///< Radius of the dent that the tool makes; above 0
+  double blend_s = 1;             ///< Time over which new fractions replace those rendered before; above 0
 };
 
 /// Advances the relaxation by one tick. Returns the viscoelastic force for an elastic one,

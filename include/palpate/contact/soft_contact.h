@@ -108,7 +108,7 @@ struct SoftContactForce {
 
 /// Contact law at the point for which a spot was solved.
 /// @param spot  known
-ContactLaw tissue_at(const LocalCompliance& spot);
+ContactLaw contact_law_of(const LocalCompliance& spot);
 /// Contact law at a point in this tick: the frame's values, extrapolated along the surface by their gradients
 /// and blended with those of the previous frame. An elastic half-space if no frame is known.
 /// @param frame              number of the newest frame; blending starts when it differs from the one in
@@ -156,10 +156,11 @@ struct NeighbourEffect {
 /// tools on the same surface count, by the cosine between their normals. The mutual compliance is symmetric
 /// in both tools, and limited so that their common stiffness matrix stays positive definite. The tangential
 /// force makes the superposition conservative: each tool is pushed towards the dent of the other.
-/// @param presses  contacts of all devices in the last tick
-/// @param device   index of the tool in `presses`; its own entry supplies its last tangent stiffness
-/// @param own      its contact; force, tangent and displacement are not read
-NeighbourEffect displaced_by_others(std::span<const TissueContact> presses, std::size_t device,
+/// @param tissue_contacts  contacts of all devices in the last tick
+/// @param device           index of the tool in `tissue_contacts`; its own entry supplies its last
+///                         tangent stiffness
+/// @param own              its contact; force, tangent and displacement are not read
+NeighbourEffect displaced_by_others(std::span<const TissueContact> tissue_contacts, std::size_t device,
                                     const TissueContact& own);
 
 /// Force of a rigid frictionless sphere at a depth d. d0(F) is the depth in a half-space of E* (Sneddon
@@ -177,7 +178,7 @@ NeighbourEffect displaced_by_others(std::span<const TissueContact> presses, std:
 /// product. Bounded work; bit-identical in every build.
 /// @param depth_mm   penetration of the undeformed surface; not above 0: no force
 /// @param radius_mm  radius of the sphere; at least SoftTissueSettings::min_radius_mm is used
-SoftContactForce soft_contact_force(const ContactLaw& tissue, double depth_mm, double radius_mm,
+SoftContactForce soft_contact_force(const ContactLaw& law, double depth_mm, double radius_mm,
                                     double max_N_per_mm = std::numeric_limits<double>::infinity());
 
 /// Decrease of that law's energy along the surface at constant depth: of_compliance_N2 times grad B minus
@@ -186,12 +187,12 @@ struct TangentialCoefficients {
   double of_compliance_N2 = 0, of_stiffening_N3 = 0;
 };
 /// Coefficients of the tangential force at a normal force.
-TangentialCoefficients tangential_coefficients(const ContactLaw& tissue, double force_N, double radius_mm,
+TangentialCoefficients tangential_coefficients(const ContactLaw& law, double force_N, double radius_mm,
                                                double max_N_per_mm = std::numeric_limits<double>::infinity());
 
 /// Complementary energy of that law: the integral of the depth over the force, 0 ... force_N; mJ. The stored
 /// energy is force times depth minus this.
-double complementary_mJ(const ContactLaw& tissue, double force_N, double radius_mm,
+double complementary_mJ(const ContactLaw& law, double force_N, double radius_mm,
                         double max_N_per_mm = std::numeric_limits<double>::infinity());
 
 }  // namespace palpate

@@ -26,8 +26,8 @@ struct TickContext {
   Transform<Patient, World> X_PatientWorld;
   /// Local compliance of deformable tissue; null: no solution yet
   const ComplianceFrame* compliance = nullptr;
-  Holes* holes = nullptr;                       ///< As ProxyOptions::holes
-  std::span<const TissueContact> presses = {};  ///< As ProxyOptions::presses
+  Holes* holes = nullptr;                               ///< As ProxyOptions::holes
+  std::span<const TissueContact> tissue_contacts = {};  ///< As ProxyOptions::tissue_contacts
 };
 
 /// Tick inputs of one device.

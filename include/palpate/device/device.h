@@ -160,7 +160,7 @@ class DeviceDriver {
   virtual void halt() noexcept = 0;
   /// Ends halt(), and halts received by halt_file() up to the given number. A newer one stays in force, even
   /// if the device receives it first.
-  /// @param newest  number of the newest halt to end (Heartbeat::halts); 0: none
+  /// @param newest  number of the newest halt to end (Heartbeat::newest_halt); 0: none
   virtual void resume(std::uint64_t newest) noexcept = 0;
   /// File descriptor of a pipe for devices that another process holds; -1: the devices are held by this
   /// process. Writing to it, from any process, halts the devices like halt(), even after this process has

@@ -72,8 +72,8 @@ class PointerDriver final : public DeviceDriver {
   Mailbox<Press> presses_;
   // owned by the servo thread
   std::array<DeviceCommand, 1> commands_{};  // commands of the last tick
-  std::int64_t before_ns_ = 0;               // time of the last tick
-  Press wanted_;
+  std::int64_t last_tick_ns_ = 0;            // time of the last tick
+  Press requested_;
   Vector<Device> into_;  // direction of the press, smoothed
   double depth_mm_ = 0;
 };

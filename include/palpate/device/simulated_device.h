@@ -95,7 +95,7 @@ class SimulatedDevice {
   // state of the hand's mass if it has skin
   Eigen::Vector3d hand_m_ = Eigen::Vector3d::Zero(), hand_m_s_ = Eigen::Vector3d::Zero();
   double time_s_ = 0, work_mJ_ = 0;
-  std::array<Command, 512> line_;  // ring buffer: kMaxDelay_s at more than 20 kHz
+  std::array<Command, 512> delay_line_;  // ring buffer: kMaxDelay_s at more than 20 kHz
   std::size_t first_ = 0, count_ = 0;
 };
 

@@ -78,7 +78,7 @@ struct SweepRecord {
 /// Actions on a burr's stroke, which is the material removed between a start and a stop of its motor.
 enum class StrokeAction : std::uint8_t { kUndo, kRedo };
 
-/// Upper limit of Model::tissue_coarsened.
+/// Upper limit of Model::tissue_cell_factor.
 inline constexpr double kMaxTissueCoarsening = 2;
 
 /// Difference of a model version from the one before: a tissue's properties changed, the direct methods'
@@ -95,7 +95,7 @@ struct ModelChange {
   std::uint32_t version = 0;  ///< One above the previous version
   std::uint32_t tissue = 0;   ///< Index of the tissue in the scene, from 0, or one of the codes above
   /// Properties of the tissue from this version on. For one of the law codes, the first is
-  /// Model::tissue_coarsened; 0: unchanged.
+  /// Model::tissue_cell_factor; 0: unchanged.
   ContactProperties contact{0, 0, 0, 0};
 
   bool is_of_tissue() const { return tissue < kLaw; }

@@ -149,7 +149,7 @@ Result<SceneMemory> memory_of_scene_or_data_set(const SceneSource& source, const
 
 /// Builds the Model of a scene from volumes already read, whose grids may differ. If no tissue is touchable
 /// its field is 0 everywhere. The model is ready for the scene's method if that is a direct one; the surfaces
-/// of the proxy are made by ready_for.
+/// of the proxy are made by prepared_with_cache.
 Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolumes volumes,
                                                  const Progress& progress = {}, const Warn& warn = {},
                                                  const MemoryCallback& report_memory = {});
@@ -159,10 +159,10 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, const Label
                                                  const Warn& warn = {}, bool oriented = true);
 
 /// prepared_for (palpate/model/make_model.h) with results taken from the cache where available. Errors: its
-/// own, and those of allow_memory (palpate/base/reading.h) for a field of the direct methods.
-Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
-                                               std::span<const ForceMethod> methods,
-                                               const Progress& progress = {});
+/// own, and those of check_memory (palpate/base/reading.h) for a field of the direct methods.
+Result<std::shared_ptr<const Model>> prepared_with_cache(std::shared_ptr<const Model> model,
+                                                         std::span<const ForceMethod> methods,
+                                                         const Progress& progress = {});
 
 /// Slow preparation steps of a model that changes (next_version, palpate/model/changed_model.h), with results
 /// taken from the cache. An instance serves one model.

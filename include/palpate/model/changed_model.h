@@ -37,7 +37,7 @@ std::shared_ptr<const Carving> carved_with_fragments(const Model& current, std::
 ModelChange change_of_stroke(const Model& current, StrokeAction action);
 
 /// Change that selects another constitutive law for soft tissue, as the next version.
-/// @param coarsened  new Model::tissue_coarsened; 0: unchanged
+/// @param coarsened  new Model::tissue_cell_factor; 0: unchanged
 ModelChange change_of_law(const Model& current, TissueLaw law, double coarsened = 0);
 /// Whether soft tissue can use a law. Errors: kBadInput if no touchable tissue has elastic constants; for a
 /// law under which tissue moves, if material was cut without recording fractions of voxels
@@ -61,11 +61,11 @@ std::shared_ptr<const Model> with_law(const Model& current, const Model& under, 
 std::shared_ptr<const Carving> carving_after(const Carving* carving, const ModelChange& change);
 
 /// Applies the undo or redo of a stroke to the removed volume; other changes have no effect.
-void follow(const ModelChange& change, RemovedVolume& removed);
+void apply_stroke_change(const ModelChange& change, RemovedVolume& removed);
 
 /// Change with a tissue's current values, which leaves them as they are. next_version() refuses the change of
 /// a tissue that the model does not have.
-ModelChange unchanged(const Model& model, std::size_t tissue);
+ModelChange current_values(const Model& model, std::size_t tissue);
 
 /// Next version after a change of a tissue's values. Shares all unchanged data.
 ///

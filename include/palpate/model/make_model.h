@@ -55,7 +55,7 @@ Result<std::shared_ptr<Model>> make_model(ModelParts parts);
 /// Result of with_ramp_field().
 struct RampFieldResult {
   std::shared_ptr<const Model> model;  ///< Prepared for the trilinear method
-  std::vector<RampFigures> ramps;      ///< One per touchable structure
+  std::vector<RampStatistics> ramps;   ///< One per touchable structure
   double full_force_N = 0;             ///< Full scale of these ramps
 };
 /// The model with a new field of inward ramps for its tissues, and with no direct method but the trilinear

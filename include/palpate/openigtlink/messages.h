@@ -34,7 +34,7 @@ inline constexpr std::size_t kHead_bytes = 58, kType_bytes = 12, kName_bytes = 2
 /// Pose of a tool, or the report that it was not seen.
 struct PoseMessage {
   std::string name;         ///< Raw bytes
-  bool seen = false;        ///< If false, the pose is invalid
+  bool is_tracked = false;  ///< Whether the tracker had the tool in view. If false, the pose is invalid
   std::uint64_t stamp = 0;  ///< Server time in 2^-32 s; 0: none
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Vector3d at_mm = Eigen::Vector3d::Zero();

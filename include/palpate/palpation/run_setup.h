@@ -33,7 +33,7 @@ struct RunSetup {
 ///                the largest touchable structures that the tool can reach. Larger ones that it cannot reach
 ///                are listed in Script::limitations and `problems`, with the reason.
 /// Errors: an unknown device or hand, with the line of the script; no reachable structure without a script;
-/// those of ready_for.
+/// those of prepared_with_cache.
 Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Script>& script,
                             const SimulationOptions& options, const Progress& progress);
 

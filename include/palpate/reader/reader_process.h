@@ -28,7 +28,8 @@ namespace palpate::reader {
 /// Endpoint of the connection in the reader process.
 class ParentEnd : public ByteTarget {
  public:
-  ParentEnd(int pipe, int words, std::span<std::byte> shared) : pipe_(pipe), words_(words), shared_(shared) {}
+  ParentEnd(int pipe, int grants, std::span<std::byte> shared)
+      : pipe_(pipe), grants_(grants), shared_(shared) {}
   /// Sends bytes to the parent; false if the parent accepts no more.
   bool write(std::span<const std::byte> bytes) override;
   /// Waits until the parent has called resume() once more than this function has returned. False if it never
@@ -38,7 +39,7 @@ class ParentEnd : public ByteTarget {
   std::span<std::byte> shared() const { return shared_; }
 
  private:
-  int pipe_, words_;
+  int pipe_, grants_;
   std::span<std::byte> shared_;
 };
 
@@ -54,9 +55,9 @@ class ReaderProcess : public ByteSource {
     /// its contents.
     std::span<const int> files;
     std::size_t shared_bytes = 0;  ///< Size of ParentEnd::shared(); bytes.
-    std::string died;              ///< Error::what if the process ends before it has sent the requested
+    std::string death_error;       ///< Error::what if the process ends before it has sent the requested
                                    ///< bytes.
-    std::string endless;           ///< Error::what if it sends nothing for `timeout`.
+    std::string timeout_error;     ///< Error::what if it sends nothing for `timeout`.
     std::chrono::milliseconds timeout{20'000};
   };
 
@@ -69,8 +70,8 @@ class ReaderProcess : public ByteSource {
   ReaderProcess(const ReaderProcess&) = delete;
   ReaderProcess& operator=(const ReaderProcess&) = delete;
 
-  /// Reads the next bytes that the process has sent. Errors: kBadInput with Job::died or Job::endless;
-  /// interrupted.
+  /// Reads the next bytes that the process has sent. Errors: kBadInput with Job::death_error or
+  /// Job::timeout_error; interrupted.
   Result<void> read(std::span<std::byte> bytes) override;
   /// Allows the process to pass one wait_for_grant().
   void resume() const;
@@ -84,9 +85,9 @@ class ReaderProcess : public ByteSource {
 
   const Progress& progress_;
   ChildProcess process_;
-  int pipe_ = -1, words_ = -1;
+  int pipe_ = -1, grants_ = -1;
   std::span<std::byte> shared_;
-  std::string died_, endless_;
+  std::string death_error_, timeout_error_;
   std::chrono::milliseconds timeout_{};
 };
 

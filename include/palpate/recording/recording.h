@@ -50,7 +50,7 @@ struct RecordingHeader {
   int devices = 1;
   std::string clock = "virtual";  ///< "virtual" or "real"
   std::string scheduler;          ///< Scheduling of the servo thread; empty on the virtual clock
-  double tissue_coarsened = 1;    ///< Model::tissue_coarsened; 1 in older files without it
+  double tissue_cell_factor = 1;  ///< Model::tissue_cell_factor; 1 in older files without it
   /// haptic_settings_text() (palpate/servo/settings_tables.h); empty in older files without it
   std::string feel;
   RecordedTask task;        ///< Empty in older files without it

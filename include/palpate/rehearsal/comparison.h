@@ -121,16 +121,16 @@ struct PlanComparison {
   std::vector<StructureClearance> approaches;  ///< Every structure, in the order of structure_distances()
   /// Start times of intervals of equal numbers of ticks, at most kMaxPlanTimes
   std::vector<double> times_s;
-  std::vector<ClearanceViolation> breaches;  ///< In the order of their start, at most kMaxBreaches
-  std::uint64_t more_breaches = 0;           ///< Number of breaches beyond these
-  std::vector<Point<Patient>> path;          ///< Path of the tip, decimated to at most kMaxPathPoints points
+  std::vector<ClearanceViolation> violations;  ///< In the order of their start, at most kMaxViolations
+  std::uint64_t omitted_violations = 0;        ///< Number of violations beyond these
+  std::vector<Point<Patient>> path;  ///< Path of the tip, decimated to at most kMaxPathPoints points
 
   /// Whether every tolerance of the plan was met, the recording is not truncated, and no tick is missing (a
   /// tolerance may have been violated in a missing tick). Volumes have no tolerance.
   bool is_within_limit() const;
 };
 /// Capacities of PlanComparison: intervals, breaches, points of the path.
-inline constexpr std::size_t kMaxPlanTimes = 400, kMaxBreaches = 1000, kMaxPathPoints = 4000;
+inline constexpr std::size_t kMaxPlanTimes = 400, kMaxViolations = 1000, kMaxPathPoints = 4000;
 
 /// Compares a recording with a plan in one pass. Memory does not depend on the recording's length, except for
 /// the removed tissue.

@@ -24,7 +24,7 @@ class RemovalFollower {
       removed_.add(waiting_);
       waiting_.clear();
     }
-    follow(event.change, removed_);
+    apply_stroke_change(event.change, removed_);
     return cut || event.change.is_of_stroke();
   }
   const RemovedVolume& removed() const { return removed_; }

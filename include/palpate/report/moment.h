@@ -25,7 +25,7 @@ struct RecordedMoment {
   double highest_limit_N = 0;      ///< Highest force limit of the ticks up to this one
   /// Model with the labels as cut by burrs and displaced by tissue deformation; null: unchanged since the
   /// start.
-  std::shared_ptr<const Model> left;
+  std::shared_ptr<const Model> current_model;
   /// Displacement of deformable tissue at each device's contact point.
   std::array<Vector<Patient>, kMaxDevices> dent_mm;
 };

@@ -34,7 +34,8 @@ struct ReportParts {
 /// on the real clock; provenance. Memory does not depend on the run's length, except for the removed tissue.
 /// The page contains no paths and no header text of the input files, and needs no network.
 /// @param model  model at the start of the recording. If a burr was used, it needs the surfaces of the proxy
-///               (ready_for in palpate/loading/loading.h); without them the cutting depth is omitted
+///               (prepared_with_cache in palpate/loading/loading.h); without them the cutting depth is
+///               omitted
 Result<std::string> report_html(const RecordingSource& recording, const Model& model,
                                 const Progress& progress = {}, const ReportParts& parts = {});
 /// Writes the report atomically.

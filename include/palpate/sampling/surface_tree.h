@@ -28,15 +28,15 @@ struct BoundingCylinder {
   float half_mm, radius_mm;             ///< Half height along the normal; radius
 };
 /// Node of a tree. An inner node has the children `first` and `first` + 1. A leaf has `first` < 0: in a
-/// brick's tree its disc's centre lies on the surface; in the tree above the bricks ~first is an index into
-/// of_top_.
-struct DiscNode {
-  BoundingCylinder disc;
+/// brick's tree the centre of its bounds lies on the surface; in the tree above the bricks ~first is an
+/// index into top_leaves_.
+struct TreeNode {
+  BoundingCylinder bounds;
   std::int32_t first;
 };
 /// Tree of the surface pieces in one brick of voxels, root first.
 struct BrickTree {
-  std::vector<DiscNode> nodes;
+  std::vector<TreeNode> nodes;
 };
 
 }  // namespace internal
@@ -83,8 +83,8 @@ class SurfaceTree {
   std::shared_ptr<const Surface> surface_;
   // indexed by the position field's brick number; null: not crossed by the surface
   std::vector<std::shared_ptr<const internal::BrickTree>> bricks_;
-  std::vector<internal::DiscNode> top_;
-  std::vector<const internal::BrickTree*> of_top_;  // bricks of its leaves
+  std::vector<internal::TreeNode> top_;
+  std::vector<const internal::BrickTree*> top_leaves_;  // tree of the brick at each leaf of top_
   Eigen::Array3d low_, high_;
   std::size_t pieces_ = 0;
 };

@@ -41,36 +41,39 @@ enum class HeaderForm : std::uint8_t { kQform, kSform };
 /// Enumerator with its name in scene files, on the command line and in the protocol. The last entry of each
 /// table is the fallback for unknown names.
 template <class T>
-struct Word {
+struct NamedValue {
   T value;
   std::string_view name;
 };
-inline constexpr std::array kSides{Word<Side>{Side::kLeft, "left"}, Word<Side>{Side::kRight, "right"},
-                                   Word<Side>{Side::kBoth, "both"}, Word<Side>{Side::kUnknown, "unknown"}};
-inline constexpr std::array kModalities{Word<Modality>{Modality::kCt, "ct"},
-                                        Word<Modality>{Modality::kMr, "mr"},
-                                        Word<Modality>{Modality::kUnknown, "unknown"}};
-inline constexpr std::array kSurfaceAxes{Word<SurfaceAxes>{SurfaceAxes::kLps, "lps"},
-                                         Word<SurfaceAxes>{SurfaceAxes::kRas, "ras"}};
-inline constexpr std::array kSurfaceUnits{Word<SurfaceUnit>{SurfaceUnit::kMm, "mm"},
-                                          Word<SurfaceUnit>{SurfaceUnit::kCm, "cm"},
-                                          Word<SurfaceUnit>{SurfaceUnit::kM, "m"}};
-inline constexpr std::array kHeaderForms{Word<HeaderForm>{HeaderForm::kQform, "q"},
-                                         Word<HeaderForm>{HeaderForm::kSform, "s"}};
+inline constexpr std::array kSides{
+    NamedValue<Side>{Side::kLeft, "left"}, NamedValue<Side>{Side::kRight, "right"},
+    NamedValue<Side>{Side::kBoth, "both"}, NamedValue<Side>{Side::kUnknown, "unknown"}};
+inline constexpr std::array kModalities{NamedValue<Modality>{Modality::kCt, "ct"},
+                                        NamedValue<Modality>{Modality::kMr, "mr"},
+                                        NamedValue<Modality>{Modality::kUnknown, "unknown"}};
+inline constexpr std::array kSurfaceAxes{NamedValue<SurfaceAxes>{SurfaceAxes::kLps, "lps"},
+                                         NamedValue<SurfaceAxes>{SurfaceAxes::kRas, "ras"}};
+inline constexpr std::array kSurfaceUnits{NamedValue<SurfaceUnit>{SurfaceUnit::kMm, "mm"},
+                                          NamedValue<SurfaceUnit>{SurfaceUnit::kCm, "cm"},
+                                          NamedValue<SurfaceUnit>{SurfaceUnit::kM, "m"}};
+inline constexpr std::array kHeaderForms{NamedValue<HeaderForm>{HeaderForm::kQform, "q"},
+                                         NamedValue<HeaderForm>{HeaderForm::kSform, "s"}};
 /// The last entry is the default of a scene that does not set the law.
-inline constexpr std::array kTissueLaws{
-    Word<TissueLaw>{TissueLaw::kElastic, "elastic"}, Word<TissueLaw>{TissueLaw::kNeoHookean, "neo-hookean"},
-    Word<TissueLaw>{TissueLaw::kExponential, "exponential"},
-    Word<TissueLaw>{TissueLaw::kChainMail, "chainmail"}, Word<TissueLaw>{TissueLaw::kLayers, "layers"}};
+inline constexpr std::array kTissueLaws{NamedValue<TissueLaw>{TissueLaw::kElastic, "elastic"},
+                                        NamedValue<TissueLaw>{TissueLaw::kNeoHookean, "neo-hookean"},
+                                        NamedValue<TissueLaw>{TissueLaw::kExponential, "exponential"},
+                                        NamedValue<TissueLaw>{TissueLaw::kChainMail, "chainmail"},
+                                        NamedValue<TissueLaw>{TissueLaw::kLayers, "layers"}};
 template <class T, std::size_t kCount>
-constexpr T value_of(std::string_view name, const std::array<Word<T>, kCount>& words) {
-  const auto found =
-      std::find_if(words.begin(), words.end(), [&](const Word<T>& word) { return word.name == name; });
-  return found == words.end() ? words.back().value : found->value;
+constexpr T value_of(std::string_view name, const std::array<NamedValue<T>, kCount>& names) {
+  const auto found = std::find_if(names.begin(), names.end(),
+                                  [&](const NamedValue<T>& named) { return named.name == name; });
+  return found == names.end() ? names.back().value : found->value;
 }
 template <class T, std::size_t kCount>
-constexpr std::string_view name_of(T value, const std::array<Word<T>, kCount>& words) {
-  return std::find_if(words.begin(), words.end(), [&](const Word<T>& word) { return word.value == value; })
+constexpr std::string_view name_of(T value, const std::array<NamedValue<T>, kCount>& names) {
+  return std::find_if(names.begin(), names.end(),
+                      [&](const NamedValue<T>& named) { return named.value == value; })
       ->name;
 }
 

@@ -51,7 +51,7 @@ inline constexpr double kMinRampWidth_mm = 1, kMaxRampWidth_mm = 12;
 inline constexpr double kDeepestRamp_mm = 12;
 
 /// Properties of a structure's ramp.
-struct RampFigures {
+struct RampStatistics {
   LabelId label = 0;
   double max_N = 0;  ///< Maximum of the ramp v over the structure's voxels
   /// Half thickness, mm: median distance to the nearest voxel centre outside over the structure's own ridge
@@ -63,7 +63,7 @@ struct RampFigures {
 struct Ramps {
   Bricks<std::uint16_t> field;  ///< Field v / full_force_N, scaled to 65535; 0 outside, at least 1 inside
   double full_force_N = 0;      ///< K_greatest * width
-  std::vector<RampFigures> structures;  ///< In the order given, without structures that have no voxels
+  std::vector<RampStatistics> structures;  ///< In the order given, without structures that have no voxels
 };
 
 /// Computes inward ramps. Structures end at the volume's border; the axes of the grid are assumed

@@ -144,7 +144,7 @@ Result<std::vector<std::shared_ptr<const Surface>>> prepare_outer_surfaces(
 struct SurfacePatch {
   /// False: the change cannot be expressed as a patch, because the structure grew beyond its original extent,
   /// has disappeared, or has small components to drop.
-  bool local = false;
+  bool is_applicable = false;
   long voxels_more = 0;  ///< Voxels that the structure gained; negative if tissue was removed
   PatchOf<std::int16_t> distance, position;  ///< Boxes in the position's grid
   PatchOf<std::int16_t> broad, normal;       ///< Boxes in the normal's grid

@@ -69,6 +69,9 @@ class CarvedSurface {
   double clearance_error_mm_ = 0;
 };
 
+/// Value of Carving::removed_fraction() for a voxel that was removed completely.
+inline constexpr double kFullyRemoved = 255;
+
 /// Sweep of one device's burr, or the removal of a fragment that was cut loose (palpate/tissue/fragments.h).
 struct Cut {
   static constexpr std::uint32_t kBrokenOff = SweepRecord::kBrokenOff;
@@ -78,7 +81,7 @@ struct Cut {
 
 /// Conversion from and to the plain numbers of telemetry.
 Cut cut_of(const SweepRecord& sweep);
-SweepRecord plain(const Cut& cut);
+SweepRecord record_of(const Cut& cut);
 
 /// Bone classes, as array indices: thick bone, which is measured from its surface, and thin bone, which is
 /// measured from its voxels (Model::thin_voxels).
@@ -149,8 +152,8 @@ class Carving {
   struct Stroke {
     std::shared_ptr<const Remaining> before, after;  // after: set by the first undo
   };
-  void take(std::span<const Cut> cuts);
-  void count(const Cut& cut);
+  void apply(std::span<const Cut> cuts);
+  void account_for(const Cut& cut);
   void record_removed_fractions(const Sweep& sweep);
 
   // Prepared surfaces: those of the model by index, then those that distances are measured to but that have

@@ -58,7 +58,7 @@ class ChainMail {
   void copy_overlap(const ChainMail& other, const std::array<int, 3>& offset);
 
   /// Displacements of all nodes along the box's axes, mm.
-  const ElasticField& moved_mm() const { return moved_mm_; }
+  const ElasticField& displacement_mm() const { return displacement_mm_; }
   const ElasticBox& box() const { return box_; }
   const ElasticLayout& layout() const { return layout_; }
   double max_displacement_mm() const;
@@ -77,7 +77,7 @@ class ChainMail {
 
   ElasticBox box_;
   ElasticLayout layout_;
-  ElasticField moved_mm_;
+  ElasticField displacement_mm_;
   std::vector<State> state_;            ///< By node
   std::vector<std::uint32_t> visited_;  ///< By node: number of the last move that pulled it
   std::uint32_t move_ = 0;

@@ -26,7 +26,7 @@ class DisplacedTissue {
   /// Displacement of the material that rests at a point, patient mm; linear between nodes. Empty space
   /// follows adjacent tissue with decreasing magnitude, so that a dent appears as a dent in an image; beyond
   /// the box it fades out over kFadeCells.
-  Vector<Patient> moved_mm(const Point<Patient>& at_rest) const;
+  Vector<Patient> displacement_mm(const Point<Patient>& at_rest) const;
   /// Equivalent strain at the rest position of the material: the deviatoric part of Almansi's strain e = (1 -
   /// F^-T F^-1) / 2 as sqrt(2/3 e':e'), as displayed by the page. NaN where it is unknown: in empty space and
   /// beyond the box.

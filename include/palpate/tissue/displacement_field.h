@@ -10,12 +10,12 @@ namespace palpate {
 /// Displacement field of tissue from the nodes of a box of cells, for display. Immutable; any thread.
 class DisplacementField {
  public:
-  /// @param moved_mm    displacements of the box's nodes, i fastest, patient mm along the box's axes
-  /// @param empty       nodes without tissue around them: the field is continued into them from adjacent
-  ///                    tissue with decreasing magnitude, so that a dent appears as a dent in an image
-  /// @param fade_cells  distance in cells over which displacements at the box's border fade out beyond it;
-  ///                    above 0
-  DisplacementField(const ElasticBox& box, std::vector<Eigen::Vector3f> moved_mm,
+  /// @param displacement_mm  displacements of the box's nodes, i fastest, patient mm along the box's axes
+  /// @param empty            nodes without tissue around them: the field is continued into them from adjacent
+  ///                         tissue with decreasing magnitude, so that a dent appears as a dent in an image
+  /// @param fade_cells       distance in cells over which displacements at the box's border fade out beyond
+  ///                         it; above 0
+  DisplacementField(const ElasticBox& box, std::vector<Eigen::Vector3f> displacement_mm,
                     const std::vector<bool>& empty, double fade_cells);
 
   const ElasticBox& box() const { return box_; }
@@ -23,7 +23,7 @@ class DisplacementField {
   static std::size_t node(const ElasticBox& box, int i, int j, int k) {
     return (static_cast<std::size_t>(k) * (box.cells[1] + 1) + j) * (box.cells[0] + 1) + i;
   }
-  const Eigen::Vector3f& at(int i, int j, int k) const { return moved_mm_[node(box_, i, j, k)]; }
+  const Eigen::Vector3f& at(int i, int j, int k) const { return displacement_mm_[node(box_, i, j, k)]; }
   /// Adds the displacement of the material that rests at `at_rest`, patient mm; linear between nodes.
   void add_displacement(const Point<Patient>& at_rest, Vector<Patient>& to_mm) const;
 
@@ -32,7 +32,7 @@ class DisplacementField {
 
   ElasticBox box_;
   double fade_cells_;
-  std::vector<Eigen::Vector3f> moved_mm_;
+  std::vector<Eigen::Vector3f> displacement_mm_;
 };
 
 }  // namespace palpate

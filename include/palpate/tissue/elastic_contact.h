@@ -42,7 +42,7 @@ class PressurePatch {
   /// loads, which is the displacement of the surface between them.
   /// @param part  columns that bear less than this fraction of the most loaded column are left free; nodes
   ///              held by the grid belong to no column
-  ConstrainedMeans columns(double part) const;
+  ConstrainedMeans columns(double min_load_fraction) const;
 
  private:
   static constexpr double kReach = 2;
@@ -52,12 +52,12 @@ class PressurePatch {
 
   std::vector<Weight> weights_;
   std::vector<Weight> along_[3];  ///< Weights of the derivatives along the box's axes
-  struct Borne {
+  struct NodeLoad {
     std::uint32_t column, value;  ///< Column of the node, and index of its first component
     float weight;
   };
-  std::vector<Borne> supported_;  ///< Loads of unconstrained nodes, for a force of 1; column by column
-  std::uint32_t row_ = 0;         ///< Stride from a node's component to the next
+  std::vector<NodeLoad> node_loads_;  ///< Loads of unconstrained nodes, for a force of 1; column by column
+  std::uint32_t row_ = 0;             ///< Stride from a node's component to the next
   Eigen::Vector3d outward_ = Eigen::Vector3d::UnitZ();
   Eigen::Matrix3d axes_ = Eigen::Matrix3d::Identity();
   double modulus_ = 0, poissons_ratio_ = 0;

@@ -219,7 +219,7 @@ class ElasticGrid {
 
    private:
     std::vector<bool> visited_;
-    std::vector<std::array<int, 3>> part_;
+    std::vector<std::array<int, 3>> component_;
   };
   const std::vector<std::uint8_t>& constraints() const { return constraints_; }
 
@@ -236,7 +236,7 @@ class ElasticGrid {
   ElasticLayout layout_;
   ElasticValues mu_, lambda_, stiffening_, fill_, springs_;
   std::vector<std::uint8_t> constraints_;  ///< By node_number()
-  std::array<bool, 6> beyond_{};           ///< Faces given to set_boundary_springs()
+  std::array<bool, 6> spring_faces_{};     ///< Faces given to set_boundary_springs()
   Eigen::Vector3d load_point_mm_ = Eigen::Vector3d::Zero();
 };
 

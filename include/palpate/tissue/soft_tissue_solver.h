@@ -29,7 +29,7 @@ std::uint64_t ticks_of_solver_frame(double rate_hz);
 /// @param tools     all tools of the model; the largest radius of any part is used
 double default_solver_cell_mm(TissueLaw law, double voxel_mm, std::span<const Tool> tools);
 /// Edge length of a model's cells, mm: Model::tissue_cell_mm or, if that is 0, the default; multiplied by
-/// Model::tissue_coarsened.
+/// Model::tissue_cell_factor.
 double solver_cell_mm(const Model& model);
 /// Minimum diameter, in cells, at which a stiff nodule is resolved; smaller nodules are rendered with reduced
 /// contrast.

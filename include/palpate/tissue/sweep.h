@@ -55,7 +55,7 @@ class SweptShape {
   Eigen::Array3d low_, high_;
   Vector<Patient> path_;
   double path_squared_ = 0, axis_squared_ = 0;
-  double widens_mm_ = 0;  // change of the radius from the first ball to the last
+  double radius_change_mm_ = 0;  // from the first ball to the last
   // head: slope of the radius along the axis, and the sine of the cone's generator to it
   double slope_ = 0, sine_ = 0;
   // plane of path and axis: whether its interior is tested; quantities for solving for s and t

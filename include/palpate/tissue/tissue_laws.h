@@ -16,7 +16,7 @@ TissueLaw law_of(const ModelChange& change);
 class LawHistory {
  public:
   /// @param first      law of the model with which the recording begins
-  /// @param coarsened  its Model::tissue_coarsened
+  /// @param coarsened  its Model::tissue_cell_factor
   explicit LawHistory(TissueLaw first, double coarsened = 1) : laws_{{0, first, coarsened}} {}
   /// Applies a change, in the order of versions; changes of other kinds are ignored.
   void on_event(const ModelChange& change);

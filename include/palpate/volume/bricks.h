@@ -233,8 +233,8 @@ class BricksBySlices {
   Bricks<T> bricks_;
   std::unique_ptr<typename Bricks<T>::Filling> filling_;
   int layer_ = 0;  ///< Index of the next layer to build.
-  int first_ = 0;  ///< First slice stored in held_.
-  std::vector<T> held_;
+  int first_ = 0;  ///< First slice stored in buffered_slices_.
+  std::vector<T> buffered_slices_;
 };
 
 /// Bricks of a label volume, surrounded by background.

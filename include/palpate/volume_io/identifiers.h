@@ -27,7 +27,7 @@ enum class IdentifierKind {
 };
 inline constexpr std::size_t kIdentifierKinds = 9;
 /// Text for the user, such as "names of persons".
-std::string in_words(IdentifierKind kind);
+std::string description_of(IdentifierKind kind);
 
 /// Upper limit for counting the distinct values of an element.
 inline constexpr std::size_t kMaxIdentifierValues = 1000;
@@ -46,7 +46,7 @@ struct IdentifierReport {
   std::vector<IdentifierRow> rows;  ///< Sorted by kind, then by tag.
   /// Number of files that do not state whether annotations are burnt into their pixels (BurnedInAnnotation
   /// (0028,0301)).
-  std::size_t burnt_in_unsaid = 0;
+  std::size_t burnt_in_unstated = 0;
   std::vector<std::string> notes;  ///< Files and elements that were not read.
 };
 

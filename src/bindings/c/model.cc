@@ -188,7 +188,7 @@ Result<ModelVersions> changed(const plp_model& model, std::size_t tissue, const 
                  "there is no tissue " + std::to_string(tissue) + ": the model has " +
                      std::to_string(current.tissues.size()),
                  "tissue", "tissues are counted from 0"};
-  ModelChange change = unchanged(current, tissue);
+  ModelChange change = current_values(current, tissue);
   change.contact = {properties.stiffness_N_per_mm, properties.static_friction, properties.friction,
                     properties.viscosity_N_s_per_mm};
   auto next = next_version({model.loaded.model, model.prepared}, change, {}, cancellable());
@@ -336,7 +336,8 @@ plp_status plp_model_load(const char* scene, const char* segmentation, const plp
     if (!loaded) return fail(loaded.error());
     auto created = std::make_unique<plp_model>();
     created->method = method->value_or(loaded->scene.force.method);
-    auto ready = palpate::ready_for(loaded->model, {&created->method, 1}, palpate::c::cancellable());
+    auto ready =
+        palpate::prepared_with_cache(loaded->model, {&created->method, 1}, palpate::c::cancellable());
     if (!ready) return fail(ready.error());
     created->loaded = *std::move(loaded);
     created->loaded.scene.force.method = created->method;

@@ -90,7 +90,7 @@ Result<std::unique_ptr<WorkerSession>> WorkerSession::open(const std::string& sc
     return Error{ErrorKind::kUnavailable, "soft tissue that deforms is not solved in a browser", scene,
                  "open the scene with palpate installed on a computer"};
   constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-  auto ready = ready_for(loaded->model, kProxyAlone);
+  auto ready = prepared_with_cache(loaded->model, kProxyAlone);
   if (!ready) return ready.error();
   auto session = std::make_unique<WorkerSession>(*loaded, *std::move(ready));
   if (auto begun = session->begin(); !begun) return begun.error();

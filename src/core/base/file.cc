@@ -514,12 +514,12 @@ UnfinishedFolder::~UnfinishedFolder() {
 }
 
 OutputClaim::~OutputClaim() {
-  if (!lock_.empty()) claims().give_back(lock_);
+  if (!lock_path_.empty()) claims().give_back(lock_path_);
 }
 
 Result<OutputClaim> claim_output(const std::filesystem::path& file,
-                                 std::span<const std::filesystem::path> never) {
-  for (const auto& input : never)
+                                 std::span<const std::filesystem::path> inputs) {
+  for (const auto& input : inputs)
     if (same_file(file, input))
       return Error{ErrorKind::kUsage, "would replace an input", file.string(), "write to another file"};
   const auto pending = PendingFile::create(file);

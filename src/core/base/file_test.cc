@@ -246,7 +246,7 @@ TEST_F(FileTest, TemporariesOfARunningProcessAreKept) {
       auto pending = PendingFile::create(folder_ / "beside.h5");
       *begun = pending.ok();
       while (!*done) ::usleep(1000);
-      if (!pending->commit(Flush::kNot)) ::_exit(1);
+      if (!pending->commit(Flush::kNone)) ::_exit(1);
     }
     if (!write_file(folder_ / "after", "theirs").ok()) ::_exit(1);
   });
@@ -262,7 +262,7 @@ TEST_F(FileTest, TemporariesOfARunningProcessAreKept) {
   EXPECT_TRUE(refused.finished());
   *done = true;
   EXPECT_TRUE(beside.finished());
-  EXPECT_TRUE(own->commit(Flush::kNot).ok());
+  EXPECT_TRUE(own->commit(Flush::kNone).ok());
   EXPECT_TRUE(fs::exists(folder_ / "beside.h5"));
 }
 

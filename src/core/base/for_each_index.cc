@@ -15,20 +15,20 @@ namespace {
 
 // Maximum number of indices that a worker takes at once. Neighbouring indices often share most of their
 // input, but large chunks would leave the other workers idle at the end.
-constexpr int kMaxNeighbours = 8;
+constexpr int kMaxChunk = 8;
 
 /// State shared by the workers: the next index, and whether to stop.
 class IndexQueue {
  public:
   IndexQueue(int count, int workers, const std::function<bool(int, int)>& work)
-      : count_(count), neighbours_(std::clamp(count / (4 * workers), 1, kMaxNeighbours)), work_(work) {}
+      : count_(count), chunk_size_(std::clamp(count / (4 * workers), 1, kMaxChunk)), work_(work) {}
 
-  void work_off(int worker) noexcept {
+  void run(int worker) noexcept {
     try {
       for (;;) {
-        const int first = next_.fetch_add(neighbours_, std::memory_order_relaxed);
+        const int first = next_.fetch_add(chunk_size_, std::memory_order_relaxed);
         if (first >= count_) return;
-        for (int index = first; index < std::min(first + neighbours_, count_); ++index) {
+        for (int index = first; index < std::min(first + chunk_size_, count_); ++index) {
           if (stopped()) return;
           if (!work_(worker, index)) stopped_.store(true, std::memory_order_relaxed);
         }
@@ -47,7 +47,7 @@ class IndexQueue {
   }
 
  private:
-  const int count_, neighbours_;
+  const int count_, chunk_size_;
   const std::function<bool(int, int)>& work_;
   std::atomic<int> next_{0};
   std::atomic<bool> stopped_{false}, failed_{false};
@@ -74,12 +74,12 @@ bool for_each_index(int count, int workers, const std::function<bool(int worker,
     std::vector<std::jthread> others;
     try {
       for (int worker = 1; worker < workers; ++worker)
-        others.emplace_back([&queue, worker] { queue.work_off(worker); });
+        others.emplace_back([&queue, worker] { queue.run(worker); });
     } catch (const std::system_error&) {
     } catch (const std::bad_alloc&) {
       // the threads that could be created do all the work
     }
-    queue.work_off(0);
+    queue.run(0);
   }
   queue.rethrow();
   return !queue.stopped();

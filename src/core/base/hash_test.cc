@@ -40,10 +40,10 @@ TEST(Hash, LengthAndOrderChangeTheHash) {
   EXPECT_NE(hash_of("abcdefgh12345678"), hash_of("12345678abcdefgh"));
 }
 
-TEST(HashOfWords, EveryBitAndTheOrderChangeTheHash) {
+TEST(WordHasher, EveryBitAndTheOrderChangeTheHash) {
   constexpr std::size_t kWords = 41;
   const auto hash_of_words = [](const std::vector<std::uint64_t>& words) {
-    HashOfWords hash;
+    WordHasher hash;
     for (const std::uint64_t word : words) hash.add(word);
     return hash.value();
   };
@@ -71,13 +71,13 @@ TEST(HashOfWords, EveryBitAndTheOrderChangeTheHash) {
     }
 }
 
-TEST(HashOfWords, LengthBitsAndOrderOfBytesChangeTheHash) {
+TEST(WordHasher, LengthBitsAndOrderOfBytesChangeTheHash) {
   constexpr std::size_t kBytes = 5000;
   std::vector<unsigned char> bytes(kBytes);
   for (std::size_t n = 0; n < kBytes; ++n)
     bytes[n] = static_cast<unsigned char>(n % 8 == 0 ? n / 8 : n / 2048);
   const auto hash_of_bytes = [&](std::size_t size) {
-    HashOfWords hash;
+    WordHasher hash;
     hash.add_bytes(bytes.data(), size);
     return hash.value();
   };
@@ -100,7 +100,7 @@ TEST(HashOfWords, LengthBitsAndOrderOfBytesChangeTheHash) {
     std::vector<std::uint64_t> words((size + 7) / 8);
     std::memcpy(words.data(), bytes.data(), size);
     for (std::size_t before = 0; before < 300; before += 7) {
-      HashOfWords at_once, one_by_one;
+      WordHasher at_once, one_by_one;
       for (std::size_t n = 0; n < before; ++n) {
         at_once.add(~n);
         one_by_one.add(~n);
@@ -113,9 +113,9 @@ TEST(HashOfWords, LengthBitsAndOrderOfBytesChangeTheHash) {
   }
 }
 
-TEST(HashOfWords, DoublesAreHashedByTheirBits) {
+TEST(WordHasher, DoublesAreHashedByTheirBits) {
   const auto hash_of_double = [](double value) {
-    HashOfWords hash;
+    WordHasher hash;
     hash.add(value);
     return hash.value();
   };

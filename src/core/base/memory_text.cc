@@ -8,7 +8,7 @@
 
 namespace palpate {
 
-std::string memory_text(std::uint64_t bytes) {
+std::string memory_size_text(std::uint64_t bytes) {
   constexpr std::array<const char*, 4> kUnits{"KiB", "MiB", "GiB", "TiB"};
   double amount = static_cast<double>(bytes) / 1024;
   std::size_t unit = 0;
@@ -18,7 +18,7 @@ std::string memory_text(std::uint64_t bytes) {
   return text;
 }
 
-std::uint64_t memory_bytes(const std::string& text) {
+std::uint64_t parse_memory_size(const std::string& text) {
   double amount = 0;
   const auto read = std::from_chars(text.data(), text.data() + text.size(), amount, std::chars_format::fixed);
   std::string_view unit(read.ptr, static_cast<std::size_t>(text.data() + text.size() - read.ptr));

@@ -32,7 +32,8 @@ Character first_character(std::string_view text) {
   return {length, true, code};
 }
 
-bool commands(char32_t code) {
+// control, direction and invisible characters (printable())
+bool must_be_escaped(char32_t code) {
   constexpr std::array<std::pair<char32_t, char32_t>, 10> kRanges{{{0, 0x1F},
                                                                    {0x7F, 0x9F},
                                                                    {0x61C, 0x61C},
@@ -65,10 +66,10 @@ std::string_view append_printable(std::string& shown, std::string_view text, boo
   while (!text.empty()) {
     const Character first = first_character(text);
     if (first.bytes == 0) break;
-    const bool stays = line_ends && (first.code == '\n' || first.code == '\t');
+    const bool is_permitted = line_ends && (first.code == '\n' || first.code == '\t');
     if (!first.whole)
       append_hex(shown, "\\x", static_cast<std::uint32_t>(first.code), 2);
-    else if (commands(first.code) && !stays)
+    else if (must_be_escaped(first.code) && !is_permitted)
       append_spelled_out(shown, first.code);
     else
       shown += text.substr(0, first.bytes);

@@ -13,7 +13,7 @@
 namespace palpate {
 namespace {
 
-ReadingLimits& the_limits() {
+ReadingLimits& limits_in_effect() {
   static ReadingLimits limits;
   return limits;
 }
@@ -71,7 +71,7 @@ std::uint64_t cgroup_memory_left() {
   return left;
 }
 
-std::uint64_t taken() {
+std::uint64_t resident_bytes() {
   return line_bytes("/proc/self/status", "VmRSS:").value_or(0);
 }
 
@@ -80,34 +80,35 @@ std::uint64_t max_memory() {
     const std::uint64_t machine = line_bytes("/proc/meminfo", "MemAvailable:")
                                       .value_or(static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
                                                 static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)));
-    return taken() + std::min(machine, cgroup_memory_left()) / 2;
+    return resident_bytes() + std::min(machine, cgroup_memory_left()) / 2;
   }();
-  const std::uint64_t chosen = the_limits().max_memory_bytes;
+  const std::uint64_t chosen = limits_in_effect().max_memory_bytes;
   return chosen > 0 ? chosen : by_default;
 }
 
 }  // namespace
 
 void set_reading_limits(const ReadingLimits& limits) {
-  the_limits() = limits;
+  limits_in_effect() = limits;
 }
 
 const ReadingLimits& reading_limits() {
-  return the_limits();
+  return limits_in_effect();
 }
 
-Result<void> allow_memory(std::uint64_t more_bytes, const std::string& what) {
-  const std::uint64_t largest = max_memory(), now = taken();
+Result<void> check_memory(std::uint64_t more_bytes, const std::string& what) {
+  const std::uint64_t largest = max_memory(), now = resident_bytes();
   if (more_bytes <= largest - std::min(largest, now)) return {};
   // Margin so that the suggested limit suffices: resident memory differs by some MiB between runs of one
   // program.
-  constexpr std::uint64_t kRunsDiffer = 16 << 20;
-  const std::uint64_t mebibytes = ((now + more_bytes + kRunsDiffer) >> 20) + 1;
-  return Error{
-      ErrorKind::kBadInput,
-      "needs " + memory_text(now + more_bytes) + " of memory, " + memory_text(largest) + " are allowed", what,
-      "if the size is correct, allow more with --memory " + std::to_string(mebibytes) +
-          "M, or crop or resample it first"};
+  constexpr std::uint64_t kMargin_bytes = 16 << 20;
+  const std::uint64_t mebibytes = ((now + more_bytes + kMargin_bytes) >> 20) + 1;
+  return Error{ErrorKind::kBadInput,
+               "needs " + memory_size_text(now + more_bytes) + " of memory, " + memory_size_text(largest) +
+                   " are allowed",
+               what,
+               "if the size is correct, allow more with --memory " + std::to_string(mebibytes) +
+                   "M, or crop or resample it first"};
 }
 
 Result<void> check_stays_in(const std::filesystem::path& folder, const std::filesystem::path& file) {

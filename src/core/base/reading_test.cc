@@ -19,36 +19,36 @@ class ReadingTest : public ::testing::Test {
 constexpr std::uint64_t kGiB = std::uint64_t{1} << 30;
 
 TEST_F(ReadingTest, ParsesFormattedAmounts) {
-  EXPECT_EQ(memory_bytes("800M"), 800u << 20);
-  EXPECT_EQ(memory_bytes("1.5GiB"), 3 * kGiB / 2);
-  EXPECT_EQ(memory_bytes("4 gb"), 0u) << "bits or bytes?";
-  EXPECT_EQ(memory_bytes("4 GB"), 4 * kGiB);
-  EXPECT_EQ(memory_bytes("2t"), 2048 * kGiB);
+  EXPECT_EQ(parse_memory_size("800M"), 800u << 20);
+  EXPECT_EQ(parse_memory_size("1.5GiB"), 3 * kGiB / 2);
+  EXPECT_EQ(parse_memory_size("4 gb"), 0u) << "bits or bytes?";
+  EXPECT_EQ(parse_memory_size("4 GB"), 4 * kGiB);
+  EXPECT_EQ(parse_memory_size("2t"), 2048 * kGiB);
   for (const char* wrong : {"", "4", "G", "-4G", "4X", "4Gx", "0G", "nanG", "infG", "1e30G", "99999999999T"})
-    EXPECT_EQ(memory_bytes(wrong), 0u) << wrong;
-  EXPECT_EQ(memory_text(5 * kGiB + kGiB / 10), "5.1 GiB");
-  EXPECT_EQ(memory_bytes(memory_text(kGiB)), kGiB);
+    EXPECT_EQ(parse_memory_size(wrong), 0u) << wrong;
+  EXPECT_EQ(memory_size_text(5 * kGiB + kGiB / 10), "5.1 GiB");
+  EXPECT_EQ(parse_memory_size(memory_size_text(kGiB)), kGiB);
 }
 
 TEST_F(ReadingTest, MemoryLimitIncludesMemoryInUse) {
   set_reading_limits({.max_memory_bytes = 4 * kGiB});
-  EXPECT_TRUE(allow_memory(kGiB, "a").ok());
-  EXPECT_FALSE(allow_memory(4 * kGiB, "a").ok()) << "the process has some itself";
-  const Error error = allow_memory(8 * kGiB, "scan.nrrd").error();
+  EXPECT_TRUE(check_memory(kGiB, "a").ok());
+  EXPECT_FALSE(check_memory(4 * kGiB, "a").ok()) << "the process has some itself";
+  const Error error = check_memory(8 * kGiB, "scan.nrrd").error();
   EXPECT_EQ(error.where, "scan.nrrd");
   EXPECT_NE(error.what.find("of memory, 4.0 GiB are allowed"), std::string::npos) << error.what;
   // the remedy that it names works
   const auto at = error.remedy.find("--memory ") + 9;
   set_reading_limits(
-      {.max_memory_bytes = memory_bytes(error.remedy.substr(at, error.remedy.find(',', at) - at))});
-  EXPECT_TRUE(allow_memory(8 * kGiB, "scan.nrrd").ok());
-  EXPECT_TRUE(allow_memory(8 * kGiB + (8 << 20), "scan.nrrd").ok())
+      {.max_memory_bytes = parse_memory_size(error.remedy.substr(at, error.remedy.find(',', at) - at))});
+  EXPECT_TRUE(check_memory(8 * kGiB, "scan.nrrd").ok());
+  EXPECT_TRUE(check_memory(8 * kGiB + (8 << 20), "scan.nrrd").ok())
       << "also where a run has taken more itself";
 }
 
 TEST_F(ReadingTest, DefaultMemoryLimitIsHalfOfTheMachine) {
-  EXPECT_TRUE(allow_memory(1 << 20, "a").ok());
-  EXPECT_FALSE(allow_memory(std::uint64_t{1} << 62, "a").ok());
+  EXPECT_TRUE(check_memory(1 << 20, "a").ok());
+  EXPECT_FALSE(check_memory(std::uint64_t{1} << 62, "a").ok());
 }
 
 TEST_F(ReadingTest, PathOutsideTheFolderIsRejected) {

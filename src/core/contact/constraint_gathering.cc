@@ -14,8 +14,9 @@ double free_distance_mm(PairSet& pairs, const Point<Patient>& proxy) {
     // a surface within the skin that has no normal there yields no constraint; half of its clearance is then
     // free
     const double clearance_mm = pairs.clearance(n, proxy);
-    const double leaves_mm = std::max({0.0, clearance_mm - 0.5 * kProxySettings.skin_mm, 0.5 * clearance_mm});
-    free_mm = std::min(free_mm, leaves_mm / pairs[n].surface->max_gradient());
+    const double free_of_pair_mm =
+        std::max({0.0, clearance_mm - 0.5 * kProxySettings.skin_mm, 0.5 * clearance_mm});
+    free_mm = std::min(free_mm, free_of_pair_mm / pairs[n].surface->max_gradient());
   }
   return free_mm;
 }

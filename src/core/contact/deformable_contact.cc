@@ -25,7 +25,7 @@ Footprint footprint_under(const DeformableContact& pressed, const PressingTool& 
   }
   std::array<FootprintPoint, kMaxFootprintPoints> points;
   std::size_t found =
-      press_points(tool.surfaces, std::span(touched).first(count), tool.spheres, tool.tip, points);
+      find_press_points(tool.surfaces, std::span(touched).first(count), tool.spheres, tool.tip, points);
   double deepest_mm = 0;
   for (const FootprintPoint& point : std::span(points).first(found))
     deepest_mm = std::max(deepest_mm, point.depth_mm);
@@ -50,7 +50,7 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
       force_N * foot.depth_mm - complementary_mJ(tissue, state.elastic_N, foot.radius_mm, max_N_per_mm);
   TangentialCoefficients lateral = tangential_coefficients(tissue, elastic_N, foot.radius_mm, max_N_per_mm);
   for (std::size_t n = 0; n < options.relaxation_times->count; ++n) {
-    const double fraction = state.parts.of_time[n], lagging_N = state.lagging_N[n];
+    const double fraction = state.fractions.of_time[n], lagging_N = state.lagging_N[n];
     if (!(fraction > 0)) continue;
     stored_mJ += fraction * complementary_mJ(tissue, lagging_N, foot.radius_mm, max_N_per_mm);
     const TangentialCoefficients lagging =
@@ -61,9 +61,9 @@ void relax(const ContactLaw& tissue, const RelaxingContact& contact, const Footp
   force.law.force_N = force_N;
   force.law.stored_mJ = std::max(0.0, stored_mJ);
   // a contact with a force that rounds to 0 also has a secant stiffness of 0
-  const double left = elastic_N > 0 ? force_N / elastic_N : 1;
-  force.secant_N_per_mm *= left;
-  force.unclamped_secant_N_per_mm *= left;
+  const double remaining_fraction = elastic_N > 0 ? force_N / elastic_N : 1;
+  force.secant_N_per_mm *= remaining_fraction;
+  force.unclamped_secant_N_per_mm *= remaining_fraction;
   force.law.tangential_force_N = tissue.gradient_per_N * std::max(0.0, lateral.of_compliance_N2) -
                                  tissue.stiffening_gradient * std::max(0.0, lateral.of_stiffening_N3);
 }
@@ -92,15 +92,15 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   own.at = at;
   own.outward = tool.stretched_mm.normalized();
   own.surface = std::ranges::max_element(tool.contacts, {}, &ProxyContact::multiplier_mm)->surface;
-  const NeighbourEffect others = displaced_by_others(options.presses, options.device, own);
+  const NeighbourEffect others = displaced_by_others(options.tissue_contacts, options.device, own);
   own.displaced_mm = others.displaced_mm;
   foot.depth_mm -= others.displaced_mm;
   if (!(foot.depth_mm > 0)) return force;
-  const double max_N_per_mm = options.max_stiffness_N_per_mm / foot.stiffer;
+  const double max_N_per_mm = options.max_stiffness_N_per_mm / foot.stiffness_ratio;
   force.law = soft_contact_force(tissue, foot.depth_mm, foot.radius_mm, max_N_per_mm);
   constexpr double kRounding = 1e-9;
   const bool limited = force.law.tangent_N_per_mm >= (1 - kRounding) * max_N_per_mm;
-  force.law.tangent_N_per_mm *= foot.stiffer;
+  force.law.tangent_N_per_mm *= foot.stiffness_ratio;
   force.secant_N_per_mm = force.law.force_N / length_mm;
   force.unclamped_secant_N_per_mm =
       limited ? soft_contact_force(tissue, foot.depth_mm, foot.radius_mm).force_N / length_mm
@@ -116,8 +116,8 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
                           kSoftTissueSettings.dent_radii * pressed.radius_mm * per_multiplier,
                           kSoftTissueSettings.blend_s};
   if (!spot.is_known()) {
-    contact.parts = {};
-    contact.parts.add(pressed.relaxed, per_multiplier);
+    contact.fractions = {};
+    contact.fractions.add(pressed.relaxed, per_multiplier);
   }
   relax(tissue, contact, foot, max_N_per_mm, options, relaxation, force);
   return finish();

@@ -30,31 +30,32 @@ class NearestOfTool {
     if (!accumulate(sphere, 0.5, 0.5 * whole_mm)) return;
     accumulate(sphere, 0, 0);
     accumulate(sphere, 1, 0);
-    follow_nearest(sphere, length_mm);
+    project_nearest(sphere, length_mm);
     sample_between(sphere, whole_mm);
   }
 
   std::optional<ToolDistance> nearest() const { return found_ ? std::optional(nearest_) : std::nullopt; }
 
  private:
-  struct Slot {
-    double part, distance_mm;  // lower bound if no surface is near
+  struct AxisSample {
+    double axis_fraction, distance_mm;  // lower bound if no surface is near
     std::optional<Point<Patient>> on_surface;
   };
 
   // fixed-point iteration: projects the nearest surface point onto the axis and evaluates there
-  void follow_nearest(const ToolSphere& sphere, double length_mm) {
-    constexpr int kFollowed = 4;
-    constexpr double kStill_mm = 0.01;
-    for (int n = 0; n < kFollowed; ++n) {
+  void project_nearest(const ToolSphere& sphere, double length_mm) {
+    constexpr int kMaxProjections = 4;
+    constexpr double kConverged_mm = 0.01;
+    for (int n = 0; n < kMaxProjections; ++n) {
       const auto best =
-          std::min_element(slots_.begin(), slots_.begin() + count_,
+          std::min_element(samples_.begin(), samples_.begin() + count_,
                            [](const auto& a, const auto& b) { return a.distance_mm < b.distance_mm; });
       if (!best->on_surface) return;
       const Vector<Patient> displacement = *best->on_surface - (tip_ + sphere.offset_mm);
-      const double part = std::clamp(displacement.dot(sphere.axis_mm) / (length_mm * length_mm), 0.0, 1.0);
-      if (std::abs(part - best->part) * length_mm < kStill_mm) return;
-      accumulate(sphere, part, 0);
+      const double axis_fraction =
+          std::clamp(displacement.dot(sphere.axis_mm) / (length_mm * length_mm), 0.0, 1.0);
+      if (std::abs(axis_fraction - best->axis_fraction) * length_mm < kConverged_mm) return;
+      accumulate(sphere, axis_fraction, 0);
     }
   }
 
@@ -62,34 +63,35 @@ class NearestOfTool {
   void sample_between(const ToolSphere& sphere, double whole_mm) {
     while (count_ < kMaxAlong) {
       const auto min_mm = [&](std::size_t n) {
-        const Slot &from = slots_[n], &to = slots_[n + 1];
-        return 0.5 * (from.distance_mm + to.distance_mm - (to.part - from.part) * whole_mm);
+        const AxisSample &from = samples_[n], &to = samples_[n + 1];
+        return 0.5 * (from.distance_mm + to.distance_mm - (to.axis_fraction - from.axis_fraction) * whole_mm);
       };
       std::size_t next = 0;
       for (std::size_t n = 1; n + 1 < count_; ++n)
         if (min_mm(n) < min_mm(next)) next = n;
       if (!(min_mm(next) < nearest_.distance_mm - kAlongSlack_mm)) return;
-      const double half = 0.5 * (slots_[next + 1].part - slots_[next].part);
-      accumulate(sphere, slots_[next].part + half, half * whole_mm);
+      const double half = 0.5 * (samples_[next + 1].axis_fraction - samples_[next].axis_fraction);
+      accumulate(sphere, samples_[next].axis_fraction + half, half * whole_mm);
     }
   }
 
   // evaluates one point; true if a surface is within reach; keeps the points sorted along the axis
-  bool accumulate(const ToolSphere& sphere, double part, double farther_mm) {
-    const Point<Patient> centre = tip_ + sphere.offset_mm + sphere.axis_mm * part;
-    const double radius_mm = sphere.radius_at_mm(part);
+  bool accumulate(const ToolSphere& sphere, double axis_fraction, double farther_mm) {
+    const Point<Patient> centre = tip_ + sphere.offset_mm + sphere.axis_mm * axis_fraction;
+    const double radius_mm = sphere.radius_at_mm(axis_fraction);
     const auto near = tree_.nearest(centre, within_mm_ + radius_mm + farther_mm);
-    Slot here{part, within_mm_ + farther_mm, {}};
+    AxisSample here{axis_fraction, within_mm_ + farther_mm, {}};
     if (near) {
-      here = {part, near->distance_mm - radius_mm, near->position};
+      here = {axis_fraction, near->distance_mm - radius_mm, near->position};
       if (here.distance_mm < nearest_.distance_mm) {
         nearest_ = {here.distance_mm, centre, radius_mm, *near};
         found_ = true;
       }
     }
-    const auto end = slots_.begin() + count_;
-    const auto at = std::upper_bound(slots_.begin(), end, here,
-                                     [](const auto& a, const auto& b) { return a.part < b.part; });
+    const auto end = samples_.begin() + count_;
+    const auto at = std::upper_bound(samples_.begin(), end, here, [](const auto& a, const auto& b) {
+      return a.axis_fraction < b.axis_fraction;
+    });
     std::move_backward(at, end, end + 1);
     *at = here;
     ++count_;
@@ -99,7 +101,7 @@ class NearestOfTool {
   const SurfaceTree& tree_;
   const Point<Patient> tip_;
   const double within_mm_;
-  std::array<Slot, kMaxAlong> slots_{};
+  std::array<AxisSample, kMaxAlong> samples_{};
   std::size_t count_ = 0;
   ToolDistance nearest_;
   bool found_ = false;

@@ -28,8 +28,8 @@ double pair_interaction_per_mm(double lateral_mm, double radius_mm, double base_
 Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Patient>& along,
                        double base_per_mm) {
   PALPATE_CHECK(!points.empty() && points.size() <= kMaxFootprintPoints);
-  std::array<double, kMaxFootprintPoints> counts;
-  counts.fill(1);
+  std::array<double, kMaxFootprintPoints> weight;
+  weight.fill(1);
   const auto radius_mm = [&](std::size_t a, std::size_t b) {
     return std::min(points[a].radius_mm, points[b].radius_mm);
   };
@@ -39,41 +39,41 @@ Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Pati
   std::size_t pair = 0;
   for (std::size_t a = 0; a < points.size(); ++a)
     for (std::size_t b = 0; b < a; ++b, ++pair) {
-      const Vector<Patient> displacement = points[a].middle_mm - points[b].middle_mm;
+      const Vector<Patient> displacement = points[a].centre_mm - points[b].centre_mm;
       lateral_mm2[pair] = (displacement - along * displacement.dot(along)).squared_norm();
       const double radius = radius_mm(a, b);
       if (!(lateral_mm2[pair] < radius * radius)) continue;
-      const double behind = 1 - std::min(1.0, std::sqrt(lateral_mm2[pair]) / radius);
+      const double overlap = 1 - std::min(1.0, std::sqrt(lateral_mm2[pair]) / radius);
       const double deeper = is_deeper(points[a].depth_mm, points[b].depth_mm, radius);
-      counts[b] *= 1 - behind * deeper;
-      counts[a] *= 1 - behind * (1 - deeper);
+      weight[b] *= 1 - overlap * deeper;
+      weight[a] *= 1 - overlap * (1 - deeper);
     }
 
   // sums of sqrt(R) d^n, n = 0.5, 1.5, 2.5
   std::array<double, kMaxFootprintPoints> force;
-  double steep = 0, all = 0, work = 0;
+  double stiffness_sum = 0, force_sum = 0, work = 0;
   Footprint foot;
   for (std::size_t n = 0; n < points.size(); ++n) {
     const FootprintPoint& point = points[n];
-    const double root = counts[n] * std::sqrt(point.radius_mm * point.depth_mm);
+    const double root = weight[n] * std::sqrt(point.radius_mm * point.depth_mm);
     force[n] = root * point.depth_mm;
-    steep += root;
-    all += force[n];
+    stiffness_sum += root;
+    force_sum += force[n];
     work += force[n] * point.depth_mm;
-    foot.arm_mm += (point.middle_mm - along * point.radius_mm) * force[n];
+    foot.arm_mm += (point.centre_mm - along * point.radius_mm) * force[n];
   }
-  if (!(all > 0)) {
+  if (!(force_sum > 0)) {
     // the contact is so slight that its force rounds to 0
     foot.depth_mm = points[0].depth_mm;
     foot.radius_mm = points[0].radius_mm;
-    foot.arm_mm = points[0].middle_mm - along * points[0].radius_mm;
+    foot.arm_mm = points[0].centre_mm - along * points[0].radius_mm;
     return foot;
   }
-  foot.depth_mm = work / all;
-  foot.radius_mm = all * all / (foot.depth_mm * foot.depth_mm * foot.depth_mm);
-  foot.stiffer = std::max(1.0, steep * work / (all * all));
-  foot.arm_mm = foot.arm_mm * (1 / all);
-  for (std::size_t n = 0; n < points.size(); ++n) force[n] /= all;
+  foot.depth_mm = work / force_sum;
+  foot.radius_mm = force_sum * force_sum / (foot.depth_mm * foot.depth_mm * foot.depth_mm);
+  foot.stiffness_ratio = std::max(1.0, stiffness_sum * work / (force_sum * force_sum));
+  foot.arm_mm = foot.arm_mm * (1 / force_sum);
+  for (std::size_t n = 0; n < points.size(); ++n) force[n] /= force_sum;
   pair = 0;
   for (std::size_t a = 0; a < points.size(); ++a)
     for (std::size_t b = 0; b < a; ++b, ++pair) {
@@ -84,9 +84,9 @@ Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Pati
   return foot;
 }
 
-std::size_t press_points(std::span<const ContactSurface> all, std::span<const int> surfaces,
-                         std::span<const ToolSphere> spheres, const Point<Patient>& tip,
-                         std::span<FootprintPoint> points) {
+std::size_t find_press_points(std::span<const ContactSurface> surfaces, std::span<const int> touched,
+                              std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+                              std::span<FootprintPoint> points) {
   const std::size_t largest =
       std::min(points.size(), kMaxFootprintPoints) / std::max<std::size_t>(1, spheres.size());
   std::size_t count = 0;
@@ -102,10 +102,10 @@ std::size_t press_points(std::span<const ContactSurface> all, std::span<const in
     for (int n = 0; n <= steps; ++n) {
       const double part = steps == 0 ? 0 : static_cast<double>(n) / steps;
       FootprintPoint point{sphere.offset_mm + sphere.axis_mm * part, sphere.radius_at_mm(part), 0};
-      for (const int s : surfaces) {
-        const ContactSurface& surface = all[static_cast<std::size_t>(s)];
+      for (const int s : touched) {
+        const ContactSurface& surface = surfaces[static_cast<std::size_t>(s)];
         if (surface.surface == nullptr) continue;
-        const double depth_mm = point.radius_mm - surface.surface->distance_mm(tip + point.middle_mm);
+        const double depth_mm = point.radius_mm - surface.surface->distance_mm(tip + point.centre_mm);
         point.depth_mm = std::max(point.depth_mm, depth_mm);
       }
       // a thinner part presses like a sphere of the minimum radius at the same depth

@@ -11,7 +11,7 @@ namespace palpate {
 
 /// Sphere of the tool, or of a capsule's row, that penetrates the undeformed surface.
 struct FootprintPoint {
-  Vector<Patient> middle_mm;  ///< Centre relative to the tip
+  Vector<Patient> centre_mm;  ///< Centre relative to the tip
   double radius_mm = 0;       ///< Radius; above 0
   double depth_mm = 0;        ///< Penetration of the undeformed surface; above 0
 };
@@ -24,7 +24,7 @@ struct Footprint {
   /// surface at another by 1 / (pi E* r) per unit force at a distance r (Boussinesq), and by less on a layer.
   double interaction_per_mm = 0;
   /// Ratio of dF/dd of all press points displaced together to that of the equivalent sphere; at least 1.
-  double stiffer = 1;
+  double stiffness_ratio = 1;
   /// Force-weighted mean of the vectors from the tip to the points of action on the surface.
   Vector<Patient> arm_mm;
 };
@@ -54,14 +54,14 @@ double pair_interaction_per_mm(double lateral_mm, double radius_mm, double base_
 
 /// Press points of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
 /// are the maximum over the given surfaces.
-/// @param all       all surfaces of the model
-/// @param surfaces  indices of the surfaces in contact, without duplicates
+/// @param surfaces  all surfaces of the model
+/// @param touched   indices of the surfaces in contact, without duplicates
 /// @param spheres   tool parts
 /// @param tip       position of the tip
 /// @param points    receives the places, in the order of the tool's parts
 /// @returns number of places written
-std::size_t press_points(std::span<const ContactSurface> all, std::span<const int> surfaces,
-                         std::span<const ToolSphere> spheres, const Point<Patient>& tip,
-                         std::span<FootprintPoint> points);
+std::size_t find_press_points(std::span<const ContactSurface> surfaces, std::span<const int> touched,
+                              std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+                              std::span<FootprintPoint> points);
 
 }  // namespace palpate

@@ -30,7 +30,7 @@ TEST(Footprint, OfOnePointIsThatPoint) {
   EXPECT_NEAR(foot.depth_mm, 0.7, 1e-12);
   EXPECT_NEAR(foot.radius_mm, 2.5, 1e-12);
   EXPECT_EQ(foot.interaction_per_mm, 0);
-  EXPECT_NEAR(foot.stiffer, 1, 1e-12);
+  EXPECT_NEAR(foot.stiffness_ratio, 1, 1e-12);
   EXPECT_NEAR((foot.arm_mm - Vector<Patient>(1, 2, 0.5)).norm(), 0, 1e-12);
 }
 
@@ -52,7 +52,7 @@ TEST(Footprint, DistantPointsSuperpose) {
     const Footprint foot = footprint_of(points, kUp);
     EXPECT_NEAR(force_of(foot), force, 1e-9 * force);
     EXPECT_NEAR(energy_of(foot), energy, 1e-9 * energy);
-    EXPECT_NEAR(1.5 * force_of(foot) / foot.depth_mm * foot.stiffer, slope, 1e-9 * slope);
+    EXPECT_NEAR(1.5 * force_of(foot) / foot.depth_mm * foot.stiffness_ratio, slope, 1e-9 * slope);
   }
 }
 
@@ -89,8 +89,9 @@ TEST(Footprint, MatchesTheHalfSpaceSolution) {
                                                                {1, 40, 1, 12.921}}) {
     const ToolSphere shaft{{}, radius_mm, {length_mm, 0, 0}};
     std::vector<FootprintPoint> footprint_points(kMaxFootprintPoints);
-    const std::size_t count = press_points({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
-                                           Point<Patient>(-20, 0, radius_mm - deep_mm), footprint_points);
+    const std::size_t count =
+        find_press_points({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
+                          Point<Patient>(-20, 0, radius_mm - deep_mm), footprint_points);
     const double is_N = pressed_N(footprint_of(std::span(footprint_points).first(count), kUp));
     // where the contact is wider than the depth, the row resolves less of the area between its spheres
     const double largest = deep_mm < 0.2 * radius_mm ? 0.2 : 0.11;
@@ -158,8 +159,8 @@ TEST(Footprint, ShaftPressesWithItsSupportedLength) {
   const auto of = [&](const Eigen::Vector3d& along, double deep_mm) {
     const ToolSphere shaft{{}, 2, Vector<Patient>(along)};
     std::vector<FootprintPoint> points(kMaxFootprintPoints);
-    const std::size_t count = press_points({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
-                                           Point<Patient>(0, 0, 2 - deep_mm), points);
+    const std::size_t count = find_press_points({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
+                                                Point<Patient>(0, 0, 2 - deep_mm), points);
     return footprint_of(std::span(points).first(count), kUp);
   };
   const double one = 4.0 / 3 * std::sqrt(2.0) * std::pow(8, 1.5);

@@ -82,11 +82,11 @@ class ActiveSet {
 };
 
 // shortcut for a single half-space, the common case; same result as the enumeration
-std::optional<ClosestPoint> closest_to_one(const Point<Patient>& x, const HalfSpace& wall) {
-  const double needed_mm = -wall.clearance(x);
+std::optional<ClosestPoint> closest_to_one(const Point<Patient>& x, const HalfSpace& half_space) {
+  const double needed_mm = -half_space.clearance(x);
   if (needed_mm <= kOnPlane_mm + 1e-9 * std::abs(needed_mm)) return ClosestPoint{x, {}, {}, 0};
   if (!(needed_mm > 0)) return std::nullopt;
-  return ClosestPoint{x + wall.normal * needed_mm, {0}, {needed_mm}, 1};
+  return ClosestPoint{x + half_space.normal * needed_mm, {0}, {needed_mm}, 1};
 }
 
 }  // namespace

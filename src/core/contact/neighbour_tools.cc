@@ -27,11 +27,11 @@ void TissueContact::hash_into(std::uint64_t& hash) const {
   hash_word(hash, static_cast<std::uint64_t>(surface));
 }
 
-NeighbourEffect displaced_by_others(std::span<const TissueContact> presses, std::size_t device,
+NeighbourEffect displaced_by_others(std::span<const TissueContact> tissue_contacts, std::size_t device,
                                     const TissueContact& own) {
   NeighbourEffect effect;
-  for (std::size_t d = 0; d < presses.size(); ++d) {
-    const TissueContact& other = presses[d];
+  for (std::size_t d = 0; d < tissue_contacts.size(); ++d) {
+    const TissueContact& other = tissue_contacts[d];
     if (d == device || !(other.force_N > 0) || !own.is_known() || other.surface != own.surface) continue;
     const double aligned = other.outward.dot(own.outward);
     const Vector<Patient> away = own.at - other.at;
@@ -43,7 +43,8 @@ NeighbourEffect displaced_by_others(std::span<const TissueContact> presses, std:
     if (!(per_mm > 0)) continue;
     const double of_modulus = 0.5 * aligned * (1 / own.modulus_N_per_mm2 + 1 / other.modulus_N_per_mm2);
     const double mutual_mm_per_N = per_mm * of_modulus;
-    const double stiffness_N_per_mm = std::sqrt(presses[device].tangent_N_per_mm * other.tangent_N_per_mm);
+    const double stiffness_N_per_mm =
+        std::sqrt(tissue_contacts[device].tangent_N_per_mm * other.tangent_N_per_mm);
     const double limited_mm_per_N = std::min(mutual_mm_per_N, kMaxMutual / stiffness_N_per_mm);
     effect.displaced_mm += limited_mm_per_N * other.force_N;
     if (limited_mm_per_N < mutual_mm_per_N) continue;

@@ -11,7 +11,7 @@ namespace palpate {
 namespace {
 
 /// An active region.
-struct Push {
+struct ActiveRegion {
   int region = -1;
   Vector<Patient> outward;  // unit
   Vector<Patient> arm_mm;   // from the tip to the point of action
@@ -75,9 +75,9 @@ MetRegion nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres
 MetRegion nearest_to(const NoGoStructure& structure, const Distances& distances,
                      std::span<const ToolSphere> spheres, const Point<Patient>& tip, double within_mm) {
   if (structure.tracked < 0) return {};
-  const auto table_index = static_cast<std::size_t>(structure.tracked);
-  if (!(distances.lower_bound_mm(table_index, box_of_tool(spheres, tip)) <= within_mm)) return {};
-  const SurfaceTree& tree = *distances.structures()[table_index].tree;
+  const auto tracked = static_cast<std::size_t>(structure.tracked);
+  if (!(distances.lower_bound_mm(tracked, box_of_tool(spheres, tip)) <= within_mm)) return {};
+  const SurfaceTree& tree = *distances.structures()[tracked].tree;
   const auto near = distance_of_tool(tree, spheres, tip, within_mm);
   if (!near) return {};
   return NearRegion{near->distance_mm, near->centre, tree.outward(near->centre, near->near), near->radius_mm};
@@ -93,37 +93,39 @@ MetRegion nearest_to(const NoGoRegion& region, const Distances& distances,
 /// Active regions in order of decreasing depth, up to the capacity.
 class ActiveRegions {
  public:
-  void add(const Push& push) {
-    const auto end = push_.begin() + static_cast<std::ptrdiff_t>(count_);
-    const auto table_index = std::upper_bound(
-        push_.begin(), end, push, [](const Push& a, const Push& b) { return a.depth_mm > b.depth_mm; });
-    if (table_index == push_.end()) return;
-    if (count_ < push_.size()) ++count_;
-    const auto last = push_.begin() + static_cast<std::ptrdiff_t>(count_) - 1;
-    std::move_backward(table_index, last, last + 1);
-    *table_index = push;
+  void add(const ActiveRegion& region) {
+    const auto end = regions_.begin() + static_cast<std::ptrdiff_t>(count_);
+    const auto insertion = std::upper_bound(
+        regions_.begin(), end, region,
+        [](const ActiveRegion& a, const ActiveRegion& b) { return a.depth_mm > b.depth_mm; });
+    if (insertion == regions_.end()) return;
+    if (count_ < regions_.size()) ++count_;
+    const auto last = regions_.begin() + static_cast<std::ptrdiff_t>(count_) - 1;
+    std::move_backward(insertion, last, last + 1);
+    *insertion = region;
   }
-  std::span<const Push> all() const { return {push_.data(), count_}; }
+  std::span<const ActiveRegion> all() const { return {regions_.data(), count_}; }
 
  private:
-  std::array<Push, kMaxNoGoMet> push_;
+  std::array<ActiveRegion, kMaxActiveNoGo> regions_;
   std::size_t count_ = 0;
 };
 
 /// Energy of all active springs in series with the spring to the tip.
 class Envelope {
  public:
-  Envelope(std::span<const Push> pushes, double max_N_per_mm) : pushes_(pushes), max_N_per_mm_(max_N_per_mm) {
+  Envelope(std::span<const ActiveRegion> active, double max_N_per_mm)
+      : active_(active), max_N_per_mm_(max_N_per_mm) {
     // spring that, in series with the spring to the tip, has the region's own stiffness
-    for (std::size_t n = 0; n < pushes_.size(); ++n) {
-      const double stiffness_N_per_mm = pushes_[n].stiffness_N_per_mm;
+    for (std::size_t n = 0; n < active_.size(); ++n) {
+      const double stiffness_N_per_mm = active_[n].stiffness_N_per_mm;
       spring_[n] = stiffness_N_per_mm * max_N_per_mm_ / (max_N_per_mm_ - stiffness_N_per_mm);
     }
   }
 
   double energy_mJ(const Eigen::Vector3d& u) const {
     double energy_mJ = 0.5 * max_N_per_mm_ * u.squaredNorm();
-    for (std::size_t n = 0; n < pushes_.size(); ++n) {
+    for (std::size_t n = 0; n < active_.size(); ++n) {
       const double deep_mm = depth_mm(n, u);
       energy_mJ += 0.5 * spring_[n] * deep_mm * deep_mm;
     }
@@ -131,27 +133,28 @@ class Envelope {
   }
 
   // Newton's method with line search; the function is convex and piecewise quadratic
-  Eigen::Vector3d update_block_minimum() const {
+  Eigen::Vector3d minimiser() const {
     constexpr int kSteps = 32, kHalvings = 24;
-    constexpr double kEnough_mm = 1e-9, kEnoughOfSlope = 1e-4;
+    constexpr double kConverged_mm = 1e-9, kArmijo = 1e-4;
     Eigen::Vector3d u = Eigen::Vector3d::Zero();
     for (int step = 0; step < kSteps; ++step) {
-      Eigen::Vector3d slope = max_N_per_mm_ * u;
-      Eigen::Matrix3d bend = max_N_per_mm_ * Eigen::Matrix3d::Identity();
-      for (std::size_t n = 0; n < pushes_.size(); ++n) {
+      Eigen::Vector3d gradient = max_N_per_mm_ * u;
+      Eigen::Matrix3d hessian = max_N_per_mm_ * Eigen::Matrix3d::Identity();
+      for (std::size_t n = 0; n < active_.size(); ++n) {
         const double deep_mm = depth_mm(n, u);
         if (!(deep_mm > 0)) continue;
-        const Eigen::Vector3d& out = pushes_[n].outward.eigen();
-        slope -= spring_[n] * deep_mm * out;
-        bend += spring_[n] * out * out.transpose();
+        const Eigen::Vector3d& out = active_[n].outward.eigen();
+        gradient -= spring_[n] * deep_mm * out;
+        hessian += spring_[n] * out * out.transpose();
       }
-      const Eigen::Vector3d displacement = bend.ldlt().solve(-slope);
-      if (!(displacement.norm() > kEnough_mm)) break;
-      double part = 1;
-      const double before_mJ = energy_mJ(u), gain = kEnoughOfSlope * slope.dot(displacement);
-      for (int n = 0; n < kHalvings && energy_mJ(u + part * displacement) > before_mJ + part * gain; ++n)
-        part *= 0.5;
-      u += part * displacement;
+      const Eigen::Vector3d displacement = hessian.ldlt().solve(-gradient);
+      if (!(displacement.norm() > kConverged_mm)) break;
+      double step_length = 1;
+      const double before_mJ = energy_mJ(u), gain = kArmijo * gradient.dot(displacement);
+      for (int n = 0;
+           n < kHalvings && energy_mJ(u + step_length * displacement) > before_mJ + step_length * gain; ++n)
+        step_length *= 0.5;
+      u += step_length * displacement;
     }
     return u;
   }
@@ -160,33 +163,33 @@ class Envelope {
 
  private:
   double depth_mm(std::size_t n, const Eigen::Vector3d& u) const {
-    return std::max(0.0, pushes_[n].depth_mm - pushes_[n].outward.eigen().dot(u));
+    return std::max(0.0, active_[n].depth_mm - active_[n].outward.eigen().dot(u));
   }
 
-  std::span<const Push> pushes_;
+  std::span<const ActiveRegion> active_;
   double max_N_per_mm_;
-  std::array<double, kMaxNoGoMet> spring_;
+  std::array<double, kMaxActiveNoGo> spring_;
 };
 
 // regions without series spring: forces add up
-void add_up(std::span<const Push> pushes, NoGoForce& all) {
-  for (const Push& push : pushes) {
-    const Vector<Patient> force_N = push.outward * (push.stiffness_N_per_mm * push.depth_mm);
-    all.force_N += force_N;
-    all.torque_Nmm += push.arm_mm.cross(force_N);
-    all.stored_mJ += 0.5 * push.stiffness_N_per_mm * push.depth_mm * push.depth_mm;
+void add_unlimited(std::span<const ActiveRegion> active, NoGoForce& total) {
+  for (const ActiveRegion& region : active) {
+    const Vector<Patient> force_N = region.outward * (region.stiffness_N_per_mm * region.depth_mm);
+    total.force_N += force_N;
+    total.torque_Nmm += region.arm_mm.cross(force_N);
+    total.stored_mJ += 0.5 * region.stiffness_N_per_mm * region.depth_mm * region.depth_mm;
   }
 }
 
-void take_together(std::span<const Push> pushes, double max_N_per_mm, NoGoForce& all) {
-  const Envelope envelope(pushes, max_N_per_mm);
-  const Eigen::Vector3d u = envelope.update_block_minimum();
-  for (std::size_t n = 0; n < pushes.size(); ++n) {
-    const Vector<Patient> force_N = pushes[n].outward * envelope.force_N(n, u);
-    all.force_N += force_N;
-    all.torque_Nmm += pushes[n].arm_mm.cross(force_N);
+void add_limited(std::span<const ActiveRegion> active, double max_N_per_mm, NoGoForce& total) {
+  const Envelope envelope(active, max_N_per_mm);
+  const Eigen::Vector3d u = envelope.minimiser();
+  for (std::size_t n = 0; n < active.size(); ++n) {
+    const Vector<Patient> force_N = active[n].outward * envelope.force_N(n, u);
+    total.force_N += force_N;
+    total.torque_Nmm += active[n].arm_mm.cross(force_N);
   }
-  all.stored_mJ = envelope.energy_mJ(u);
+  total.stored_mJ = envelope.energy_mJ(u);
 }
 
 }  // namespace
@@ -222,34 +225,35 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
   return {};
 }
 
-NoGoForce push_out_of(std::span<const NoGoRegion> regions, const Distances& distances,
+NoGoForce no_go_force(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm) {
   // a series spring needs a region softer than the limit: at equality its own stiffness would be infinite
-  constexpr double kMaxOfIt = 0.9;
+  constexpr double kMaxFractionOfLimit = 0.9;
   NoGoForce all;
   // NaN: the limit is unknown, and the stiffness is not limited
   const bool capped = max_stiffness_N_per_mm < std::numeric_limits<double>::infinity();
   if (capped && !(max_stiffness_N_per_mm > 0)) return all;
-  ActiveRegions pushes;
+  ActiveRegions active;
   for (std::size_t r = 0; r < regions.size(); ++r) {
     const NoGoRegion& region = regions[r];
     const MetRegion near = nearest_to(region, distances, spheres, tip);
     if (!near || !(near->distance_mm < region.keep_away_mm)) continue;
-    const double stiffness = capped ? std::min(region.stiffness_N_per_mm, kMaxOfIt * max_stiffness_N_per_mm)
-                                    : region.stiffness_N_per_mm;
-    pushes.add({static_cast<int>(r), near->outward, near->centre - near->outward * near->radius_mm - tip,
+    const double stiffness =
+        capped ? std::min(region.stiffness_N_per_mm, kMaxFractionOfLimit * max_stiffness_N_per_mm)
+               : region.stiffness_N_per_mm;
+    active.add({static_cast<int>(r), near->outward, near->centre - near->outward * near->radius_mm - tip,
                 region.keep_away_mm - near->distance_mm, stiffness});
   }
-  if (pushes.all().empty()) return all;
-  all.region = pushes.all().front().region;
-  all.depth_mm = pushes.all().front().depth_mm;
-  for (const Push& push : pushes.all())
-    all.stiffness_N_per_mm = std::max(all.stiffness_N_per_mm, push.stiffness_N_per_mm);
-  if (capped && pushes.all().size() > 1)
-    take_together(pushes.all(), max_stiffness_N_per_mm, all);
+  if (active.all().empty()) return all;
+  all.region = active.all().front().region;
+  all.depth_mm = active.all().front().depth_mm;
+  for (const ActiveRegion& one : active.all())
+    all.stiffness_N_per_mm = std::max(all.stiffness_N_per_mm, one.stiffness_N_per_mm);
+  if (capped && active.all().size() > 1)
+    add_limited(active.all(), max_stiffness_N_per_mm, all);
   else
-    add_up(pushes.all(), all);
+    add_unlimited(active.all(), all);
   return all;
 }
 

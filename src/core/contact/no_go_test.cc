@@ -24,7 +24,7 @@ NoGoRegion plane_region(const Vector<Patient>& outward, double keep_away_mm, dou
 
 NoGoForce pushed(const std::vector<NoGoRegion>& regions, const Point<Patient>& tip, double largest = 2,
                  const Distances& distances = {}, const std::vector<ToolSphere>& tool = kPointTool) {
-  return push_out_of(regions, distances, tool, tip, largest);
+  return no_go_force(regions, distances, tool, tip, largest);
 }
 
 // a ball of 6 mm radius as a structure that is not felt

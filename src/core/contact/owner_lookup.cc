@@ -19,12 +19,12 @@ OwnerFractions OwnerCache::at(std::span<const ContactSurface> surfaces, int inde
   if (surface.owners == nullptr) return owners_at(surfaces, index, position);
   const bool cut = surface.original_surface != nullptr;
   for (const Entry& entry : entries_)
-    if (entry.owners == surface.owners->number() && entry.surface == index && entry.cut == cut &&
+    if (entry.owners == surface.owners->id() && entry.surface == index && entry.cut == cut &&
         entry.position == position)
       return entry.fractions;
   Entry& entry = entries_[next_];
   next_ = (next_ + 1) % entries_.size();
-  entry = {surface.owners->number(), index, cut, position, owners_at(surfaces, index, position)};
+  entry = {surface.owners->id(), index, cut, position, owners_at(surfaces, index, position)};
   return entry.fractions;
 }
 

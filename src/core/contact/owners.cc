@@ -50,7 +50,7 @@ struct OuterVoxel {
 }  // namespace
 
 Owners::Owners(const Bricks<LabelId>& labels, const std::vector<std::int16_t>& structure_of_label)
-    : number_(next_number()),
+    : id_(next_number()),
       structure_of_label_(structure_of_label),
       spacing_mm_(labels.geometry().spacing_mm),
       reach_mm_(std::max(kReach_mm, 1.5 * spacing_mm_.maxCoeff())),
@@ -153,8 +153,8 @@ double Owners::weight_of(std::size_t run, const std::array<float, 3>& point,
   for (std::size_t n = runs_[run].begin; n < runs_[run + 1].begin; n += kAtOnce) {
     Several left = Several::Ones();
     for (std::size_t a = 0; a < 3; ++a) {
-      const Several path = (Eigen::Map<const Several>(index_[a].data() + n) - point[a]) * per_reach[a];
-      left -= path * path;
+      const Several offset = (Eigen::Map<const Several>(index_[a].data() + n) - point[a]) * per_reach[a];
+      left -= offset * offset;
     }
     const Several inside = left.max(0.0F);
     all += inside * inside;

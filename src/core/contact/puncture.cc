@@ -18,10 +18,11 @@ bool opens(const ContactSurface& surface, std::size_t index, int structure) {
 // visits the contacts of all layers, outermost first, at which the structure has the largest ownership share
 template <class Visit>
 void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                         int structure, const ToolPose& hand, const ProxyState& state, const Visit& visit) {
+                         int structure, const ToolPose& tool_pose, const ProxyState& state,
+                         const Visit& visit) {
   for (int n = 0; n < layer_count(surfaces); ++n) {
     const ProxyLayer& layer = state.layer(n);
-    const RotatedTool turned_tool(spheres, hand.attitude, layer.attitude);
+    const RotatedTool turned_tool(spheres, tool_pose.attitude, layer.attitude);
     for (const ProxyContact& contact :
          std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count))) {
       const auto surface = static_cast<std::size_t>(contact.surface);
@@ -39,7 +40,7 @@ void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<con
 // Extends the permanent holes of punctured structures along the tool at the proxy of their layer. A structure
 // that is not punctured is opened without force if all its contacts fit into its holes.
 void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                 const ToolPose& hand, ProxyState& state, Holes& holes) {
+                 const ToolPose& tool_pose, ProxyState& state, Holes& holes) {
   std::array<int, Holes::kCapacity> structures;
   std::size_t count = 0;
   for (const Hole& hole : holes.all()) {
@@ -50,14 +51,14 @@ void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
   for (const int structure : std::span(structures).first(count)) {
     const auto s = static_cast<std::size_t>(structure);
     if (const ProxyLayer& layer = state.layer(surfaces[s].layer); layer.punctured[s]) {
-      const RotatedTool turned_tool(spheres, hand.attitude, layer.attitude);
+      const RotatedTool turned_tool(spheres, tool_pose.attitude, layer.attitude);
       for (const ToolSphere& sphere : turned_tool.spheres())
         for (const double end : {0.0, 1.0})
           holes.extend(structure, layer.position + sphere.offset_mm + sphere.axis_mm * end);
       continue;
     }
     bool in_contact = false, fits = true;
-    for_each_contact_of(surfaces, spheres, structure, hand, state,
+    for_each_contact_of(surfaces, spheres, structure, tool_pose, state,
                         [&](const ProxyContact& /*contact*/, const Point<Patient>& centre, double radius_mm) {
                           in_contact = true;
                           fits = fits &&
@@ -71,9 +72,9 @@ void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
 
 // creates permanent holes where a structure with stays_open was punctured
 void make_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
-                const ToolPose& hand, const ProxyState& state, Holes& holes) {
+                const ToolPose& tool_pose, const ProxyState& state, Holes& holes) {
   std::bitset<kMaxToolSpheres> done;
-  for_each_contact_of(surfaces, spheres, structure, hand, state,
+  for_each_contact_of(surfaces, spheres, structure, tool_pose, state,
                       [&](const ProxyContact& contact, const Point<Patient>& centre, double radius_mm) {
                         // one hole per tool part, at its contact in the outermost layer
                         if (done[static_cast<std::size_t>(contact.sphere)]) return;
@@ -85,10 +86,10 @@ void make_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSp
 }  // namespace
 
 SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                      const ToolPose& hand, const ProxyLayer& layer) {
+                      const ToolPose& tool_pose, const ProxyLayer& layer) {
   SurfaceSet punctured = layer.punctured;
   if (punctured.none()) return punctured;
-  const RotatedTool turned_tool(spheres, hand.attitude, layer.attitude);
+  const RotatedTool turned_tool(spheres, tool_pose.attitude, layer.attitude);
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!punctured[s]) continue;
     const auto has_left = [&](std::span<const ToolSphere> tool, const Point<Patient>& at) {
@@ -99,7 +100,8 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
                kProxySettings.closing_mm;
       });
     };
-    if (has_left(spheres, hand.tip) && has_left(turned_tool.spheres(), layer.position)) punctured[s] = false;
+    if (has_left(spheres, tool_pose.tip) && has_left(turned_tool.spheres(), layer.position))
+      punctured[s] = false;
   }
   return punctured;
 }
@@ -120,14 +122,15 @@ void open_structure(std::span<const ContactSurface> surfaces, int structure, Pro
 }
 
 bool puncture(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-              const ToolPose& hand, const PunctureForces& forces, Holes* holes, ProxyState& state) {
-  if (holes != nullptr && !holes->empty()) enter_holes(surfaces, spheres, hand, state, *holes);
+              const ToolPose& tool_pose, const PunctureForces& forces, Holes* holes, ProxyState& state) {
+  if (holes != nullptr && !holes->empty()) enter_holes(surfaces, spheres, tool_pose, state, *holes);
   bool any = false;
   for (std::size_t n = 0; n < forces.count(); ++n) {
     const int structure = forces.structure(n);
     const ContactSurface& surface = surfaces[static_cast<std::size_t>(structure)];
     if (!(forces.force_N(n) > surface.puncture_N)) continue;
-    if (holes != nullptr && surface.stays_open) make_holes(surfaces, spheres, structure, hand, state, *holes);
+    if (holes != nullptr && surface.stays_open)
+      make_holes(surfaces, spheres, structure, tool_pose, state, *holes);
     open_structure(surfaces, structure, state);
     any = true;
   }

@@ -60,7 +60,7 @@ void RelaxationState::hash_into(std::uint64_t& hash) const {
   hash_double(hash, elastic_N);
   for (const double value : lagging_N) hash_double(hash, value);
   for (int axis = 0; axis < 3; ++axis) hash_double(hash, at[axis]);
-  parts.hash_into(hash);
+  fractions.hash_into(hash);
 }
 
 Decay decay(double x) {
@@ -76,8 +76,8 @@ Decay decay(double x) {
   for (const double part : kParts) mean = 1 - y * mean * part;
   Decay of{1 - y * mean, mean};
   for (int n = 0; n < halved; ++n) {
-    of.mean *= 0.5 * (1 + of.left);
-    of.left *= of.left;
+    of.mean *= 0.5 * (1 + of.remaining);
+    of.remaining *= of.remaining;
   }
   return of;
 }
@@ -85,40 +85,40 @@ Decay decay(double x) {
 double advance_relaxation(const RelaxationTimes& times, double elastic_N, const RelaxingContact* contact,
                           double dt_s, RelaxationState& state) {
   // fraction of the dent's depth at the tool
-  double near = 1;
+  double dent_fraction = 1;
   if (contact != nullptr && elastic_N > 0) {
-    if (!state.presses) near = 1 - (contact->at - state.at).norm() / contact->reach_mm;
-    if (!state.is_active() || !(near > 0)) {
+    if (!state.presses) dent_fraction = 1 - (contact->at - state.at).norm() / contact->reach_mm;
+    if (!state.is_active() || !(dent_fraction > 0)) {
       state = {};
-      state.parts = contact->parts;
-      near = 1;
+      state.fractions = contact->fractions;
+      dent_fraction = 1;
     } else if (state.presses) {
-      const double in = std::min(1.0, dt_s / contact->blend_s);
+      const double blend = std::min(1.0, dt_s / contact->blend_s);
       for (std::size_t n = 0; n < kMaxRelaxationTimes; ++n)
-        state.parts.of_time[n] += in * (contact->parts.of_time[n] - state.parts.of_time[n]);
+        state.fractions.of_time[n] += blend * (contact->fractions.of_time[n] - state.fractions.of_time[n]);
     }
   }
 
-  // p after the tick is past + now * F_e
-  std::array<double, kMaxRelaxationTimes> past{}, now{};
-  double lost_N = 0, lost_part = 0;
+  // p after the tick is free_response + gain * F_e
+  std::array<double, kMaxRelaxationTimes> free_response{}, gain{};
+  double lost_N = 0, lost_fraction = 0;
   for (std::size_t n = 0; n < times.count; ++n) {
     const Decay of = decay(dt_s / times.time_s[n]);
-    past[n] = (of.mean - of.left) * state.elastic_N + of.left * state.lagging_N[n];
-    now[n] = 1 - of.mean;
-    lost_N += state.parts.of_time[n] * past[n];
-    lost_part += state.parts.of_time[n] * now[n];
+    free_response[n] = (of.mean - of.remaining) * state.elastic_N + of.remaining * state.lagging_N[n];
+    gain[n] = 1 - of.mean;
+    lost_N += state.fractions.of_time[n] * free_response[n];
+    lost_fraction += state.fractions.of_time[n] * gain[n];
   }
   // a negative force: the tissue separates from the tool and recovers freely
-  const double free_N = lost_N / (1 - lost_part);
-  state.presses = elastic_N > near * free_N;
+  const double free_N = lost_N / (1 - lost_fraction);
+  state.presses = elastic_N > dent_fraction * free_N;
   state.elastic_N = state.presses ? elastic_N : free_N;
-  const double retained = state.presses ? near : 1;
+  const double retained = state.presses ? dent_fraction : 1;
   for (std::size_t n = 0; n < times.count; ++n)
-    state.lagging_N[n] = retained * past[n] + now[n] * state.elastic_N;
+    state.lagging_N[n] = retained * free_response[n] + gain[n] * state.elastic_N;
   if (state.presses) {
     if (contact != nullptr) state.at = contact->at;
-    return std::max(0.0, elastic_N - lost_part * elastic_N - near * lost_N);
+    return std::max(0.0, elastic_N - lost_fraction * elastic_N - dent_fraction * lost_N);
   }
   if (state.elastic_N < kMinRemembered_N) state = {};
   return 0;

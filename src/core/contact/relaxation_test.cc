@@ -32,7 +32,7 @@ RelaxationTimes times_of(const Relaxation& relaxation) {
 /// A tool at one point of tissue with one series, driven by its instantaneous elastic force.
 struct Relaxing {
   explicit Relaxing(const Relaxation& relaxation) : times(times_of(relaxation)) {
-    contact.parts.add(relaxation, times, 1);
+    contact.fractions.add(relaxation, times, 1);
     contact.reach_mm = 6;
     contact.blend_s = 1.0 / 64;
   }
@@ -62,14 +62,14 @@ double ramped_N(const Relaxation& relaxation, double time_s) {
 
 TEST(Decay, IsAnExponentialOverTheWholeRange) {
   for (double x = 1e-9; x < 600; x *= 1.07) {
-    EXPECT_NEAR(decay(x).left / std::exp(-x), 1, 1e-13 * std::max(1.0, x)) << x;
+    EXPECT_NEAR(decay(x).remaining / std::exp(-x), 1, 1e-13 * std::max(1.0, x)) << x;
     EXPECT_NEAR(decay(x).mean / (-std::expm1(-x) / x), 1, x < 0.02 ? 2e-15 : 2e-14) << x;
-    EXPECT_GE(decay(x).mean, decay(x).left) << x;
+    EXPECT_GE(decay(x).mean, decay(x).remaining) << x;
   }
-  EXPECT_EQ(decay(0).left, 1);
+  EXPECT_EQ(decay(0).remaining, 1);
   EXPECT_EQ(decay(0).mean, 1);
-  EXPECT_GE(decay(1e9).left, 0);
-  EXPECT_NEAR(decay(1e9).left, 0, 1e-300);
+  EXPECT_GE(decay(1e9).remaining, 0);
+  EXPECT_NEAR(decay(1e9).remaining, 0, 1e-300);
 }
 
 TEST(RelaxationTimes, AreSortedAndUnique) {
@@ -172,7 +172,7 @@ TEST(AdvanceRelaxation, WithoutTermsEqualsTheElasticForceBitwise) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> force(-1, 3);
   Relaxing tissue(kTwoTerms);
-  tissue.contact.parts = {};
+  tissue.contact.fractions = {};
   for (int n = 0; n < 1000; ++n) {
     const double elastic_N = std::max(0.0, force(random));
     ASSERT_EQ(tissue.at(elastic_N, 0.001), elastic_N);
@@ -212,7 +212,7 @@ TEST(AdvanceRelaxation, ChangedTermsBlendInWithoutAForceStep) {
   Relaxing tissue(kTwoTerms);
   for (int n = 0; n < 5000; ++n) tissue.at(2, 0.001);
   double before_N = tissue.at(2, 0.001);
-  tissue.contact.parts = {};
+  tissue.contact.fractions = {};
   for (int n = 0; n < 400; ++n) {
     const double now_N = tissue.at(2, 0.001);
     ASSERT_GE(now_N, before_N);
@@ -234,7 +234,7 @@ struct PressedSphere {
     double stored = force_N * std::max(0.0, depth_mm) -
                     complementary_mJ(tissue, relaxing.state.elastic_N, radius_mm, max_N_per_mm);
     for (std::size_t n = 0; n < relaxing.times.count; ++n)
-      stored += relaxing.state.parts.of_time[n] *
+      stored += relaxing.state.fractions.of_time[n] *
                 complementary_mJ(tissue, relaxing.state.lagging_N[n], radius_mm, max_N_per_mm);
     return stored;
   }

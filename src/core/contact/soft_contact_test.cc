@@ -47,24 +47,24 @@ double compliance_mm_per_N(const ContactLaw& tissue, double force_N, double radi
 }
 
 // force by bisection, linear from where the compliance is first below the minimum
-double slow_force_N(const ContactLaw& tissue, double depth, double radius_mm, double min_compliance_ratio) {
+double slow_force_N(const ContactLaw& tissue, double depth, double radius_mm, double min_mm_per_N) {
   constexpr double kMin_N = 1e-7, kGrowth = 1.02;
   constexpr int kForces = 1400;
   double first_N = kMin_N;
   int step = 0;
   while (step < kForces && depth_mm(tissue, first_N, radius_mm) < depth &&
-         compliance_mm_per_N(tissue, first_N, radius_mm) >= min_compliance_ratio) {
+         compliance_mm_per_N(tissue, first_N, radius_mm) >= min_mm_per_N) {
     first_N *= kGrowth;
     ++step;
   }
   double low = step > 0 ? first_N / kGrowth : 0, high = first_N;
-  if (compliance_mm_per_N(tissue, high, radius_mm) < min_compliance_ratio) {
+  if (compliance_mm_per_N(tissue, high, radius_mm) < min_mm_per_N) {
     for (int n = 0; n < 60; ++n) {
       const double midpoint = 0.5 * (low + high);
-      (compliance_mm_per_N(tissue, midpoint, radius_mm) > min_compliance_ratio ? low : high) = midpoint;
+      (compliance_mm_per_N(tissue, midpoint, radius_mm) > min_mm_per_N ? low : high) = midpoint;
     }
     const double at_mm = depth_mm(tissue, low, radius_mm);
-    if (depth >= at_mm) return low + (depth - at_mm) / min_compliance_ratio;
+    if (depth >= at_mm) return low + (depth - at_mm) / min_mm_per_N;
     low = 0;
   }
   for (int n = 0; n < 60; ++n) {
@@ -121,17 +121,16 @@ TEST(SoftContactForce, MatchesAnExhaustiveSearchInForceSlopeAndWork) {
     const double own = 1 / (tissue.modulus_N_per_mm2 * radius_mm);
     const double per_N = unit(random) * own / (tissue.modulus_N_per_mm2 * radius_mm * radius_mm);
     const double largest = unit(random) < 0.5 ? std::pow(10, 3 * unit(random) - 2) : 1e9;
-    const double min_compliance_ratio = std::max(1 / largest, kSoftTissueSettings.min_compliance_mm_per_N);
+    const double min_mm_per_N = std::max(1 / largest, kSoftTissueSettings.min_compliance_mm_per_N);
     if (n % 3 == 1) tissue.stiffening_mm_per_N2 = per_N;
-    if (n % 3 == 2 && tissue.surroundings_mm_per_N > min_compliance_ratio)
-      tissue.stiffening_mm_per_N2 = -per_N;
+    if (n % 3 == 2 && tissue.surroundings_mm_per_N > min_mm_per_N) tissue.stiffening_mm_per_N2 = -per_N;
     tissue.reference_force_N = 3 * unit(random) / own;
     const double depth = std::pow(10, 3 * unit(random) - 2);
     const SoftContactForce force = soft_contact_force(tissue, depth, radius_mm, largest);
-    const double slow_N = slow_force_N(tissue, depth, radius_mm, min_compliance_ratio);
+    const double slow_N = slow_force_N(tissue, depth, radius_mm, min_mm_per_N);
     // the slope of the exhaustive search is a difference
     ASSERT_NEAR(force.force_N / slow_N, 1, 1e-5) << n;
-    ASSERT_LE(force.tangent_N_per_mm, 1 / min_compliance_ratio * (1 + 1e-9)) << n;
+    ASSERT_LE(force.tangent_N_per_mm, 1 / min_mm_per_N * (1 + 1e-9)) << n;
     const double step = 1e-4 * depth;
     const SoftContactForce less = soft_contact_force(tissue, depth - step, radius_mm, largest),
                            more = soft_contact_force(tissue, depth + step, radius_mm, largest);

@@ -102,9 +102,9 @@ struct ProxyRun {
     const bool let_go =
         before.contact_count > 0 && state.contact_count == 0 && result.release.force_N != Vector<Patient>();
     if (before.coupled && path.count > 0 && !let_go)
-      scan_along({before.position, before.attitude}, {path.corner[0], path.attitude[0]});
+      scan_along({before.position, before.attitude}, {path.vertices[0], path.attitudes[0]});
     for (std::size_t n = 1; n < path.count; ++n)
-      scan_along({path.corner[n - 1], path.attitude[n - 1]}, {path.corner[n], path.attitude[n]});
+      scan_along({path.vertices[n - 1], path.attitudes[n - 1]}, {path.vertices[n], path.attitudes[n]});
     if (state.coupled && !result.wedged)
       scan_along({state.position, state.attitude}, {state.position, state.attitude});
     return result;

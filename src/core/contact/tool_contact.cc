@@ -53,14 +53,14 @@ LabelId label_under(const Model& model, const ProxyContact& contact, const Point
 // contact normals do not explain the whole force. The result is then the direction closest to theirs for
 // which the force lies in the friction cone.
 Vector<Patient> normal_of(const ProxyResult& result) {
-  const Vector<Patient>& walls = result.normal;
+  const Vector<Patient>& mean_normal = result.normal;
   const Vector<Patient> along = result.force_N.normalized();
-  if (along == Vector<Patient>()) return walls;
-  const double ahead = walls.dot(along);
-  const Vector<Patient> lateral = walls - along * ahead;
-  const double off = lateral.norm();
-  if (off <= result.friction * ahead || off == 0) return walls;
-  return (along + lateral * (result.friction / off)).normalized();
+  if (along == Vector<Patient>()) return mean_normal;
+  const double axial = mean_normal.dot(along);
+  const Vector<Patient> lateral = mean_normal - along * axial;
+  const double lateral_length = lateral.norm();
+  if (lateral_length <= result.friction * axial || lateral_length == 0) return mean_normal;
+  return (along + lateral * (result.friction / lateral_length)).normalized();
 }
 
 // contact point on the surface
@@ -71,7 +71,7 @@ Point<Patient> position_of(const ProxyContact& contact, const ProxyLayer& layer,
 }
 
 // distribution of a layer's force over its contacts: along each normal, in sum the spring force
-struct LayerForce {
+struct LayerContacts {
   const ProxyLayer& layer;
   OwnerCache& owners;
   double force_N_per_mm;  // force per multiplier
@@ -79,18 +79,19 @@ struct LayerForce {
 };
 
 // appends a layer's contacts by decreasing force, up to the capacity; returns their number
-std::size_t append_contacts(const Model& model, const LayerForce& on, std::span<ContactPoint> contacts) {
+std::size_t append_contacts(const Model& model, const LayerContacts& layer_contacts,
+                            std::span<ContactPoint> contacts) {
   std::array<const ProxyContact*, kMaxContacts> order;
-  const auto count = static_cast<std::size_t>(on.layer.contact_count);
-  for (std::size_t n = 0; n < count; ++n) order[n] = &on.layer.contacts[n];
+  const auto count = static_cast<std::size_t>(layer_contacts.layer.contact_count);
+  for (std::size_t n = 0; n < count; ++n) order[n] = &layer_contacts.layer.contacts[n];
   insertion_sort(std::span(order).first(count),
                  [](const auto* a, const auto* b) { return a->multiplier_mm > b->multiplier_mm; });
   std::size_t n = 0;
   for (; n < std::min(count, contacts.size()); ++n) {
     const ProxyContact& contact = *order[n];
-    const Point<Patient> position = position_of(contact, on.layer, on.spheres);
-    contacts[n] = {label_under(model, contact, position, on.owners), contact.sphere, position,
-                   std::max(0.0, contact.multiplier_mm * on.force_N_per_mm)};
+    const Point<Patient> position = position_of(contact, layer_contacts.layer, layer_contacts.spheres);
+    contacts[n] = {label_under(model, contact, position, layer_contacts.owners), contact.sphere, position,
+                   std::max(0.0, contact.multiplier_mm * layer_contacts.force_N_per_mm)};
   }
   return n;
 }
@@ -204,7 +205,7 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& context
   options.device = context.device_index;
   options.relaxation_times = times.any() ? &times : nullptr;
   options.holes = tick.holes;
-  options.presses = tick.presses;
+  options.tissue_contacts = tick.tissue_contacts;
   if (peak_N > 0) options.max_force_N = peak_N / context.device.force_gain;
   return options;
 }
@@ -231,8 +232,8 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context
     const ProxySpheres turned(posed_tool.spheres(), posed_tool.pose().attitude, layer.attitude);
     const double layer_N_per_mm =
         result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.stretch_fraction;
-    const LayerForce force{layer, proxy.cache(n).owners, n == 0 ? layer_N_per_mm * part : layer_N_per_mm,
-                           turned.spheres()};
+    const LayerContacts force{layer, proxy.cache(n).owners, n == 0 ? layer_N_per_mm * part : layer_N_per_mm,
+                              turned.spheres()};
     contacts += append_contacts(model, force, std::span(tool.contacts).subspan(contacts));
   }
   tool.strongest = strongest_of(model, proxy, tool.contacts[0], context.tip, result,
@@ -253,10 +254,11 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context
                                : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();
   tool.stored_mJ = (stored_mJ + result.stored_mJ - outermost.stored_mJ) * (gains.force_gain / gains.scale);
   tool.tissue_contact = result.tissue_contact;
-  if (context.device_index < tick.presses.size()) {
+  if (context.device_index < tick.tissue_contacts.size()) {
     // evaluated at the last tick's contact point: work by the tool's own displacement is done by its operator
-    const TissueContact& before = tick.presses[context.device_index];
-    const double now_mm = displaced_by_others(tick.presses, context.device_index, before).displaced_mm;
+    const TissueContact& before = tick.tissue_contacts[context.device_index];
+    const double now_mm =
+        displaced_by_others(tick.tissue_contacts, context.device_index, before).displaced_mm;
     tool.received_mJ = before.force_N * (before.displaced_mm - now_mm) * (gains.force_gain / gains.scale);
   }
   const double stiffness_N_per_mm =

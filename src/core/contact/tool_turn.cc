@@ -52,22 +52,23 @@ class Turn {
  private:
   // rotates by at most one leg, for which surfaces are gathered once; false if the rotation ends with it
   bool run_leg() {
-    const Eigen::Quaterniond begun = state_.attitude;
-    const Eigen::AngleAxisd rest(attitude_ * begun.conjugate());
-    const RotatedTool tool(spheres_, attitude_, begun);
+    const Eigen::Quaterniond start_attitude = state_.attitude;
+    const Eigen::AngleAxisd remaining(attitude_ * start_attitude.conjugate());
+    const RotatedTool tool(spheres_, attitude_, start_attitude);
     farthest_mm_ = 0;
     for (std::size_t k = 0; k < tool.spheres().size(); ++k) {
       // the ends of a capsule's axis bound the arcs of all points between them
       const ToolSphere& sphere = tool.spheres()[k];
-      radius_mm_[k] = std::max(rest.axis().cross(sphere.offset_mm.eigen()).norm(),
-                               rest.axis().cross((sphere.offset_mm + sphere.axis_mm).eigen()).norm());
+      radius_mm_[k] = std::max(remaining.axis().cross(sphere.offset_mm.eigen()).norm(),
+                               remaining.axis().cross((sphere.offset_mm + sphere.axis_mm).eigen()).norm());
       farthest_mm_ = std::max(farthest_mm_, radius_mm_[k]);
     }
-    const double whole_mm = rest.angle() * farthest_mm_;
-    if (whole_mm <= kProxySettings.outside_mm) return arrive();
+    const double remaining_arc_mm = remaining.angle() * farthest_mm_;
+    if (remaining_arc_mm <= kProxySettings.outside_mm) return arrive();
 
-    const double leg_rad =
-        whole_mm > kToolRotationSettings.leg_mm ? kToolRotationSettings.leg_mm / farthest_mm_ : rest.angle();
+    const double leg_rad = remaining_arc_mm > kToolRotationSettings.leg_mm
+                               ? kToolRotationSettings.leg_mm / farthest_mm_
+                               : remaining.angle();
     PairSet pairs(
         surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
         kToolRotationSettings.gathering_legs * leg_rad * farthest_mm_ + kProxySettings.substep_mm());
@@ -79,7 +80,7 @@ class Turn {
     while (left_steps_ > 0 && pairs.queries() < max_queries_ && done_rad < leg_rad &&
            reach_mm_ > kProxySettings.outside_mm) {
       --left_steps_;
-      const double step_rad = step(pairs, rest, begun, done_rad, leg_rad - done_rad);
+      const double step_rad = step(pairs, remaining, start_attitude, done_rad, leg_rad - done_rad);
       if (!(step_rad > 0)) {
         (pairs.queries() < max_queries_ || !has_turned_ ? result_.blocked : result_.lagging) = true;
         return false;
@@ -88,7 +89,7 @@ class Turn {
       has_turned_ = true;
     }
     left_queries_ = max_queries_ - pairs.queries();
-    if (done_rad >= rest.angle()) return arrive();
+    if (done_rad >= remaining.angle()) return arrive();
     result_.lagging = done_rad == 0 || left_queries_ <= 0;
     return !result_.lagging;
   }
@@ -100,8 +101,8 @@ class Turn {
   }
 
   // one step of at most max_rad; returns the angle that was taken, 0 if none
-  double step(PairSet& pairs, const Eigen::AngleAxisd& rest, const Eigen::Quaterniond& begun, double done_rad,
-              double max_rad) {
+  double step(PairSet& pairs, const Eigen::AngleAxisd& remaining, const Eigen::Quaterniond& start_attitude,
+              double done_rad, double max_rad) {
     double angle_rad = std::min(max_rad, reach_mm_ / farthest_mm_);
     for (std::size_t n = 0; n < pairs.count(); ++n) {
       const double slope =
@@ -116,14 +117,14 @@ class Turn {
       // are near
       if (tries > 0 && has_turned_ && pairs.queries() >= max_queries_) return 0;
       const Eigen::Quaterniond turned =
-          (Eigen::AngleAxisd(done_rad + angle_rad, rest.axis()) * begun).normalized();
+          (Eigen::AngleAxisd(done_rad + angle_rad, remaining.axis()) * start_attitude).normalized();
       pairs.turn(RotatedTool(spheres_, attitude_, turned).spheres());
-      Point<Patient> there = state_.position;
-      if (!project_out(pairs, kProxySettings.max_corrections, substep_mm, there)) continue;
-      const double push_mm = (there - state_.position).norm();
+      Point<Patient> position = state_.position;
+      if (!project_out(pairs, kProxySettings.max_corrections, substep_mm, position)) continue;
+      const double push_mm = (position - state_.position).norm();
       if (!is_safe(pairs, angle_rad, push_mm)) continue;
       reach_mm_ -= angle_rad * farthest_mm_ + push_mm;
-      state_.position = there;
+      state_.position = position;
       state_.attitude = turned;
       record_pose();
       return angle_rad;

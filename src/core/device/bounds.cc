@@ -6,9 +6,9 @@
 namespace palpate {
 namespace {
 
-// stated value if it is plausible, else the careful one
-double known_or(const std::optional<double>& declared, double careful, double smallest, double largest) {
-  return declared && *declared >= smallest && *declared <= largest ? *declared : careful;
+// stated value if it is plausible, else the conservative one
+double known_or(const std::optional<double>& declared, double conservative, double smallest, double largest) {
+  return declared && *declared >= smallest && *declared <= largest ? *declared : conservative;
 }
 
 }  // namespace
@@ -28,12 +28,12 @@ double conservative_delay_s(const DeviceInfo& info) {
 }
 
 ConservativeBounds conservative_bounds(const DeviceInfo& info) {
-  const ConservativeDevice careful;
-  const double rate_hz = known_or(info.rate_hz, careful.rate_hz, 1, 1e5);
+  const ConservativeDevice conservative;
+  const double rate_hz = known_or(info.rate_hz, conservative.rate_hz, 1, 1e5);
   const double delay_s = conservative_delay_s(info);
-  const double mass_kg = known_or(info.mass_kg, careful.mass_kg, 1e-3, 100);
+  const double mass_kg = known_or(info.mass_kg, conservative.mass_kg, 1e-3, 100);
   const double damping_N_s_per_m =
-      careful.hand_N_s_per_m + known_or(info.damping_N_s_per_m, careful.damping_N_s_per_m, 0, 100);
+      conservative.hand_N_s_per_m + known_or(info.damping_N_s_per_m, conservative.damping_N_s_per_m, 0, 100);
   return {kStiffnessMargin * theoretical_stiffness_N_per_mm(damping_N_s_per_m, rate_hz, delay_s),
           kStiffnessMargin * neutral_damping_N_s_per_mm(mass_kg, rate_hz, delay_s)};
 }

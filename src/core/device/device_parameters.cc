@@ -19,20 +19,20 @@ OutputLimits limits_of(const DeviceInfo& info) {
 namespace {
 
 // physical devices whose vendor states no stiffness or an infinite one
-bool bound_is_ours(const DeviceInfo& info) {
+bool needs_conservative_bound(const DeviceInfo& info) {
   return !info.simulated && (!info.stiffness_N_per_mm || std::isinf(*info.stiffness_N_per_mm));
 }
 
 }  // namespace
 
 double stiffness_bound_N_per_mm(const DeviceInfo& info) {
-  if (bound_is_ours(info)) return conservative_bounds(info).stiffness_N_per_mm;
-  const double vouched = info.stiffness_N_per_mm.value_or(std::numeric_limits<double>::infinity());
-  return vouched > 0 ? vouched : 0;
+  if (needs_conservative_bound(info)) return conservative_bounds(info).stiffness_N_per_mm;
+  const double stated_N_per_mm = info.stiffness_N_per_mm.value_or(std::numeric_limits<double>::infinity());
+  return stated_N_per_mm > 0 ? stated_N_per_mm : 0;
 }
 
 std::string conservative_bound_message(const DeviceInfo& info) {
-  if (!bound_is_ours(info)) return "";
+  if (!needs_conservative_bound(info)) return "";
   char text[160];
   std::snprintf(text, sizeof text,
                 "the stable stiffness of %s is unknown: stiffness is limited to a conservative %.2g N/mm",

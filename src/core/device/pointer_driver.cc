@@ -46,18 +46,19 @@ void PointerDriver::release() noexcept {
 
 Result<void> PointerDriver::open(bool /*may_move*/) {
   commands_ = {};
-  before_ns_ = now_();
+  last_tick_ns_ = now_();
   return {};
 }
 
 void PointerDriver::press(DeviceSample& sample, double rendered_N, double dt_s) noexcept {
-  if (presses_.take(wanted_) && wanted_.force_N > 0 && into_ == Vector<Device>()) into_ = wanted_.into;
+  if (presses_.take(requested_) && requested_.force_N > 0 && into_ == Vector<Device>())
+    into_ = requested_.into;
   // a press that has ended leaves the surface at the same speed
   const double most_mm = kMaxPressSpeed_mm_s * dt_s;
-  if (wanted_.force_N > 0) {
-    into_ = (into_ + (wanted_.into - into_) * std::min(1.0, dt_s / kTurn_s)).normalized();
-    const double by_mm = kPressRate_mm_s_N * (wanted_.force_N - rendered_N) * dt_s;
-    const double max_mm = rendered_N < kWithheld * wanted_.force_N ? kMaxSearch_mm : kMaxPress_mm;
+  if (requested_.force_N > 0) {
+    into_ = (into_ + (requested_.into - into_) * std::min(1.0, dt_s / kTurn_s)).normalized();
+    const double by_mm = kPressRate_mm_s_N * (requested_.force_N - rendered_N) * dt_s;
+    const double max_mm = rendered_N < kWithheld * requested_.force_N ? kMaxSearch_mm : kMaxPress_mm;
     const double target_mm = std::clamp(depth_mm_ + by_mm, kMinPress_mm, max_mm);
     depth_mm_ += std::clamp(target_mm - depth_mm_, -most_mm, most_mm);
   } else {
@@ -74,8 +75,8 @@ void PointerDriver::run(ServoFunction& servo, ServoClock& clock) noexcept {
     reported_.fill(samples[0], now_ns);
     if (samples[0].set_down) depth_mm_ = 0;
     press(samples[0], commands_[0].force_N.norm(),
-          std::min(static_cast<double>(now_ns - before_ns_) * 1e-9, kMaxTick_s));
-    before_ns_ = now_ns;
+          std::min(static_cast<double>(now_ns - last_tick_ns_) * 1e-9, kMaxTick_s));
+    last_tick_ns_ = now_ns;
     servo.update(samples, commands_);
   }
 }

@@ -104,21 +104,21 @@ void SimulatedDevice::reset(const Point<Device>& tip) {
 
 // overwrites the oldest command if ticks are shorter than the capacity is designed for
 void SimulatedDevice::push(const Command& command) {
-  if (count_ == line_.size()) {
-    first_ = (first_ + 1) % line_.size();
+  if (count_ == delay_line_.size()) {
+    first_ = (first_ + 1) % delay_line_.size();
     --count_;
   }
-  line_[(first_ + count_) % line_.size()] = command;
+  delay_line_[(first_ + count_) % delay_line_.size()] = command;
   ++count_;
 }
 
 // newest command whose time has come
 const SimulatedDevice::Command& SimulatedDevice::acting_at(double time_s) {
-  while (count_ > 1 && line_[(first_ + 1) % line_.size()].from_s <= time_s) {
-    first_ = (first_ + 1) % line_.size();
+  while (count_ > 1 && delay_line_[(first_ + 1) % delay_line_.size()].from_s <= time_s) {
+    first_ = (first_ + 1) % delay_line_.size();
     --count_;
   }
-  return line_[first_];
+  return delay_line_[first_];
 }
 
 DeviceSample SimulatedDevice::read() const {

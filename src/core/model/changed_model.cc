@@ -21,7 +21,7 @@ void apply_to_surfaces(int index, const Tissue& tissue, Model& model) {
 }
 
 // scales the existing trilinear field down if the stiffest tissue is now softer than when it was computed
-std::shared_ptr<const ForceField> trilinear_left(const Model& current, const Model& prepared) {
+std::shared_ptr<const ForceField> scaled_trilinear(const Model& current, const Model& prepared) {
   const double part = std::min(1.0, current.max_stiffness_N_per_mm() / prepared.max_stiffness_N_per_mm());
   const double full_force_N = prepared.force_field(ForceMethod::kTrilinear).full_force_N() * part;
   return std::make_shared<const ForceField>(prepared.field, full_force_N);
@@ -75,7 +75,7 @@ Result<void> check_versions(const ModelVersions& now, std::span<const Cut> cuts)
 
 }  // namespace
 
-ModelChange unchanged(const Model& model, std::size_t tissue) {
+ModelChange current_values(const Model& model, std::size_t tissue) {
   if (tissue >= model.tissues.size()) return {model.version + 1, static_cast<std::uint32_t>(tissue)};
   return {model.version + 1, static_cast<std::uint32_t>(tissue), model.tissues[tissue]};
 }
@@ -111,7 +111,7 @@ Result<std::shared_ptr<const Model>> changed_model(const Model& current, const M
   } else {
     next->methods = {};
     if (prepared.has(ForceMethod::kTrilinear))
-      next->methods[index_of(ForceMethod::kTrilinear)] = trilinear_left(*next, prepared);
+      next->methods[index_of(ForceMethod::kTrilinear)] = scaled_trilinear(*next, prepared);
   }
 
   hash_after(current, change, *next);
@@ -226,7 +226,7 @@ std::shared_ptr<const Model> with_law(const Model& current, const Model& under, 
   next->version = change.version;
   // set by change_of_law()
   if (const double coarsened = change.contact.stiffness_N_per_mm; coarsened != 0)
-    next->tissue_coarsened = coarsened;
+    next->tissue_cell_factor = coarsened;
   hash_after(current, change, *next);
   return next;
 }
@@ -236,7 +236,7 @@ std::shared_ptr<const Carving> carving_after(const Carving* carving, const Model
   return change.tissue == ModelChange::kUndo ? carving->undone() : carving->redone();
 }
 
-void follow(const ModelChange& change, RemovedVolume& removed) {
+void apply_stroke_change(const ModelChange& change, RemovedVolume& removed) {
   if (change.tissue == ModelChange::kUndo) removed.undo();
   if (change.tissue == ModelChange::kRedo) removed.redo();
 }

@@ -29,7 +29,7 @@ constexpr std::size_t kBoneTissue = 0, kCartilageTissue = 1;
 
 std::shared_ptr<const Model> stiffened(const Model& current, const Model& prepared, std::size_t tissue,
                                        double stiffness) {
-  ModelChange change = unchanged(current, tissue);
+  ModelChange change = current_values(current, tissue);
   change.contact.stiffness_N_per_mm = stiffness;
   auto next = changed_model(current, prepared, change);
   PALPATE_CHECK(next.ok());
@@ -38,7 +38,7 @@ std::shared_ptr<const Model> stiffened(const Model& current, const Model& prepar
 
 TEST(ChangedModel, UnchangedPartsAreShared) {
   const auto made = ball();
-  ModelChange change = unchanged(*made, kCartilageTissue);
+  ModelChange change = current_values(*made, kCartilageTissue);
   change.contact.stiffness_N_per_mm = 0.6;
   change.contact.static_friction = 0.4;
   change.contact.friction = 0.3;
@@ -66,7 +66,7 @@ TEST(ChangedModel, UnchangedPartsAreShared) {
 
 TEST(ChangedModel, FieldsAreAvailableOnlyForTheirStiffnesses) {
   const auto made = ball();
-  ModelChange rougher = unchanged(*made, kCartilageTissue);
+  ModelChange rougher = current_values(*made, kCartilageTissue);
   rougher.contact.static_friction = 0.5;
   const auto second = *changed_model(*made, *made, rougher);
   EXPECT_TRUE(fields_match(*second, *made));
@@ -123,7 +123,7 @@ TEST(ChangedModel, EditsKeepTheForceWhileATissueIsPunctured) {
     device.tip = Point<World>(testing::kBoneRadius_mm - 1 + 7 * std::max(0.0, 1 - n / 400.0), 0, 0);
     if (n >= 1200 && n % 200 == 0) {
       const std::size_t tissue = n % 400 == 0 ? kCartilageTissue : kBoneTissue;
-      ModelChange change = unchanged(*now.current, tissue);
+      ModelChange change = current_values(*now.current, tissue);
       change.contact.stiffness_N_per_mm -= 0.02;
       now = next_version(now, change).value();
     }
@@ -168,7 +168,7 @@ std::shared_ptr<const Model> built(double left, double right, double shell, cons
   PALPATE_CHECK(model.ok());
   std::vector<ForceMethod> methods;
   for (const ForceMethodInfo& info : kDirectMethods) methods.push_back(info.method);
-  auto ready = ready_for(*model, methods);
+  auto ready = prepared_with_cache(*model, methods);
   PALPATE_CHECK(ready.ok());
   return *ready;
 }
@@ -181,7 +181,7 @@ TEST(ChangedModel, RebuiltFieldsEqualAFreshScene) {
     ModelVersions now{made, made};
     const double requested[] = {0.9, 1.3, 0.7};
     for (std::size_t tissue = 0; tissue < 3; ++tissue) {
-      ModelChange change = unchanged(*now.current, tissue);
+      ModelChange change = current_values(*now.current, tissue);
       change.contact.stiffness_N_per_mm = requested[tissue];
       auto next = next_version(now, change);
       ASSERT_TRUE(next.ok()) << next.error().message();
@@ -236,7 +236,7 @@ TEST(ChangedModel, LawChangeWithinAGroupNeedsNoNewSurfaces) {
     const auto next = next_version({from, from}, change);
     ASSERT_TRUE(next.ok()) << next.error().message();
     EXPECT_EQ(next->current->tissue_law, to);
-    EXPECT_EQ(next->current->tissue_coarsened, 1);
+    EXPECT_EQ(next->current->tissue_cell_factor, 1);
     EXPECT_EQ(next->current->version, from->version + 1);
     EXPECT_NE(next->current->content_hash, from->content_hash);
     EXPECT_EQ(next->current->field, from->field);
@@ -254,7 +254,7 @@ TEST(ChangedModel, LawChangeWithinAGroupNeedsNoNewSurfaces) {
   // the coarser cells of a slower machine are part of the change
   const auto coarser = next_version({elastic, elastic}, change_of_law(*elastic, TissueLaw::kNeoHookean, 1.6));
   ASSERT_TRUE(coarser.ok());
-  EXPECT_EQ(coarser->current->tissue_coarsened, 1.6);
+  EXPECT_EQ(coarser->current->tissue_cell_factor, 1.6);
   for (const double none : {-1.0, 0.5, 2.5, std::nan(""), 1e300})
     EXPECT_FALSE(
         next_version({elastic, elastic}, change_of_law(*elastic, TissueLaw::kNeoHookean, none)).ok());
@@ -278,8 +278,8 @@ TEST(ChangedModel, LawChangeWithinAGroupNeedsNoNewSurfaces) {
 TEST(ChangedModel, InvalidValuesAreRejectedWithTheSceneMessages) {
   const auto made = ball();
   const auto error_of = [&](std::size_t tissue, auto&& edit) {
-    ModelChange change = unchanged(*made, kBoneTissue);
-    if (tissue < made->tissues.size()) change = unchanged(*made, tissue);
+    ModelChange change = current_values(*made, kBoneTissue);
+    if (tissue < made->tissues.size()) change = current_values(*made, tissue);
     change.tissue = static_cast<std::uint32_t>(tissue);
     edit(change);
     const auto next = changed_model(*made, *made, change);

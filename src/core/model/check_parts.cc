@@ -35,7 +35,7 @@ Result<void> check_tissue(const std::vector<Tissue>& tissues, std::size_t index)
   const std::string where = element("tissues", index);
   for (const ContactProperty& property : kContactProperties)
     if (!is_amount(tissue.*property.value))
-      return bad_part(where, "give a finite number, at least 0", property.words, " is ",
+      return bad_part(where, "give a finite number, at least 0", property.display_name, " is ",
                       tissue.*property.value);
   if (tissue.touchable && tissue.stiffness_N_per_mm == 0)
     return bad_part(where, "set a stiffness above 0, or set touchable to false",

@@ -123,7 +123,7 @@ TEST(CheckParts, NullModelIsRejected) {
   const auto model = prepared_for(*made, {&proxy, 1});
   ASSERT_TRUE(model.ok()) << model.error().message();
   EXPECT_FALSE(next_version({*model, nullptr}, {.version = 2, .tissue = 0}).ok());
-  EXPECT_FALSE(next_version({*model, *model}, unchanged(**model, 12)).ok());
+  EXPECT_FALSE(next_version({*model, *model}, current_values(**model, 12)).ok());
   const ModelChange cut{.version = 2, .tissue = ModelChange::kCut};
   const auto refused = [&](const Cut& one) {
     const auto next = next_version({*model, *model}, cut, {&one, 1});

@@ -29,7 +29,7 @@ constexpr double kFacesPerSurface = 1.5;
 constexpr double kAlongNormal = 1.5;
 
 // statistics of a label volume
-struct LabelFigures {
+struct LabelStatistics {
   struct Box {
     std::array<int, 3> low{std::numeric_limits<int>::max(), std::numeric_limits<int>::max(),
                            std::numeric_limits<int>::max()};
@@ -48,7 +48,7 @@ struct LabelFigures {
       b.high[a] = std::max(b.high[a], last[a]);
     }
   }
-  void add(const LabelFigures& other) {
+  void add(const LabelStatistics& other) {
     for (std::size_t label = 0; label < voxels.size(); ++label) {
       if (other.voxels[label] == 0) continue;
       voxels[label] += other.voxels[label];
@@ -62,31 +62,31 @@ struct LabelFigures {
 };
 
 // statistics of one slice, and of the faces towards the next
-void see_slice(const Bricks<LabelId>& labels, int k, LabelFigures& figures) {
+void observe_slice(const Bricks<LabelId>& labels, int k, LabelStatistics& statistics) {
   const Eigen::Vector3d& mm = labels.geometry().spacing_mm;
   const std::array<double, 3> face_mm2{mm[1] * mm[2], mm[0] * mm[2], mm[0] * mm[1]};
   constexpr std::array<std::ptrdiff_t, 3> kNext{1, L::kRow, L::kSlice};
   const auto visit_piece = [&](const RowPiece<LabelId>& piece) {
     if (piece.uniform) {
-      figures.observe(*piece.voxels, piece.i, piece.count, piece.j, k);
+      statistics.observe(*piece.voxels, piece.i, piece.count, piece.j, k);
       return;
     }
     for (int i = 0; i < piece.count; ++i) {
       const LabelId* const here = piece.voxels + i;
-      figures.observe(*here, piece.i + i, 1, piece.j, k);
+      statistics.observe(*here, piece.i + i, 1, piece.j, k);
       for (std::size_t a = 0; a < 3; ++a)
         if (const LabelId there = here[kNext[a]]; there != *here)
-          figures.faces_mm2[std::minmax(*here, there)] += face_mm2[a];
+          statistics.faces_mm2[std::minmax(*here, there)] += face_mm2[a];
     }
   };
   for (int j = 0; j < labels.geometry().dims[1]; ++j) labels.for_each_piece(j, k, visit_piece);
 }
 
-LabelFigures figures_of(const Bricks<LabelId>& labels) {
+LabelStatistics label_statistics(const Bricks<LabelId>& labels) {
   const int slices = labels.geometry().dims[2], workers = worker_count(0, slices);
-  std::vector<LabelFigures> of_worker(static_cast<std::size_t>(workers));
+  std::vector<LabelStatistics> of_worker(static_cast<std::size_t>(workers));
   for_each_index(slices, workers, [&](int worker, int k) {
-    see_slice(labels, k, of_worker[static_cast<std::size_t>(worker)]);
+    observe_slice(labels, k, of_worker[static_cast<std::size_t>(worker)]);
     return true;
   });
   for (std::size_t w = 1; w < of_worker.size(); ++w) of_worker[0].add(of_worker[w]);
@@ -103,7 +103,7 @@ struct Body {
 // Temporary memory while threads build a box by slices (surfaces/pieces.h): slices that are not in bricks
 // yet, and each thread's surroundings of its piece. The coefficients were measured on knees of 1.5 to 1007
 // million voxels with two threads.
-double making_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, double margin_mm) {
+double temporary_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, double margin_mm) {
   constexpr double kSlices = 24, kBorder_bytes = 6, kMaxBorder_bytes = 1300 << 20;
   const double threads = processors();
   const auto around = [&](int a, double voxels) {
@@ -124,21 +124,22 @@ double with_heap(double bytes) {
 
 class Estimate {
  public:
-  Estimate(const GridGeometry& grid, LabelFigures figures) : grid_(grid), figures_(std::move(figures)) {}
+  Estimate(const GridGeometry& grid, LabelStatistics statistics)
+      : grid_(grid), statistics_(std::move(statistics)) {}
 
   Body body(const std::vector<LabelId>& structures, double margin_mm) const {
     std::vector<bool> in(65536, false);
     for (const LabelId label : structures) in[label] = true;
     Body body;
-    LabelFigures::Box box;
+    LabelStatistics::Box box;
     for (const LabelId label : structures) {
-      body.volume_mm3 += figures_.voxels[label] * grid_.voxel_volume_mm3();
+      body.volume_mm3 += statistics_.voxels[label] * grid_.voxel_volume_mm3();
       for (std::size_t a = 0; a < 3; ++a) {
-        box.low[a] = std::min(box.low[a], figures_.box[label].low[a]);
-        box.high[a] = std::max(box.high[a], figures_.box[label].high[a]);
+        box.low[a] = std::min(box.low[a], statistics_.box[label].low[a]);
+        box.high[a] = std::max(box.high[a], statistics_.box[label].high[a]);
       }
     }
-    for (const auto& [pair, area] : figures_.faces_mm2)
+    for (const auto& [pair, area] : statistics_.faces_mm2)
       if (in[pair.first] != in[pair.second]) body.surface_mm2 += area / kFacesPerSurface;
     for (std::size_t a = 0; a < 3; ++a)
       body.box[a] =
@@ -164,13 +165,13 @@ class Estimate {
 
  private:
   GridGeometry grid_;
-  LabelFigures figures_;
+  LabelStatistics statistics_;
 };
 
 // ---- the proxy
 
 struct SurfaceBytes {
-  double permanent = 0, makes = 0;
+  double permanent = 0, peak = 0;
 };
 
 SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>& group,
@@ -190,7 +191,7 @@ SurfaceBytes surface_bytes(const Estimate& estimate, const std::vector<LabelId>&
   SurfaceBytes bytes;
   bytes.permanent = fine + coarse + (group.size() > 1 ? cells * kOwned_bytes : 0);
   // the distance in bricks and the net, plus the position
-  bytes.makes = cells * kNode_bytes + 2 * fine + making_bytes(body, mm, options.reach_mm);
+  bytes.peak = cells * kNode_bytes + 2 * fine + temporary_bytes(body, mm, options.reach_mm);
   return bytes;
 }
 
@@ -209,7 +210,7 @@ SurfaceBytes bytes_of_all(const Estimate& estimate, const std::vector<std::vecto
   SurfaceBytes all;
   for (const std::vector<LabelId>& group : groups) {
     const SurfaceBytes bytes = surface_bytes(estimate, group, options);
-    all.makes = std::max(all.makes, labels + all.permanent + bytes.makes);
+    all.peak = std::max(all.peak, labels + all.permanent + bytes.peak);
     all.permanent += bytes.permanent;
   }
   return all;
@@ -221,7 +222,7 @@ FieldMemory field_memory(const Model& model, const Estimate& estimate, double ra
   const double voxels = static_cast<double>(grid.voxel_count());
   const double full_N = model.max_stiffness_N_per_mm() * ramp_width_mm;
   std::vector<LabelId> touchable;
-  double rising_mm3 = 0, position = 0;
+  double rising_mm3 = 0, build_bytes = 0;
   for (const RampStructure& structure : ramp_structures(model, *model.labels)) {
     touchable.push_back(structure.label);
     const Body body = estimate.body({structure.label}, 0);
@@ -229,8 +230,8 @@ FieldMemory field_memory(const Model& model, const Estimate& estimate, double ra
     rising_mm3 += std::min(body.volume_mm3, body.surface_mm2 * depth_mm);
     // margin of the filters
     constexpr double kBeyond_mm = 8;
-    position =
-        std::max(position, making_bytes(body, grid.spacing_mm, depth_mm + kBeyond_mm) +
+    build_bytes = std::max(build_bytes,
+                           temporary_bytes(body, grid.spacing_mm, depth_mm + kBeyond_mm) +
                                estimate.band_bytes(body, body.box_voxels(), grid.spacing_mm, depth_mm, 0, 0));
   }
   Body all = estimate.body(touchable, 0);
@@ -239,7 +240,7 @@ FieldMemory field_memory(const Model& model, const Estimate& estimate, double ra
   const double field = estimate.band_bytes(all, voxels, grid.spacing_mm, reach_mm, 0, 0);
   // tiles being raised, with the depth fields of a structure and those on top of it; then the bricks
   return {static_cast<std::uint64_t>(field),
-          static_cast<std::uint64_t>(with_heap(field + std::max(field, position)))};
+          static_cast<std::uint64_t>(with_heap(field + std::max(field, build_bytes)))};
 }
 
 }  // namespace
@@ -252,7 +253,7 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOp
   model.tissue_of_label = parts.tissue_of_label;
   model.tools = parts.tools;
   const GridGeometry& grid = parts.labels->geometry();
-  const Estimate estimate(grid, figures_of(*parts.labels));
+  const Estimate estimate(grid, label_statistics(*parts.labels));
   const double labels = static_cast<double>(parts.labels->bytes());
 
   MemoryForecast forecast;
@@ -277,14 +278,14 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOp
     for (const auto& group : *groups)
       if (group.size() == 1) std::erase(tracked, group.front());
     const SurfaceBytes bytes = bytes_of_all(estimate, *groups, *of_surfaces, labels);
-    peak = std::max(peak, field + bytes.makes);
+    peak = std::max(peak, field + bytes.peak);
     surfaces = bytes.permanent;
   }
   if (!tracked.empty()) {
     std::vector<std::vector<LabelId>> alone;
     for (const LabelId label : tracked) alone.push_back({label});
     const SurfaceBytes bytes = bytes_of_all(estimate, alone, *of_surfaces, labels);
-    peak = std::max(peak, field + surfaces + bytes.makes);
+    peak = std::max(peak, field + surfaces + bytes.peak);
     surfaces += bytes.permanent;
   }
   surfaces += trees;
@@ -296,7 +297,7 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOp
 }
 
 FieldMemory memory_of_ramp_field(const Model& model) {
-  const Estimate estimate(model.labels->geometry(), figures_of(*model.labels));
+  const Estimate estimate(model.labels->geometry(), label_statistics(*model.labels));
   return field_memory(model, estimate, model.ramp_width_mm);
 }
 
@@ -304,12 +305,12 @@ Result<std::uint64_t> memory_of_surfaces(const Model& model, const ModelPreparat
                                          const Progress& progress) {
   const auto groups = surfaces_needed(model, preparing, progress);
   if (!groups) return groups.error();
-  const Estimate estimate(model.labels->geometry(), figures_of(*model.labels));
+  const Estimate estimate(model.labels->geometry(), label_statistics(*model.labels));
   const auto options = touchable_surface_options(model.tools, model.labels->geometry());
   if (!options) return options.error();
   const SurfaceBytes bytes =
       bytes_of_all(estimate, *groups, *options, static_cast<double>(model.labels->bytes()));
-  return static_cast<std::uint64_t>(with_heap(std::max(bytes.makes, bytes.permanent)));
+  return static_cast<std::uint64_t>(with_heap(std::max(bytes.peak, bytes.permanent)));
 }
 
 }  // namespace palpate

@@ -101,9 +101,9 @@ class SurfacesNeeded {
     if (!prepared) return prepared.error();
     for (const auto& [together, parts] : parts_)
       for (const Part& part : parts) {
-        const auto batch = std::find(all.begin(), all.end(), part.structures) - all.begin();
+        const auto group = std::find(all.begin(), all.end(), part.structures) - all.begin();
         surfaces_[static_cast<std::size_t>(part.surface)].surface =
-            (*prepared)[static_cast<std::size_t>(batch)];
+            (*prepared)[static_cast<std::size_t>(group)];
       }
     if (!add_owners(labels, progress)) return Progress::interrupted();
     return surfaces_;
@@ -215,15 +215,16 @@ Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
                                                              const Progress& progress) {
   std::vector<ProtectedStructure> structures;
   if (!model.has_burr()) return structures;
-  std::vector<std::vector<LabelId>> alone;
+  std::vector<std::vector<LabelId>> single_groups;
   for (const LabelId label : touchable) {
     const Protection protection = model.tissue_of(label)->protection;
     if (protection == Protection::kNone) continue;
-    alone.push_back({label});
+    single_groups.push_back({label});
     structures.push_back({label, nullptr, protection == Protection::kBlock});
   }
   if (structures.empty()) return structures;
-  auto surfaces = preparing.outer_surfaces(*model.labels, alone, {.reach_mm = kReportedWithin_mm}, progress);
+  auto surfaces =
+      preparing.outer_surfaces(*model.labels, single_groups, {.reach_mm = kReportedWithin_mm}, progress);
   if (!surfaces) return surfaces.error();
   for (std::size_t n = 0; n < structures.size(); ++n) structures[n].surface = std::move((*surfaces)[n]);
   return structures;
@@ -243,16 +244,16 @@ Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> 
     return too_many(needed.structures(), needed.common());
   auto surfaces = needed.prepare(*model->labels, preparing, progress);
   if (!surfaces) return surfaces.error();
-  auto spared = protected_structures(*model, touchable, preparing, progress);
-  if (!spared) return spared.error();
-  auto more = std::make_shared<Model>(*model);
-  more->protected_structures = *std::move(spared);
-  more->surfaces = *std::move(surfaces);
-  more->label_of_surface = touchable;
-  set_strain_stiffening(*more);
-  more->thin_voxels = more->has_burr() ? thin_voxels_of(*more) : nullptr;
-  more->density_ratios = more->has_burr() ? density_ratios_of(*more) : nullptr;
-  return std::shared_ptr<const Model>(std::move(more));
+  auto protected_ones = protected_structures(*model, touchable, preparing, progress);
+  if (!protected_ones) return protected_ones.error();
+  auto next = std::make_shared<Model>(*model);
+  next->protected_structures = *std::move(protected_ones);
+  next->surfaces = *std::move(surfaces);
+  next->label_of_surface = touchable;
+  set_strain_stiffening(*next);
+  next->thin_voxels = next->has_burr() ? thin_voxels_of(*next) : nullptr;
+  next->density_ratios = next->has_burr() ? density_ratios_of(*next) : nullptr;
+  return std::shared_ptr<const Model>(std::move(next));
 }
 
 void set_strain_stiffening(Model& model) {
@@ -318,9 +319,9 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
   std::vector<std::vector<LabelId>> missing;
   for (std::size_t n = 0; n < tracked.size(); ++n) {
     const auto& labels = model->label_of_surface;
-    const auto batch = std::lower_bound(labels.begin(), labels.end(), tracked[n]);
-    if (batch != labels.end() && *batch == tracked[n])
-      surfaces[n] = model->surfaces[static_cast<std::size_t>(batch - labels.begin())].surface;
+    const auto found = std::lower_bound(labels.begin(), labels.end(), tracked[n]);
+    if (found != labels.end() && *found == tracked[n])
+      surfaces[n] = model->surfaces[static_cast<std::size_t>(found - labels.begin())].surface;
     if (surfaces[n] == nullptr) missing.push_back({tracked[n]});
   }
   if (!missing.empty()) {

@@ -23,7 +23,7 @@ std::vector<double> tabulate_over_squared_distance(double sigma) {
   return table;
 }
 
-double resolve_task(const std::vector<double>& table, double squared_distance) {
+double interpolate_table(const std::vector<double>& table, double squared_distance) {
   const double table_position = squared_distance * kPerSquaredVoxel;
   const auto entry = static_cast<std::size_t>(table_position);
   return table[entry] + (table_position - static_cast<double>(entry)) * (table[entry + 1] - table[entry]);
@@ -44,7 +44,7 @@ double evaluate(const Bricks<T>& labels, const std::vector<LabelRange>& ranges,
         const bool member = std::any_of(ranges.begin(), ranges.end(), [label](const LabelRange& range) {
           return label >= range.first && label <= range.last;
         });
-        if (member) sum += resolve_task(table, (i - fraction[0]) * (i - fraction[0]) + dyz2);
+        if (member) sum += interpolate_table(table, (i - fraction[0]) * (i - fraction[0]) + dyz2);
       }
     }
   }

@@ -70,8 +70,8 @@ struct Box {
 /// kTwoAlongI: the block's lanes continue in a second brick.
 template <bool kTwoAlongI, class Members, class T>
 struct CountedInBricks {
-  HWY_INLINE CountedInBricks(const Box<T>& box, int block, const Members& those_that_count)
-      : members(those_that_count) {
+  HWY_INLINE CountedInBricks(const Box<T>& box, int block, const Members& counted_members)
+      : members(counted_members) {
     const BrickView<T>& view = box.grid.bricks;
     const int i = box.axes[0].start + block, j = box.axes[1].start, k = box.axes[2].start;
     const T* const* table = view.table + (brick_of(i) + brick_of(j) * view.row + brick_of(k) * view.slice);
@@ -115,8 +115,7 @@ struct CountedInBricks {
 /// Counted voxels of a box within one brick, the common case for small boxes, with constant strides.
 template <class Members, class T>
 struct CountedInOneBrick {
-  HWY_INLINE CountedInOneBrick(const Box<T>& box, const Members& those_that_count)
-      : members(those_that_count) {
+  HWY_INLINE CountedInOneBrick(const Box<T>& box, const Members& counted_members) : members(counted_members) {
     const BrickView<T>& view = box.grid.bricks;
     const int i = box.axes[0].start, j = box.axes[1].start, k = box.axes[2].start;
     first = view.table[brick_of(i) + brick_of(j) * view.row + brick_of(k) * view.slice] +
@@ -146,8 +145,8 @@ struct CountedLanes {
   static constexpr int kRows = 256;
   using D = hn::CappedTag<T, kWidth>;
 
-  HWY_INLINE CountedLanes(const Box<T>& whole_box, int first_lane, const Members& those_that_count)
-      : box(whole_box), members(those_that_count), block(first_lane) {}
+  HWY_INLINE CountedLanes(const Box<T>& whole_box, int first_lane, const Members& counted_members)
+      : box(whole_box), members(counted_members), block(first_lane) {}
 
   template <class V>
   HWY_INLINE hn::Mask<V> hit(V d, int lane, int j, int k) const {
@@ -156,15 +155,15 @@ struct CountedLanes {
   }
 
   /// Gathers slices of the box; does not read beyond the volume.
-  HWY_INLINE void take(int begin_k, int end_k) {
+  HWY_INLINE void gather(int begin_k, int end_k) {
     first_k = begin_k;
     T* to = lanes;
     for (int k = begin_k; k < end_k; ++k, to += box.axes[1].count * static_cast<int>(kWidth))
-      take_slice(k, to);
+      gather_slice(k, to);
   }
 
  private:
-  HWY_INLINE void take_slice(int k, T* to) {
+  HWY_INLINE void gather_slice(int k, T* to) {
     if (!box.part.whole) return read_part(k, to);
     const BrickView<T>& view = box.grid.bricks;
     const int i = box.axes[0].start + block, j = box.axes[1].start, slice = box.axes[2].start + k;
@@ -179,9 +178,9 @@ struct CountedLanes {
       const int room = kCells - index, rows = remaining < room ? remaining : room;
       const std::ptrdiff_t first = at + index * BrickLayout::kRow;
       if (needed <= in_first) {
-        take_rows(table[0] + first, rows, to);
+        gather_rows(table[0] + first, rows, to);
       } else {
-        take_rows(table[0] + first, table[1] + (first - kCells), in_first, rows, to);
+        gather_rows(table[0] + first, table[1] + (first - kCells), in_first, rows, to);
       }
       remaining -= rows;
       to += rows * width;
@@ -191,14 +190,14 @@ struct CountedLanes {
   HWY_INLINE hn::Vec<D> counted(hn::Vec<D> stored) const {
     return hn::VecFromMask(D(), members.hit(D(), stored));
   }
-  HWY_INLINE void take_rows(const T* from, int rows, T* to) const {
+  HWY_INLINE void gather_rows(const T* from, int rows, T* to) const {
     const D d;
     for (int n = 0; n < rows; ++n, from += BrickLayout::kRow, to += kWidth)
       for (std::size_t lane = 0; lane < kWidth; lane += hn::Lanes(d))
         hn::Store(counted(hn::LoadU(d, from + lane)), d, to + lane);
   }
   /// Gathers rows that continue in a second brick after `lanes_of_first` lanes.
-  HWY_INLINE void take_rows(const T* from, const T* then, int lanes_of_first, int rows, T* to) const {
+  HWY_INLINE void gather_rows(const T* from, const T* then, int lanes_of_first, int rows, T* to) const {
     const D d;
     for (std::size_t lane = 0; lane < kWidth; lane += hn::Lanes(d)) {
       const int of_first = lanes_of_first - static_cast<int>(lane);
@@ -306,7 +305,7 @@ HWY_NOINLINE void sum_gathered(const Box<T>& box, int block, const Members& memb
   const int at_once = counts.kRows / count_or<kCount>(box.axes[1].count);
   for (int k = 0; k < end; k += at_once) {
     const int last = k + at_once < end ? k + at_once : end;
-    counts.take(k, last);
+    counts.gather(k, last);
     sum_slices<kCount, kWidth>(box, counts, block, k, last, sums);
   }
 }

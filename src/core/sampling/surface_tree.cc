@@ -13,7 +13,7 @@ namespace {
 
 using internal::BoundingCylinder;
 using internal::BrickTree;
-using internal::DiscNode;
+using internal::TreeNode;
 using TreeLayout = BrickLayout;
 
 /// Trilinear interpolant of one cell, in cell coordinates 0 ... 1.
@@ -256,21 +256,21 @@ Extent extent_of(const BoundingCylinder& disc, const Eigen::Vector3d& from, cons
 }
 
 // bounding disc of leaves, with the mean of their normals as axis
-BoundingCylinder around(std::span<const DiscNode> leaves) {
+BoundingCylinder around(std::span<const TreeNode> leaves) {
   Eigen::Array3f low = Eigen::Array3f::Constant(std::numeric_limits<float>::infinity()), high = -low;
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-  for (const DiscNode& leaf : leaves) {
-    const Eigen::Array3f at(leaf.disc.middle[0], leaf.disc.middle[1], leaf.disc.middle[2]);
+  for (const TreeNode& leaf : leaves) {
+    const Eigen::Array3f at(leaf.bounds.middle[0], leaf.bounds.middle[1], leaf.bounds.middle[2]);
     low = low.min(at);
     high = high.max(at);
-    normal += Eigen::Vector3d(leaf.disc.normal[0], leaf.disc.normal[1], leaf.disc.normal[2]);
+    normal += Eigen::Vector3d(leaf.bounds.normal[0], leaf.bounds.normal[1], leaf.bounds.normal[2]);
   }
   normal.normalize();
   if (!(normal.norm() > 0.5)) normal = Eigen::Vector3d::UnitX();
   Eigen::Vector3d centre = (0.5f * (low + high)).matrix().cast<double>();
   double smallest = std::numeric_limits<double>::infinity(), most = -smallest, lateral = 0;
-  for (const DiscNode& leaf : leaves) {
-    const Extent extent = extent_of(leaf.disc, centre, normal);
+  for (const TreeNode& leaf : leaves) {
+    const Extent extent = extent_of(leaf.bounds, centre, normal);
     smallest = std::min(smallest, extent.low);
     most = std::max(most, extent.high);
     lateral = std::max(lateral, extent.lateral);
@@ -288,22 +288,22 @@ BoundingCylinder around(std::span<const DiscNode> leaves) {
 }
 
 // builds a subtree at `at` by median splits along the axis of largest spread
-void grow(std::span<DiscNode> leaves, std::size_t at, std::vector<DiscNode>& nodes) {
+void grow(std::span<TreeNode> leaves, std::size_t at, std::vector<TreeNode>& nodes) {
   if (leaves.size() == 1) {
     nodes[at] = leaves.front();
     return;
   }
   Eigen::Array3f low = Eigen::Array3f::Constant(std::numeric_limits<float>::infinity()), high = -low;
-  for (const DiscNode& leaf : leaves) {
-    const Eigen::Array3f middle(leaf.disc.middle[0], leaf.disc.middle[1], leaf.disc.middle[2]);
+  for (const TreeNode& leaf : leaves) {
+    const Eigen::Array3f middle(leaf.bounds.middle[0], leaf.bounds.middle[1], leaf.bounds.middle[2]);
     low = low.min(middle);
     high = high.max(middle);
   }
   Eigen::Index widest;
   (high - low).maxCoeff(&widest);
   const auto axis = static_cast<std::size_t>(widest);
-  std::stable_sort(leaves.begin(), leaves.end(), [&](const DiscNode& a, const DiscNode& b) {
-    return a.disc.middle[axis] < b.disc.middle[axis];
+  std::stable_sort(leaves.begin(), leaves.end(), [&](const TreeNode& a, const TreeNode& b) {
+    return a.bounds.middle[axis] < b.bounds.middle[axis];
   });
   const std::size_t children = nodes.size(), half = leaves.size() / 2;
   nodes[at] = {around(leaves), static_cast<std::int32_t>(children)};
@@ -313,8 +313,8 @@ void grow(std::span<DiscNode> leaves, std::size_t at, std::vector<DiscNode>& nod
 }
 
 // binary tree over leaves, root first
-std::vector<DiscNode> tree_of(std::vector<DiscNode> leaves) {
-  std::vector<DiscNode> nodes;
+std::vector<TreeNode> tree_of(std::vector<TreeNode> leaves) {
+  std::vector<TreeNode> nodes;
   if (leaves.empty()) return nodes;
   nodes.reserve(2 * leaves.size() - 1);
   nodes.resize(1);
@@ -343,7 +343,7 @@ std::shared_ptr<const BrickTree> discs_of(const SignedField& field, const PieceM
                      (TreeLayout::kBefore + k) * TreeLayout::kSlice,
                  Eigen::Vector3d(low[0] + i, low[1] + j, low[2] + k), discs);
   if (discs.empty()) return nullptr;
-  std::vector<DiscNode> leaves;
+  std::vector<TreeNode> leaves;
   leaves.reserve(discs.size());
   for (const BoundingCylinder& disc : discs) leaves.push_back({disc, -1});
   return std::make_shared<const BrickTree>(BrickTree{tree_of(std::move(leaves))});
@@ -392,9 +392,9 @@ double refine_nearest(const PositionReader& position, const Point<Patient>& x, P
   Point<Patient> at = p;
   Vector<Patient> slope;
   if (!project_onto_surface(position, at, slope)) return best_mm;
-  const auto lateral_of = [&](const Point<Patient>& at_position, const Vector<Patient>& max_gradient) {
+  const auto lateral_of = [&](const Point<Patient>& at_position, const Vector<Patient>& at_slope) {
     const Vector<Patient> displacement = x - at_position;
-    return displacement - max_gradient * (displacement.dot(max_gradient) / max_gradient.squared_norm());
+    return displacement - at_slope * (displacement.dot(at_slope) / at_slope.squared_norm());
   };
   double part = 1;
   for (int tries = 0; tries < kTries; ++tries) {
@@ -409,17 +409,17 @@ double refine_nearest(const PositionReader& position, const Point<Patient>& x, P
       continue;
     }
     const double advanced_mm = lateral_mm - lateral_of(next, next_slope).dot(along);
-    const double reported = advanced_mm > 0 ? std::clamp(step_mm / advanced_mm, 0.05 * part, 1.0) : 1.0;
+    const double relaxation = advanced_mm > 0 ? std::clamp(step_mm / advanced_mm, 0.05 * part, 1.0) : 1.0;
     const double next_mm = (x - next).norm();
     if (next_mm < best_mm) {
       const bool enough = best_mm - next_mm < kEnough_mm;
       best_mm = next_mm;
       p = at = next;
       slope = next_slope;
-      part = reported;
+      part = relaxation;
       if (enough) break;
     } else {
-      part = std::min(reported, 0.5 * part);
+      part = std::min(relaxation, 0.5 * part);
     }
   }
   return best_mm;
@@ -451,8 +451,8 @@ void SurfaceTree::update_bricks(const SurfaceTree* before) {
   low_.setConstant(std::numeric_limits<double>::infinity());
   high_ = -low_;
   pieces_ = 0;
-  of_top_.clear();
-  std::vector<DiscNode> leaves;
+  top_leaves_.clear();
+  std::vector<TreeNode> leaves;
   std::size_t number = 0;
   for (int c = 0; c < counts[2]; ++c)
     for (int b = 0; b < counts[1]; ++b)
@@ -462,9 +462,9 @@ void SurfaceTree::update_bricks(const SurfaceTree* before) {
         if (!known) bricks_[number] = discs_of(position, make, number, {a, b, c});
         const auto& brick = bricks_[number];
         if (brick == nullptr) continue;
-        const BoundingCylinder& disc = brick->nodes.front().disc;
-        leaves.push_back({disc, ~static_cast<std::int32_t>(of_top_.size())});
-        of_top_.push_back(brick.get());
+        const BoundingCylinder& disc = brick->nodes.front().bounds;
+        leaves.push_back({disc, ~static_cast<std::int32_t>(top_leaves_.size())});
+        top_leaves_.push_back(brick.get());
         pieces_ += (brick->nodes.size() + 1) / 2;
         for (int axis = 0; axis < 3; ++axis) {
           const Extent extent = extent_of(disc, Eigen::Vector3d::Zero(), Eigen::Vector3d::Unit(axis));
@@ -477,16 +477,16 @@ void SurfaceTree::update_bricks(const SurfaceTree* before) {
 
 std::size_t SurfaceTree::bytes() const {
   std::size_t nodes = top_.size();
-  for (const BrickTree* brick : of_top_) nodes += brick->nodes.size();
-  return nodes * sizeof(DiscNode) + bricks_.size() * sizeof(bricks_.front()) +
-         of_top_.size() * sizeof(of_top_.front());
+  for (const BrickTree* brick : top_leaves_) nodes += brick->nodes.size();
+  return nodes * sizeof(TreeNode) + bricks_.size() * sizeof(bricks_.front()) +
+         top_leaves_.size() * sizeof(top_leaves_.front());
 }
 
 std::optional<NearestSurfacePoint> SurfaceTree::nearest(const Point<Patient>& x, double within_mm) const {
   if (top_.empty() || !x.all_finite()) return {};
   struct Waiting {
-    const DiscNode* node;
-    const DiscNode* of;  // array that its child indices refer to
+    const TreeNode* node;
+    const TreeNode* of;  // array that its child indices refer to
     double min_mm;
   };
   // one sibling is pending at every level of both trees
@@ -498,24 +498,24 @@ std::optional<NearestSurfacePoint> SurfaceTree::nearest(const Point<Patient>& x,
   bool found = false;
   const bool inside = surface_->distance_mm(x) < 0;
   double best_mm = inside ? std::numeric_limits<double>::infinity() : within_mm;
-  waiting[count++] = {top_.data(), top_.data(), min_mm(top_.front().disc, x.eigen())};
-  for (int result = 0; count > 0 && result < kMaxNodes; ++result) {
+  waiting[count++] = {top_.data(), top_.data(), min_mm(top_.front().bounds, x.eigen())};
+  for (int visited = 0; count > 0 && visited < kMaxNodes; ++visited) {
     const Waiting now = waiting[--count];
     if (!(now.min_mm < (found ? best_mm - kSlack_mm : best_mm))) continue;
-    const DiscNode& node = *now.node;
+    const TreeNode& node = *now.node;
     if (node.first >= 0) {
-      const DiscNode* const a = now.of + node.first;
-      const DiscNode* const b = a + 1;
-      const double a_mm = min_mm(a->disc, x.eigen()), b_mm = min_mm(b->disc, x.eigen());
+      const TreeNode* const a = now.of + node.first;
+      const TreeNode* const b = a + 1;
+      const double a_mm = min_mm(a->bounds, x.eigen()), b_mm = min_mm(b->bounds, x.eigen());
       // the nearer child is visited first
       const bool swap = a_mm < b_mm;
       waiting[count++] = {swap ? b : a, now.of, swap ? b_mm : a_mm};
       waiting[count++] = {swap ? a : b, now.of, swap ? a_mm : b_mm};
     } else if (now.of == top_.data()) {
-      const DiscNode* const brick = of_top_[static_cast<std::size_t>(~node.first)]->nodes.data();
+      const TreeNode* const brick = top_leaves_[static_cast<std::size_t>(~node.first)]->nodes.data();
       waiting[count++] = {brick, brick, now.min_mm};
     } else {
-      Point<Patient> here(middle_of(node.disc));
+      Point<Patient> here(middle_of(node.bounds));
       double here_mm = (x - here).norm();
       if (now.min_mm < here_mm - kSlack_mm) here_mm = refine_nearest(position, x, here);
       if (!(here_mm < best_mm)) continue;
@@ -530,12 +530,12 @@ std::optional<NearestSurfacePoint> SurfaceTree::nearest(const Point<Patient>& x,
 
 Vector<Patient> SurfaceTree::outward(const Point<Patient>& x, const NearestSurfacePoint& near) const {
   // closer than this, the direction to the nearest point is dominated by its error
-  constexpr double kTelling_mm = 0.3;
+  constexpr double kReliable_mm = 0.3;
   const double away_mm = std::abs(near.distance_mm);
   const Vector<Patient> displacement =
       near.distance_mm < 0 ? (near.position - x).normalized() : (x - near.position).normalized();
-  if (away_mm >= kTelling_mm) return displacement;
-  const double part = away_mm / kTelling_mm;
+  if (away_mm >= kReliable_mm) return displacement;
+  const double part = away_mm / kReliable_mm;
   return (displacement * part + surface_->outward(near.position) * (1 - part)).normalized();
 }
 

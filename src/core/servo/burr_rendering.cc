@@ -175,19 +175,19 @@ void render_burr(const TickContext& tick, const DeviceContext& context, const Bu
       device.position_step_mm > 0 ? device.position_step_mm : kPassivitySettings.default_step_mm;
   double allowed_N = std::max(0.0, conditions.limit_N - force_N);
   allowed_N = std::min(allowed_N, std::max(0.0, session.passivity.energy_mJ) / (2 * step_mm));
-  const auto limited = [&](double wanted_N, double max_N) {
-    const double most_N = std::min(allowed_N, max_N);
-    const double force = std::clamp(wanted_N, -most_N, most_N);
+  const auto allot_N = [&](double requested_N, double max_N) {
+    const double limit_N = std::min(allowed_N, max_N);
+    const double force = std::clamp(requested_N, -limit_N, limit_N);
     allowed_N -= std::abs(force);
     return force;
   };
   double sine = 0;
   const Vector<World> along = rolling_direction(tick, context, contact_N, sine);
   out.vibration_hz = state.frequency_hz;
-  out.vibration_N = limited(device.force_gain * vibration_amplitude_N(settings, burr, state.frequency_hz),
+  out.vibration_N = allot_N(device.force_gain * vibration_amplitude_N(settings, burr, state.frequency_hz),
                             kRendering.max_vibration_N);
   out.kick_N =
-      limited(device.force_gain * settings.grip * sine * (pressed_N - state.mean_N), kRendering.max_kick_N);
+      allot_N(device.force_gain * settings.grip * sine * (pressed_N - state.mean_N), kRendering.max_kick_N);
   const double wave = std::sin(2 * std::numbers::pi * state.phase);
   contact.requested.force_N += along * (out.vibration_N * wave + out.kick_N);
 }

@@ -49,7 +49,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
       thread_ = std::thread([this] { follow(); });
       late_ticks_.begin(settings_.servo_cpu);
     } catch (const std::system_error&) {
-      removed_.store(!thread_.joinable());
+      failed_.store(!thread_.joinable());
     }
   }
   void end() noexcept {
@@ -59,8 +59,8 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
   }
   const Part& part() const { return part_; }
   /// Whether the driver has given up, or no thread could be created.
-  bool gone() const { return removed_.load(); }
-  bool has_state() const { return updates_.load() > 0 || gone(); }
+  bool has_failed() const { return failed_.load(); }
+  bool has_state() const { return updates_.load() > 0 || has_failed(); }
   TickingThread ticking() const {
     return {name_, late_ticks_.scheduler(), updates_.load(), late_ticks_.counts()};
   }
@@ -72,14 +72,14 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
     states_.take(latest_);
     for (std::size_t d = 0; d < part_.count; ++d) {
       samples[d] = latest_.samples[d];
-      samples[d].fault = samples[d].fault || gone();
+      samples[d].fault = samples[d].fault || has_failed();
     }
   }
   /// Posts the commands, which the follower's next update returns to its driver.
-  void receive_commands(std::span<const DeviceCommand> commands, std::int64_t now_ns) noexcept {
-    std::copy_n(commands.begin(), part_.count, next_.commands.begin());
-    next_.at_ns = now_ns;
-    answers_.post(next_);
+  void post_commands(std::span<const DeviceCommand> commands, std::int64_t now_ns) noexcept {
+    std::copy_n(commands.begin(), part_.count, posted_.commands.begin());
+    posted_.at_ns = now_ns;
+    commands_.post(posted_);
   }
 
   // ---- the follower's thread, or its vendor's
@@ -89,11 +89,13 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
     PALPATE_CHECK(samples.size() == part_.count && commands.size() == part_.count);
     late_ticks_.tick_here();
     const std::int64_t now_ns = monotonic_ns();
-    std::copy(samples.begin(), samples.end(), own_.samples.begin());
-    states_.post(own_);
-    answers_.take(answer_);
-    const bool fresh = answer_.at_ns != 0 && now_ns - answer_.at_ns <= std::llround(kOldCommand_s * 1e9);
-    for (std::size_t d = 0; d < part_.count; ++d) commands[d] = fresh ? answer_.commands[d] : DeviceCommand{};
+    std::copy(samples.begin(), samples.end(), samples_.samples.begin());
+    states_.post(samples_);
+    commands_.take(latest_commands_);
+    const bool fresh =
+        latest_commands_.at_ns != 0 && now_ns - latest_commands_.at_ns <= std::llround(kOldCommand_s * 1e9);
+    for (std::size_t d = 0; d < part_.count; ++d)
+      commands[d] = fresh ? latest_commands_.commands[d] : DeviceCommand{};
 
     const std::int64_t late_ns = last_ns_ == 0 ? 0 : now_ns - last_ns_ - period_ns_;
     last_ns_ = now_ns;
@@ -102,10 +104,10 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
   }
 
  private:
-  struct Reported {
+  struct Samples {
     std::array<DeviceSample, kMaxDevices> samples{};
   };
-  struct Answered {
+  struct Commands {
     std::array<DeviceCommand, kMaxDevices> commands{};
     std::int64_t at_ns = 0;  // 0: none yet
   };
@@ -119,7 +121,7 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
     request.name = "palpate-follow";
     make_this_thread_realtime(request);
     part_.driver->run(*this, *this);
-    if (!stopped()) removed_.store(true);
+    if (!stopped()) failed_.store(true);
   }
 
   const Part part_;
@@ -127,16 +129,16 @@ class CompositeDriver::Follower final : public ServoFunction, public ServoClock 
   const bool calls_back_;
   const CompositeDriverSettings settings_;
   const std::int64_t period_ns_;
-  std::atomic<bool> stop_{false}, removed_{false};
+  std::atomic<bool> stop_{false}, failed_{false};
   Pacer pacer_;
-  Mailbox<Reported> states_;
-  Mailbox<Answered> answers_;
+  Mailbox<Samples> states_;
+  Mailbox<Commands> commands_;
   // owned by the thread of the tick
-  Reported latest_;
-  Answered next_;
+  Samples latest_;
+  Commands posted_;
   // owned by the follower's thread
-  Reported own_;
-  Answered answer_;
+  Samples samples_;
+  Commands latest_commands_;
   std::int64_t last_ns_ = 0;
   std::atomic<std::uint64_t> updates_{0};
   LateTicks late_ticks_;
@@ -159,7 +161,7 @@ class CompositeDriver::Gatherer final : public ServoFunction {
     std::ranges::copy(std::span(commands_).subspan(owner_.first, owner_.count), commands.begin());
     const std::int64_t now_ns = monotonic_ns();
     for (const auto& follower : followers_)
-      follower->receive_commands(std::span(commands_).subspan(follower->part().first), now_ns);
+      follower->post_commands(std::span(commands_).subspan(follower->part().first), now_ns);
   }
 
  private:
@@ -223,8 +225,9 @@ void CompositeDriver::arrange() {
       info.delay_s = conservative_delay_s(info) + 1 / rate_hz + owner_s;
       if (info.simulated) continue;
       // an invalid stiffness stays invalid
-      const double careful = conservative_bounds(info).stiffness_N_per_mm;
-      if (!info.stiffness_N_per_mm || *info.stiffness_N_per_mm > careful) info.stiffness_N_per_mm = careful;
+      const double conservative_N_per_mm = conservative_bounds(info).stiffness_N_per_mm;
+      if (!info.stiffness_N_per_mm || *info.stiffness_N_per_mm > conservative_N_per_mm)
+        info.stiffness_N_per_mm = conservative_N_per_mm;
     }
   }
   make_followers();
@@ -277,7 +280,7 @@ std::optional<Error> CompositeDriver::failure() const {
     if (auto failure = part.driver->failure()) return failure;
   const std::lock_guard lock(mutex_);
   for (const auto& follower : followers_)
-    if (follower->gone())
+    if (follower->has_failed())
       return Error{ErrorKind::kUnavailable, "its driver has failed, and it gets no force",
                    infos_[follower->part().first].name,
                    "check its connection and power, then restart the session"};

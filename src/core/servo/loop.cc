@@ -54,14 +54,14 @@ Loop::Loop(std::shared_ptr<const Model> model, DeviceDriver& driver, const Param
     is_in_patient_[d] = devices[d].in_patient;
     // the caller knows what an operator can hold stable; everything else is a property of the device
     DeviceParameters& device = latest_.parameters.device[d];
-    const DeviceParameters reported = device;
+    const DeviceParameters requested = device;
     device = device_parameters(devices[d], workspace);
-    device.max_stiffness_N_per_mm = std::min(device.max_stiffness_N_per_mm, reported.max_stiffness_N_per_mm);
+    device.max_stiffness_N_per_mm = std::min(device.max_stiffness_N_per_mm, requested.max_stiffness_N_per_mm);
     // not above 0: unknown
-    if (reported.max_damping_N_s_per_mm > 0)
+    if (requested.max_damping_N_s_per_mm > 0)
       device.max_damping_N_s_per_mm =
-          std::fmin(device.max_damping_N_s_per_mm, reported.max_damping_N_s_per_mm);
-    if (std::isfinite(reported.delay_s)) device.delay_s = std::fmax(device.delay_s, reported.delay_s);
+          std::fmin(device.max_damping_N_s_per_mm, requested.max_damping_N_s_per_mm);
+    if (std::isfinite(requested.delay_s)) device.delay_s = std::fmax(device.delay_s, requested.delay_s);
   }
   posted_ = latest_;
 }
@@ -113,7 +113,7 @@ void Loop::run(std::promise<void>& ready) {
 // ---- callers
 
 std::uint32_t Loop::change(const std::function<void(Parameters&)>& edit) {
-  const std::lock_guard lock(callers_);
+  const std::lock_guard lock(callers_mutex_);
   const auto device = latest_.parameters.device;
   edit(latest_.parameters);
   latest_.parameters.device = device;
@@ -147,7 +147,7 @@ Arming Loop::arming() const noexcept {
 }
 
 Parameters Loop::parameters() const {
-  const std::lock_guard lock(callers_);
+  const std::lock_guard lock(callers_mutex_);
   return latest_.parameters;
 }
 
@@ -175,7 +175,7 @@ LoopHealth Loop::health() const {
   health.dropped = counts_.dropped.load();
   health.lateness = percentiles_of(lateness_);
   health.compute = percentiles_of(compute_);
-  const std::lock_guard lock(callers_);
+  const std::lock_guard lock(callers_mutex_);
   health.stalls = watchdog_.stalls() - stalls_before_;
   health.late = late_ticks_.counts() - late_before_;
 
@@ -196,7 +196,7 @@ TickingThread Loop::ticking() const {
 }
 
 void Loop::reset_health() noexcept {
-  const std::lock_guard lock(callers_);
+  const std::lock_guard lock(callers_mutex_);
   stalls_before_ = watchdog_.stalls();
   late_before_ = late_ticks_.counts();
   reset_.store(true);
@@ -283,7 +283,7 @@ void Loop::publish_sweeps(std::size_t devices) noexcept {
   for (std::size_t d = 0; d < devices; ++d) {
     std::uint64_t& published = published_sweeps_[d];
     for (const Sweep& sweep : finished_from(state_.device[d].burr, published)) {
-      PALPATE_CHECK(sweeps_.push(plain({static_cast<std::uint32_t>(d), sweep})));
+      PALPATE_CHECK(sweeps_.push(record_of({static_cast<std::uint32_t>(d), sweep})));
       ++published;
     }
   }

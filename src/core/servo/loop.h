@@ -87,7 +87,7 @@ class Loop final : public ServoLoop, public ServoFunction, public ServoClock {
 
   // written by callers
   ModelSlot model_;
-  mutable std::mutex callers_;
+  mutable std::mutex callers_mutex_;  // serialises change(), parameters() and the baselines of health()
   Posted latest_;
   Mailbox<Posted> parameters_in_;
   std::atomic<bool> stop_{false}, stopping_{false}, reset_{false};

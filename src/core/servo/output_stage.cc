@@ -151,9 +151,9 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   }
 
   // force limit
-  const double min_N = configured_limit_N(limits, max_force_N);
+  const double configured_N = configured_limit_N(limits, max_force_N);
   out.limit_N = next_limit_N(limits, max_force_N, dt_s, state);
-  if (out.limit_N < min_N) out.flags |= kFlagThermal;
+  if (out.limit_N < configured_N) out.flags |= kFlagThermal;
   const Wrench requested = within_reach_of(limits, request.requested);
   const Wrench clamped_wrench = clamp_wrench(requested, limits, out.limit_N);
   if (magnitude(clamped_wrench.force_N) < magnitude(requested.force_N) ||
@@ -164,15 +164,15 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   state.gain = request.off ? std::max(0.0, state.gain - dt_s / kOutputSettings.ramp_out_s)
                            : std::min(1.0, state.gain + dt_s / kOutputSettings.ramp_in_s);
   if (state.gain < 1) out.flags |= kFlagRamp;
-  const Wrench needed = scale_wrench(clamped_wrench, state.gain);
-  const double part =
-      slew_fraction(state.sent, needed, limits, slew_now_N_per_s(limits, needed.force_N, dt_s, state), dt_s);
-  if (part < 1) out.flags |= kFlagSlew;
+  const Wrench target = scale_wrench(clamped_wrench, state.gain);
+  const double fraction =
+      slew_fraction(state.sent, target, limits, slew_now_N_per_s(limits, target.force_N, dt_s, state), dt_s);
+  if (fraction < 1) out.flags |= kFlagSlew;
 
   // second clamp, because the slew may start above a limit that was just lowered; then the decay of a stale
   // state
-  out.wrench = scale_wrench(clamp_wrench(interpolate_wrench(state.sent, needed, part), limits, out.limit_N),
-                            freshness);
+  out.wrench = scale_wrench(
+      clamp_wrench(interpolate_wrench(state.sent, target, fraction), limits, out.limit_N), freshness);
   state.heat = next_heat(limits, state.heat, magnitude(out.wrench.force_N), dt_s);
   state.sent = out.wrench;
   return out;

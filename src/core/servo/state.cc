@@ -12,29 +12,29 @@ namespace {
 
 // types that hash themselves
 template <class Part>
-[[gnu::always_inline]] inline void hash_part(HashOfWords& hash, const Part& part) {
+[[gnu::always_inline]] inline void hash_part(WordHasher& hash, const Part& part) {
   std::uint64_t of_part = kHashSeed;
   part.hash_into(of_part);
   hash.add(of_part);
 }
 
 template <class Place>
-[[gnu::always_inline]] inline void hash_point(HashOfWords& hash, const Place& p) {
+[[gnu::always_inline]] inline void hash_point(WordHasher& hash, const Place& p) {
   hash.add(p.x(), p.y(), p.z());
 }
 
-[[gnu::always_inline]] inline void hash_quaternion(HashOfWords& hash, const Eigen::Quaterniond& q) {
+[[gnu::always_inline]] inline void hash_quaternion(WordHasher& hash, const Eigen::Quaterniond& q) {
   hash.add(q.w(), q.x(), q.y(), q.z());
 }
 
-[[gnu::always_inline]] inline void hash_wrench(HashOfWords& hash, const Wrench& wrench) {
+[[gnu::always_inline]] inline void hash_wrench(WordHasher& hash, const Wrench& wrench) {
   const Vector<World>&force_N = wrench.force_N, &torque_Nmm = wrench.torque_Nmm;
   hash.add(force_N.x(), force_N.y(), force_N.z(), torque_Nmm.x(), torque_Nmm.y(), torque_Nmm.z(),
            wrench.gripper_N);
 }
 
 // usually empty
-void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
+void hash_surfaces(WordHasher& hash, const SurfaceSet& surfaces) {
   hash.add(static_cast<std::uint64_t>(surfaces.any()));
   if (surfaces.none()) return;
   // hashes the words of the bit set directly: shifts of the whole set cost more
@@ -42,7 +42,7 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
     hash.add(bits);
 }
 
-[[gnu::always_inline]] inline void hash_layer(HashOfWords& hash, const ProxyLayer& proxy) {
+[[gnu::always_inline]] inline void hash_layer(WordHasher& hash, const ProxyLayer& proxy) {
   hash.add(static_cast<std::uint64_t>(proxy.coupled) << 1 | static_cast<std::uint64_t>(proxy.sticking));
   // an uncoupled layer is reinitialised before use, and the layer may not exist
   if (!proxy.coupled && proxy.punctured.none()) return;
@@ -61,7 +61,7 @@ void hash_surfaces(HashOfWords& hash, const SurfaceSet& surfaces) {
   }
 }
 
-void hash_burr(HashOfWords& hash, const BurrState& burr) {
+void hash_burr(WordHasher& hash, const BurrState& burr) {
   hash.add(burr.inset_mm, burr.penetration_mm, burr.unspent_work_mJ, burr.pressed_N, burr.edge_mm_per_s,
            burr.front_mm2, burr.energy_mJ_per_mm3, burr.work_mJ, burr.removed_mm3, burr.sweep_age_s);
   hash.add(static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.sweep_closed) << 1 |
@@ -83,7 +83,7 @@ void hash_burr(HashOfWords& hash, const BurrState& burr) {
   }
 }
 
-void hash_device(HashOfWords& hash, const SessionState::DeviceSession& session) {
+void hash_device(WordHasher& hash, const SessionState::DeviceSession& session) {
   hash.add(session.has_previous);
   hash_point(hash, session.previous_world);
   hash_point(hash, session.previous_tip);
@@ -162,7 +162,7 @@ void SessionState::DeviceSession::reset_path() {
 }
 
 std::uint64_t SessionState::hash(int devices) const {
-  HashOfWords hash;
+  WordHasher hash;
   hash.add(tick, time_s);
   hash_quaternion(hash, rotation_start);
   hash_quaternion(hash, rotation_target);

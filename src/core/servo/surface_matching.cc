@@ -32,15 +32,14 @@ std::size_t index_where(std::size_t count, std::size_t previous, const Fits& fit
 
 std::span<const SurfaceCorrespondence> match_surfaces(const Model& model,
                                                       const SessionState::Surfaces& last_surfaces,
-                                                      SurfaceMatches& correspondences) {
+                                                      SurfaceMatches& storage) {
   const auto previous_count = static_cast<std::size_t>(last_surfaces.count);
   const std::size_t count = count_of(model);
   // after local edits alone every surface, common ones included, corresponds to the one at the same index
   const bool only_local_edits =
       count == previous_count && model.version - model.edits == last_surfaces.version - last_surfaces.edits;
   for (std::size_t s = 0; only_local_edits && s < count; ++s)
-    correspondences[s] = {static_cast<std::int16_t>(s),
-                          last_surfaces.content[s] == content_of(model.surfaces[s])};
+    storage[s] = {static_cast<std::int16_t>(s), last_surfaces.content[s] == content_of(model.surfaces[s])};
   for (std::size_t s = 0; !only_local_edits && s < count; ++s) {
     const LabelId label = label_of(model, s);
     const std::uint64_t content = content_of(model.surfaces[s]);
@@ -55,10 +54,10 @@ std::span<const SurfaceCorrespondence> match_surfaces(const Model& model,
     std::size_t at_index = index_where(previous_count, s, is_same);
     const bool is_unchanged = at_index < previous_count;
     if (!is_unchanged) at_index = index_where(previous_count, s, is_structure);
-    correspondences[s] = {at_index < previous_count ? static_cast<std::int16_t>(at_index) : std::int16_t{-1},
-                          is_unchanged};
+    storage[s] = {at_index < previous_count ? static_cast<std::int16_t>(at_index) : std::int16_t{-1},
+                  is_unchanged};
   }
-  return std::span(correspondences).first(count);
+  return std::span(storage).first(count);
 }
 
 void store_surfaces(const Model& model, SessionState::Surfaces& last_surfaces) {

@@ -16,7 +16,7 @@ using SurfaceMatches = std::array<SurfaceCorrespondence, kMaxSurfaces>;
 /// surface.
 std::span<const SurfaceCorrespondence> match_surfaces(const Model& model,
                                                       const SessionState::Surfaces& last_surfaces,
-                                                      SurfaceMatches& correspondences);
+                                                      SurfaceMatches& storage);
 
 /// Stores the surfaces of `model` in `last_surfaces`.
 void store_surfaces(const Model& model, SessionState::Surfaces& last_surfaces);

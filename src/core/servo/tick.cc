@@ -84,8 +84,8 @@ Wrench blend_force_source(const Wrench& requested, bool changed, double dt_s,
 /// Change of surfaces between two versions of the model.
 struct SurfaceChange {
   std::span<const SurfaceCorrespondence>
-      correspondences;  // correspondence to the previous surfaces; empty: unknown
-  bool layers = false;  // whether structures were assigned to other layers
+      correspondences;             // correspondence to the previous surfaces; empty: unknown
+  bool layers_reassigned = false;  // whether structures were assigned to other layers
 };
 
 /// Inputs of a tick that all devices share.
@@ -121,7 +121,7 @@ ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const Ou
   const CarvedMaterial carved =
       model.carving != nullptr ? model.carving->carved(in.device_index) : CarvedMaterial();
   const ProxyChange change{session.proxy_version != model.version, in.surfaces.correspondences,
-                           in.surfaces.layers, session.pushed_by_direct_method && !lost, carved};
+                           in.surfaces.layers_reassigned, session.pushed_by_direct_method && !lost, carved};
   if (lost) session.reset_contact();
   session.proxy_version = model.version;
   session.pushed_by_direct_method = false;
@@ -287,11 +287,11 @@ ToolContact request_force(const SharedInputs& shared, const DeviceInputs& in,
 }
 
 // contacts of all devices with deformable tissue in the last tick; none with a single device
-std::span<const TissueContact> last_presses(const SessionState& state, std::size_t devices,
-                                            std::array<TissueContact, kMaxDevices>& presses) {
+std::span<const TissueContact> last_tissue_contacts(const SessionState& state, std::size_t devices,
+                                                    std::array<TissueContact, kMaxDevices>& tissue_contacts) {
   if (devices < 2) return {};
-  for (std::size_t d = 0; d < devices; ++d) presses[d] = state.device[d].tissue_contact;
-  return std::span(presses).first(devices);
+  for (std::size_t d = 0; d < devices; ++d) tissue_contacts[d] = state.device[d].tissue_contact;
+  return std::span(tissue_contacts).first(devices);
 }
 
 // one tick of one device, from its state to the wrench and the record
@@ -315,7 +315,7 @@ void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionStat
   } else {
     tool = request_force(shared, in, session, request, out);
   }
-  session.tissue_contact = shared.tick.presses.empty() ? TissueContact{} : tool.tissue_contact;
+  session.tissue_contact = shared.tick.tissue_contacts.empty() ? TissueContact{} : tool.tissue_contact;
 
   // every force passes the output stage
   const Output sent = make_output(request, in.parameters.limits, in.max_force_N, dt_s, session.output);
@@ -383,7 +383,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   const bool has_current_compliance =
       is_deformable && (state.last_ignored_solver_frame == 0 ||
                         parameters.compliance.number > state.last_ignored_solver_frame);
-  std::array<TissueContact, kMaxDevices> presses;
+  std::array<TissueContact, kMaxDevices> tissue_contacts;
   const TickContext context{model,
                             parameters.method,
                             parameters.friction,
@@ -393,7 +393,7 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
                             X_WorldPatient.inverse(),
                             has_current_compliance ? &parameters.compliance : nullptr,
                             &state.holes,
-                            last_presses(state, devices.size(), presses)};
+                            last_tissue_contacts(state, devices.size(), tissue_contacts)};
   record.rotation_applied_wxyz = plain(state.rotation_applied);
 
   // a change of force source starts a blend
@@ -402,9 +402,9 @@ void tick(const Model& model, const Parameters& parameters, std::span<const Devi
   state.force_source = source;
 
   // match the surfaces of a new model version to the old ones; proxies stay on those that are unchanged
-  SurfaceMatches before;
+  SurfaceMatches matches;
   const bool surfaces_changed = state.surfaces.version != model.version;
-  const auto surfaces_before = surfaces_changed ? match_surfaces(model, state.surfaces, before)
+  const auto surfaces_before = surfaces_changed ? match_surfaces(model, state.surfaces, matches)
                                                 : std::span<const SurfaceCorrespondence>();
 
   const bool layers_reassigned =

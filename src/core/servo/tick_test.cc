@@ -535,7 +535,7 @@ TEST(Tick, ProxyIsUncoupledForATipInsideAtStartOrAfterAPause) {
   EXPECT_EQ(loop.wrench.force_N, Vector<World>());
 }
 
-TEST(Tick, ATipThatIsSetDownHasNoContactAndNoJumpAndIsFeltAtOnce) {
+TEST(Tick, SetDownTipHasNoContactJumpOrForceRamp) {
   // within and beyond the displacement of a jump; on the far side of the ball, where no proxy could follow
   for (const double x_mm : {kBoneRadius_mm + 7, -kBoneRadius_mm - 3}) {
     for (const bool set_down : {true, false}) {

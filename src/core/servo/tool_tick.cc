@@ -41,20 +41,20 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
   ProxyState& proxy = session.proxy;
   const std::optional<Burr> burr = burr_of(tick, context, motor);
   if (burr) {
-    if (change.surfaces) {
+    if (change.surfaces_changed) {
       settle_burr(change.carved, session.burr);
       rebase_burr(surfaces, *burr, posed_tool.pose(), change.carved.sweeps, proxy, session.burr);
     }
     posed_tool.set_first(burr->head(session.burr.inset_mm));
   }
   const unsigned coupled_before = coupled_layers(proxy);
-  if (change.surfaces && change.layers)
+  if (change.surfaces_changed && change.layers_reassigned)
     transfer_proxy_to_new_layers(surfaces, posed_tool.spheres(), posed_tool.pose(), change.correspondences,
                                  proxy);
-  else if (change.surfaces)
+  else if (change.surfaces_changed)
     transfer_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), change.correspondences, proxy);
   const bool released = coupled_layers(proxy) != coupled_before;
-  if (change.method && !proxy.coupled)
+  if (change.was_pushed_directly && !proxy.coupled)
     initialise_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), proxy);
   const ProxyOptions options = proxy_options(tick, context);
   const ProxyResult result =
@@ -85,7 +85,7 @@ void add_no_go_force(const TickContext& tick, const DeviceContext& context, Tool
   }
 
   // force of the no-go regions
-  const NoGoForce push = push_out_of(model.no_go, model.distances, posed_tool.spheres(), context.tip,
+  const NoGoForce push = no_go_force(model.no_go, model.distances, posed_tool.spheres(), context.tip,
                                      context.max_stiffness_N_per_mm());
   if (push.region < 0) return;
   out.flags |= kFlagNoGo;

@@ -8,13 +8,13 @@ namespace palpate {
 
 /// Changes since the proxy's last tick.
 struct ProxyChange {
-  bool surfaces = false;  ///< Whether the proxy was last advanced on another version of the model
+  bool surfaces_changed = false;  ///< Whether the proxy was last advanced on another version of the model
   /// Correspondence of each of the model's surfaces to those of that version; empty: unknown, all are new.
   std::span<const SurfaceCorrespondence> correspondences;
-  bool layers = false;  ///< Whether structures were assigned to other layers
+  bool layers_reassigned = false;  ///< Whether structures were assigned to other layers
   /// Whether a direct method pushed the tip in the last tick. The proxy of a tip inside tissue is then
   /// initialised; otherwise it stays uncoupled until the tip is in free space.
-  bool method = false;
+  bool was_pushed_directly = false;
   CarvedMaterial carved = {};  ///< Material that the burr's sweeps have removed from the surfaces
 };
 

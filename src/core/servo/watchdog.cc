@@ -39,7 +39,8 @@ void Watchdog::end() {
   end_.store(true);
   if (thread_.joinable()) thread_.join();
   // a supervisor's halt is ended by the next loop
-  if (halted_.exchange(false)) driver_.resume(heartbeat_ != nullptr ? heartbeat_->ended_halts.load() : 0);
+  if (halted_.exchange(false))
+    driver_.resume(heartbeat_ != nullptr ? heartbeat_->newest_ended_halt.load() : 0);
 }
 
 void Watchdog::guard() {
@@ -54,8 +55,8 @@ void Watchdog::check(std::int64_t now_ns) {
   const std::uint64_t beats = beats_.load(std::memory_order_relaxed);
   const bool stalled = !standing_down_.load() && beat_ns != kResting && now_ns - beat_ns > kStall_ns;
   // read before the devices resume, so that a later halt is not ended with this one
-  const std::uint64_t halts = heartbeat_ != nullptr ? heartbeat_->halts.load() : 0;
-  const bool halted_outside = heartbeat_ != nullptr && halts != heartbeat_->ended_halts.load();
+  const std::uint64_t halts = heartbeat_ != nullptr ? heartbeat_->newest_halt.load() : 0;
+  const bool halted_outside = heartbeat_ != nullptr && halts != heartbeat_->newest_ended_halt.load();
   if (heartbeat_ != nullptr) heartbeat_->checked_ns.store(now_ns);
   if (!halted_ && (stalled || halted_outside)) {
     halted_.store(true, std::memory_order_release);
@@ -64,7 +65,7 @@ void Watchdog::check(std::int64_t now_ns) {
     beats_when_halted_ = beats;
   } else if (halted_ && !stalled && beats >= beats_when_halted_ + kTicksToTrust) {
     driver_.resume(halts);
-    if (heartbeat_ != nullptr) heartbeat_->ended_halts.store(halts);
+    if (heartbeat_ != nullptr) heartbeat_->newest_ended_halt.store(halts);
     halted_.store(false, std::memory_order_release);
   }
 }

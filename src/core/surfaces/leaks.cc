@@ -70,17 +70,17 @@ class Surroundings {
   std::array<char, kEdge * kEdge * kEdge> free_{}, visited_{};
 };
 
-struct Found {
+struct JointCount {
   std::size_t joints = 0, first = std::numeric_limits<std::size_t>::max();
   Point<Patient> position;  // position of the first joint in memory order, independent of threads
 
-  void add(const Found& other) {
+  void add(const JointCount& other) {
     joints += other.joints;
     if (other.first < first) position = other.position;
     first = std::min(first, other.first);
   }
 };
-using FoundOfLabel = std::vector<Found>;
+using JointCounts = std::vector<JointCount>;
 
 // Two free voxels that meet at an edge or a corner of a block of up to eight; the others are touchable.
 struct Joint {
@@ -131,7 +131,7 @@ constexpr std::array<bool, 256> kJointBlocks = joint_blocks();
 
 // examines the joints of one block
 void inspect(const Bricks<LabelId>& labels, const std::vector<char>& is_touchable, const Index& at,
-             unsigned block, FoundOfLabel& found) {
+             unsigned block, JointCounts& found) {
   for (std::size_t n = 0; n < kJoints.size(); ++n) {
     if ((block & kPatterns[n].inspected) != kPatterns[n].solid) continue;
     const auto label_of = [&](int corner) {
@@ -161,7 +161,7 @@ Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::
   const auto& dims = labels.geometry().dims;
   if (dims[0] < 2 || dims[1] < 2) return std::vector<Leaks>();
   const int workers = worker_count(threads, dims[2]);
-  std::vector<FoundOfLabel> found(static_cast<std::size_t>(workers), FoundOfLabel(is_touchable.size()));
+  std::vector<JointCounts> found(static_cast<std::size_t>(workers), JointCounts(is_touchable.size()));
   const auto done =
       internal::for_each_slice(dims[2], workers, progress, {"looking for leaks"}, [&](int worker, int k) {
         const auto scan_along = [&](const RowPiece<LabelId>& piece) {
@@ -190,9 +190,9 @@ Result<std::vector<Leaks>> find_leaks(const Bricks<LabelId>& labels, const std::
   if (!done) return done.error();
   std::vector<Leaks> leaky;
   for (const LabelId structure : structures) {
-    Found all;
-    for (const FoundOfLabel& mine : found) all.add(mine[structure]);
-    if (all.joints > 0) leaky.push_back({structure, all.joints, all.position});
+    JointCount total;
+    for (const JointCounts& of_worker : found) total.add(of_worker[structure]);
+    if (total.joints > 0) leaky.push_back({structure, total.joints, total.position});
   }
   return leaky;
 }

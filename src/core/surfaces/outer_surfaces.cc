@@ -17,8 +17,8 @@ Result<std::vector<std::pair<LabelId, LabelId>>> touching_pairs(const Bricks<Lab
   std::vector<int> index(std::size_t{std::numeric_limits<LabelId>::max()} + 1, -1);
   for (std::size_t s = 0; s < structures.size(); ++s) index[structures[s]] = static_cast<int>(s);
   const auto touching =
-      internal::find_touching(labels, index, structures.size(), internal::Common::kFaceEdgeOrCorner, threads,
-                              progress, internal::ProgressSpan{"finding what touches"});
+      internal::find_touching(labels, index, structures.size(), internal::Adjacency::kFaceEdgeOrCorner,
+                              threads, progress, internal::ProgressSpan{"finding what touches"});
   if (!touching) return touching.error();
   std::vector<std::pair<LabelId, LabelId>> pairs;
   for (std::size_t a = 0; a < structures.size(); ++a)

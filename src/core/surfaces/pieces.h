@@ -11,7 +11,7 @@ namespace palpate::internal {
 /// Margins around a piece of a box that are needed to compute it.
 struct PieceMargins {
   Index3 filtered{0, 0, 0};  ///< Voxels computed additionally for a filter of the piece
-  Index3 seen{0, 0, 0};      ///< Voxels around those that they are computed from
+  Index3 read{0, 0, 0};      ///< Additional voxels around these that are read
 };
 
 /// Number of slices per piece: limited by memory, and large enough that margins do not dominate the cost.
@@ -37,7 +37,7 @@ inline Pieces cut_into_pieces(const Span3& box, const PieceMargins& margins, int
   const int slices = std::min(slices_of_piece(margins), box.size(2));
   const auto with = [](int voxels, int margin) { return voxels + 2.0 * margin; };
   const Index3& f = margins.filtered;
-  const Index3 s{f[0] + margins.seen[0], f[1] + margins.seen[1], f[2] + margins.seen[2]};
+  const Index3 s{f[0] + margins.read[0], f[1] + margins.read[1], f[2] + margins.read[2]};
   const double border_bytes = with(box.size(0), s[0]) * (with(slices, s[2]) + 4 * with(slices, f[2]));
   const double filtered_bytes = 16 * with(box.size(0), f[0]) * with(slices, f[2]);
   const auto bytes = [&](int rows) {

@@ -271,7 +271,7 @@ Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStruc
 
   const ProgressSpan work{"preparing ramps"};
   const std::vector<int> index = index_by_label(structures);
-  const auto touching = internal::find_touching(labels, index, structures.size(), internal::Common::kFace,
+  const auto touching = internal::find_touching(labels, index, structures.size(), internal::Adjacency::kFace,
                                                 options.threads, progress, work.part(0, 0.05));
   if (!touching) return touching.error();
   const std::vector<Span3> spans = internal::label_spans(labels);
@@ -290,7 +290,7 @@ Result<Ramps> prepare(const Bricks<LabelId>& labels, const std::vector<RampStruc
   const auto greatest = max_values(labels, index, structures.size(), ramps.field, options.threads, progress,
                                    work.part(0.95, 1));
   if (!greatest) return greatest.error();
-  for (RampFigures& figures : ramps.structures)
+  for (RampStatistics& figures : ramps.structures)
     figures.max_N =
         ramps.full_force_N * (*greatest)[static_cast<std::size_t>(index[figures.label])] / kFullScale;
   return ramps;

@@ -68,10 +68,10 @@ Result<void> relax_net(SurfaceNet& net, const Span3& known, int threads, const P
 /// Net after tissue was cut. Nodes of cells with unchanged classes keep their exact positions; the others
 /// start midway between the classes and are relaxed kCarvingRounds times towards the mean of their linked
 /// nodes.
-/// @param once  the originally built net
+/// @param original  the originally built net
 /// @param now   net from make_net() of a field with one value per class; its nodes are moved. Nodes of cells
 ///              within kCarvingRounds + 1 of the border of now.cells differ from those in a larger net
-void carve_net(const SurfaceNet& once, SurfaceNet& now);
+void carve_net(const SurfaceNet& original, SurfaceNet& now);
 inline constexpr int kCarvingRounds = 4;
 
 /// Calls visit(cell) for every cell of a box in which the nets differ: only one has a node, or the nodes are

@@ -36,15 +36,15 @@ NetLinks::NetLinks(const SurfaceNet& net) : NetLinks(net.size()) {
   });
 }
 
-void carve_net(const SurfaceNet& once, SurfaceNet& now) {
+void carve_net(const SurfaceNet& original, SurfaceNet& now) {
   std::vector<std::uint32_t> cut;
   for_each_row(now.cells, [&](int j, int k) {
     const std::size_t r = now.row(j, k);
-    RowOfNodes row(once, j, k, now.cells.low[0]);
+    RowOfNodes row(original, j, k, now.cells.low[0]);
     for (std::uint32_t n = now.row_begin[r]; n < now.row_begin[r + 1]; ++n) {
       const std::uint32_t before = row.find(now.column[n]);
-      if (before != SurfaceNet::kNone && once.classes[before] == now.classes[n])
-        now.positions[n] = once.positions[before];
+      if (before != SurfaceNet::kNone && original.classes[before] == now.classes[n])
+        now.positions[n] = original.positions[before];
       else
         cut.push_back(n);
     }
@@ -55,8 +55,9 @@ void carve_net(const SurfaceNet& once, SurfaceNet& now) {
   for (int round = 0; round < kCarvingRounds; ++round) {
     for (std::size_t c = 0; c < cut.size(); ++c) {
       const std::uint32_t n = cut[c];
-      const CellPosition path = links.paths(now.positions, n) * links.fraction[n] + links.offset[n];
-      moved[c] = (now.positions[n] + path).max(kCellMargin).min(1 - kCellMargin);
+      const CellPosition displacement =
+          links.difference_sum(now.positions, n) * links.fraction[n] + links.offset[n];
+      moved[c] = (now.positions[n] + displacement).max(kCellMargin).min(1 - kCellMargin);
     }
     for (std::size_t c = 0; c < cut.size(); ++c) now.positions[cut[c]] = moved[c];
   }

@@ -39,7 +39,7 @@ struct NetLinks {
 
   /// Sum over the links of the differences in position within the cells, in voxels, excluding the cells'
   /// offsets.
-  CellPosition paths(const std::vector<CellPosition>& positions, std::size_t n) const {
+  CellPosition difference_sum(const std::vector<CellPosition>& positions, std::size_t n) const {
     const auto& l = to[n];
     const CellPosition& at = positions[n];
     return ((positions[l[0]] - at) + (positions[l[1]] - at)) +

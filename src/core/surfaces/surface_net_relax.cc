@@ -233,7 +233,7 @@ Result<void> RedBlackSor::solve(int rounds, const Progress& progress) {
         CellPosition farthest = CellPosition::Zero();
         for (std::size_t n = first; n < last; ++n) {
           const CellPosition at = positions_[n];
-          const CellPosition pull = links_.paths(positions_, n) * links_.fraction[n] + rest_[n];
+          const CellPosition pull = links_.difference_sum(positions_, n) * links_.fraction[n] + rest_[n];
           const CellPosition to = (at + omega * pull).max(kCellMargin).min(1 - kCellMargin);
           farthest = farthest.max((to - at).abs());
           positions_[n] = to;
@@ -251,16 +251,16 @@ Result<void> RedBlackSor::solve(int rounds, const Progress& progress) {
 
 /// Vector from a node to the linked one, mm.
 CellPosition RedBlackSor::distance_mm(std::size_t n, int link) const {
-  CellPosition path = positions_[links_.to[n][link]] - positions_[n];
-  path[link / 2] += link % 2 == 0 ? -1.0f : 1.0f;
-  return path * spacing_;
+  CellPosition displacement = positions_[links_.to[n][link]] - positions_[n];
+  displacement[link / 2] += link % 2 == 0 ? -1.0f : 1.0f;
+  return displacement * spacing_;
 }
 
 /// Squared length of a link's component tangential to the surface, mm2.
 float RedBlackSor::square_along(std::size_t n, int link, const CellPosition& normal) const {
-  const CellPosition path = distance_mm(n, link);
-  const float up = (normal * path).sum();
-  return path.square().sum() - up * up;
+  const CellPosition displacement = distance_mm(n, link);
+  const float up = (normal * displacement).sum();
+  return displacement.square().sum() - up * up;
 }
 
 /// Sum of the area vectors of a node's quads, outward.

@@ -19,26 +19,26 @@ namespace palpate::internal::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 using Tag = hn::CappedTag<float, kTileVoxels>;
-using Many = hn::Vec<Tag>;
+using Floats = hn::Vec<Tag>;
 
-struct CellCorners {
-  Many x, y, z;
+struct Vec3s {
+  Floats x, y, z;
 };
 
-HWY_INLINE Many dot(const CellCorners& a, const CellCorners& b) {
+HWY_INLINE Floats dot(const Vec3s& a, const Vec3s& b) {
   return hn::Add(hn::Add(hn::Mul(a.x, b.x), hn::Mul(a.y, b.y)), hn::Mul(a.z, b.z));
 }
-HWY_INLINE CellCorners less(const CellCorners& a, const CellCorners& b) {
+HWY_INLINE Vec3s difference(const Vec3s& a, const Vec3s& b) {
   return {hn::Sub(a.x, b.x), hn::Sub(a.y, b.y), hn::Sub(a.z, b.z)};
 }
-HWY_INLINE CellCorners all_at(const float* positions) {
+HWY_INLINE Vec3s broadcast(const float* positions) {
   const Tag d;
   return {hn::Set(d, positions[0]), hn::Set(d, positions[1]), hn::Set(d, positions[2])};
 }
 
 /// Squared lower bound of the distance to a disc from a point `up` above its plane and at `from` relative to
 /// its centre.
-HWY_INLINE Many apart_squared(const CellCorners& from, Many up, Many along, Many across) {
+HWY_INLINE Floats apart_squared(const Vec3s& from, Floats up, Floats along, Floats across) {
   const auto zero = hn::Zero(Tag());
   const auto beside = hn::Sqrt(hn::Max(zero, hn::Sub(dot(from, from), hn::Mul(up, up))));
   const auto out = hn::Max(zero, hn::Sub(beside, across));
@@ -50,16 +50,16 @@ std::size_t filter_parts(const NearPartRows& in, const VoxelsBall& ball, float r
                          const NearPartRows& out) {
   const Tag d;
   const std::size_t lanes = hn::Lanes(d);
-  const CellCorners centre = all_at(ball.centre);
+  const Vec3s centre = broadcast(ball.centre);
 
   // lower bound of the distance to each part, and distance to the nearest centre
   auto nearest = hn::Set(d, 1e30f);
   for (std::size_t n = 0; n < in.count; n += lanes) {
-    const CellCorners middle{hn::LoadU(d, in.number[0] + n), hn::LoadU(d, in.number[1] + n),
-                             hn::LoadU(d, in.number[2] + n)};
-    const CellCorners normal{hn::LoadU(d, in.number[4] + n), hn::LoadU(d, in.number[5] + n),
-                             hn::LoadU(d, in.number[6] + n)};
-    const CellCorners from = less(centre, middle);
+    const Vec3s middle{hn::LoadU(d, in.number[0] + n), hn::LoadU(d, in.number[1] + n),
+                       hn::LoadU(d, in.number[2] + n)};
+    const Vec3s normal{hn::LoadU(d, in.number[4] + n), hn::LoadU(d, in.number[5] + n),
+                       hn::LoadU(d, in.number[6] + n)};
+    const Vec3s from = difference(centre, middle);
     const auto apart = apart_squared(from, dot(from, normal), hn::LoadU(d, in.number[3] + n),
                                      hn::LoadU(d, in.number[7] + n));
     hn::StoreU(apart, d, in.number[8] + n);
@@ -92,21 +92,22 @@ std::size_t filter_parts(const NearPartRows& in, const VoxelsBall& ball, float r
 
 /// Squared distance to a triangle; `up` is the height above its plane. If the projection is inside, the
 /// distance to the plane, else to the nearest of the three edges.
-HWY_INLINE Many squared_distance(const NetTriangle& t, const CellCorners& p, Many up) {
+HWY_INLINE Floats squared_distance(const NetTriangle& t, const Vec3s& p, Floats up) {
   const Tag d;
   const auto zero = hn::Zero(d), one = hn::Set(d, 1.0f);
-  const CellCorners ap = less(p, all_at(t.corner)), ab = all_at(t.ab), ac = all_at(t.ac), bc = less(ac, ab);
+  const Vec3s ap = difference(p, broadcast(t.corner)), ab = broadcast(t.ab), ac = broadcast(t.ac),
+              bc = difference(ac, ab);
   const auto along_ab = dot(ab, ap), along_ac = dot(ac, ap);
   const auto ab_ab = hn::Set(d, t.ab_ab), ab_ac = hn::Set(d, t.ab_ac), ac_ac = hn::Set(d, t.ac_ac);
-  const auto to_edge = [&](const CellCorners& from, const CellCorners& edge, Many along, float per) HWY_ATTR {
+  const auto to_edge = [&](const Vec3s& from, const Vec3s& edge, Floats along, float per) HWY_ATTR {
     const auto part = hn::Max(zero, hn::Min(one, hn::Mul(along, hn::Set(d, per))));
-    const CellCorners off = less(from, {hn::Mul(part, edge.x), hn::Mul(part, edge.y), hn::Mul(part, edge.z)});
+    const Vec3s off = difference(from, {hn::Mul(part, edge.x), hn::Mul(part, edge.y), hn::Mul(part, edge.z)});
     return dot(off, off);
   };
   const auto along_bc = hn::Sub(hn::Sub(along_ac, along_ab), hn::Sub(ab_ac, ab_ab));
   const auto beside =
       hn::Min(hn::Min(to_edge(ap, ab, along_ab, t.per_ab), to_edge(ap, ac, along_ac, t.per_ac)),
-              to_edge(less(ap, ab), bc, along_bc, t.per_bc));
+              to_edge(difference(ap, ab), bc, along_bc, t.per_bc));
   const auto v = hn::Sub(hn::Mul(ac_ac, along_ab), hn::Mul(ab_ac, along_ac));
   const auto w = hn::Sub(hn::Mul(ab_ab, along_ac), hn::Mul(ab_ac, along_ab));
   const auto inside = hn::And(hn::Ge(hn::Min(v, w), zero), hn::Le(hn::Add(v, w), hn::Set(d, t.area)));
@@ -117,15 +118,15 @@ void measure(const NetPart* parts, const NetTriangle* triangles, const std::int3
              NetTile& tile) {
   const Tag d;
   for (std::size_t x = 0; x < kTileVoxels; x += hn::Lanes(d)) {
-    const CellCorners p{hn::LoadU(d, tile.x + x), hn::LoadU(d, tile.y + x), hn::Set(d, tile.z)};
+    const Vec3s p{hn::LoadU(d, tile.x + x), hn::LoadU(d, tile.y + x), hn::Set(d, tile.z)};
     auto best = hn::LoadU(d, tile.squared + x);
-    const auto may_be_nearer = [&](const NetDisc& disc, Many& up) HWY_ATTR {
-      const CellCorners from = less(p, all_at(disc.middle));
-      up = dot(from, all_at(disc.normal));
+    const auto may_be_nearer = [&](const NetDisc& disc, Floats& up) HWY_ATTR {
+      const Vec3s from = difference(p, broadcast(disc.middle));
+      up = dot(from, broadcast(disc.normal));
       const auto apart = apart_squared(from, up, hn::Set(d, disc.along), hn::Set(d, disc.across));
       return !hn::AllFalse(d, hn::Lt(apart, best));
     };
-    Many up;
+    Floats up;
     for (std::size_t n = 0; n < count; ++n) {
       const NetPart& part = parts[near[n]];
       if (!may_be_nearer(part.disc, up)) continue;

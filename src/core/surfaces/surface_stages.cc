@@ -293,9 +293,9 @@ SurfaceStage SurfaceStages::stale(const Block<std::uint8_t>& corners, const Step
           }};
 }
 
-SurfaceStage SurfaceStages::position_again(const NetTriangles& net, const StepsSource& distance,
-                                           const StepsSource& was, const Block<std::uint8_t>& stale,
-                                           const Target<std::int16_t>& out) const {
+SurfaceStage SurfaceStages::updated_position(const NetTriangles& net, const StepsSource& distance,
+                                             const StepsSource& was, const Block<std::uint8_t>& stale,
+                                             const Target<std::int16_t>& out) const {
   return {out.span, [&net, distance, was, &stale, out, this](const Span3& slab) {
             Block<std::int16_t> steps = gather(was, kEvery, slab, 0);
             put_signed_distance(net, gather(distance, kEvery, slab, 1), plan.reach_mm, stale, steps);

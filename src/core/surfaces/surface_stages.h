@@ -92,8 +92,8 @@ struct SurfaceStages {
   SurfaceStage stale(const Block<std::uint8_t>& corners, const StepsSource& was,
                      const Target<std::uint8_t>& out) const;
   /// Distance to the net where it is stale, elsewhere the value of `was`.
-  SurfaceStage position_again(const NetTriangles& net, const StepsSource& distance, const StepsSource& was,
-                              const Block<std::uint8_t>& stale, const Target<std::int16_t>& out) const;
+  SurfaceStage updated_position(const NetTriangles& net, const StepsSource& distance, const StepsSource& was,
+                                const Block<std::uint8_t>& stale, const Target<std::int16_t>& out) const;
   SurfaceStage broad(const StepsSource& position, const Target<std::int16_t>& out) const;
   SurfaceStage normal(const StepsSource& broad, const StepsSource& position,
                       const Target<std::int16_t>& out) const;

@@ -271,16 +271,17 @@ Result<PreparedSurface> prepare(const Bricks<LabelId>& labels, LabelId label, co
 }
 
 /// Whether all of a structure's voxels in a changed box are within its surface's extent.
-bool has_room(const Bricks<LabelId>& labels, LabelId label, const Span3& extent, const Span3& changed) {
-  bool room = true;
+bool is_within_extent(const Bricks<LabelId>& labels, LabelId label, const Span3& extent,
+                      const Span3& changed) {
+  bool within = true;
   internal::for_each_row(labels, changed, [&](int j, int k, const LabelId* row) {
     const bool beside = j < extent.low[1] || j >= extent.high[1] || k < extent.low[2] || k >= extent.high[2];
     for (int i = changed.low[0]; i < changed.high[0]; ++i) {
       const bool beyond = beside || i < extent.low[0] || i >= extent.high[0];
-      room = room && !(beyond && row[i - changed.low[0]] == label);
+      within = within && !(beyond && row[i - changed.low[0]] == label);
     }
   });
-  return room;
+  return within;
 }
 
 /// Bounding box of voxels whose class changed, in the structure's grid, and the net gain of voxels.
@@ -348,15 +349,15 @@ Span3 differences(const PatchOf<std::int16_t>& patch, const Bricks<std::int16_t>
 }
 
 /// Carved net of some cells for the current classes.
-internal::SurfaceNet carved(const internal::SurfaceNet& once, const StepsSource& distance,
+internal::SurfaceNet carved(const internal::SurfaceNet& original, const StepsSource& distance,
                             const Span3& cells) {
   Span3 voxels = cells;
   for (int& high : voxels.high) ++high;
   internal::Block<std::int16_t> sides = internal::gather(distance, {1, 1, 1}, voxels, 1);
   for (std::int16_t& side : sides.values()) side = side < 0 ? std::int16_t{-1} : std::int16_t{1};
   internal::SurfaceNet net = internal::make_net([&](int j, int k) { return sides.row(j, k); }, cells,
-                                                once.spacing_mm.cast<double>());
-  internal::carve_net(once, net);
+                                                original.spacing_mm.cast<double>());
+  internal::carve_net(original, net);
   return net;
 }
 
@@ -364,8 +365,8 @@ internal::SurfaceNet carved(const internal::SurfaceNet& once, const StepsSource&
 class SurfaceUpdate {
  public:
   /// @param changed  bounding box of voxels whose class changed
-  SurfaceUpdate(const SurfacePlan& plan, const internal::SurfaceNet& once, const Span3& changed)
-      : plan_(plan), once_(once), fine_(full_span(plan.fine)) {
+  SurfaceUpdate(const SurfacePlan& plan, const internal::SurfaceNet& original, const Span3& changed)
+      : plan_(plan), original_(original), fine_(full_span(plan.fine)) {
     // nodes of cells at the change, those affected by relaxation, and triangles at them
     moved = grown(changed, internal::kCarvingRounds + 2);
     near = moved.grown(plan.window).clipped(fine_);
@@ -374,7 +375,7 @@ class SurfaceUpdate {
   /// Corners, marked 1, of all cells that contain a triangle which only one of the nets has.
   internal::Block<std::uint8_t> corners(const StepsSource& before, const StepsSource& now) const {
     const Span3 cells = internal::cells_of(grown(moved, internal::kCarvingRounds + 2));
-    const internal::SurfaceNet was = carved(once_, before, cells), is = carved(once_, now, cells);
+    const internal::SurfaceNet was = carved(original_, before, cells), is = carved(original_, now, cells);
     internal::Block<std::uint8_t> at(near.grown(plan_.window), 0);
     internal::Block<std::uint8_t> has_node(cells, 0);
     for (const internal::SurfaceNet* net : {&was, &is}) {
@@ -405,7 +406,7 @@ class SurfaceUpdate {
   internal::NetTriangles triangles(const StepsSource& now, const Span3& voxels) const {
     const Span3 around = grown(voxels.grown(plan_.window), 2);
     const Span3 cells = internal::cells_of(grown(around, internal::kCarvingRounds + 2));
-    return {carved(once_, now, cells), internal::cells_of(around)};
+    return {carved(original_, now, cells), internal::cells_of(around)};
   }
 
   Span3 moved;  ///< Contains all triangles that may differ
@@ -415,7 +416,7 @@ class SurfaceUpdate {
   Span3 grown(const Span3& span, int by) const { return span.grown({by, by, by}).clipped(fine_); }
 
   const SurfacePlan& plan_;
-  const internal::SurfaceNet& once_;
+  const internal::SurfaceNet& original_;
   Span3 fine_;
 };
 
@@ -494,12 +495,12 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
   SurfacePatch patch;
   if (old.options.drop_below_mm3 > 0) return patch;
   const Span3 known = to_span(dirty).clipped(full_span(labels.geometry()));
-  if (!has_room(labels, old.label, to_span(old.intermediates.extent), known)) return patch;
+  if (!is_within_extent(labels, old.label, to_span(old.intermediates.extent), known)) return patch;
   const Span3 changed = find_changes(old, labels, known.clipped(to_span(old.box)), patch.voxels_more);
   if (old.volume_mm3 + static_cast<double>(patch.voxels_more) * labels.geometry().voxel_volume_mm3() <
       0.5 * labels.geometry().voxel_volume_mm3())
     return patch;
-  patch.local = true;
+  patch.is_applicable = true;
   patch.max_gradient = old.surface.max_gradient();
   if (changed.empty()) return patch;
 
@@ -507,7 +508,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
   const SurfacePlan plan(labels.geometry(), old.box, old.options);
   const SurfaceStages stages{plan};
   const auto run = [&](std::initializer_list<SurfaceStage> together) {
-    patch.local = patch.local && stages.run(together, {}, {"preparing surfaces"}).ok();
+    patch.is_applicable = patch.is_applicable && stages.run(together, {}, {"preparing surfaces"}).ok();
   };
   const Span3 fine = full_span(plan.fine), coarse = full_span(plan.normal.geometry);
   const Bricks<std::int16_t>& was = old.surface.position().bricks();
@@ -526,8 +527,8 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
   run({stages.stale(corners, old_position, {stale.values().data(), stale.span()})});
   const Span3 position_part = box_of(stale);
   const internal::NetTriangles triangles = carving.triangles(distance, position_part);
-  run({stages.position_again(triangles, distance, old_position, stale,
-                             start(patch.position, position_part))});
+  run({stages.updated_position(triangles, distance, old_position, stale,
+                               start(patch.position, position_part))});
   const Span3 moved = differences(patch.position, was);
   const Span3 broad_part = plan.normal.inside(carving.moved.grown(plan.broad_window).clipped(moved))
                                .grown(plan.broad_filter.reach())
@@ -548,7 +549,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
 Result<PreparedSurface> update_surface(const PreparedSurface& old, const Bricks<LabelId>& labels,
                                        const VoxelBox& dirty) {
   const SurfacePatch patch = prepare_patch(old, labels, dirty);
-  if (!patch.local) {
+  if (!patch.is_applicable) {
     auto all = prepare_surfaces(labels, {old.label}, old.options);
     if (!all) return all.error();
     return std::move(all->front());

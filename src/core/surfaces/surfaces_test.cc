@@ -277,7 +277,7 @@ TEST(Surfaces, CarvedInManySmallBoxesEqualOneCarving) {
           }
         }
       }
-      local += prepare_patch(now, *label_bricks(labels), dirty).local ? 1 : 0;
+      local += prepare_patch(now, *label_bricks(labels), dirty).is_applicable ? 1 : 0;
       auto again = update_surface(now, *label_bricks(labels), dirty);
       ASSERT_TRUE(again.ok());
       // independent of history: only the first version and the current labels matter
@@ -363,7 +363,7 @@ TEST(Surfaces, PatchCoversExactlyTheNeighbourhoodOfACut) {
       std::fill_n(&pitted.at(pit.first[0], pit.first[1] + j, pit.first[2] + k), pit.size[0], LabelId{0});
   }
   const SurfacePatch patch = prepare_patch(once, *label_bricks(pitted), pit);
-  ASSERT_TRUE(patch.local);
+  ASSERT_TRUE(patch.is_applicable);
   // above the pit up to the reach; next to it, at less than the reach from the carved part of the net, the
   // nearest point is unchanged
   for (const int a : {0, 1}) {
@@ -385,11 +385,11 @@ TEST(Surfaces, AreRebuiltWhereTissueGrowsBeyondTheirExtent) {
   for (int j = 0; j < labels.geometry().dims[1]; ++j) {
     for (int i = 0; i < labels.geometry().dims[0]; ++i) labels.at(i, j, top) = 0;
   }
-  EXPECT_TRUE(prepare_patch(old, *label_bricks(labels), dirty).local);
+  EXPECT_TRUE(prepare_patch(old, *label_bricks(labels), dirty).is_applicable);
 
   // no change: an empty patch
   const SurfacePatch none = prepare_patch(old, *label_bricks(ball.labels), dirty);
-  EXPECT_TRUE(none.local);
+  EXPECT_TRUE(none.is_applicable);
   EXPECT_TRUE(none.position.values.empty());
 
   // outside the extent
@@ -397,7 +397,7 @@ TEST(Surfaces, AreRebuiltWhereTissueGrowsBeyondTheirExtent) {
   labels = ball.labels;
   labels.at(extent.first[0] - 1, extent.first[1] + 3, extent.first[2] + 3) = kTissue;
   const VoxelBox beyond{{0, 0, 0}, labels.geometry().dims};
-  EXPECT_FALSE(prepare_patch(old, *label_bricks(labels), beyond).local);
+  EXPECT_FALSE(prepare_patch(old, *label_bricks(labels), beyond).is_applicable);
   const auto again = update_surface(old, *label_bricks(labels), beyond);
   ASSERT_TRUE(again.ok());
   expect_same(*again, prepared_surfaces(labels));
@@ -434,7 +434,7 @@ TEST(Surfaces, ReportStraysAndDropThemOnRequest) {
   PreparedSurface dropped = prepared_surfaces(ball.labels, {.drop_below_mm3 = 1});
   EXPECT_TRUE(dropped.strays[0].dropped && dropped.strays[1].dropped);
   expect_same(dropped, clean);
-  EXPECT_FALSE(prepare_patch(dropped, *label_bricks(ball.labels), {{0, 0, 0}, {1, 1, 1}}).local);
+  EXPECT_FALSE(prepare_patch(dropped, *label_bricks(ball.labels), {{0, 0, 0}, {1, 1, 1}}).is_applicable);
 }
 
 // ---- bad input

@@ -6,8 +6,8 @@
 namespace palpate::internal {
 
 Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<int>& index,
-                               std::size_t structures, Common common, int threads, const Progress& progress,
-                               const ProgressSpan& stage) {
+                               std::size_t structures, Adjacency adjacency, int threads,
+                               const Progress& progress, const ProgressSpan& stage) {
   const GridGeometry& grid = labels.geometry();
   const int workers = worker_count(threads, grid.dims[2]);
   std::vector<Touching> found(static_cast<std::size_t>(workers), Touching(structures));
@@ -28,7 +28,7 @@ Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<
                                                    {-1, 1, 1},
                                                    {1, -1, 1},
                                                    {-1, -1, 1}}};
-  const std::size_t neighbours = common == Common::kFace ? 3 : kNeighbours.size();
+  const std::size_t neighbours = adjacency == Adjacency::kFace ? 3 : kNeighbours.size();
   const auto done = for_each_slice(grid.dims[2], workers, progress, stage, [&](int worker, int k) {
     Touching& mine = found[static_cast<std::size_t>(worker)];
     const auto visit_piece = [&](const RowPiece<LabelId>& piece) {

@@ -29,13 +29,13 @@ class Touching {
 };
 
 /// Kind of contact between voxels that counts as touching.
-enum class Common { kFace, kFaceEdgeOrCorner };
+enum class Adjacency { kFace, kFaceEdgeOrCorner };
 
 /// Finds pairs of structures whose voxels touch.
 /// @param index  structure of every label, 0 ... structures - 1; -1: none
 /// Errors: kInterrupted.
 Result<Touching> find_touching(const Bricks<LabelId>& labels, const std::vector<int>& index,
-                               std::size_t structures, Common common, int threads, const Progress& progress,
-                               const ProgressSpan& stage);
+                               std::size_t structures, Adjacency adjacency, int threads,
+                               const Progress& progress, const ProgressSpan& stage);
 
 }  // namespace palpate::internal

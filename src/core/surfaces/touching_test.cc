@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-using internal::Common;
+using internal::Adjacency;
 using internal::Touching;
 
 Volume<LabelId> random_labels(std::mt19937& random, int max_dim) {
@@ -25,7 +25,7 @@ Volume<LabelId> random_labels(std::mt19937& random, int max_dim) {
 }
 
 // oracle: examines every voxel's neighbours
-bool touch(const Volume<LabelId>& labels, LabelId a, LabelId b, Common common) {
+bool touch(const Volume<LabelId>& labels, LabelId a, LabelId b, Adjacency adjacency) {
   const auto& dims = labels.geometry().dims;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
@@ -33,7 +33,7 @@ bool touch(const Volume<LabelId>& labels, LabelId a, LabelId b, Common common) {
         for (int dk = -1; dk <= 1; ++dk)
           for (int dj = -1; dj <= 1; ++dj)
             for (int di = -1; di <= 1; ++di) {
-              if (common == Common::kFace && std::abs(di) + std::abs(dj) + std::abs(dk) != 1) continue;
+              if (adjacency == Adjacency::kFace && std::abs(di) + std::abs(dj) + std::abs(dk) != 1) continue;
               if (labels.at(i, j, k) == a && labels.at_or(i + di, j + dj, k + dk, 0) == b) return true;
             }
   return false;
@@ -46,15 +46,15 @@ TEST(Touching, EqualsASearchOverVoxelNeighbours) {
   const std::vector<int> index{-1, 0, 1, 2, 3, 4, -1};
   for (int round = 0; round < 60; ++round) {
     const Volume<LabelId> labels = random_labels(random, 6);
-    for (const Common common : {Common::kFace, Common::kFaceEdgeOrCorner})
+    for (const Adjacency adjacency : {Adjacency::kFace, Adjacency::kFaceEdgeOrCorner})
       for (const int threads : {1, 3}) {
         const auto found =
-            internal::find_touching(*label_bricks(labels), index, 5, common, threads, {}, {"test"});
+            internal::find_touching(*label_bricks(labels), index, 5, adjacency, threads, {}, {"test"});
         ASSERT_TRUE(found.ok());
         for (std::size_t a = 0; a < 5; ++a)
           for (std::size_t b = 0; b < a; ++b)
             EXPECT_EQ((*found)(a, b),
-                      touch(labels, static_cast<LabelId>(a + 1), static_cast<LabelId>(b + 1), common))
+                      touch(labels, static_cast<LabelId>(a + 1), static_cast<LabelId>(b + 1), adjacency))
                 << "round " << round;
       }
   }

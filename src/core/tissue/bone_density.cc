@@ -57,8 +57,8 @@ std::shared_ptr<const Bricks<std::uint16_t>> density_ratios_of(const Model& mode
                             : kDensityRatioOne;
   });
   for_rows([&](int i, int j, int k) {
-    const bool felt = model.is_touchable(model.labels->at(i, j, k));
-    ratios.at(i, j, k) = !felt ? mean_around(own, is_rigid, i, j, k) : own.at(i, j, k);
+    const bool is_touchable = model.is_touchable(model.labels->at(i, j, k));
+    ratios.at(i, j, k) = !is_touchable ? mean_around(own, is_rigid, i, j, k) : own.at(i, j, k);
   });
   return std::make_shared<const Bricks<std::uint16_t>>(ratios, kDensityRatioOne);
 }

@@ -10,8 +10,8 @@
 namespace palpate {
 namespace {
 
-ElasticGrid laid(const CarvedLabels& labels, const std::vector<ElasticMaterial>& by_label,
-                 const ElasticBox& box, const Point<Patient>& about) {
+ElasticGrid grid_with_springs(const CarvedLabels& labels, const std::vector<ElasticMaterial>& by_label,
+                              const ElasticBox& box, const Point<Patient>& about) {
   auto grid = ElasticGrid::of_labels(*labels.original, by_label, box, labels.removed_fraction.get());
   PALPATE_CHECK(grid.ok());
   grid->set_boundary_springs({true, true, true, true, true, true}, about);
@@ -88,7 +88,7 @@ CarvedCells::CarvedCells(CarvedLabels labels, const std::vector<ElasticMaterial>
                          const ElasticBox& box, const Point<Patient>& about)
     : labels_(std::move(labels)),
       cells_(labels_.original->geometry(), by_label, box),
-      grid_(laid(labels_, by_label, box, about)) {}
+      grid_(grid_with_springs(labels_, by_label, box, about)) {}
 
 void CarvedCells::mark_changed_cells(const CarvedLabels& labels) {
   const VoxelBox voxels =
@@ -111,8 +111,8 @@ CellBox CarvedCells::follow(const CarvedLabels& labels, ElasticSolver& solver) {
   return changed;
 }
 
-void CarvedCells::copy_overlap(const CarvedCells& topology_changed, const std::array<int, 3>& offset) {
-  CellBox shared = topology_changed.changing_cells_;
+void CarvedCells::copy_overlap(const CarvedCells& other, const std::array<int, 3>& offset) {
+  CellBox shared = other.changing_cells_;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     shared.low[axis] -= offset[axis];
     shared.high[axis] -= offset[axis];
@@ -120,7 +120,7 @@ void CarvedCells::copy_overlap(const CarvedCells& topology_changed, const std::a
   shared = shared.clipped(grid_.layout().cells);
   if (shared.empty()) return;
   grid_.set_cells(shared, [&](int i, int j, int k) {
-    return topology_changed.grid_.cell(i + offset[0], j + offset[1], k + offset[2]);
+    return other.grid_.cell(i + offset[0], j + offset[1], k + offset[2]);
   });
   changing_cells_ = shared;
 }

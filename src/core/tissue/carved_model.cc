@@ -12,8 +12,9 @@
 namespace palpate {
 namespace {
 
-std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<LabelId>> labels,
-                                               const Sweep& sweep, const std::vector<bool>& is_cut) {
+std::shared_ptr<const Bricks<LabelId>> labels_without_sweep(std::shared_ptr<const Bricks<LabelId>> labels,
+                                                            const Sweep& sweep,
+                                                            const std::vector<bool>& is_cut) {
   const GridGeometry& grid = labels->geometry();
   const auto X_PatientVoxel = grid.X_PatientVoxel();
   PatchOf<LabelId> patch{voxels_around(sweep, sweep.max_radius_mm(), grid), {}};
@@ -38,8 +39,8 @@ std::shared_ptr<const Bricks<LabelId>> without(std::shared_ptr<const Bricks<Labe
 
 // Swept fraction of a voxel: mean over its eight octants, each a linear function of the depth at its centre.
 // This is exact for a plane parallel to the octants' faces.
-double swept_part(const SweptShape& shape, const GridGeometry& grid,
-                  const Transform<Patient, Voxel>& X_PatientVoxel, int i, int j, int k) {
+double swept_fraction(const SweptShape& shape, const GridGeometry& grid,
+                      const Transform<Patient, Voxel>& X_PatientVoxel, int i, int j, int k) {
   const double half_diagonal_mm = 0.5 * grid.spacing_mm.norm();
   const double depth_mm = shape.depth_mm(X_PatientVoxel * Point<Voxel>(i, j, k));
   if (depth_mm <= -half_diagonal_mm) return 0;
@@ -66,7 +67,7 @@ Cut cut_of(const SweepRecord& sweep) {
            sweep.end_radius_mm}};
 }
 
-SweepRecord plain(const Cut& cut) {
+SweepRecord record_of(const Cut& cut) {
   const auto numbers = [](const auto& p) { return std::array{p.x(), p.y(), p.z()}; };
   const Sweep& sweep = cut.sweep;
   return {cut.device,   numbers(sweep.from),    numbers(sweep.to),  sweep.radius_mm,
@@ -113,21 +114,21 @@ std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
     const auto count = static_cast<std::size_t>(other - cuts.begin());
     if (!next->strokes_.continues(stroke))
       next->strokes_.begin(stroke, {std::make_shared<const Remaining>(next->remaining_), nullptr});
-    next->take(cuts.first(count));
+    next->apply(cuts.first(count));
     cuts = cuts.subspan(count);
   }
   return next;
 }
 
 // applies cuts of one stroke
-void Carving::take(std::span<const Cut> cuts) {
+void Carving::apply(std::span<const Cut> cuts) {
   std::vector<Sweep> sweeps;
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
   std::uint64_t hash = remaining_.hash != 0 ? remaining_.hash : kHashSeed;
   for (const Cut& cut : cuts) {
     PALPATE_CHECK(cut.device < kMaxDevices || cut.device == Cut::kBrokenOff);
     const Sweep& sweep = sweeps.emplace_back(cut.sweep);
-    count(cut);
+    account_for(cut);
     hash_word(hash, cut.device);
     for (int axis = 0; axis < 3; ++axis) {
       hash_double(hash, sweep.from[axis]);
@@ -138,7 +139,7 @@ void Carving::take(std::span<const Cut> cuts) {
       for (int axis = 0; axis < 3; ++axis) hash_double(hash, sweep.axis_mm[axis]);
       hash_double(hash, sweep.end_radius_mm);
     }
-    remaining_.labels = without(remaining_.labels, sweep, is_cuttable_);
+    remaining_.labels = labels_without_sweep(remaining_.labels, sweep, is_cuttable_);
     if (records_fractions_) record_removed_fractions(sweep);
     const SweptShape shape(sweep);
     low = low.min(shape.low() - shape.max_radius_mm());
@@ -147,17 +148,17 @@ void Carving::take(std::span<const Cut> cuts) {
   remaining_.hash = hash;
   for (std::size_t s = 0; s < original_surfaces_.size(); ++s) {
     if (original_surfaces_[s] == nullptr || original_surfaces_[s]->is_farther_than(low, high, 0)) continue;
-    std::shared_ptr<const CarvedSurface>& left = remaining_.surfaces[s];
+    std::shared_ptr<const CarvedSurface>& carved = remaining_.surfaces[s];
     const CarvedSurface now =
-        left != nullptr ? *left : CarvedSurface(original_surfaces_[s], protected_surfaces_);
-    CarvedSurface then = now.with(sweeps);
-    if (left != nullptr || then.surface() != original_surfaces_[s])
-      left = std::make_shared<const CarvedSurface>(std::move(then));
+        carved != nullptr ? *carved : CarvedSurface(original_surfaces_[s], protected_surfaces_);
+    CarvedSurface next = now.with(sweeps);
+    if (carved != nullptr || next.surface() != original_surfaces_[s])
+      carved = std::make_shared<const CarvedSurface>(std::move(next));
   }
 }
 
 // adds a sweep to its device's account, and a fragment to none
-void Carving::count(const Cut& cut) {
+void Carving::account_for(const Cut& cut) {
   CarvedMaterial discarded;
   CarvedMaterial& carved = cut.device == Cut::kBrokenOff ? discarded : carved_[cut.device];
   ++carved.sweeps;
@@ -189,10 +190,10 @@ void Carving::record_removed_fractions(const Sweep& sweep) {
         remaining_.removed_fraction->copy_row(box.first[0], j, k, box.size[0], &*value);
       for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
         if (*value == 255 || !is_cuttable_[original_labels_->at(i, j, k)]) continue;
-        const double part = swept_part(shape, grid, X_PatientVoxel, i, j, k);
-        const auto used = static_cast<std::uint8_t>(std::lround(255 * part));
-        differs = differs || used > *value;
-        *value = std::max(*value, used);
+        const double part = swept_fraction(shape, grid, X_PatientVoxel, i, j, k);
+        const auto removed = static_cast<std::uint8_t>(std::lround(255 * part));
+        differs = differs || removed > *value;
+        *value = std::max(*value, removed);
       }
     }
   if (!differs) return;
@@ -234,17 +235,17 @@ std::shared_ptr<const Model> Carving::applied_to(const Model& model) const {
   for (std::size_t s = 0; s < tracked_surfaces_; ++s) {
     if (original_surfaces_[s] == nullptr) continue;
     ContactSurface& surface = next->surfaces[s];
-    const CarvedSurface* const left = remaining_.surfaces[s].get();
-    surface.surface = left != nullptr ? left->surface() : original_surfaces_[s];
-    surface.original_surface = left != nullptr ? original_surfaces_[s] : nullptr;
-    surface.original_labels = left != nullptr ? original_labels_ : nullptr;
-    surface.clearance_error_mm = left != nullptr ? left->clearance_error_mm() : 0;
+    const CarvedSurface* const carved = remaining_.surfaces[s].get();
+    surface.surface = carved != nullptr ? carved->surface() : original_surfaces_[s];
+    surface.original_surface = carved != nullptr ? original_surfaces_[s] : nullptr;
+    surface.original_labels = carved != nullptr ? original_labels_ : nullptr;
+    surface.clearance_error_mm = carved != nullptr ? carved->clearance_error_mm() : 0;
   }
   for (std::size_t n = 0; n < original_of_tracked_.size(); ++n) {
     if (original_of_tracked_[n] < 0) continue;
     const auto s = static_cast<std::size_t>(original_of_tracked_[n]);
-    const CarvedSurface* const left = remaining_.surfaces[s].get();
-    const auto& surface = left != nullptr ? left->surface() : original_surfaces_[s];
+    const CarvedSurface* const carved = remaining_.surfaces[s].get();
+    const auto& surface = carved != nullptr ? carved->surface() : original_surfaces_[s];
     if (next->distances.structures()[n].tree->surface() != surface)
       next->distances = next->distances.with(n, surface);
   }

@@ -208,7 +208,7 @@ class CarvedBlock {
   }
 
   // excludes a protected structure from the cuts
-  void exclude_protected(const Surface& protected_surfaces) {
+  void exclude_protected(const Surface& protected_surface) {
     Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
     for (unsigned at = 0; at < 8; ++at) {
       Index voxel;
@@ -218,11 +218,11 @@ class CarvedBlock {
       low = low.min(position.eigen().array());
       high = high.max(position.eigen().array());
     }
-    if (protected_surfaces.is_farther_than(low, high, 0)) return;
+    if (protected_surface.is_farther_than(low, high, 0)) return;
     for_voxels(read_, [&, n = std::size_t{0}](int i, int j, int k) mutable {
       Steps& depth = cut_[n++];
       if (depth <= -far_) return;
-      const double steps = protected_surfaces.distance_mm(X_PatientVoxel_ * Point<Voxel>(i, j, k)) / step_mm_;
+      const double steps = protected_surface.distance_mm(X_PatientVoxel_ * Point<Voxel>(i, j, k)) / step_mm_;
       depth = std::min(depth, static_cast<Steps>(std::lround(std::clamp<double>(steps, -far_, far_))));
     });
   }

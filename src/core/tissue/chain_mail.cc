@@ -18,13 +18,13 @@ constexpr int kPasses = 4;
 constexpr double kAtRest_mm = 1e-3;
 
 struct Step {
-  int axis, path;
+  int axis, sign;
 };
 constexpr Step kNeighbours[] = {{0, 1}, {0, -1}, {1, 1}, {1, -1}, {2, 1}, {2, -1}};
 
 std::array<int, 3> beside(int i, int j, int k, int neighbour) {
   std::array<int, 3> at{i, j, k};
-  at[static_cast<std::size_t>(kNeighbours[neighbour].axis)] += kNeighbours[neighbour].path;
+  at[static_cast<std::size_t>(kNeighbours[neighbour].axis)] += kNeighbours[neighbour].sign;
   return at;
 }
 
@@ -51,7 +51,7 @@ struct ChainMail::Bounds {
 };
 
 ChainMail::ChainMail(const ElasticGrid& grid)
-    : box_(grid.box()), layout_(grid.layout()), moved_mm_(grid.layout()) {
+    : box_(grid.box()), layout_(grid.layout()), displacement_mm_(grid.layout()) {
   state_.resize(number(0, 0, layout_.cells[2] + 1), kFree);
   visited_.resize(state_.size());
   const auto& cells = layout_.cells;
@@ -69,7 +69,7 @@ std::size_t ChainMail::number(int i, int j, int k) const {
 }
 
 ChainMail::Bounds ChainMail::bounds_of(int i, int j, int k, int neighbour) const {
-  const auto [axis, path] = kNeighbours[neighbour];
+  const auto [axis, sign] = kNeighbours[neighbour];
   const auto at = beside(i, j, k, neighbour);
   const auto edge_mm = static_cast<float>(box_.cell_mm);
   const float shorter = (1 - static_cast<float>(kMinStretch)) * edge_mm,
@@ -77,14 +77,14 @@ ChainMail::Bounds ChainMail::bounds_of(int i, int j, int k, int neighbour) const
               lateral = static_cast<float>(kShear) * edge_mm;
   Bounds bounds;
   for (int c = 0; c < 3; ++c) {
-    const float its = moved_mm_.values[layout_.node(at[0], at[1], at[2], c)];
+    const float neighbour_mm = displacement_mm_.values[layout_.node(at[0], at[1], at[2], c)];
     const auto n = static_cast<std::size_t>(c);
     // relative to a neighbour in the positive direction the node may approach by `shorter` and recede by
     // `longer`
-    const float back = c != axis ? lateral : path > 0 ? longer : shorter;
-    const float on = c != axis ? lateral : path > 0 ? shorter : longer;
-    bounds.low[n] = its - back;
-    bounds.high[n] = its + on;
+    const float below = c != axis ? lateral : sign > 0 ? longer : shorter;
+    const float above = c != axis ? lateral : sign > 0 ? shorter : longer;
+    bounds.low[n] = neighbour_mm - below;
+    bounds.high[n] = neighbour_mm + above;
   }
   return bounds;
 }
@@ -112,7 +112,7 @@ void ChainMail::pull() {
     const Bounds bounds = bounds_of(link.i, link.j, link.k, link.by);
     bool is_moving = false;
     for (int c = 0; c < 3; ++c) {
-      float& moved = moved_mm_.values[layout_.node(link.i, link.j, link.k, c)];
+      float& moved = displacement_mm_.values[layout_.node(link.i, link.j, link.k, c)];
       const float bound = std::clamp(moved, bounds.low[static_cast<std::size_t>(c)],
                                      bounds.high[static_cast<std::size_t>(c)]);
       is_moving = is_moving || bound != moved;
@@ -156,11 +156,12 @@ void ChainMail::press(const Dent& dent) {
                    [](const Moved& a, const Moved& b) { return a.to_mm < b.to_mm; });
   for (const auto& [to_mm, i, j, k] : moved) {
     Eigen::Vector3d now;
-    for (int c = 0; c < 3; ++c) now[c] = moved_mm_.values[layout_.node(i, j, k, c)];
+    for (int c = 0; c < 3; ++c) now[c] = displacement_mm_.values[layout_.node(i, j, k, c)];
     const double further_mm = to_mm - now.dot(outward);
     if (further_mm >= 0) continue;
     now += outward * further_mm;
-    for (int c = 0; c < 3; ++c) moved_mm_.values[layout_.node(i, j, k, c)] = static_cast<float>(now[c]);
+    for (int c = 0; c < 3; ++c)
+      displacement_mm_.values[layout_.node(i, j, k, c)] = static_cast<float>(now[c]);
     state_[number(i, j, k)] = kByTool;
     queue_neighbours(i, j, k);
     pull();
@@ -185,7 +186,7 @@ void ChainMail::relax(int passes) {
         if (state_[number(at[0], at[1], at[2])] == kNone) continue;
         const Bounds bounds = bounds_of(i, j, k, neighbour);
         for (std::size_t c = 0; c < 3; ++c) {
-          sum[c] += moved_mm_.values[layout_.node(at[0], at[1], at[2], static_cast<int>(c))];
+          sum[c] += displacement_mm_.values[layout_.node(at[0], at[1], at[2], static_cast<int>(c))];
           low[c] = std::max(low[c], bounds.low[c]);
           high[c] = std::min(high[c], bounds.high[c]);
         }
@@ -194,7 +195,7 @@ void ChainMail::relax(int passes) {
       for (std::size_t c = 0; c < 3; ++c)
         // contradictory bounds: no movement
         if (count > 0 && low[c] <= high[c])
-          moved_mm_.values[layout_.node(i, j, k, static_cast<int>(c))] =
+          displacement_mm_.values[layout_.node(i, j, k, static_cast<int>(c))] =
               std::clamp(sum[c] / count, low[c], high[c]);
     });
 }
@@ -206,14 +207,14 @@ void ChainMail::copy_overlap(const ChainMail& other, const std::array<int, 3>& o
       if (there[axis] < 0 || there[axis] > other.layout_.cells[axis]) return;
     if (state_[number(i, j, k)] != kFree) return;
     for (int c = 0; c < 3; ++c)
-      moved_mm_.values[layout_.node(i, j, k, c)] =
-          other.moved_mm_.values[other.layout_.node(there[0], there[1], there[2], c)];
+      displacement_mm_.values[layout_.node(i, j, k, c)] =
+          other.displacement_mm_.values[other.layout_.node(there[0], there[1], there[2], c)];
   });
 }
 
 double ChainMail::max_displacement_mm() const {
   double largest = 0;
-  for (const float moved : moved_mm_.values)
+  for (const float moved : displacement_mm_.values)
     largest = std::max(largest, std::abs(static_cast<double>(moved)));
   return largest;
 }
@@ -240,7 +241,7 @@ void ChainMailTissue::advance(const Model& model, const TickRecord& record) {
                       region->by_label == by_label;
     if (pressed) {
       const Eigen::Vector3d centre = solver_box_centre(model, dent.at, dent.outward);
-      if (!same || !covers(model, region->where.first_cell, centre)) {
+      if (!same || !box_covers(model, region->where.first_cell, centre)) {
         const SolverBox where{first_cell_around(model, centre), dent.at};
         auto next = std::make_unique<Region>(
             Region{where, labels, by_label, ChainMail(solver_box_cells(model, by_label, where).grid())});

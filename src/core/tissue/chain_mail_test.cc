@@ -38,9 +38,9 @@ Dent dent_of(double depth_mm, double radius_mm = 3, double x = 8, double y = 8) 
   return {{x, y, kSurface_mm}, {0, 0, 1}, depth_mm, radius_mm};
 }
 
-Eigen::Vector3d moved_mm(const ChainMail& mail, int i, int j, int k) {
+Eigen::Vector3d displacement_mm(const ChainMail& mail, int i, int j, int k) {
   Eigen::Vector3d moved;
-  for (int c = 0; c < 3; ++c) moved[c] = mail.moved_mm().values[mail.layout().node(i, j, k, c)];
+  for (int c = 0; c < 3; ++c) moved[c] = mail.displacement_mm().values[mail.layout().node(i, j, k, c)];
   return moved;
 }
 
@@ -55,7 +55,8 @@ double max_beyond_mm(const ChainMail& mail, const ElasticGrid& grid) {
       const int to[3] = {i + (axis == 0), j + (axis == 1), k + (axis == 2)};
       if (*std::max_element(to, to + 3) > kMailCells || !is_there(i, j, k) || !is_there(to[0], to[1], to[2]))
         continue;
-      const Eigen::Vector3d further = moved_mm(mail, to[0], to[1], to[2]) - moved_mm(mail, i, j, k);
+      const Eigen::Vector3d further =
+          displacement_mm(mail, to[0], to[1], to[2]) - displacement_mm(mail, i, j, k);
       for (int c = 0; c < 3; ++c)
         largest =
             std::max(largest, c == axis ? std::max(further[c] - (ChainMail::kMaxStretch - 1) * kEdge_mm,
@@ -72,15 +73,16 @@ TEST(ChainMail, LinksBelowADentCompressWithinTheirBounds) {
   mail.press(dent_of(1.8));
   // directly below the tool's tip each link contributes half its length
   for (int below = 0; below < 6; ++below)
-    EXPECT_NEAR(moved_mm(mail, 8, 8, kMailCells - 4 - below).z(), -std::max(0.0, 1.8 - 0.5 * below), 1e-6)
+    EXPECT_NEAR(displacement_mm(mail, 8, 8, kMailCells - 4 - below).z(), -std::max(0.0, 1.8 - 0.5 * below),
+                1e-6)
         << below;
   // the tool's sphere and, where that is steeper than links can shear, half a length per link
   const double first_mm = 1.8 - (3 - std::sqrt(8.0));
   for (int lateral = 1; lateral < 5; ++lateral)
-    EXPECT_NEAR(-moved_mm(mail, 8 + lateral, 8, kMailCells - 4).z(),
+    EXPECT_NEAR(-displacement_mm(mail, 8 + lateral, 8, kMailCells - 4).z(),
                 std::max(0.0, first_mm - 0.5 * (lateral - 1)), 1e-6)
         << lateral;
-  EXPECT_EQ(moved_mm(mail, 2, 2, kMailCells - 4), Eigen::Vector3d::Zero()) << "far away";
+  EXPECT_EQ(displacement_mm(mail, 2, 2, kMailCells - 4), Eigen::Vector3d::Zero()) << "far away";
 }
 
 TEST(ChainMail, LinksStayWithinTheirBoundsForAnyPress) {
@@ -121,19 +123,19 @@ TEST(ChainMail, HeldDentSpreadsSymmetrically) {
   mail.relax(300);
   const int top = kMailCells - 4;
   for (const int lateral : {1, 3, 5}) {
-    const double right = moved_mm(mail, 8 + lateral, 8, top).z();
-    EXPECT_NEAR(moved_mm(mail, 8 - lateral, 8, top).z(), right, 1e-3);
-    EXPECT_NEAR(moved_mm(mail, 8, 8 + lateral, top).z(), right, 1e-3);
+    const double right = displacement_mm(mail, 8 + lateral, 8, top).z();
+    EXPECT_NEAR(displacement_mm(mail, 8 - lateral, 8, top).z(), right, 1e-3);
+    EXPECT_NEAR(displacement_mm(mail, 8, 8 + lateral, top).z(), right, 1e-3);
     EXPECT_LT(right, -0.05);
   }
   // where no bound is active, the mean of its neighbours
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (int axis = 0; axis < 3; ++axis)
     for (const int direction : {-1, 1})
-      mean += moved_mm(mail, 8 + direction * (axis == 0), 4 + direction * (axis == 1),
-                       7 + direction * (axis == 2)) /
+      mean += displacement_mm(mail, 8 + direction * (axis == 0), 4 + direction * (axis == 1),
+                              7 + direction * (axis == 2)) /
               6;
-  EXPECT_LT((mean - moved_mm(mail, 8, 4, 7)).norm(), 1e-4);
+  EXPECT_LT((mean - displacement_mm(mail, 8, 4, 7)).norm(), 1e-4);
 }
 
 TEST(ChainMail, BoneDoesNotMoveUnderThinTissue) {
@@ -143,9 +145,9 @@ TEST(ChainMail, BoneDoesNotMoveUnderThinTissue) {
   mail.press(dent_of(1.8));
   mail.relax(20);
   for (int i = 0; i <= kMailCells; ++i)
-    EXPECT_EQ(moved_mm(mail, i, 8, kMailCells - 6), Eigen::Vector3d::Zero()) << i;
-  EXPECT_NEAR(moved_mm(mail, 8, 8, kMailCells - 4).z(), -1.8, 1e-6);
-  for (const float moved : mail.moved_mm().values) ASSERT_TRUE(std::isfinite(moved));
+    EXPECT_EQ(displacement_mm(mail, i, 8, kMailCells - 6), Eigen::Vector3d::Zero()) << i;
+  EXPECT_NEAR(displacement_mm(mail, 8, 8, kMailCells - 4).z(), -1.8, 1e-6);
+  for (const float moved : mail.displacement_mm().values) ASSERT_TRUE(std::isfinite(moved));
 }
 
 TickRecord dented_at(double x, double y, double depth_mm) {
@@ -181,9 +183,9 @@ TEST(ChainMailTissue, DisplaysADentExceptInRigidTissue) {
   const auto model = soft_block(false, 1, TissueLaw::kChainMail);
   const DisplacedTissue deformed(*model, dented_at(0, 0, 2));
   ASSERT_FALSE(deformed.is_at_rest());
-  EXPECT_NEAR(deformed.moved_mm({0, 0, 0}).z(), -2, 0.3);
-  EXPECT_GT(deformed.moved_mm({9, 0, 0}).z(), -1);
-  EXPECT_EQ(deformed.moved_mm({0, 0, -25}).norm(), 0) << "bone";
+  EXPECT_NEAR(deformed.displacement_mm({0, 0, 0}).z(), -2, 0.3);
+  EXPECT_GT(deformed.displacement_mm({9, 0, 0}).z(), -1);
+  EXPECT_EQ(deformed.displacement_mm({0, 0, -25}).norm(), 0) << "bone";
   EXPECT_GT(deformed.strain({0, 0, -2}), 0.05);
   TickRecord on_bone = dented_at(0, 0, 2);
   on_bone.device[0].contact_label[0] = 3;

@@ -22,16 +22,17 @@ constexpr int kMaxIterations = 60;
 constexpr double kConverged = 1e-4;
 
 /// Displacements of all nodes, along the box's axes.
-std::vector<Eigen::Vector3f> moved_by(const ElasticGrid& grid, const ElasticField& unit_mm, double force_N) {
+std::vector<Eigen::Vector3f> node_displacements_mm(const ElasticGrid& grid, const ElasticField& unit_mm,
+                                                   double force_N) {
   const ElasticBox& box = grid.box();
-  std::vector<Eigen::Vector3f> moved_mm(DisplacementField::node(box, 0, 0, box.cells[2] + 1));
+  std::vector<Eigen::Vector3f> displacement_mm(DisplacementField::node(box, 0, 0, box.cells[2] + 1));
   for (int k = 0; k <= box.cells[2]; ++k)
     for (int j = 0; j <= box.cells[1]; ++j)
       for (int i = 0; i <= box.cells[0]; ++i)
         for (int c = 0; c < 3; ++c)
-          moved_mm[DisplacementField::node(box, i, j, k)][c] =
+          displacement_mm[DisplacementField::node(box, i, j, k)][c] =
               static_cast<float>(force_N * unit_mm.values[grid.layout().node(i, j, k, c)]);
-  return moved_mm;
+  return displacement_mm;
 }
 
 std::vector<bool> empty_nodes(const ElasticGrid& grid) {
@@ -64,7 +65,7 @@ void DisplacedTissue::move(const Model& model, const TickRecord& record) {
     ChainMail mail(cells.grid());
     mail.press(dent);
     mail.relax(kPasses);
-    parts_.emplace_back(cells.grid(), mail.moved_mm(), 1);
+    parts_.emplace_back(cells.grid(), mail.displacement_mm(), 1);
   }
 }
 
@@ -97,14 +98,14 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
       spot.patch_radius_mm = rho_mm;
       spot.poissons_ratio = patch.poissons_ratio();
       spot.compute_surroundings();
-      force_N = instantaneous_force_N(record.device[d], tissue_at(spot), press.radius_mm,
+      force_N = instantaneous_force_N(record.device[d], contact_law_of(spot), press.radius_mm,
                                       max_deformable_stiffness_N_per_mm(model));
     }
     parts_.emplace_back(grid, unit_mm, force_N);
   }
 }
 
-Vector<Patient> DisplacedTissue::moved_mm(const Point<Patient>& at_rest) const {
+Vector<Patient> DisplacedTissue::displacement_mm(const Point<Patient>& at_rest) const {
   Vector<Patient> moved;
   for (const Part& part : parts_) part.moved().add_displacement(at_rest, moved);
   return moved;
@@ -125,7 +126,7 @@ double DisplacedTissue::strain(const Point<Patient>& at_rest) const {
 }
 
 DisplacedTissue::Part::Part(const ElasticGrid& grid, const ElasticField& unit_mm, double force_N)
-    : moved_(grid.box(), moved_by(grid, unit_mm, force_N), empty_nodes(grid), kFadeCells) {
+    : moved_(grid.box(), node_displacements_mm(grid, unit_mm, force_N), empty_nodes(grid), kFadeCells) {
   compute_gradients(grid);
 }
 

@@ -37,32 +37,33 @@ TEST(DisplacedTissue, DisplacementMatchesTheCompliance) {
       const double x = spot.patch_radius_mm * a / kSteps, y = spot.patch_radius_mm * b / kSteps;
       const double inside = 1 - (x * x + y * y) / (spot.patch_radius_mm * spot.patch_radius_mm);
       if (!(inside > 0)) continue;
-      sum -= std::sqrt(inside) * deformed.moved_mm({x, y, 0}).z();
+      sum -= std::sqrt(inside) * deformed.displacement_mm({x, y, 0}).z();
       weights += std::sqrt(inside);
     }
   EXPECT_NEAR(sum / weights / (kForce_N * spot.compliance_mm_per_N), 1, 0.02);
   // proportional to the force
   const DisplacedTissue twice(*model, pressed_with(0, 0, 2 * kForce_N));
   const Point<Patient> deep(3, -2, -6);
-  EXPECT_LT((twice.moved_mm(deep) - deformed.moved_mm(deep) * 2).norm(), 0.01 * twice.moved_mm(deep).norm());
+  EXPECT_LT((twice.displacement_mm(deep) - deformed.displacement_mm(deep) * 2).norm(),
+            0.01 * twice.displacement_mm(deep).norm());
 }
 
 TEST(DisplacedTissue, EmptySpaceFollowsWithoutFolding) {
   const DisplacedTissue deformed(*soft_block(true), pressed_with(0, 0, 0.3));
-  const double dent_mm = -deformed.moved_mm({0, 0, 0}).z();
+  const double dent_mm = -deformed.displacement_mm({0, 0, 0}).z();
   EXPECT_GT(dent_mm, 1.5);
-  EXPECT_NEAR(-deformed.moved_mm({0, 0, 1}).z() / dent_mm, 1, 0.25);
+  EXPECT_NEAR(-deformed.displacement_mm({0, 0, 1}).z() / dent_mm, 1, 0.25);
   double before = -1e9;
   for (double z = -19; z < 38; z += 0.05) {
-    const double observed = z + deformed.moved_mm({0, 0, z}).z();
+    const double observed = z + deformed.displacement_mm({0, 0, z}).z();
     ASSERT_GT(observed, before) << "folded at " << z;
     before = observed;
   }
   // bone is fixed, and distant tissue is at rest
-  EXPECT_EQ(deformed.moved_mm({0, 0, -25}).norm(), 0);
-  EXPECT_EQ(deformed.moved_mm({0, 0, 39.9}).norm(), 0);
-  EXPECT_EQ(deformed.moved_mm({200, 0, -5}).norm(), 0);
-  EXPECT_EQ(deformed.moved_mm({kNoValue, 0, -5}).norm(), 0);
+  EXPECT_EQ(deformed.displacement_mm({0, 0, -25}).norm(), 0);
+  EXPECT_EQ(deformed.displacement_mm({0, 0, 39.9}).norm(), 0);
+  EXPECT_EQ(deformed.displacement_mm({200, 0, -5}).norm(), 0);
+  EXPECT_EQ(deformed.displacement_mm({kNoValue, 0, -5}).norm(), 0);
 }
 
 TEST(DisplacedTissue, StrainMatchesTheDisplacementGradient) {
@@ -76,8 +77,8 @@ TEST(DisplacedTissue, StrainMatchesTheDisplacementGradient) {
     for (int axis = 0; axis < 3; ++axis) {
       Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
       displacement[axis] = 0.01;
-      gradient.col(axis) += (deformed.moved_mm(centre + Vector<Patient>(displacement)) -
-                             deformed.moved_mm(centre - Vector<Patient>(displacement)))
+      gradient.col(axis) += (deformed.displacement_mm(centre + Vector<Patient>(displacement)) -
+                             deformed.displacement_mm(centre - Vector<Patient>(displacement)))
                                 .eigen() /
                             0.02;
     }
@@ -100,9 +101,9 @@ TEST(DisplacedTissue, DisplacementsOfTwoToolsSuperpose) {
   both.devices = 2;
   both.device[1] = other.device[0];
   const Point<Patient> between(0, 1, -3);
-  const Vector<Patient> sum =
-      DisplacedTissue(*model, one).moved_mm(between) + DisplacedTissue(*model, other).moved_mm(between);
-  EXPECT_LT((DisplacedTissue(*model, both).moved_mm(between) - sum).norm(), 1e-9);
+  const Vector<Patient> sum = DisplacedTissue(*model, one).displacement_mm(between) +
+                              DisplacedTissue(*model, other).displacement_mm(between);
+  EXPECT_LT((DisplacedTissue(*model, both).displacement_mm(between) - sum).norm(), 1e-9);
   EXPECT_GT(sum.norm(), 0.05);
 }
 
@@ -115,7 +116,7 @@ TEST(DisplacedTissue, IsAtRestWithoutSoftContact) {
   auto layers = std::make_shared<Model>(*model);
   layers->tissue_law = TissueLaw::kLayers;
   EXPECT_TRUE(DisplacedTissue(*layers, pressed_with(0, 0, 1)).is_at_rest());
-  EXPECT_EQ(DisplacedTissue().moved_mm({0, 0, 0}).norm(), 0);
+  EXPECT_EQ(DisplacedTissue().displacement_mm({0, 0, 0}).norm(), 0);
 }
 
 }  // namespace

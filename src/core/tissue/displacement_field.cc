@@ -12,16 +12,16 @@ namespace {
 
 // Distance that the field is continued into empty nodes, per displacement: limits the slope to 1/3, so that
 // nothing folds.
-constexpr double kCarriedPerMoved = 3;
-constexpr int kMinCarried = 4, kMaxCarried = 24;
+constexpr double kExtrapolationPerDisplacement = 3;
+constexpr int kMinExtrapolatedLayers = 4, kMaxExtrapolatedLayers = 24;
 
 }  // namespace
 
-DisplacementField::DisplacementField(const ElasticBox& box, std::vector<Eigen::Vector3f> moved_mm,
+DisplacementField::DisplacementField(const ElasticBox& box, std::vector<Eigen::Vector3f> displacement_mm,
                                      const std::vector<bool>& empty, double fade_cells)
-    : box_(box), fade_cells_(fade_cells), moved_mm_(std::move(moved_mm)) {
-  PALPATE_CHECK(moved_mm_.size() == node(box_, 0, 0, box_.cells[2] + 1) && empty.size() == moved_mm_.size() &&
-                fade_cells_ > 0);
+    : box_(box), fade_cells_(fade_cells), displacement_mm_(std::move(displacement_mm)) {
+  PALPATE_CHECK(displacement_mm_.size() == node(box_, 0, 0, box_.cells[2] + 1) &&
+                empty.size() == displacement_mm_.size() && fade_cells_ > 0);
   extrapolate_into_empty_nodes(empty);
 }
 
@@ -29,13 +29,14 @@ DisplacementField::DisplacementField(const ElasticBox& box, std::vector<Eigen::V
 void DisplacementField::extrapolate_into_empty_nodes(const std::vector<bool>& empty) {
   const auto& cells = box_.cells;
   float max_mm = 0;
-  for (const Eigen::Vector3f& moved : moved_mm_) max_mm = std::max(max_mm, moved.norm());
-  const int layers = std::clamp(static_cast<int>(std::ceil(kCarriedPerMoved * max_mm / box_.cell_mm)),
-                                kMinCarried, kMaxCarried);
+  for (const Eigen::Vector3f& moved : displacement_mm_) max_mm = std::max(max_mm, moved.norm());
+  const int layers =
+      std::clamp(static_cast<int>(std::ceil(kExtrapolationPerDisplacement * max_mm / box_.cell_mm)),
+                 kMinExtrapolatedLayers, kMaxExtrapolatedLayers);
   struct Node {
     int i, j, k;
   };
-  std::vector<bool> known(moved_mm_.size());
+  std::vector<bool> known(displacement_mm_.size());
   std::vector<Node> edge;
   for (int k = 0; k <= cells[2]; ++k)
     for (int j = 0; j <= cells[1]; ++j)
@@ -44,8 +45,8 @@ void DisplacementField::extrapolate_into_empty_nodes(const std::vector<bool>& em
         known[node(box_, i, j, k)] = true;
         edge.push_back({i, j, k});
       }
-  std::vector<Eigen::Vector3f> whole_mm = moved_mm_;
-  std::vector<int> neighbours(moved_mm_.size());
+  std::vector<Eigen::Vector3f> whole_mm = displacement_mm_;
+  std::vector<int> neighbours(displacement_mm_.size());
   for (int layer = 0; layer < layers && !edge.empty(); ++layer) {
     std::vector<Node> next;
     for (const Node& from : edge)
@@ -63,7 +64,7 @@ void DisplacementField::extrapolate_into_empty_nodes(const std::vector<bool>& em
       const std::size_t n = node(box_, at.i, at.j, at.k);
       known[n] = true;
       whole_mm[n] /= static_cast<float>(neighbours[n]);
-      moved_mm_[n] = fraction * whole_mm[n];
+      displacement_mm_[n] = fraction * whole_mm[n];
     }
     edge = std::move(next);
   }

@@ -44,7 +44,7 @@ bool find_cell(const ElasticGrid& grid, const Eigen::Vector3d& position, const E
 }
 
 template <class Weights>
-void sum_up(Weights& weights) {
+void merge_duplicates(Weights& weights) {
   std::sort(weights.begin(), weights.end(), [](const auto& a, const auto& b) { return a.value < b.value; });
   std::size_t count = 0;
   for (const auto& one : weights) {
@@ -155,9 +155,9 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
       }
       if (grid.constraint(node[0], node[1], node[2]) == 0) {
         const int one = (along + 1) % 3, other = (along + 2) % 3;
-        supported_.push_back({static_cast<std::uint32_t>(node[other] * (all[one] + 1) + node[one]),
-                              static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], 0)),
-                              static_cast<float>(sample_weight * factor[0] * factor[1] * factor[2])});
+        node_loads_.push_back({static_cast<std::uint32_t>(node[other] * (all[one] + 1) + node[one]),
+                               static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], 0)),
+                               static_cast<float>(sample_weight * factor[0] * factor[1] * factor[2])});
       }
       for (int c = 0; c < 3; ++c) {
         const auto value = static_cast<std::uint32_t>(grid.layout().node(node[0], node[1], node[2], c));
@@ -170,12 +170,12 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
     }
   }
   row_ = static_cast<std::uint32_t>(grid.layout().row);
-  sum_up(weights_);
-  sum_up(supported_);
-  std::sort(supported_.begin(), supported_.end(), [](const Borne& a, const Borne& b) {
+  merge_duplicates(weights_);
+  merge_duplicates(node_loads_);
+  std::sort(node_loads_.begin(), node_loads_.end(), [](const NodeLoad& a, const NodeLoad& b) {
     return std::pair(a.column, a.value) < std::pair(b.column, b.value);
   });
-  for (auto& weights : along_) sum_up(weights);
+  for (auto& weights : along_) merge_duplicates(weights);
 }
 
 void PressurePatch::add(double force_N, ElasticField& nodes_N) const {
@@ -186,28 +186,28 @@ double PressurePatch::displacement(const ElasticField& u_mm) const {
   return product(weights_, u_mm);
 }
 
-ConstrainedMeans PressurePatch::columns(double part) const {
+ConstrainedMeans PressurePatch::columns(double min_load_fraction) const {
   // end of the column that begins at an index
   const auto end_of = [&](std::size_t first) {
     std::size_t end = first;
-    while (end < supported_.size() && supported_[end].column == supported_[first].column) ++end;
+    while (end < node_loads_.size() && node_loads_[end].column == node_loads_[first].column) ++end;
     return end;
   };
-  const auto bears = [&](std::size_t first) {
+  const auto column_load = [&](std::size_t first) {
     double sum = 0;
-    for (std::size_t n = first, end = end_of(first); n < end; ++n) sum += supported_[n].weight;
+    for (std::size_t n = first, end = end_of(first); n < end; ++n) sum += node_loads_[n].weight;
     return sum;
   };
   double largest = 0;
-  for (std::size_t n = 0; n < supported_.size(); n = end_of(n)) largest = std::max(largest, bears(n));
+  for (std::size_t n = 0; n < node_loads_.size(); n = end_of(n)) largest = std::max(largest, column_load(n));
   ConstrainedMeans means;
   std::vector<Weight> mean;
-  for (std::size_t n = 0; n < supported_.size(); n = end_of(n)) {
-    if (!(bears(n) > 0) || bears(n) < part * largest) continue;
+  for (std::size_t n = 0; n < node_loads_.size(); n = end_of(n)) {
+    if (!(column_load(n) > 0) || column_load(n) < min_load_fraction * largest) continue;
     for (std::uint32_t c = 0; c < 3; ++c) {
       mean.clear();
       for (std::size_t m = n, end = end_of(n); m < end; ++m)
-        mean.push_back({supported_[m].value + c * row_, supported_[m].weight});
+        mean.push_back({node_loads_[m].value + c * row_, node_loads_[m].weight});
       means.add(mean);
     }
   }

@@ -191,7 +191,7 @@ std::size_t ElasticGrid::soft_cells() const {
 }
 
 void ElasticGrid::set_boundary_springs(const std::array<bool, 6>& faces, const Point<Patient>& about) {
-  beyond_ = faces;
+  spring_faces_ = faces;
   load_point_mm_ = box_.local_mm(about);
   set_springs(all_cells());
 }
@@ -200,8 +200,8 @@ void ElasticGrid::set_springs(const CellBox& cells) {
   constexpr double kAlongNormal = 2;
   bool any = false;
   for (int face = 0; face < 6; ++face)
-    any = any || (beyond_[face] && (face % 2 == 0 ? cells.low[face / 2] == 0
-                                                  : cells.high[face / 2] == layout_.cells[face / 2]));
+    any = any || (spring_faces_[face] && (face % 2 == 0 ? cells.low[face / 2] == 0
+                                                        : cells.high[face / 2] == layout_.cells[face / 2]));
   if (!any) return;
   for_each_node(cells, [&](int i, int j, int k) {
     for (int component = 0; component < 3; ++component) springs_[layout_.node(i, j, k, component)] = 0;
@@ -214,7 +214,7 @@ void ElasticGrid::set_springs(const CellBox& cells) {
     const std::array<int, 3> cell{i, j, k};
     for (int face = 0; face < 6; ++face) {
       const int axis = face / 2, end = face % 2;
-      if (!beyond_[face] || cell[axis] != (end == 0 ? 0 : layout_.cells[axis] - 1)) continue;
+      if (!spring_faces_[face] || cell[axis] != (end == 0 ? 0 : layout_.cells[axis] - 1)) continue;
       for_each_corner(i, j, k, [&](int a, int b, int c) {
         const std::array<int, 3> node{a, b, c};
         if (node[axis] != cell[axis] + end || !cells.contains_node(a, b, c)) return;
@@ -238,41 +238,43 @@ std::size_t ElasticGrid::FloatingComponents::constrain(const ElasticGrid& grid,
                                                        std::vector<std::uint8_t>& constraints) {
   const ElasticLayout& layout = grid.layout();
   visited_.assign(grid.mu().size(), false);
-  std::size_t loose = 0;
+  std::size_t floating_cells = 0;
   for_each_cell(grid.all_cells(), [&](int i, int j, int k) {
     if (grid.mu()[layout.cell(i, j, k)] == 0 || visited_[layout.cell(i, j, k)]) return;
     // flood fill over cells that share faces, counting constrained nodes in each direction
-    part_.assign(1, {i, j, k});
+    component_.assign(1, {i, j, k});
     visited_[layout.cell(i, j, k)] = true;
-    std::array<int, 3> holds{0, 0, 0};
-    const auto is_held = [&] { return *std::min_element(holds.begin(), holds.end()) >= kConstrainingNodes; };
-    for (std::size_t n = 0; n < part_.size(); ++n) {
-      const auto [x, y, z] = part_[n];
-      if (!is_held())
+    std::array<int, 3> constrained_nodes{0, 0, 0};
+    const auto is_constrained = [&] {
+      return *std::min_element(constrained_nodes.begin(), constrained_nodes.end()) >= kConstrainingNodes;
+    };
+    for (std::size_t n = 0; n < component_.size(); ++n) {
+      const auto [x, y, z] = component_[n];
+      if (!is_constrained())
         for_each_corner(x, y, z, [&](int a, int b, int c) {
           for (int component = 0; component < 3; ++component)
-            holds[component] += (constraints[grid.node_number(a, b, c)] >> component & 1) != 0 ||
-                                grid.springs()[layout.node(a, b, c, component)] > 0;
+            constrained_nodes[component] += (constraints[grid.node_number(a, b, c)] >> component & 1) != 0 ||
+                                            grid.springs()[layout.node(a, b, c, component)] > 0;
         });
       for (int axis = 0; axis < 3; ++axis) {
         for (const int step : {-1, 1}) {
-          std::array<int, 3> next = part_[n];
+          std::array<int, 3> next = component_[n];
           next[axis] += step;
           if (!layout.contains_cell(next[0], next[1], next[2])) continue;
           const std::size_t cell = layout.cell(next[0], next[1], next[2]);
           if (grid.mu()[cell] == 0 || visited_[cell]) continue;
           visited_[cell] = true;
-          part_.push_back(next);
+          component_.push_back(next);
         }
       }
     }
-    if (is_held()) return;
-    loose += part_.size();
-    for (const auto& [x, y, z] : part_)
+    if (is_constrained()) return;
+    floating_cells += component_.size();
+    for (const auto& [x, y, z] : component_)
       for_each_corner(x, y, z,
                       [&](int a, int b, int c) { constraints[grid.node_number(a, b, c)] |= kFixed; });
   });
-  return loose;
+  return floating_cells;
 }
 
 }  // namespace palpate

@@ -11,9 +11,10 @@ using internal::elastic::Operator;
 
 ElasticSolver::State::State(const ElasticGrid& grid)
     : constraints(grid.constraints()),
-      // members are initialised in the order of declaration: `loose` and `constraints` precede the multigrid
+      // members are initialised in the order of declaration: `floating_components` and `constraints` precede
+      // the multigrid
       multigrid([&] {
-        loose.constrain(grid, constraints);
+        floating_components.constrain(grid, constraints);
         return Operator(grid.layout(), grid.box().cell_mm, grid.mu(), grid.lambda(), grid.springs(),
                         constraints, grid.stiffening());
       }()) {
@@ -28,7 +29,7 @@ void ElasticSolver::update_cells(const ElasticGrid& grid, const CellBox& cells, 
   CellBox changed = cells;
   if (topology_changed) {
     s.constraints = grid.constraints();
-    s.loose.constrain(grid, s.constraints);
+    s.floating_components.constrain(grid, s.constraints);
     // Replacing cells can detach or reattach tissue at any distance from them. The box is extended to all
     // cells at nodes whose constraints changed.
     const ElasticLayout& layout = grid.layout();

@@ -14,8 +14,8 @@ struct ElasticSolver::State {
   /// displacements alone. Overwrites p and q.
   double constrained_norm(const ElasticField& u);
 
-  ElasticGrid::FloatingComponents loose;
-  std::vector<std::uint8_t> constraints;  ///< Constraints of the grid and of loose parts
+  ElasticGrid::FloatingComponents floating_components;
+  std::vector<std::uint8_t> constraints;  ///< Constraints of the grid and of floating components
   internal::elastic::Multigrid multigrid;
   /// Conjugate gradients: residual, preconditioned residual, search direction, and K times that direction.
   ElasticValues r, z, p, q;

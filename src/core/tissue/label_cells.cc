@@ -5,14 +5,14 @@
 #include <limits>
 #include <utility>
 
+#include "palpate/tissue/carving.h"
+
 namespace palpate {
 namespace {
 
 constexpr double kN_per_mm2_of_kPa = 1e-3;
 /// A cell counts as rigid if less than this fraction of its solid matter is soft.
 constexpr double kMinSoftPart = 0.05;
-/// Value of a voxel that is completely removed.
-constexpr double kAllTaken = 255;
 
 // bounding box of the images of a box's corners under a map
 template <class Map>
@@ -74,13 +74,14 @@ LabelCells::LabelCells(const GridGeometry& labels, std::span<const ElasticMateri
 ElasticCell LabelCells::cell(const Bricks<LabelId>& labels, const Bricks<std::uint8_t>* removed, int i, int j,
                              int k) const {
   ElasticMixture mixture;
-  LabelId label = 0;
-  std::uint8_t lost = 0;
-  int times = 0;
+  LabelId label_of_run = 0;
+  std::uint8_t removed_of_run = 0;
+  int run_length = 0;
   const auto add = [&] {
-    if (times == 0) return;
-    const bool is_air = label == 0 || label >= by_label_.size();
-    mixture.add(is_air ? ElasticMaterial{} : by_label_[label], times, 1 - lost / kAllTaken);
+    if (run_length == 0) return;
+    const bool is_air = label_of_run == 0 || label_of_run >= by_label_.size();
+    mixture.add(is_air ? ElasticMaterial{} : by_label_[label_of_run], run_length,
+                1 - removed_of_run / kFullyRemoved);
   };
   std::array<int, 3> voxel;
   for (int c = 0; c < samples_; ++c)
@@ -92,13 +93,13 @@ ElasticCell LabelCells::cell(const Bricks<LabelId>& labels, const Bricks<std::ui
         const LabelId here = labels.anywhere(voxel[0], voxel[1], voxel[2]);
         const std::uint8_t removed_here =
             removed != nullptr ? removed->anywhere(voxel[0], voxel[1], voxel[2]) : std::uint8_t{0};
-        if (here != label || removed_here != lost) {
+        if (here != label_of_run || removed_here != removed_of_run) {
           add();
-          label = here;
-          lost = removed_here;
-          times = 0;
+          label_of_run = here;
+          removed_of_run = removed_here;
+          run_length = 0;
         }
-        ++times;
+        ++run_length;
       }
     }
   add();

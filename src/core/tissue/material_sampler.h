@@ -93,13 +93,13 @@ class MaterialSampler {
     if (voxels_ == nullptr) return front_of(sum);
     // directions differ in every tick: along a thin wall, fixed directions would sample the same part of it
     // throughout the cut
-    for_directions(displacement, kCuttingSettings.thin_directions, kCuttingSettings.thin_directions,
-                   turn_rad_,
-                   [&](const Point<Patient>& centre, const Vector<Patient>& direction, double radius_mm,
-                       double share_mm2) {
-                     add(thin_before(centre + direction * (radius_mm + kCuttingSettings.thin_lookahead_mm)),
-                         direction, radius_mm, share_mm2, sum);
-                   });
+    for_directions(
+        displacement, kCuttingSettings.thin_directions, kCuttingSettings.thin_directions, turn_rad_,
+        [&](const Point<Patient>& centre, const Vector<Patient>& direction, double radius_mm,
+            double share_mm2) {
+          add(thin_material_at(centre + direction * (radius_mm + kCuttingSettings.thin_lookahead_mm)),
+              direction, radius_mm, share_mm2, sum);
+        });
     return front_of(sum);
   }
 
@@ -139,7 +139,7 @@ class MaterialSampler {
       const double share_mm2 = std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions;
       const double into = std::max(inward.dot(displacement.along[0]), inward.dot(displacement.along[1]));
       if (!(into > 0)) continue;
-      Material material = owned(contact.surface, centre + inward * radius_mm);
+      Material material = cuttable_material(contact.surface, centre + inward * radius_mm);
       material.bone = kThin;
       add(material, inward, radius_mm, share_mm2 * into, sum);
     }
@@ -248,13 +248,13 @@ class MaterialSampler {
       min_mm = std::max(min_mm, swept_[n]->depth_mm(position));
       if (!(min_mm < 0)) return {};
     }
-    Material material = owned(surface, position);
+    Material material = cuttable_material(surface, position);
     if (counts_mm > 0) material.fraction *= std::clamp(-min_mm / counts_mm - 1, 0.0, 1.0);
     return material;
   }
 
   // share of the structures at a point of a surface that are not protected, and their mean energy
-  Material owned(int surface, const Point<Patient>& position) const {
+  Material cuttable_material(int surface, const Point<Patient>& position) const {
     double cut = 0, energy = 0;
     for (const OwnerFraction& fraction : owners_at(surfaces_, surface, position).all()) {
       const ContactSurface& structure = surfaces_[static_cast<std::size_t>(fraction.structure)];
@@ -267,7 +267,7 @@ class MaterialSampler {
   }
 
   // material at a point by the voxels, in thin bone
-  Material thin_before(const Point<Patient>& position) const {
+  Material thin_material_at(const Point<Patient>& position) const {
     const std::array<int, 3> voxel = voxel_at(position);
     if (thinness(voxel) != kThinBone) return {};
     const Tissue* const tissue = voxels_->tissue_of(voxels_->labels->at(voxel[0], voxel[1], voxel[2]));

@@ -22,20 +22,22 @@ class RowEnergy {
     const double mu = grid_.mu()[cells_ + static_cast<std::size_t>(i)],
                  lambda = grid_.lambda()[cells_ + static_cast<std::size_t>(i)];
     if (!(mu > 0)) return 0;
-    double slope[3][3], unseen = 0;
+    double slope[3][3], hourglass = 0;
     for (int axis = 0; axis < 3; ++axis) {
-      double sum[4], path[4];
+      double sum[4], difference[4];
       for (int corner = 0; corner < 4; ++corner) {
         const double here = row_[corner][axis][i], next = row_[corner][axis][i + 1];
         sum[corner] = here + next;
-        path[corner] = next - here;
+        difference[corner] = next - here;
       }
-      slope[axis][0] = (path[0] + path[1] + path[2] + path[3]) * per_cell_;
+      slope[axis][0] = (difference[0] + difference[1] + difference[2] + difference[3]) * per_cell_;
       slope[axis][1] = (sum[1] - sum[0] + sum[3] - sum[2]) * per_cell_;
       slope[axis][2] = (sum[2] - sum[0] + sum[3] - sum[1]) * per_cell_;
-      const double xy = path[1] - path[0] + path[3] - path[2], xz = path[2] - path[0] + path[3] - path[1],
-                   yz = sum[0] - sum[1] - sum[2] + sum[3], xyz = path[0] - path[1] - path[2] + path[3];
-      unseen += xy * xy + xz * xz + yz * yz + xyz * xyz;
+      const double xy = difference[1] - difference[0] + difference[3] - difference[2],
+                   xz = difference[2] - difference[0] + difference[3] - difference[1],
+                   yz = sum[0] - sum[1] - sum[2] + sum[3],
+                   xyz = difference[0] - difference[1] - difference[2] + difference[3];
+      hourglass += xy * xy + xz * xz + yz * yz + xyz * xyz;
     }
     const double trace = slope[0][0] + slope[1][1] + slope[2][2];
     double squares = 0;
@@ -45,7 +47,7 @@ class RowEnergy {
         squares += e * e;
       }
     // mu h / 64 for each hourglass mode; 1 / (4 h) is per_cell_
-    return 2 * mu * squares + lambda * trace * trace + mu * unseen * per_cell_ * per_cell_ * 0.25;
+    return 2 * mu * squares + lambda * trace * trace + mu * hourglass * per_cell_ * per_cell_ * 0.25;
   }
 
  private:

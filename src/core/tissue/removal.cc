@@ -14,7 +14,7 @@ namespace palpate {
 namespace {
 
 // appends a path to the sweeps, or extends the last one; false if the capacity is exhausted
-bool sweep(const BurrTool& burr, const HeadPose& from, const HeadPose& to, BurrState& state) {
+bool append_sweep(const BurrTool& burr, const HeadPose& from, const HeadPose& to, BurrState& state) {
   const Vector<Patient> axis_mm = burr.head(to.attitude).axis_mm;
   if (state.sweep_count > 0 && !state.sweep_closed) {
     Sweep& last = state.sweep[static_cast<std::size_t>(state.sweep_count - 1)];
@@ -219,7 +219,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   if (!cuts) state.inset_mm = std::max(state.inset_mm, missing_clearance_mm(surfaces, burr_tool, proxy));
   if (!(burr.revolutions_per_s > 0)) state.sweep_closed = true;
 
-  const int was_in = state.layer;
+  const int layer_before = state.layer;
   std::array<HeadPose, kMaxLayers> before;
   std::array<bool, kMaxLayers> was_coupled{};
   for (int n = 0; n < kMaxLayers; ++n) {
@@ -243,10 +243,10 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
   // a burr that has sunk in is in material even without a contact
   const int touched = innermost_touched(proxy);
   if (touched >= 0 || !(state.penetration_mm > 0)) state.layer = touched;
-  const int is_in = state.layer;
+  const int layer_index = state.layer;
 
   state.front_mm2 = 0;
-  if (is_in < 0 || !cuts) {
+  if (layer_index < 0 || !cuts) {
     state.pressed_N = std::min(result.force_N.norm(), burr.max_press_N);
     state.unspent_work_mJ = 0;
     return result;
@@ -262,14 +262,14 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
     state.work_mJ += std::max(0.0, unspent_work_mJ - state.unspent_work_mJ);
     state.unspent_work_mJ = std::max(state.unspent_work_mJ, unspent_work_mJ);
   }
-  const ProxyLayer& layer = proxy.layer(is_in);
-  const HeadPose from = before[static_cast<std::size_t>(is_in)], to{layer.position, layer.attitude};
+  const ProxyLayer& layer = proxy.layer(layer_index);
+  const HeadPose from = before[static_cast<std::size_t>(layer_index)], to{layer.position, layer.attitude};
   const Vector<Patient> moved = to.at - from.at;
   const Vector<Patient> turned = burr_tool.head(to.attitude).axis_mm - burr_tool.head(from.attitude).axis_mm;
   const HeadDisplacement displacement(moved, moved + turned);
-  if (was_in == is_in && displacement.length_mm > kCuttingSettings.at_rest_mm) {
+  if (layer_before == layer_index && displacement.length_mm > kCuttingSettings.at_rest_mm) {
     const HeadPose middle = burr_tool.interpolate(from, to, 0.5);
-    const MaterialSampler between(surfaces, burr_tool, burr_tool.head(middle.attitude), layer, is_in,
+    const MaterialSampler between(surfaces, burr_tool, burr_tool.head(middle.attitude), layer, layer_index,
                                   middle.at, state);
     CuttingFront swept = between.along(displacement);
     if (!(swept.area_mm2 > 0)) swept = between.thin_contact_front(layer, displacement);
@@ -278,7 +278,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
       // motion through material is limited by the motor's work and by the capacity for sweeps
       double fraction = std::min(1.0, state.unspent_work_mJ / cost_mJ);
       const HeadPose there = outside_protected(burr_tool, from, burr_tool.interpolate(from, to, fraction));
-      state.sweeps_full = fraction > 0 && !sweep(burr_tool, from, there, state);
+      state.sweeps_full = fraction > 0 && !append_sweep(burr_tool, from, there, state);
       if (state.sweeps_full) fraction = 0;
       // all layers represent one burr: none may move ahead of the one that cuts
       for (std::size_t n = 0; n < before.size(); ++n) {
@@ -304,7 +304,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
 
   const Vector<Patient> push = result.force_N * -1.0;
   if (!(push.norm() > 0)) return result;
-  const MaterialSampler ahead(surfaces, burr_tool, burr_tool.head(layer.attitude), layer, is_in,
+  const MaterialSampler ahead(surfaces, burr_tool, burr_tool.head(layer.attitude), layer, layer_index,
                               layer.position, state);
   CuttingFront front = ahead.along({push, push});
   if (!(front.area_mm2 > 0)) front = ahead.edge_contact_front(layer);

@@ -106,8 +106,8 @@ double to_face_mm(const ElasticBox& box, const Point<Patient>& at, const Vector<
 void add_deep_base_compliance(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
                               const ElasticBox& box, const SurfacePoint& contact, LocalCompliance& spot) {
   const double depth_in_box_mm = to_face_mm(box, contact.at, -contact.outward);
-  const double per_mm = deep_base_per_mm(labels, by_label, contact.at, contact.outward, depth_in_box_mm,
-                                         kSolverSettings.max_base_depth_mm);
+  const double per_mm = mean_inverse_base_depth_per_mm(labels, by_label, contact.at, contact.outward,
+                                                       depth_in_box_mm, kSolverSettings.max_base_depth_mm);
   if (per_mm > 0)
     spot.surroundings_mm_per_N +=
         layer_base_mm_per_N(1 / per_mm, spot.modulus_N_per_mm2, spot.poissons_ratio);
@@ -165,7 +165,7 @@ double solver_cell_mm(const Model& model) {
       model.tissue_cell_mm > 0
           ? model.tissue_cell_mm
           : default_solver_cell_mm(model.tissue_law, model.labels->geometry().min_spacing_mm(), model.tools);
-  return base_mm * model.tissue_coarsened;
+  return base_mm * model.tissue_cell_factor;
 }
 
 std::optional<SolverBox> next_solver_box(const Model& model, const DeviceTick& device,
@@ -173,7 +173,7 @@ std::optional<SolverBox> next_solver_box(const Model& model, const DeviceTick& d
   const auto contact = expected_contact(model, device);
   if (!contact) return before;
   const Eigen::Vector3d centre = solver_box_centre(model, contact->at, contact->outward);
-  if (before && covers(model, before->first_cell, centre)) return before;
+  if (before && box_covers(model, before->first_cell, centre)) return before;
   return SolverBox{first_cell_around(model, centre), contact->at};
 }
 
@@ -244,7 +244,7 @@ struct SoftTissueSolver::Region {
         cells(solver_box_cells(model, by_label, where)),
         solver([&]() -> const ElasticGrid& {
           if (before != nullptr && before->was_made_from(cells.labels(), by_label))
-            cells.copy_overlap(before->cells, displacement_from(*before));
+            cells.copy_overlap(before->cells, cell_offset_to(*before));
           return cells.grid();
         }()),
         unit_mm(cells.grid().layout()),
@@ -274,7 +274,7 @@ struct SoftTissueSolver::Region {
   }
 
   // offset that added to a cell's index in this box gives its index in the box of `other`
-  std::array<int, 3> displacement_from(const Region& other) const {
+  std::array<int, 3> cell_offset_to(const Region& other) const {
     const auto &here = box.first_cell, &there = other.box.first_cell;
     return {here[0] - there[0], here[1] - there[1], here[2] - there[2]};
   }
@@ -293,11 +293,11 @@ struct SoftTissueSolver::Region {
   void copy_overlap(const Region& before, const ElasticField& from, ElasticField& to) {
     const ElasticLayout& layout = grid().layout();
     const auto& all = layout.cells;
-    const std::array<int, 3> path = displacement_from(before);
+    const std::array<int, 3> offset = cell_offset_to(before);
     for (int k = 0; k <= all[2]; ++k)
       for (int j = 0; j <= all[1]; ++j)
         for (int i = 0; i <= all[0]; ++i) {
-          const int a = i + path[0], b = j + path[1], c = k + path[2];
+          const int a = i + offset[0], b = j + offset[1], c = k + offset[2];
           if (a < 0 || b < 0 || c < 0 || a > all[0] || b > all[1] || c > all[2]) continue;
           for (int axis = 0; axis < 3; ++axis)
             to.values[layout.node(i, j, k, axis)] = from.values[layout.node(a, b, c, axis)];
@@ -429,7 +429,7 @@ const ComplianceFrame& SoftTissueSolver::solve(const Model& model, const TickRec
     const bool same = region != nullptr && region->was_made_from(model, labels, by_label);
     if (same) region->follow(labels);
     const Eigen::Vector3d centre = solver_box_centre(model, contact->at, contact->outward);
-    if (!same || !covers(model, region->box.first_cell, centre))
+    if (!same || !box_covers(model, region->box.first_cell, centre))
       region = std::make_unique<Region>(
           model, by_label, SolverBox{first_cell_around(model, centre), contact->at}, region.get());
     const bool is_first_solve = std::exchange(region->needs_first_solve, false);
@@ -537,7 +537,7 @@ double SoftTissueSolver::displacing_force_N(std::size_t device, const DeviceTick
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
   if (region == nullptr || !region->relaxation_weights || !frame_.spot[device].is_known())
     return device_tick.contact_N[0];
-  return instantaneous_force_N(device_tick, tissue_at(frame_.spot[device]), region->radius_mm,
+  return instantaneous_force_N(device_tick, contact_law_of(frame_.spot[device]), region->radius_mm,
                                region->max_N_per_mm);
 }
 

@@ -144,7 +144,7 @@ TEST(SoftTissueSolver, DefaultCellSizeFollowsVoxelsAndToolRadius) {
   EXPECT_EQ(solver_cell_mm(model), finger_mm);
   model.tools[1].capsules[0].radius_mm = 100;
   EXPECT_EQ(solver_cell_mm(model), 2);
-  model.tissue_coarsened = 1.25;
+  model.tissue_cell_factor = 1.25;
   EXPECT_EQ(solver_cell_mm(model), 2.5);
 }
 
@@ -175,7 +175,7 @@ TEST(SoftTissueSolver, DefaultCellsResolveAShallowNodule) {
       SoftTissueSolver solver;
       for (int n = 0; n < 6; ++n) {
         const LocalCompliance& spot = solver.solve(model, record).spot[0];
-        record.device[0].contact_N[0] = soft_contact_force(tissue_at(spot), kDepth_mm, 4).force_N;
+        record.device[0].contact_N[0] = soft_contact_force(contact_law_of(spot), kDepth_mm, 4).force_N;
       }
       return record.device[0].contact_N[0];
     };
@@ -197,7 +197,7 @@ TEST(SoftTissueSolver, RigidBaseBelowTheBoxIsIncluded) {
     record.device[0].depth_mm = kDepth_mm;
     SoftTissueSolver solver;
     for (int n = 0; n < 6; ++n) solver.solve(model, record);
-    return soft_contact_force(tissue_at(solver.frame().spot[0]), kDepth_mm, 3).force_N;
+    return soft_contact_force(contact_law_of(solver.frame().spot[0]), kDepth_mm, 3).force_N;
   };
   const double hertz_N = 4.0 / 3 * 0.01 / (1 - 0.45 * 0.45) * std::sqrt(3.0);
   EXPECT_GT(force_N(1), 1.03 * hertz_N);
@@ -211,7 +211,7 @@ TEST(SoftTissueSolver, CoarseCellsApproximateFineCells) {
     const TickRecord still = pressed_at(0, 0);
     SoftTissueSolver fine, coarse;
     for (int n = 0; n < 8; ++n) fine.solve(model, still);
-    model.tissue_coarsened = 1.6;
+    model.tissue_cell_factor = 1.6;
     for (int n = 0; n < 8; ++n) coarse.solve(model, still);
     UnitDisplacementField fine_field, coarse_field;
     ASSERT_TRUE(fine.field_of(0, fine_field) && coarse.field_of(0, coarse_field));

@@ -14,7 +14,7 @@ std::array<int, 3> cells_of_box(const Model& model) {
           ? std::pair(kSolverSettings.finite_cells_along, kSolverSettings.finite_cells_across)
           : std::pair(kSolverSettings.cells_along, kSolverSettings.cells_across);
   const auto fewer = [&](int cells) {
-    return static_cast<int>(std::floor(cells / model.tissue_coarsened + 0.5));
+    return static_cast<int>(std::floor(cells / model.tissue_cell_factor + 0.5));
   };
   return {fewer(along), fewer(across), fewer(across)};
 }
@@ -28,7 +28,7 @@ ElasticBox lattice_of(const Model& model) {
 Eigen::Vector3d solver_box_centre(const Model& model, const Point<Patient>& at,
                                   const Vector<Patient>& outward) {
   const ElasticBox lattice = lattice_of(model);
-  const double depth_cells = kSolverSettings.depth_cells / model.tissue_coarsened;
+  const double depth_cells = kSolverSettings.depth_cells / model.tissue_cell_factor;
   return lattice.local_mm(at - outward * (depth_cells * lattice.cell_mm)) / lattice.cell_mm;
 }
 
@@ -43,11 +43,11 @@ std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& 
   return first;
 }
 
-bool covers(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& centre) {
+bool box_covers(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& centre) {
   const std::array<int, 3> cells = cells_of_box(model);
   for (int axis = 0; axis < 3; ++axis)
     if (std::abs(centre[axis] - first_cell[axis] - 0.5 * cells[axis]) >
-        kSolverSettings.max_offset_cells / model.tissue_coarsened)
+        kSolverSettings.max_offset_cells / model.tissue_cell_factor)
       return false;
   return true;
 }

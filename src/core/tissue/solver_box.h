@@ -22,7 +22,7 @@ Eigen::Vector3d solver_box_centre(const Model& model, const Point<Patient>& at,
                                   const Vector<Patient>& outward);
 /// First cell of the box with that middle, and whether an existing box still covers a middle.
 std::array<int, 3> first_cell_around(const Model& model, const Eigen::Vector3d& centre);
-bool covers(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& centre);
+bool box_covers(const Model& model, const std::array<int, 3>& first_cell, const Eigen::Vector3d& centre);
 /// SoftTissueSolver::displacing_force_N for tissue that relaxes or stiffens with strain.
 /// @param tissue        tissue at the contact
 /// @param max_N_per_mm  max_deformable_stiffness_N_per_mm() of the model

@@ -3,6 +3,8 @@
 #include <array>
 #include <cmath>
 
+#include "palpate/tissue/carving.h"
+
 namespace palpate {
 namespace {
 
@@ -10,8 +12,6 @@ namespace {
 constexpr double kSameModulus = 1.25;
 /// Step along a ray, and distance above the surface at which it starts, in voxels.
 constexpr double kStepVoxels = 0.125, kAboveVoxels = 1.5;
-/// Value of a voxel that is completely removed.
-constexpr double kWhollyTaken = 255;
 constexpr double kDiagonal = 0.70710678118654752;
 constexpr std::array<std::array<double, 2>, 9> kRays{{{0, 0},
                                                       {1, 0},
@@ -36,7 +36,7 @@ class LabelRay {
   struct Sample {
     LabelId label = 0;
     ElasticMaterial material;
-    double left = 1;  ///< Fraction of the voxel that has not been removed
+    double remaining_fraction = 1;  ///< Fraction of the voxel that has not been removed
   };
   /// Voxel in the middle of a step; air outside the volume.
   Sample at(int step) const {
@@ -48,7 +48,8 @@ class LabelRay {
     sample.label = labels_.original->anywhere(voxel[0], voxel[1], voxel[2]);
     if (sample.label < by_label_.size()) sample.material = by_label_[sample.label];
     if (labels_.removed_fraction != nullptr)
-      sample.left = 1 - labels_.removed_fraction->anywhere(voxel[0], voxel[1], voxel[2]) / kWhollyTaken;
+      sample.remaining_fraction =
+          1 - labels_.removed_fraction->anywhere(voxel[0], voxel[1], voxel[2]) / kFullyRemoved;
     return sample;
   }
 
@@ -83,17 +84,17 @@ std::optional<SupportedLayer> supported_layer(const CarvedLabels& labels,
     bool on_base = false;
     const int steps = static_cast<int>(std::ceil((max_mm + 2 * above_mm) / step_mm));
     for (int n = 0; n < steps && !on_base; ++n) {
-      const auto [label, material, left] = ray.at(n);
-      if (material.matter == Matter::kRigid && left > 0) {
+      const auto [label, material, remaining_fraction] = ray.at(n);
+      if (material.matter == Matter::kRigid && remaining_fraction > 0) {
         on_base = true;
-      } else if (material.matter == Matter::kSoft && left > 0) {
+      } else if (material.matter == Matter::kSoft && remaining_fraction > 0) {
         if (!known) {
           layer.label = label;
           layer.material = material;
           known = true;
         }
         if (!same_material(material, layer.material)) return std::nullopt;
-        thick_mm += step_mm * left;
+        thick_mm += step_mm * remaining_fraction;
       } else if (thick_mm > 0) {
         return std::nullopt;
       }
@@ -105,9 +106,9 @@ std::optional<SupportedLayer> supported_layer(const CarvedLabels& labels,
   return layer;
 }
 
-double deep_base_per_mm(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
-                        const Point<Patient>& at, const Vector<Patient>& outward, double min_mm,
-                        double max_mm) {
+double mean_inverse_base_depth_per_mm(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
+                                      const Point<Patient>& at, const Vector<Patient>& outward, double min_mm,
+                                      double max_mm) {
   constexpr double kDeepStepVoxels = 0.5;
   const double step_mm = kDeepStepVoxels * labels.original->geometry().min_spacing_mm();
   const Eigen::Vector3d across = outward.eigen().unitOrthogonal(), other = outward.eigen().cross(across);
@@ -119,7 +120,7 @@ double deep_base_per_mm(const CarvedLabels& labels, std::span<const ElasticMater
     bool entered = false;
     for (int n = 0; n * step_mm < max_mm && base_mm == 0; ++n) {
       const LabelRay::Sample sample = ray.at(n);
-      const bool is_there = sample.left > 0 && sample.material.matter != Matter::kNone;
+      const bool is_there = sample.remaining_fraction > 0 && sample.material.matter != Matter::kNone;
       if (is_there && sample.material.matter == Matter::kRigid) base_mm = (n + 0.5) * step_mm;
       if (entered && !is_there) break;
       entered = entered || is_there;

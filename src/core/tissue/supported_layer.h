@@ -35,8 +35,8 @@ std::optional<SupportedLayer> supported_layer(const CarvedLabels& labels,
 /// structures are passed, whatever their modulus.
 /// @param at       contact point on the surface
 /// @param outward  unit normal of the surface
-double deep_base_per_mm(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
-                        const Point<Patient>& at, const Vector<Patient>& outward, double min_mm,
-                        double max_mm);
+double mean_inverse_base_depth_per_mm(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
+                                      const Point<Patient>& at, const Vector<Patient>& outward, double min_mm,
+                                      double max_mm);
 
 }  // namespace palpate

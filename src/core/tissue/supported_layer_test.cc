@@ -67,8 +67,8 @@ TEST(DeepBase, IsTheMeanOverRaysThatReachIt) {
   scene.thickness_mm = 10;
   scene.skin_mm = 2;
   const auto base_per_mm = [](const Model& model, const Point<Patient>& at, double min_mm, double max_mm) {
-    return deep_base_per_mm(carved_labels(model), materials_of(model), at, Vector<Patient>(0, 0, 1), min_mm,
-                            max_mm);
+    return mean_inverse_base_depth_per_mm(carved_labels(model), materials_of(model), at,
+                                          Vector<Patient>(0, 0, 1), min_mm, max_mm);
   };
   const auto model = layer_block(scene);
   EXPECT_NEAR(base_per_mm(*model, {0, 0, 0}, 5, 80), 0.1, 0.003) << "whatever the soft tissue above it";
@@ -102,7 +102,7 @@ TEST(SoftTissueSolver, LayerForceMatchesTheExactSolution) {
             for (int n = 0; n < 6; ++n) {
               const auto& spot = solver.solve(*model, layer_pressed(depth_mm, force_N)).spot[0];
               ASSERT_TRUE(spot.is_known());
-              force_N = soft_contact_force(tissue_at(spot), depth_mm, radius_mm).force_N;
+              force_N = soft_contact_force(contact_law_of(spot), depth_mm, radius_mm).force_N;
             }
             const double modulus = 1e-3 * scene.modulus_kPa / (1 - poissons_ratio * poissons_ratio);
             const double exact_N =

@@ -27,9 +27,9 @@ SweptShape::SweptShape(const Sweep& sweep)
   const Eigen::Array3d axis = sweep.axis_mm.eigen().array();
   low_ = low_.min(low_ + axis);
   high_ = high_.max(high_ + axis);
-  widens_mm_ = sweep.end_radius_mm - sweep.radius_mm;
+  radius_change_mm_ = sweep.end_radius_mm - sweep.radius_mm;
   axis_squared_ = sweep.axis_mm.squared_norm();
-  slope_ = widens_mm_ / std::sqrt(axis_squared_);
+  slope_ = radius_change_mm_ / std::sqrt(axis_squared_);
   sine_ = std::abs(slope_) < 1 ? std::sqrt(1 - slope_ * slope_) : 0;
 
   // a path along the axis, or a zero one, spans no plane with it
@@ -41,7 +41,7 @@ SweptShape::SweptShape(const Sweep& sweep)
   dot_ = path_.dot(sweep.axis_mm);
   // the gradient is orthogonal to the path, along which the radius is constant
   const Vector<Patient> off_path = sweep.axis_mm - path_ * (dot_ / path_squared_);
-  gradient_ = off_path * (widens_mm_ / off_path.squared_norm());
+  gradient_ = off_path * (radius_change_mm_ / off_path.squared_norm());
   const double squared = gradient_.squared_norm();
   has_inside_ = squared < 1;
   if (has_inside_) plane_sine_ = std::sqrt(1 - squared);
@@ -57,7 +57,7 @@ double SweptShape::head_depth_mm(const Vector<Patient>& from) const {
     // one ball contains the other
     part = slope_ > 0 ? 1 : 0;
   }
-  return sweep_.radius_mm + widens_mm_ * part - (from - sweep_.axis_mm * part).norm();
+  return sweep_.radius_mm + radius_change_mm_ * part - (from - sweep_.axis_mm * part).norm();
 }
 
 double SweptShape::depth_mm(const Point<Patient>& at) const {

@@ -27,19 +27,19 @@ int first_stored(int brick) {
 }
 
 /// Half-open interval of voxel or brick indices along an axis: low ... high - 1.
-struct Stretch {
+struct Interval {
   int low, high;
   int size() const { return std::max(0, high - low); }
 };
 
-Stretch common(const Stretch& a, const Stretch& b) {
+Interval common(const Interval& a, const Interval& b) {
   return {std::max(a.low, b.low), std::min(a.high, b.high)};
 }
 
 /// Intersection of the voxels that a brick stores with the box low ... high - 1.
-std::array<Stretch, 3> stored_of(const std::array<int, 3>& brick, const std::array<int, 3>& low,
-                                 const std::array<int, 3>& high) {
-  std::array<Stretch, 3> part;
+std::array<Interval, 3> stored_of(const std::array<int, 3>& brick, const std::array<int, 3>& low,
+                                  const std::array<int, 3>& high) {
+  std::array<Interval, 3> part;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const int first = first_stored(brick[axis]);
     part[axis] = common({first, first + L::kVoxels}, {low[axis], high[axis]});
@@ -67,7 +67,7 @@ void write_into(const std::array<int, 3>& brick, const std::array<int, 3>& low,
 }
 
 /// Bricks that store at least one voxel of the interval.
-Stretch bricks_at(const Stretch& voxels, int count) {
+Interval bricks_at(const Interval& voxels, int count) {
   const int first = voxels.low + L::kBorder - L::kAfter - L::kCells + 1;
   const int last = voxels.high - 1 + L::kBorder + L::kBefore;
   return {std::max(0, (first + L::kCells - 1) / L::kCells), std::min(count, last / L::kCells + 1)};
@@ -232,7 +232,7 @@ Bricks<T> Bricks<T>::with(const PatchOf<T>& patch) const {
   if (patch.values.empty()) return now;
   const std::array<int, 3>& low = patch.box.first;
   std::array<int, 3> high;
-  std::array<Stretch, 3> at;
+  std::array<Interval, 3> at;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     high[axis] = low[axis] + patch.box.size[axis];
     PALPATE_CHECK(low[axis] >= 0 && high[axis] <= geometry_.dims[axis]);
@@ -306,17 +306,18 @@ template <class T>
 void BricksBySlices<T>::add(int slices, const T* voxels) {
   const std::array<int, 3>& dims = bricks_.geometry().dims;
   const auto slice = static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]);
-  held_.insert(held_.end(), voxels, voxels + slice * static_cast<std::size_t>(slices));
-  const int end = first_ + (slice == 0 ? 0 : static_cast<int>(held_.size() / slice));
+  buffered_slices_.insert(buffered_slices_.end(), voxels, voxels + slice * static_cast<std::size_t>(slices));
+  const int end = first_ + (slice == 0 ? 0 : static_cast<int>(buffered_slices_.size() / slice));
   PALPATE_CHECK(end <= dims[2]);
   for (; layer_ < bricks_.counts()[2]; ++layer_) {
     const int first = std::clamp(first_stored(layer_), 0, end);
     if (end < dims[2] && end < first_stored(layer_) + L::kVoxels) break;
     filling_->put_layer(layer_, {0, 0, first}, {dims[0], dims[1], end},
-                        held_.data() + slice * static_cast<std::size_t>(first - first_));
+                        buffered_slices_.data() + slice * static_cast<std::size_t>(first - first_));
   }
   const int stored = std::clamp(first_stored(layer_), first_, end);
-  held_.erase(held_.begin(), held_.begin() + static_cast<std::ptrdiff_t>(slice) * (stored - first_));
+  buffered_slices_.erase(buffered_slices_.begin(),
+                         buffered_slices_.begin() + static_cast<std::ptrdiff_t>(slice) * (stored - first_));
   first_ = stored;
 }
 

@@ -202,15 +202,15 @@ void warn_of_thin_structures(const RampFieldResult& made, const Warn& warn) {
   constexpr std::size_t kNamed = 4;
   const double target_N = std::min(
       {std::isfinite(model.scene_max_force_N) ? model.scene_max_force_N : kHeld_N, made.full_force_N});
-  std::vector<RampFigures> thin;
-  for (const RampFigures& figures : made.ramps) {
+  std::vector<RampStatistics> thin;
+  for (const RampStatistics& figures : made.ramps) {
     // a soft tissue does not reach it at any depth
     const double soft_N = model.tissue_of(figures.label)->stiffness_N_per_mm * kDeepestRamp_mm;
     if (figures.max_N < std::min(target_N, 0.99 * soft_N)) thin.push_back(figures);
   }
   if (thin.empty()) return;
   std::stable_sort(thin.begin(), thin.end(),
-                   [](const RampFigures& a, const RampFigures& b) { return a.max_N < b.max_N; });
+                   [](const RampStatistics& a, const RampStatistics& b) { return a.max_N < b.max_N; });
   const auto newtons = [](double force_N) {
     char text[32];
     std::snprintf(text, sizeof text, "%.2g N", force_N);
@@ -357,7 +357,7 @@ Result<ReadyParts> ready_parts(const Scene& scene, SceneVolumes& volumes, const 
   const GridGeometry* finer = volumes.labels ? &volumes.labels->geometry() : &volumes.scan->geometry();
   if (volumes.labels && volumes.scan)
     finer = &field_grid(&volumes.labels->geometry(), &volumes.scan->geometry());
-  if (auto allowed = allow_memory(finer->voxel_count() * kBytesPerVoxel, scene.source); !allowed)
+  if (auto allowed = check_memory(finer->voxel_count() * kBytesPerVoxel, scene.source); !allowed)
     return allowed.error();
   if (auto common = resample_to_common_grid(volumes, progress, warn); !common) {
     Error error = common.error();
@@ -542,7 +542,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   const auto memory = memory_of_parts(scene, *ready_made, read, preparing, progress);
   if (!memory) return of_scene(memory.error());
   if (report_memory) report_memory(*memory);
-  if (auto allowed = allow_memory(memory->model.peak, scene.source); !allowed) return allowed.error();
+  if (auto allowed = check_memory(memory->model.peak, scene.source); !allowed) return allowed.error();
   if (scene.preparation.method != PreparationMethod::kInwardRamp) {
     auto field = smoothed_field(scene.preparation, ready_made->weights, progress);
     if (!field) return of_scene(field.error());
@@ -592,14 +592,14 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   return ready;
 }
 
-Result<std::shared_ptr<const Model>> ready_for(std::shared_ptr<const Model> model,
-                                               std::span<const ForceMethod> methods,
-                                               const Progress& progress) {
+Result<std::shared_ptr<const Model>> prepared_with_cache(std::shared_ptr<const Model> model,
+                                                         std::span<const ForceMethod> methods,
+                                                         const Progress& progress) {
   // the forecast of a scene rendered by the proxy does not count the field
   const bool is_direct = std::any_of(methods.begin(), methods.end(),
                                      [](ForceMethod method) { return method != ForceMethod::kProxy; });
   if (is_direct && model != nullptr && model->labels != nullptr && model->field == nullptr)
-    if (auto allowed = allow_memory(memory_of_ramp_field(*model).peak, "field of the direct methods");
+    if (auto allowed = check_memory(memory_of_ramp_field(*model).peak, "field of the direct methods");
         !allowed)
       return allowed.error();
   return prepared_for(std::move(model), methods, CachedPreparation(), progress);

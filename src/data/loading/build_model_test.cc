@@ -88,7 +88,8 @@ TEST(BuildModel, BuildsADisplayModelWithoutTouchableTissue) {
       EXPECT_TRUE(std::all_of(field.voxels().begin(), field.voxels().end(), [](float v) { return v == 0; }));
       EXPECT_EQ((*model)->force_field(ForceMethod::kTrilinear).sample(Point<Patient>(20, 20, 20)).value, 0);
       // every method either becomes ready or returns an error; none of them crashes
-      for (const ForceMethodInfo& info : kForceMethods) (void)ready_for(*model, {&info.method, 1}).ok();
+      for (const ForceMethodInfo& info : kForceMethods)
+        (void)prepared_with_cache(*model, {&info.method, 1}).ok();
 
       const LoadedScene loaded{scene, *model, ""};
       const auto touchable = require_touchable_tissue(loaded);
@@ -210,7 +211,7 @@ TEST(BuildModel, ProtectedStructuresApplyToEveryDevice) {
     const auto model = build_model(
         scene_of("[[tissue]]\nname = 'bone'\nlabels = [1]\nprotection = 'keep'\n" + tools), &labels, nullptr);
     PALPATE_CHECK(model.ok());
-    const auto ready = ready_for(*model, std::array{ForceMethod::kProxy});
+    const auto ready = prepared_with_cache(*model, std::array{ForceMethod::kProxy});
     PALPATE_CHECK(ready.ok());
     return std::pair((*ready)->protected_structures.size(), (*ready)->surfaces.at(0).is_protected);
   };

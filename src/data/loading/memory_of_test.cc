@@ -36,14 +36,14 @@ TEST(MemoryOf, StandsAsPredicted) {
         load_scene_or_data_set({knee}, {}, {}, {}, [&](const SceneMemory& memory) { predicted = memory; });
     ASSERT_TRUE(loaded.ok());
     const ForceMethod proxy = ForceMethod::kProxy;
-    const auto ready = ready_for(loaded->model, {&proxy, 1});
+    const auto ready = prepared_with_cache(loaded->model, {&proxy, 1});
     ASSERT_TRUE(ready.ok());
     const MemoryForecast is = measured_memory(**ready);
     EXPECT_EQ(predicted.model.labels, is.labels);
     EXPECT_EQ(predicted.model.field, 0u) << "the scene is rendered by the proxy";
     EXPECT_EQ(is.field, 0u);
     const ForceMethod trilinear = ForceMethod::kTrilinear;
-    const auto direct = ready_for(*ready, {&trilinear, 1});
+    const auto direct = prepared_with_cache(*ready, {&trilinear, 1});
     ASSERT_TRUE(direct.ok());
     const FieldMemory field = memory_of_ramp_field(**direct);
     EXPECT_GT(over(field.permanent, measured_memory(**direct).field), 0.95);

@@ -81,7 +81,7 @@ TEST(ProposedOrder, OfAllPresetsHoldsInEveryDepthAndTheColoursAreTheirs) {
     EXPECT_EQ(colour_of(*loaded->model, loaded->model->find(preset.name)->id), *preset.values.colour)
         << preset.name << ": not the colour in the file";
   constexpr std::array kMethods{ForceMethod::kProxy};
-  const auto model = ready_for(loaded->model, kMethods);
+  const auto model = prepared_with_cache(loaded->model, kMethods);
   ASSERT_TRUE(model.ok()) << model.error().message();
   for (const double depth_mm : {0.25, 0.5, 1.0, 2.0, 3.0}) {
     const std::map<std::string, double> forces = forces_at(**model, depth_mm);

@@ -44,7 +44,7 @@ std::optional<GridGeometry> get_grid(FieldReader& in, std::size_t bytes_per_voxe
   for (const int dim : grid.dims) good = good && dim > 0 && dim <= kMaxAlong;
   const double volume = std::abs(grid.direction.determinant());
   good = good && in.ok() && std::isfinite(volume) && volume > 1e-9;
-  if (!good || !allow_memory(grid.voxel_count() * bytes_per_voxel, "the cache")) return std::nullopt;
+  if (!good || !check_memory(grid.voxel_count() * bytes_per_voxel, "the cache")) return std::nullopt;
   return grid;
 }
 
@@ -135,7 +135,7 @@ void put_ramps(const Ramps& ramps, FieldWriter& out) {
   put_bricks(ramps.field, out);
   out.put(ramps.full_force_N);
   out.put(static_cast<std::uint32_t>(ramps.structures.size()));
-  for (const RampFigures& figures : ramps.structures) {
+  for (const RampStatistics& figures : ramps.structures) {
     out.put(figures.label);
     out.put(figures.max_N);
     out.put(figures.half_thickness_mm);
@@ -151,7 +151,7 @@ std::optional<Ramps> get_ramps(FieldReader& in, const Bricks<LabelId>& labels,
   in.get(count);
   if (!in.ok() || !std::isfinite(ramps.full_force_N) || count > structures.size()) return std::nullopt;
   for (std::uint32_t n = 0; n < count; ++n) {
-    RampFigures figures;
+    RampStatistics figures;
     in.get(figures.label);
     in.get(figures.max_N);
     in.get(figures.half_thickness_mm);
@@ -472,7 +472,7 @@ Result<Phantom> cached_phantom(const PhantomParameters& parameters, const Progre
   const auto key = key_of_phantom(parameters);
   auto stored = find_cached<Phantom>(key, [&](FieldReader& in) -> std::optional<Phantom> {
     const auto plain = phantom_without_voxels(parameters);
-    if (!plain || !allow_memory(plain->grid.voxel_count() * (sizeof(LabelId) + sizeof(float)), "the cache"))
+    if (!plain || !check_memory(plain->grid.voxel_count() * (sizeof(LabelId) + sizeof(float)), "the cache"))
       return std::nullopt;
     Phantom phantom{{{Volume<LabelId>(plain->grid)}, plain->segments}, Volume<float>(plain->grid)};
     get_voxels(in, phantom.labels.layers.front());

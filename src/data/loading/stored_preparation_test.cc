@@ -125,7 +125,7 @@ class StoredPreparation : public ::testing::Test {
     if (!loaded) std::fprintf(stderr, "%s\n", loaded.error().message().c_str());
     PALPATE_CHECK(loaded.ok());
     constexpr ForceMethod kMethods[] = {ForceMethod::kProxy, ForceMethod::kTrilinear};
-    auto ready = ready_for(loaded->model, kMethods, progress);
+    auto ready = prepared_with_cache(loaded->model, kMethods, progress);
     PALPATE_CHECK(ready.ok());
     started.loaded = *std::move(loaded);
     started.loaded.model = *std::move(ready);
@@ -337,7 +337,7 @@ TEST_F(StoredPreparation, EditedModelsAreEqualToo) {
   use_none();
   const auto made = start_scene().loaded.model;
   const auto edited = [](const std::shared_ptr<const Model>& model) {
-    ModelChange change = unchanged(*model, 1);
+    ModelChange change = current_values(*model, 1);
     change.contact.stiffness_N_per_mm = 0.8;
     const auto changed = next_version({model, model}, change);
     PALPATE_CHECK(changed.ok());
@@ -434,7 +434,7 @@ TEST_F(StoredPreparation, LabelsOnAnotherGridAreResampledOnce) {
 
 // Random payloads with a valid checksum either give a result of the right shape or are treated as a miss; no
 // access is out of bounds (checked by the sanitizers).
-TEST_F(StoredPreparation, ForgedEntriesAreBelievedNothing) {
+TEST_F(StoredPreparation, ForgedEntriesAreMissesOrHaveTheRightShape) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
   std::mt19937 random(seed);
@@ -508,7 +508,7 @@ TEST_F(StoredPreparation, InterruptionLeavesNoPartialEntry) {
       load_scene_or_data_set({test::write_text(data_ / "scene.toml", kStoredScene)}, progress);
   ASSERT_TRUE(loaded.ok());
   constexpr ForceMethod kProxy[] = {ForceMethod::kProxy};
-  EXPECT_FALSE(ready_for(loaded->model, kProxy, progress).ok());
+  EXPECT_FALSE(prepared_with_cache(loaded->model, kProxy, progress).ok());
   for (const auto& entry : std::filesystem::directory_iterator(folder_ / "cache"))
     EXPECT_EQ(entry.path().extension(), ".kept");
   const Started next = start_scene();

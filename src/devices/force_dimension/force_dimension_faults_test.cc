@@ -30,7 +30,7 @@ INSTANTIATE_TEST_SUITE_P(Each, DhdFaults, ::testing::ValuesIn(dhd_faults()), [](
   return name;
 });
 
-TEST_P(DhdFaults, TakeTheForceThenSayWhyAndAreOver) {
+TEST_P(DhdFaults, ForceIsZeroedReportedAndRestored) {
   // a device with orientation
   DhdRig rig(35);
   ASSERT_TRUE(rig.presses());

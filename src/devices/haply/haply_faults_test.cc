@@ -30,7 +30,7 @@ class HaplyFaults : public ::testing::TestWithParam<HaplyFault> {};
 INSTANTIATE_TEST_SUITE_P(Each, HaplyFaults, ::testing::ValuesIn(haply_faults()),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
-TEST_P(HaplyFaults, TakeTheForceThenSayWhyAndAreOver) {
+TEST_P(HaplyFaults, ForceIsZeroedReportedAndRestored) {
   HaplyRig rig;
   ASSERT_TRUE(rig.presses());
   GetParam().begin(rig.service);
@@ -202,7 +202,7 @@ TEST_F(HaplyPace, AQueueOfOldStatesGivesNoForceUntilItIsEmpty) {
   expect_no_state_is_older_than_said();
 }
 
-TEST_F(HaplyPace, OneThatFloodsGivesNoForceAndIsNamed) {
+TEST_F(HaplyPace, FloodingServiceIsReportedAndGetsZeroForce) {
   service_.answers_each = 3000;
   EXPECT_TRUE(soon([&] {
     return driver_.failure() && driver_.failure()->what.find("may be outdated") != std::string::npos;

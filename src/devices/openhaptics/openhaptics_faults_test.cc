@@ -28,7 +28,7 @@ INSTANTIATE_TEST_SUITE_P(Each, HdFaults, ::testing::ValuesIn(hd_faults_and_hang(
   return name;
 });
 
-TEST_P(HdFaults, TakeTheForceThenSayWhyAndAreOver) {
+TEST_P(HdFaults, ForceIsZeroedReportedAndRestored) {
   HdRig rig;
   ASSERT_TRUE(rig.presses());
   // some faults are reported and over within a moment

@@ -147,7 +147,7 @@ TEST_F(SpaceMouse, ALightTouchDoesNothingAndTheTipStaysWithinReach) {
   EXPECT_TRUE(soon([&] { return observed_.last().tip.x() == -SpaceMouseDriver::kHalfReach_mm; }));
 }
 
-TEST_F(SpaceMouse, OneThatTellsChangesRestsWhenItIsSilent) {
+TEST_F(SpaceMouse, TipRestsWhenARelativeDeviceIsSilent) {
   begin();
   send(EV_REL, REL_X, 350);
   EXPECT_TRUE(soon([&] { return observed_.last().tip.x() > 0.5; }));

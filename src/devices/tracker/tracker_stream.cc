@@ -283,7 +283,7 @@ class TrackerStream::Core {
     {
       const std::lock_guard lock(mutex_);
       if (received_names_.size() < kMaxNames) received_names_.insert(message.name.substr(0, kMaxNameLength));
-      if (!message.seen) return;
+      if (!message.is_tracked) return;
       const bool is_tool = !settings_.transform.empty() && is_called(message.name, settings_.transform),
                  is_reference = !settings_.reference.empty() && is_called(message.name, settings_.reference);
       if (!is_tool && !is_reference) return;

@@ -139,7 +139,7 @@ bool folder_is_ours(const fs::path& folder) {
 struct EntryHead {
   char magic[8] = {'p', 'a', 'l', 'p', 'k', 'e', 'p', 't'};
   std::uint32_t format = 2;
-  std::uint32_t nothing = 0;
+  std::uint32_t reserved = 0;
   cache::Digest key{};
   std::uint64_t size = 0, checksum = 0;
 };
@@ -149,7 +149,7 @@ EntryHead head_of(const cache::Digest& key, std::span<const std::byte> payload) 
   EntryHead head;
   head.key = key;
   head.size = payload.size();
-  HashOfWords hash;
+  WordHasher hash;
   hash.add_bytes(key.data(), key.size());
   hash.add_bytes(payload.data(), payload.size());
   head.checksum = hash.value();
@@ -188,7 +188,7 @@ Result<CacheSettings> cache_settings_of_environment() {
   if (!named)
     if (const fs::path home = cache_home(); !home.empty()) settings.folder = home / "palpate";
   if (const auto limit = environment_text("PALPATE_CACHE_LIMIT"); limit && !limit->empty()) {
-    settings.max_bytes = memory_bytes(*limit);
+    settings.max_bytes = parse_memory_size(*limit);
     if (settings.max_bytes == 0)
       return Error{ErrorKind::kUsage, "'" + *limit + "' is not an amount of memory", "PALPATE_CACHE_LIMIT",
                    "give one such as 800M or 8G, or leave it unset"};
@@ -256,7 +256,7 @@ std::optional<Payload> find(const Digest& key) try {
   const auto head_bytes = file->read(std::as_writable_bytes(std::span(&head, 1)));
   if (!head_bytes || head.size != file->size() - sizeof head) return std::nullopt;
   Payload payload(static_cast<std::size_t>(head.size));
-  const auto received = file->read(payload.room());
+  const auto received = file->read(payload.writable_bytes());
   if (!received || *received != payload.bytes().size()) return std::nullopt;
   const EntryHead whole = head_of(key, payload.bytes());
   if (std::memcmp(&head, &whole, sizeof head) != 0) return std::nullopt;
@@ -294,7 +294,7 @@ void store(const Digest& key, std::span<const std::byte> payload) {
   const int failure = write_entry(pending->path(), head_of(key, payload), payload);
   if (failure != 0) return warn_once(std::string("cannot be written: ") + std::strerror(failure));
   // not flushed: the checksum detects an entry damaged by a power cut
-  if (!pending->commit(Flush::kNot)) warn_once("cannot be written");
+  if (!pending->commit(Flush::kNone)) warn_once("cannot be written");
 }
 
 }  // namespace cache

@@ -43,7 +43,7 @@ class JsonBuilder {
 
   Json take() { return std::move(done_); }
 
-  static nlohmann::ordered_json written(const Json& json) {
+  static nlohmann::ordered_json to_nlohmann(const Json& json) {
     using Written = nlohmann::ordered_json;
     return std::visit(
         [](const auto& value) {
@@ -51,12 +51,13 @@ class JsonBuilder {
           Written out;
           if constexpr (std::is_same_v<T, Json::Array>) {
             out = Written::array();
-            for (const Json& each : value) out.push_back(written(each));
+            for (const Json& each : value) out.push_back(to_nlohmann(each));
           } else if constexpr (std::is_same_v<T, Json::Object>) {
             out = Written::object();
             // names are unique already
             auto& members = out.get_ref<Written::object_t&>();
-            for (const Json::Member& member : value) members.emplace_back(member.name, written(member.value));
+            for (const Json::Member& member : value)
+              members.emplace_back(member.name, to_nlohmann(member.value));
           } else if constexpr (!std::is_same_v<T, std::monostate>) {
             out = value;
           }
@@ -111,8 +112,8 @@ std::optional<Json> Json::parse(std::string_view text) {
 }
 
 std::string Json::dump(int indent) const {
-  return JsonBuilder::written(*this).dump(indent, ' ', false,
-                                          nlohmann::ordered_json::error_handler_t::replace);
+  return JsonBuilder::to_nlohmann(*this).dump(indent, ' ', false,
+                                              nlohmann::ordered_json::error_handler_t::replace);
 }
 
 const std::string& Json::text() const {

@@ -49,7 +49,7 @@ void restrict_files(std::span<const int> files) {
 }
 
 // signals from the terminal are meant for the parent, which ends this process when it no longer needs it
-void forget_signals() {
+void reset_signal_handlers() {
   for (int signal = 1; signal < NSIG; ++signal) ::signal(signal, SIG_DFL);
   for (const int signal : {SIGINT, SIGQUIT, SIGHUP}) ::signal(signal, SIG_IGN);
   sigset_t none;
@@ -58,18 +58,18 @@ void forget_signals() {
 }
 
 void close_all_but(std::span<const int> retained_descriptors) {
-  std::vector<int> stored(retained_descriptors.begin(), retained_descriptors.end());
-  std::sort(stored.begin(), stored.end());
+  std::vector<int> sorted(retained_descriptors.begin(), retained_descriptors.end());
+  std::sort(sorted.begin(), sorted.end());
   const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC);
   for (const int descriptor : {0, 1, 2}) {
     // the program may have been started with this descriptor closed
-    if (std::binary_search(stored.begin(), stored.end(), descriptor)) continue;
+    if (std::binary_search(sorted.begin(), sorted.end(), descriptor)) continue;
     // sanitizers report on stderr
     if (descriptor == 2 && sanitized()) continue;
     if (::dup2(nothing, descriptor) < 0) ::close(descriptor);
   }
   unsigned first = 3;
-  for (const int descriptor : stored) {
+  for (const int descriptor : sorted) {
     if (descriptor < static_cast<int>(first)) continue;
     if (descriptor > static_cast<int>(first)) ::close_range(first, static_cast<unsigned>(descriptor) - 1, 0);
     first = static_cast<unsigned>(descriptor) + 1;
@@ -113,7 +113,7 @@ void confine(int parent, std::span<const int> retained_descriptors, std::span<co
   // the parent may have ended before PR_SET_PDEATHSIG took effect
   if (::getppid() != parent) ::_exit(1);
   ::prctl(PR_SET_DUMPABLE, 0);
-  forget_signals();
+  reset_signal_handlers();
   close_all_but(retained_descriptors);
   limit(RLIMIT_CORE, 0);
   if (sanitized()) return;

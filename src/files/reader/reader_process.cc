@@ -51,9 +51,9 @@ bool ParentEnd::write(std::span<const std::byte> bytes) {
 bool ParentEnd::wait_for_grant() {
   std::uint64_t word = 0;
   while (true) {
-    pollfd words{words_, POLLIN, 0};
-    if (::poll(&words, 1, -1) < 0 && errno != EINTR) return false;
-    if (::read(words_, &word, sizeof word) == sizeof word) return true;
+    pollfd grants{grants_, POLLIN, 0};
+    if (::poll(&grants, 1, -1) < 0 && errno != EINTR) return false;
+    if (::read(grants_, &word, sizeof word) == sizeof word) return true;
     if (errno != EAGAIN && errno != EINTR) return false;
   }
 }
@@ -61,8 +61,8 @@ bool ParentEnd::wait_for_grant() {
 Result<std::unique_ptr<ReaderProcess>> ReaderProcess::start(const Job& job, const Work& work,
                                                             const Progress& progress) {
   std::unique_ptr<ReaderProcess> process(new ReaderProcess(progress));
-  process->died_ = job.died;
-  process->endless_ = job.endless;
+  process->death_error_ = job.death_error;
+  process->timeout_error_ = job.timeout_error;
   process->timeout_ = job.timeout;
   if (job.shared_bytes > 0) {
     // anonymous, so that no process can change its size
@@ -72,17 +72,17 @@ Result<std::unique_ptr<ReaderProcess>> ReaderProcess::start(const Job& job, cons
     process->shared_ = {static_cast<std::byte*>(shared), job.shared_bytes};
   }
   // Non-blocking: the process has it too and could fill it, and the parent must never wait for it.
-  process->words_ = ::eventfd(0, EFD_CLOEXEC | EFD_SEMAPHORE | EFD_NONBLOCK);
+  process->grants_ = ::eventfd(0, EFD_CLOEXEC | EFD_SEMAPHORE | EFD_NONBLOCK);
   int ends[2];
-  if (process->words_ < 0 || ::pipe2(ends, O_CLOEXEC) != 0) return no_process();
+  if (process->grants_ < 0 || ::pipe2(ends, O_CLOEXEC) != 0) return no_process();
   process->pipe_ = ends[0];
 
   std::vector<int> retained_descriptors(job.files.begin(), job.files.end());
-  retained_descriptors.insert(retained_descriptors.end(), {ends[1], process->words_});
+  retained_descriptors.insert(retained_descriptors.end(), {ends[1], process->grants_});
   const pid_t parent = ::getpid();
   const pid_t child = ::fork();
   if (child == 0) {
-    ParentEnd end(ends[1], process->words_, process->shared_);
+    ParentEnd end(ends[1], process->grants_, process->shared_);
     run(parent, end, retained_descriptors, job.files, work);
   }
   const auto failure = no_process();
@@ -95,7 +95,7 @@ Result<std::unique_ptr<ReaderProcess>> ReaderProcess::start(const Job& job, cons
 ReaderProcess::~ReaderProcess() {
   // the process has ended, or its result is no longer needed
   process_.end();
-  for (const int descriptor : {pipe_, words_})
+  for (const int descriptor : {pipe_, grants_})
     if (descriptor >= 0) ::close(descriptor);
   if (!shared_.empty()) ::munmap(shared_.data(), shared_.size());
 }
@@ -105,7 +105,7 @@ Result<void> ReaderProcess::read(std::span<std::byte> bytes) {
     if (auto ready = wait(); !ready) return ready;
     const ssize_t received = ::read(pipe_, bytes.data(), bytes.size());
     if (received < 0 && errno == EINTR) continue;
-    if (received <= 0) return Error{ErrorKind::kBadInput, died_, "", ""};
+    if (received <= 0) return Error{ErrorKind::kBadInput, death_error_, "", ""};
     bytes = bytes.subspan(static_cast<std::size_t>(received));
   }
   return {};
@@ -114,7 +114,7 @@ Result<void> ReaderProcess::read(std::span<std::byte> bytes) {
 void ReaderProcess::resume() const {
   const std::uint64_t once = 1;
   // fails only if the process itself has filled the counter, which then allows it to continue anyway
-  while (::write(words_, &once, sizeof once) < 0 && errno == EINTR) {
+  while (::write(grants_, &once, sizeof once) < 0 && errno == EINTR) {
   }
 }
 
@@ -125,7 +125,7 @@ Result<void> ReaderProcess::wait() const {
     pollfd pipe{pipe_, POLLIN, 0};
     if (::poll(&pipe, 1, static_cast<int>(kPoll.count())) > 0) return {};
   }
-  return Error{ErrorKind::kBadInput, endless_, "", ""};
+  return Error{ErrorKind::kBadInput, timeout_error_, "", ""};
 }
 
 }  // namespace palpate::reader

@@ -28,8 +28,8 @@ using Work = ReaderProcess::Work;
 const Progress kSilent;
 
 std::unique_ptr<ReaderProcess> start(const Work& work, Job job = {}, const Progress& progress = kSilent) {
-  job.died = "it died";
-  job.endless = "it does not end";
+  job.death_error = "it died";
+  job.timeout_error = "it does not end";
   auto process = ReaderProcess::start(job, work, progress);
   PALPATE_CHECK(process.ok());
   return *std::move(process);
@@ -95,7 +95,7 @@ TEST_F(ReaderProcessTest, HoweverItDiesThereIsOneError) {
             "it died");
 }
 
-TEST_F(ReaderProcessTest, IsEndedByNoNumberThatMayBeAnothers) {
+TEST_F(ReaderProcessTest, IsNotKilledByAProcessIdThatMayHaveBeenReused) {
   testing::Child child([] {
     ::signal(SIGCHLD, SIG_IGN);
     auto process = start([](ParentEnd&) -> bool { loop(); });

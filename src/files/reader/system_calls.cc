@@ -95,19 +95,19 @@ constexpr long kHarmless[] = {
 class Filter {
  public:
   void load(std::uint32_t offset) { add(BPF_LD | BPF_W | BPF_ABS, offset, 0, 0); }
-  void answer(std::uint32_t with) { add(BPF_RET | BPF_K, with, 0, 0); }
+  void return_action(std::uint32_t action) { add(BPF_RET | BPF_K, action, 0, 0); }
   // return immediately if the loaded word is equal, different, or has one of the bits
-  void answer_if(std::uint32_t word, std::uint32_t with) {
+  void return_if(std::uint32_t word, std::uint32_t action) {
     add(BPF_JMP | BPF_JEQ | BPF_K, word, 0, 1);
-    answer(with);
+    return_action(action);
   }
-  void answer_unless(std::uint32_t word, std::uint32_t with) {
+  void return_unless(std::uint32_t word, std::uint32_t action) {
     add(BPF_JMP | BPF_JEQ | BPF_K, word, 1, 0);
-    answer(with);
+    return_action(action);
   }
-  void answer_if_any(std::uint32_t bits, std::uint32_t with) {
+  void return_if_any(std::uint32_t bits, std::uint32_t action) {
     add(BPF_JMP | BPF_JSET | BPF_K, bits, 0, 1);
-    answer(with);
+    return_action(action);
   }
   // Adds `rules` for one system call, which must return for all of its arguments: for other calls the call
   // number stays loaded.
@@ -133,45 +133,45 @@ class Filter {
 Filter filter_for(std::uint32_t own_process) {
   Filter filter;
   filter.load(kArchitecture);
-  filter.answer_unless(kMachine, kRefuse);
+  filter.return_unless(kMachine, kRefuse);
   filter.load(kNumber);
-  for (const long call : kHarmless) filter.answer_if(static_cast<std::uint32_t>(call), SECCOMP_RET_ALLOW);
+  for (const long call : kHarmless) filter.return_if(static_cast<std::uint32_t>(call), SECCOMP_RET_ALLOW);
 
   // read only
   filter.for_call(__NR_openat, [&] {
     filter.load(argument(2));
-    filter.answer_if_any(O_ACCMODE | O_CREAT | O_TRUNC | (__O_TMPFILE & ~O_DIRECTORY), kRefuse);
-    filter.answer(SECCOMP_RET_ALLOW);
+    filter.return_if_any(O_ACCMODE | O_CREAT | O_TRUNC | (__O_TMPFILE & ~O_DIRECTORY), kRefuse);
+    filter.return_action(SECCOMP_RET_ALLOW);
   });
   // never executable memory
   for (const long call : {long{__NR_mmap}, long{__NR_mprotect}})
     filter.for_call(call, [&] {
       filter.load(argument(2));
-      filter.answer_if_any(PROT_EXEC, kRefuse);
-      filter.answer(SECCOMP_RET_ALLOW);
+      filter.return_if_any(PROT_EXEC, kRefuse);
+      filter.return_action(SECCOMP_RET_ALLOW);
     });
   // abort() in this process, but no signal to another
   filter.for_call(__NR_tgkill, [&] {
     filter.load(argument(0));
-    filter.answer_unless(own_process, kRefuse);
-    filter.answer(SECCOMP_RET_ALLOW);
+    filter.return_unless(own_process, kRefuse);
+    filter.return_action(SECCOMP_RET_ALLOW);
   });
   // descriptor flags, but not the signal owner
   filter.for_call(__NR_fcntl, [&] {
     filter.load(argument(1));
     for (const std::uint32_t command : {F_GETFD, F_SETFD, F_GETFL})
-      filter.answer_if(command, SECCOMP_RET_ALLOW);
-    filter.answer(kRefuse);
+      filter.return_if(command, SECCOMP_RET_ALLOW);
+    filter.return_action(kRefuse);
   });
   // limits may be queried, not set
   filter.for_call(__NR_prlimit64, [&] {
     for (const std::uint32_t half : {argument(2), upper_half(2)}) {
       filter.load(half);
-      filter.answer_unless(0, kRefuse);
+      filter.return_unless(0, kRefuse);
     }
-    filter.answer(SECCOMP_RET_ALLOW);
+    filter.return_action(SECCOMP_RET_ALLOW);
   });
-  filter.answer(kRefuse);
+  filter.return_action(kRefuse);
   return filter;
 }
 

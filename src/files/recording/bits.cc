@@ -125,8 +125,8 @@ std::string_view name_of(RecordingEvent::Kind kind) {
   return {};
 }
 
-std::string_view name_of(Originator asker) {
-  switch (asker) {
+std::string_view name_of(Originator originator) {
+  switch (originator) {
     case Originator::kSession:
       return "the session itself";
     case Originator::kScript:
@@ -144,7 +144,7 @@ std::string_view name_of(Originator asker) {
 }
 
 template <class Bits>
-std::string text_of_all() {
+std::string list_of_bits() {
   std::string text;
   for (std::size_t bit = 0; bit < 8 * sizeof(Bits); ++bit) {
     const std::uint32_t value = std::uint32_t{1} << bit;
@@ -155,7 +155,7 @@ std::string text_of_all() {
 }
 
 template <class Numbered>
-std::string text_of_numbers() {
+std::string list_of_values() {
   std::string text;
   for (std::uint8_t number = 0;; ++number) {
     const std::string_view name = name_of(static_cast<Numbered>(number));
@@ -167,23 +167,23 @@ std::string text_of_numbers() {
 }  // namespace
 
 std::string flag_bits() {
-  return text_of_all<TickFlag>();
+  return list_of_bits<TickFlag>();
 }
 std::string switch_bits() {
-  return text_of_all<TickSwitch>();
+  return list_of_bits<TickSwitch>();
 }
 std::string status_bits() {
-  return text_of_all<DeviceStatus>();
+  return list_of_bits<DeviceStatus>();
 }
 
 std::string setting_bits() {
-  return text_of_all<SettingBit>();
+  return list_of_bits<SettingBit>();
 }
 std::string event_kinds() {
-  return text_of_numbers<RecordingEvent::Kind>();
+  return list_of_values<RecordingEvent::Kind>();
 }
-std::string askers() {
-  return text_of_numbers<Originator>();
+std::string originators() {
+  return list_of_values<Originator>();
 }
 
 std::string method_numbers() {

@@ -18,6 +18,6 @@ std::string setting_bits();
 std::string method_numbers();
 /// RecordingEvent::kind and its by.originator, in the same form.
 std::string event_kinds();
-std::string askers();
+std::string originators();
 
 }  // namespace palpate::internal

@@ -47,7 +47,8 @@ constexpr std::array kTickColumns{
 constexpr std::array kEventColumnsBeforeProperties{
     Column{"tick", kU64, 1, PALPATE_EVENT(tick), "1", "-", "number of the first tick in effect"},
     Column{"kind", kU8, 1, PALPATE_EVENT(kind), "1", "-", "kind of request", event_kinds},
-    Column{"requested_by", kU8, 1, PALPATE_EVENT(by.originator), "1", "-", "source of the request", askers},
+    Column{"requested_by", kU8, 1, PALPATE_EVENT(by.originator), "1", "-", "source of the request",
+           originators},
     Column{"viewer", kU32, 1, PALPATE_EVENT(by.viewer), "1", "-",
            "viewer that sent the request, from 1 in the order of their hello, 0 none"},
     Column{"number", kU32, 1, PALPATE_EVENT(number), "1", "-",

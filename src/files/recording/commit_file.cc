@@ -72,10 +72,11 @@ void CommitFile::fail(int error) {
 void CommitFile::write(std::uint64_t offset, std::span<const std::byte> bytes) {
   if (sealed_) return;
   // the part before the committed end is deferred, the rest is written immediately
-  const std::uint64_t before = offset < committed_end_ ? committed_end_ - offset : 0;
-  const std::size_t waiting = static_cast<std::size_t>(std::min<std::uint64_t>(before, bytes.size()));
-  if (waiting > 0) hold(offset, bytes.first(waiting));
-  if (waiting < bytes.size()) write_now(offset + waiting, bytes.subspan(waiting));
+  const std::uint64_t before_end = offset < committed_end_ ? committed_end_ - offset : 0;
+  const std::size_t deferred_bytes =
+      static_cast<std::size_t>(std::min<std::uint64_t>(before_end, bytes.size()));
+  if (deferred_bytes > 0) defer(offset, bytes.first(deferred_bytes));
+  if (deferred_bytes < bytes.size()) write_now(offset + deferred_bytes, bytes.subspan(deferred_bytes));
 }
 
 void CommitFile::write_now(std::uint64_t offset, std::span<const std::byte> bytes) {
@@ -83,7 +84,7 @@ void CommitFile::write_now(std::uint64_t offset, std::span<const std::byte> byte
   written_end_ = std::max(written_end_, offset + bytes.size());
 }
 
-void CommitFile::hold(std::uint64_t offset, std::span<const std::byte> bytes) {
+void CommitFile::defer(std::uint64_t offset, std::span<const std::byte> bytes) {
   // a block written again replaces its earlier version
   std::erase_if(pending_, [&](const PendingWrite& pending) {
     return pending.offset == offset && pending.bytes.size() == bytes.size();

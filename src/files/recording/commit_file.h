@@ -70,7 +70,7 @@ class CommitFile {
     std::vector<std::byte> bytes;
   };
   void write_now(std::uint64_t offset, std::span<const std::byte> bytes);
-  void hold(std::uint64_t offset, std::span<const std::byte> bytes);
+  void defer(std::uint64_t offset, std::span<const std::byte> bytes);
 
   std::unique_ptr<ByteSink> sink_;
   std::vector<PendingWrite> pending_;  ///< deferred writes, chronological

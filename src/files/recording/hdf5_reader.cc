@@ -16,7 +16,7 @@ namespace palpate::internal {
 namespace {
 
 // decompression limit: a recording compressed by other tools may expand to this multiple of its size in total
-constexpr std::uint64_t kMaxUnpacking = 100;
+constexpr std::uint64_t kMaxExpansion = 100;
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 50;
 constexpr hsize_t kMaxChunkBytes = hsize_t{64} << 20;
 
@@ -26,9 +26,10 @@ struct Refusal {
 };
 
 // remaining decompression budget of a file
-struct Unpacking {
-  explicit Unpacking(std::uint64_t file_bytes) : left(std::min(file_bytes, kMaxFileBytes) * kMaxUnpacking) {}
-  std::uint64_t left;
+struct DecompressionBudget {
+  explicit DecompressionBudget(std::uint64_t file_bytes)
+      : remaining_bytes(std::min(file_bytes, kMaxFileBytes) * kMaxExpansion) {}
+  std::uint64_t remaining_bytes;
 };
 
 void require(bool condition, const std::string& what) {
@@ -186,10 +187,10 @@ class DataSet {
   }
 
   // requires that every row, or every row of a range, is stored: HDF5 would fill gaps with zeros
-  void require_stored(Unpacking& unpacking, const std::optional<RowRange>& range = {}) const {
+  void require_stored(DecompressionBudget& budget, const std::optional<RowRange>& range = {}) const {
     const hsize_t rows = rows_or_one(), row_bytes = H5Tget_size(type_.get()) * dims_[1];
-    require(rows <= unpacking.left / row_bytes, name_ + " is longer than the file can hold");
-    unpacking.left -= rows * row_bytes;
+    require(rows <= budget.remaining_bytes / row_bytes, name_ + " is longer than the file can hold");
+    budget.remaining_bytes -= rows * row_bytes;
     const H5D_layout_t layout = H5Pget_layout(properties_.get());
     if (rows == 0 || layout == H5D_COMPACT) return;
     if (range && layout == H5D_CHUNKED) return require_chunks(*range);
@@ -268,7 +269,8 @@ void check_format(hid_t file) {
                   "record it again"};
 }
 
-void read_structures(hid_t file, Unpacking& unpacking, std::vector<RecordingHeader::Structure>& structures) {
+void read_structures(hid_t file, DecompressionBudget& budget,
+                     std::vector<RecordingHeader::Structure>& structures) {
   const Handle group = open_group(file, "structures");
   const auto open = [&](const char* name, int rank, std::size_t width) {
     DataSet data_set(group.get(), "structures", name);
@@ -281,7 +283,7 @@ void read_structures(hid_t file, Unpacking& unpacking, std::vector<RecordingHead
   require(count <= kMaxStructures, "it lists too many structures");
   for (const DataSet* data_set : {&label, &colour, &name, &tissue}) {
     data_set->require_rows(count);
-    data_set->require_stored(unpacking);
+    data_set->require_stored(budget);
   }
   label.require_type(H5T_STD_U16LE);
   colour.require_type(H5T_STD_U8LE);
@@ -294,21 +296,21 @@ void read_structures(hid_t file, Unpacking& unpacking, std::vector<RecordingHead
   for (std::size_t i = 0; i < count; ++i) structures.push_back({labels[i], names[i], tissues[i], colours[i]});
 }
 
-RecordingHeader read_header(hid_t file, Unpacking& unpacking) {
+RecordingHeader read_header(hid_t file, DecompressionBudget& budget) {
   RecordingHeader header;
   const Handle group = open_group(file, "header");
   visit_header(header, [&](const char* name, auto& value) { read(Attribute(group.get(), name), value); });
   require(header.devices >= 1, "it names 0 devices");
-  require(header.tissue_coarsened >= 1 && header.tissue_coarsened <= kMaxTissueCoarsening,
+  require(header.tissue_cell_factor >= 1 && header.tissue_cell_factor <= kMaxTissueCoarsening,
           "the cell size of its soft tissue is invalid");
   const DataSet script(group.get(), "header", "script");
   script.require_shape(0);
   header.script_text = script.texts(kMaxScript).front();
-  read_structures(file, unpacking, header.structures);
+  read_structures(file, budget, header.structures);
   return header;
 }
 
-std::optional<RecordingSummary> read_summary(hid_t file, Unpacking& unpacking) {
+std::optional<RecordingSummary> read_summary(hid_t file, DecompressionBudget& budget) {
   const Handle group = open_group(file, "summary");
   const auto number = [&](const char* name, hid_t type, void* value) {
     const DataSet data_set(group.get(), "summary", name);
@@ -325,13 +327,13 @@ std::optional<RecordingSummary> read_summary(hid_t file, Unpacking& unpacking) {
   const DataSet problems(group.get(), "summary", "trouble");
   problems.require_shape(1);
   require(problems.rows() <= kMaxProblems, "it lists too many troubles");
-  problems.require_stored(unpacking);
+  problems.require_stored(budget);
   summary.problems = problems.texts(kMaxText);
   return summary;
 }
 
 void open_columns(hid_t file, const std::string& group_name, std::span<const Column> columns,
-                  const std::optional<RowRange>& range, Unpacking& unpacking,
+                  const std::optional<RowRange>& range, DecompressionBudget& budget,
                   std::vector<StoredColumn>& opened) {
   const Handle group = open_group(file, group_name);
   const auto minor = Attribute(file, "format_minor").number<std::uint32_t>(H5T_STD_U32LE);
@@ -343,7 +345,7 @@ void open_columns(hid_t file, const std::string& group_name, std::span<const Col
     DataSet data_set(group.get(), group_name, column.name);
     data_set.require_type(hdf5_type(column.number));
     data_set.require_shape(column.width == 1 ? 1 : 2, column.width);
-    data_set.require_stored(unpacking, range);
+    data_set.require_stored(budget, range);
     opened.push_back({&column, std::move(data_set)});
   }
 }
@@ -400,9 +402,9 @@ class EventQueue {
   std::size_t next_ = 0;
 };
 
-EventQueue open_events(hid_t file, Unpacking& unpacking, bool complete) {
+EventQueue open_events(hid_t file, DecompressionBudget& budget, bool complete) {
   std::vector<StoredColumn> columns;
-  open_columns(file, "events", event_columns(), {}, unpacking, columns);
+  open_columns(file, "events", event_columns(), {}, budget, columns);
   const std::uint64_t rows = common_rows(columns, complete);
   return {std::move(columns), rows};
 }
@@ -418,7 +420,8 @@ std::vector<T> read_column(const std::vector<StoredColumn>& columns, std::string
 }
 
 // computes the part of the head that depends on ticks, from the few columns needed
-void predict(const std::vector<StoredColumn>& columns, const RowRange& rows, RecordingHead& head) {
+void read_tick_properties(const std::vector<StoredColumn>& columns, const RowRange& rows,
+                          RecordingHead& head) {
   TickProperties properties;
   const std::uint64_t end = rows.first + rows.count;
   for (std::uint64_t first = rows.first; first < end; first += kBlockRows) {
@@ -472,18 +475,18 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target, std::
     check_format(opened.get());
     hsize_t file_bytes = 0;
     require(H5Fget_filesize(opened.get(), &file_bytes) >= 0, "HDF5 cannot open it");
-    Unpacking unpacking(file_bytes);
+    DecompressionBudget budget(file_bytes);
 
     RecordingHead head;
-    head.header = read_header(opened.get(), unpacking);
-    head.summary = read_summary(opened.get(), unpacking);
+    head.header = read_header(opened.get(), budget);
+    head.summary = read_summary(opened.get(), budget);
     const bool complete = head.summary.has_value();
     // determine the ticks' ends first: the events that they acknowledge precede them in the file, also while
     // it is being written
     std::vector<StoredColumn> columns;
-    open_columns(opened.get(), "ticks", tick_columns(), range, unpacking, columns);
+    open_columns(opened.get(), "ticks", tick_columns(), range, budget, columns);
     for (int d = 0; d < head.header.devices; ++d)
-      open_columns(opened.get(), "device" + std::to_string(d), device_columns(), range, unpacking, columns);
+      open_columns(opened.get(), "device" + std::to_string(d), device_columns(), range, budget, columns);
     const std::uint64_t rows = common_rows(columns, complete);
     if (range) {
       range->first = std::min(range->first, rows);
@@ -491,8 +494,8 @@ bool send_recording(const std::filesystem::path& file, ByteTarget& target, std::
       head.summary.reset();
     }
     const RowRange requested = range.value_or(RowRange{0, rows});
-    EventQueue events = range ? EventQueue({}, 0) : open_events(opened.get(), unpacking, complete);
-    predict(columns, requested, head);
+    EventQueue events = range ? EventQueue({}, 0) : open_events(opened.get(), budget, complete);
+    read_tick_properties(columns, requested, head);
 
     head_sent = true;
     return send_head(target, head) && send_parts(columns, requested, events, target);

@@ -55,7 +55,7 @@ void visit_header(Header& header, Visit&& visit) {
   visit("clock", header.clock);
   visit("scheduler", header.scheduler);
   visit("feel", header.feel);
-  visit("tissue_coarsened", header.tissue_coarsened);
+  visit("tissue_coarsened", header.tissue_cell_factor);
   visit("task", header.task.name);
   visit("task_hash", header.task.hash);
   visit("task_seed", header.task.seed);

@@ -463,7 +463,7 @@ TEST(Stream, BelievesNoPart) {
   EXPECT_THAT(error_of(stream_of({}, {}, head)), HasSubstr("an invalid size"));
 }
 
-TEST(Stream, PromisesOfRowsTakeNoMemory) {
+TEST(Stream, DeclaredRowCountAllocatesNothing) {
   test::MemoryTarget sent;
   ASSERT_TRUE(
       internal::send_head(sent, {test::example_header(4), std::nullopt, std::uint64_t{1} << 60, true, {}}));

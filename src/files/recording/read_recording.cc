@@ -35,8 +35,8 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(const InputFile& fil
   const int descriptor = file.descriptor();
   reader::ReaderProcess::Job job;
   job.files = {&descriptor, 1};
-  job.died = "the recording is damaged: HDF5 fails to read it";
-  job.endless = "the recording is damaged: HDF5 does not finish reading it";
+  job.death_error = "the recording is damaged: HDF5 fails to read it";
+  job.timeout_error = "the recording is damaged: HDF5 does not finish reading it";
   const auto name = file.name_for_libraries();
   const Hdf5Section section;
   return reader::ReaderProcess::start(
@@ -69,16 +69,16 @@ Result<void> read_isolated(const std::filesystem::path& file, std::optional<RowR
   const auto requested = read_head(head);
   if (!requested) return requested.error();
   if (!*requested) return {};
-  bool own_error = false;
+  bool consumer_failed = false;
   auto done = receive_parts(
       source, head,
       [&](const RecordingPart& part) {
         auto used = read_part(part);
-        own_error = !used;
+        consumer_failed = !used;
         return used;
       },
       progress);
-  if (done || own_error) return done;
+  if (done || consumer_failed) return done;
   return about(file, done.error());
 } catch (const std::bad_alloc&) {
   return Error{ErrorKind::kBadInput, "the recording does not fit in memory", file.string(), ""};
@@ -99,12 +99,12 @@ bool same_run(const RecordingHeader& a, const RecordingHeader& b) {
 /// @param inspect  reads everything that it needs, from the beginning each time
 Result<void> read_beside_writer(const std::filesystem::path& file,
                                 const std::function<Result<void>()>& inspect) {
-  constexpr int kMaxAppearances = 20;
-  for (int appearances = 1;; ++appearances) {
+  constexpr int kMaxAttempts = 20;
+  for (int attempt = 1;; ++attempt) {
     const auto before = last_change(file);
     auto read = inspect();
     const bool was_written = last_change(file) != before;
-    if (read || read.error().kind != ErrorKind::kBadInput || !was_written || appearances == kMaxAppearances)
+    if (read || read.error().kind != ErrorKind::kBadInput || !was_written || attempt == kMaxAttempts)
       return read;
   }
 }

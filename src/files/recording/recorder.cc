@@ -52,7 +52,7 @@ class RingRecorder : public Recorder {
   void stop();
   void drain();
   void take(std::span<const TickRecord> ticks);
-  void receive_acknowledged(const TickRecord& tick);
+  void move_acknowledged(const TickRecord& tick);
   Result<void> collect_events(std::span<const TickRecord> ticks);
   Result<void> write(std::span<const TickRecord> ticks);
   void abandon(const Error& error);
@@ -113,7 +113,7 @@ void RingRecorder::take(std::span<const TickRecord> ticks) {
   if (!written) abandon(written.error());
 }
 
-bool had_applied(const TickRecord& tick, const RecordingEvent& event) {
+bool acknowledges(const TickRecord& tick, const RecordingEvent& event) {
   switch (event.kind) {
     case RecordingEvent::Kind::kModel:
     case RecordingEvent::Kind::kSweep:
@@ -130,9 +130,9 @@ bool had_applied(const TickRecord& tick, const RecordingEvent& event) {
 }
 
 // moves the events that this tick is the first to acknowledge
-void RingRecorder::receive_acknowledged(const TickRecord& tick) {
+void RingRecorder::move_acknowledged(const TickRecord& tick) {
   for (auto row = pending_.begin(); row != pending_.end();) {
-    if (!had_applied(tick, *row)) {
+    if (!acknowledges(tick, *row)) {
       ++row;
       continue;
     }
@@ -147,7 +147,7 @@ Result<void> RingRecorder::collect_events(std::span<const TickRecord> ticks) {
   events_.clear();
   try {
     if (log_ != nullptr) log_->take(pending_);
-    for (const TickRecord& tick : ticks) receive_acknowledged(tick);
+    for (const TickRecord& tick : ticks) move_acknowledged(tick);
     return {};
   } catch (const std::bad_alloc&) {
     return output_error(file_, ENOMEM);

@@ -45,9 +45,9 @@ Handle space_of(std::initializer_list<hsize_t> dims) {
 }
 
 // Writes groups, attributes and data sets; ok() is true if all calls succeeded.
-class Scribe {
+class ObjectWriter {
  public:
-  explicit Scribe(hid_t file) : file_(file) {}
+  explicit ObjectWriter(hid_t file) : file_(file) {}
   bool ok() const { return ok_; }
 
   Handle group(const char* name) {
@@ -100,7 +100,7 @@ class Scribe {
   }
 
   // extensible data set without rows
-  Handle growing(hid_t group, const char* name, hid_t type, hsize_t width, hsize_t chunk_rows) {
+  Handle extensible_data_set(hid_t group, const char* name, hid_t type, hsize_t width, hsize_t chunk_rows) {
     const int rank = width == 1 ? 1 : 2;
     const hsize_t none[2] = {0, width}, chunk[2] = {chunk_rows, width};
     const hsize_t most[2] = {H5S_UNLIMITED, width};
@@ -120,7 +120,7 @@ class Scribe {
   }
 
   Handle column(hid_t group, const Column& column, hsize_t chunk_rows) {
-    Handle made = growing(group, column.name, hdf5_type(column.number), column.width, chunk_rows);
+    Handle made = extensible_data_set(group, column.name, hdf5_type(column.number), column.width, chunk_rows);
     attribute(made.get(), "unit", column.unit, H5T_CSET_ASCII);
     attribute(made.get(), "frame", column.frame, H5T_CSET_ASCII);
     attribute(made.get(), "description", column.description(), H5T_CSET_ASCII);
@@ -135,8 +135,8 @@ class Scribe {
 };
 
 // appends `rows` rows to an extensible data set that has `first` rows
-bool grow(const Handle& data_set, hid_t type, hsize_t width, hsize_t first, hsize_t rows,
-          const void* values) {
+bool append_rows(const Handle& data_set, hid_t type, hsize_t width, hsize_t first, hsize_t rows,
+                 const void* values) {
   const int rank = width == 1 ? 1 : 2;
   const hsize_t extent[2] = {first + rows, width}, start[2] = {first, 0}, size[2] = {rows, width};
   if (H5Dset_extent(data_set.get(), extent) < 0) return false;
@@ -155,7 +155,7 @@ std::string padded(const std::vector<std::string>& texts, std::size_t width) {
 
 // truncates a text at a UTF-8 character boundary if it is too long; zero bytes are removed because they would
 // terminate it
-std::string fitting(std::string text, std::size_t largest) {
+std::string truncated(std::string text, std::size_t largest) {
   std::erase(text, '\0');
   if (text.size() <= largest) return text;
   constexpr std::string_view kMore = "...";
@@ -172,7 +172,7 @@ std::vector<std::string> stored_problems(const std::vector<std::string>& problem
       stored.push_back("and " + std::to_string(problems.size() - stored.size()) + " more");
       break;
     }
-    stored.push_back(fitting(sentence, kProblemBytes));
+    stored.push_back(truncated(sentence, kProblemBytes));
   }
   return stored;
 }
@@ -190,10 +190,10 @@ class GrowingTable {
  public:
   GrowingTable(std::size_t chunk_rows) : chunk_rows_(chunk_rows) {}
 
-  void add(Scribe& scribe, const char* group_name, std::span<const Column> columns) {
-    const Handle group = scribe.group(group_name);
+  void add(ObjectWriter& writer, const char* group_name, std::span<const Column> columns) {
+    const Handle group = writer.group(group_name);
     for (const Column& column : columns)
-      columns_.push_back({&column, scribe.column(group.get(), column, chunk_rows_),
+      columns_.push_back({&column, writer.column(group.get(), column, chunk_rows_),
                           std::vector<std::byte>(chunk_rows_ * column.row_bytes())});
   }
 
@@ -213,8 +213,8 @@ class GrowingTable {
   // writes the current chunk to the end of the data sets; to be committed
   bool flush(const CommitFile& bytes) const {
     return std::ranges::all_of(columns_, [&](const GrowingColumn& of) {
-      return grow(of.data_set, hdf5_type(of.column->number), of.column->width, start_, filled_,
-                  of.chunk.data()) &&
+      return append_rows(of.data_set, hdf5_type(of.column->number), of.column->width, start_, filled_,
+                         of.chunk.data()) &&
              bytes.error() == 0;
     });
   }
@@ -257,7 +257,7 @@ class Hdf5Writer : public RecordingWriter {
  private:
   bool write_fixed_part(const RecordingHeader& header);
   bool write_summary(const RecordingSummary& summary);
-  void write_structures(Scribe& scribe, const std::vector<RecordingHeader::Structure>& structures);
+  void write_structures(ObjectWriter& writer, const std::vector<RecordingHeader::Structure>& structures);
   Result<void> flush();
   Result<void> commit_rows(GrowingTable& table);
   void close();
@@ -300,40 +300,41 @@ Result<void> Hdf5Writer::start(const RecordingHeader& header) {
 }
 
 bool Hdf5Writer::write_fixed_part(const RecordingHeader& header) {
-  Scribe scribe(file_.get());
-  scribe.attribute(file_.get(), "format", kFormat, H5T_CSET_ASCII);
-  scribe.attribute(file_.get(), "format_major", kFormatMajor);
-  scribe.attribute(file_.get(), "format_minor", kFormatMinor);
+  ObjectWriter writer(file_.get());
+  writer.attribute(file_.get(), "format", kFormat, H5T_CSET_ASCII);
+  writer.attribute(file_.get(), "format_major", kFormatMajor);
+  writer.attribute(file_.get(), "format_minor", kFormatMinor);
 
-  const Handle header_group = scribe.group("header");
+  const Handle header_group = writer.group("header");
   visit_header(header, [&](const char* name, const auto& value) {
-    scribe.attribute(header_group.get(), name, value);
+    writer.attribute(header_group.get(), name, value);
   });
   const Handle script_type = fixed_text_type(header.script_text.size(), H5T_CSET_UTF8);
-  scribe.data_set(header_group.get(), "script", script_type.get(), {}, header.script_text.c_str());
-  write_structures(scribe, header.structures);
+  writer.data_set(header_group.get(), "script", script_type.get(), {}, header.script_text.c_str());
+  write_structures(writer, header.structures);
 
   // zeros and no sentences until finish(), which then creates no new object
-  const Handle summary = scribe.group("summary");
+  const Handle summary = writer.group("summary");
   const std::uint64_t zero = 0;
   const RecordingSummary unknown;
   visit_summary(unknown, [&](const char* name, std::uint64_t) {
-    scribe.data_set(summary.get(), name, H5T_STD_U64LE, {}, &zero);
+    writer.data_set(summary.get(), name, H5T_STD_U64LE, {}, &zero);
   });
-  scribe.data_set(summary.get(), "complete", H5T_STD_U8LE, {}, &zero);
+  writer.data_set(summary.get(), "complete", H5T_STD_U8LE, {}, &zero);
   constexpr hsize_t kProblemChunk = 16;
-  problems_ = scribe.growing(summary.get(), "trouble", fixed_text_type(kProblemBytes, H5T_CSET_UTF8).get(), 1,
-                             kProblemChunk);
+  problems_ = writer.extensible_data_set(
+      summary.get(), "trouble", fixed_text_type(kProblemBytes, H5T_CSET_UTF8).get(), 1, kProblemChunk);
 
-  ticks_.add(scribe, "ticks", tick_columns());
+  ticks_.add(writer, "ticks", tick_columns());
   for (int d = 0; d < devices_; ++d)
-    ticks_.add(scribe, ("device" + std::to_string(d)).c_str(), device_columns());
-  events_.add(scribe, "events", event_columns());
-  return scribe.ok();
+    ticks_.add(writer, ("device" + std::to_string(d)).c_str(), device_columns());
+  events_.add(writer, "events", event_columns());
+  return writer.ok();
 }
 
-void Hdf5Writer::write_structures(Scribe& scribe, const std::vector<RecordingHeader::Structure>& structures) {
-  const Handle group = scribe.group("structures");
+void Hdf5Writer::write_structures(ObjectWriter& writer,
+                                  const std::vector<RecordingHeader::Structure>& structures) {
+  const Handle group = writer.group("structures");
   const hsize_t count = structures.size();
   std::vector<LabelId> labels;
   std::vector<Rgb> colours;
@@ -342,8 +343,8 @@ void Hdf5Writer::write_structures(Scribe& scribe, const std::vector<RecordingHea
     colours.push_back(structure.colour);
   }
   static_assert(sizeof(Rgb) == 3);
-  scribe.data_set(group.get(), "label", H5T_STD_U16LE, {count}, labels.data());
-  scribe.data_set(group.get(), "colour", H5T_STD_U8LE, {count, 3}, colours.data());
+  writer.data_set(group.get(), "label", H5T_STD_U16LE, {count}, labels.data());
+  writer.data_set(group.get(), "colour", H5T_STD_U8LE, {count, 3}, colours.data());
 
   const auto texts = [&](const char* name, std::string RecordingHeader::Structure::*text) {
     std::vector<std::string> values;
@@ -351,7 +352,7 @@ void Hdf5Writer::write_structures(Scribe& scribe, const std::vector<RecordingHea
     std::size_t width = 1;
     for (const std::string& value : values) width = std::max(width, value.size());
     const Handle type = fixed_text_type(width, H5T_CSET_UTF8);
-    scribe.data_set(group.get(), name, type.get(), {count}, padded(values, width).data());
+    writer.data_set(group.get(), name, type.get(), {count}, padded(values, width).data());
   };
   texts("name", &RecordingHeader::Structure::name);
   texts("tissue", &RecordingHeader::Structure::tissue);
@@ -410,8 +411,8 @@ bool Hdf5Writer::write_summary(const RecordingSummary& summary) {
   });
   if (const auto sentences = stored_problems(summary.problems); !sentences.empty()) {
     const Handle type = fixed_text_type(kProblemBytes, H5T_CSET_UTF8);
-    written = written &&
-              grow(problems_, type.get(), 1, 0, sentences.size(), padded(sentences, kProblemBytes).data());
+    written = written && append_rows(problems_, type.get(), 1, 0, sentences.size(),
+                                     padded(sentences, kProblemBytes).data());
   }
   // the completion mark is committed after everything that it covers
   const std::uint8_t complete = 1;

@@ -129,17 +129,17 @@ void receive_ticks(Receiver& in, int devices, std::span<TickRecord> ticks, std::
   for (TickRecord& tick : ticks) tick.devices = devices;
 }
 
-bool is_sweep(const SweepRecord& sweep) {
+bool is_valid_sweep(const SweepRecord& sweep) {
   constexpr double kMaxCoordinate_mm = 1e6, kMaxRadius_mm = 10;
   const auto is_in_range = [](double mm) { return std::abs(mm) <= kMaxCoordinate_mm; };
   constexpr double kMaxAxis_mm = 30;
-  const auto along = [](double mm) { return std::abs(mm) <= kMaxAxis_mm; };
+  const auto is_axis_in_range = [](double mm) { return std::abs(mm) <= kMaxAxis_mm; };
   double distance_mm = 0;
   for (std::size_t axis = 0; axis < 3; ++axis)
     distance_mm = std::max(distance_mm, std::abs(sweep.to_mm[axis] - sweep.from_mm[axis]));
-  const bool is_row = std::ranges::any_of(sweep.axis_mm, [](double mm) { return mm != 0; });
-  if (!std::ranges::all_of(sweep.axis_mm, along) || !(sweep.end_radius_mm <= kMaxRadius_mm) ||
-      !(is_row ? sweep.end_radius_mm > 0 : sweep.end_radius_mm == 0))
+  const bool has_axis = std::ranges::any_of(sweep.axis_mm, [](double mm) { return mm != 0; });
+  if (!std::ranges::all_of(sweep.axis_mm, is_axis_in_range) || !(sweep.end_radius_mm <= kMaxRadius_mm) ||
+      !(has_axis ? sweep.end_radius_mm > 0 : sweep.end_radius_mm == 0))
     return false;
   const bool is_known = sweep.device < kMaxDevices || sweep.device == SweepRecord::kBrokenOff;
   return is_known && std::ranges::all_of(sweep.from_mm, is_in_range) &&
@@ -157,7 +157,8 @@ void receive_events(Receiver& in, std::span<RecordingEvent> events, std::uint64_
     if (event.by.originator > Originator::kViewerWithConsent) in.fail("an event has an unknown source");
     if (event.tick < last_tick) in.fail("its events are out of order");
     last_tick = event.tick;
-    if (event.kind == RecordingEvent::Kind::kSweep && !is_sweep(event.sweep)) in.fail("a sweep is invalid");
+    if (event.kind == RecordingEvent::Kind::kSweep && !is_valid_sweep(event.sweep))
+      in.fail("a sweep is invalid");
     event.change.version = event.kind == RecordingEvent::Kind::kModel ? event.number : 0;
   }
 }
@@ -221,7 +222,7 @@ bool send_events(ByteTarget& target, std::span<const RecordingEvent> events, std
 }
 
 void TickProperties::observe(std::uint64_t tick, double time_s, std::uint8_t method) {
-  clock_rises_ = clock_rises_ && std::isfinite(time_s) && (ticks_ == 0 || time_s > last_s_);
+  is_clock_monotonic_ = is_clock_monotonic_ && std::isfinite(time_s) && (ticks_ == 0 || time_s > last_s_);
   last_s_ = time_s;
   ++ticks_;
   if (std::exchange(method_seen_[method], true)) return;
@@ -230,7 +231,7 @@ void TickProperties::observe(std::uint64_t tick, double time_s, std::uint8_t met
 
 void TickProperties::write_to(RecordingHead& head) const {
   head.ticks = ticks_;
-  head.is_clock_monotonic = clock_rises_;
+  head.is_clock_monotonic = is_clock_monotonic_;
   head.methods = methods_;
 }
 
@@ -238,7 +239,7 @@ bool TickProperties::agrees_with(const RecordingHead& head) const {
   const auto same = [](const RecordingHead::AppliedMethod& a, const RecordingHead::AppliedMethod& b) {
     return a.method == b.method && a.tick == b.tick;
   };
-  return (clock_rises_ || !head.is_clock_monotonic) && methods_.size() <= head.methods.size() &&
+  return (is_clock_monotonic_ || !head.is_clock_monotonic) && methods_.size() <= head.methods.size() &&
          std::equal(methods_.begin(), methods_.end(), head.methods.begin(), same);
 }
 

@@ -44,7 +44,7 @@ class TickProperties {
 
  private:
   std::uint64_t ticks_ = 0;
-  bool clock_rises_ = true;
+  bool is_clock_monotonic_ = true;
   double last_s_ = 0;
   std::array<bool, 256> method_seen_{};
   std::vector<RecordingHead::AppliedMethod> methods_;

@@ -214,7 +214,7 @@ RecordingHeader example_header(int devices, double rate_hz) {
   header.model_version = 3;
   header.rate_hz = rate_hz;
   header.seed = 0xffffffffffffffffu;
-  header.tissue_coarsened = 1.25;
+  header.tissue_cell_factor = 1.25;
   header.device = "premium-1.5";
   header.hand = "light-grip";
   header.simulated = true;
@@ -389,7 +389,7 @@ std::string first_difference(const RecordingHeader& a, const RecordingHeader& b)
   if (a.model_version != b.model_version) return "model_version";
   if (bits(a.rate_hz) != bits(b.rate_hz)) return "rate_hz";
   if (a.seed != b.seed) return "seed";
-  if (bits(a.tissue_coarsened) != bits(b.tissue_coarsened)) return "tissue_coarsened";
+  if (bits(a.tissue_cell_factor) != bits(b.tissue_cell_factor)) return "tissue_coarsened";
   if (a.device != b.device) return "device";
   if (a.hand != b.hand) return "hand";
   if (a.simulated != b.simulated) return "simulated";

@@ -205,8 +205,7 @@ bool is_level(const std::vector<Token>& tokens, std::size_t n) {
 }  // namespace
 
 AnatomyInName anatomy_in(std::string_view text) {
-  static const std::set<std::string_view> qualities = set_of(kQualities),
-                                          print_nothing = set_of(kNeutralWords);
+  static const std::set<std::string_view> qualities = set_of(kQualities), neutral = set_of(kNeutralWords);
   AnatomyInName found;
   if (std::ranges::find(kWholeNames, text) != kWholeNames.end()) {
     found.name = text;
@@ -229,7 +228,7 @@ AnatomyInName anatomy_in(std::string_view text) {
     const bool structure = is_structure(token.lower) || in_company(tokens, n);
     any = any || structure;
     token.kept = structure || qualities.contains(token.lower) || is_level(tokens, n);
-    found.left_out = found.left_out || (!token.kept && !print_nothing.contains(token.lower));
+    found.left_out = found.left_out || (!token.kept && !neutral.contains(token.lower));
   }
   if (!any) return found;
   std::size_t end = 0;

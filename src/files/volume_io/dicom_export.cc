@@ -26,7 +26,7 @@ SegmentToWrite segment_to_write(const Segment& segment) {
   out.name = segment.name.empty() ? "label " + std::to_string(segment.id) : segment.name.substr(0, retained);
   std::ranges::replace(out.name, '\\', '/');
   out.colour = {segment.colour.r, segment.colour.g, segment.colour.b};
-  const DicomSegment known = segment_called(segment.name);
+  const DicomSegment known = segment_from_name(segment.name);
   out.code = known.code;
   out.meaning = known.meaning;
   out.side = known.side;

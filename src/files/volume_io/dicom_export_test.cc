@@ -142,7 +142,7 @@ TEST(DicomExport, APictureIsASecondaryCapture) {
   const auto report = find_identifiers(folder / "picture.dcm", true);
   ASSERT_TRUE(report) << report.error().message();
   // the pixels have not been examined for annotations
-  EXPECT_EQ(report->burnt_in_unsaid, 1u);
+  EXPECT_EQ(report->burnt_in_unstated, 1u);
   const bool marked = std::ranges::any_of(report->rows, [](const IdentifierRow& row) {
     return row.example.find("Not for clinical use") != std::string::npos;
   });

@@ -647,8 +647,8 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
     return refused({"has packed bits, which are not supported", kDecompress});
   if (coding.kind == Kind::kLabels && is_lossy(root, root.getOriginalXfer()))
     return refused({"has labels that are compressed with loss, so they may be wrong", kSlicer});
-  coding.most = count_of(root, DCM_MaximumFractionalValue).value_or(255);
-  if (coding.kind == Kind::kLabels) coding.nothing = padding_of(root, DCM_PixelPaddingValue, all);
+  coding.max_fractional_value = count_of(root, DCM_MaximumFractionalValue).value_or(255);
+  if (coding.kind == Kind::kLabels) coding.background_value = padding_of(root, DCM_PixelPaddingValue, all);
   segmentation.series_uid = text_of(root, DCM_SeriesInstanceUID);
   segmentation.concatenation_uid = text_of(root, DCM_ConcatenationUID);
 
@@ -875,7 +875,7 @@ class FilePixels : public DicomPixels {
   Result<void> unpack_wavelets(const DicomFrame& frame);
   // preparation and decoding by DCMTK; false: damaged
   bool isolate();
-  bool decode(const DicomFrame& frame, std::uint8_t beyond, std::uint64_t bytes);
+  bool decode(const DicomFrame& frame, std::uint8_t fill, std::uint64_t bytes);
 
   DcmFileFormat file_;
   DcmFileCache cache_;
@@ -1001,10 +1001,10 @@ bool FilePixels::isolate() {
   return isolated_->card() == 2;
 }
 
-// @param last  fill value of the buffer, which remains in the last word if nothing is decoded into it
-bool FilePixels::decode(const DicomFrame& frame, std::uint8_t last, std::uint64_t bytes) {
+// @param fill  fill value of the buffer, which remains in the last word if nothing is decoded into it
+bool FilePixels::decode(const DicomFrame& frame, std::uint8_t fill, std::uint64_t bytes) {
   // padded to an even size
-  buffer_.assign(static_cast<std::size_t>(bytes + bytes % 2), last);
+  buffer_.assign(static_cast<std::size_t>(bytes + bytes % 2), fill);
   DcmDataset* root = file_.getDataset();
   const auto size = static_cast<Uint32>(buffer_.size());
   const DcmXfer syntax(root->getOriginalXfer());

@@ -20,7 +20,7 @@ constexpr int kMaxFolderDepth = 16;
 // the folder are skipped unless they are allowed; returns their number.
 template <class Visit>
 std::size_t walk(const fs::path& folder, const Visit& visit) {
-  std::size_t led_out = 0;
+  std::size_t outside_links = 0;
   std::error_code failed;
   fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied, failed);
   for (; !failed && entry != fs::recursive_directory_iterator(); entry.increment(failed)) {
@@ -28,11 +28,11 @@ std::size_t walk(const fs::path& folder, const Visit& visit) {
     std::error_code ignored;
     if (!entry->is_regular_file(ignored)) continue;
     if (entry->is_symlink(ignored) && !check_stays_in(folder, entry->path()))
-      ++led_out;
+      ++outside_links;
     else if (visit(entry->path()))
       break;
   }
-  return led_out;
+  return outside_links;
 }
 
 bool is_dicom_image(const fs::path& file) {
@@ -85,7 +85,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
   reader::Receiver in(**process, "is damaged: ");
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMaxDicomFiles) return nonsense(named);
+  if (count > kMaxDicomFiles) return impossible_volume(named);
 
   FoundFiles found;
   const fs::path folder = directory.parent_path().empty() ? fs::path(".") : directory.parent_path();
@@ -96,7 +96,7 @@ Result<FoundFiles> files_named_by(const fs::path& directory, const Progress& pro
     if (progress.stopped()) return Progress::interrupted();
     std::uint32_t length = 0;
     in.get(length);
-    if (length > kMaxParts + 1) return nonsense(named);
+    if (length > kMaxParts + 1) return impossible_volume(named);
     std::vector<std::string> parts(length);
     for (std::string& part : parts) in.get(part, kMaxPart + 1);
     if (!in.ok()) break;
@@ -165,7 +165,7 @@ Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
   constexpr std::size_t kMaxRoots = 32;
   bool more = false, stopped = false;
   std::set<fs::path> outside;
-  const std::size_t led_out = walk(named, [&](const fs::path& file) {
+  const std::size_t outside_links = walk(named, [&](const fs::path& file) {
     if ((stopped = progress.stopped())) return true;
     if (found.files.size() == kMaxDicomFiles) return more = true;
     std::error_code unknown;
@@ -181,8 +181,9 @@ Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
   if (more)
     found.notes.push_back("holds more than " + std::to_string(kMaxDicomFiles) +
                           " files; the others were ignored");
-  if (led_out > 0)
-    found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
+  if (outside_links > 0)
+    found.notes.push_back(std::to_string(outside_links) +
+                          (outside_links == 1 ? " link leads" : " links lead") +
                           " out of the folder and was not followed (--follow-links allows it)");
   return found;
 }
@@ -213,14 +214,14 @@ Result<void> wait_for_files(reader::ReaderProcess& process, const FoundFiles& fo
   std::size_t begun = 0;
   while (true) {
     std::uint32_t number = 0;
-    if (auto declared = process.read(std::as_writable_bytes(std::span(&number, 1))); !declared) {
+    if (auto received = process.read(std::as_writable_bytes(std::span(&number, 1))); !received) {
       // the file being read can only be identified by its path
       if (begun < found.files.size() && found.files.size() > 1) {
-        Error error = about(declared.error(), {&found.files[begun], 1});
+        Error error = about(received.error(), {&found.files[begun], 1});
         if (error.kind == ErrorKind::kBadInput) error.remedy += ", or take it out of the folder";
         return error;
       }
-      return about(declared.error(), named);
+      return about(received.error(), named);
     }
     if (number == kEnd) return receive_end(process, named);
     begun = std::min<std::size_t>(number, found.files.size());

@@ -71,7 +71,7 @@ void inspect_segmentation(const std::string& name, const std::string& syntax) {
   if (!declared) return must(!declared.error().what.empty());
   must(declared->frames.size() == declared->segment_of_frame.size());
   for (const DicomSegment& segment : declared->segments) must(!name_of_segment(segment).empty());
-  const auto grid = lay_segments(*declared);
+  const auto grid = segment_grid_of(*declared);
   if (!grid) return must(!grid.error().what.empty());
   must(grid->geometry.min_spacing_mm() > 0 && grid->slice_of_frame.size() == declared->frames.size());
   for (const int slice : grid->slice_of_frame) must(slice >= 0 && slice < grid->geometry.dims[2]);

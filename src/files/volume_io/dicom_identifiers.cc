@@ -174,7 +174,7 @@ std::string words_of(DcmElement& element) {
   return std::to_string(element.getLengthField()) + " bytes";
 }
 
-class Collector {
+class IdentifierCollector {
  public:
   std::vector<DicomIdentifier> found;
 
@@ -206,8 +206,8 @@ class Collector {
   static bool is_pixels(DcmElement& element) { return element.getTag() == DCM_PixelData; }
   static std::string name_of(DcmElement& element) {
     DcmTag tag(element.getTag());
-    const std::string context = tag.getXTag().toString().c_str();
-    return (tag.getGroup() % 2 == 1 ? std::string("private") : std::string(tag.getTagName())) + " " + context;
+    const std::string number = tag.getXTag().toString().c_str();
+    return (tag.getGroup() % 2 == 1 ? std::string("private") : std::string(tag.getTagName())) + " " + number;
   }
 };
 
@@ -217,7 +217,7 @@ Result<std::vector<DicomIdentifier>> identifiers_of_dicom(const std::filesystem:
   DcmFileFormat file;
   if (file.loadFile(name.c_str(), EXS_Unknown, EGL_noChange, kReadAtOnce, ERM_autoDetect).bad())
     return bad_input("", "is a damaged DICOM file", "copy it again");
-  Collector collector;
+  IdentifierCollector collector;
   if (DcmMetaInfo* meta = file.getMetaInfo()) collector.visit(*meta, 0);
   collector.visit(*file.getDataset(), 0);
   return std::move(collector.found);

@@ -16,9 +16,9 @@ namespace fs = std::filesystem;
 
 // Matches a segmentation with the images on which it may have been made: sends the number of the volume and
 // the notes.
-bool match_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
-                     const fs::path& segmentation, const std::vector<fs::path>& files, bool one_series,
-                     std::optional<int> number) {
+bool serve_dicom_match(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
+                       const fs::path& segmentation, const std::vector<fs::path>& files, bool one_series,
+                       std::optional<int> number) {
   const auto content = find_content(library, parent, found);
   if (!content) return send_end(parent, content.error());
   const auto refused = [&](Error error, const fs::path& file) {
@@ -93,7 +93,7 @@ Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   found->roots.push_back(*study.labels);
   const std::vector<fs::path> files = label_files(*study.labels);
   auto process = start_dicom_reader(*found, 0, progress, [&](reader::ParentEnd& parent) {
-    return match_dicom_for(**library, parent, *found, *study.labels, files, one_series, study.volume);
+    return serve_dicom_match(**library, parent, *found, *study.labels, files, one_series, study.volume);
   });
   if (!process) return at_file(study.scan, process.error());
   std::vector<fs::path> named{study.scan, *study.labels};
@@ -105,7 +105,7 @@ Result<Study> matched(Study study, bool one_series, const Progress& progress) {
   in.get(is_declared);
   in.get(notes);
   constexpr std::uint32_t kMaxNumber = 100'000, kMaxStudyNotes = 10;
-  if (number < 1 || number > kMaxNumber || notes > kMaxStudyNotes) return nonsense(named);
+  if (number < 1 || number > kMaxNumber || notes > kMaxStudyNotes) return impossible_volume(named);
   for (std::uint32_t n = 0; n < notes && in.ok(); ++n) {
     in.get(study.notes.emplace_back());
     study.notes.back() = study.labels->string() + " " + study.notes.back();

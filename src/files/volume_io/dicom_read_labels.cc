@@ -65,10 +65,10 @@ class SegmentPixels {
           if (value != 0) take(v, segment);
           break;
         case SegmentCoding::Kind::kFractional:
-          if (value > 0 && 2 * value >= coding.most) take(v, segment);
+          if (value > 0 && 2 * value >= coding.max_fractional_value) take(v, segment);
           break;
         case SegmentCoding::Kind::kLabels:
-          if (value != 0 && value != coding.nothing &&
+          if (value != 0 && value != coding.background_value &&
               value + coding.number_offset < std::int64_t{kLabelValues})
             take(v, static_cast<int>(value) + coding.number_offset);
           break;
@@ -94,7 +94,7 @@ Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const Shou
   std::vector<int> index_of_number(kLabelValues, -1);
   for (std::size_t n = 0; n < segmentation.segments.size(); ++n)
     index_of_number[static_cast<std::size_t>(segmentation.segments[n].number)] = static_cast<int>(n);
-  SegmentOverlapPairs meetings;
+  SegmentOverlapPairs overlaps;
   // the labels of a single file are mutually exclusive
   if (segmentation.codings.size() > 1 || segmentation.codings.front().kind != SegmentCoding::Kind::kLabels) {
     auto pixels = SegmentPixels::open(library, segments.files);
@@ -113,9 +113,9 @@ Result<void> find_overlaps(DicomLibrary& library, Segments& segments, const Shou
     };
     auto found = find_overlapping_pairs(segments.grid.geometry, read_slice, should_continue);
     if (!found) return found.error();
-    meetings = *std::move(found);
+    overlaps = *std::move(found);
   }
-  const auto layers = assign_layers(segmentation.segments.size(), meetings, segments.file);
+  const auto layers = assign_layers(segmentation.segments.size(), overlaps, segments.file);
   for (std::size_t n = 0; n < layers.size(); ++n)
     segments.layer_of_number[static_cast<std::size_t>(segmentation.segments[n].number)] = layers[n];
   return {};
@@ -160,7 +160,7 @@ Result<Segments> inspect_segments(DicomLibrary& library, const std::vector<fs::p
         return segment.number >= static_cast<int>(kLabelValues);
       }))
     return bad_input("", "has more segments than label numbers", "read fewer of its files at a time");
-  auto grid = lay_segments(segmentation);
+  auto grid = segment_grid_of(segmentation);
   if (!grid) return grid.error();
   segments.grid = *std::move(grid);
   segments.frames_at.resize(static_cast<std::size_t>(segments.grid.geometry.dims[2]));
@@ -299,10 +299,10 @@ Result<Structures> inspect_structures(DicomLibrary& library, const fs::path& nam
       });
     return {};
   };
-  const auto meetings = find_overlapping_pairs(grid, read_slice, should_continue);
-  if (!meetings) return meetings.error();
+  const auto overlaps = find_overlapping_pairs(grid, read_slice, should_continue);
+  if (!overlaps) return overlaps.error();
   structures.file = labels_in_slices(grid, named);
-  structures.layers = assign_layers(structures.planes.size(), *meetings, structures.file);
+  structures.layers = assign_layers(structures.planes.size(), *overlaps, structures.file);
   note_structures(structures, without_contours, left_out, voxels, structures.file);
   for (std::size_t n = 0; n < structures.declared.size(); ++n)
     put_segment(structures.file, n, name_of_segment(structures.declared[n].segment),
@@ -322,18 +322,18 @@ Result<void> send_structures(const Structures& structures, VoxelSink& sink) {
   return send_layers(structures.file.header, read_slice, sink);
 }
 
-bool read_structures_for(DicomLibrary& library, reader::ParentEnd& parent, const fs::path& named,
-                         const GridGeometry& grid) {
+bool serve_structures(DicomLibrary& library, reader::ParentEnd& parent, const fs::path& named,
+                      const GridGeometry& grid) {
   const auto structures = inspect_structures(library, named, grid, sign_of_life(parent));
-  return read_labels_for(parent, named, structures,
-                         [&](VoxelSink& sink) { return send_structures(*structures, sink); });
+  return serve_labels(parent, named, structures,
+                      [&](VoxelSink& sink) { return send_structures(*structures, sink); });
 }
 
-bool read_segments_for(DicomLibrary& library, reader::ParentEnd& parent, const std::vector<fs::path>& files,
-                       const fs::path& named) {
+bool serve_segments(DicomLibrary& library, reader::ParentEnd& parent, const std::vector<fs::path>& files,
+                    const fs::path& named) {
   const auto segments = inspect_segments(library, files, named, sign_of_life(parent));
-  return read_labels_for(parent, named, segments,
-                         [&](VoxelSink& sink) { return send_segments(library, *segments, sink); });
+  return serve_labels(parent, named, segments,
+                      [&](VoxelSink& sink) { return send_segments(library, *segments, sink); });
 }
 
 // Reads labels of one file, or of several files of a folder, by work(library, the process's end, files).
@@ -359,7 +359,7 @@ Result<DicomReader> open_dicom_labels(const fs::path& file, std::vector<fs::path
   auto answer = receive_answer(**process, named);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);
-  if (!volume || volume->voxels.encoding != Encoding::kSlices) return nonsense(named);
+  if (!volume || volume->voxels.encoding != Encoding::kSlices) return impossible_volume(named);
   return DicomReader{*std::move(process), std::move(*volume)};
 }
 
@@ -375,7 +375,7 @@ Result<DicomReader> open_dicom_segmentation(const fs::path& file, const Progress
   return open_dicom_labels(
       file, std::move(files), progress,
       [&](DicomLibrary& library, reader::ParentEnd& parent, const std::vector<fs::path>& parts) {
-        return read_segments_for(library, parent, parts, file);
+        return serve_segments(library, parent, parts, file);
       });
 }
 
@@ -384,10 +384,10 @@ Result<DicomReader> open_dicom_structures(const fs::path& file, const GridGeomet
   auto reader =
       open_dicom_labels(file, {file}, progress,
                         [&](DicomLibrary& library, reader::ParentEnd& parent, const std::vector<fs::path>&) {
-                          return read_structures_for(library, parent, file, grid);
+                          return serve_structures(library, parent, file, grid);
                         });
   const Files named{&file, 1};
-  if (reader && !reader->volume.header.geometry.same_grid(grid)) return nonsense(named);
+  if (reader && !reader->volume.header.geometry.same_grid(grid)) return impossible_volume(named);
   return reader;
 }
 

@@ -100,7 +100,7 @@ template <class ShouldContinue>
 Result<DicomContent> inspect(DicomLibrary& library, const FoundFiles& found,
                              const ShouldContinue& should_continue) {
   std::vector<DicomImage> images;
-  std::size_t others = 0, pictureless = 0;
+  std::size_t others = 0, without_image = 0;
   Counts kinds, damages;
   std::optional<Error> first;
   const auto leave_out = [&](const Error& why) {
@@ -126,7 +126,7 @@ Result<DicomContent> inspect(DicomLibrary& library, const FoundFiles& found,
     } else if (auto content = library.read_file(opened->name_for_libraries(), dicom_transfer_syntax(front))) {
       images.push_back({static_cast<std::uint32_t>(n), *std::move(content)});
     } else if (content.error().what == kNoDicomImage) {
-      ++pictureless;
+      ++without_image;
     } else {
       leave_out(content.error());
     }
@@ -147,9 +147,9 @@ Result<DicomContent> inspect(DicomLibrary& library, const FoundFiles& found,
                             "without another message");
   for (const auto& [what, count] : kinds)
     content.others.push_back(count == 1 ? what : what + ", " + std::to_string(count) + " files");
-  if (pictureless > 0)
+  if (without_image > 0)
     content.others.push_back(
-        counted(pictureless, "DICOM file without an image", "DICOM files without an image"));
+        counted(without_image, "DICOM file without an image", "DICOM files without an image"));
   if (others > 0) content.others.push_back(counted(others, "other file", "other files"));
   if (frames.empty())
     return first && found.files.size() == 1 ? Error(*first)
@@ -260,17 +260,17 @@ Result<void> send_slices(DicomLibrary& library, const DicomVolume& volume, const
   return {};
 }
 
-bool read_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
-                    const fs::path& named, std::optional<int> number) {
+bool serve_dicom_volume(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found,
+                        const fs::path& named, std::optional<int> number) {
   const auto content = find_content(library, parent, found);
   if (!content) return send_end(parent, content.error());
   const auto chosen = choose_volume(content->volumes, number);
   if (!chosen) return send_end(parent, chosen.error());
   if (!send_end(parent, {})) return false;
   const DicomVolume& volume = content->volumes[*chosen];
-  std::vector<std::string> declared = content->notes;
-  declared.insert(declared.end(), volume.notes.begin(), volume.notes.end());
-  const VolumeFile file = volume_of(volume, named, std::move(declared));
+  std::vector<std::string> notes = content->notes;
+  notes.insert(notes.end(), volume.notes.begin(), volume.notes.end());
+  const VolumeFile file = volume_of(volume, named, std::move(notes));
   if (!send_volume(parent, file, {&named, 1})) return false;
   while (parent.wait_for_grant()) {
     VoxelSlots slots(parent);
@@ -284,7 +284,7 @@ bool read_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const Foun
 // Maximum number of volumes in a list: a folder of images that are each a series of its own has thousands.
 constexpr std::size_t kMaxListed = 2000;
 
-bool list_dicom_for(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found) {
+bool serve_dicom_list(DicomLibrary& library, reader::ParentEnd& parent, const FoundFiles& found) {
   const auto content = find_content(library, parent, found);
   if (!content) return send_end(parent, content.error());
   if (!send_end(parent, {})) return false;
@@ -371,7 +371,7 @@ Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const P
   std::uint32_t attributes = 0, images = 0;
   in.get(attributes);
   constexpr std::uint32_t kMaxAttributes = 100;
-  if (attributes > kMaxAttributes) return nonsense(named);
+  if (attributes > kMaxAttributes) return impossible_volume(named);
   for (std::uint32_t n = 0; n < attributes && in.ok(); ++n) {
     auto& [tag, value] = identity.attributes.emplace_back();
     in.get(tag.first);
@@ -381,7 +381,7 @@ Result<DicomIdentity> identity_of_study(const DicomAttachment& attached, const P
   std::string sop_class;
   for (std::string* text : {&identity.frame_of_reference, &identity.series, &sop_class}) in.get(*text);
   in.get(images);
-  if (images > kMaxDicomFiles) return nonsense(named);
+  if (images > kMaxDicomFiles) return impossible_volume(named);
   for (std::uint32_t n = 0; n < images && in.ok(); ++n) {
     identity.images.emplace_back(sop_class, "");
     in.get(identity.images.back().second);
@@ -396,7 +396,7 @@ Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, 
   const auto found = find_files(file, progress);
   if (!found) return found.error();
   auto process = start_dicom_reader(*found, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
-    return read_dicom_for(**library, parent, *found, file, number);
+    return serve_dicom_volume(**library, parent, *found, file, number);
   });
   if (!process) return at_file(file, process.error());
   const Files named{&file, 1};
@@ -404,7 +404,7 @@ Result<DicomReader> open_dicom(const fs::path& file, std::optional<int> number, 
   auto answer = receive_answer(**process, named);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);
-  if (!volume || volume->voxels.encoding != Encoding::kSlices) return nonsense(named);
+  if (!volume || volume->voxels.encoding != Encoding::kSlices) return impossible_volume(named);
   return DicomReader{*std::move(process), std::move(*volume)};
 }
 
@@ -422,7 +422,7 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   const auto found = find_files(file, progress);
   if (!found) return found.error();
   auto process = start_dicom_reader(*found, 0, progress, [&](reader::ParentEnd& parent) {
-    return list_dicom_for(**library, parent, *found);
+    return serve_dicom_list(**library, parent, *found);
   });
   if (!process) return at_file(file, process.error());
   const Files named{&file, 1};
@@ -431,7 +431,7 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   VolumeList list;
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMaxListed) return nonsense(named);
+  if (count > kMaxListed) return impossible_volume(named);
   for (std::uint32_t n = 0; n < count && in.ok(); ++n) {
     auto& volume = list.volumes.emplace_back();
     in.get(volume.what);
@@ -440,7 +440,7 @@ Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progres
   }
   std::uint32_t notes = 0;
   in.get(notes);
-  if (notes > kMaxListed) return nonsense(named);
+  if (notes > kMaxListed) return impossible_volume(named);
   for (std::uint32_t n = 0; n < notes && in.ok(); ++n) in.get(list.notes.emplace_back());
   if (!in.ok()) return about(in.error(), named);
   return list;

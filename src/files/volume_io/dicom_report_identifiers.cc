@@ -10,7 +10,7 @@ namespace palpate {
 
 using namespace volume_io;
 
-std::string in_words(IdentifierKind kind) {
+std::string description_of(IdentifierKind kind) {
   constexpr const char* kWords[kIdentifierKinds] = {
       "names of persons",        "numbers and addresses", "characteristics of the patient",
       "dates and times",         "unique identifiers",    "free text",
@@ -34,7 +34,7 @@ struct IdentifierRows {
   std::map<Key, IdentifierRow> rows;
   std::map<Key, std::set<std::string>> values;
   std::set<std::string> beyond;  // elements beyond kMaxRows, at most as many again
-  std::size_t files = 0, burnt_in_unsaid = 0, unread = 0;
+  std::size_t files = 0, burnt_in_unstated = 0, unread = 0;
 };
 
 bool says_nothing_is_burnt_in(const DicomIdentifier& identifier) {
@@ -43,7 +43,7 @@ bool says_nothing_is_burnt_in(const DicomIdentifier& identifier) {
 
 void put_identifiers(const std::vector<DicomIdentifier>& found, bool picture_declared, IdentifierRows& all) {
   ++all.files;
-  all.burnt_in_unsaid += !picture_declared;
+  all.burnt_in_unstated += !picture_declared;
   std::set<IdentifierRows::Key> in_file;
   for (const DicomIdentifier& one : found) {
     if (says_nothing_is_burnt_in(one)) continue;
@@ -87,7 +87,7 @@ bool send_identifiers(DicomLibrary& library, reader::ParentEnd& parent, const Fo
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);
   for (const std::size_t number :
-       {all.files, all.burnt_in_unsaid, all.unread, all.beyond.size(), all.rows.size()})
+       {all.files, all.burnt_in_unstated, all.unread, all.beyond.size(), all.rows.size()})
     out.put(static_cast<std::uint32_t>(number));
   for (const auto& [key, row] : all.rows) {
     out.put(static_cast<std::uint8_t>(row.kind));
@@ -118,10 +118,10 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
   reader::Receiver in(**process, "is damaged: ");
   std::uint32_t files = 0, unsaid = 0, unread = 0, beyond = 0, rows = 0;
   for (std::uint32_t* number : {&files, &unsaid, &unread, &beyond, &rows}) in.get(*number);
-  if (rows > kMaxRows) return nonsense(named);
+  if (rows > kMaxRows) return impossible_volume(named);
   IdentifierReport report;
   report.files = files;
-  report.burnt_in_unsaid = unsaid;
+  report.burnt_in_unstated = unsaid;
   for (std::uint32_t n = 0; n < rows && in.ok(); ++n) {
     IdentifierRow& row = report.rows.emplace_back();
     std::uint8_t kind = 0;
@@ -131,7 +131,7 @@ Result<IdentifierReport> find_identifiers(const std::filesystem::path& file, boo
     in.get(in_files);
     in.get(different);
     in.get(row.example);
-    if (kind >= kIdentifierKinds) return nonsense(named);
+    if (kind >= kIdentifierKinds) return impossible_volume(named);
     row.kind = static_cast<IdentifierKind>(kind);
     row.files = in_files;
     row.different = different;

@@ -153,12 +153,12 @@ std::string as_name(const std::string& text) {
   return name.empty() || name_fault(name) ? std::string() : name;
 }
 
-bool says(const std::string& name, std::string_view word) {
+bool contains_word(const std::string& name, std::string_view word) {
   return lower_case(name).find(word) != std::string::npos;
 }
 
 // true for a label without information: "Segment_1", "ROI-2", "3", "label"
-bool says_nothing(const std::string& label) {
+bool is_uninformative(const std::string& label) {
   std::string letters;
   for (const char c : lower_case(label))
     if (c >= 'a' && c <= 'z')
@@ -297,7 +297,7 @@ bool is_background(const DicomSegment& segment) {
   return segment.scheme == "DCM" && segment.code == "125040";
 }
 
-Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation) {
+Result<SegmentGrid> segment_grid_of(const DicomSegmentation& segmentation) {
   const auto refused = [](const std::string& what) { return bad_input("", what, kSegSlicer); };
   const auto& frames = segmentation.frames;
   if (frames.empty()) return refused("holds no frame");
@@ -364,18 +364,18 @@ Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation) {
 std::string name_of_segment(const DicomSegment& segment) {
   std::string name = as_name(segment.label);
   const std::string_view known = known_name(segment);
-  if (!known.empty() && !says(name, known)) {
+  if (!known.empty() && !contains_word(name, known)) {
     name = std::string(known);
-  } else if (says_nothing(name)) {
+  } else if (is_uninformative(name)) {
     const std::string meaning = as_name(segment.meaning);
-    if (!meaning.empty() && !says_nothing(meaning)) name = meaning;
+    if (!meaning.empty() && !is_uninformative(meaning)) name = meaning;
   }
   if (name.empty()) return "segment " + std::to_string(segment.number);
-  if (!segment.side.empty() && !says(name, segment.side)) name += " " + segment.side;
+  if (!segment.side.empty() && !contains_word(name, segment.side)) name += " " + segment.side;
   return name;
 }
 
-DicomSegment segment_called(const std::string& name) {
+DicomSegment segment_from_name(const std::string& name) {
   DicomSegment segment;
   std::string words;
   std::string spaced = lower_case(name);

@@ -27,13 +27,14 @@ struct DicomSegment {
 struct SegmentCoding {
   enum class Kind {
     kBinary,      ///< One bit per voxel of one segment.
-    kFractional,  ///< A voxel belongs to the segment if its value is at least half of `most`.
+    kFractional,  ///< A voxel belongs to the segment if its value is at least half of `max_fractional_value`.
     kLabels,      ///< The voxel's segment number.
   };
   Kind kind = Kind::kBinary;
-  std::int64_t most = 255;              ///< MaximumFractionalValue.
-  std::optional<std::int64_t> nothing;  ///< For kLabels, the value of voxels in no segment, in addition to 0.
-  int number_offset = 0;                ///< For kLabels, added to a value to obtain the segment number.
+  std::int64_t max_fractional_value = 255;  ///< MaximumFractionalValue.
+  /// For kLabels, the value of voxels in no segment, in addition to 0.
+  std::optional<std::int64_t> background_value;
+  int number_offset = 0;  ///< For kLabels, added to a value to obtain the segment number.
 };
 
 struct DicomSegmentation {
@@ -60,14 +61,14 @@ struct SegmentGrid {
 };
 /// Computes the grid. Errors, without `where`: no frame; frames of several orientations, offset sideways,
 /// between slices, duplicated for one segment and position, or of an undescribed segment.
-Result<SegmentGrid> lay_segments(const DicomSegmentation& segmentation);
+Result<SegmentGrid> segment_grid_of(const DicomSegmentation& segmentation);
 
 /// Display name of a segment: its label, or its type if that is known and the label does not contain it; with
 /// its side.
 std::string name_of_segment(const DicomSegment& segment);
 /// Segment description by name only: code, scheme and meaning if the name is one of palpate's types with a
 /// SNOMED CT code, and its side.
-DicomSegment segment_called(const std::string& name);
+DicomSegment segment_from_name(const std::string& name);
 /// Colour as in Slicer's fields, "0.87 0.68 0.51", converted from CIELab with illuminant D65 (DICOM PS3.3
 /// C.10.7.1.1), or from the palette; empty if the segment has neither.
 std::string colour_of_segment(const DicomSegment& segment);

@@ -11,8 +11,8 @@ std::string numbered(const std::vector<DicomVolume>& volumes, std::size_t n) {
   return "volume " + std::to_string(n + 1) + " (" + volumes[n].what + ")";
 }
 
-std::string relation_in_words(VolumeRelation bond, const std::string& volume) {
-  switch (bond) {
+std::string relation_in_words(VolumeRelation relation, const std::string& volume) {
+  switch (relation) {
     case VolumeRelation::kImages:
       return "was made on " + volume;
     case VolumeRelation::kSeries:
@@ -34,7 +34,7 @@ std::string relation_in_words(VolumeRelation bond, const std::string& volume) {
 std::vector<VolumeRelation> relations_of(const DicomReference& segmentation,
                                          const std::vector<DicomVolume>& volumes,
                                          const DicomIdentifiers& identifiers) {
-  std::vector<VolumeRelation> bonds;
+  std::vector<VolumeRelation> relations;
   for (const DicomVolume& volume : volumes) {
     // all frames of a volume share the series, and the frame of reference except in anonymised series
     const DicomFrame& first = volume.frames.front();
@@ -43,37 +43,37 @@ std::vector<VolumeRelation> relations_of(const DicomReference& segmentation,
     });
     const std::string& series = identifiers.of_series[static_cast<std::size_t>(first.series)];
     if (images)
-      bonds.push_back(VolumeRelation::kImages);
+      relations.push_back(VolumeRelation::kImages);
     else if (segmentation.series.contains(series))
-      bonds.push_back(VolumeRelation::kSeries);
+      relations.push_back(VolumeRelation::kSeries);
     else if (first.frame_of_reference.empty() || segmentation.frames_of_reference.empty())
-      bonds.push_back(VolumeRelation::kUnspecified);
+      relations.push_back(VolumeRelation::kUnspecified);
     else
-      bonds.push_back(std::ranges::any_of(volume.frames,
-                                          [&](const DicomFrame& frame) {
-                                            return segmentation.frames_of_reference.contains(
-                                                frame.frame_of_reference);
-                                          })
-                          ? VolumeRelation::kSpace
-                          : VolumeRelation::kNone);
+      relations.push_back(std::ranges::any_of(volume.frames,
+                                              [&](const DicomFrame& frame) {
+                                                return segmentation.frames_of_reference.contains(
+                                                    frame.frame_of_reference);
+                                              })
+                              ? VolumeRelation::kSpace
+                              : VolumeRelation::kNone);
   }
-  return bonds;
+  return relations;
 }
 
 Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes,
-                                         const std::vector<VolumeRelation>& bonds,
+                                         const std::vector<VolumeRelation>& relations,
                                          std::optional<int> number) {
-  const VolumeRelation closest = *std::ranges::min_element(bonds);
+  const VolumeRelation closest = *std::ranges::min_element(relations);
   std::vector<std::size_t> best;
-  for (std::size_t n = 0; n < bonds.size(); ++n)
-    if (bonds[n] == closest) best.push_back(n);
+  for (std::size_t n = 0; n < relations.size(); ++n)
+    if (relations[n] == closest) best.push_back(n);
   if (number) {
     const auto requested = choose_volume(volumes, number);
     if (!requested) return requested.error();
     SegmentedVolume chosen{*requested,
-                           {relation_in_words(bonds[*requested], numbered(volumes, *requested))},
-                           bonds[*requested] <= VolumeRelation::kSpace};
-    if (bonds[*requested] != closest)
+                           {relation_in_words(relations[*requested], numbered(volumes, *requested))},
+                           relations[*requested] <= VolumeRelation::kSpace};
+    if (relations[*requested] != closest)
       chosen.notes.insert(chosen.notes.begin(), relation_in_words(closest, numbered(volumes, best.front())) +
                                                     "; volume " + std::to_string(*number) + " was requested");
     return chosen;

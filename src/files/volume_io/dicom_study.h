@@ -49,6 +49,7 @@ struct SegmentedVolume {
 /// one with the closest relation. Errors, without `where`, about the segmentation: made on none of the
 /// volumes, or on one that cannot be used; several have the closest relation; and those of choose_volume().
 Result<SegmentedVolume> choose_segmented(const std::vector<DicomVolume>& volumes,
-                                         const std::vector<VolumeRelation>& bonds, std::optional<int> number);
+                                         const std::vector<VolumeRelation>& relations,
+                                         std::optional<int> number);
 
 }  // namespace palpate::volume_io

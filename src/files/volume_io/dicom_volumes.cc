@@ -45,11 +45,11 @@ Vector normal_of(const DicomFrame& frame) {
 
 // ---- grouping -----------------------------------------------------------------------------------
 
-using Reported = std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, bool,
-                            std::optional<double>, std::string, std::string, std::string, std::string>;
+using VolumeKey = std::tuple<int, bool, int, int, std::optional<double>, std::optional<double>, bool,
+                             std::optional<double>, std::string, std::string, std::string, std::string>;
 
 // key of attributes that are equal in all images of a volume, except those compared with a tolerance
-Reported volume_key(const DicomFrame& frame) {
+VolumeKey volume_key(const DicomFrame& frame) {
   // images without a position are distinguished only by what they lack
   if (!frame.placed)
     return {frame.series, true, 0, 0, {}, {}, false, {}, "", frame.modality, "", frame.fault};
@@ -97,7 +97,7 @@ std::vector<std::vector<DicomFrame>> split_by_frame_of_reference(std::vector<Dic
 
 std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
   // a group with one key is split by orientation, pixel spacing and diffusion direction
-  std::map<Reported, std::vector<std::vector<DicomFrame>>> groups;
+  std::map<VolumeKey, std::vector<std::vector<DicomFrame>>> groups;
   for (DicomFrame& frame : frames) {
     auto& parts = groups[volume_key(frame)];
     const auto fits = [&](const std::vector<DicomFrame>& part) {
@@ -110,7 +110,7 @@ std::vector<std::vector<DicomFrame>> grouped(std::vector<DicomFrame> frames) {
     (part != parts.rend() ? *part : parts.emplace_back()).push_back(std::move(frame));
   }
   std::vector<std::vector<DicomFrame>> all;
-  for (auto& [reported, parts] : groups)
+  for (auto& [key, parts] : groups)
     for (auto& part : parts)
       for (auto& volume : split_by_frame_of_reference(std::move(part))) all.push_back(std::move(volume));
   return all;
@@ -147,9 +147,9 @@ bool has_doubles(const Frames& frames) {
 std::vector<Frames> split_by_trigger_time(const Frames& sorted) {
   const auto counts = counts_at_positions(sorted);
   const std::size_t each = counts.front();
-  const auto reported = [](const DicomFrame& frame) { return frame.trigger_time_ms.has_value(); };
+  const auto has_trigger_time = [](const DicomFrame& frame) { return frame.trigger_time_ms.has_value(); };
   if (std::ranges::any_of(counts, [&](std::size_t count) { return count != each; }) ||
-      !std::ranges::all_of(sorted, reported))
+      !std::ranges::all_of(sorted, has_trigger_time))
     return {};
   std::vector<Frames> parts(each);
   for (std::size_t first = 0; first < sorted.size(); first += each) {
@@ -181,7 +181,7 @@ std::vector<Frames> split_by_acquisition(const Frames& sorted) {
 }
 
 // splits a group with several images per position into volumes without, if possible
-std::vector<Frames> without_doubles(Frames frames) {
+std::vector<Frames> split_duplicates(Frames frames) {
   const auto forget = [](Frames& part, bool times, bool acquisitions) {
     for (DicomFrame& frame : part) {
       if (times) frame.trigger_time_ms.reset();
@@ -261,8 +261,8 @@ std::set<std::string> type_words(const std::string& image_type) {
 }
 
 // attributes by which this volume differs from others of its series
-std::string what_is_special(const std::vector<DicomFrame>& frames,
-                            const std::vector<const DicomFrame*>& of_series) {
+std::string distinguishing_attributes(const std::vector<DicomFrame>& frames,
+                                      const std::vector<const DicomFrame*>& of_series) {
   const DicomFrame& own = frames.front();
   std::string text;
   const auto differs = [&](auto member) {
@@ -300,7 +300,7 @@ std::string images(std::size_t count) {
   return count == 1 ? "1 image" : std::to_string(count) + " images";
 }
 
-std::string named(const std::vector<DicomFrame>& frames, const GridGeometry& geometry) {
+std::string description_of(const std::vector<DicomFrame>& frames, const GridGeometry& geometry) {
   const DicomFrame& own = frames.front();
   std::string text =
       "series " + std::to_string(own.series + 1) + ": " + (own.modality.empty() ? "" : own.modality + ", ");
@@ -333,7 +333,7 @@ class Stack {
       if (!frames_[n].fault.empty()) return Fault{slice(n) + ", " + frames_[n].fault, frames_[n].remedy};
     if (frames_.size() == 1)
       return Fault{"a single slice is not a volume", "give the folder with all slices of its series"};
-    for (const auto& look : {&Stack::doubled, &Stack::uneven, &Stack::shifted})
+    for (const auto& look : {&Stack::find_duplicate, &Stack::find_uneven_spacing, &Stack::find_lateral_shift})
       if (auto fault = (this->*look)()) return fault;
     return std::nullopt;
   }
@@ -382,7 +382,7 @@ class Stack {
   }
   static std::string degrees(double tangent) { return shortly(std::atan(tangent) * 180 / std::numbers::pi); }
 
-  std::optional<Fault> doubled() const {
+  std::optional<Fault> find_duplicate() const {
     for (std::size_t n = 0; n + 1 < frames_.size(); ++n)
       if (gap_mm(n) < kSamePosition_mm)
         return Fault{
@@ -392,7 +392,7 @@ class Stack {
     return std::nullopt;
   }
 
-  std::optional<Fault> uneven() const {
+  std::optional<Fault> find_uneven_spacing() const {
     std::vector<double> gaps_mm;
     for (std::size_t n = 0; n + 1 < frames_.size(); ++n) gaps_mm.push_back(gap_mm(n));
     // the median distance, which a few missing slices do not change; the smaller one of two
@@ -436,7 +436,7 @@ class Stack {
   // in-plane shift per distance along the normal; its length is the tangent of the gantry tilt
   Vector tilt() const { return lateral(frames_.size() - 1) / (positions_mm_.back() - positions_mm_.front()); }
 
-  std::optional<Fault> shifted() const {
+  std::optional<Fault> find_lateral_shift() const {
     const double usual_mm = mean_gap_mm(), allowed_mm = std::max(kRounding_mm, kMaxUneven * usual_mm);
     const Vector shift = tilt();
     for (std::size_t n = 0; n < frames_.size(); ++n) {
@@ -507,7 +507,7 @@ std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {
   std::vector<DicomVolume> volumes;
   std::vector<Frames> parts;
   for (Frames& group : grouped(std::move(frames)))
-    for (Frames& part : without_doubles(std::move(group))) parts.push_back(std::move(part));
+    for (Frames& part : split_duplicates(std::move(group))) parts.push_back(std::move(part));
   for (Frames& part : parts) {
     DicomVolume& volume = volumes.emplace_back();
     volume.frames = std::move(part);
@@ -537,9 +537,9 @@ std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames) {
     if (volume.frames.front().placed)
       of_series[volume.frames.front().series].push_back(&volume.frames.front());
   for (DicomVolume& volume : volumes) {
-    volume.what = named(volume.frames, volume.geometry);
+    volume.what = description_of(volume.frames, volume.geometry);
     if (volume.frames.front().placed)
-      volume.what += what_is_special(volume.frames, of_series[volume.frames.front().series]);
+      volume.what += distinguishing_attributes(volume.frames, of_series[volume.frames.front().series]);
     if (is_lossy(volume)) volume.what += ", compressed with loss";
   }
   return volumes;

@@ -69,19 +69,19 @@ class Writer {
   void text(const DcmTagKey& tag, const std::string& value) const {
     good_ = item_.putAndInsertOFStringArray(tag, OFString(value.c_str(), value.size())).good() && good_;
   }
-  void fresh(const DcmTagKey& tag, const std::string& uid = fresh_uid()) const {
+  void unique_id(const DcmTagKey& tag, const std::string& uid = fresh_uid()) const {
     good_ = !uid.empty() && good_;
     text(tag, uid);
   }
-  void whole(const DcmTagKey& tag, std::uint16_t value) const {
+  void uint16(const DcmTagKey& tag, std::uint16_t value) const {
     good_ = item_.putAndInsertUint16(tag, value).good() && good_;
   }
-  void wholes(const DcmTagKey& tag, const std::vector<Uint16>& values) const {
+  void uint16_array(const DcmTagKey& tag, const std::vector<Uint16>& values) const {
     good_ =
         item_.putAndInsertUint16Array(tag, values.data(), static_cast<unsigned long>(values.size())).good() &&
         good_;
   }
-  void longs(const DcmTagKey& tag, const std::vector<Uint32>& values) const {
+  void uint32_array(const DcmTagKey& tag, const std::vector<Uint32>& values) const {
     auto element = std::make_unique<DcmUnsignedLong>(DcmTag(tag));
     const bool put =
         element->putUint32Array(values.data(), static_cast<unsigned long>(values.size())).good() &&
@@ -89,7 +89,7 @@ class Writer {
     if (put) static_cast<void>(element.release());
     good_ = put && good_;
   }
-  void pointer(const DcmTagKey& tag, const DcmTagKey& value) const {
+  void tag_key(const DcmTagKey& tag, const DcmTagKey& value) const {
     good_ = item_.putAndInsertTagKey(tag, value).good() && good_;
   }
   // appends an item to a sequence
@@ -122,29 +122,29 @@ class Writer {
 const DcmTagKey kRequired[] = {DCM_PatientName,    DCM_PatientID, DCM_PatientBirthDate,       DCM_PatientSex,
                                DCM_StudyDate,      DCM_StudyTime, DCM_ReferringPhysicianName, DCM_StudyID,
                                DCM_AccessionNumber};
-const DcmTagKey kKept[] = {DCM_IssuerOfPatientID, DCM_PatientAge, DCM_PatientSize, DCM_PatientWeight,
-                           DCM_StudyDescription};
+const DcmTagKey kCopied[] = {DCM_IssuerOfPatientID, DCM_PatientAge, DCM_PatientSize, DCM_PatientWeight,
+                             DCM_StudyDescription};
 
-bool may_be_retained(const DcmTagKey& tag) {
+bool may_be_copied(const DcmTagKey& tag) {
   return tag == DCM_StudyInstanceUID || std::ranges::find(kRequired, tag) != std::end(kRequired) ||
-         std::ranges::find(kKept, tag) != std::end(kKept);
+         std::ranges::find(kCopied, tag) != std::end(kCopied);
 }
 
 void put_common(const Writer& root, const std::optional<DicomIdentity>& identity, const char* sop_class) {
   root.text(DCM_SpecificCharacterSet, "ISO_IR 192");
   root.text(DCM_SOPClassUID, sop_class);
-  root.fresh(DCM_SOPInstanceUID);
+  root.unique_id(DCM_SOPInstanceUID);
   for (const DcmTagKey& tag : kRequired) root.text(tag, "");
-  root.fresh(DCM_StudyInstanceUID);
+  root.unique_id(DCM_StudyInstanceUID);
   // no other attributes, whatever the reader process sent
   if (identity)
     for (const auto& [tag, value] : identity->attributes)
-      if (const DcmTagKey key(tag.first, tag.second); may_be_retained(key)) root.text(key, value);
+      if (const DcmTagKey key(tag.first, tag.second); may_be_copied(key)) root.text(key, value);
   if (!identity) {
     root.text(DCM_PatientIdentityRemoved, "YES");
     root.text(DCM_DeidentificationMethod, "palpate: no identifier was written");
   }
-  root.fresh(DCM_SeriesInstanceUID);
+  root.unique_id(DCM_SeriesInstanceUID);
   root.text(DCM_SeriesNumber, "1");
   root.text(DCM_InstanceNumber, "1");
   root.text(DCM_Manufacturer, "palpate");
@@ -188,7 +188,7 @@ std::vector<Uint16> lab_of(const std::array<std::uint8_t, 3>& colour) {
 
 void put_segment_to_write(const Writer& root, const SegmentToWrite& segment, std::size_t number) {
   const Writer item = root.in(DCM_SegmentSequence);
-  item.whole(DCM_SegmentNumber, static_cast<std::uint16_t>(number));
+  item.uint16(DCM_SegmentNumber, static_cast<std::uint16_t>(number));
   item.text(DCM_SegmentLabel, segment.name);
   item.text(DCM_SegmentAlgorithmType, "SEMIAUTOMATIC");
   item.text(DCM_SegmentAlgorithmName, "palpate");
@@ -204,20 +204,20 @@ void put_segment_to_write(const Writer& root, const SegmentToWrite& segment, std
       type.code(DCM_SegmentedPropertyTypeModifierCodeSequence, left ? "7771000" : "24028007", "SCT",
                 left ? "Left" : "Right");
   }
-  item.wholes(DCM_RecommendedDisplayCIELabValue, lab_of(segment.colour));
+  item.uint16_array(DCM_RecommendedDisplayCIELabValue, lab_of(segment.colour));
 }
 
 void put_dimensions(const Writer& root) {
   const std::string uid = fresh_uid();
-  root.in(DCM_DimensionOrganizationSequence).fresh(DCM_DimensionOrganizationUID, uid);
+  root.in(DCM_DimensionOrganizationSequence).unique_id(DCM_DimensionOrganizationUID, uid);
   const std::pair<DcmTagKey, DcmTagKey> dimensions[] = {
       {DCM_ReferencedSegmentNumber, DCM_SegmentIdentificationSequence},
       {DCM_ImagePositionPatient, DCM_PlanePositionSequence}};
   for (const auto& [index, group] : dimensions) {
     const Writer dimension = root.in(DCM_DimensionIndexSequence);
     dimension.text(DCM_DimensionOrganizationUID, uid);
-    dimension.pointer(DCM_DimensionIndexPointer, index);
-    dimension.pointer(DCM_FunctionalGroupPointer, group);
+    dimension.tag_key(DCM_DimensionIndexPointer, index);
+    dimension.tag_key(DCM_FunctionalGroupPointer, group);
   }
 }
 
@@ -275,13 +275,13 @@ std::string stored_text(DcmItem& item, const DcmTagKey& tag) {
 using Attributes = std::vector<std::pair<std::pair<std::uint16_t, std::uint16_t>, std::string>>;
 Attributes retained_attributes(DcmItem& root) {
   Attributes stored;
-  const auto is_kept = [&](const DcmTagKey& tag) {
+  const auto copy = [&](const DcmTagKey& tag) {
     if (std::string value = stored_text(root, tag); !value.empty())
       stored.push_back({{tag.getGroup(), tag.getElement()}, std::move(value)});
   };
-  for (const DcmTagKey& tag : kRequired) is_kept(tag);
-  for (const DcmTagKey& tag : kKept) is_kept(tag);
-  is_kept(DCM_StudyInstanceUID);
+  for (const DcmTagKey& tag : kRequired) copy(tag);
+  for (const DcmTagKey& tag : kCopied) copy(tag);
+  copy(DCM_StudyInstanceUID);
   return stored;
 }
 
@@ -327,21 +327,21 @@ Result<void> write_dicom_segments(const std::filesystem::path& file, const Segme
   root.text(DCM_SeriesDescription, "Segmentation, not for clinical use");
   root.text(DCM_DeviceSerialNumber, "0");
   const bool placed = identity && !identity->frame_of_reference.empty();
-  root.fresh(DCM_FrameOfReferenceUID, placed ? identity->frame_of_reference : fresh_uid());
+  root.unique_id(DCM_FrameOfReferenceUID, placed ? identity->frame_of_reference : fresh_uid());
   root.text(DCM_PositionReferenceIndicator, "");
   root.text(DCM_ImageType, "DERIVED\\PRIMARY");
   root.text(DCM_ContentLabel, "SEGMENTATION");
   root.text(DCM_ContentDescription, kNotClinical);
   root.text(DCM_ContentCreatorName, "");
-  root.whole(DCM_SamplesPerPixel, 1);
+  root.uint16(DCM_SamplesPerPixel, 1);
   root.text(DCM_PhotometricInterpretation, "MONOCHROME2");
   root.text(DCM_NumberOfFrames, std::to_string(seg.frames.size()));
-  root.whole(DCM_Rows, static_cast<std::uint16_t>(seg.rows));
-  root.whole(DCM_Columns, static_cast<std::uint16_t>(seg.columns));
-  root.whole(DCM_BitsAllocated, 1);
-  root.whole(DCM_BitsStored, 1);
-  root.whole(DCM_HighBit, 0);
-  root.whole(DCM_PixelRepresentation, 0);
+  root.uint16(DCM_Rows, static_cast<std::uint16_t>(seg.rows));
+  root.uint16(DCM_Columns, static_cast<std::uint16_t>(seg.columns));
+  root.uint16(DCM_BitsAllocated, 1);
+  root.uint16(DCM_BitsStored, 1);
+  root.uint16(DCM_HighBit, 0);
+  root.uint16(DCM_PixelRepresentation, 0);
   root.text(DCM_LossyImageCompression, "00");
   root.text(DCM_SegmentationType, "BINARY");
   for (std::size_t n = 0; n < seg.segments.size(); ++n) put_segment_to_write(root, seg.segments[n], n + 1);
@@ -368,10 +368,11 @@ Result<void> write_dicom_segments(const std::filesystem::path& file, const Segme
     const Writer own = root.in(DCM_PerFrameFunctionalGroupsSequence);
     const auto slice = std::ranges::lower_bound(sorted, coordinates[n]) - sorted.begin() + 1;
     own.in(DCM_FrameContentSequence)
-        .longs(DCM_DimensionIndexValues, {static_cast<Uint32>(frame.segment), static_cast<Uint32>(slice)});
+        .uint32_array(DCM_DimensionIndexValues,
+                      {static_cast<Uint32>(frame.segment), static_cast<Uint32>(slice)});
     own.in(DCM_PlanePositionSequence).text(DCM_ImagePositionPatient, decimals(frame.position));
     own.in(DCM_SegmentIdentificationSequence)
-        .whole(DCM_ReferencedSegmentNumber, static_cast<std::uint16_t>(frame.segment));
+        .uint16(DCM_ReferencedSegmentNumber, static_cast<std::uint16_t>(frame.segment));
   }
   std::vector<std::uint8_t> bits = seg.bits;
   if (bits.size() % 2) bits.push_back(0);
@@ -396,15 +397,15 @@ Result<void> write_dicom_picture(const std::filesystem::path& file, const Pictur
   root.text(DCM_DerivationDescription, kNotClinical);
   root.text(DCM_PatientOrientation, "");
   root.text(DCM_Laterality, "");
-  root.whole(DCM_SamplesPerPixel, 3);
+  root.uint16(DCM_SamplesPerPixel, 3);
   root.text(DCM_PhotometricInterpretation, "RGB");
-  root.whole(DCM_PlanarConfiguration, 0);
-  root.whole(DCM_Rows, static_cast<std::uint16_t>(picture.rows));
-  root.whole(DCM_Columns, static_cast<std::uint16_t>(picture.columns));
-  root.whole(DCM_BitsAllocated, 8);
-  root.whole(DCM_BitsStored, 8);
-  root.whole(DCM_HighBit, 7);
-  root.whole(DCM_PixelRepresentation, 0);
+  root.uint16(DCM_PlanarConfiguration, 0);
+  root.uint16(DCM_Rows, static_cast<std::uint16_t>(picture.rows));
+  root.uint16(DCM_Columns, static_cast<std::uint16_t>(picture.columns));
+  root.uint16(DCM_BitsAllocated, 8);
+  root.uint16(DCM_BitsStored, 8);
+  root.uint16(DCM_HighBit, 7);
+  root.uint16(DCM_PixelRepresentation, 0);
   root.text(DCM_LossyImageCompression, "00");
   std::vector<std::uint8_t> pixels(picture.rgb.begin(), picture.rgb.end());
   if (pixels.size() % 2) pixels.push_back(0);

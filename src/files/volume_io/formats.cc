@@ -35,7 +35,7 @@ struct FolderContent {
   std::optional<FileKind> other;     // kind of the first file that is known to be something else
 };
 
-FolderContent inspect_entry(const std::filesystem::path& folder) {
+FolderContent inspect_folder(const std::filesystem::path& folder) {
   constexpr std::size_t kMaxFiles = 10'000, kMaxOpened = 100;
   constexpr int kDeepest = 4;
   FolderContent content;
@@ -63,7 +63,7 @@ FolderContent inspect_entry(const std::filesystem::path& folder) {
 }
 
 Error folder_error(const std::filesystem::path& folder) {
-  const FolderContent content = inspect_entry(folder);
+  const FolderContent content = inspect_folder(folder);
   const auto is_folder = [&](const std::string& with, const std::string& remedy) {
     return bad_input(folder.string(), "is a folder" + with, remedy);
   };
@@ -172,7 +172,7 @@ Result<VolumeFile> inspect_file(const Format& format, const std::filesystem::pat
     return front ? *front : std::string();
   };
   const auto kind = file_kind_of(file, unpack);
-  if (!kind || kind->volume == format.name) return volume;
+  if (!kind || kind->readable_format == format.name) return volume;
   return bad_input(file.string(), "is " + kind->what + ", not " + format.name + " as its name says",
                    kind->remedy);
 }
@@ -205,7 +205,7 @@ bool is_volume(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file, ignored)) return false;
   if (format_of(file)) return true;
   const auto kind = file_kind_of(file, unpacked_front);
-  return kind && !kind->volume.empty();
+  return kind && !kind->readable_format.empty();
 }
 
 std::optional<Error> describe_non_volume(const std::filesystem::path& file) {
@@ -217,7 +217,7 @@ std::optional<Error> describe_non_volume(const std::filesystem::path& file) {
   if (std::filesystem::is_directory(status)) return folder_error(file);
   if (!std::filesystem::is_regular_file(status) || format_of(file)) return std::nullopt;
   const auto kind = file_kind_of(file, unpacked_front);
-  if (!kind || !kind->volume.empty()) return std::nullopt;
+  if (!kind || !kind->readable_format.empty()) return std::nullopt;
   return bad_input(file.string(), "is " + kind->what, kind->remedy);
 }
 

@@ -65,8 +65,8 @@ struct Page {
   std::vector<std::uint64_t> offsets, counts;       // location of each tile or strip in the file; bytes
   std::vector<std::uint64_t> palette;               // 16 bits each: red, green, blue
 
-  std::uint64_t across() const { return (columns + piece_columns - 1) / piece_columns; }
-  std::uint64_t down() const { return (rows + piece_rows - 1) / piece_rows; }
+  std::uint64_t pieces_across() const { return (columns + piece_columns - 1) / piece_columns; }
+  std::uint64_t pieces_down() const { return (rows + piece_rows - 1) / piece_rows; }
   int samples_of_piece() const { return separate ? 1 : samples; }
   std::uint64_t bytes_of_row() const {
     return (piece_columns * static_cast<std::uint64_t>(bits * samples_of_piece()) + 7) / 8;
@@ -146,9 +146,9 @@ bool unpack_lzw(std::span<const std::uint8_t> packed, std::span<std::uint8_t> ou
     }
     if (code >= next) return false;
     const std::size_t length = table[code].length;
-    unsigned walk = code;
-    for (std::size_t n = length; n-- > 0; walk = table[walk].before)
-      if (to + n < out.size()) out[to + n] = table[walk].last;
+    unsigned entry = code;
+    for (std::size_t n = length; n-- > 0; entry = table[entry].before)
+      if (to + n < out.size()) out[to + n] = table[entry].last;
     to += std::min(length, out.size() - to);
     last = code;
     // TIFF increases the code width one code early
@@ -163,7 +163,7 @@ class TiffDecoder : public ImageDecoder {
  public:
   explicit TiffDecoder(ImageBytes bytes) : bytes_(std::move(bytes)) {}
 
-  Result<void> understand() {
+  Result<void> read_directories() {
     std::array<std::uint8_t, 16> head{};
     if (bytes_.size < 8 || !read_at(0, std::span(head).first(8))) return damaged();
     swap_ = (head[0] == 'M') == (std::endian::native == std::endian::little);
@@ -186,13 +186,13 @@ class TiffDecoder : public ImageDecoder {
   Result<void> read(std::size_t n, std::span<std::uint32_t> pixels) override {
     const Page& page = layouts_[n];
     const int planes = page.separate ? page.samples : 1;
-    const std::uint64_t pieces = page.across() * page.down();
+    const std::uint64_t pieces = page.pieces_across() * page.pieces_down();
     std::vector<std::uint8_t> piece(static_cast<std::size_t>(page.bytes_of_row() * page.piece_rows));
     std::ranges::fill(pixels, 0u);
     for (int plane = 0; plane < planes; ++plane)
       for (std::uint64_t p = 0; p < pieces; ++p) {
-        const std::uint64_t left = p % page.across() * page.piece_columns,
-                            top = p / page.across() * page.piece_rows,
+        const std::uint64_t left = p % page.pieces_across() * page.piece_columns,
+                            top = p / page.pieces_across() * page.piece_rows,
                             height = std::min(page.piece_rows, page.rows - top);
         // the last strip stores only the remaining rows, the last tile all of its rows
         const std::uint64_t stored_rows = page.tiled ? page.piece_rows : height;
@@ -207,7 +207,7 @@ class TiffDecoder : public ImageDecoder {
             return damaged();
         }
         undo_prediction(page, bytes);
-        put(page, plane, left, top, height, bytes, pixels);
+        store_piece(page, plane, left, top, height, bytes, pixels);
       }
     return {};
   }
@@ -352,7 +352,7 @@ class TiffDecoder : public ImageDecoder {
       return damaged();
     page.offsets = all(page.tiled ? kTileOffsets : kStripOffsets);
     page.counts = all(page.tiled ? kTileByteCounts : kStripByteCounts);
-    const std::uint64_t pieces = page.across() * page.down() * (page.separate ? samples : 1);
+    const std::uint64_t pieces = page.pieces_across() * page.pieces_down() * (page.separate ? samples : 1);
     // old writers omit the size of a single strip
     if (page.counts.empty() && page.offsets.size() == 1 && compression == 1)
       page.counts = {page.bytes_of_row() * page.rows};
@@ -424,8 +424,8 @@ class TiffDecoder : public ImageDecoder {
     }
   }
 
-  void put(const Page& page, int plane, std::uint64_t left, std::uint64_t top, std::uint64_t height,
-           std::span<const std::uint8_t> bytes, std::span<std::uint32_t> pixels) const {
+  void store_piece(const Page& page, int plane, std::uint64_t left, std::uint64_t top, std::uint64_t height,
+                   std::span<const std::uint8_t> bytes, std::span<std::uint32_t> pixels) const {
     const auto samples = static_cast<std::uint64_t>(page.samples_of_piece());
     const std::uint64_t width = std::min(page.piece_columns, page.columns - left);
     const int to_8_bits = page.bits == 16 ? 8 : 0;
@@ -474,7 +474,7 @@ class TiffDecoder : public ImageDecoder {
 
 Result<std::unique_ptr<ImageDecoder>> open_tiff(ImageBytes bytes) {
   auto decoder = std::make_unique<TiffDecoder>(std::move(bytes));
-  if (auto understood = decoder->understand(); !understood) return understood.error();
+  if (auto understood = decoder->read_directories(); !understood) return understood.error();
   return std::unique_ptr<ImageDecoder>(std::move(decoder));
 }
 

@@ -2,12 +2,12 @@
 
 namespace palpate::volume_io {
 
-std::vector<int> assign_layers(std::size_t segments, const SegmentOverlapPairs& meetings, VolumeFile& file) {
-  std::vector<int> layers = layers_of_segments(segments, {meetings.pairs.begin(), meetings.pairs.end()});
+std::vector<int> assign_layers(std::size_t segments, const SegmentOverlapPairs& overlaps, VolumeFile& file) {
+  std::vector<int> layers = layers_of_segments(segments, {overlaps.pairs.begin(), overlaps.pairs.end()});
   file.header.layers = layers.empty() ? 1 : 1 + *std::ranges::max_element(layers);
-  if (meetings.voxels > 0)
+  if (overlaps.voxels > 0)
     file.notes.push_back(
-        "segments overlap in " + std::to_string(meetings.voxels) +
+        "segments overlap in " + std::to_string(overlaps.voxels) +
         " voxels and are kept complete; where one label per voxel is needed, a nested segment takes "
         "precedence, and of crossing segments the one with the stiffest tissue");
   return layers;

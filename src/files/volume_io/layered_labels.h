@@ -108,12 +108,12 @@ Result<void> send_layers(const VolumeHeader& header, const ReadSlice& read_slice
 }
 
 /// Reader process for one label file: sends its description, then its voxels at each request.
-template <class Understood, class Send>
-bool read_labels_for(reader::ParentEnd& parent, const std::filesystem::path& named,
-                     const Result<Understood>& understood, const Send& send) {
-  if (!understood) return send_end(parent, understood.error());
+template <class Parsed, class Send>
+bool serve_labels(reader::ParentEnd& parent, const std::filesystem::path& named, const Result<Parsed>& parsed,
+                  const Send& send) {
+  if (!parsed) return send_end(parent, parsed.error());
   if (!send_end(parent, {})) return false;
-  if (!send_volume(parent, understood->file, {&named, 1})) return false;
+  if (!send_volume(parent, parsed->file, {&named, 1})) return false;
   while (parent.wait_for_grant()) {
     VoxelSlots slots(parent);
     const auto read = send(slots);

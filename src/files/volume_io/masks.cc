@@ -40,9 +40,9 @@ class MaskSink final : public VoxelSink {
  public:
   MaskSink(const VolumeFile& file, const std::function<bool()>& should_continue)
       : file_(file),
-        look_(should_continue),
-        slice_(static_cast<std::uint64_t>(file.header.geometry.dims[0]) *
-               static_cast<std::uint64_t>(file.header.geometry.dims[1])),
+        should_continue_(should_continue),
+        slice_voxels_(static_cast<std::uint64_t>(file.header.geometry.dims[0]) *
+                      static_cast<std::uint64_t>(file.header.geometry.dims[1])),
         piece_(kPieceValues * sizeof(double)) {}
 
   std::span<std::byte> buffer() override { return piece_; }
@@ -51,12 +51,12 @@ class MaskSink final : public VoxelSink {
     with_type(file_.voxels.component, [&](auto type) { take<decltype(type)>(bytes); });
   }
   void still_reading() override {
-    if (!look_()) throw ReaderStopped();
+    if (!should_continue_()) throw ReaderStopped();
   }
   /// Why the file is not a mask; empty if it is one.
   const std::string& fault() const { return fault_; }
-  VoxelRuns visit_runs() {
-    while (slices_ < file_.header.geometry.dims[2]) end_slice();
+  VoxelRuns take_runs() {
+    while (ended_slices_ < file_.header.geometry.dims[2]) end_slice();
     return std::move(runs_);
   }
 
@@ -71,7 +71,7 @@ class MaskSink final : public VoxelSink {
         stored_ = stored;
         inspect(file_.voxels.slope * stored + file_.voxels.intercept);
       }
-      if (is_in_) insert_pending();
+      if (is_in_) add_voxel();
     }
   }
   void inspect(double value) {
@@ -86,24 +86,24 @@ class MaskSink final : public VoxelSink {
     }
     number_ = value;
   }
-  void insert_pending() {
-    const auto slice = static_cast<int>(at_ / slice_);
-    while (slices_ < slice) end_slice();
-    runs_.add(static_cast<std::uint32_t>(at_ % slice_));
+  void add_voxel() {
+    const auto slice = static_cast<int>(at_ / slice_voxels_);
+    while (ended_slices_ < slice) end_slice();
+    runs_.add(static_cast<std::uint32_t>(at_ % slice_voxels_));
   }
   void end_slice() {
     runs_.end_slice();
-    ++slices_;
+    ++ended_slices_;
   }
 
   const VolumeFile& file_;
-  const std::function<bool()>& look_;
-  const std::uint64_t slice_;
+  const std::function<bool()>& should_continue_;
+  const std::uint64_t slice_voxels_;
   std::vector<std::byte> piece_;
   std::uint64_t at_ = 0;
   double stored_ = 0, number_ = 0;
   bool is_in_ = false;
-  int slices_ = 0;
+  int ended_slices_ = 0;
   std::string fault_;
   VoxelRuns runs_;
 };
@@ -113,7 +113,7 @@ Error no_mask(const fs::path& file, const std::string& why) {
                    "give the intended file alone, or put the masks into a separate folder");
 }
 
-Result<VolumeFile> understand_mask(const fs::path& file, const PlacementOptions& placement_options) {
+Result<VolumeFile> parse_mask_header(const fs::path& file, const PlacementOptions& placement_options) {
   const auto format = format_of(file);
   if (!format) return format.error();
   OtherFiles others;
@@ -139,7 +139,7 @@ Result<StructureLabels> inspect_masks(const StructureFiles& found, const fs::pat
   std::vector<VolumeFile> files;
   for (const fs::path& one : found.files) {
     if (!should_continue()) throw ReaderStopped();
-    auto file = understand_mask(one, placement_options);
+    auto file = parse_mask_header(one, placement_options);
     if (!file) return file.error();
     if (auto plausible = check_plausible(*file, sizeof(LabelId)); !plausible) return plausible.error();
     if (files.empty()) {
@@ -161,11 +161,11 @@ Result<StructureLabels> inspect_masks(const StructureFiles& found, const fs::pat
     const auto [name, left_out] = name_of_structure(one, labels.names);
     if (left_out) named_in_part.push_back(name);
     labels.names.push_back(name);
-    labels.voxels.push_back(sink.visit_runs());
+    labels.voxels.push_back(sink.take_runs());
     if (labels.voxels.back().count() == 0) empty.push_back(name);
   }
 
-  if (auto done = lay_out(labels, grid, named, should_continue); !done) return done.error();
+  if (auto done = assign_to_layers(labels, grid, named, should_continue); !done) return done.error();
   labels.file.header.has_geometry = has_geometry;
   labels.file.header.placement_doubt = placement_doubt;
   auto& notes = labels.file.notes;

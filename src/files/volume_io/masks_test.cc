@@ -113,7 +113,7 @@ TEST(Masks, EachFileOfAFolderIsAStructure) {
   }
 }
 
-TEST(Masks, AreCalledAfterAnatomyAloneAndByATable) {
+TEST(Masks, NamesAreAnatomicalWordsOrFromATable) {
   std::mt19937 random(5);
   const TemporaryFolder folder;
   for (const char* name : {"DOE_CANARY_liver.nii.gz", "DOE_CANARY_liver_2.nii.gz", "DOE_CANARY.nii.gz"})

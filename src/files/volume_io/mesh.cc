@@ -35,7 +35,7 @@ void MeshBuilder::join() {
   file_.meshes.resize(1);
 }
 
-void MeshBuilder::space_from(std::string_view comment) {
+void MeshBuilder::read_space(std::string_view comment) {
   constexpr std::string_view kTag = "SPACE=";
   const auto at = comment.find(kTag);
   if (at == std::string_view::npos) return;

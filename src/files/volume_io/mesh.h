@@ -54,7 +54,7 @@ class MeshBuilder {
   explicit MeshBuilder(std::string source) : source_(std::move(source)) {}
 
   void begin(std::string_view name);  ///< Starts the next mesh.
-  void space_from(std::string_view comment);
+  void read_space(std::string_view comment);
   void set_space(MeshSpace space) { file_.space = space; }
   /// Adds a point; points beyond kMaxPoints are dropped, and finish() reports them.
   void add_point(const Eigen::Vector3d& point);

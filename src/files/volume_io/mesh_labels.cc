@@ -55,12 +55,12 @@ std::vector<DirectedEdge> open_edges(const std::vector<MeshTriangle>& triangles)
   });
   std::vector<DirectedEdge> open;
   for (std::size_t n = 0; n < edges.size();) {
-    std::int32_t paths = 0;
+    std::int32_t surplus = 0;
     std::size_t end = n;
     for (; end < edges.size() && edges[end].low == edges[n].low && edges[end].high == edges[n].high; ++end)
-      paths += edges[end].orientation;
-    for (; paths > 0; --paths) open.emplace_back(edges[n].low, edges[n].high);
-    for (; paths < 0; ++paths) open.emplace_back(edges[n].high, edges[n].low);
+      surplus += edges[end].orientation;
+    for (; surplus > 0; --surplus) open.emplace_back(edges[n].low, edges[n].high);
+    for (; surplus < 0; ++surplus) open.emplace_back(edges[n].high, edges[n].low);
     n = end;
   }
   return open;
@@ -116,12 +116,12 @@ std::vector<std::vector<std::uint32_t>> loops_of(std::vector<DirectedEdge> edges
 
 // ---- intersecting ---------------------------------------------------------------------------------------
 
-struct Cut {
+struct PlanePoint {
   double x, y;
 };
 
 // Intersection of an edge with the plane of a slice; bit-identical for both triangles that share the edge.
-Cut intersect_edge(const Vec3& from, const Vec3& to, double z) {
+PlanePoint intersect_edge(const Vec3& from, const Vec3& to, double z) {
   const bool upwards = from.z() < to.z();
   const Vec3 &low = upwards ? from : to, &high = upwards ? to : from;
   const double part = (z - low.z()) / (high.z() - low.z());
@@ -135,12 +135,12 @@ class WindingChanges {
   WindingChanges(int columns, int rows)
       : columns_(columns),
         rows_(rows),
-        turns_(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows)) {}
+        changes_(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows)) {}
 
   // adds a segment of the slice's polygons, directed such that the inside is to its left
-  void add(const Cut& from, const Cut& to) {
+  void add(const PlanePoint& from, const PlanePoint& to) {
     const bool upwards = from.y < to.y;
-    const Cut &low = upwards ? from : to, &high = upwards ? to : from;
+    const PlanePoint &low = upwards ? from : to, &high = upwards ? to : from;
     // rows above `low`, up to and including `high`
     const double first = std::max(std::floor(low.y) + 1, 0.0),
                  last = std::min(std::floor(high.y), rows_ - 1.0);
@@ -149,23 +149,24 @@ class WindingChanges {
       const double x = std::ceil(low.x + part * (high.x - low.x));
       if (x >= columns_) continue;
       const auto voxel = static_cast<std::size_t>(std::max(x, 0.0));
-      turns_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + voxel] += upwards ? -1 : 1;
+      changes_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + voxel] +=
+          upwards ? -1 : 1;
     }
   }
   std::span<std::int32_t> row(int j) {
-    return std::span(turns_).subspan(static_cast<std::size_t>(j) * static_cast<std::size_t>(columns_),
-                                     static_cast<std::size_t>(columns_));
+    return std::span(changes_).subspan(static_cast<std::size_t>(j) * static_cast<std::size_t>(columns_),
+                                       static_cast<std::size_t>(columns_));
   }
 
  private:
   int columns_, rows_;
-  std::vector<std::int32_t> turns_;
+  std::vector<std::int32_t> changes_;
 };
 
 void cut_triangle(const Vec3& a, const Vec3& b, const Vec3& c, double z, bool mirrored,
                   WindingChanges& turns) {
   const std::array<const Vec3*, 3> corners{&a, &b, &c};
-  std::optional<Cut> falling, rising;
+  std::optional<PlanePoint> falling, rising;
   for (std::size_t n = 0; n < 3; ++n) {
     const Vec3 &from = *corners[n], &to = *corners[(n + 1) % 3];
     const bool from_above = from.z() > z, to_above = to.z() > z;
@@ -193,7 +194,7 @@ class FanBlocks {
     layer_ = k / kSize;
     std::ranges::fill(matter_, Matters::kUnknown);
   }
-  bool matter(int i, int j) {
+  bool can_matter(int i, int j) {
     Matters& known = matter_[static_cast<std::size_t>(j / kSize) * static_cast<std::size_t>(across_) +
                              static_cast<std::size_t>(i / kSize)];
     if (known == Matters::kUnknown) {
@@ -221,7 +222,7 @@ class FanBlocks {
 ClosedMesh closed_mesh(const TriangleMesh& mesh) {
   ClosedMesh closed;
   merge_points(mesh, closed);
-  closed.own = closed.triangles.size();
+  closed.mesh_triangles = closed.triangles.size();
   auto open = open_edges(closed.triangles);
   closed.open_edges = open.size();
   for (const auto& loop : loops_of(std::move(open))) {
@@ -246,7 +247,7 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
 
   // bounding box of the mesh without its fans, in voxels
   Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  for (std::size_t n = 0; n < mesh.own; ++n)
+  for (std::size_t n = 0; n < mesh.mesh_triangles; ++n)
     for (const std::uint32_t corner : mesh.triangles[n]) {
       low = low.cwiseMin(points[corner]);
       high = high.cwiseMax(points[corner]);
@@ -261,7 +262,7 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
   VoxelRuns voxels(first[2]);
   if (first[0] > last[0] || first[1] > last[1] || first[2] > last[2]) return voxels;
 
-  const FastWinding fans(mesh.points, MeshTriangles(mesh.triangles).subspan(mesh.own));
+  const FastWinding fans(mesh.points, MeshTriangles(mesh.triangles).subspan(mesh.mesh_triangles));
   if (!should_continue()) return voxels;
   FanBlocks blocks(fans, grid);
   // triangles sorted by their lowest slice, and those that may intersect the current slice
@@ -293,14 +294,14 @@ VoxelRuns voxels_of_mesh(const ClosedMesh& mesh, const GridGeometry& grid,
       if (!should_continue()) return voxels;
       const auto row = turns.row(j);
       const bool in_box = j >= first[1] && j <= last[1];
-      std::int32_t wound = 0;
+      std::int32_t winding = 0;
       for (int i = std::max(first[0] - 1, 0); i <= std::min(last[0] + 1, grid.dims[0] - 1); ++i) {
-        wound += std::exchange(row[static_cast<std::size_t>(i)], 0);
+        winding += std::exchange(row[static_cast<std::size_t>(i)], 0);
         if (!in_box || i < first[0] || i > last[0]) continue;
-        double turns_around = wound;
-        if (!fans.empty() && blocks.matter(i, j))
-          turns_around -= fans.at((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen());
-        if (!(std::abs(turns_around) > 0.5)) continue;
+        double winding_number = winding;
+        if (!fans.empty() && blocks.can_matter(i, j))
+          winding_number -= fans.at((X_PatientVoxel * Point<Voxel>(i, j, k)).eigen());
+        if (!(std::abs(winding_number) > 0.5)) continue;
         voxels.add(static_cast<std::uint32_t>(j) * static_cast<std::uint32_t>(grid.dims[0]) +
                    static_cast<std::uint32_t>(i));
       }

@@ -23,7 +23,7 @@ namespace palpate::volume_io {
 struct ClosedMesh {
   std::vector<Eigen::Vector3d> points;
   std::vector<MeshTriangle> triangles;  ///< Triangles of the mesh, then the fans.
-  std::size_t own = 0;                  ///< Number of triangles of the mesh.
+  std::size_t mesh_triangles = 0;       ///< Number of triangles of the mesh.
   std::size_t open_edges = 0, loops = 0;
 };
 ClosedMesh closed_mesh(const TriangleMesh& mesh);

@@ -32,9 +32,9 @@ std::string percent(double part) {
 // maximum for a wrong one.
 constexpr double kMinForCorrect = 0.99, kByMistake = 0.9, kHalf = 0.5, kHardlyAny = 0.02;
 
-bool proves(double this_orientation, double other_orientation) {
-  return (this_orientation >= kMinForCorrect && other_orientation < kByMistake) ||
-         (this_orientation >= kHalf && other_orientation <= kHardlyAny);
+bool proves(double fraction_within, double other_fraction_within) {
+  return (fraction_within >= kMinForCorrect && other_fraction_within < kByMistake) ||
+         (fraction_within >= kHalf && other_fraction_within <= kHardlyAny);
 }
 
 }  // namespace
@@ -118,17 +118,18 @@ Result<TransformedMeshes> transform_meshes(const MeshSurvey& survey,
   placed.unit_mm = survey.units_mm()[unit];
   const double lps = survey.within(MeshSpace::kLps, unit), ras = survey.within(MeshSpace::kRas, unit);
   placed.space = space.value_or(lps >= ras ? MeshSpace::kLps : MeshSpace::kRas);
-  const double this_orientation = survey.within(placed.space, unit),
-               other_orientation = survey.within(other_than(placed.space), unit);
-  if (!space && !proves(this_orientation, other_orientation))
+  const double fraction_within = survey.within(placed.space, unit),
+               other_fraction_within = survey.within(other_than(placed.space), unit);
+  if (!space && !proves(fraction_within, other_fraction_within))
     return bad_input("",
                      "does not state whether its axes are LPS or RAS, and lies in the scan either way (" +
                          percent(lps) + " of its points as LPS, " + percent(ras) + " as RAS)",
                      "choose one with --mesh-space lps or --mesh-space ras (in a scene file: mesh_space)");
   placed.note = "is read as " + name_of(placed.space) + (space ? " (" + by + ")" : "") + " in " +
-                name_of_unit(placed.unit_mm) + ": so " + percent(this_orientation) +
+                name_of_unit(placed.unit_mm) + ": so " + percent(fraction_within) +
                 " of its points lie in the scan";
-  if (!space) placed.note += ", as " + name_of(other_than(placed.space)) + " " + percent(other_orientation);
+  if (!space)
+    placed.note += ", as " + name_of(other_than(placed.space)) + " " + percent(other_fraction_within);
   return placed;
 }
 

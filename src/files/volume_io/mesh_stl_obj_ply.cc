@@ -27,7 +27,7 @@ std::string at_line(std::size_t line, const std::string& what) {
   return "line " + std::to_string(line) + " " + what;
 }
 
-std::string counted_of(std::uint64_t received, std::uint64_t promised, const std::string& what) {
+std::string truncation_text(std::uint64_t received, std::uint64_t promised, const std::string& what) {
   return "it ends after " + std::to_string(received) + " of " + std::to_string(promised) + " " + what;
 }
 
@@ -37,10 +37,10 @@ constexpr std::size_t kStlHeader = 84, kStlTriangle = 50;
 
 Result<MeshFile> parse_binary_stl(std::string_view bytes, MeshBuilder builder) {
   builder.begin("");
-  builder.space_from(bytes.substr(0, 80));
+  builder.read_space(bytes.substr(0, 80));
   const auto promised = number_at<std::uint32_t>(bytes.substr(80, 4), false);
-  const std::size_t there = (bytes.size() - kStlHeader) / kStlTriangle;
-  if (there < promised) return builder.damaged(counted_of(there, promised, "triangles"));
+  const std::size_t stored = (bytes.size() - kStlHeader) / kStlTriangle;
+  if (stored < promised) return builder.damaged(truncation_text(stored, promised, "triangles"));
   for (std::uint32_t n = 0; n < promised; ++n) {
     // a normal, three corners, two unused bytes
     const std::string_view triangle = bytes.substr(kStlHeader + kStlTriangle * n, kStlTriangle);
@@ -68,7 +68,7 @@ Result<MeshFile> parse_ascii_stl(std::string_view bytes, MeshBuilder builder) {
     if (words.empty()) continue;
     const std::string word = lower_case(words[0]);
     if (word == "solid") {
-      builder.space_from(text);
+      builder.read_space(text);
       // some programs write a title instead of a name
       const std::string_view name = trimmed(text.substr(5));
       builder.begin(name.find("SPACE=") == std::string_view::npos ? name : "");
@@ -205,7 +205,7 @@ Result<PlyHeader> parse_ply_header(std::string_view& bytes, MeshBuilder& builder
       return header;
     }
     if (words[0] == "comment" || words[0] == "obj_info") {
-      builder.space_from(text);
+      builder.read_space(text);
     } else if (words[0] == "format") {
       has_format = true;
       if (words.size() < 2) return wrong();
@@ -259,7 +259,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
   std::vector<bool> consumed;                // used by some object
   std::vector<std::size_t> used;
   std::vector<std::int64_t> corners;
-  bool objects = false, parted = false;
+  bool objects = false, groups_share_points = false;
   std::size_t line = 0;
   std::string joined;
   const auto begin = [&](std::string_view name) {
@@ -283,7 +283,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
     const auto words = split_spaces(text);
     if (words.empty()) continue;
     if (words[0].starts_with('#')) {
-      builder.space_from(text);
+      builder.read_space(text);
     } else if (words[0] == "v") {
       if (words.size() < 4) return builder.damaged(at_line(line, "is not a vertex of three numbers"));
       Eigen::Vector3d point;
@@ -317,7 +317,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
           index_in_mesh[at] = static_cast<std::uint32_t>(builder.points());
           used.push_back(at);
           // groups that share points are parts of one surface, for example by material; objects are not
-          parted = parted || consumed[at];
+          groups_share_points = groups_share_points || consumed[at];
           consumed[at] = true;
         }
         corners.push_back(static_cast<std::int64_t>(index_in_mesh[at]) - 1);
@@ -326,7 +326,7 @@ Result<MeshFile> parse_obj(std::string_view bytes, MeshBuilder builder) {
     }
     // normals, texture coordinates, materials and lines do not affect the surface
   }
-  if (parted && !objects) builder.join();
+  if (groups_share_points && !objects) builder.join();
   return builder.finish();
 }
 
@@ -363,7 +363,7 @@ Result<MeshFile> parse_ply(std::string_view bytes, MeshBuilder builder) {
         const PlyProperty& property = element.properties[p];
         const auto first = values.next(property.count.value_or(property.type));
         const auto ends = [&] {
-          return builder.damaged(counted_of(n, element.count, "of its elements '" + element.name + "'"));
+          return builder.damaged(truncation_text(n, element.count, "of its elements '" + element.name + "'"));
         };
         if (!first) return ends();
         if (!property.count) {

@@ -348,17 +348,17 @@ class ByteStream {
       text_.remove_prefix(count);
       return true;
     }
-    if (count > text_.size() + stored_.size()) return false;
+    if (count > text_.size() + decoded_.size()) return false;
     bytes.reserve(count);
     while (bytes.size() < count) {
-      if (stored_.empty() && !decode_four()) return false;
-      bytes += stored_.front();
-      stored_.erase(0, 1);
+      if (decoded_.empty() && !decode_four()) return false;
+      bytes += decoded_.front();
+      decoded_.erase(0, 1);
     }
     return true;
   }
   // discards the padding of the last group of four letters
-  void end_part() { stored_.clear(); }
+  void end_part() { decoded_.clear(); }
 
  private:
   bool decode_four() {
@@ -382,13 +382,13 @@ class ByteStream {
     }
     if (padding > 2) return false;
     const int bits = values[0] << 18 | values[1] << 12 | values[2] << 6 | values[3];
-    for (std::size_t n = 0; n < 3 - padding; ++n) stored_ += static_cast<char>(bits >> (16 - 8 * n));
+    for (std::size_t n = 0; n < 3 - padding; ++n) decoded_ += static_cast<char>(bits >> (16 - 8 * n));
     return true;
   }
 
   std::string_view text_;
   bool base64_;
-  std::string stored_;
+  std::string decoded_;
 };
 
 struct XmlSettings {
@@ -413,29 +413,29 @@ std::optional<std::uint64_t> header_number(ByteStream& in, const XmlSettings& se
 std::optional<std::string> array_bytes(ByteStream in, const XmlSettings& settings, std::uint64_t& left) {
   const std::uint64_t largest = left;
   std::string bytes;
-  const auto first = header_number(in, settings);
-  if (!first) return std::nullopt;
+  const auto count = header_number(in, settings);
+  if (!count) return std::nullopt;
   if (!settings.packed) {
-    if (*first > largest || !in.read(*first, bytes)) return std::nullopt;
+    if (*count > largest || !in.read(*count, bytes)) return std::nullopt;
     left -= bytes.size();
     return bytes;
   }
-  const auto block = header_number(in, settings), last = header_number(in, settings);
-  if (!block || !last || (*block > 0 && *first > largest / *block + 1) || *first > largest ||
-      *block > largest || *last > *block)
+  const auto block_bytes = header_number(in, settings), last_block_bytes = header_number(in, settings);
+  if (!block_bytes || !last_block_bytes || (*block_bytes > 0 && *count > largest / *block_bytes + 1) ||
+      *count > largest || *block_bytes > largest || *last_block_bytes > *block_bytes)
     return std::nullopt;
   std::vector<std::uint64_t> sizes;
-  for (std::uint64_t n = 0; n < *first; ++n) {
+  for (std::uint64_t n = 0; n < *count; ++n) {
     const auto size = header_number(in, settings);
     if (!size || *size > largest) return std::nullopt;
     sizes.push_back(*size);
   }
   in.end_part();
   std::string packed;
-  for (std::uint64_t n = 0; n < *first; ++n) {
+  for (std::uint64_t n = 0; n < *count; ++n) {
     if (!in.read(sizes[n], packed)) return std::nullopt;
-    const bool partial = n + 1 == *first && *last > 0;
-    const std::size_t expected = partial ? *last : *block;
+    const bool partial = n + 1 == *count && *last_block_bytes > 0;
+    const std::size_t expected = partial ? *last_block_bytes : *block_bytes;
     // zlib expands data at most 1032 times
     constexpr std::size_t kMaxGain = 1100, kLeast = 64;
     if (expected > kLeast + kMaxGain * packed.size() || bytes.size() + expected > largest)
@@ -576,7 +576,7 @@ Result<MeshFile> parse_vtk_legacy(std::string_view bytes, MeshBuilder builder) {
   builder.begin("");
   const std::string_view version = in.line();
   const bool in_two_arrays = version.find("Version 5") != std::string_view::npos;
-  builder.space_from(in.line());
+  builder.read_space(in.line());
   const std::string_view kind = in.word();
   if (kind != "ASCII" && kind != "BINARY") return builder.damaged("it is neither ASCII nor BINARY");
   in.binary = kind == "BINARY";
@@ -649,7 +649,7 @@ Result<MeshFile> parse_vtk_xml(std::string_view bytes, MeshBuilder builder) {
       std::string text = "SPACE=";
       for (const double letter : *letters)
         if (letter > 0 && letter < 128) text += static_cast<char>(letter);
-      builder.space_from(text);
+      builder.read_space(text);
     }
     const XmlArray* points = find("Points", "");
     if (!points) continue;

@@ -94,7 +94,7 @@ GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high
 constexpr std::size_t kMaxMeshes = 1024;
 
 // @param should_continue  called regularly; false: the parent has gone
-Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::path& named,
+Result<StructureLabels> inspect_meshes(const FoundMeshes& found_meshes, const fs::path& named,
                                        const GridGeometry* scan,
                                        const MeshPlacementOptions& placement_options,
                                        const std::function<bool()>& should_continue, double& fraction) {
@@ -104,10 +104,10 @@ Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::p
   bool first = true, alike = true;
   std::size_t meshes = 0;
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
-  const StructureFiles& found = meshes_of.found;
+  const StructureFiles& found = found_meshes.found;
   for (const fs::path& one : found.files) {
     if (!should_continue()) return bad_input("", "reading was interrupted");
-    const auto file = parse_file(one, meshes_of.formats.at(one));
+    const auto file = parse_file(one, found_meshes.formats.at(one));
     if (!file) return file.error();
     alike = alike && (first || declared == file->space);
     declared = file->space;
@@ -144,10 +144,10 @@ Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::p
   }
   const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
   std::vector<std::string> open, cut, empty, named_in_part;
-  const double part = 1 / static_cast<double>(found.files.size());
+  const double fraction_per_file = 1 / static_cast<double>(found.files.size());
   for (const fs::path& one : found.files) {
-    fraction = part * static_cast<double>(&one - found.files.data());
-    auto file = parse_file(one, meshes_of.formats.at(one));
+    fraction = fraction_per_file * static_cast<double>(&one - found.files.data());
+    auto file = parse_file(one, found_meshes.formats.at(one));
     if (!file) return file.error();
     for (std::size_t n = 0; n < file->meshes.size(); ++n) {
       if (!should_continue()) return bad_input("", "reading was interrupted");
@@ -162,22 +162,22 @@ Result<StructureLabels> inspect_meshes(const FoundMeshes& meshes_of, const fs::p
       const auto [name, left_out] = name_of_mesh(mesh, n, file->meshes.size(), one,
                                                  found.files.size() == 1 && one == named, labels.names);
       if (left_out) named_in_part.push_back(name);
-      const std::string message = name.empty() ? "its only structure" : name;
+      const std::string shown_name = name.empty() ? "its only structure" : name;
       const ClosedMesh closed = closed_mesh(mesh);
       mesh = {};
       if (!should_continue()) return bad_input("", "reading was interrupted");
       labels.voxels.push_back(voxels_of_mesh(closed, grid, should_continue));
       labels.names.push_back(name);
       if (closed.open_edges > 0)
-        open.push_back(message + " along " + std::to_string(closed.open_edges) + " edges");
+        open.push_back(shown_name + " along " + std::to_string(closed.open_edges) + " edges");
       if (labels.voxels.back().count() == 0)
-        empty.push_back(message);
+        empty.push_back(shown_name);
       else if (beyond)
-        cut.push_back(message);
+        cut.push_back(shown_name);
     }
   }
 
-  if (auto done = lay_out(labels, grid, named, should_continue); !done) return done.error();
+  if (auto done = assign_to_layers(labels, grid, named, should_continue); !done) return done.error();
   labels.file.header.has_geometry = placed->space_is_known;
   auto& notes = labels.file.notes;
   notes.insert(notes.end(), found.notes.begin(), found.notes.end());
@@ -225,7 +225,8 @@ Result<LabelReader> open_meshes(const fs::path& file, const GridGeometry* scan,
         return inspect_meshes(meshes, file, scan, placement_options, should_continue, fraction);
       },
       "simplify it first, for example with 3D Slicer's Surface Toolbox (Decimate), or give fewer surfaces");
-  if (reader && scan && !reader->volume.header.geometry.same_grid(*scan)) return nonsense({&file, 1});
+  if (reader && scan && !reader->volume.header.geometry.same_grid(*scan))
+    return impossible_volume({&file, 1});
   return reader;
 }
 

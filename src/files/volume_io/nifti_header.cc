@@ -58,7 +58,7 @@ constexpr std::int32_t kNifti1Bytes = 348, kNifti2Bytes = 540;
 
 // version and byte order, from the first field, which is the header's size
 struct Version {
-  bool second = false, swap = false;
+  bool is_nifti2 = false, swap = false;
 };
 Result<Version> version_of(std::string_view bytes, const std::string& source) {
   const auto cut_short = [&] {
@@ -93,7 +93,7 @@ void fill(U (&to)[kCount], const Bytes& bytes, std::size_t at) {
 }
 
 // https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h
-Fields first_version(std::string_view text, const Bytes& bytes) {
+Fields nifti1_fields(std::string_view text, const Bytes& bytes) {
   Fields f;
   f.magic = text.substr(344, 4);
   fill<std::int16_t>(f.dim, bytes, 40);
@@ -114,7 +114,7 @@ Fields first_version(std::string_view text, const Bytes& bytes) {
 }
 
 // https://nifti.nimh.nih.gov/pub/dist/doc/nifti2.h
-Fields second_version(std::string_view text, const Bytes& bytes) {
+Fields nifti2_fields(std::string_view text, const Bytes& bytes) {
   Fields f;
   f.magic = text.substr(4, 4);
   f.datatype = bytes.at<std::int16_t>(12);
@@ -164,7 +164,7 @@ Eigen::Matrix<double, 3, 4> from_voxel_sizes(const Fields& f) {
   return affine;
 }
 
-Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm> form,
+Result<void> read_geometry(const Fields& f, bool is_nifti2, std::optional<NiftiForm> form,
                            const std::string& source, NiftiHeader& header) {
   header.has_geometry = f.qform_code > 0 || f.sform_code > 0;
   const int length_unit = f.units & 7;
@@ -202,7 +202,7 @@ Result<void> read_geometry(const Fields& f, bool second, std::optional<NiftiForm
   if (f.qform_code > 0 && !(finite(f.quaternion) && finite(f.qoffset)))
     return bad_input(source, "its qform contains a non-finite value", "copy it from the original scan");
   // ITK handles NIfTI-1 without an sform, and does not read NIfTI-2
-  if (second || f.sform_code > 0)
+  if (is_nifti2 || f.sform_code > 0)
     header.affine = f.qform_code > 0 ? from_qform(sized) : from_voxel_sizes(sized);
   return {};
 }
@@ -214,15 +214,15 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
   const auto version = version_of(text, source);
   if (!version) return version.error();
   const Bytes bytes(text, version->swap);
-  const Fields f = version->second ? second_version(text, bytes) : first_version(text, bytes);
+  const Fields f = version->is_nifti2 ? nifti2_fields(text, bytes) : nifti1_fields(text, bytes);
   NiftiHeader header;
   const std::string_view separate =
-      version->second ? std::string_view("ni2\0", 4) : std::string_view("ni1\0", 4);
+      version->is_nifti2 ? std::string_view("ni2\0", 4) : std::string_view("ni1\0", 4);
   const std::string_view single =
-      version->second ? std::string_view("n+2\0", 4) : std::string_view("n+1\0", 4);
+      version->is_nifti2 ? std::string_view("n+2\0", 4) : std::string_view("n+1\0", 4);
   header.has_detached_data = f.magic == separate;
   if (!header.has_detached_data && f.magic != single) {
-    if (version->second) return bad_input(source, "is not a NIfTI file", "is its name right?");
+    if (version->is_nifti2) return bad_input(source, "is not a NIfTI file", "is its name right?");
     return bad_input(source, "is an Analyze 7.5 file, which does not define left and right",
                      "convert the original images to NIfTI");
   }
@@ -247,7 +247,7 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
   if (!std::isfinite(f.offset) || f.offset < 0 || f.offset > 1e9)
     return bad_input(source, "its vox_offset is damaged");
   header.voxels.skip = static_cast<std::uint64_t>(f.offset);
-  header.header_bytes = version->second ? kNifti2Bytes : kNifti1Bytes;
+  header.header_bytes = version->is_nifti2 ? kNifti2Bytes : kNifti1Bytes;
   header.swapped = version->swap;
   if (!header.has_detached_data && header.voxels.skip < header.header_bytes)
     header.voxels.skip = header.header_bytes + 4;
@@ -257,7 +257,7 @@ Result<NiftiHeader> parse_nifti_header(std::string_view text, const std::string&
     header.voxels.slope = f.slope;
     if (std::isfinite(f.intercept)) header.voxels.intercept = f.intercept;
   }
-  if (auto read = read_geometry(f, version->second, form, source, header); !read) return read.error();
+  if (auto read = read_geometry(f, version->is_nifti2, form, source, header); !read) return read.error();
   return header;
 }
 

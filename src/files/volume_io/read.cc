@@ -30,7 +30,7 @@ PlacementOptions& process_placement_options() {
 }
 
 // settings of this read, completed by those of the process
-PlacementOptions over_process(PlacementOptions placement_options) {
+PlacementOptions with_process_defaults(PlacementOptions placement_options) {
   const PlacementOptions& all = process_placement_options();
   if (!placement_options.mesh.space) placement_options.mesh.space = all.mesh.space;
   if (!placement_options.mesh.unit_mm) placement_options.mesh.unit_mm = all.mesh.unit_mm;
@@ -74,12 +74,12 @@ ReadAs& read_as_of_process() {
 }
 
 // Declared to be labels: by segments or the intent in the file, or by names for more than half of the labels.
-bool says_labels(const LabelFile& file) {
+bool is_declared_as_labels(const LabelFile& file) {
   return file.header.has_segments || file.header.meaning == ValueMeaning::kLabels ||
          2 * file.unnamed.size() < file.labels.segments.size();
 }
 
-Error taken_for_labels(const std::filesystem::path& file, std::size_t values) {
+Error looks_like_scan(const std::filesystem::path& file, std::size_t values) {
   return bad_input(file.string(),
                    "looks like a scan, not a label map: " + std::to_string(values) +
                        " values, which change from voxel to voxel",
@@ -149,27 +149,27 @@ class LabelSink {
       layers_[layer][voxel] = label;
       present_[layer][label] = 1;
     });
-    if (wrong) return not_a_label(*wrong);
+    if (wrong) return label_error(*wrong);
     // a 32-bit scan may have any number of them
-    if (large_ids_.size() > kValues) return has_large_ids();
+    if (large_ids_.size() > kValues) return large_id_error();
     return {};
   }
   /// To be called after the last voxel. Errors: ids above 65535.
   Result<void> check_ids() const {
     if (large_ids_.empty()) return {};
-    return has_large_ids();
+    return large_id_error();
   }
 
   /// Takes all voxels from the cache; false if they are not cached.
-  bool find(const VoxelCacheEntry& stored) {
-    auto layers = stored.find_labels(layers_.size());
+  bool load(const VoxelCacheEntry& cache_entry) {
+    auto layers = cache_entry.find_labels(layers_.size());
     if (layers.empty()) return false;
     layers_ = std::move(layers);
     for (std::size_t layer = 0; layer < layers_.size(); ++layer) observe(layers_[layer], present_[layer]);
     return true;
   }
   /// Stores the voxels in the cache, after the last voxel.
-  void keep(const VoxelCacheEntry& stored) const { stored.store_labels(layers_); }
+  void store(const VoxelCacheEntry& cache_entry) const { cache_entry.store_labels(layers_); }
   /// Moves the layers out, after the last voxel.
   std::vector<Volume<LabelId>> take_layers() {
     std::vector<Volume<LabelId>> layers;
@@ -223,7 +223,7 @@ class LabelSink {
     else
       return false;
   }
-  Error has_large_ids() const {
+  Error large_id_error() const {
     constexpr std::size_t kNamed = 3;
     std::string some;
     for (auto id = large_ids_.begin(); id != large_ids_.end() && std::distance(large_ids_.begin(), id) <
@@ -239,7 +239,7 @@ class LabelSink {
                      "renumber the labels and their names with smaller, distinct numbers; if it is a scan, "
                      "give it as the scan (--scan)");
   }
-  Error not_a_label(std::uint64_t n) const {
+  Error label_error(std::uint64_t n) const {
     const auto& dims = file_.header.geometry.dims;
     const std::uint64_t voxel =
         file_.layers_first ? n / layers_.size() : n % file_.header.geometry.voxel_count();
@@ -336,7 +336,7 @@ Result<SampledContent> sample_content(const std::filesystem::path& file) {
   using Kind = VolumeContent::Kind;
   constexpr std::size_t kEnough = std::size_t{1} << 20;
   const Progress silent;
-  auto reader = VolumeReader::open(file, silent, {}, nullptr, over_process({}));
+  auto reader = VolumeReader::open(file, silent, {}, nullptr, with_process_defaults({}));
   if (!reader) return reader.error();
   const VolumeFile& volume = reader->file();
   const VolumeHeader& header = volume.header;
@@ -461,15 +461,15 @@ Result<ScanFile> take_scan(VolumeReader& reader, const std::filesystem::path& pa
                      "if it is a segmentation give it as the labels");
   if (auto plausible = check_plausible(file, sizeof(float)); !plausible) return plausible.error();
 
-  const VoxelCacheEntry stored(reader, "scan", caching);
+  const VoxelCacheEntry cache_entry(reader, "scan", caching);
   ScanValues values;
-  if (stored.find_scan(values.voxels, values.replaced)) {
+  if (cache_entry.find_scan(values.voxels, values.replaced)) {
     progress.report("loading from the cache", 0);
   } else {
     auto fresh = unpack_scan(reader, path);
     if (!fresh) return fresh.error();
     values = *std::move(fresh);
-    stored.retain_scan(values.voxels, values.replaced);
+    cache_entry.store_scan(values.voxels, values.replaced);
   }
   if (values.replaced > 0 && warn)
     warn(path.string() + ": " + std::to_string(values.replaced) +
@@ -504,8 +504,8 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     return plausible.error();
 
   LabelSink sink(file);
-  const VoxelCacheEntry stored(reader, "labels", caching);
-  if (sink.find(stored)) {
+  const VoxelCacheEntry cache_entry(reader, "labels", caching);
+  if (sink.load(cache_entry)) {
     progress.report("loading from the cache", 0);
   } else {
     const auto read = reader.stream([&](std::uint64_t first, std::span<const std::byte> bytes) {
@@ -514,7 +514,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
     });
     if (!read) return read.error();
     if (const auto checked = sink.check_ids(); !checked) return checked.error();
-    sink.keep(stored);
+    sink.store(cache_entry);
   }
   for (const std::string& note : file.notes)
     if (warn) warn(path.string() + ": " + note);
@@ -540,10 +540,10 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
   if (*belongs) result.names_table = found->table;
   for (const Segment& s : result.labels.segments)
     if (s.name.empty()) result.unnamed.push_back(s.id);
-  if (says_labels(result) || !resembles_scan(result.labels)) return result;
-  const Error used = taken_for_labels(path, result.labels.segments.size());
-  if (ambiguous == AmbiguousLabels::kReject) return used;
-  if (warn) warn(used.message());
+  if (is_declared_as_labels(result) || !resembles_scan(result.labels)) return result;
+  const Error error = looks_like_scan(path, result.labels.segments.size());
+  if (ambiguous == AmbiguousLabels::kReject) return error;
+  if (warn) warn(error.message());
   return result;
 }
 
@@ -565,8 +565,8 @@ std::optional<std::string> evidence_by_table(const ValueStatistics& values, cons
          std::to_string(values.distinct) + " values";
 }
 
-VolumeContent what_it_holds(const ScanFile& scan, const std::filesystem::path& file,
-                            const std::optional<std::filesystem::path>& names) {
+VolumeContent classify_content(const ScanFile& scan, const std::filesystem::path& file,
+                               const std::optional<std::filesystem::path>& names) {
   using Kind = VolumeContent::Kind;
   if (read_as() == ReadAs::kScan) return {Kind::kScan, ""};
   if (scan.header.meaning == ValueMeaning::kMeasured && !names) return {Kind::kScan, "its header states it"};
@@ -673,7 +673,7 @@ std::string origin_of_names(const LabelFile& labels) {
 
 Result<VolumeHeader> read_header(const std::filesystem::path& file, std::optional<int> volume) try {
   const Progress silent;
-  const auto reader = VolumeReader::open(file, silent, volume, nullptr, over_process({}));
+  const auto reader = VolumeReader::open(file, silent, volume, nullptr, with_process_defaults({}));
   if (!reader) return reader.error();
   return reader->file().header;
 } catch (const std::bad_alloc&) {
@@ -685,7 +685,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
                                                       const Progress& progress, const Warn& warn,
                                                       VoxelCaching caching, std::optional<int> volume) try {
   using Volumes = std::variant<ScanFile, LabelFile>;
-  auto reader = VolumeReader::open(file, progress, volume, nullptr, over_process({}));
+  auto reader = VolumeReader::open(file, progress, volume, nullptr, with_process_defaults({}));
   if (!reader) return reader.error();
   const auto labels = [&](const std::string& evidence) -> Result<Volumes> {
     const AmbiguousLabels ambiguous =
@@ -705,7 +705,7 @@ Result<std::variant<ScanFile, LabelFile>> read_volume(const std::filesystem::pat
   {
     auto scan = take_scan(*reader, file, progress, warn, caching);
     if (!scan) return scan.error();
-    const VolumeContent content = what_it_holds(*scan, file, names);
+    const VolumeContent content = classify_content(*scan, file, names);
     if (content.kind == VolumeContent::Kind::kUnclear) return unclear_content(file, content.evidence);
     if (content.kind == VolumeContent::Kind::kScan) {
       scan->evidence = content.evidence;
@@ -734,7 +734,7 @@ Result<ScanFile> read_scan(const std::filesystem::path& file, const Progress& pr
                            "; give a folder of masks as the labels, after the scan");
     }
   }
-  auto reader = VolumeReader::open(file, progress, volume, nullptr, over_process(placement_options),
+  auto reader = VolumeReader::open(file, progress, volume, nullptr, with_process_defaults(placement_options),
                                    ImageColours::kGrey);
   if (!reader) return reader.error();
   return take_scan(*reader, file, progress, warn, caching);
@@ -750,7 +750,7 @@ Result<LabelFile> read_labels(const std::filesystem::path& file,
   if (is_dicom(file))
     return bad_input(file.string(), "holds DICOM images, which are a scan, not labels",
                      "give it as the scan, and a label map in addition");
-  auto reader = VolumeReader::open(file, progress, {}, scan_grid, over_process(placement_options));
+  auto reader = VolumeReader::open(file, progress, {}, scan_grid, with_process_defaults(placement_options));
   if (!reader) return reader.error();
   return take_labels(*reader, file, names, scan, progress, warn, ambiguous, caching);
 } catch (const std::bad_alloc&) {

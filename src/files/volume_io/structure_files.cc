@@ -24,15 +24,15 @@ namespace fs = std::filesystem;
 namespace {
 
 // limits calls of `sign` to ten per second
-std::function<bool()> now_and_then(const std::function<bool()>& sign) {
+std::function<bool()> rate_limited(const std::function<bool()>& sign) {
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::milliseconds kBetween(100);
-  return [sign, next = Clock::now(), heard = true]() mutable {
-    if (const auto now = Clock::now(); heard && now >= next) {
+  return [sign, next = Clock::now(), is_alive = true]() mutable {
+    if (const auto now = Clock::now(); is_alive && now >= next) {
       next = now + kBetween;
-      heard = sign();
+      is_alive = sign();
     }
-    return heard;
+    return is_alive;
   };
 }
 
@@ -49,18 +49,19 @@ Result<void> send_structures(const StructureLabels& labels, VoxelSink& sink) {
 
 }  // namespace
 
-StructureFiles find_structure_files(const fs::path& named, const std::function<bool(const fs::path&)>& is_one,
+StructureFiles find_structure_files(const fs::path& named,
+                                    const std::function<bool(const fs::path&)>& is_structure_file,
                                     std::string_view kind) {
   StructureFiles found;
   found.roots.push_back(named);
   std::error_code failed;
   if (!fs::is_directory(named, failed)) {
-    if (is_one(named)) found.files.push_back(named);
+    if (is_structure_file(named)) found.files.push_back(named);
     return found;
   }
   // each root is a file descriptor in the reader process
   constexpr std::size_t kMaxFiles = 4096, kMaxRoots = 256;
-  std::size_t inspected = 0, others = 0, led_out = 0, scattered = 0;
+  std::size_t inspected = 0, others = 0, outside_links = 0, scattered = 0;
   std::set<fs::path> outside;
   fs::directory_iterator entry(named, failed);
   for (; !failed && entry != fs::directory_iterator() && inspected < kMaxFiles; entry.increment(failed)) {
@@ -68,13 +69,13 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
     // hidden files, such as macOS's "._liver.nii.gz"
     if (!entry->is_regular_file(ignored) || entry->path().filename().string().starts_with('.')) continue;
     ++inspected;
-    if (!is_one(entry->path())) {
+    if (!is_structure_file(entry->path())) {
       ++others;
       continue;
     }
     if (entry->is_symlink(ignored)) {
       if (!check_stays_in(named, entry->path())) {
-        ++led_out;
+        ++outside_links;
         continue;
       }
       const fs::path root = fs::canonical(entry->path(), ignored).parent_path();
@@ -91,8 +92,9 @@ StructureFiles find_structure_files(const fs::path& named, const std::function<b
   if (found.is_cut_off)
     found.notes.push_back("holds more than " + std::to_string(kMaxFiles) + " files; the others were ignored");
   std::ranges::sort(found.files);
-  if (led_out > 0)
-    found.notes.push_back(std::to_string(led_out) + (led_out == 1 ? " link leads" : " links lead") +
+  if (outside_links > 0)
+    found.notes.push_back(std::to_string(outside_links) +
+                          (outside_links == 1 ? " link leads" : " links lead") +
                           " out of the folder and was not followed (--follow-links allows it)");
   if (scattered > 0)
     found.notes.push_back(std::to_string(scattered) + (scattered == 1 ? " link was" : " links were") +
@@ -124,17 +126,17 @@ std::string note_of_left_out(const std::vector<std::string>& names) {
          names_in_words(names);
 }
 
-Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const fs::path& named,
-                     const std::function<bool()>& should_continue) {
+Result<void> assign_to_layers(StructureLabels& labels, const GridGeometry& grid, const fs::path& named,
+                              const std::function<bool()>& should_continue) {
   const auto read_slice = [&](std::size_t k, const auto& visit) -> Result<void> {
     for (std::size_t n = 0; n < labels.voxels.size(); ++n)
       labels.voxels[n].read_slice(static_cast<int>(k), [&](std::size_t v) { visit(v, static_cast<int>(n)); });
     return {};
   };
-  const auto meetings = find_overlapping_pairs(grid, read_slice, should_continue);
-  if (!meetings) return meetings.error();
+  const auto overlaps = find_overlapping_pairs(grid, read_slice, should_continue);
+  if (!overlaps) return overlaps.error();
   labels.file = labels_in_slices(grid, named);
-  labels.layers = assign_layers(labels.voxels.size(), *meetings, labels.file);
+  labels.layers = assign_layers(labels.voxels.size(), *overlaps, labels.file);
   for (std::size_t n = 0; n < labels.names.size(); ++n)
     put_segment(labels.file, n, labels.names[n], static_cast<int>(n + 1), labels.layers[n], "");
   return {};
@@ -177,12 +179,12 @@ Result<LabelReader> open_sliced_files(
     };
     const auto volume = [&]() -> Result<SlicedVolume> {
       try {
-        return inspect(now_and_then(report), fraction);
+        return inspect(rate_limited(report), fraction);
       } catch (const std::bad_alloc&) {
         return bad_input(named.string(), "does not fit into the memory for reading", too_large);
       }
     }();
-    return read_labels_for(parent, named, volume, [&](VoxelSink& sink) { return volume->send(sink); });
+    return serve_labels(parent, named, volume, [&](VoxelSink& sink) { return volume->send(sink); });
   });
   for (const int descriptor : descriptors) ::close(descriptor);
   if (!process)
@@ -202,7 +204,7 @@ Result<LabelReader> open_sliced_files(
   auto answer = receive_answer(**process, one);
   if (!answer) return answer.error();
   auto* volume = std::get_if<VolumeFile>(&*answer);
-  if (!volume || volume->voxels.encoding != Encoding::kSlices) return nonsense(one);
+  if (!volume || volume->voxels.encoding != Encoding::kSlices) return impossible_volume(one);
   return LabelReader{*std::move(process), std::move(*volume)};
 }
 

@@ -30,12 +30,13 @@ struct StructureFiles {
   std::vector<std::string> notes;            ///< About files that were left out.
   bool is_cut_off = false;                   ///< The folder contains more files than were examined.
 };
-/// @param named   such a file, or a folder, of which the files directly in it count, except hidden ones
-/// @param is_one  predicate: a regular file is of this kind
-/// @param kind    name of the kind: "surface"
-StructureFiles find_structure_files(const std::filesystem::path& named,
-                                    const std::function<bool(const std::filesystem::path&)>& is_one,
-                                    std::string_view kind);
+/// @param named              such a file, or a folder, of which the files directly in it count, except hidden
+/// ones
+/// @param is_structure_file  predicate: a regular file is of this kind
+/// @param kind               name of the kind: "surface"
+StructureFiles find_structure_files(
+    const std::filesystem::path& named,
+    const std::function<bool(const std::filesystem::path&)>& is_structure_file, std::string_view kind);
 
 /// Name of a structure by the anatomical words of its file name, unique among `others`.
 struct StructureName {
@@ -58,8 +59,9 @@ struct StructureLabels {
 /// Distributes structures, whose names and voxels are set, over layers in which they do not overlap, and
 /// fills in `file`. Errors: interrupted.
 /// @param should_continue  called regularly; false: the parent has gone
-Result<void> lay_out(StructureLabels& labels, const GridGeometry& grid, const std::filesystem::path& named,
-                     const std::function<bool()>& should_continue);
+Result<void> assign_to_layers(StructureLabels& labels, const GridGeometry& grid,
+                              const std::filesystem::path& named,
+                              const std::function<bool()>& should_continue);
 
 /// Parsed volume, and a function that sends its voxels, slice by slice, any number of times.
 struct SlicedVolume {

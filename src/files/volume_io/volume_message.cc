@@ -124,7 +124,7 @@ Result<VolumeFile> get_volume(Receiver& in, Files files) {
   const VoxelSource& voxels = volume.voxels;
   if (file >= files.size() || volume.header.layers < 1 || volume.header.layers > kMaxLayers ||
       !std::isfinite(voxels.slope) || !std::isfinite(voxels.intercept))
-    return nonsense(files);
+    return impossible_volume(files);
   if (const auto dims = volume_dims({geometry.dims.begin(), geometry.dims.end()}, source); !dims)
     return dims.error();
   if (const auto possible = checked(geometry, source); !possible) return possible.error();
@@ -218,7 +218,7 @@ Result<void> receive_end(reader::ByteSource& source, Files files) {
   return get_refusal(in, files);
 }
 
-Error nonsense(Files files) {
+Error impossible_volume(Files files) {
   return about(bad_input("", "is damaged: its reader reports an impossible volume"), files);
 }
 

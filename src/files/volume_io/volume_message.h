@@ -54,6 +54,6 @@ Result<void> receive_end(reader::ByteSource& source, Files files);
 /// Adds file and remedy to a kBadInput without `where`; other errors are returned unchanged.
 Error about(Error error, Files files);
 /// Error for a message that no valid volume can produce.
-Error nonsense(Files files);
+Error impossible_volume(Files files);
 
 }  // namespace palpate::volume_io

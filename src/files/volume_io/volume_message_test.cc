@@ -93,7 +93,7 @@ TEST(VolumeMessage, AVolumeArrivesWhole) {
   EXPECT_EQ(received.notes, sent.notes);
 }
 
-TEST(VolumeMessage, BelievesNoVolume) {
+TEST(VolumeMessage, RejectsInvalidVolumes) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(error_of([](VolumeFile&) {}), "no error");
   for (const int size : {0, -1})

@@ -20,8 +20,8 @@ namespace {
 
 // ---- in the reader process ----------------------------------------------------------------------
 
-bool read_for(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others,
-              const PlacementOptions& placement_options) {
+bool serve_volume(reader::ParentEnd& parent, const Format& format, Files files, OtherFiles others,
+                  const PlacementOptions& placement_options) {
   const auto volume = inspect_file(format, files.front(), others, placement_options);
   if (others.requested()) return send_file_request(parent, *others.requested());
   if (!volume) return send_refusal(parent, volume.error());
@@ -97,8 +97,8 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int>
   reader::ReaderProcess::Job job;
   job.files = descriptors;
   job.shared_bytes = shared_bytes;
-  job.died = "is damaged: its reader fails to read it";
-  job.endless = "is damaged: its reader does not finish";
+  job.death_error = "is damaged: its reader fails to read it";
+  job.timeout_error = "is damaged: its reader does not finish";
   const ItkSection section;
   return reader::ReaderProcess::start(job, work, progress);
 }
@@ -168,20 +168,20 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
   constexpr std::size_t kMaxFiles = 3;
   while (true) {
     auto process = start(reader.files_, kSlots * kSlotBytes, progress, [&](reader::ParentEnd& parent) {
-      return read_for(parent, **format, reader.names_, others, placement_options);
+      return serve_volume(parent, **format, reader.names_, others, placement_options);
     });
     if (!process) return Error{process.error().kind, process.error().what, file.string(), ""};
     auto answer = receive_answer(**process, reader.names_);
     if (!answer) return answer.error();
     if (auto* volume = std::get_if<VolumeFile>(&*answer)) {
-      if (volume->voxels.encoding == Encoding::kSlices) return nonsense(reader.names_);
+      if (volume->voxels.encoding == Encoding::kSlices) return impossible_volume(reader.names_);
       reader.process_ = *std::move(process);
       reader.volume_ = std::move(*volume);
       name_format(**format, reader.volume_);
       return reader;
     }
     // restart with access to this file too
-    if (reader.files_.size() == kMaxFiles) return nonsense(reader.names_);
+    if (reader.files_.size() == kMaxFiles) return impossible_volume(reader.names_);
     auto& requested = std::get<OtherFile>(*answer);
     const auto other = find_other_file(file, requested);
     if (!other) return other.error();
@@ -219,7 +219,8 @@ Result<void> read_voxels(reader::ReaderProcess& process, const VolumeFile& file,
       return about(at_slice(received.error(), file, first), files);
     if (bytes == kEnd) break;
     if (bytes == kStillReading) continue;
-    if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first) return nonsense(files);
+    if (bytes > piece.size() || bytes % size != 0 || bytes / size > count - first)
+      return impossible_volume(files);
     // a private copy, which the reader process cannot change during validation
     const auto values = std::span(piece).first(bytes);
     std::memcpy(values.data(), process.shared().data() + slot * kSlotBytes, bytes);
@@ -230,7 +231,7 @@ Result<void> read_voxels(reader::ReaderProcess& process, const VolumeFile& file,
     progress.report("reading", static_cast<double>(first) / static_cast<double>(count));
   }
   if (auto whole = receive_end(process, files); !whole) return whole;
-  if (first != count) return nonsense(files);
+  if (first != count) return impossible_volume(files);
   return {};
 }
 

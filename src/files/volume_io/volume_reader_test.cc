@@ -191,7 +191,7 @@ std::string applied_to(const std::vector<std::uint32_t>& words, const Result<voi
   file.voxels.file = "v";
   reader::ReaderProcess::Job job;
   job.shared_bytes = kSlots * kSlotBytes;
-  job.died = "it died";
+  job.death_error = "it died";
   const Progress silent;
   auto process = reader::ReaderProcess::start(
       job,

@@ -113,7 +113,7 @@ bool VoxelCacheEntry::find_scan(std::vector<float>& voxels, std::uint64_t& repla
   return false;
 }
 
-void VoxelCacheEntry::retain_scan(const std::vector<float>& voxels, std::uint64_t replaced) const try {
+void VoxelCacheEntry::store_scan(const std::vector<float>& voxels, std::uint64_t replaced) const try {
   if (!key_ || file_has_changed()) return;
   cache::FieldWriter out;
   const bool narrow = fit_into_16_bits(voxels);

@@ -25,7 +25,7 @@ class VoxelCacheEntry {
   void store_labels(const std::vector<std::vector<LabelId>>& layers) const;
   /// @param replaced  number of NaN values that were replaced
   bool find_scan(std::vector<float>& voxels, std::uint64_t& replaced) const;
-  void retain_scan(const std::vector<float>& voxels, std::uint64_t replaced) const;
+  void store_scan(const std::vector<float>& voxels, std::uint64_t replaced) const;
 
  private:
   bool file_has_changed() const;

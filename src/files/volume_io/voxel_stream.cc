@@ -72,11 +72,11 @@ class DeflateStream : public ByteStream {
     std::size_t used = 0;
     while (good_ && used < out.size()) {
       if (z_.avail_in == 0 && !refill()) break;
-      const auto buffer = static_cast<uInt>(std::min<std::size_t>(out.size() - used, 1u << 30));
+      const auto available = static_cast<uInt>(std::min<std::size_t>(out.size() - used, 1u << 30));
       z_.next_out = reinterpret_cast<Bytef*>(out.data() + used);
-      z_.avail_out = buffer;
+      z_.avail_out = available;
       const int status = inflate(&z_, Z_NO_FLUSH);
-      used += buffer - z_.avail_out;
+      used += available - z_.avail_out;
       if (status == Z_STREAM_END)
         good_ = next_member();
       else if (status != Z_OK && status != Z_BUF_ERROR)
@@ -131,11 +131,11 @@ class Bzip2Stream : public ByteStream {
           break;
         }
       }
-      const auto buffer = static_cast<unsigned>(std::min<std::size_t>(out.size() - used, 1u << 30));
+      const auto available = static_cast<unsigned>(std::min<std::size_t>(out.size() - used, 1u << 30));
       z_.next_out = reinterpret_cast<char*>(out.data() + used);
-      z_.avail_out = buffer;
+      z_.avail_out = available;
       const int status = BZ2_bzDecompress(&z_);
-      used += buffer - z_.avail_out;
+      used += available - z_.avail_out;
       if (status == BZ_OK) continue;
       good_ = false;
       if (status != BZ_STREAM_END) fault_ = "the compressed data are damaged";
@@ -184,9 +184,9 @@ class NumberStream : public TextStream {
         fault_ = token.substr(0, 20) + " is not a " + name_of(component_) + " number";
         break;
       }
-      const std::size_t buffer = std::min(size_, out.size() - used);
-      std::memcpy(out.data() + used, value, buffer);
-      used += buffer;
+      const std::size_t available = std::min(size_, out.size() - used);
+      std::memcpy(out.data() + used, value, available);
+      used += available;
     }
     return used;
   }
@@ -379,7 +379,7 @@ Result<std::string> read_front(const std::filesystem::path& file, Encoding encod
 Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value, std::uint64_t besides) {
   // the reader process has already checked the contents of each image
   if (file.voxels.encoding == Encoding::kSlices)
-    return allow_memory(file.value_count() * bytes_per_value + besides, file.voxels.file.string());
+    return check_memory(file.value_count() * bytes_per_value + besides, file.voxels.file.string());
   std::error_code failed;
   const std::uint64_t bytes = std::filesystem::file_size(file.voxels.file, failed);
   if (failed) return bad_input(file.voxels.file.string(), "cannot be read: " + failed.message());
@@ -392,7 +392,7 @@ Result<void> check_plausible(const VolumeFile& file, std::size_t bytes_per_value
                          " bytes can hold at most " + std::to_string(most),
                      "the file is cut short or its header is damaged: copy or download it again");
   }
-  return allow_memory(promised * bytes_per_value + besides, file.voxels.file.string());
+  return check_memory(promised * bytes_per_value + besides, file.voxels.file.string());
 }
 
 Result<void> send_voxels(const VolumeFile& file, VoxelSink& sink) {

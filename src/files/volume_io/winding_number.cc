@@ -23,9 +23,9 @@ double winding_of_triangle(const Vec3& a, const Vec3& b, const Vec3& c, const Ve
   const Vec3 p = a - from, q = b - from, r = c - from;
   const double lp = p.norm(), lq = q.norm(), lr = r.norm();
   const double volume = p.dot(q.cross(r));
-  const double remaining = lp * lq * lr + p.dot(q) * lr + q.dot(r) * lp + r.dot(p) * lq;
+  const double denominator = lp * lq * lr + p.dot(q) * lr + q.dot(r) * lp + r.dot(p) * lq;
   if (volume == 0) return 0;
-  return 2 * std::atan2(volume, remaining) / kFullAngle;
+  return 2 * std::atan2(volume, denominator) / kFullAngle;
 }
 
 double winding_number(MeshPoints points, MeshTriangles triangles, const Vec3& from) {
@@ -55,7 +55,7 @@ std::uint32_t FastWinding::build(std::vector<std::uint32_t>& order, std::uint32_
   node.first = first;
   node.last = last;
   // area-weighted centre; without area, the mean of the triangles' centroids
-  Vec3 weighed = Vec3::Zero(), sum = Vec3::Zero();
+  Vec3 weighted_sum = Vec3::Zero(), sum = Vec3::Zero();
   Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
   const auto of = [&](std::uint32_t n) {
     const auto& [a, b, c] = triangles[order[n]];
@@ -66,14 +66,14 @@ std::uint32_t FastWinding::build(std::vector<std::uint32_t>& order, std::uint32_
   for (std::uint32_t n = first; n < last; ++n) {
     const auto [centroid, area] = of(n);
     const double size = area.norm();
-    weighed += size * centroid;
+    weighted_sum += size * centroid;
     sum += centroid;
     node.area += size;
     node.dipole += area;
     low = low.cwiseMin(centroid);
     high = high.cwiseMax(centroid);
   }
-  node.middle = node.area > 0 ? Vec3(weighed / node.area) : Vec3(sum / (last - first));
+  node.middle = node.area > 0 ? Vec3(weighted_sum / node.area) : Vec3(sum / (last - first));
   for (std::uint32_t n = first; n < last; ++n) {
     const auto [centroid, area] = of(n);
     node.moment += (centroid - node.middle) * area.transpose();
@@ -103,11 +103,11 @@ double FastWinding::at(const Vec3& from) const {
   if (nodes_.empty()) return 0;
   double sum = 0;
   // sufficient for the depth of the tree
-  std::array<std::uint32_t, 128> open;
+  std::array<std::uint32_t, 128> pending;
   std::size_t count = 0;
-  open[count++] = 0;
+  pending[count++] = 0;
   while (count > 0) {
-    const Node& node = nodes_[open[--count]];
+    const Node& node = nodes_[pending[--count]];
     const Vec3 r = node.middle - from;
     const double distance = r.norm();
     const double ratio = node.radius / distance;
@@ -115,38 +115,38 @@ double FastWinding::at(const Vec3& from) const {
         node.area * ratio * ratio < kLeftOut * kFullAngle * distance * distance) {
       // dipole term, and its derivative contracted with the moment
       const double cube = distance * distance * distance;
-      const double second =
+      const double moment_term =
           node.moment.trace() / cube - 3 * r.dot(node.moment * r) / (cube * distance * distance);
-      sum += (node.dipole.dot(r) / cube + second) / kFullAngle;
+      sum += (node.dipole.dot(r) / cube + moment_term) / kFullAngle;
     } else if (node.left == 0) {
       for (std::uint32_t n = node.first; n < node.last; ++n)
         sum += winding_of_triangle(corners_[n][0], corners_[n][1], corners_[n][2], from);
     } else {
-      open[count++] = node.left;
-      open[count++] = node.right;
+      pending[count++] = node.left;
+      pending[count++] = node.right;
     }
   }
   return sum;
 }
 
-double FastWinding::bound_within(const Vec3& middle, double radius, double enough) const {
+double FastWinding::bound_within(const Vec3& centre, double radius, double enough) const {
   if (nodes_.empty()) return 0;
   double sum = 0;
-  std::array<std::uint32_t, 128> open;
+  std::array<std::uint32_t, 128> pending;
   std::size_t count = 0;
-  open[count++] = 0;
+  pending[count++] = 0;
   while (count > 0 && sum < enough) {
-    const Node& node = nodes_[open[--count]];
+    const Node& node = nodes_[pending[--count]];
     // An area at a distance of at least `nearest` subtends less than area / nearest^2.
-    const double nearest = (node.middle - middle).norm() - node.radius - radius;
+    const double nearest = (node.middle - centre).norm() - node.radius - radius;
     if (nearest > node.radius || (node.left == 0 && nearest > 0)) {
       sum += node.area / (nearest * nearest) / kFullAngle;
     } else if (node.left == 0) {
       // each triangle contributes at most 1/2
       sum += 0.5 * (node.last - node.first);
     } else {
-      open[count++] = node.left;
-      open[count++] = node.right;
+      pending[count++] = node.left;
+      pending[count++] = node.right;
     }
   }
   return sum;

@@ -213,7 +213,9 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
   const DisplacedTissue deformed(model, shown.peak);
   Sections sections{model, deformed, std::move(marks), style, field_of_view_mm(run.model), name};
   if (!deformed.is_at_rest()) {
-    const auto moved = [&deformed](const Point<Patient>& at_rest) { return deformed.moved_mm(at_rest); };
+    const auto moved = [&deformed](const Point<Patient>& at_rest) {
+      return deformed.displacement_mm(at_rest);
+    };
     sections.style.moved = moved;
     sections.marks.tool = tool_parts(model, shown.peak, contact.device);
     // the contact point on the undeformed surface, displaced with the tissue

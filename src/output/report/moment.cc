@@ -65,7 +65,7 @@ class RecentTips {
 /// The model with its labels displaced by the deformation.
 std::shared_ptr<const Model> displaced_model(const Model& model, const DisplacedTissue& deformed) {
   const Bricks<LabelId>& labels = *model.labels;
-  const auto moved = [&deformed](const Point<Patient>& at_rest) { return deformed.moved_mm(at_rest); };
+  const auto moved = [&deformed](const Point<Patient>& at_rest) { return deformed.displacement_mm(at_rest); };
   const PatchOf<LabelId> patch = moved_labels(labels, moved, {{0, 0, 0}, labels.geometry().dims});
   auto observed = std::make_shared<Model>(model);
   observed->surfaces.clear();
@@ -76,15 +76,16 @@ std::shared_ptr<const Model> displaced_model(const Model& model, const Displaced
 
 void show_deformation(const Model& model, TissueLaw law, RecordedMoment& moment) {
   if (model.labels == nullptr || !is_elastic(law)) return;
-  const Model under = displayed_under_law(moment.left != nullptr ? *moment.left : model, law);
+  const Model under =
+      displayed_under_law(moment.current_model != nullptr ? *moment.current_model : model, law);
   const DisplacedTissue deformed(under, moment.tick);
   if (deformed.is_at_rest()) return;
   for (int device = 0; device < moment.devices; ++device) {
     const auto& leans = moment.tick.device[static_cast<std::size_t>(device)].contact_patient_mm;
     moment.dent_mm[static_cast<std::size_t>(device)] =
-        deformed.moved_mm(Point<Patient>(leans[0], leans[1], leans[2]));
+        deformed.displacement_mm(Point<Patient>(leans[0], leans[1], leans[2]));
   }
-  moment.left = displaced_model(under, deformed);
+  moment.current_model = displaced_model(under, deformed);
 }
 
 /// Stops reading once all required ticks were read.
@@ -138,7 +139,7 @@ Result<RecordedMoment> recorded_moment(const RecordingSource& recording, const M
                  "choose a recording of a longer run"};
   moment.paths = tips.paths();
   const report::RemovalFigures figures = removal.finish();
-  moment.left = report::model_after_removal(model, figures.changes, moment.time_s);
+  moment.current_model = report::model_after_removal(model, figures.changes, moment.time_s);
   show_deformation(model, laws.at(moment.tick.model_version), moment);
   return moment;
 }

@@ -71,7 +71,7 @@ TEST(RecordedMoment, ShowsDeformedTissue) {
       });
   const auto moment = recorded_moment(recording, model, hardest->time_s);
   ASSERT_TRUE(moment);
-  ASSERT_NE(moment->left, nullptr);
+  ASSERT_NE(moment->current_model, nullptr);
   EXPECT_GT(moment->dent_mm[0].norm(), 0.2);
   // the tissue is displaced away from the hand
   EXPECT_LT(moment->dent_mm[0].dot(patient_force_N(model, *hardest, 0)), 0);
@@ -81,13 +81,13 @@ TEST(RecordedMoment, ShowsDeformedTissue) {
   for (int k = 0; k < grid.dims[2]; ++k)
     for (int j = 0; j < grid.dims[1]; ++j)
       for (int i = 0; i < grid.dims[0]; ++i) {
-        if (moment->left->labels->at(i, j, k) == model.labels->at(i, j, k)) continue;
+        if (moment->current_model->labels->at(i, j, k) == model.labels->at(i, j, k)) continue;
         ++others;
         ASSERT_LT((grid.X_PatientVoxel() * Point<Voxel>(i, j, k) - position).norm(), 100);
       }
   EXPECT_GT(others, 0);
   // before the first contact the tissue is at rest
-  EXPECT_EQ(recorded_moment(recording, model, recording.ticks.front().time_s)->left, nullptr);
+  EXPECT_EQ(recorded_moment(recording, model, recording.ticks.front().time_s)->current_model, nullptr);
 }
 
 TEST(RecordedMoment, IsEmptyForAnotherModel) {

@@ -142,20 +142,20 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
             cell(stored_text(approach.requested_mm.has_value(), approach.is_within_limit())) + "<td>" +
             (std::isnan(approach.nearest_mm) ? "" : at_time(approach.nearest)) + "</td></tr>\n";
   html += kTableEnd;
-  if (made.breaches.empty()) return html;
-  constexpr std::size_t kMaxShownBreaches = 50;
+  if (made.violations.empty()) return html;
+  constexpr std::size_t kMaxShownViolations = 50;
   html += table_begin(heading_cell("Not kept") + heading_cell("Nearest", "mm") + heading_cell("Ticks") +
                       heading_cell("Time of the closest approach"));
-  for (std::size_t n = 0; n < std::min(made.breaches.size(), kMaxShownBreaches); ++n) {
-    const ClearanceViolation& breach = made.breaches[n];
-    html += "<tr><th scope=\"row\">" + swatch(run.colour(breach.label)) + escape(run.name(breach.label)) +
-            "</th>" + cell(number(breach.nearest_mm, 2)) +
-            cell(std::to_string(breach.begin.tick) + " to " + std::to_string(breach.last_tick)) + "<td>" +
-            at_time(breach.nearest) + "</td></tr>\n";
+  for (std::size_t n = 0; n < std::min(made.violations.size(), kMaxShownViolations); ++n) {
+    const ClearanceViolation& violation = made.violations[n];
+    html += "<tr><th scope=\"row\">" + swatch(run.colour(violation.label)) +
+            escape(run.name(violation.label)) + "</th>" + cell(number(violation.nearest_mm, 2)) +
+            cell(std::to_string(violation.begin.tick) + " to " + std::to_string(violation.last_tick)) +
+            "<td>" + at_time(violation.nearest) + "</td></tr>\n";
   }
   html += kTableEnd;
-  const std::uint64_t more =
-      made.more_breaches + made.breaches.size() - std::min(made.breaches.size(), kMaxShownBreaches);
+  const std::uint64_t more = made.omitted_violations + made.violations.size() -
+                             std::min(made.violations.size(), kMaxShownViolations);
   return more == 0 ? html : html + "<p class=\"hint\">And " + grouped(more) + " more.</p>\n";
 }
 

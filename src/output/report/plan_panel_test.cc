@@ -35,12 +35,12 @@ TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
   EXPECT_THAT(*html, HasSubstr(number(done.depth_mm, 2) + " mm deep, planned 5.00 mm"));
   EXPECT_THAT(*html, HasSubstr(cell(number(made->regions[0].planned_mm3, 1)) + cell("0.0")));
   EXPECT_GT(made->regions[0].planned_mm3, 10);
-  EXPECT_FALSE(made->breaches.empty());
+  EXPECT_FALSE(made->violations.empty());
   for (const StructureClearance& approach : made->approaches)
     EXPECT_THAT(*html, HasSubstr(cell(number(approach.nearest_mm, 2))));
-  for (const ClearanceViolation& breach : made->breaches)
-    EXPECT_THAT(*html, HasSubstr(cell(std::to_string(breach.begin.tick) + " to " +
-                                      std::to_string(breach.last_tick))));
+  for (const ClearanceViolation& violation : made->violations)
+    EXPECT_THAT(*html, HasSubstr(cell(std::to_string(violation.begin.tick) + " to " +
+                                      std::to_string(violation.last_tick))));
   // two sections with the trajectory drawn
   std::size_t lines = 0;
   for (std::size_t at = html->find("class=\"planned\" x1"); at != std::string::npos;

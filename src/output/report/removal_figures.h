@@ -78,7 +78,7 @@ struct RemovalFigures {
 class RemovalMeter {
  public:
   /// @param model  model before any removal; has to outlive the meter. Depths require the surfaces of the
-  ///               proxy (ready_for)
+  ///               proxy (prepared_with_cache)
   explicit RemovalMeter(const Model& model);
   /// Events in their order, before the first tick that follows them. Ignored for a model without labels.
   void on_event(std::span<const RecordingEvent> events);

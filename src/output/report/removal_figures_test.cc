@@ -42,7 +42,7 @@ RecordingEvent swept(std::uint64_t tick, const Sweep& sweep) {
   RecordingEvent event;
   event.kind = RecordingEvent::Kind::kSweep;
   event.tick = tick;
-  event.sweep = plain({0, sweep});
+  event.sweep = record_of({0, sweep});
   return event;
 }
 RecordingEvent cut_contact(std::uint64_t tick) {

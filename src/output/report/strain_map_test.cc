@@ -15,7 +15,9 @@ using ::testing::HasSubstr;
 TEST(StrainMap, ColoursDeformedTissueByStrain) {
   const auto model = palpate::testing::soft_block(true);
   const DisplacedTissue deformed(*model, palpate::testing::pressed_at(0, 0));
-  const TissueDisplacement moved = [&](const Point<Patient>& at_rest) { return deformed.moved_mm(at_rest); };
+  const TissueDisplacement moved = [&](const Point<Patient>& at_rest) {
+    return deformed.displacement_mm(at_rest);
+  };
   SectionStyle style;
   style.moved = moved;
   const SectionPlane plane = anatomical_section(AnatomicalPlane::kCoronal, {0, 0, -8}, 50, 100, 100);

@@ -114,7 +114,7 @@ TEST(Doctor, LooksAtEveryDeviceAndEveryFaultHasItsCure) {
   EXPECT_LE(report->timer.on_time, 1);
 }
 
-TEST(Doctor, OneDeviceThatIsReadyIsEnoughUnlessMoreAreAskedFor) {
+TEST(Doctor, OneReadyDeviceSufficesUnlessMoreAreRequested) {
   const auto any = examine(two_devices(true), {.timer_s = 0.1});
   ASSERT_TRUE(any.ok());
   EXPECT_EQ(of(*any, "second")[0].finding, Finding::kAdvice);

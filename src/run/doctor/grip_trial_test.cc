@@ -200,7 +200,7 @@ TEST(GripTrialOfDevice, ThePushesHaveNoMean) {
   EXPECT_LT(std::abs(sum_N), 0.01 * size_N);
 }
 
-TEST(GripTrialOfDevice, OneThatSwingsFromTheFirstHoldsNothing) {
+TEST(GripTrialOfDevice, OscillationAtTheFirstStiffnessEndsTheTrial) {
   SimulatedDevice plant(*find_plant_device("premium-1.5"), *find_plant_hand("light-grip"), 0.012);
   plant.reset(Point<Device>(0, 0, 0));
   trial_ns = 1'000'000'000;

@@ -86,7 +86,7 @@ TEST_P(HandCampaign, EveryStepHoldsOrFailsByName) {
   auto loaded = load_scene_or_data_set({GetParam()});
   ASSERT_TRUE(loaded.ok()) << loaded.error().message();
   const ForceMethod proxy[] = {ForceMethod::kProxy};
-  auto ready = ready_for(loaded->model, proxy);
+  auto ready = prepared_with_cache(loaded->model, proxy);
   ASSERT_TRUE(ready.ok()) << ready.error().message();
   loaded->model = *ready;
   const Model& model = *loaded->model;

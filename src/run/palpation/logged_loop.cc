@@ -72,7 +72,7 @@ RecordingEvent sweep_event(const Cut& cut, std::uint32_t version) {
   RecordingEvent event;
   event.kind = RecordingEvent::Kind::kSweep;
   event.number = version;
-  event.sweep = plain(cut);
+  event.sweep = record_of(cut);
   return event;
 }
 

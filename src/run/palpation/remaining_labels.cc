@@ -68,7 +68,7 @@ Result<RemainingLabels> remaining_labels(const RecordingSource& recording, const
             removed.add(waiting);
             waiting.clear();
           }
-          follow(event.change, removed);
+          apply_stroke_change(event.change, removed);
           if (!event.change.is_of_stroke()) continue;
           auto other = carving_after(carving.get(), event.change);
           if (other == nullptr)

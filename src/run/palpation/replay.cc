@@ -177,7 +177,7 @@ Result<void> Replayer::advance_to(const TickRecord& recorded) {
     if (change.is_of_law() && has_other_surfaces(*model_.current, law_of(change)) &&
         !model_.current->has(ForceMethod::kProxy)) {
       constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-      auto ready = ready_for(model_.current, kProxyAlone, progress_);
+      auto ready = prepared_with_cache(model_.current, kProxyAlone, progress_);
       if (!ready) return ready.error();
       model_.current = *std::move(ready);
     }
@@ -269,9 +269,9 @@ Result<void> check_recorded_model(const RecordingHeader& recording, const Model&
 
 std::shared_ptr<const Model> solved_as_recorded(std::shared_ptr<const Model> model,
                                                 const RecordingHeader& recording) {
-  if (model->tissue_coarsened == recording.tissue_coarsened) return model;
+  if (model->tissue_cell_factor == recording.tissue_cell_factor) return model;
   auto coarser = std::make_shared<Model>(*model);
-  coarser->tissue_coarsened = recording.tissue_coarsened;
+  coarser->tissue_cell_factor = recording.tissue_cell_factor;
   return coarser;
 }
 
@@ -285,12 +285,12 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
   // a session that does not use the proxy has surfaces nevertheless, and solves tissue between them
   if (is_elastic(prepared->tissue_law)) {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-    auto with_surfaces = ready_for(prepared, kProxyAlone, progress);
+    auto with_surfaces = prepared_with_cache(prepared, kProxyAlone, progress);
     if (!with_surfaces && with_surfaces.error().kind == ErrorKind::kInterrupted) return with_surfaces.error();
     if (with_surfaces) prepared = *std::move(with_surfaces);
     prepared = solved_as_recorded(std::move(prepared), head.header);
   }
-  const auto ready = ready_for(std::move(prepared), *methods, progress);
+  const auto ready = prepared_with_cache(std::move(prepared), *methods, progress);
   if (!ready) return ready.error();
 
   Replayer replayer(*ready, progress);

@@ -89,7 +89,7 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Scrip
   // a simulated hand plans its places in the field of the direct methods
   std::vector<ForceMethod> methods = methods_of(setup);
   methods.push_back(ForceMethod::kTrilinear);
-  auto model = ready_for(loaded.model, methods, progress);
+  auto model = prepared_with_cache(loaded.model, methods, progress);
   if (!model) return model.error();
   setup.model = *std::move(model);
   setup.parameters.device[0] = device_parameters(SimulatedDevice(*device, *hand).info(), setup.workspace);
@@ -125,7 +125,7 @@ Result<RunSetup> set_up_guided_run(const LoadedScene& loaded, const SimulationOp
   setup.limit_N = std::min(setup.parameters.max_force_N, loaded.model->scene_max_force_N);
   setup.parameters.method = options.method.value_or(loaded.scene.force.method);
   if (auto fine = check_burr(*loaded.model, setup); !fine) return fine.error();
-  auto model = ready_for(loaded.model, methods_of(setup), progress);
+  auto model = prepared_with_cache(loaded.model, methods_of(setup), progress);
   if (!model) return model.error();
   setup.model = *std::move(model);
   return setup;
@@ -141,7 +141,7 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   const auto targets = simd_targets();
   header.simd_target = targets.empty() ? "" : targets.front();
   header.feel = haptic_settings_text();
-  header.tissue_coarsened = setup.model->tissue_coarsened;
+  header.tissue_cell_factor = setup.model->tissue_cell_factor;
   header.started_utc = utc_now();
   header.data_set = loaded.data_set;
   header.task = setup.task;

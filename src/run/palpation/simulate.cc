@@ -56,7 +56,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
         removed.add({&cut, 1});
         if (cut.device != Cut::kBrokenOff) nearest.observe(cut.sweep);
       }
-      if (event.kind == RecordingEvent::Kind::kModel) follow(event.change, removed);
+      if (event.kind == RecordingEvent::Kind::kModel) apply_stroke_change(event.change, removed);
     }
     auto written = writer && !unwritten.empty() ? writer->append(unwritten, reported) : Result<void>();
     unwritten.clear();

@@ -283,7 +283,7 @@ TEST(BurrScene, PlaybackTellsHowNearTheBurrHadComeAnywhere) {
   const auto recording = read_recording(folder / "run.h5");
   ASSERT_TRUE(recording.ok()) << recording.error().message();
   constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-  const auto ready = ready_for(loaded.model, kProxyAlone);
+  const auto ready = prepared_with_cache(loaded.model, kProxyAlone);
   ASSERT_TRUE(ready.ok());
 
   const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);
@@ -425,7 +425,7 @@ TEST(BurrScene, UndoneStrokeIsRestoredInContactViewAndExport) {
   go_to(playback, recording->ticks.back());
   EXPECT_EQ(playback.state().sweeps, first.size());
   ASSERT_EQ(playback.sweeps(playback.state().model_version, 0, 10000).size(), first.size());
-  EXPECT_EQ(playback.sweeps(playback.state().model_version, 0, 10000).back(), plain(first.back()));
+  EXPECT_EQ(playback.sweeps(playback.state().model_version, 0, 10000).back(), record_of(first.back()));
 }
 
 TEST(BurrScene, ManyEditsReplayToTheSameHash) {

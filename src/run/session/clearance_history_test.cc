@@ -15,7 +15,7 @@ TEST(ClearanceHistory, IsTheSameHoweverARecordingComesInParts) {
   Model model = *testing::loaded_burr().model;
   for (Tissue& tissue : model.tissues) tissue.protection = Protection::kAlarm;
   constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-  const auto ready = ready_for(std::make_shared<const Model>(std::move(model)), kProxyAlone);
+  const auto ready = prepared_with_cache(std::make_shared<const Model>(std::move(model)), kProxyAlone);
   ASSERT_TRUE(ready.ok());
   ASSERT_FALSE((*ready)->protected_structures.empty());
   const Point<Patient> centre = (*ready)->labels->geometry().centre();

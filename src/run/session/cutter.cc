@@ -67,7 +67,7 @@ void Cutter::cut(std::vector<Cut> cuts) {
   auto next = carving->applied_to(model);
   const std::uint32_t version = next->version;
   model_.apply_cuts(lock, cuts, std::move(next));
-  for (const Cut& cut : cuts) cuts_.add(version, plain(cut));
+  for (const Cut& cut : cuts) cuts_.add(version, record_of(cut));
 }
 
 void Cutter::change_strokes() {
@@ -86,7 +86,7 @@ void Cutter::change_strokes() {
     model_.apply(lock, *std::move(next), change, requested.by);
     if (by_script) script_version_ = change.version;
     cuts_.add(change.version, requested.change.action);
-    follow(change, removed_);
+    apply_stroke_change(change, removed_);
   }
 }
 

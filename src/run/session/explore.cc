@@ -189,7 +189,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
 // the scene the proxy is not available; if it was requested, the set-up has already failed.
 Result<void> with_surfaces(std::shared_ptr<const Model>& model, const Progress& progress) {
   constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-  auto ready = ready_for(model, kProxyAlone, progress);
+  auto ready = prepared_with_cache(model, kProxyAlone, progress);
   if (!ready && ready.error().kind == ErrorKind::kInterrupted) return ready.error();
   if (ready) model = *std::move(ready);
   return {};

@@ -81,7 +81,7 @@ void kill_and_replay(const LoadedScene& loaded, const char* does, int kills, boo
   const unsigned seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
-  const auto model = ready_for(loaded.model, std::vector{loaded.scene.force.method});
+  const auto model = prepared_with_cache(loaded.model, std::vector{loaded.scene.force.method});
   ASSERT_TRUE(model.ok()) << model.error().message();
   const test::TemporaryFolder folder;
   std::size_t ticks = 0, events = 0, versions = 0, strokes = 0, sweeps = 0;
@@ -143,7 +143,7 @@ TEST(KilledSession, ReplaysToTheLastFlushWithItsCuts) {
 
 TEST(LongRecording, ReplaysInMemoryThatDoesNotGrowWithIt) {
   const LoadedScene loaded = testing::loaded_ball();
-  const auto model = ready_for(loaded.model, std::vector{loaded.scene.force.method});
+  const auto model = prepared_with_cache(loaded.model, std::vector{loaded.scene.force.method});
   ASSERT_TRUE(model.ok()) << model.error().message();
   const test::TemporaryFolder folder;
   const auto peak_MiB = [&](double seconds) {

@@ -31,7 +31,7 @@ LawChoice::LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, P
       wake_(std::move(wake)) {
   const Model& current = model_.current(model_.lock());
   if (is_elastic(current.tissue_law))
-    cell_size_of(current.tissue_law) = {current.tissue_coarsened, coarser_tissue};
+    cell_size_of(current.tissue_law) = {current.tissue_cell_factor, coarser_tissue};
 }
 
 void LawChoice::begin() {
@@ -126,7 +126,7 @@ void LawChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
   // the request may have been replaced or withdrawn; surfaces built for an older model version do not fit
   if (progress.stopped() || awaited_ != law || model_.versions(lock).current != of) return;
   if (!made) return abandon(lock, made.error());
-  const double coarsened = is_elastic(law) ? made->model->tissue_coarsened : 0;
+  const double coarsened = is_elastic(law) ? made->model->tissue_cell_factor : 0;
   switch_to(lock, *made->model, coarsened, awaited_by_);
   if (!is_elastic(law)) return;
   if (cell_size_of(law).coarsened == 0 && !made->warning.empty()) later_warnings_.push_back(made->warning);

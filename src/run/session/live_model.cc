@@ -34,7 +34,7 @@ Result<ModelChange> LiveModel::check(const Lock& /*held*/, const TissueRequest& 
   if (request.tissue < 0 || static_cast<std::size_t>(request.tissue) >= model.tissues.size())
     return invalid_value("there is no such tissue", "tissue",
                          "tissues are numbered from 0, in the order of the scene");
-  const ModelChange before = unchanged(model, static_cast<std::size_t>(request.tissue));
+  const ModelChange before = current_values(model, static_cast<std::size_t>(request.tissue));
   ModelChange change = before;
   change.contact = request.changes.applied_to(before.contact);
   if (change == before) return change;

@@ -173,7 +173,7 @@ Result<void> LiveSession::check(const Lock& lock, const SettingsRequest& request
     if (!method_.can_be_prepared(lock, *method)) return made_for_others();
   }
   if (request.law) {
-    const auto law = std::ranges::find(kTissueLaws, *request.law, &Word<TissueLaw>::name);
+    const auto law = std::ranges::find(kTissueLaws, *request.law, &NamedValue<TissueLaw>::name);
     if (law == kTissueLaws.end())
       return invalid_value("there is no soft-tissue law with that name", "law",
                            "choose one of the scene's list");
@@ -261,7 +261,7 @@ Result<RequestOutcome> LiveSession::set(const TissueRequest& request) {
   const auto change = check(lock, request, loop->parameters());
   if (!change) return change.error();
   const Tissue& tissue = model_.current(lock).tissues[static_cast<std::size_t>(request.tissue)];
-  const ModelChange before = unchanged(model_.current(lock), static_cast<std::size_t>(request.tissue));
+  const ModelChange before = current_values(model_.current(lock), static_cast<std::size_t>(request.tissue));
   if (*change == before) return RequestOutcome::kDone;
   const bool more = std::ranges::any_of(kContactProperties, [&](const ContactProperty& property) {
     return change->contact.*property.value > before.contact.*property.value;

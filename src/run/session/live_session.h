@@ -57,7 +57,7 @@ struct LiveSessionParts {
   Training* training = nullptr;  ///< Tasks of the session; null if there are none. Outlives the session.
   // steps that tests replace
   MethodChoice::NewFields rebuild_fields = with_rebuilt_fields;
-  MethodChoice::MoreMethods prepare_methods = ready_for;
+  MethodChoice::MoreMethods prepare_methods = prepared_with_cache;
   LawChoice::Prepare prepare_law = measured_under_law;
   TissueThread::Solve solve_tissue = solve_tissue_frame;
   /// Warning text: the model's soft tissue is solved in coarser cells than the scene requests because this

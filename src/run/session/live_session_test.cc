@@ -265,7 +265,7 @@ TEST_F(Viewed, ABurrThatNoDeviceHoldsHasNoMotor) {
   EXPECT_EQ(granted.error().where, "motor");
 }
 
-TEST_F(Viewed, OtherVoxelsAreAnotherHashAndAirIsCt) {
+TEST_F(Viewed, ScanVoxelsDetermineHashAndModality) {
   const auto scene_of = [](float value) {
     Model model = testing::ball_model({2, 2, 2});
     auto scan = std::make_shared<Volume<float>>(model.labels->geometry());
@@ -610,7 +610,7 @@ TEST_F(Viewed, LawTakesEffectWhenItsSurfacesAreReady) {
     // as if this machine were too slow for one of the laws
     const bool is_slow = law == TissueLaw::kNeoHookean;
     auto carried = std::make_shared<Model>(*under->model);
-    carried->tissue_coarsened = is_slow ? 1.6 : 1;
+    carried->tissue_cell_factor = is_slow ? 1.6 : 1;
     return MeasuredCells{std::move(carried), is_slow ? "coarser cells" : ""};
   };
   start();
@@ -745,7 +745,7 @@ TEST_F(Viewed, ReportsSolverOutOfMemory) {
   Recording recording;
   recording.header.model_hash = model_->content_hash;
   recording.header.model_version = model_->version;
-  recording.header.tissue_coarsened = model_->tissue_coarsened;
+  recording.header.tissue_cell_factor = model_->tissue_cell_factor;
   recording.ticks = ticks();
   recording.events.assign(reported().begin(), reported().end());
   const auto replayed = replay(recording, model_);
@@ -1017,7 +1017,7 @@ TEST_F(Viewed, TissuesWaitForConsentToo) {
   EXPECT_EQ(live_->state().model_version, 2u);
 }
 
-TEST_F(Viewed, WithoutAnybodyToAskNothingIsChangedFromAfar) {
+TEST_F(Viewed, ChangesThatNeedConsentAreRefusedWithoutATerminal) {
   asks_here_ = false;
   start(false);
   SettingsRequest request;
@@ -1142,7 +1142,7 @@ TEST_F(Viewed, StopsAreIdempotentFromAnySource) {
   }
 }
 
-TEST_F(Viewed, OnlyAFreeHandGetsItsForceBack) {
+TEST_F(Viewed, RearmIsRefusedWhileInContact) {
   start();
   ASSERT_NO_FATAL_FAILURE(press(1));
   ASSERT_TRUE(soon([&] { return sent_N(latest()) > 0.3; }));
@@ -1214,7 +1214,7 @@ TEST_F(Viewed, EventsRecordTheirOriginator) {
   }));
 }
 
-TEST_F(Viewed, BeforeItRunsItShowsAndRefuses) {
+TEST_F(Viewed, BeforeTheLoopStartsStateIsReadableAndRequestsAreRefused) {
   DeviceInfo info;
   info.simulated = true;
   LiveSession live(LiveSessionParts{
@@ -1358,7 +1358,7 @@ TEST_F(ViewedExplore, RemovalIsShownRecordedAndReplayed) {
   expect_replays(recording);
 }
 
-TEST_F(ViewedExplore, AnUndoIsOfNoStrokeThatIsBegunAfterIt) {
+TEST_F(ViewedExplore, UndoDoesNotApplyToAStrokeBegunAfterTheRequest) {
   loaded_ = testing::loaded_burr();
   ExploreOptions options;
   options.seconds = 60;

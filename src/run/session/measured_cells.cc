@@ -76,7 +76,7 @@ std::optional<double> frame_s(const Model& model, const Point<Patient>& at, std:
 
 MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_t devices,
                                   double max_frame_s) {
-  if (!is_elastic(model->tissue_law) || !model->has(ForceMethod::kProxy) || model->tissue_coarsened > 1)
+  if (!is_elastic(model->tissue_law) || !model->has(ForceMethod::kProxy) || model->tissue_cell_factor > 1)
     return {std::move(model), {}};
   // one of several spread-out points suffices
   constexpr std::size_t kTries = 5;
@@ -91,7 +91,7 @@ MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_
 
   auto coarser = std::make_shared<Model>(*model);
   for (const double factor : kCoarser) {
-    coarser->tissue_coarsened = factor;
+    coarser->tissue_cell_factor = factor;
     const auto time_s = frame_s(*coarser, position, devices);
     if (time_s && *time_s <= max_frame_s) break;
   }
@@ -110,13 +110,13 @@ Result<MeasuredCells> measured_under_law(const Model& model, TissueLaw law, std:
     // the current surfaces stay in memory meanwhile
     const auto bytes = memory_of_surfaces(displayed_under_law(model, law), *preparing, progress);
     if (!bytes) return bytes.error();
-    if (auto allowed = allow_memory(*bytes, "surfaces of soft tissue"); !allowed) return allowed.error();
+    if (auto allowed = check_memory(*bytes, "surfaces of soft tissue"); !allowed) return allowed.error();
   }
   auto under = under_law(model, law, *preparing, progress);
   if (!under) return under.error();
   if (!is_elastic(law)) return MeasuredCells{*std::move(under), {}};
   auto whole = std::make_shared<Model>(**under);
-  whole->tissue_coarsened = 1;
+  whole->tissue_cell_factor = 1;
   return with_measured_cells(std::move(whole), devices);
 }
 

@@ -19,7 +19,7 @@ struct MeasuredCells {
 };
 
 /// Measures the solver's frame time on this thread, at a point where soft tissue is outermost, and increases
-/// the cell length by a factor of 1.25, 1.6 or 2 (Model::tissue_coarsened) until a frame fits `max_frame_s`
+/// the cell length by a factor of 1.25, 1.6 or 2 (Model::tissue_cell_factor) until a frame fits `max_frame_s`
 /// of processor time. Takes at most the time of about 40 frames. A model whose tissue is not elastic, or that
 /// already has a factor, is returned unchanged.
 /// @param model         prepared for the proxy

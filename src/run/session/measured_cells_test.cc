@@ -19,13 +19,13 @@ std::shared_ptr<const Model> ball_under(TissueLaw law) {
   model.tissue_law = law;
   model.tissues[1].elastic = ElasticConstants{20, 0.45};
   constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-  return ready_for(std::make_shared<const Model>(std::move(model)), kProxyAlone).value();
+  return prepared_with_cache(std::make_shared<const Model>(std::move(model)), kProxyAlone).value();
 }
 
 TEST(MeasuredCells, AreCoarserWhereAFrameTakesTooLong) {
   const auto model = ball_under(TissueLaw::kElastic);
   const MeasuredCells none_is_fast_enough = with_measured_cells(model, 1, 0);
-  EXPECT_EQ(none_is_fast_enough.model->tissue_coarsened, 2);
+  EXPECT_EQ(none_is_fast_enough.model->tissue_cell_factor, 2);
   EXPECT_EQ(none_is_fast_enough.model->content_hash, model->content_hash);
   EXPECT_EQ(solver_cell_mm(*none_is_fast_enough.model), 2 * solver_cell_mm(*model));
   EXPECT_THAT(none_is_fast_enough.warning, HasSubstr("cells of 2 mm instead of 1"));
@@ -41,7 +41,7 @@ TEST(MeasuredCells, AreAsTheSceneHasThemElsewhere) {
   EXPECT_EQ(with_measured_cells(layers, 1, 0).model, layers);
   // a model with a factor is returned unchanged
   auto warning = std::make_shared<Model>(*model);
-  warning->tissue_coarsened = 1.6;
+  warning->tissue_cell_factor = 1.6;
   EXPECT_EQ(with_measured_cells(warning, 1, 0).model, warning);
 }
 

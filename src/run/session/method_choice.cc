@@ -129,7 +129,7 @@ Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method
   }
   // running out of memory would end the session, so the demand is checked first
   if (!fields_->has(method))
-    if (auto allowed = allow_memory(memory_of_force_field(*fields_, method), std::string(name_of(method)));
+    if (auto allowed = check_memory(memory_of_force_field(*fields_, method), std::string(name_of(method)));
         !allowed)
       return allowed.error();
   auto more = prepare_methods_(fields_, {&method, 1}, progress);

@@ -80,7 +80,7 @@ class PlaybackPosition {
 
 /// Changes of the model during the recording.
 struct Edits {
-  explicit Edits(const Model& model) : laws(model.tissue_law, model.tissue_coarsened) {}
+  explicit Edits(const Model& model) : laws(model.tissue_law, model.tissue_cell_factor) {}
 
   std::vector<ModelChange> tissues;
   LawHistory laws;
@@ -349,7 +349,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   // the distances of a burr and the deformation of tissue are computed with the proxy's surfaces
   const auto with_surfaces = [&]() -> Result<void> {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-    auto ready = ready_for(std::move(model), kProxyAlone, progress);
+    auto ready = prepared_with_cache(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
     model = solved_as_recorded(*std::move(ready), head.header);
     return {};

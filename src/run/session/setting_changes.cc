@@ -95,8 +95,8 @@ std::string consent_text(const std::string& tissue, const ContactProperties& bef
     const double from = before.*property.value, to = after.*property.value;
     if (from == to) continue;
     const std::string whose = words.text().empty() ? plain_name(tissue) + "'s " : std::string("its ");
-    words.add("change " + whose + std::string(property.words) + " from " + rounded_text(from) + " to " +
-              rounded_text(to) + (property.unit.empty() ? "" : " ") + std::string(property.unit));
+    words.add("change " + whose + std::string(property.display_name) + " from " + rounded_text(from) +
+              " to " + rounded_text(to) + (property.unit.empty() ? "" : " ") + std::string(property.unit));
   }
   return words.text();
 }

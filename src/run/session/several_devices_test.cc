@@ -186,7 +186,7 @@ TEST_F(SeveralDevices, APhysicalOneOwnsTheClockAndIsNeverStifferThanIsCareful) {
   EXPECT_LE(recording.ticks[0].max_force_N, 0.88) << "its continuous force";
 }
 
-TEST_F(SeveralDevices, OneThatIsAloneIsHeldByAPerson) {
+TEST_F(SeveralDevices, SinglePhysicalDeviceSetsTheRateAndIsRecordedAsReal) {
   ExploreOptions options = with_arm({"arm"}, 500);
   options.seconds = 1;
   const Recording recording = run(options, Script());

@@ -63,7 +63,7 @@ class SolutionRun : public ::testing::Test {
 
   std::shared_ptr<const Model> ready_model() const {
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-    return ready_for(loaded_.model, kProxyAlone).value();
+    return prepared_with_cache(loaded_.model, kProxyAlone).value();
   }
   // deformation that a live session published with each solution, in order
   std::vector<std::shared_ptr<const ViewedDeformation>> live_deformation(
@@ -526,13 +526,13 @@ TEST_F(SolutionRun, OnTheRealClockAThreadSolvesItAndTheRunReplays) {
   // as on a machine too slow for the scene's own cell size; the replay knows the factor from the recording
   LoadedScene slow = loaded_;
   Model coarser = *loaded_.model;
-  coarser.tissue_coarsened = 1.25;
+  coarser.tissue_cell_factor = 1.25;
   slow.model = std::make_shared<const Model>(std::move(coarser));
   const double moved_mm = observed_motion_mm(slow);
   EXPECT_GT(moved_mm, 0.5);
   EXPECT_LT(moved_mm, 8);
   EXPECT_GT(solutions().size(), 20u);
-  EXPECT_EQ(recording_.header.tissue_coarsened, 1.25);
+  EXPECT_EQ(recording_.header.tissue_cell_factor, 1.25);
   const auto result = replay(recording_, loaded_.model);
   ASSERT_TRUE(result.ok()) << result.error().message();
   EXPECT_TRUE(result->identical) << result->difference;

@@ -52,12 +52,12 @@ const Model& SolutionIndex::model_of(std::uint32_t version) {
   const TissueLaw law = laws_.at(version);
   const double coarsened = laws_.coarsened_at(version);
   const auto is_by = [&](const Model& model) {
-    return model.tissue_law == law && model.tissue_coarsened == coarsened;
+    return model.tissue_law == law && model.tissue_cell_factor == coarsened;
   };
   if (is_by(*model_)) return *model_;
   if (!other_ || !is_by(*other_)) {
     other_ = displayed_under_law(*model_, law);
-    other_->tissue_coarsened = coarsened;
+    other_->tissue_cell_factor = coarsened;
   }
   return *other_;
 }

@@ -31,7 +31,7 @@ class SolutionIndex {
   /// a cut region is placed by the surface before the cut: it may differ by a few cells from the original box
   /// where a tool presses in a deep cut
   explicit SolutionIndex(const Model& model)
-      : model_(&model), laws_(model.tissue_law, model.tissue_coarsened) {}
+      : model_(&model), laws_(model.tissue_law, model.tissue_cell_factor) {}
 
   /// Adds the next part of the recording.
   /// @param row  row of its first tick

@@ -152,7 +152,7 @@ void TissueThread::move_mail(const Model& model, const TickRecord& tick) {
     const ChainMail* const mail = mail_->of(d);
     std::shared_ptr<ViewedDeformation> viewed;
     if (mail != nullptr) {
-      viewed = viewed_field(mail->box(), mail->layout(), mail->moved_mm(), 1);
+      viewed = viewed_field(mail->box(), mail->layout(), mail->displacement_mm(), 1);
       viewed->frame = mail_frame_;
     }
     const std::lock_guard lock(mutex_);

@@ -124,7 +124,7 @@ class LiveTask : public ::testing::Test {
   }
   TaskScore scored(const TaskFile& task, const TickRange& range) {
     constexpr std::array kProxyAlone = {ForceMethod::kProxy};
-    const auto model = ready_for(loaded_.model, kProxyAlone);
+    const auto model = prepared_with_cache(loaded_.model, kProxyAlone);
     PALPATE_CHECK(model.ok());
     const auto in_scene = resolve_task(task, **model);
     const auto recording = RecordingSource::open(file_);
@@ -233,7 +233,7 @@ TEST_F(LiveTask, BegunAndEndedMeanwhileIsTheScoreOfItsTicks) {
   EXPECT_LT(result.runs[0].run.ticks.last, result.runs[1].run.ticks.first);
 }
 
-TEST_F(LiveTask, IsLookedAtAgainAtThePlacesOfItsRecording) {
+TEST_F(LiveTask, PlaybackShowsTheRunAtEveryPosition) {
   const TaskFile task = ball_task("steps");
   TrainingOptions training;
   training.tasks = {{"ball", task}};

@@ -24,7 +24,8 @@ class TwoToolsRun : public ::testing::Test {
     with_probe.tools[0].radius_mm = 1.5;
     with_probe.tools[0].capsules = {{{0, 0, 0}, {0, 0, 40}, 1}};
     loaded_.model =
-        ready_for(std::make_shared<const Model>(with_probe), std::array{ForceMethod::kProxy}).value();
+        prepared_with_cache(std::make_shared<const Model>(with_probe), std::array{ForceMethod::kProxy})
+            .value();
     run();
     RecordingHeader header;
     header.model_hash = loaded_.model->content_hash;

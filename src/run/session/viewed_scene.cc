@@ -10,9 +10,9 @@ namespace {
 // only the Hounsfield scale has values this low: air is -1000
 constexpr float kOnlyHounsfield = -500;
 
-constexpr std::array kCaveatKinds{Word<CaveatKind>{CaveatKind::kPlacement, "placement"},
-                                  Word<CaveatKind>{CaveatKind::kSide, "side"},
-                                  Word<CaveatKind>{CaveatKind::kForce, "force"}};
+constexpr std::array kCaveatKinds{NamedValue<CaveatKind>{CaveatKind::kPlacement, "placement"},
+                                  NamedValue<CaveatKind>{CaveatKind::kSide, "side"},
+                                  NamedValue<CaveatKind>{CaveatKind::kForce, "force"}};
 
 // declared modality; if unknown, inferred from the scan's values
 Modality modality_of(Modality declared, const Volume<float>* scan) {

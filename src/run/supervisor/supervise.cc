@@ -183,13 +183,13 @@ class Supervision {
     Heartbeat& heartbeat = block_.heartbeat;
     const std::int64_t beat_ns = heartbeat.beat_ns.load(std::memory_order_acquire);
     const bool stalled = beat_ns != Heartbeat::kResting && now_ns - beat_ns > kSupervisedStall_ns;
-    const std::uint64_t halts = heartbeat.halts.load();
-    const bool halted = halts != heartbeat.ended_halts.load();
+    const std::uint64_t halts = heartbeat.newest_halt.load();
+    const bool halted = halts != heartbeat.newest_ended_halt.load();
     // repeated if a file was full, or another supervisor died before writing
     if (halted) publish_halt(halts);
     if (!stalled || halted) return;
     // counted before it is written: the loop knows of every halt that a device has received, and can end it
-    heartbeat.halts.store(halts + 1);
+    heartbeat.newest_halt.store(halts + 1);
     publish_halt(halts + 1);
     note(SupervisorEvent::Kind::kStall, now_ns, monotonic_ns());
   }

@@ -165,7 +165,8 @@ Result<std::unique_ptr<Supervisor>> Supervisor::start(const SupervisorSettings& 
   auto* block = new (room) SharedBlock;
   // a device that received halts of an earlier supervisor only obeys larger numbers; numbering by nanoseconds
   // guarantees that
-  block->heartbeat.halts = block->heartbeat.ended_halts = static_cast<std::uint64_t>(monotonic_ns());
+  block->heartbeat.newest_halt = block->heartbeat.newest_ended_halt =
+      static_cast<std::uint64_t>(monotonic_ns());
   auto supervisor = std::make_unique<SupervisorProcess>(*block, std::move(file), settings);
   if (auto begun = supervisor->begin(); !begun) return begun.error();
   return std::unique_ptr<Supervisor>(std::move(supervisor));

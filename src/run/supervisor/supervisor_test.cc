@@ -586,7 +586,7 @@ TEST(Supervisor, AFullDiskAndClosedStreamsLeaveTheForceAsItIs) {
   }
 }
 
-TEST(Supervisor, AnEndInGoodOrderIsNoEvent) {
+TEST(Supervisor, OrderlyExitIsNotLogged) {
   const test::TemporaryFolder folder;
   const auto recording = folder / "run.h5";
   const Pressing session(true, false, recording);
@@ -616,7 +616,7 @@ TEST(Supervisor, EndsAProcessThatStandsStillWithItsDeviceInIt) {
   EXPECT_NE(record[1].find("\"death\""), std::string::npos);
 }
 
-TEST(Supervisor, NeitherSimulatedNorElsewhereIsAProcessEnded) {
+TEST(Supervisor, StalledSessionWithoutADeviceInItsProcessIsNotKilled) {
   const Pressing session(false, false);
   ASSERT_TRUE(session.presses());
   session.signal(SIGSTOP);
@@ -638,7 +638,7 @@ pid_t supervisor_of(pid_t session) {
   return child;
 }
 
-TEST(Supervisor, BothDeadTheDeviceIsAlone) {
+TEST(Supervisor, DeviceRestsWhenSessionAndSupervisorAreKilled) {
   const Pressing session;
   ASSERT_TRUE(session.presses());
   const pid_t supervisor = supervisor_of(session.session());
@@ -692,7 +692,7 @@ TEST(Supervisor, ReplacementReportsAnOngoingHalt) {
     EXPECT_EQ(::read(halt[0], &number, sizeof number), static_cast<ssize_t>(sizeof number));
     return number;
   };
-  (*supervisor)->heartbeat().halts = 7;
+  (*supervisor)->heartbeat().newest_halt = 7;
   EXPECT_EQ(reported(), 7u);
   ::kill(supervisor_of(::getpid()), SIGKILL);
   ASSERT_TRUE(testing::soon([&] { return !(*supervisor)->is_running(); }));
@@ -700,7 +700,7 @@ TEST(Supervisor, ReplacementReportsAnOngoingHalt) {
   ASSERT_TRUE(again.ok()) << again.error().message();
   EXPECT_EQ(reported(), 7u);
   // a halt that has ended is not written again
-  (*supervisor)->heartbeat().ended_halts = 7;
+  (*supervisor)->heartbeat().newest_ended_halt = 7;
   (*supervisor)->heartbeat().beat_ns = monotonic_ns() - 2 * kSupervisedStall_ns;
   EXPECT_EQ(reported(), 8u);
   supervisor->reset();
@@ -715,13 +715,13 @@ TEST(Supervisor, TheNextSessionsNumbersAreAboveTheLastOnes) {
         Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
     ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
     Heartbeat& heartbeat = (*supervisor)->heartbeat();
-    EXPECT_GT(heartbeat.halts, last);
-    EXPECT_EQ(heartbeat.ended_halts, heartbeat.halts) << "none lasts";
-    last = heartbeat.halts + 1000;
+    EXPECT_GT(heartbeat.newest_halt, last);
+    EXPECT_EQ(heartbeat.newest_ended_halt, heartbeat.newest_halt) << "none lasts";
+    last = heartbeat.newest_halt + 1000;
   }
 }
 
-TEST(Supervisor, AsksForNothingWhereNothingIsAskedOfIt) {
+TEST(Supervisor, DoesNotRequestRealTimeSchedulingUnlessAsked) {
   const auto supervisor = Supervisor::start(
       {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .realtime = false});
   ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
@@ -730,7 +730,7 @@ TEST(Supervisor, AsksForNothingWhereNothingIsAskedOfIt) {
 }
 
 // A blocked record file delays nothing, and is complete in the end.
-TEST(Supervisor, ARecordThatTakesNothingForAWhileHoldsNothing) {
+TEST(Supervisor, BlockedEventLogDelaysNoHalt) {
   const Pressing session;
   ASSERT_TRUE(session.presses());
   session.fill_record();
@@ -786,7 +786,7 @@ TEST(Supervisor, FullEventLogHasNoPartialLine) {
   ::close(record);
 }
 
-TEST(Supervisor, IsEndedByNoNumberThatMayBeAnothers) {
+TEST(Supervisor, IsNotKilledByAProcessIdThatMayHaveBeenReused) {
   const testing::Shared<std::atomic<pid_t>> watching;
   testing::Child child([&] {
     // children are reaped automatically, so the process ID is free as soon as the process has ended
@@ -913,7 +913,7 @@ TEST(TestDevice, ReadsAllHaltsBeforeItActs) {
 }
 
 // When all writers are gone, or a writer does not follow the protocol.
-TEST(TestDevice, NothingEndsAHaltForGood) {
+TEST(TestDevice, PermanentHaltCannotBeRevoked) {
   for (const bool number : {true, false}) {
     ReportedDevice device;
     ASSERT_TRUE(device.comes_to(true));

@@ -60,7 +60,7 @@ Result<std::vector<ContactSurface>> surfaces_of(const Volume<LabelId>& labels,
     model->tissue_of_label[n + 1] = static_cast<std::int16_t>(n);
   }
   const std::array methods{ForceMethod::kProxy};
-  const auto ready = ready_for(std::move(model), methods);
+  const auto ready = prepared_with_cache(std::move(model), methods);
   if (!ready) return ready.error();
   return (*ready)->surfaces;
 }

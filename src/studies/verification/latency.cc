@@ -89,7 +89,7 @@ Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, cons
   for (const ForceMethodInfo& info : kForceMethods) {
     if (!is_rendered_by(info.method, *loaded.model)) continue;
     const std::array methods{ForceMethod::kTrilinear, info.method};
-    const auto model = ready_for(loaded.model, methods, progress);
+    const auto model = prepared_with_cache(loaded.model, methods, progress);
     if (!model) return model.error();
     const std::string name(info.name);
     progress.report("as fast as it goes: " + name, 0);
@@ -191,7 +191,7 @@ Result<SuiteReport> measure_latency(const LoadedScene& loaded, const SuiteOption
   if (!path) return path.error();
   // by the trilinear method, whatever the scene's: the loop renders the only one that is prepared
   constexpr ForceMethod kPaced[] = {ForceMethod::kTrilinear};
-  const auto paced = ready_for(loaded.model, kPaced, progress);
+  const auto paced = prepared_with_cache(loaded.model, kPaced, progress);
   if (!paced) return paced.error();
 
   SuiteReport report;

@@ -138,7 +138,7 @@ TEST(PaceMeter, BothBlocksCanBeInterrupted) {
 
 TEST(FreeRunning, AWholeUpdateCostsMoreThanItsTick) {
   for (const ForceMethodInfo& info : kDirectMethods) {
-    const auto model = ready_for(ball_contact().model, {&info.method, 1});
+    const auto model = prepared_with_cache(ball_contact().model, {&info.method, 1});
     ASSERT_TRUE(model.ok());
     EXPECT_FALSE(info.name.empty());
     const auto ticks = time_ticks(**model, ball_path(), info.method, 3);
@@ -164,7 +164,7 @@ TEST(FreeRunning, AWholeUpdateCostsMoreThanItsTick) {
 
 TEST(FreeRunning, ATicksCostIsTheMiddleOfManyPairsOfSlices) {
   const auto cost_of = [](ForceMethod method) {
-    const auto model = ready_for(ball_contact().model, {&method, 1});
+    const auto model = prepared_with_cache(ball_contact().model, {&method, 1});
     PALPATE_CHECK(model.ok());
     return time_ticks_beside_bare(**model, ball_path(), method, 2);
   };

@@ -100,7 +100,7 @@ Result<std::shared_ptr<const Model>> two_plates(double stiffness_N_per_mm, Prepa
   if (!model) return model;
   std::vector<ForceMethod> methods;
   for (const ForceMethodInfo& info : methods_on(preparation)) methods.push_back(info.method);
-  return ready_for(*model, methods, progress);
+  return prepared_with_cache(*model, methods, progress);
 }
 
 std::vector<HoldPosition> hold_positions(const Model& model, ForceMethod method, const PlantHand& hand) {

@@ -282,15 +282,15 @@ Pressed press(const ContactSurface& surface, const DistanceOracle& oracle, const
   const auto follow = [&] {
     ProxyPath path;
     const ProxyResult result = advance_proxy({&surface, 1}, {&tool, 1}, tip, state, {}, &path);
-    PALPATE_CHECK(path.count < path.corner.size());
+    PALPATE_CHECK(path.count < path.vertices.size());
     pressed.touched = pressed.touched || result.force_N.norm() > kTouch_N;
     for (std::size_t corner = 1; corner < path.count; ++corner) {
-      const Vector<Patient> leg = path.corner[corner] - path.corner[corner - 1];
+      const Vector<Patient> leg = path.vertices[corner] - path.vertices[corner - 1];
       const int pieces = static_cast<int>(leg.norm() / kEvery_mm) + 1;
       for (int n = 0; n <= pieces; ++n)
         pressed.deepest_mm =
             std::max(pressed.deepest_mm,
-                     -clearance_mm(path.corner[corner - 1] + leg * (static_cast<double>(n) / pieces)));
+                     -clearance_mm(path.vertices[corner - 1] + leg * (static_cast<double>(n) / pieces)));
     }
   };
   const auto lead = [&](const Vector<Patient>& direction, double path_mm) {

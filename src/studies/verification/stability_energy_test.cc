@@ -52,7 +52,7 @@ TEST(StabilityEnergy, WithTheControllerATouchGivesOutNoMoreThanAnEncoderHides) {
   expect_little_energy_generated("touch", "light-grip", 1, 0.6);
 }
 
-TEST(StabilityEnergy, SoItIsOnATurningObjectAndTwiceAsStiff) {
+TEST(StabilityEnergy, ControllerLimitsReleasedEnergyOnATurningObjectAndAtTwiceTheRecommendedStiffness) {
   // a lightly held Premium, 20 s; at twice the recommended stiffness no hand is stable
   const auto ball = exploration_ball();
   ASSERT_TRUE(ball) << ball.error().message();

@@ -20,7 +20,7 @@ constexpr NoGoKind kNoGoKinds[] = {NoGoKind::kPlane, NoGoKind::kStructure, NoGoK
 constexpr double kStandOff_mm = 10, kInFirst_s = 0.6, kLeant_s = 1, kAlongFor_s = 0.8, kAtRest_s = 2,
                  kAlongBorder_mm = 8;
 constexpr double kMaxPast_mm = 0.5;
-// fraction of the highest stiffness that a hand holds (push_out_of)
+// fraction of the highest stiffness that a hand holds (no_go_force)
 constexpr double kFractionOfLimit = 0.9;
 
 }  // namespace
@@ -54,7 +54,7 @@ Result<std::shared_ptr<const Model>> no_go_wall(NoGoKind kind, double stiffness_
   const auto model = build_model(scene, &labels, nullptr, progress);
   if (!model) return model;
   const ForceMethod method = bone.touchable ? ForceMethod::kProxy : ForceMethod::kTrilinear;
-  return ready_for(*model, {&method, 1}, progress);
+  return prepared_with_cache(*model, {&method, 1}, progress);
 }
 
 NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& guided, double stiffness_N_per_mm) {

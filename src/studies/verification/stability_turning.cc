@@ -137,10 +137,10 @@ class TurningHand {
     ProxyPath path;
     const ProxyResult result =
         advance_proxy({&plate_.contact, 1}, tool_at(hand.attitude).spheres(), hand, state_, {}, &path);
-    PALPATE_CHECK(path.count < path.corner.size());
+    PALPATE_CHECK(path.count < path.vertices.size());
     if (!state_.coupled) return;
     turned_.detected = turned_.detected || result.force_N.norm() > kDetectedTurn_N;
-    const auto corner = [&](std::size_t n) { return ToolPose(path.corner[n], path.attitude[n]); };
+    const auto corner = [&](std::size_t n) { return ToolPose(path.vertices[n], path.attitudes[n]); };
     if (known) scan_along(before, corner(0));
     for (std::size_t n = 1; n < path.count; ++n) scan_along(corner(n - 1), corner(n));
     scan_along(corner(path.count - 1), {state_.position, state_.attitude});

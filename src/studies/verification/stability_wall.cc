@@ -50,7 +50,7 @@ Result<std::shared_ptr<const Model>> one_bone(const LabelMap& labels, const std:
   scene.tissues = {bone};
   const auto model = build_model(scene, &labels, nullptr, progress);
   if (!model) return model;
-  return ready_for(*model, methods, progress);
+  return prepared_with_cache(*model, methods, progress);
 }
 
 }  // namespace palpate

@@ -142,7 +142,7 @@ std::shared_ptr<const Model> random_patient(std::mt19937& random, TissueLaw law)
   return model_of(labels, tissues, random() % 3 == 0 ? 0 : between(random, 0.5, 4), cell_mm, law);
 }
 
-TEST(TissueCampaign, NothingThatAHandDoesBreaksIt) {
+TEST(TissueCampaign, RandomHandsGiveFiniteForcesWithinTheLimit) {
   const int scenes = requested_for("PALPATE_TEST_SCENES", 6);
   const unsigned seed = test::test_seed();
   constexpr double kMaxForce_N = 3, kTick_s = 1e-3;

@@ -20,7 +20,7 @@ constexpr int kTruthIterations = 200;
 constexpr double kTruthTolerance = 1e-6;
 
 double pressing_N(const LocalCompliance& spot) {
-  return soft_contact_force(tissue_at(spot), kPressed_mm, kPresser_mm).force_N;
+  return soft_contact_force(contact_law_of(spot), kPressed_mm, kPresser_mm).force_N;
 }
 
 double pressing_N(double compliance, double rho_mm, const PressurePatch& patch) {

@@ -85,7 +85,7 @@ class ConvergedForce {
     for (int n = 0; n < kSettling; ++n) {
       const LocalCompliance& spot = solver_.solve(*model_, still).spot[0];
       if (!spot.is_known()) return 0;
-      force_N = soft_contact_force(tissue_at(spot), device.depth_mm, kTissueTool_mm).force_N;
+      force_N = soft_contact_force(contact_law_of(spot), device.depth_mm, kTissueTool_mm).force_N;
       device.contact_N[0] = force_N;
     }
     return force_N;

@@ -85,7 +85,7 @@ TEST(Records, ReturnAddedRuns) {
   EXPECT_THAT((*records)->run(9).error().message(), HasSubstr("no run 9"));
 }
 
-TEST(Records, AreForTheirOwnersEyes) {
+TEST(Records, FilesAreReadableByTheirOwnerOnly) {
   const test::TemporaryFolder folder;
   const mode_t before = ::umask(0);
   auto records = Records::open(folder / "records.db");

@@ -38,7 +38,7 @@ void ClearanceMeter::observe(const MeterInput& now, Structure& structure) {
     if (lower_bound_mm > structure.distance->near_mm() + widest_mm &&
         lower_bound_mm + kFarTolerance_mm >= static_cast<double>(in_part) &&
         lower_bound_mm >= approach.requested_mm.value_or(0))
-      return end_breach(structure);
+      return end_violation(structure);
   }
   const double gap = gap_mm(*structure.distance, now.head);
   structure.known = true;
@@ -49,44 +49,45 @@ void ClearanceMeter::observe(const MeterInput& now, Structure& structure) {
     approach.nearest_mm = gap;
     approach.nearest = now.point;
   }
-  follow_breach(now, gap, structure);
+  follow_violation(now, gap, structure);
 }
 
-void ClearanceMeter::follow_breach(const MeterInput& now, double gap, Structure& structure) {
+void ClearanceMeter::follow_violation(const MeterInput& now, double gap, Structure& structure) {
   StructureClearance& approach = structure.approach;
-  if (!approach.requested_mm || gap >= *approach.requested_mm) return end_breach(structure);
-  if (!structure.breach) {
-    structure.breach =
+  if (!approach.requested_mm || gap >= *approach.requested_mm) return end_violation(structure);
+  if (!structure.violation) {
+    structure.violation =
         ClearanceViolation{approach.label, *approach.requested_mm, gap, now.point, now.point, 0, 0};
   } else {
     approach.below_s += now.dt_s;
   }
-  ClearanceViolation& breach = *structure.breach;
-  breach.last_tick = now.point.tick;
-  breach.end_s = now.point.time_s;
-  if (gap < breach.nearest_mm) {
-    breach.nearest_mm = gap;
-    breach.nearest = now.point;
+  ClearanceViolation& violation = *structure.violation;
+  violation.last_tick = now.point.tick;
+  violation.end_s = now.point.time_s;
+  if (gap < violation.nearest_mm) {
+    violation.nearest_mm = gap;
+    violation.nearest = now.point;
   }
 }
 
-void ClearanceMeter::end_breach(Structure& structure) {
-  if (!structure.breach) return;
-  if (breaches_.size() < kMaxBreaches)
-    breaches_.push_back(*structure.breach);
+void ClearanceMeter::end_violation(Structure& structure) {
+  if (!structure.violation) return;
+  if (violations_.size() < kMaxViolations)
+    violations_.push_back(*structure.violation);
   else
-    ++more_breaches_;
-  structure.breach.reset();
+    ++omitted_violations_;
+  structure.violation.reset();
 }
 
 void ClearanceMeter::finish(PlanComparison& to) {
   for (Structure& structure : structures_) {
-    end_breach(structure);
+    end_violation(structure);
     to.approaches.push_back(std::move(structure.approach));
   }
-  std::ranges::stable_sort(breaches_, {}, [](const ClearanceViolation& breach) { return breach.begin.tick; });
-  to.breaches = std::move(breaches_);
-  to.more_breaches = more_breaches_;
+  std::ranges::stable_sort(violations_, {},
+                           [](const ClearanceViolation& violation) { return violation.begin.tick; });
+  to.violations = std::move(violations_);
+  to.omitted_violations = omitted_violations_;
 }
 
 }  // namespace palpate

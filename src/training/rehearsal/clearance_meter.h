@@ -23,19 +23,19 @@ class ClearanceMeter {
   struct Structure {
     const StructureDistance* distance;
     StructureClearance approach;
-    std::optional<ClearanceViolation> breach;  // breach in progress
+    std::optional<ClearanceViolation> violation;  // in progress
     // state of the last evaluated tick
     bool known = false;
     ToolHead head;
     double gap_mm = 0;
   };
   void observe(const MeterInput& now, Structure& structure);
-  void follow_breach(const MeterInput& now, double gap_mm, Structure& structure);
-  void end_breach(Structure& structure);
+  void follow_violation(const MeterInput& now, double gap_mm, Structure& structure);
+  void end_violation(Structure& structure);
 
   std::vector<Structure> structures_;
-  std::vector<ClearanceViolation> breaches_;
-  std::uint64_t more_breaches_ = 0;
+  std::vector<ClearanceViolation> violations_;
+  std::uint64_t omitted_violations_ = 0;
 };
 
 }  // namespace palpate

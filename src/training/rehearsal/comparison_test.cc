@@ -147,7 +147,7 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
   }
 }
 
-TEST(ComparePlan, OfSeveralWaysTheOneNearestToTheTargetCounts) {
+TEST(ComparePlan, PathNearestToTheTargetIsEvaluated) {
   const PlanInScene plan = scene_plan(kStraightDown);
   // 4 mm off axis, and deeper; then 1 mm off axis, in three strokes that never leave the hole by 10 mm; then
   // off axis again
@@ -278,7 +278,7 @@ TEST(ComparePlan, ClosestApproachesAreThoseOfEveryTick) {
     }
     if (s == 1) continue;
     EXPECT_NEAR(approach.below_s, below_s, 1e-9);
-    EXPECT_EQ(made.breaches.size(), entered);
+    EXPECT_EQ(made.violations.size(), entered);
     EXPECT_GE(entered, 1u);
   }
   EXPECT_FALSE(made.is_within_limit());
@@ -290,18 +290,18 @@ TEST(ComparePlan, ViolatedClearanceListsItsTicks) {
   const Recording run =
       run_along([](double t) { return Point<Patient>(20 + 4 * std::cos(2 * pi * t), 0, 0); }, 3);
   const PlanComparison made = compared(plan, run);
-  ASSERT_EQ(made.breaches.size(), 3u);
+  ASSERT_EQ(made.violations.size(), 3u);
   for (std::size_t n = 0; n < 3; ++n) {
-    const ClearanceViolation& breach = made.breaches[n];
+    const ClearanceViolation& violation = made.violations[n];
     const double turn = static_cast<double>(n);
     // 5 + 4 cos < 3 from one third to two thirds of each period
-    EXPECT_NEAR(breach.begin.time_s, turn + 1.0 / 3, 0.002);
-    EXPECT_NEAR(breach.end_s, turn + 2.0 / 3, 0.002);
-    EXPECT_NEAR(breach.nearest.time_s, turn + 0.5, 0.03);
-    EXPECT_EQ(breach.begin.tick, static_cast<std::uint64_t>(std::llround(breach.begin.time_s * 1000)));
-    EXPECT_NEAR(breach.nearest_mm, 1, 0.01);
-    EXPECT_EQ(breach.requested_mm, 3);
-    EXPECT_LT((breach.nearest.at - Point<Patient>(16, 0, 0)).norm(), 0.1);
+    EXPECT_NEAR(violation.begin.time_s, turn + 1.0 / 3, 0.002);
+    EXPECT_NEAR(violation.end_s, turn + 2.0 / 3, 0.002);
+    EXPECT_NEAR(violation.nearest.time_s, turn + 0.5, 0.03);
+    EXPECT_EQ(violation.begin.tick, static_cast<std::uint64_t>(std::llround(violation.begin.time_s * 1000)));
+    EXPECT_NEAR(violation.nearest_mm, 1, 0.01);
+    EXPECT_EQ(violation.requested_mm, 3);
+    EXPECT_LT((violation.nearest.at - Point<Patient>(16, 0, 0)).norm(), 0.1);
   }
   EXPECT_NEAR(made.approaches[0].nearest_mm, 1, 0.01);
   EXPECT_NEAR(made.approaches[0].below_s, 1, 0.01);
@@ -309,7 +309,7 @@ TEST(ComparePlan, ViolatedClearanceListsItsTicks) {
 
   const PlanComparison comparison =
       compared(scene_plan("[[keep_away]]\nstructures = [\"ball\"]\ndistance = 0.9\n"), run);
-  EXPECT_TRUE(comparison.breaches.empty());
+  EXPECT_TRUE(comparison.violations.empty());
   EXPECT_TRUE(comparison.is_within_limit());
 }
 

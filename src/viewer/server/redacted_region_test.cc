@@ -28,7 +28,7 @@ Volume<LabelId> slab() {
 }
 
 // implemented in two modules that may not depend on each other, while a page shows either
-TEST(RedactedRegion, IsLookedAtAsTheSessionLooksAtIt) {
+TEST(RedactedRegion, EqualsTheSessionsRegionView) {
   const Volume<LabelId> labels = slab();
   Model model;
   model.labels = label_bricks(labels);

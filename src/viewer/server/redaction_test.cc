@@ -526,7 +526,7 @@ TEST(Redaction, APictureShowsNothingOfIt) {
   EXPECT_EQ(structure_indices(half), structure_indices(alike));
 }
 
-TEST(Redaction, ATeacherLiftsItAndLaysItAgain) {
+TEST(Redaction, TeacherTogglesRedaction) {
   const Quiz quiz;
   TestViewer learner(quiz.server->port()), teacher(quiz.server->port());
   learner.greet({{"token", kLearnerToken}});

@@ -581,7 +581,7 @@ TEST(Viewer, SlowViewersDelayNoOneAndReceiveTheLatestPose) {
   EXPECT_TRUE(gap);
 }
 
-TEST(Viewer, OneThatTakesNothingIsClosed) {
+TEST(Viewer, ViewerThatStopsReadingIsDisconnected) {
   TestServer test;
   TestViewer stuck(test.port(), "", false, 4096);
   stuck.greet({{"poses_hz", 120}});
@@ -591,7 +591,7 @@ TEST(Viewer, OneThatTakesNothingIsClosed) {
 }
 
 // the queue of unread answers is bounded, and a stop is always carried out
-TEST(Viewer, OneThatTakesNoAnswersStillStops) {
+TEST(Viewer, StopIsExecutedForAViewerThatReadsNoAnswers) {
   TestServer test;
   TestViewer stuck(test.port(), "", false, 4096);
   stuck.greet({{"poses_hz", 120}});

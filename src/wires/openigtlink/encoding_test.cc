@@ -27,7 +27,7 @@ TEST(Encoding, PosesAreDecodedAsTheyWereEncoded) {
       ++poses;
       EXPECT_EQ(pose.name, "ProbeToRAS");
       EXPECT_EQ(pose.stamp, 123456789u);
-      EXPECT_TRUE(pose.seen);
+      EXPECT_TRUE(pose.is_tracked);
       EXPECT_LT((pose.at_mm - at).norm(), 1e-4);
       EXPECT_LT((pose.rotation - q.toRotationMatrix()).norm(), 1e-6) << "seed " << seed;
     }));

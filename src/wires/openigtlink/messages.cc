@@ -93,8 +93,8 @@ void receive_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& at_mm,
   const bool is_rigid = rotation.allFinite() && at_mm.allFinite() && at_mm.norm() < kMaxPosition_mm &&
                         (rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-3 &&
                         rotation.determinant() > 0;
-  out.seen = is_rigid && !(rotation.isIdentity(0) && at_mm.isZero(0));
-  if (!out.seen) return;
+  out.is_tracked = is_rigid && !(rotation.isIdentity(0) && at_mm.isZero(0));
+  if (!out.is_tracked) return;
   // orthonormalised, since float32 is inexact
   out.rotation = Eigen::Quaterniond(rotation).normalized().toRotationMatrix();
   out.at_mm = at_mm;
@@ -204,7 +204,7 @@ void PoseReader::decode(const Head& head, Bytes body, const OnPose& on_pose) {
     if (const auto whole_name = content->words.find("IGTL_DEVICE_NAME"); whole_name != content->words.end())
       message.name = whole_name->second;
     take_numbers(content->poses, message);
-    message.seen = message.seen && is_declared_visible(content->words, "TransformStatus");
+    message.is_tracked = message.is_tracked && is_declared_visible(content->words, "TransformStatus");
     return on_pose(message);
   }
 
@@ -227,7 +227,7 @@ void PoseReader::decode(const Head& head, Bytes body, const OnPose& on_pose) {
           message.name = word.substr(0, word.size() - kStatus.size());
         }
     take_numbers(one.subspan(kElementHead_bytes), message);
-    message.seen = message.seen && is_declared_visible(content->words, key);
+    message.is_tracked = message.is_tracked && is_declared_visible(content->words, key);
     on_pose(message);
   }
 }

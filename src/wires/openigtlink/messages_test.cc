@@ -58,7 +58,7 @@ MessageBytes joined(const std::vector<MessageBytes>& parts) {
 
 void expect_some_pose(const PoseMessage& message, const std::string& name) {
   EXPECT_EQ(message.name, name);
-  EXPECT_TRUE(message.seen);
+  EXPECT_TRUE(message.is_tracked);
   EXPECT_LT((message.rotation - some_pose().linear()).norm(), 1e-6);
   EXPECT_LT((message.at_mm - some_pose().translation()).norm(), 1e-4);
 }
@@ -125,7 +125,7 @@ TEST(IgtlMessages, ReadsMessagesOfTheReferenceLibrary) {
     EXPECT_EQ(observed.damaged, 0u);
     ASSERT_EQ(observed.poses.size(), 1u);
     EXPECT_EQ(observed.poses[0].name, "StylusToTracker");
-    EXPECT_TRUE(observed.poses[0].seen);
+    EXPECT_TRUE(observed.poses[0].is_tracked);
     EXPECT_LT((observed.poses[0].rotation - turn).norm(), 1e-6);
     EXPECT_EQ(observed.poses[0].at_mm, Eigen::Vector3d(100.25, -50.5, 900.125));
     EXPECT_NEAR(static_cast<double>(observed.poses[0].stamp) / 4294967296.0,
@@ -138,7 +138,7 @@ TEST(IgtlMessages, InvisibleToolHasNoPose) {
   const auto observed = [](const MessageBytes& bytes) {
     const Read received = read(bytes);
     EXPECT_EQ(received.poses.size(), 1u);
-    return !received.poses.empty() && received.poses[0].seen;
+    return !received.poses.empty() && received.poses[0].is_tracked;
   };
   const MessageBytes fine = matrix_bytes(some_pose());
   for (const auto& [status, is_visible] :
@@ -235,7 +235,7 @@ TEST(IgtlMessages, PoseOutsideTheTrackingRangeIsInvisible) {
     pose.translation() = Eigen::Vector3d(0, mm, 0);
     const Read observed = read(test::transform_message("Tool", pose));
     ASSERT_EQ(observed.poses.size(), 1u);
-    EXPECT_EQ(observed.poses[0].seen, mm < 10'000) << mm;
+    EXPECT_EQ(observed.poses[0].is_tracked, mm < 10'000) << mm;
   }
 }
 

@@ -20,10 +20,10 @@ double distance_mm(const Model& model, std::size_t surface, double radius_mm) {
                                                       Vector<Patient>(0, 0.6, 0.8) * radius_mm);
 }
 
-TEST(ReadyFor, AdjacentStructuresShareAnOuterSurfaceAndStifferOnesHaveLayers) {
+TEST(PreparedWithCache, AdjacentStructuresShareAnOuterSurfaceAndStifferOnesHaveLayers) {
   const auto model = loaded_ball(kShell_mm).model;
   const std::array methods{ForceMethod::kProxy, ForceMethod::kSpline};
-  const auto ready = ready_for(model, methods);
+  const auto ready = prepared_with_cache(model, methods);
   ASSERT_TRUE(ready.ok()) << ready.error().message();
   EXPECT_TRUE((*ready)->has(ForceMethod::kProxy));
   EXPECT_TRUE((*ready)->has(ForceMethod::kSpline));
@@ -54,14 +54,14 @@ TEST(ReadyFor, AdjacentStructuresShareAnOuterSurfaceAndStifferOnesHaveLayers) {
       (*ready)->surfaces[2].owners->at(Point<Patient>(0, 0, kBoneRadius_mm + kShell_mm));
   ASSERT_EQ(outside.all().size(), 1u) << "the bone lies beneath";
   EXPECT_EQ(outside.largest(), 1);
-  EXPECT_EQ(*ready_for(*ready, methods), *ready) << "nothing to add";
+  EXPECT_EQ(*prepared_with_cache(*ready, methods), *ready) << "nothing to add";
 }
 
-TEST(ReadyFor, PuncturableTissueAndItsSupportHaveSeparateSurfaces) {
+TEST(PreparedWithCache, PuncturableTissueAndItsSupportHaveSeparateSurfaces) {
   Model model = *loaded_ball(kShell_mm).model;
   model.tissues[1].puncture_N = 2;
   const std::array methods{ForceMethod::kProxy};
-  const auto ready = ready_for(std::make_shared<const Model>(model), methods);
+  const auto ready = prepared_with_cache(std::make_shared<const Model>(model), methods);
   ASSERT_TRUE(ready.ok()) << ready.error().message();
   ASSERT_EQ((*ready)->surfaces.size(), 4u);
   EXPECT_EQ((*ready)->surfaces[1].puncture_N, 2);
@@ -79,7 +79,7 @@ TEST(ReadyFor, PuncturableTissueAndItsSupportHaveSeparateSurfaces) {
 }
 
 // soft, hard and soft again, with more stiffness levels than layers
-TEST(ReadyFor, LayerCountIsBoundedByTouchableStructures) {
+TEST(PreparedWithCache, LayerCountIsBoundedByTouchableStructures) {
   for (const double factor : {1.05, 1.2, 2.0}) {
     Model model = *loaded_ball(kShell_mm).model;
     GridGeometry grid;
@@ -100,7 +100,7 @@ TEST(ReadyFor, LayerCountIsBoundedByTouchableStructures) {
     }
     model.labels = label_bricks(labels);
     const std::array methods{ForceMethod::kProxy};
-    const auto ready = ready_for(std::make_shared<const Model>(model), methods);
+    const auto ready = prepared_with_cache(std::make_shared<const Model>(model), methods);
     ASSERT_TRUE(ready.ok()) << ready.error().message();
     int deepest = 0;
     for (const ContactSurface& surface : (*ready)->surfaces) {
@@ -129,11 +129,11 @@ TEST(ReadyFor, LayerCountIsBoundedByTouchableStructures) {
   }
 }
 
-TEST(ReadyFor, UntouchableTissueHasNoSurface) {
+TEST(PreparedWithCache, UntouchableTissueHasNoSurface) {
   Model model = *loaded_ball(kShell_mm).model;
   model.tissues[1].touchable = false;
   const std::array methods{ForceMethod::kProxy};
-  const auto ready = ready_for(std::make_shared<const Model>(model), methods);
+  const auto ready = prepared_with_cache(std::make_shared<const Model>(model), methods);
   ASSERT_TRUE(ready.ok()) << ready.error().message();
   ASSERT_EQ((*ready)->surfaces.size(), 1u);
   EXPECT_EQ((*ready)->surfaces[0].owners, nullptr);
@@ -141,7 +141,7 @@ TEST(ReadyFor, UntouchableTissueHasNoSurface) {
   EXPECT_NEAR(distance_mm(**ready, 0, kBoneRadius_mm), 0, 0.45);
 }
 
-TEST(ReadyFor, ASimulatedHandIsHeldByTheProxyAndItReplays) {
+TEST(PreparedWithCache, ASimulatedHandIsHeldByTheProxyAndItReplays) {
   const LoadedScene loaded = loaded_ball(3);
   test::TemporaryFolder folder;
   SimulationOptions options;
