@@ -9,7 +9,7 @@
 #include "palpate/contact/soft_contact.h"
 #include "palpate/contact/tool_shape.h"
 
-/// What the proxy remembers from tick to tick.
+/// State of the proxy that persists between ticks.
 namespace palpate {
 
 /// A contact between a sphere or capsule of the tool and a surface.

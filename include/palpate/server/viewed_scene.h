@@ -14,7 +14,7 @@
 #include "palpate/volume/bricks.h"
 #include "palpate/volume/volume.h"
 
-/// What viewers are sent once: data that are constant during a session or a recording.
+/// Data that viewers receive once, because they are constant during a session or a recording.
 namespace palpate {
 
 /// Tissue of the scene.

@@ -12,7 +12,7 @@
 #include "palpate/device/telemetry.h"
 #include "palpate/volume/volume.h"
 
-/// What viewers are sent whenever it changes.
+/// State that viewers receive whenever it changes.
 namespace palpate {
 
 /// Estimated error of a tracked tool's displayed tip.
