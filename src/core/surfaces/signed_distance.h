@@ -6,6 +6,9 @@
 
 namespace palpate::internal {
 
+/// Number of voxels along each axis within a reach.
+Index3 distance_window(const Eigen::Vector3d& spacing_mm, double reach_mm);
+
 /// Exact Euclidean distance, mm, from each voxel centre to the nearest voxel centre of the other class:
 /// positive where the mask is 0, negative where it is 1, clamped to `reach_mm`. Supports anisotropic voxels.
 /// Never 0, so that its sign equals the mask.
@@ -20,7 +23,6 @@ namespace palpate::internal {
 /// parabolas (Felzenszwalb and Huttenlocher, Distance transforms of sampled functions, Theory of Computing 8,
 /// 2012), with the same result.
 /// @param mask      0 or 1; covers `distance` and distance_window() around it
-Index3 distance_window(const Eigen::Vector3d& spacing_mm, double reach_mm);
 void signed_distance(const Block<std::uint8_t>& mask, const Eigen::Vector3d& spacing_mm, double reach_mm,
                      Block<float>& distance);
 /// One half of signed_distance(): where the mask is not `other`, the signed distance to the nearest centre
