@@ -1,501 +1,258 @@
 #include "palpate/tissue/carving.h"
 
 #include <algorithm>
-#include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "palpate/base/check.h"
-#include "palpate/tissue/tissue_settings.h"
+#include "palpate/base/hash.h"
+#include "palpate/tissue/thin_voxels.h"
 #include "tissue/swept_voxels.h"
 
 namespace palpate {
 namespace {
 
-using Steps = std::int16_t;
-using Index = Eigen::Array3i;
-
-/// Range of voxels of a grid.
-class Box {
- public:
-  Box(const Index& low, const Index& high) : low_(low), size_((high - low).max(0)) {}
-
-  const Index& low() const { return low_; }
-  Index high() const { return low_ + size_; }
-  const Index& size() const { return size_; }
-  bool empty() const { return (size_ == 0).any(); }
-  std::size_t count() const { return empty() ? 0 : static_cast<std::size_t>(size_.cast<long>().prod()); }
-  Box grown(const Index& by) const { return {low_ - by, high() + by}; }
-  Box clipped(const Box& to) const { return {low_.max(to.low_), high().min(to.high())}; }
-  std::size_t offset(int i, int j, int k) const {
-    return (static_cast<std::size_t>(k - low_[2]) * static_cast<std::size_t>(size_[1]) +
-            static_cast<std::size_t>(j - low_[1])) *
-               static_cast<std::size_t>(size_[0]) +
-           static_cast<std::size_t>(i - low_[0]);
-  }
-  VoxelBox voxels() const { return {{low_[0], low_[1], low_[2]}, {size_[0], size_[1], size_[2]}}; }
-
- private:
-  Index low_, size_;
-};
-
-Box whole(const GridGeometry& grid) {
-  return {Index::Zero(), Index(grid.dims[0], grid.dims[1], grid.dims[2])};
-}
-
-std::vector<Steps> read(const Bricks<Steps>& bricks, const Box& box) {
-  std::vector<Steps> values(box.count());
-  if (box.empty()) return values;
-  for (int k = box.low()[2]; k < box.high()[2]; ++k)
-    for (int j = box.low()[1]; j < box.high()[1]; ++j)
-      bricks.copy_row(box.low()[0], j, k, box.size()[0], &values[box.offset(box.low()[0], j, k)]);
-  return values;
-}
-
-// voxels within `within_mm` of the centres of a sweep's balls
-Box around(const Sweep& sweep, double within_mm, const GridGeometry& grid,
-           const Transform<Voxel, Patient>& X_VoxelPatient) {
-  const auto [least, greatest] = centre_bounds(sweep, X_VoxelPatient);
-  const Eigen::Array3d reach = within_mm / grid.spacing_mm.array();
-  // clamped: a sweep far outside the grid has the same effect as one just outside
-  const Eigen::Array3d most = Eigen::Array3d(grid.dims[0], grid.dims[1], grid.dims[2]) + 1;
-  const Eigen::Array3d low = (least - reach).floor().max(-1).min(most);
-  const Eigen::Array3d high = (greatest + reach).ceil().max(-1).min(most) + 1;
-  return {low.cast<int>(), high.cast<int>()};
-}
-
-/// Voxels near a surface, with their signed distances (negative inside).
-class NearSurfaceVoxels {
-  // Eigen expression; bit-identical for any SIMD width, because roots and sums are rounded exactly.
-  auto distances_mm(const Eigen::Array3f& at_mm) const {
-    return ((voxels_.col(0) - at_mm[0]).square() + (voxels_.col(1) - at_mm[1]).square() +
-            (voxels_.col(2) - at_mm[2]).square())
-               .sqrt() +
-           voxels_.col(3);
-  }
-
- public:
-  /// Least sum of a stored voxel's distance from `at_mm` and its own distance to the surface.
-  float distance_mm(const Eigen::Array3f& at_mm) const {
-    return size() == 0 ? std::numeric_limits<float>::infinity() : distances_mm(at_mm).minCoeff();
-  }
-  /// Subset that can contain the minimum for any point within `radius_mm` of `at_mm`, if the minimum is below
-  /// `max_mm` there.
-  NearSurfaceVoxels near(const Eigen::Array3f& at_mm, float radius_mm, float max_mm) const {
-    NearSurfaceVoxels nearest;
-    if (size() == 0) return nearest;
-    const Eigen::ArrayXf paths = distances_mm(at_mm);
-    // margin for rounding
-    const float largest = std::min(max_mm + radius_mm, paths.minCoeff() + 2 * radius_mm) + 1e-3f;
-    const Eigen::Index count = (paths <= largest).count();
-    nearest.voxels_.resize(count, 4);
-    for (Eigen::Index n = 0, to = 0; to < count; ++n)
-      if (paths[n] <= largest) nearest.voxels_.row(to++) = voxels_.row(n);
-    return nearest;
-  }
-  Eigen::Index size() const { return voxels_.rows(); }
-
-  /// Allocates `count` entries for set().
-  explicit NearSurfaceVoxels(std::size_t count = 0) : voxels_(static_cast<Eigen::Index>(count), 4) {}
-  /// @param at_mm  position from the grid's first voxel, along its axes
-  void set(std::size_t n, const Eigen::Array3f& at_mm, float distance_mm) {
-    voxels_.row(static_cast<Eigen::Index>(n)) << at_mm[0], at_mm[1], at_mm[2], distance_mm;
-  }
-
- private:
-  Eigen::Array<float, Eigen::Dynamic, 4> voxels_;  // position and distance
-};
-
-template <class F>
-void for_voxels(const Box& box, const F& run_at) {
-  F run = run_at;
-  for (int k = box.low()[2]; k < box.high()[2]; ++k)
-    for (int j = box.low()[1]; j < box.high()[1]; ++j)
-      for (int i = box.low()[0]; i < box.high()[0]; ++i) run(i, j, k);
-}
-
-/// New position values of a surface in a box of its grid.
-class CarvedBlock {
- public:
-  /// @param now  position after earlier sweeps
-  /// @param cut  depth within the earlier sweeps
-  CarvedBlock(const SignedField& original, const Bricks<Steps>& now, const Bricks<Steps>& cut,
-              std::span<const Sweep> sweeps,
-              std::span<const std::shared_ptr<const Surface>> protected_surfaces)
-      : grid_(original.geometry()),
-        X_PatientVoxel_(grid_.X_PatientVoxel()),
-        step_mm_(original.steps().scale),
-        far_(original.steps().outside),
-        // width of the band around a surface that contains at least one of any two neighbouring voxels on
-        // opposite sides of it
-        band_mm_(grid_.spacing_mm.norm()),
-        changing_(reached(original, sweeps)),
-        read_(changing_.grown(voxels_in(reach_mm() + band_mm_)).clipped(whole(grid_))) {
-    if (changing_.empty()) return;
-    original_ = read(original.bricks(), read_);
-    cut_ = read(cut, read_);
-    previous_ = combined_depth();
-    for (const Sweep& sweep : sweeps) apply_sweep(sweep, original.X_VoxelPatient());
-    for (const auto& one : protected_surfaces) exclude_protected(*one);
-    current_ = combined_depth();
-    surface_band_ = dilate(current_, [](Steps value) { return value < 0; });
-    position_ = read(now, changing_);
-  }
-
-  bool empty() const { return changing_.empty(); }
-
-  PatchOf<Steps> cut() const {
-    PatchOf<Steps> patch{changing_.voxels(), {}};
-    patch.values.reserve(changing_.count());
-    for_voxels(changing_, [&](int i, int j, int k) { patch.values.push_back(cut_[read_.offset(i, j, k)]); });
-    return patch;
-  }
-
-  /// Position values of all voxels that may have changed.
-  PatchOf<Steps> position() {
-    for_voxels(changing_, [&](int i, int j, int k) {
-      const std::size_t n = read_.offset(i, j, k);
-      if (surface_band_[n] != 0) position_[changing_.offset(i, j, k)] = current_[n];
-    });
-    const std::vector<char> beside_made = dilate(original_, [](Steps value) { return value < 0; });
-    const Surroundings all{nearby(original_, beside_made), nearby(current_, surface_band_),
-                           removed_material()};
-    constexpr int kLargest = 16;
-    fill_blocks(changing_, kLargest, all);
-    return {changing_.voxels(), std::move(position_)};
-  }
-
- private:
-  double reach_mm() const { return far_ * step_mm_; }
-  Index voxels_in(double mm) const { return (mm / grid_.spacing_mm.array()).ceil().cast<int>() + 1; }
-
-  // voxels that the sweeps can change: within the range of the distance field around the removed material
-  Box reached(const SignedField& original, std::span<const Sweep> sweeps) const {
-    Index low = Index::Constant(std::numeric_limits<int>::max()), high = -low;
-    for (const Sweep& sweep : sweeps) {
-      const double within_mm = sweep.max_radius_mm() + reach_mm() + band_mm_;
-      const Box box = around(sweep, within_mm, grid_, original.X_VoxelPatient());
-      low = low.min(box.low());
-      high = high.max(box.high());
-    }
-    if ((low > high).any()) return {Index::Zero(), Index::Zero()};
-    return Box(low, high).grown(Index::Constant(1)).clipped(whole(grid_));
-  }
-
-  std::vector<Steps> combined_depth() const {
-    std::vector<Steps> values(original_.size());
-    std::transform(original_.begin(), original_.end(), cut_.begin(), values.begin(),
-                   [](Steps original, Steps cut) { return std::max(original, cut); });
-    return values;
-  }
-
-  void apply_sweep(const Sweep& sweep, const Transform<Voxel, Patient>& X_VoxelPatient) {
-    const Box box = around(sweep, sweep.max_radius_mm() + reach_mm(), grid_, X_VoxelPatient).clipped(read_);
-    const SweptShape shape(sweep);
-    const double reach = far_;
-    for (int k = box.low()[2]; k < box.high()[2]; ++k) {
-      for (int j = box.low()[1]; j < box.high()[1]; ++j) {
-        Steps* const row = &cut_[read_.offset(box.low()[0], j, k)];
-        for (int i = box.low()[0]; i < box.high()[0]; ++i) {
-          const Point<Patient> at = X_PatientVoxel_ * Point<Voxel>(i, j, k);
-          const double steps = shape.depth_mm(at) / step_mm_;
-          Steps& depth = row[i - box.low()[0]];
-          depth = std::max(depth, static_cast<Steps>(std::lround(std::clamp(steps, -reach, reach))));
-        }
+std::shared_ptr<const Bricks<LabelId>> labels_without_sweep(std::shared_ptr<const Bricks<LabelId>> labels,
+                                                            const Sweep& sweep,
+                                                            const std::vector<bool>& is_cut) {
+  const GridGeometry& grid = labels->geometry();
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  PatchOf<LabelId> patch{voxels_around(sweep, sweep.max_radius_mm(), grid), {}};
+  const VoxelBox& box = patch.box;
+  if (box.voxel_count() == 0) return labels;
+  patch.values.resize(box.voxel_count());
+  const SweptShape shape(sweep);
+  bool differs = false;
+  auto value = patch.values.begin();
+  for (int k = box.first[2]; k < box.first[2] + box.size[2]; ++k)
+    for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j) {
+      labels->copy_row(box.first[0], j, k, box.size[0], &*value);
+      for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
+        if (!is_cut[*value]) continue;
+        if (!(shape.depth_mm(X_PatientVoxel * Point<Voxel>(i, j, k)) > 0)) continue;
+        *value = 0;
+        differs = true;
       }
     }
-  }
-
-  // excludes a protected structure from the cuts
-  void exclude_protected(const Surface& protected_surface) {
-    Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
-    for (unsigned at = 0; at < 8; ++at) {
-      Index voxel;
-      for (int axis = 0; axis < 3; ++axis)
-        voxel[axis] = (at >> axis & 1) != 0 ? read_.high()[axis] : read_.low()[axis];
-      const Point<Patient> position = X_PatientVoxel_ * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
-      low = low.min(position.eigen().array());
-      high = high.max(position.eigen().array());
-    }
-    if (protected_surface.is_farther_than(low, high, 0)) return;
-    for_voxels(read_, [&, n = std::size_t{0}](int i, int j, int k) mutable {
-      Steps& depth = cut_[n++];
-      if (depth <= -far_) return;
-      const double steps = protected_surface.distance_mm(X_PatientVoxel_ * Point<Voxel>(i, j, k)) / step_mm_;
-      depth = std::min(depth, static_cast<Steps>(std::lround(std::clamp<double>(steps, -far_, far_))));
-    });
-  }
-
-  // dilation: whether the predicate holds for a voxel or one of its 26 neighbours
-  template <class F>
-  std::vector<char> dilate(const std::vector<Steps>& values, const F& is_so) const {
-    std::vector<char> dilated(values.size());
-    std::transform(values.begin(), values.end(), dilated.begin(), is_so);
-    std::ptrdiff_t stride = 1;
-    for (int axis = 0; axis < 3; ++axis) {
-      const std::vector<char> was = dilated;
-      for_voxels(read_, [&, n = std::size_t{0}](int i, int j, int k) mutable {
-        const int at = axis == 0 ? i : axis == 1 ? j : k;
-        const char* const here = &was[n];
-        if (at > read_.low()[axis] && here[-stride] != 0) dilated[n] = 1;
-        if (at + 1 < read_.high()[axis] && here[stride] != 0) dilated[n] = 1;
-        ++n;
-      });
-      stride *= read_.size()[axis];
-    }
-    return dilated;
-  }
-
-  // the selected voxels that are near the surface
-  NearSurfaceVoxels nearby(const std::vector<Steps>& values, const std::vector<char>& of) const {
-    const double deepest = -std::min(band_mm_, reach_mm()) / step_mm_;
-    const auto counts = [&](std::size_t n) { return of[n] != 0 && values[n] >= deepest; };
-    std::size_t count = 0;
-    for (std::size_t n = 0; n < values.size(); ++n) count += counts(n) ? 1 : 0;
-    NearSurfaceVoxels nearby(count);
-    for_voxels(read_, [&, n = std::size_t{0}, to = std::size_t{0}](int i, int j, int k) mutable {
-      if (counts(n)) nearby.set(to++, position_mm(i, j, k), static_cast<float>(values[n] * step_mm_));
-      ++n;
-    });
-    return nearby;
-  }
-  // voxels that have changed since the last version, with their neighbours
-  NearSurfaceVoxels removed_material() const {
-    std::vector<Steps> more(current_.size());
-    std::transform(current_.begin(), current_.end(), previous_.begin(), more.begin(),
-                   [](Steps is, Steps was) { return static_cast<Steps>(is != was); });
-    return nearby(previous_, dilate(more, [](Steps changed) { return changed != 0; }));
-  }
-
-  Eigen::Array3f position_mm(int i, int j, int k) const {
-    return (Eigen::Array3d(i, j, k) * grid_.spacing_mm.array()).cast<float>();
-  }
-
-  /// Candidates for the values of a block: near the prepared surface, near the current one, and near material
-  /// removed since the last version.
-  struct Surroundings {
-    NearSurfaceVoxels original, is, removed;
-  };
-  // empty if no distance in the block can have changed
-  std::optional<Surroundings> surroundings(const Surroundings& all, const Box& block) const {
-    int greatest = -1;
-    bool was_inside = false;
-    for_voxels(block, [&](int i, int j, int k) {
-      if (surface_band_[read_.offset(i, j, k)] != 0) return;
-      const Steps value = position_[changing_.offset(i, j, k)];
-      was_inside = was_inside || value < 0;
-      if (value < far_) greatest = std::max<int>(greatest, value);
-    });
-    if (greatest < 0 && !was_inside) return std::nullopt;
-    const Eigen::Array3d low = block.low().cast<double>() * grid_.spacing_mm.array();
-    const Eigen::Array3d high = (block.high() - 1).cast<double>() * grid_.spacing_mm.array();
-    const Eigen::Array3f middle = (0.5 * (low + high)).cast<float>();
-    const auto radius = static_cast<float>(0.5 * (high - low).matrix().norm());
-    // Removed material was nearest only if its distance was no larger than the stored one, which is at most a
-    // cell larger when found from voxels.
-    const auto least = static_cast<float>(greatest * step_mm_ + grid_.spacing_mm.norm());
-    NearSurfaceVoxels removed = all.removed.near(middle, radius, least);
-    if (removed.size() == 0 && !was_inside) return std::nullopt;
-    const auto reach = static_cast<float>(reach_mm());
-    return Surroundings{all.original.near(middle, radius, reach), all.is.near(middle, radius, reach),
-                        std::move(removed)};
-  }
-
-  // Fills a box by blocks of an edge length. Candidates are narrowed down for large blocks first, then for
-  // those of half the edge inside.
-  void fill_blocks(const Box& box, int edge, const Surroundings& around) {
-    constexpr int kSmallest = 2;
-    for_blocks(box, edge, [&](const Box& block) {
-      const std::optional<Surroundings> near = surroundings(around, block);
-      if (!near) return;
-      edge > kSmallest ? fill_blocks(block, edge / 2, *near) : fill(block, *near);
-    });
-  }
-
-  void fill(const Box& block, const Surroundings& around) {
-    for_voxels(block, [&](int i, int j, int k) {
-      const std::size_t n = read_.offset(i, j, k);
-      if (surface_band_[n] != 0) return;
-      Steps& value = position_[changing_.offset(i, j, k)];
-      if (value >= far_) return;
-      const Eigen::Array3f at = position_mm(i, j, k);
-      int steps = in_steps(around.is.distance_mm(at));
-      if (original_[n] >= 0 && steps > original_[n])
-        steps = original_[n] + std::max(0, steps - in_steps(around.original.distance_mm(at)));
-      value = static_cast<Steps>(std::clamp<int>(steps, current_[n], far_));
-    });
-  }
-  int in_steps(float mm) const {
-    return static_cast<int>(std::lround(std::min(static_cast<double>(mm), reach_mm()) / step_mm_));
-  }
-
-  template <class F>
-  static void for_blocks(const Box& box, int size, const F& run) {
-    for (int k = box.low()[2]; k < box.high()[2]; k += size)
-      for (int j = box.low()[1]; j < box.high()[1]; j += size)
-        for (int i = box.low()[0]; i < box.high()[0]; i += size) {
-          const Index low(i, j, k);
-          run(Box(low, (low + size).min(box.high())));
-        }
-  }
-  GridGeometry grid_;
-  Transform<Patient, Voxel> X_PatientVoxel_;
-  double step_mm_;
-  Steps far_;
-  double band_mm_;
-  Box changing_, read_;
-  // in the box that is read: prepared position, depth in the sweeps, and their union before and after
-  std::vector<Steps> original_, cut_, previous_, current_;
-  std::vector<char> surface_band_;  // voxels that are inside now, or have a neighbour that is
-  std::vector<Steps> position_;     // in the box that changes
-};
-
-// Greatest slope in a brick's cells, per mm. The squared slope is convex along every axis, because each
-// derivative is linear in the other two coordinates, so the maximum is at a corner.
-double steepest_of(const Bricks<Steps>& bricks, std::size_t number, double step_mm) {
-  using Layout = BrickLayout;
-  if (bricks.is_uniform(number)) return 0;
-  const Steps* const voxels = bricks.brick(number) + Layout::kBefore * (1 + Layout::kRow + Layout::kSlice);
-  constexpr std::array<std::ptrdiff_t, 3> kStride{1, Layout::kRow, Layout::kSlice};
-  const Eigen::Array3f per_step = (step_mm / bricks.geometry().spacing_mm.array()).cast<float>();
-  float max_gradient = 0;
-  // squared derivatives along an axis, on the four edges of a cell
-  std::array<std::array<float, 4>, 3> square;
-  for (int k = 0; k < Layout::kCells; ++k) {
-    for (int j = 0; j < Layout::kCells; ++j) {
-      for (int i = 0; i < Layout::kCells; ++i) {
-        const Steps* const cell = voxels + i + j * Layout::kRow + k * Layout::kSlice;
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-          const std::ptrdiff_t b = kStride[(axis + 1) % 3], c = kStride[(axis + 2) % 3];
-          const std::array<std::ptrdiff_t, 4> edges{0, b, c, b + c};
-          for (std::size_t edge = 0; edge < 4; ++edge) {
-            const Steps* const end = cell + edges[edge];
-            const float slope =
-                static_cast<float>(end[kStride[axis]] - end[0]) * per_step[static_cast<int>(axis)];
-            square[axis][edge] = slope * slope;
-          }
-        }
-        for (std::size_t x = 0; x < 2; ++x)
-          for (std::size_t y = 0; y < 2; ++y)
-            for (std::size_t z = 0; z < 2; ++z)
-              max_gradient =
-                  std::max(max_gradient, square[0][y + 2 * z] + square[1][z + 2 * x] + square[2][x + 2 * y]);
-      }
-    }
-  }
-  // margin for rounding
-  return std::sqrt(static_cast<double>(max_gradient)) * (1 + 1e-6);
+  return differs ? std::make_shared<const Bricks<LabelId>>(labels->with(patch)) : labels;
 }
 
-// reduces a patch to the bounding box of the values that differ
-PatchOf<Steps> cropped(const PatchOf<Steps>& patch, const Bricks<Steps>& before) {
-  const Box box(Index(patch.box.first[0], patch.box.first[1], patch.box.first[2]),
-                Index(patch.box.first[0], patch.box.first[1], patch.box.first[2]) +
-                    Index(patch.box.size[0], patch.box.size[1], patch.box.size[2]));
-  const std::vector<Steps> were = read(before, box);
-  Index low = box.high(), high = box.low();
-  for (int k = box.low()[2]; k < box.high()[2]; ++k)
-    for (int j = box.low()[1]; j < box.high()[1]; ++j)
-      for (int i = box.low()[0]; i < box.high()[0]; ++i)
-        if (const std::size_t n = box.offset(i, j, k); patch.values[n] != were[n]) {
-          low = low.min(Index(i, j, k));
-          high = high.max(Index(i, j, k) + 1);
-        }
-  const Box changed(low, high);
-  PatchOf<Steps> crop{changed.voxels(), {}};
-  crop.values.reserve(changed.count());
-  for (int k = changed.low()[2]; k < changed.high()[2]; ++k)
-    for (int j = changed.low()[1]; j < changed.high()[1]; ++j)
-      for (int i = changed.low()[0]; i < changed.high()[0]; ++i)
-        crop.values.push_back(patch.values[box.offset(i, j, k)]);
-  return crop;
-}
-
-/// Normal field where a box of the position has changed.
-PatchOf<Steps> normal_of(const Surface& original, const SignedField& position, const VoxelBox& changed) {
-  const SignedField& normal = original.normal();
-  const auto X_PatientVoxel = position.geometry().X_PatientVoxel();
-  Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  for (unsigned corner = 0; corner < 8; ++corner) {
-    std::array<double, 3> at;
-    for (unsigned axis = 0; axis < 3; ++axis)
-      at[axis] =
-          (corner >> axis & 1) != 0 ? changed.first[axis] + changed.size[axis] : changed.first[axis] - 1;
-    const Eigen::Array3d voxel =
-        (normal.X_VoxelPatient() * (X_PatientVoxel * Point<Voxel>(at[0], at[1], at[2]))).eigen().array();
-    low = low.min(voxel);
-    high = high.max(voxel);
+// Swept fraction of a voxel: mean over its eight octants, each a linear function of the depth at its centre.
+// This is exact for a plane parallel to the octants' faces.
+double swept_fraction(const SweptShape& shape, const GridGeometry& grid,
+                      const Transform<Patient, Voxel>& X_PatientVoxel, int i, int j, int k) {
+  const double half_diagonal_mm = 0.5 * grid.spacing_mm.norm();
+  const double depth_mm = shape.depth_mm(X_PatientVoxel * Point<Voxel>(i, j, k));
+  if (depth_mm <= -half_diagonal_mm) return 0;
+  if (depth_mm >= half_diagonal_mm) return 1;
+  const double width_mm = 0.5 * grid.spacing_mm.mean();
+  double part = 0;
+  for (int eighth = 0; eighth < 8; ++eighth) {
+    const auto along = [&](int voxel, int axis) {
+      return voxel + ((eighth >> axis & 1) != 0 ? 0.25 : -0.25);
+    };
+    const double mm = shape.depth_mm(X_PatientVoxel * Point<Voxel>(along(i, 0), along(j, 1), along(k, 2)));
+    part += std::clamp(0.5 + mm / width_mm, 0.0, 1.0) / 8;
   }
-  const Box box = Box(low.floor().cast<int>(), high.ceil().cast<int>() + 1).clipped(whole(normal.geometry()));
-  const std::vector<Steps> prepared = read(normal.bricks(), box);
-  const auto X_PatientNormal = normal.geometry().X_PatientVoxel();
-  PatchOf<Steps> patch{box.voxels(), {}};
-  patch.values.reserve(box.count());
-  std::size_t n = 0;
-  for (int k = box.low()[2]; k < box.high()[2]; ++k) {
-    for (int j = box.low()[1]; j < box.high()[1]; ++j) {
-      for (int i = box.low()[0]; i < box.high()[0]; ++i, ++n) {
-        const Point<Patient> at = X_PatientNormal * Point<Voxel>(i, j, k);
-        const double now = sample_value(position, at), moved = now - sample_value(original.position(), at);
-        const double part = std::min(1.0, std::abs(moved) / kCuttingSettings.stale_normal_mm);
-        const double was = normal.steps().offset + normal.steps().scale * prepared[n];
-        const double steps = (was + part * (now - was) - normal.steps().offset) / normal.steps().scale;
-        patch.values.push_back(
-            part == 0 ? prepared[n] : static_cast<Steps>(std::lround(std::clamp(steps, -32767.0, 32767.0))));
-      }
-    }
-  }
-  return patch;
-}
-
-// maximum clearance error along a sweep, where it removed material
-double sweep_clearance_error_mm(const Surface& original, const Surface& now, const Sweep& sweep) {
-  double clearance_error_mm = 0;
-  for_balls_of(sweep, 0.5 * original.position().geometry().min_spacing_mm(),
-               [&](const Point<Patient>& at, double radius_mm) {
-                 if (original.distance_mm(at) < radius_mm)
-                   clearance_error_mm = std::max(clearance_error_mm, radius_mm - now.distance_mm(at));
-               });
-  return clearance_error_mm;
+  return part;
 }
 
 }  // namespace
 
-CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> original,
-                             std::vector<std::shared_ptr<const Surface>> protected_surfaces)
-    : original_(std::move(original)),
-      now_(original_),
-      protected_surfaces_(std::move(protected_surfaces)),
-      cut_(original_->position().geometry(), static_cast<Steps>(-original_->position().steps().outside)) {
-  PALPATE_CHECK(original_->position().steps().offset == 0);
-  const std::array<int, 3>& bricks = cut_.counts();
-  max_gradient_.resize(static_cast<std::size_t>(bricks[0]) * static_cast<std::size_t>(bricks[1]) *
-                       static_cast<std::size_t>(bricks[2]));
+Cut cut_of(const SweepRecord& sweep) {
+  const auto point = [](const std::array<double, 3>& p) { return Point<Patient>(p[0], p[1], p[2]); };
+  const Vector<Patient> axis_mm(sweep.axis_mm[0], sweep.axis_mm[1], sweep.axis_mm[2]);
+  return {sweep.device,
+          {point(sweep.from_mm), point(sweep.to_mm), sweep.radius_mm, sweep.stroke, axis_mm,
+           sweep.end_radius_mm}};
 }
 
-CarvedSurface CarvedSurface::with(std::span<const Sweep> sweeps) const {
-  CarvedSurface next = *this;
-  const SignedField& position = now_->position();
-  CarvedBlock carved(original_->position(), position.bricks(), cut_, sweeps, protected_surfaces_);
-  if (carved.empty()) return next;
-  next.cut_ = cut_.with(cropped(carved.cut(), cut_));
-  const PatchOf<Steps> patch = cropped(carved.position(), position.bricks());
-  if (patch.values.empty()) return next;
+SweepRecord record_of(const Cut& cut) {
+  const auto numbers = [](const auto& p) { return std::array{p.x(), p.y(), p.z()}; };
+  const Sweep& sweep = cut.sweep;
+  return {cut.device,   numbers(sweep.from),    numbers(sweep.to),  sweep.radius_mm,
+          sweep.stroke, numbers(sweep.axis_mm), sweep.end_radius_mm};
+}
 
-  const SignedField moved = position.with(patch);
-  double max_gradient = original_->max_gradient();
-  const Bricks<Steps>&was = position.bricks(), &is = moved.bricks();
-  for (std::size_t brick = 0; brick < max_gradient_.size(); ++brick) {
-    if (is.brick(brick) != was.brick(brick))
-      next.max_gradient_[brick] = steepest_of(is, brick, moved.steps().scale);
-    max_gradient = std::max(max_gradient, next.max_gradient_[brick]);
+Carving::Carving(const Model& model)
+    : original_labels_(model.labels),
+      is_cuttable_(cuttable_labels(model)),
+      cutting_energy_(model),
+      thin_voxels_(model.thin_voxels),
+      records_fractions_(is_moving(model.tissue_law)),
+      remaining_{{}, model.labels, nullptr, SweptSamples(model.labels.get()), 0} {
+  for (const ProtectedStructure& structure : model.protected_structures)
+    if (structure.is_protected) protected_surfaces_.push_back(structure.surface);
+  for (std::size_t s = 0; s < model.surfaces.size(); ++s) {
+    const ContactSurface& contact_surface = model.surfaces[s];
+    const std::size_t structure =
+        contact_surface.structure >= 0 ? static_cast<std::size_t>(contact_surface.structure) : s;
+    original_surfaces_.push_back(model.surfaces[structure].is_protected ? nullptr : contact_surface.surface);
   }
-  next.now_ = std::make_shared<const Surface>(
-      now_->with(patch, normal_of(*original_, moved, patch.box), max_gradient));
-  for (const Sweep& sweep : sweeps)
-    next.clearance_error_mm_ =
-        std::max(next.clearance_error_mm_, sweep_clearance_error_mm(*original_, *next.now_, sweep));
+  tracked_surfaces_ = original_surfaces_.size();
+  // distances are measured to the remaining material
+  for (const TrackedStructure& tracked : model.distances.structures()) {
+    const auto& surface = tracked.tree->surface();
+    const auto end = original_surfaces_.begin() + static_cast<std::ptrdiff_t>(tracked_surfaces_);
+    const auto same = std::find(original_surfaces_.begin(), end, surface);
+    if (!is_cuttable_[tracked.label]) {
+      original_of_tracked_.push_back(-1);
+    } else {
+      original_of_tracked_.push_back(
+          static_cast<int>(same != end ? same - original_surfaces_.begin() : original_surfaces_.size()));
+      if (same == end) original_surfaces_.push_back(surface);
+    }
+  }
+  remaining_.surfaces.resize(original_surfaces_.size());
+}
+
+std::shared_ptr<const Carving> Carving::with(std::span<const Cut> cuts) const {
+  auto next = std::make_shared<Carving>(*this);
+  while (!cuts.empty()) {
+    const std::uint32_t stroke = cuts.front().sweep.stroke;
+    const auto other = std::ranges::find_if(cuts, [&](const Cut& cut) { return cut.sweep.stroke != stroke; });
+    const auto count = static_cast<std::size_t>(other - cuts.begin());
+    if (!next->strokes_.continues(stroke))
+      next->strokes_.begin(stroke, {std::make_shared<const Remaining>(next->remaining_), nullptr});
+    next->apply(cuts.first(count));
+    cuts = cuts.subspan(count);
+  }
+  return next;
+}
+
+// applies cuts of one stroke
+void Carving::apply(std::span<const Cut> cuts) {
+  std::vector<Sweep> sweeps;
+  Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  std::uint64_t hash = remaining_.hash != 0 ? remaining_.hash : kHashSeed;
+  for (const Cut& cut : cuts) {
+    PALPATE_CHECK(cut.device < kMaxDevices || cut.device == Cut::kBrokenOff);
+    const Sweep& sweep = sweeps.emplace_back(cut.sweep);
+    account_for(cut);
+    hash_word(hash, cut.device);
+    for (int axis = 0; axis < 3; ++axis) {
+      hash_double(hash, sweep.from[axis]);
+      hash_double(hash, sweep.to[axis]);
+    }
+    hash_double(hash, sweep.radius_mm);
+    if (!sweep.is_of_ball()) {
+      for (int axis = 0; axis < 3; ++axis) hash_double(hash, sweep.axis_mm[axis]);
+      hash_double(hash, sweep.end_radius_mm);
+    }
+    remaining_.labels = labels_without_sweep(remaining_.labels, sweep, is_cuttable_);
+    if (records_fractions_) record_removed_fractions(sweep);
+    const SweptShape shape(sweep);
+    low = low.min(shape.low() - shape.max_radius_mm());
+    high = high.max(shape.high() + shape.max_radius_mm());
+  }
+  remaining_.hash = hash;
+  for (std::size_t s = 0; s < original_surfaces_.size(); ++s) {
+    if (original_surfaces_[s] == nullptr || original_surfaces_[s]->is_farther_than(low, high, 0)) continue;
+    std::shared_ptr<const CarvedSurface>& carved = remaining_.surfaces[s];
+    const CarvedSurface now =
+        carved != nullptr ? *carved : CarvedSurface(original_surfaces_[s], protected_surfaces_);
+    CarvedSurface next = now.with(sweeps);
+    if (carved != nullptr || next.surface() != original_surfaces_[s])
+      carved = std::make_shared<const CarvedSurface>(std::move(next));
+  }
+}
+
+// adds a sweep to its device's account, and a fragment to none
+void Carving::account_for(const Cut& cut) {
+  CarvedMaterial discarded;
+  CarvedMaterial& carved = cut.device == Cut::kBrokenOff ? discarded : carved_[cut.device];
+  ++carved.sweeps;
+  if (original_labels_ == nullptr) return;
+  const double sample_mm3 = original_labels_->geometry().spacing_mm.prod() / SweptSamples::kSamples;
+  for (const auto& [i, j, k, samples] :
+       remaining_.swept.add(cut.sweep, *original_labels_, cutting_energy_.has_energy())) {
+    const double mm3 = std::popcount(samples) * sample_mm3;
+    const BoneClass bone = thin_voxels_ != nullptr && thin_voxels_->at(i, j, k) == kThinBone ? kThin : kThick;
+    carved.volume_mm3[bone] += mm3;
+    carved.energy_mJ[bone] += mm3 * cutting_energy_.mJ_per_mm3(original_labels_->at(i, j, k), i, j, k);
+  }
+}
+
+void Carving::record_removed_fractions(const Sweep& sweep) {
+  const GridGeometry& grid = original_labels_->geometry();
+  const auto X_PatientVoxel = grid.X_PatientVoxel();
+  PatchOf<std::uint8_t> patch{
+      voxels_around(sweep, sweep.max_radius_mm() + 0.5 * grid.spacing_mm.norm(), grid), {}};
+  const VoxelBox& box = patch.box;
+  if (box.voxel_count() == 0) return;
+  patch.values.resize(box.voxel_count());
+  const SweptShape shape(sweep);
+  bool differs = false;
+  auto value = patch.values.begin();
+  for (int k = box.first[2]; k < box.first[2] + box.size[2]; ++k)
+    for (int j = box.first[1]; j < box.first[1] + box.size[1]; ++j) {
+      if (remaining_.removed_fraction != nullptr)
+        remaining_.removed_fraction->copy_row(box.first[0], j, k, box.size[0], &*value);
+      for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
+        if (*value == 255 || !is_cuttable_[original_labels_->at(i, j, k)]) continue;
+        const double part = swept_fraction(shape, grid, X_PatientVoxel, i, j, k);
+        const auto removed = static_cast<std::uint8_t>(std::lround(255 * part));
+        differs = differs || removed > *value;
+        *value = std::max(*value, removed);
+      }
+    }
+  if (!differs) return;
+  const auto before = remaining_.removed_fraction != nullptr
+                          ? remaining_.removed_fraction
+                          : std::make_shared<const Bricks<std::uint8_t>>(grid, std::uint8_t{0});
+  remaining_.removed_fraction = std::make_shared<const Bricks<std::uint8_t>>(before->with(patch));
+}
+
+std::shared_ptr<const Carving> Carving::undone() const {
+  auto next = std::make_shared<Carving>(*this);
+  Stroke* const stroke = next->strokes_.undo();
+  if (stroke == nullptr) return nullptr;
+  if (stroke->after == nullptr) stroke->after = std::make_shared<const Remaining>(remaining_);
+  next->remaining_ = *stroke->before;
+  return next;
+}
+
+std::shared_ptr<const Carving> Carving::redone() const {
+  auto next = std::make_shared<Carving>(*this);
+  const Stroke* const stroke = next->strokes_.redo();
+  if (stroke == nullptr) return nullptr;
+  next->remaining_ = *stroke->after;
+  return next;
+}
+
+std::uint64_t Carving::content_hash(std::uint64_t uncut) const {
+  if (remaining_.hash == 0) return uncut;
+  hash_word(uncut, remaining_.hash);
+  return hash_finish(uncut);
+}
+
+std::shared_ptr<const Model> Carving::applied_to(const Model& model) const {
+  PALPATE_CHECK(model.surfaces.size() == tracked_surfaces_ &&
+                model.distances.structures().size() == original_of_tracked_.size());
+  auto next = std::make_shared<Model>(model);
+  ++next->version;
+  ++next->edits;
+  for (std::size_t s = 0; s < tracked_surfaces_; ++s) {
+    if (original_surfaces_[s] == nullptr) continue;
+    ContactSurface& surface = next->surfaces[s];
+    const CarvedSurface* const carved = remaining_.surfaces[s].get();
+    surface.surface = carved != nullptr ? carved->surface() : original_surfaces_[s];
+    surface.original_surface = carved != nullptr ? original_surfaces_[s] : nullptr;
+    surface.original_labels = carved != nullptr ? original_labels_ : nullptr;
+    surface.clearance_error_mm = carved != nullptr ? carved->clearance_error_mm() : 0;
+  }
+  for (std::size_t n = 0; n < original_of_tracked_.size(); ++n) {
+    if (original_of_tracked_[n] < 0) continue;
+    const auto s = static_cast<std::size_t>(original_of_tracked_[n]);
+    const CarvedSurface* const carved = remaining_.surfaces[s].get();
+    const auto& surface = carved != nullptr ? carved->surface() : original_surfaces_[s];
+    if (next->distances.structures()[n].tree->surface() != surface)
+      next->distances = next->distances.with(n, surface);
+  }
+  next->labels = remaining_.labels;
+  next->carving = std::make_shared<const Carving>(*this);
+  next->content_hash = content_hash(model.hash_before_removal);
   return next;
 }
 
