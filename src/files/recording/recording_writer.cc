@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <optional>
 
 #include "palpate/base/check.h"
@@ -11,7 +10,8 @@
 #include "palpate/device/device.h"
 #include "recording/columns.h"
 #include "recording/commit_driver.h"
-#include "recording/hdf5_types.h"
+#include "recording/growing_table.h"
+#include "recording/hdf5_writing.h"
 #include "recording/header_fields.h"
 #include "recording/recording_file.h"
 
@@ -29,128 +29,6 @@ constexpr std::size_t kEventChunkRows = 64;
 
 std::size_t chunk_rows_at(double rate_hz) {
   return static_cast<std::size_t>(std::clamp(std::floor(kChunk_s * rate_hz), 1.0, kMaxChunkRows));
-}
-
-Handle fixed_text_type(std::size_t size, H5T_cset_t characters) {
-  Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
-  H5Tset_size(type.get(), std::max<std::size_t>(size, 1));
-  H5Tset_strpad(type.get(), H5T_STR_NULLPAD);
-  H5Tset_cset(type.get(), characters);
-  return type;
-}
-
-Handle space_of(std::initializer_list<hsize_t> dims) {
-  if (dims.size() == 0) return Handle(H5Screate(H5S_SCALAR), H5Sclose);
-  return Handle(H5Screate_simple(static_cast<int>(dims.size()), dims.begin(), nullptr), H5Sclose);
-}
-
-// Writes groups, attributes and data sets; ok() is true if all calls succeeded.
-class ObjectWriter {
- public:
-  explicit ObjectWriter(hid_t file) : file_(file) {}
-  bool ok() const { return ok_; }
-
-  Handle group(const char* name) {
-    // stored in the object header; by default HDF5 would move more than eight attributes to a heap
-    Handle properties(H5Pcreate(H5P_GROUP_CREATE), H5Pclose);
-    check(H5Pset_attr_phase_change(properties.get(), 64, 0));
-    check(H5Pset_obj_track_times(properties.get(), false));
-    Handle made(H5Gcreate2(file_, name, H5P_DEFAULT, properties.get(), H5P_DEFAULT), H5Gclose);
-    check(made.ok() ? 0 : -1);
-    return made;
-  }
-
-  void raw_attribute(hid_t object, const char* name, hid_t type, const void* value) {
-    const Handle space = space_of({});
-    const Handle made(H5Acreate2(object, name, type, space.get(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
-    check(made.ok() ? H5Awrite(made.get(), type, value) : -1);
-  }
-  void attribute(hid_t object, const char* name, const std::string& text,
-                 H5T_cset_t characters = H5T_CSET_UTF8) {
-    raw_attribute(object, name, fixed_text_type(text.size(), characters).get(), text.c_str());
-  }
-  void attribute(hid_t object, const char* name, std::uint64_t value) {
-    raw_attribute(object, name, H5T_STD_U64LE, &value);
-  }
-  void attribute(hid_t object, const char* name, std::uint32_t value) {
-    raw_attribute(object, name, H5T_STD_U32LE, &value);
-  }
-  void attribute(hid_t object, const char* name, double value) {
-    raw_attribute(object, name, H5T_IEEE_F64LE, &value);
-  }
-  void attribute(hid_t object, const char* name, int value) {
-    attribute(object, name, static_cast<std::uint32_t>(value));
-  }
-  void attribute(hid_t object, const char* name, bool value) {
-    const auto byte = static_cast<std::uint8_t>(value);
-    raw_attribute(object, name, H5T_STD_U8LE, &byte);
-  }
-
-  // fixed-size data set with its content
-  Handle data_set(hid_t group, const char* name, hid_t type, std::initializer_list<hsize_t> dims,
-                  const void* values) {
-    const Handle space = space_of(dims);
-    Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-    check(H5Pset_obj_track_times(properties.get(), false));
-    check(H5Pset_alloc_time(properties.get(), H5D_ALLOC_TIME_EARLY));
-    Handle made(H5Dcreate2(group, name, type, space.get(), H5P_DEFAULT, properties.get(), H5P_DEFAULT),
-                H5Dclose);
-    check(made.ok() ? H5Dwrite(made.get(), type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) : -1);
-    return made;
-  }
-
-  // extensible data set without rows
-  Handle extensible_data_set(hid_t group, const char* name, hid_t type, hsize_t width, hsize_t chunk_rows) {
-    const int rank = width == 1 ? 1 : 2;
-    const hsize_t none[2] = {0, width}, chunk[2] = {chunk_rows, width};
-    const hsize_t most[2] = {H5S_UNLIMITED, width};
-    const Handle space(H5Screate_simple(rank, none, most), H5Sclose);
-    Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-    check(H5Pset_obj_track_times(properties.get(), false));
-    check(H5Pset_chunk(properties.get(), rank, chunk));
-    check(H5Pset_shuffle(properties.get()));
-    check(H5Pset_deflate(properties.get(), 1));
-    // each chunk is written once, immediately: no cache
-    Handle access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
-    check(H5Pset_chunk_cache(access.get(), 1, 0, 0));
-    Handle made(H5Dcreate2(group, name, type, space.get(), H5P_DEFAULT, properties.get(), access.get()),
-                H5Dclose);
-    check(made.ok() ? 0 : -1);
-    return made;
-  }
-
-  Handle column(hid_t group, const Column& column, hsize_t chunk_rows) {
-    Handle made = extensible_data_set(group, column.name, hdf5_type(column.number), column.width, chunk_rows);
-    attribute(made.get(), "unit", column.unit, H5T_CSET_ASCII);
-    attribute(made.get(), "frame", column.frame, H5T_CSET_ASCII);
-    attribute(made.get(), "description", column.description(), H5T_CSET_ASCII);
-    return made;
-  }
-
-  void check(herr_t status) { ok_ = ok_ && status >= 0; }
-
- private:
-  hid_t file_;
-  bool ok_ = true;
-};
-
-// appends `rows` rows to an extensible data set that has `first` rows
-bool append_rows(const Handle& data_set, hid_t type, hsize_t width, hsize_t first, hsize_t rows,
-                 const void* values) {
-  const int rank = width == 1 ? 1 : 2;
-  const hsize_t extent[2] = {first + rows, width}, start[2] = {first, 0}, size[2] = {rows, width};
-  if (H5Dset_extent(data_set.get(), extent) < 0) return false;
-  const Handle memory(H5Screate_simple(rank, size, nullptr), H5Sclose);
-  const Handle space(H5Dget_space(data_set.get()), H5Sclose);
-  return H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start, nullptr, size, nullptr) >= 0 &&
-         H5Dwrite(data_set.get(), type, memory.get(), space.get(), H5P_DEFAULT, values) >= 0;
-}
-
-// texts of equal length, zero-padded
-std::string padded(const std::vector<std::string>& texts, std::size_t width) {
-  std::string bytes(width * texts.size(), '\0');
-  for (std::size_t i = 0; i < texts.size(); ++i) bytes.replace(i * width, texts[i].size(), texts[i]);
-  return bytes;
 }
 
 // truncates a text at a UTF-8 character boundary if it is too long; zero bytes are removed because they would
@@ -176,65 +54,6 @@ std::vector<std::string> stored_problems(const std::vector<std::string>& problem
   }
   return stored;
 }
-
-// a column and its current, partial chunk
-struct GrowingColumn {
-  const Column* column;
-  Handle data_set;
-  std::vector<std::byte> chunk;
-};
-
-// Columns of equal length. Complete chunks are written once; a partial one is written again, beginning with
-// the same rows, once it has more.
-class GrowingTable {
- public:
-  GrowingTable(std::size_t chunk_rows) : chunk_rows_(chunk_rows) {}
-
-  void add(ObjectWriter& writer, const char* group_name, std::span<const Column> columns) {
-    const Handle group = writer.group(group_name);
-    for (const Column& column : columns)
-      columns_.push_back({&column, writer.column(group.get(), column, chunk_rows_),
-                          std::vector<std::byte>(chunk_rows_ * column.row_bytes())});
-  }
-
-  // copies a record to the columns from `first` on; returns the index after the last one
-  std::size_t put(std::size_t first, std::span<const Column> columns, const void* record) {
-    for (std::size_t c = 0; c < columns.size(); ++c)
-      std::memcpy(columns_[first + c].chunk.data() + filled_ * columns[c].row_bytes(),
-                  static_cast<const std::byte*>(record) + columns[c].offset, columns[c].row_bytes());
-    return first + columns.size();
-  }
-  void next_row() { ++filled_; }
-
-  bool full() const { return filled_ == chunk_rows_; }
-  bool all_flushed() const { return filled_ == flushed_; }
-  std::size_t flushed_rows() const { return start_ + flushed_; }
-
-  // writes the current chunk to the end of the data sets; to be committed
-  bool flush(const CommitFile& bytes) const {
-    return std::ranges::all_of(columns_, [&](const GrowingColumn& of) {
-      return append_rows(of.data_set, hdf5_type(of.column->number), of.column->width, start_, filled_,
-                         of.chunk.data()) &&
-             bytes.error() == 0;
-    });
-  }
-  void committed() {
-    flushed_ = filled_;
-    if (!full()) return;
-    // start the next chunk
-    start_ += chunk_rows_;
-    filled_ = flushed_ = 0;
-    for (GrowingColumn& column : columns_) std::ranges::fill(column.chunk, std::byte{0});
-  }
-  void close() { columns_.clear(); }
-
- private:
-  std::size_t chunk_rows_;
-  std::vector<GrowingColumn> columns_;
-  std::size_t start_ = 0;    // rows in complete chunks
-  std::size_t filled_ = 0;   // rows in the current chunk
-  std::size_t flushed_ = 0;  // rows of the current chunk that are committed
-};
 
 class Hdf5Writer : public RecordingWriter {
  public:
