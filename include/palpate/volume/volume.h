@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <new>
 #include <string>
 #include <utility>
@@ -96,6 +97,8 @@ struct Rgb {
 };
 
 using LabelId = std::uint16_t;  ///< Segment id; 0 is background.
+/// Number of label values, including background.
+inline constexpr std::size_t kLabelValues = std::size_t{std::numeric_limits<LabelId>::max()} + 1;
 
 /// One structure of a segmentation.
 struct Segment {

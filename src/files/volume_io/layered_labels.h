@@ -19,9 +19,6 @@
 /// DICOM segmentations and structure sets, surfaces and masks. Runs in the reader process.
 namespace palpate::volume_io {
 
-/// Number of label values, including background.
-constexpr std::size_t kLabelValues = 65536;
-
 /// Pairs of segment indices that share a voxel, and the number of voxels with more than one segment.
 struct SegmentOverlapPairs {
   std::set<std::pair<int, int>> pairs;

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <new>
 #include <set>
@@ -9,6 +8,7 @@
 #include "volume_io/dicom.h"
 #include "volume_io/formats.h"
 #include "volume_io/label_names.h"
+#include "volume_io/label_sink.h"
 #include "volume_io/layered_labels.h"
 #include "volume_io/masks.h"
 #include "volume_io/meshes.h"
@@ -38,34 +38,6 @@ PlacementOptions with_process_defaults(PlacementOptions placement_options) {
   if (!placement_options.nifti_form) placement_options.nifti_form = all.nifti_form;
   placement_options.scan_is_cropped = placement_options.scan_is_cropped || all.scan_is_cropped;
   return placement_options;
-}
-
-// calls value(index, stored value) for each value of a piece
-template <class T, class Value>
-void for_each_value(std::uint64_t first, std::span<const std::byte> bytes, const Value& value) {
-  for (std::size_t n = 0; n < bytes.size() / sizeof(T); ++n) {
-    T stored;
-    std::memcpy(&stored, bytes.data() + n * sizeof(T), sizeof(T));
-    value(first + n, stored);
-  }
-}
-
-// Reserves memory for all voxels without touching it, so that a header that promises more than the file
-// contains does not consume memory. grow_to() commits it progressively from the front.
-template <class T>
-std::vector<T> unfilled(const GridGeometry& geometry) {
-  std::vector<T> voxels;
-  voxels.reserve(geometry.voxel_count());
-  return voxels;
-}
-
-template <class T>
-void grow_to(std::vector<T>& voxels, std::uint64_t count) {
-  if (count > voxels.size()) voxels.resize(static_cast<std::size_t>(count));
-}
-
-bool is_scaled(const VoxelSource& source) {
-  return source.slope != 1 || source.intercept != 0;
 }
 
 ReadAs& read_as_of_process() {
@@ -113,150 +85,6 @@ bool replace_non_finite(std::vector<float>& voxels, std::size_t& replaced) {
   return true;
 }
 
-// number of label values, including background
-constexpr std::size_t kValues = 65536;
-
-// distributes the values of a label file over the layers, and records which values occur
-class LabelSink {
- public:
-  explicit LabelSink(const VolumeFile& file)
-      : file_(file), present_(static_cast<std::size_t>(file.header.layers), std::vector<char>(kValues)) {
-    for (int layer = 0; layer < file.header.layers; ++layer)
-      layers_.push_back(unfilled<LabelId>(file.header.geometry));
-  }
-
-  template <class T>
-  Result<void> take(std::uint64_t first, std::span<const std::byte> bytes) {
-    const std::uint64_t layers = layers_.size(), voxels = file_.header.geometry.voxel_count();
-    const bool scaled = is_scaled(file_.voxels);
-    grow(first + bytes.size() / sizeof(T));
-    std::optional<std::uint64_t> wrong;
-    for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
-      LabelId label = 0;
-      if (!to_label(stored, scaled, label)) {
-        if (is_large_id(stored, scaled))
-          large_ids_.insert(static_cast<std::uint64_t>(stored));
-        else if (!wrong)
-          wrong = n;
-        return;
-      }
-      // avoids two divisions per voxel in the usual case of a single layer
-      std::uint64_t layer = 0, voxel = n;
-      if (layers > 1) {
-        layer = file_.layers_first ? n % layers : n / voxels;
-        voxel = file_.layers_first ? n / layers : n % voxels;
-      }
-      layers_[layer][voxel] = label;
-      present_[layer][label] = 1;
-    });
-    if (wrong) return label_error(*wrong);
-    // a 32-bit scan may have any number of them
-    if (large_ids_.size() > kValues) return large_id_error();
-    return {};
-  }
-  /// To be called after the last voxel. Errors: ids above 65535.
-  Result<void> check_ids() const {
-    if (large_ids_.empty()) return {};
-    return large_id_error();
-  }
-
-  /// Takes all voxels from the cache; false if they are not cached.
-  bool load(const VoxelCacheEntry& cache_entry) {
-    auto layers = cache_entry.find_labels(layers_.size());
-    if (layers.empty()) return false;
-    layers_ = std::move(layers);
-    for (std::size_t layer = 0; layer < layers_.size(); ++layer) observe(layers_[layer], present_[layer]);
-    return true;
-  }
-  /// Stores the voxels in the cache, after the last voxel.
-  void store(const VoxelCacheEntry& cache_entry) const { cache_entry.store_labels(layers_); }
-  /// Moves the layers out, after the last voxel.
-  std::vector<Volume<LabelId>> take_layers() {
-    std::vector<Volume<LabelId>> layers;
-    for (auto& voxels : layers_) layers.emplace_back(file_.header.geometry, std::move(voxels));
-    return layers;
-  }
-  bool present(std::size_t layer, LabelId value) const { return present_[layer][value] != 0; }
-
- private:
-  // grows every layer to cover the first `values` values of the file
-  void grow(std::uint64_t values) {
-    const std::uint64_t layers = layers_.size(), voxels = file_.header.geometry.voxel_count();
-    for (std::uint64_t layer = 0; layer < layers; ++layer) {
-      const std::uint64_t before = file_.layers_first ? 0 : layer * voxels;
-      const std::uint64_t here =
-          file_.layers_first ? (values + layers - 1) / layers : values - std::min(values, before);
-      grow_to(layers_[layer], std::min(here, voxels));
-    }
-  }
-  // most voxels equal their predecessor
-  static void observe(const std::vector<LabelId>& voxels, std::vector<char>& present) {
-    LabelId last = 0;
-    for (const LabelId label : voxels) {
-      if (label == last) continue;
-      present[label] = 1;
-      last = label;
-    }
-  }
-  template <class T>
-  bool to_label(T stored, bool scaled, LabelId& label) const {
-    if constexpr (std::is_integral_v<T>) {
-      if (!scaled) {
-        if (!std::in_range<LabelId>(stored)) return false;
-        label = static_cast<LabelId>(stored);
-        return true;
-      }
-    }
-    double value = file_.voxels.slope * static_cast<double>(stored) + file_.voxels.intercept;
-    // a 32-bit slope, as in NIfTI, is accurate to 6e-8
-    constexpr double kSlopeRounding = 1e-6;
-    if (scaled && std::abs(value - std::round(value)) <= kSlopeRounding * std::max(1.0, value))
-      value = std::round(value);
-    if (!(value >= 0 && value <= 65535) || value != std::floor(value)) return false;
-    label = static_cast<LabelId>(value);
-    return true;
-  }
-  template <class T>
-  static bool is_large_id(T stored, bool scaled) {
-    if constexpr (std::is_integral_v<T>)
-      return !scaled && std::cmp_greater_equal(stored, kValues);
-    else
-      return false;
-  }
-  Error large_id_error() const {
-    constexpr std::size_t kNamed = 3;
-    std::string some;
-    for (auto id = large_ids_.begin(); id != large_ids_.end() && std::distance(large_ids_.begin(), id) <
-                                                                     static_cast<std::ptrdiff_t>(kNamed);
-         ++id)
-      some += (some.empty() ? "" : ", ") + std::to_string(*id);
-    const std::size_t count = large_ids_.size();
-    const std::string number =
-        count > kValues ? "more than " + std::to_string(kValues) : std::to_string(count);
-    return bad_input(file_.voxels.file.string(),
-                     "has " + number + (count == 1 ? " label" : " labels") + " above 65535 (" + some +
-                         (count > kNamed ? ", ..." : "") + "), but labels must be in 0 ... 65535",
-                     "renumber the labels and their names with smaller, distinct numbers; if it is a scan, "
-                     "give it as the scan (--scan)");
-  }
-  Error label_error(std::uint64_t n) const {
-    const auto& dims = file_.header.geometry.dims;
-    const std::uint64_t voxel =
-        file_.layers_first ? n / layers_.size() : n % file_.header.geometry.voxel_count();
-    const auto nx = static_cast<std::uint64_t>(dims[0]), ny = static_cast<std::uint64_t>(dims[1]);
-    return bad_input(file_.voxels.file.string(),
-                     "voxel (" + std::to_string(voxel % nx) + ", " + std::to_string(voxel / nx % ny) + ", " +
-                         std::to_string(voxel / nx / ny) +
-                         ") holds no label: labels are whole numbers in 0 ... 65535",
-                     "is it a scan? give it as the scan, not as the labels");
-  }
-
-  const VolumeFile& file_;
-  std::vector<std::vector<LabelId>> layers_;
-  std::vector<std::vector<char>> present_;  // indexed by layer and value
-  std::set<std::uint64_t> large_ids_;       // ids above 65535
-};
-
 // True if a row of a table names the segment.
 // @param by_colour  labels are the colours of images, which have no numbers of their own
 bool names_segment(const NamedLabel& named, const Segment& segment, bool by_colour) {
@@ -285,13 +113,13 @@ Result<std::vector<Segment>> find_segments(const VolumeFile& file, const LabelSi
     });
   std::set<std::pair<int, LabelId>> known;
   for (const Segment& s : segments) known.emplace(s.layer, s.value);
-  for (int layer = 0; layer < file.header.layers && segments.size() < kValues; ++layer)
-    for (std::size_t v = 1; v < kValues; ++v) {
+  for (int layer = 0; layer < file.header.layers && segments.size() < kLabelValues; ++layer)
+    for (std::size_t v = 1; v < kLabelValues; ++v) {
       const auto value = static_cast<LabelId>(v);
       if (sink.present(static_cast<std::size_t>(layer), value) && !known.contains({layer, value}))
         segments.push_back({0, "", colour_for(value), layer, value});
     }
-  if (segments.size() >= kValues || !number_segments(segments))
+  if (segments.size() >= kLabelValues || !number_segments(segments))
     return bad_input(file.voxels.file.string(), "has more segments than label numbers");
   return segments;
 }
@@ -500,7 +328,7 @@ Result<LabelFile> take_labels(VolumeReader& reader, const std::filesystem::path&
   const auto found = find_names(file, path, names, scan, warn);
   if (!found) return found.error();
   const auto layers = static_cast<std::uint64_t>(file.header.layers);
-  if (auto plausible = check_plausible(file, sizeof(LabelId), layers * kValues); !plausible)
+  if (auto plausible = check_plausible(file, sizeof(LabelId), layers * kLabelValues); !plausible)
     return plausible.error();
 
   LabelSink sink(file);

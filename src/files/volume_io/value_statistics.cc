@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "palpate/base/for_each_index.h"
 
@@ -11,8 +10,6 @@ namespace palpate {
 using namespace volume_io;
 
 namespace {
-
-constexpr std::size_t kLabelValues = std::size_t{std::numeric_limits<LabelId>::max()} + 1;
 
 /// Counts of one worker.
 struct ValueCounts {
