@@ -47,18 +47,18 @@ int presses_requested() {
 
 struct FreeAirFigures {
   int presses = 0, back = 0, lateral = 0;
-  int reached_free_back = 0,
-      reached_free_lateral = 0;  ///< exit paths that reached free air, where the tip then rested
-  int hooked = 0;  ///< withdrawals along the entry path of a tool that had slid around an obstacle, which
-                   ///< then constrains it; not counted as failures
+  /// Exit paths that reached free air, where the tip then rested.
+  int reached_free_back = 0, reached_free_lateral = 0;
+  /// Withdrawals along the entry path of a tool that had slid around an obstacle, which then constrains it;
+  /// not counted as failures.
+  int hooked = 0;
   int within_while_free =
-      0;                ///< ticks in which an inner layer exerted force while the outermost proxy was free
-  int unexplained = 0;  ///< ticks with a force that neither a contact nor a release explains
+      0;                ///< Ticks in which an inner layer exerted force while the outermost proxy was free
+  int unexplained = 0;  ///< Ticks with a force that neither a contact nor a release explains
   int jumps = 0, slow_releases = 0;
-  int residual_after_back = 0,
-      residual_after_lateral =
-          0;      ///< withdrawals and lateral exits after which more than kResidual_N remained
-  int grown = 0;  ///< withdrawals in which the force increased in free air
+  /// Withdrawals and lateral exits after which more than kResidual_N remained.
+  int residual_after_back = 0, residual_after_lateral = 0;
+  int grown = 0;  ///< Withdrawals in which the force increased in free air
   double largest_jump_N = 0, max_released_N = 0, max_residual_N = 0, longest_residual_s = 0;
 };
 
