@@ -31,6 +31,8 @@ function(palpate_test_options target)
   if(PALPATE_PRECOMPILE_TESTS)
     palpate_precompiled_headers(headers "${OPTIONS_NUMERIC}")
     target_precompile_headers(${target} REUSE_FROM ${headers})
+    # compiled with these options, which programs without GoogleTest lack
+    target_compile_options(${target} PRIVATE $<TARGET_PROPERTY:GTest::gtest,INTERFACE_COMPILE_OPTIONS>)
   endif()
 endfunction()
 

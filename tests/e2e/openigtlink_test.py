@@ -5,6 +5,7 @@ import signal
 import socket
 import struct
 import subprocess
+import time
 
 import cli
 
@@ -54,8 +55,11 @@ class OpenIgtLinkTest(cli.PalpateTest):
     def test_a_scripted_hand_touches_what_it_reports(self):
         # with its page, which offers no tasks then
         client = Client(self.started("explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--port", "0", "--repeat"))
-        structures, largest_N, tips = set(), 0.0, set()
-        for _ in range(2000):
+        structures, largest_N, tips = {"none"}, 0.0, set()
+        # on a busy machine the hand starts to move late
+        deadline = time.monotonic() + 300
+        while len(tips) <= 100 or largest_N <= 0.2 or structures == {"none"}:
+            self.assertLess(time.monotonic(), deadline, f"{len(tips)} tips, {largest_N:.2f} N, {structures}")
             kind, name, body = client.next()
             if name == "ProbeToRAS":
                 tips.add(struct.unpack(">3f", body[36:]))
@@ -63,9 +67,6 @@ class OpenIgtLinkTest(cli.PalpateTest):
                 largest_N = max(largest_N, sum(f * f for f in struct.unpack(">3f", body[36:])) ** 0.5)
             if kind == "STRING":
                 structures.add(body[4:].decode())
-        self.assertGreater(len(tips), 100)
-        self.assertGreater(largest_N, 0.2)
-        self.assertGreater(len(structures - {"none"}), 0)
         client.ask("GET_IMAGE", "Labels")
         while True:
             kind, name, body = client.next()
