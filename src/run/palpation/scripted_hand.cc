@@ -22,15 +22,15 @@ namespace {
 constexpr double kForceGain_mm_per_s_per_N = 15, kForceRate_per_s = 5;
 constexpr double kMaxPressing_mm_s = 12;
 // time constant of the low-pass filter on the perceived force
-constexpr double kFeeling_s = 0.03;
-constexpr double kNormalFeeling_s = 0.15;
+constexpr double kForceFilter_s = 0.03;
+constexpr double kNormalFilter_s = 0.15;
 // a press fails if it has not settled kPatience_s after the time that its travel needs; a hold fails
 // kHoldPatience_s after its requested duration
 constexpr double kPatience_s = 6, kHoldPatience_s = 3;
 constexpr double kSettledWithin = 0.1;
 // Force of a contact without a press, and approach speed. Before a gentle press the contact force is at most
 // this fraction of the press's force.
-constexpr double kTouch_N = 0.1, kTouchOfPress = 0.5, kTouching_mm_s = 8;
+constexpr double kTouch_N = 0.1, kTouchForcePerPressForce = 0.5, kTouchSpeed_mm_s = 8;
 // duration of contact with the requested structure that counts as a touch
 constexpr double kTouchAfter_s = 0.01;
 // duration of contact with another structure after which an approach tries the next site
@@ -45,7 +45,7 @@ constexpr double kContactLostAfter_s = 0.1;
 // behind the depth because of its low-pass filter, hence the relative limit.
 constexpr double kMaxOver_mm = 0.7, kMaxOvershoot = 0.4, kOver_s = 0.004;
 // tolerated lag of the tip behind the commanded position in free motion, beyond the lag by friction
-constexpr double kLeash_mm = 2.5;
+constexpr double kTrackingTolerance_mm = 2.5;
 // distance between tip and commanded position, beyond force and that tolerance, at which the hand gives up
 constexpr double kPushedAway_mm = 4;
 // time without progress after which the hand counts as stuck
@@ -208,17 +208,17 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
   const auto* approach = std::get_if<ApproachStep>(&action);
   if (!approach) return step;
 
-  TouchRequest wish;
-  wish.clearance_mm = approach->clearance_mm;
-  wish.landmark = approach->landmark;
-  wish.from = approach->from;
+  TouchRequest request;
+  request.clearance_mm = approach->clearance_mm;
+  request.landmark = approach->landmark;
+  request.from = approach->from;
   if (approach->point) {
     step.structure = contact_structure_near(*model_, *approach->point);
     if (step.structure == 0)
       return Error{ErrorKind::kBadInput,
                    "no touchable structure within 5 mm of the point " + position_text(*approach->point),
                    where, "give a point on a surface, in patient coordinates (mm, LPS), or name a structure"};
-    wish.near = {*approach->point};
+    request.near = {*approach->point};
   } else {
     const auto label = find_structure(*model_, approach->structure, where);
     if (!label) return label.error();
@@ -231,10 +231,10 @@ Result<ScriptedHand::PlannedStep> ScriptedHand::planned(const ScriptStep& action
   if (const auto* other = std::get_if<std::string>(&approach->nearest)) {
     const auto label = find_structure(*model_, *other, where);
     if (!label) return label.error();
-    wish.near = some_of_border(*model_, *label);
+    request.near = some_of_border(*model_, *label);
   }
-  if (const auto* site = std::get_if<Point<Patient>>(&approach->nearest)) wish.near = {*site};
-  step.sites = find_touch_sites(*model_, free_space_, step.structure, wish);
+  if (const auto* site = std::get_if<Point<Patient>>(&approach->nearest)) request.near = {*site};
+  step.sites = find_touch_sites(*model_, free_space_, step.structure, request);
   if (step.sites.sites.size() > kMaxTries) step.sites.sites.resize(kMaxTries);
   return step;
 }
@@ -299,7 +299,7 @@ Vector<World> ScriptedHand::tremor() const {
 
 std::optional<Point<World>> ScriptedHand::next(const TickRecord& tick, double dt_s, HandCommands& commands) {
   if (step_ == steps_.size()) return std::nullopt;
-  feel(tick, dt_s);
+  update_perception(tick, dt_s);
   time_s_ += dt_s;
   // at most one step per tick: the next one begins in the next tick
   const PlannedStep& step = steps_[step_];
@@ -324,7 +324,7 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& tick, double dt
     site_index_ = 0;
     refusal_.clear();
   }
-  lay_ = X_WorldPatient(tick);
+  last_X_WorldPatient_ = X_WorldPatient(tick);
   return commanded_ + tremor();
 }
 
@@ -333,11 +333,11 @@ Transform<World, Patient> ScriptedHand::X_WorldPatient(const TickRecord& tick) c
   return rotated_object_pose(model_->X_WorldPatient, quaternion(tick.rotation_applied_wxyz));
 }
 
-void ScriptedHand::feel(const TickRecord& tick, double dt_s) {
-  filtered_N_ = low_pass(filtered_N_, norm(tick.device[0].force_N), dt_s, kFeeling_s);
+void ScriptedHand::update_perception(const TickRecord& tick, double dt_s) {
+  filtered_N_ = low_pass(filtered_N_, norm(tick.device[0].force_N), dt_s, kForceFilter_s);
   const auto& n = tick.device[0].normal_patient;
   const Vector<World> now = X_WorldPatient(tick) * Vector<Patient>(n[0], n[1], n[2]);
-  filtered_normal_ = filtered_normal_ + (now - filtered_normal_) * std::min(1.0, dt_s / kNormalFeeling_s);
+  filtered_normal_ = filtered_normal_ + (now - filtered_normal_) * std::min(1.0, dt_s / kNormalFilter_s);
 }
 
 // runs one tick of a step; true when the step is done
@@ -371,7 +371,7 @@ bool ScriptedHand::approach(const PlannedStep& step, const TickRecord& tick, dou
   phase_time_s_ += dt_s;
   if (phase_ == Approach::kPlan) return plan(step, tick);
   if (phase_ == Approach::kTouch) return touch(step, tick, dt_s);
-  walk_to_site(step, tick, dt_s);
+  follow_path_to_site(step, tick, dt_s);
   return false;
 }
 
@@ -380,7 +380,7 @@ double ScriptedHand::touch_of_approach() const {
   for (std::size_t n = step_ + 1; n < steps_.size(); ++n) {
     if (std::holds_alternative<ApproachStep>(steps_[n].action)) break;
     if (const auto* press = std::get_if<PressStep>(&steps_[n].action))
-      return std::min(kTouch_N, kTouchOfPress * press->force_N);
+      return std::min(kTouch_N, kTouchForcePerPressForce * press->force_N);
   }
   return kTouch_N;
 }
@@ -410,7 +410,7 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& tick) {
     path_.assign(approach_path_.rbegin(), approach_path_.rend());
     inward_ = X * -site.from;
     target_N_ = contact_s_ = over_s_ = stuck_s_ = phase_time_s_ = 0;
-    phase_ = Approach::kWalk;
+    phase_ = Approach::kFollowPath;
     return false;
   }
   touching_ = false;
@@ -418,7 +418,7 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& tick) {
   return true;
 }
 
-void ScriptedHand::walk_to_site(const PlannedStep& step, const TickRecord& tick, double dt_s) {
+void ScriptedHand::follow_path_to_site(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const LabelId encountered = tick.device[0].label;
   // the surface may protrude beyond the expected place
   if (encountered == step.structure && path_.size() == 1) {
@@ -433,7 +433,7 @@ void ScriptedHand::walk_to_site(const PlannedStep& step, const TickRecord& tick,
   }
   const bool inside = (tick.device[0].flags & kFlagInside) != 0;
   contact_s_ = encountered != 0 || inside ? contact_s_ + dt_s : 0;
-  if (const auto over = excess_depth(tick, dt_s); over || contact_s_ > kObstacleAfter_s)
+  if (const auto over = update_excess_depth(tick, dt_s); over || contact_s_ > kObstacleAfter_s)
     return try_next_site(tick, "on the path the hand touched " +
                                    (encountered != 0 ? model_->name_of(encountered) : "something") + " at " +
                                    position_text(point<Patient>(tick.device[0].proxy_patient_mm)));
@@ -468,7 +468,7 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double
     try_next_site(tick, wrong_contact(tick));
     return false;
   }
-  if (excess_depth(tick, dt_s)) {
+  if (update_excess_depth(tick, dt_s)) {
     try_next_site(
         tick, "the tip entered without contact at " + position_text(point<Patient>(device.tip_patient_mm)));
     return false;
@@ -481,7 +481,7 @@ bool ScriptedHand::touch(const PlannedStep& step, const TickRecord& tick, double
                             position_text(step.sites.sites[site_index_].surface.point));
     return false;
   }
-  commanded_ += inward_ * (std::min(kTouching_mm_s, careful_speed_mm_s(step.structure, tick)) * dt_s);
+  commanded_ += inward_ * (std::min(kTouchSpeed_mm_s, careful_speed_mm_s(step.structure, tick)) * dt_s);
   return false;
 }
 
@@ -500,8 +500,8 @@ void ScriptedHand::try_next_site(const TickRecord& tick, const std::string& why)
 bool ScriptedHand::press(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const auto& action = std::get<PressStep>(step.action);
   target_N_ = requested_N_ = action.force_N;
-  if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, *over);
-  if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
+  if (const auto over = update_excess_depth(tick, dt_s)) return fail(step, tick, *over);
+  if (const auto why = update_contact_loss(step, tick, dt_s)) return fail(step, tick, *why);
   regulate_contact(tick, dt_s);
   const bool at_force = tick.device[0].label == step.structure &&
                         (cutting_ || is_within(filtered_N_, requested_N_, kSettledWithin));
@@ -517,8 +517,8 @@ bool ScriptedHand::press(const PlannedStep& step, const TickRecord& tick, double
 
 bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const auto& action = std::get<HoldStep>(step.action);
-  if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, *over);
-  if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
+  if (const auto over = update_excess_depth(tick, dt_s)) return fail(step, tick, *over);
+  if (const auto why = update_contact_loss(step, tick, dt_s)) return fail(step, tick, *why);
   regulate_contact(tick, dt_s);
   const double force_N = norm(tick.device[0].force_N);
   const bool is_settled = tick.device[0].label == step.structure &&
@@ -534,8 +534,9 @@ bool ScriptedHand::hold(const PlannedStep& step, const TickRecord& tick, double 
 
 bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& tick, double dt_s) {
   const auto& action = std::get<SlideStep>(step.action);
-  if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, "unexpected obstacle: " + *over);
-  if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
+  if (const auto over = update_excess_depth(tick, dt_s))
+    return fail(step, tick, "unexpected obstacle: " + *over);
+  if (const auto why = update_contact_loss(step, tick, dt_s)) return fail(step, tick, *why);
   const Transform<World, Patient> X = X_WorldPatient(tick);
   const Vector<World> direction = (X * action.direction).normalized();
   const Vector<World> along = direction - inward_ * inward_.dot(direction);
@@ -548,8 +549,8 @@ bool ScriptedHand::slide(const PlannedStep& step, const TickRecord& tick, double
   sum_Ns_ += norm(tick.device[0].force_N) * dt_s;
   regulate_contact(tick, dt_s);
   if (slid_mm_ >= action.distance_mm) {
-    const auto badly = force_deviation(step_time_s_ + dt_s);
-    return badly ? fail(step, tick, *badly) : true;
+    const auto deviation = force_deviation(step_time_s_ + dt_s);
+    return deviation ? fail(step, tick, *deviation) : true;
   }
   const double speed_mm_s = std::min(action.speed_mm_s, careful_speed_mm_s(step.structure, tick));
   commanded_ += along.normalized() * (speed_mm_s * dt_s);
@@ -588,8 +589,8 @@ bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& tick, doubl
                           Eigen::Quaterniond& target) {
   const auto& action = std::get<RotateStep>(step.action);
   if (touching_) {
-    if (const auto over = excess_depth(tick, dt_s)) return fail(step, tick, *over);
-    if (const auto why = lost(step, tick, dt_s)) return fail(step, tick, *why);
+    if (const auto over = update_excess_depth(tick, dt_s)) return fail(step, tick, *over);
+    if (const auto why = update_contact_loss(step, tick, dt_s)) return fail(step, tick, *why);
     sum_Ns_ += norm(tick.device[0].force_N) * dt_s;
     regulate_contact(tick, dt_s);
   } else if (!turning_) {
@@ -610,8 +611,8 @@ bool ScriptedHand::rotate(const PlannedStep& step, const TickRecord& tick, doubl
   target = Eigen::Quaterniond(Eigen::AngleAxisd(radians, action.axis_world.normalized())) * rotation_start_;
   turned_s_ += dt_s;
   if (turned_s_ < action.seconds + kRotationSettings.interval_s) return false;
-  const auto badly = touching_ ? force_deviation(turned_s_) : std::nullopt;
-  return badly ? fail(step, tick, *badly) : true;
+  const auto deviation = touching_ ? force_deviation(turned_s_) : std::nullopt;
+  return deviation ? fail(step, tick, *deviation) : true;
 }
 
 bool ScriptedHand::change_method(const MethodStep& change, const TickRecord& tick, double dt_s,
@@ -637,7 +638,7 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& tick, d
     law_ = law;
     settled_s_ += dt_s;
     if (!touching_ || settled_s_ >= kMaxPush_s) return true;
-    (void)excess_depth(tick, dt_s);
+    (void)update_excess_depth(tick, dt_s);
     const bool is_blending = (tick.device[0].flags & kFlagBlend) != 0;
     return settled_s_ >= kBriefly_s && !is_blending && over_s_ == 0;
   }
@@ -718,7 +719,7 @@ double ScriptedHand::deformable_stiffness_N_per_mm(const ElasticConstants& const
 
 // Detects a tip that is deeper than the target force explains, or, during an approach, than the touch force
 // does.
-std::optional<std::string> ScriptedHand::excess_depth(const TickRecord& tick, double dt_s) {
+std::optional<std::string> ScriptedHand::update_excess_depth(const TickRecord& tick, double dt_s) {
   const DeviceTick& device = tick.device[0];
   const double force_N = limited(std::max(target_N_, touch_N_), tick);
   const LabelId encountered = device.label != 0 ? device.label : steps_[step_].structure;
@@ -740,7 +741,8 @@ std::optional<std::string> ScriptedHand::excess_depth(const TickRecord& tick, do
                  explained_mm);
 }
 
-std::optional<std::string> ScriptedHand::lost(const PlannedStep& step, const TickRecord& tick, double dt_s) {
+std::optional<std::string> ScriptedHand::update_contact_loss(const PlannedStep& step, const TickRecord& tick,
+                                                             double dt_s) {
   const DeviceTick& device = tick.device[0];
   deviation_s_ = device.label == step.structure ? 0 : deviation_s_ + dt_s;
   if ((device.flags & kFlagRuptured) != 0) return "the tool punctured a surface";
@@ -826,7 +828,7 @@ std::string ScriptedHand::wrong_contact(const TickRecord& tick) const {
 
 // lag of the tip behind a hand in free motion
 double ScriptedHand::tracking_tolerance_mm(const TickRecord& tick) const {
-  return 1e3 * device_.coulomb_N / hand_.stiffness_N_per_m * tick.device[0].scale + kLeash_mm;
+  return 1e3 * device_.coulomb_N / hand_.stiffness_N_per_m * tick.device[0].scale + kTrackingTolerance_mm;
 }
 
 // speed at which an unexpected surface is penetrated by at most kCarefulDip before the hand stops
@@ -882,7 +884,8 @@ void ScriptedHand::regulate_force(const TickRecord& tick, double dt_s) {
 void ScriptedHand::regulate_contact(const TickRecord& tick, double dt_s) {
   if (filtered_normal_.norm() > 0.5) inward_ = -filtered_normal_.normalized();
   const Point<Patient> at = point<Patient>(tick.device[0].proxy_patient_mm);
-  if (lay_) commanded_ += inward_ * inward_.dot(X_WorldPatient(tick) * at - *lay_ * at);
+  if (last_X_WorldPatient_)
+    commanded_ += inward_ * inward_.dot(X_WorldPatient(tick) * at - *last_X_WorldPatient_ * at);
   regulate_force(tick, dt_s);
 
   // extend the return path by the current position

@@ -137,7 +137,7 @@ LabelId first_touchable(const Model& model, const Point<Patient>& from, const Ve
 
 // ratio of a ramp's actual to its nominal force at pressing depth: lower in thin tissue, and where the normal
 // changes with depth
-double give(const Model& model, const SurfacePoint& candidate, LabelId structure) {
+double ramp_force_ratio(const Model& model, const SurfacePoint& candidate, LabelId structure) {
   if (model.ramp_width_mm == 0) return 1;
   const FieldSample below =
       sample_central_differences(*model.field, candidate.point - candidate.normal * kPress_mm);
@@ -208,7 +208,7 @@ std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId str
     const double evenness = 1 / (1 + 8 * convexity(model, *surface, candidate.normal));
     const double own = own_fraction(model, *surface, candidate.normal, structure);
     // a thin wall gives a ramp no force, but still stops the proxy
-    const double firmness = 0.02 + 0.98 * give(model, candidate, structure);
+    const double firmness = 0.02 + 0.98 * ramp_force_ratio(model, candidate, structure);
     const double score = own * own * own * evenness * (0.15 + reach) * firmness;
     if (score > 0) candidates.push_back({candidate, score});
   }

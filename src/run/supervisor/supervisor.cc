@@ -159,10 +159,10 @@ Result<std::unique_ptr<Supervisor>> Supervisor::start(const SupervisorSettings& 
   File file(::memfd_create("palpate-supervisor", MFD_CLOEXEC));
   if (file.number() < 0 || ::ftruncate(file.number(), sizeof(SharedBlock)) != 0)
     return refused("memory to share");
-  void* room = ::mmap(nullptr, sizeof(SharedBlock), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE,
-                      file.number(), 0);
-  if (room == MAP_FAILED) return refused("memory to share");
-  auto* block = new (room) SharedBlock;
+  void* memory = ::mmap(nullptr, sizeof(SharedBlock), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE,
+                        file.number(), 0);
+  if (memory == MAP_FAILED) return refused("memory to share");
+  auto* block = new (memory) SharedBlock;
   // a device that received halts of an earlier supervisor only obeys larger numbers; numbering by nanoseconds
   // guarantees that
   block->heartbeat.halts = block->heartbeat.ended_halts = static_cast<std::uint64_t>(monotonic_ns());
