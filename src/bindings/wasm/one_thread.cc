@@ -25,7 +25,7 @@ namespace server {
 
 // ---- volumes are made within the request
 
-PayloadStore::PayloadStore(Maker make) : make_(std::move(make)) {}
+PayloadStore::PayloadStore(Generator make) : make_(std::move(make)) {}
 PayloadStore::~PayloadStore() = default;
 void PayloadStore::run(std::function<void()> job) {
   job();
@@ -36,7 +36,7 @@ std::shared_ptr<const std::string> gzip(const std::string& /*bytes*/, const std:
                                         int /*level*/) {
   return nullptr;
 }
-std::optional<Who> Tokens::holder_of(std::string_view /*token*/) const {
+std::optional<AuthenticatedViewer> Tokens::holder_of(std::string_view /*token*/) const {
   return {};
 }
 std::vector<std::string> Tokens::learners() const {

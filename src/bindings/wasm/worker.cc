@@ -130,7 +130,7 @@ Result<void> WorkerSession::begin() {
   const ViewedScene& scene = live_.scene();
   scale_ = scene.scan ? server::ScanScale::of(*scene.scan) : server::ScanScale{};
   const server::VolumeFacts facts = server::facts_of(scene, scale_);
-  volumes_.emplace(server::volume_maker(scene.scan, scale_, scene.labels, facts.wide_labels));
+  volumes_.emplace(server::volume_generator(scene.scan, scale_, scene.labels, facts.wide_labels));
   site_.emplace(live_, server::Access("localhost", kPort, false, {}, {}), facts);
   // a single page next to its server: downloads are not paced
   const server::DownloadRateLimiter downloads(0, server::DownloadRateLimiter::Clock::now());

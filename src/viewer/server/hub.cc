@@ -33,17 +33,17 @@ bool has_reserved_slot(Role role) {
 
 // permission that a request needs
 Permission permission_for(const Request& request) {
-  if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) {
+  if (const auto* settings = std::get_if<SettingsRequest>(&request.body)) {
     bool is_haptic = settings->law.has_value();
     visit_settings([&](const auto& setting) {
       is_haptic = is_haptic || (setting.is_haptic && settings->*setting.change);
     });
     return is_haptic ? Permission::kChangeContact : Permission::kOperateTool;
   }
-  if (std::holds_alternative<TissueRequest>(request.what)) return Permission::kChangeContact;
-  if (std::holds_alternative<PlanRequest>(request.what)) return Permission::kPlan;
-  if (std::holds_alternative<PlayRequest>(request.what)) return Permission::kPlay;
-  if (std::holds_alternative<LessonRequest>(request.what)) return Permission::kLesson;
+  if (std::holds_alternative<TissueRequest>(request.body)) return Permission::kChangeContact;
+  if (std::holds_alternative<PlanRequest>(request.body)) return Permission::kPlan;
+  if (std::holds_alternative<PlayRequest>(request.body)) return Permission::kPlay;
+  if (std::holds_alternative<LessonRequest>(request.body)) return Permission::kLesson;
   return Permission::kOperateTool;
 }
 
@@ -86,7 +86,7 @@ void Hub::begin() {
 void Hub::end() {
   ended_ = true;
   pose_timer_->cancel();
-  stop_later(Clock::now() + kDeliveryTimeout);
+  stop_when_delivered(Clock::now() + kDeliveryTimeout);
   for (const auto& connection : std::vector(connections_.begin(), connections_.end())) connection->close();
   // the state in which the session ended, and the results of a run that ended with it
   publish_state();
@@ -96,12 +96,12 @@ void Hub::end() {
 }
 
 // drops viewers that have not closed soon after their last message, or not received it by `latest`
-void Hub::stop_later(Clock::time_point latest) {
+void Hub::stop_when_delivered(Clock::time_point latest) {
   housekeeping_timer_->wait_until(Clock::now() + kShutdownTimeout, [this, latest] {
     const bool all_sent =
         std::ranges::all_of(viewers_, [](const auto& viewer) { return viewer->is_ending(); });
     if (all_sent || Clock::now() >= latest) return loop_.stop();
-    stop_later(latest);
+    stop_when_delivered(latest);
   });
 }
 
@@ -247,21 +247,21 @@ std::string Hub::answer(Viewer& viewer, const Request& request) {
 
 Result<RequestOutcome> Hub::execute(Viewer& viewer, const Request& request) {
   // every viewer may stop
-  if (std::holds_alternative<StopRequest>(request.what)) {
+  if (std::holds_alternative<StopRequest>(request.body)) {
     host_.emergency_stop(viewer.identity());
     return RequestOutcome::kDone;
   }
-  if (const auto* refusal = std::get_if<Error>(&request.what)) return *refusal;
+  if (const auto* refusal = std::get_if<Error>(&request.body)) return *refusal;
   const Permission permission = permission_for(request);
   if (!is_permitted(viewer.who().role, permission, !host_.scene().tasks.empty()))
     return missing_permission(viewer.who().role, permission);
   if (permission == Permission::kOperateTool)
     if (const auto allowed = check_may_operate(viewer); !allowed) return allowed.error();
-  if (const auto* play = std::get_if<PlayRequest>(&request.what)) return outcome_of(execute_play(*play));
-  if (const auto* plan = std::get_if<PlanRequest>(&request.what)) return outcome_of(host_.change(*plan));
-  if (const auto* lesson = std::get_if<LessonRequest>(&request.what))
+  if (const auto* play = std::get_if<PlayRequest>(&request.body)) return outcome_of(execute_play(*play));
+  if (const auto* plan = std::get_if<PlanRequest>(&request.body)) return outcome_of(host_.change(*plan));
+  if (const auto* lesson = std::get_if<LessonRequest>(&request.body))
     return outcome_of(execute_lesson(*lesson));
-  if (const auto* pointer = std::get_if<PointerRequest>(&request.what))
+  if (const auto* pointer = std::get_if<PointerRequest>(&request.body))
     return outcome_of(execute_pointer(viewer, *pointer));
   if (live_ == nullptr) return read_only_error(host_);
   const auto set = [&](auto requested) {
@@ -269,17 +269,17 @@ Result<RequestOutcome> Hub::execute(Viewer& viewer, const Request& request) {
     requested.id = request.id;
     return live_->set(requested);
   };
-  if (const auto* settings = std::get_if<SettingsRequest>(&request.what)) return set(*settings);
-  if (const auto* tissue = std::get_if<TissueRequest>(&request.what)) return set(*tissue);
-  if (const auto* stroke = std::get_if<StrokeRequest>(&request.what)) return set(*stroke);
-  if (const auto* task = std::get_if<TaskRequest>(&request.what))
+  if (const auto* settings = std::get_if<SettingsRequest>(&request.body)) return set(*settings);
+  if (const auto* tissue = std::get_if<TissueRequest>(&request.body)) return set(*tissue);
+  if (const auto* stroke = std::get_if<StrokeRequest>(&request.body)) return set(*stroke);
+  if (const auto* task = std::get_if<TaskRequest>(&request.body))
     return outcome_of(execute_task(viewer, *task));
-  return outcome_of(execute_rearm(viewer, std::get<RearmRequest>(request.what)));
+  return outcome_of(execute_rearm(viewer, std::get<RearmRequest>(request.body)));
 }
 
 // a learner may operate the tool only if the run is attributed to that learner
 Result<void> Hub::check_may_operate(const Viewer& viewer) const {
-  const Who& who = viewer.who();
+  const AuthenticatedViewer& who = viewer.who();
   if (who.role != Role::kLearner) return {};
   const ViewedTraining training = host_.training();
   const bool is_run = training.phase == ViewedTraining::Phase::kRunning;
@@ -292,7 +292,7 @@ Result<void> Hub::check_may_operate(const Viewer& viewer) const {
 
 // the viewer that moves the tip is the one being assessed; a teacher may begin a task without it
 Result<void> Hub::execute_task(Viewer& viewer, TaskRequest request) {
-  const Who& who = viewer.who();
+  const AuthenticatedViewer& who = viewer.who();
   if (pointer_owner_ && pointer_owner_ != &viewer && !is_permitted(who.role, Permission::kLesson, true))
     return Error{ErrorKind::kUsage, "only the viewer that moves the tip can start and end a task", "",
                  "ask that viewer, or wait until the tip is released"};
@@ -412,7 +412,7 @@ std::string Hub::state_for(const Viewer& viewer) const {
                      viewer.who().role == Role::kTeacher ? listed_learners() : std::vector<ListedLearner>()});
 }
 
-std::string Hub::welcome_for(const Who& who) const {
+std::string Hub::welcome_for(const AuthenticatedViewer& who) const {
   return welcome_json(who, !host_.scene().tasks.empty(), site_.stores_runs());
 }
 
@@ -480,7 +480,7 @@ void Hub::publish_state() {
   StateRecipient recipient;
   recipient.pointer_owner = pointer_owner();
   recipient.viewers = welcomed_;
-  recipient.names = are_hidden_names_shown_;
+  recipient.shows_hidden_names = are_hidden_names_shown_;
   recipient.learners = listed_learners();
   std::string text = state_json(state_, recipient), redacted_text;
   const Redaction* const redaction = active_redaction();

@@ -100,7 +100,7 @@ class Hub {
   void publish_state();
   std::string state_for(const Viewer& viewer) const;
   /// First message to a viewer: its role and permissions.
-  std::string welcome_for(const Who& who) const;
+  std::string welcome_for(const AuthenticatedViewer& who) const;
   /// Redaction that applies to a viewer; null: none.
   const Redaction* redaction_of(const Viewer& viewer) const;
   /// Redaction that currently applies to learners; null: none.
@@ -149,7 +149,7 @@ class Hub {
   void publish_deformation(Clock::time_point now);
   void publish_plan();
   void publish_navigation(Clock::time_point now);
-  void stop_later(Clock::time_point latest);
+  void stop_when_delivered(Clock::time_point latest);
   void schedule_housekeeping();
   void run_housekeeping();
 
@@ -179,7 +179,7 @@ class Hub {
       last_redacted_state_json_;  ///< Last messages: as a teacher receives them, and redacted
   std::optional<RedactedSteps> redacted_steps_;
   TickRecord redacted_tick_;             ///< Last redacted tick
-  bool are_hidden_names_shown_ = false;  ///< Whether learners are shown what a quiz hides
+  bool are_hidden_names_shown_ = false;  ///< Whether learners get the names hidden by a quiz
   ViewedHealth health_;
   std::vector<BundledTick> bundle_scratch_ = std::vector<BundledTick>(kMaxBundledTicks);
   struct LastPublished {

@@ -20,7 +20,7 @@ struct ScanScale {
 
   static ScanScale of(const Volume<float>& scan);
   /// Quantises a value; NaN and values below the range become the minimum, values above it the maximum.
-  std::int16_t voxel(double value) const;
+  std::int16_t quantise(double value) const;
 };
 
 /// Whether a label exceeds 255, so that a voxel takes two bytes.
