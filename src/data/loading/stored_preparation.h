@@ -38,7 +38,7 @@ class CachedPreparation final : public ModelPreparation {
   const std::optional<cache::Digest>& digest_of(const Bricks<LabelId>& labels) const;
 
   mutable const Bricks<LabelId>* labels_ = nullptr;
-  mutable std::optional<cache::Digest> of_labels_;
+  mutable std::optional<cache::Digest> labels_digest_;
 };
 
 Result<Volume<std::uint8_t>> cached_smooth(const Volume<std::uint8_t>& weights,

@@ -50,7 +50,7 @@ TaskKeys declared_task_keys() {
              .max = 36000,
              .meaning = "Time limit of the task."},
             {.name = "in_a_row",
-             .type = kWhole,
+             .type = kInteger,
              .default_text = "3",
              .min = 1,
              .max = 100,
