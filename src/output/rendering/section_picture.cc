@@ -146,7 +146,7 @@ void draw_foot(Pen& pen, const SectionPlane& plane, const Model& model, const Ca
 }
 
 /// Cross with a gap at the point itself; with a direction down the picture, dashes that lead to the point.
-void draw_point(Pen& pen, bool along) {
+void draw_point(Pen& pen, bool has_direction) {
   const int unit = pen.unit(), x = pen.width() / 2 - unit / 2, y = pen.height() / 2 - unit / 2;
   const int from = 4 * unit, to = 12 * unit;
   pen.bars({{x - to, y, x - from, y + unit},
@@ -154,7 +154,7 @@ void draw_point(Pen& pen, bool along) {
             {x, y - to, x + unit, y - from},
             {x, y + from + unit, x + unit, y + to + unit}},
            kMark);
-  if (!along) return;
+  if (!has_direction) return;
   for (int dash = to + 4 * unit; dash < pen.height() / 4; dash += 8 * unit)
     pen.bars({{x, y - dash - 4 * unit, x + unit, y - dash}}, kMark);
 }
@@ -191,7 +191,7 @@ double whole_mm(const GridGeometry& grid) {
 struct View {
   const char* name;
   SectionPlane plane;
-  bool along = false;
+  bool has_direction = false;
 };
 
 Image draw(SectionRenderer& renderer, const Model& model, const View& view,
@@ -202,7 +202,7 @@ Image draw(SectionRenderer& renderer, const Model& model, const View& view,
   std::vector<LabelId> labels(pixels);
   renderer.render(plane, image.rgb);
   renderer.labels(plane, labels);
-  draw_marks(image, plane, model, {view.name, window, marks::largest_first(labels), view.along});
+  draw_marks(image, plane, model, {view.name, window, marks::largest_first(labels), view.has_direction});
   return image;
 }
 
@@ -210,7 +210,7 @@ Image draw(SectionRenderer& renderer, const Model& model, const View& view,
 
 void draw_marks(Image& image, const SectionPlane& plane, const Model& model, const Caption& caption) {
   Pen pen(image);
-  if (caption.has_point) draw_point(pen, caption.along);
+  if (caption.has_point) draw_point(pen, caption.has_direction);
   if (model.oriented) draw_letters(pen, plane);
   draw_side(pen, model);
   draw_position(pen, plane, model, caption);
@@ -225,7 +225,7 @@ Result<Image> section_picture(const Model& model, const SectionRequest& request)
   PALPATE_CHECK(request.pixels >= kMinSectionPixels && request.pixels <= kMaxSectionPixels);
   PALPATE_CHECK(request.size_mm >= 0 && (model.scan != nullptr || model.labels != nullptr));
   const GridGeometry& grid = model.labels != nullptr ? model.labels->geometry() : model.scan->geometry();
-  if (!marks::reaches(grid, request.centre)) return marks::not_reached(grid, request.centre);
+  if (!marks::contains(grid, request.centre)) return marks::outside_error(grid, request.centre);
 
   const double size_mm = request.size_mm > 0 ? request.size_mm : whole_mm(grid);
   const auto anatomical = [&](const char* name, AnatomicalPlane plane) {

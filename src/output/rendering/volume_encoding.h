@@ -60,11 +60,11 @@ class BlockRows {
   /// Makes room for another block of a group that has `count`.
   void make_room(std::size_t group, int count);
 
-  int blocks_ = 0, words_ = 0, groups_ = 0;  ///< Per row
-  section::Bricks<std::uint32_t> first_;     ///< As in RowsView
-  section::Bricks<std::uint8_t> room_;       ///< Capacity of each group, in blocks
-  section::Bricks<std::uint64_t> mask_;
-  section::Bricks<VoxelBlock> voxels_;
+  int blocks_ = 0, words_ = 0, groups_ = 0;       ///< Per row
+  section::HugePageVector<std::uint32_t> first_;  ///< As in RowsView
+  section::HugePageVector<std::uint8_t> room_;    ///< Capacity of each group, in blocks
+  section::HugePageVector<std::uint64_t> mask_;
+  section::HugePageVector<VoxelBlock> voxels_;
 };
 
 /// Empty-space skipping for rays.
@@ -73,7 +73,7 @@ class EmptySpaceMap {
   EmptySpaceMap() = default;
   explicit EmptySpaceMap(const GridGeometry& grid);
   /// Updates from the voxels of a box, using rows along i.
-  void find(const BlockRows& rows, const VoxelBox& box);
+  void update(const BlockRows& rows, const VoxelBox& box);
   /// @param x, y, z  axes of the grid in the order of a view
   CubesView view(int x, int y, int z) const;
   std::size_t bytes() const { return skip_.size() * (sizeof(skip_[0]) + sizeof(filled_[0])); }
@@ -92,16 +92,17 @@ class EmptySpaceMap {
   void pass(const Cubes& region, int step);
 
   std::array<int, 3> voxels_{}, cubes_{};
-  section::Bricks<std::uint64_t> filled_;
-  section::Bricks<std::uint8_t> skip_;
+  section::HugePageVector<std::uint64_t> filled_;
+  section::HugePageVector<std::uint8_t> skip_;
 };
 
-class Encoding {
+/// Blocks of voxels for both row directions, and the map of empty space, of one labelled volume and appearance.
+class VolumeEncoding {
  public:
-  explicit Encoding(const GridGeometry& grid, std::span<const StructureAppearance> appearances,
-                    ScanAppearance scan = {});
+  explicit VolumeEncoding(const GridGeometry& grid, std::span<const StructureAppearance> appearances,
+                          ScanAppearance scan = {});
   /// Rebuilds the blocks of all voxels whose look depends on labels in a box. Errors: kInterrupted.
-  Result<void> encode(const palpate::Bricks<LabelId>& labels, const VoxelBox& box, int threads,
+  Result<void> encode(const Bricks<LabelId>& labels, const VoxelBox& box, int threads,
                       const Progress& progress);
 
   const GridGeometry& grid() const { return grid_; }

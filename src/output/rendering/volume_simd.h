@@ -28,7 +28,7 @@ struct alignas(64) LitBlock {
 static_assert(sizeof(VoxelBlock) == 64 && sizeof(LitBlock) == 64);
 
 /// Illumination: directions away from the viewer and away from the key light, patient frame, and VolumeLight.
-struct LightFall {
+struct Illumination {
   float into[3];
   float from_key[3];
   float ambient, diffuse, specular, key;
@@ -69,7 +69,7 @@ struct RowsView {
   /// Index of the first stored block of each group of kGroup; `groups` per row
   const std::uint32_t* first = nullptr;
   const VoxelBlock* voxels = nullptr;  ///< Block 0 is empty
-  LightFall light{};
+  Illumination light{};
   int blocks = 0, words = 0, groups = 0;
   int count[3]{};           ///< Voxels along x, y, z
   std::ptrdiff_t row[3]{};  ///< Distance between rows along y and z; [0] is unused
@@ -87,13 +87,14 @@ struct SamplePlane {
 inline constexpr int kChunk = 8;
 struct AccumulatedLine {
   float* channel[3];  ///< 0 ... 1
-  float* clear;       ///< Transmittance
-  float* met;  ///< Plane, with fraction, at which transmittance fell below one half; -1: nowhere; may be null
-  float* begun;  ///< First plane with non-zero extinction; kNoPlane: none
-  float* step;   ///< Distance between planes, in units of h
-  float* first;  ///< Range of visible planes, with fractions; null: all
+  float* transmittance;
+  float* half_plane;  ///< Plane, with fraction, at which transmittance fell below one half; -1: nowhere; may
+                      ///< be null
+  float* first_filled;  ///< First plane with non-zero extinction; kNoPlane: none
+  float* step;          ///< Distance between planes, in units of h
+  float* first;         ///< Range of visible planes, with fractions; null: all
   float* last;
-  std::uint64_t* open;  ///< Bit per chunk: some pixel is not opaque yet
+  std::uint64_t* unfinished;  ///< Bit per chunk: some pixel is not opaque yet
 };
 inline constexpr float kNoPlane = 1e9f;
 /// Maximum number of lines accumulated together, and of voxel rows that they share across the lines.
@@ -138,11 +139,11 @@ struct TracedRay {
   float x, x_per_plane, y, y_per_plane;  ///< Voxel coordinates at plane 0, and steps
   float step;                            ///< Distance between planes, in units of h
   float first, last;                     ///< Range of visible planes, with fractions
-  float begun;                           ///< Everything before this plane is empty
+  float first_filled;                    ///< Everything before this plane is empty
   float channel[3];                      ///< 0 ... 1
-  float clear, met;                      ///< As in AccumulatedLine
+  float transmittance, half_plane;       ///< As in AccumulatedLine
 };
-/// @param wants_hits  whether TracedRay::met is computed
+/// @param wants_hits  whether TracedRay::half_plane is computed
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
                 float z_per_plane, bool wants_hits, int count, TracedRay* rays, LitBlockCache& lit);
 
