@@ -287,21 +287,22 @@ std::string live_line(const ExploreStatus& status, std::size_t columns) {
 
 // prints notes at the first call, then the live line; reports once that a recording ended, and each method
 // that could not be prepared
-// @param declared     collects the warnings printed at the start, one per line
+// @param printed_warnings     collects the warnings printed at the start, one per line
 // @param tracked  set to the latest error estimate of a tracked tip
 std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
-                                                     const std::string& address, std::string& declared,
+                                                     const std::string& address,
+                                                     std::string& printed_warnings,
                                                      std::optional<ViewedNavigation>& tracked,
                                                      Console& console) {
-  return [&console, &address, &declared, &tracked, requested = !options.no_realtime, first = true,
+  return [&console, &address, &printed_warnings, &tracked, requested = !options.no_realtime, first = true,
           reported = false, reported_method = std::string(), reported_failure = std::string(), deaths = 0,
           unwatched = false](const ExploreStatus& s) mutable {
     if (first) note_scheduling(s, requested, console);
     tracked = s.navigation;
     if (first)
-      for (const std::string& known : {s.coarser_tissue, s.conservative_bounds}) {
-        if (!known.empty()) console.warn()(known);
-        declared += known + "\n";
+      for (const std::string& warning : {s.coarser_tissue, s.conservative_bounds}) {
+        if (!warning.empty()) console.warn()(warning);
+        printed_warnings += warning + "\n";
       }
     const std::string problems = s.device_failure ? s.device_failure->message() : "";
     if (problems != reported_failure)
@@ -416,9 +417,11 @@ void print_tip_error(const ViewedNavigation& navigation) {
 }
 
 // limits the number of warnings, because a repeating script causes the same problems in each repetition
-void warn_of_problems(std::vector<std::string> problems, const std::string& declared, Console& console) {
+void warn_of_problems(std::vector<std::string> problems, const std::string& printed_warnings,
+                      Console& console) {
   constexpr std::size_t kMaxWarnings = 10;
-  std::erase_if(problems, [&](const std::string& one) { return declared.find(one) != std::string::npos; });
+  std::erase_if(problems,
+                [&](const std::string& one) { return printed_warnings.find(one) != std::string::npos; });
   for (std::size_t i = 0; i < std::min(kMaxWarnings, problems.size()); ++i) console.warn()(problems[i]);
   if (problems.size() > kMaxWarnings)
     console.warn()("and " + std::to_string(problems.size() - kMaxWarnings) + " more like these");
@@ -535,7 +538,7 @@ int explore_target(ExploreArguments options, Console& console) {
   // if the terminal closes, the session continues without keys: the device must not be released for that
   const ScopedSignals without_terminal({SIGHUP}, SIG_IGN);
   std::optional<Keys> keys(std::in_place, console.streams().in);
-  std::string address, declared;
+  std::string address, printed_warnings;
   std::optional<ViewedNavigation> tracked;
   ViewerFaultQueue faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
@@ -551,7 +554,7 @@ int explore_target(ExploreArguments options, Console& console) {
   session.known = with_grip_figures(options.known, *figures, options.rate_hz.value_or(Script{}.rate_hz));
   session.viewers = viewers_of(options, console, faults, address);
   const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
-                              status_for(options, address, declared, tracked, console));
+                              status_for(options, address, printed_warnings, tracked, console));
   keys.reset();
   console.show_status("");
   if (!result) return console.fail(result.error());
@@ -559,7 +562,7 @@ int explore_target(ExploreArguments options, Console& console) {
   if (plan && !plan->viewed()->saved)
     console.warn()(options.plan->string() +
                    ": changes to the plan made in the page were not saved and are lost");
-  warn_of_problems(result->problems, declared, console);
+  warn_of_problems(result->problems, printed_warnings, console);
   print(*result, pointer);
   if (tracked) print_tip_error(*tracked);
   print_runs(result->runs, *training);
