@@ -17,7 +17,8 @@ constexpr double kMinDepth = 1e-3;
 /// Empty margin of the intermediate picture; pixels.
 constexpr int kRim = 2;
 
-int class_of(const Eigen::Vector3d& direction, const Eigen::Vector3d& spacing) {
+/// Principal axis of a ray, by its length in mm along each axis, and its sign: 2 * axis, plus 1 if ascending.
+int axis_class(const Eigen::Vector3d& direction, const Eigen::Vector3d& spacing) {
   int axis = 0;
   for (int a = 1; a < 3; ++a)
     if (std::abs(direction[a] * spacing[a]) > std::abs(direction[axis] * spacing[axis])) axis = a;
@@ -58,7 +59,7 @@ Rays::Rays(const GridGeometry& grid, const VolumeCamera& camera) : is_parallel(c
 
 std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays) {
   const auto class_at = [&](int column, int row) {
-    return class_of(rays.along(column, row), grid.spacing_mm);
+    return axis_class(rays.along(column, row), grid.spacing_mm);
   };
   // the rays with a common principal axis form a convex cone: if all corners belong to it, all pixels do
   const int right = camera.width_px - 1, bottom = camera.height_px - 1, first = class_at(0, 0);

@@ -29,7 +29,7 @@ class BlockRows {
   /// Stores a voxel block, or removes it if it is empty.
   /// @param i, j, k  first voxel of the block
   void put(int i, int j, int k, const VoxelBlock& block);
-  /// @param into  unit vector away from the viewer
+  /// Rows as accumulate_lines() reads them, with the light of a view.
   RowsView view(const VolumeCamera& camera, const VolumeLight& light) const;
   /// Blocks of a row by their number; null for an empty block.
   struct Row {
@@ -96,7 +96,8 @@ class EmptySpaceMap {
   section::HugePageVector<std::uint8_t> skip_;
 };
 
-/// Blocks of voxels for both row directions, and the map of empty space, of one labelled volume and appearance.
+/// Blocks of voxels for both row directions, and the map of empty space, of one labelled volume and
+/// appearance.
 class VolumeEncoding {
  public:
   explicit VolumeEncoding(const GridGeometry& grid, std::span<const StructureAppearance> appearances,

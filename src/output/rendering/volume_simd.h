@@ -51,8 +51,8 @@ struct alignas(64) LitBlockCache {
   }
 };
 
-/// Blocks of a row with consecutive indices, counting only stored ones: a row of 512 voxels is described by 8
-/// numbers and 64 bits, which fit in the cache where a number per block would not.
+/// Number of blocks of a row in a group. The stored blocks of a group have consecutive indices: a row of 512
+/// voxels is described by 8 numbers and 64 bits, which fit in the cache where a number per block would not.
 inline constexpr int kGroup = 8;
 
 /// Index of a block of a row; 0: not stored.
@@ -116,10 +116,11 @@ void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane
 /// Packs intermediate pixels: red, green and blue in 10 bits each. Whole chunks.
 void pack_line(const AccumulatedLine& line, int width, const float* background, std::uint32_t* packed);
 
+/// Marks of mark_line(): large second difference along the line, across it.
+inline constexpr std::uint32_t kCreaseAlong = 0x80000000, kCreaseAcross = 0x40000000;
 /// Copies whole chunks of a line of intermediate pixels and marks those with a large second difference along
 /// the line or across it.
 /// @param above, below  neighbouring lines; one pixel before and after `here` is read
-inline constexpr std::uint32_t kCreaseAlong = 0x80000000, kCreaseAcross = 0x40000000;
 void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std::uint32_t* below, int width,
                std::uint32_t* marked);
 

@@ -24,7 +24,7 @@ struct StructureRemoval {
   LabelId label = 0;
   /// Volume by RemovedVolume; the only figure here that excludes undone strokes
   double volume_mm3 = 0;
-  double fraction = 0;  ///< Of the structure at the start of the run, 0 ... 1
+  double fraction = 0;  ///< Fraction of the structure at the start of the run, 0 ... 1
   /// On the run's clock: first and last tick in which the removed volume increased
   double first_s = 0, last_s = 0;
   /// Maximum cutting depth, mm: how far the far side of the burr's ball got below the structure's surface as

@@ -67,7 +67,7 @@ struct Run {
 
   /// Unknown if the patient orientation of the volume is unknown, whatever the scene states.
   Side side() const { return model.oriented ? model.side : Side::kUnknown; }
-  /// True if any structure has this property.
+  /// Whether this holds for any of `structures`.
   bool touched_in_front() const;
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;

@@ -41,7 +41,7 @@ std::optional<GripTrialFigures> figures_of(std::string_view line) {
   const auto swings = number_of(swings_word, kMinStable_N_per_mm, kMaxStable_N_per_mm);
   if (!rate_hz || !delay_s || !stable_N_per_mm || (!swings && swings_word != "-") || line.empty())
     return std::nullopt;
-  // the name would have been written differently
+  // grip_figures_text() does not write such a line
   if (swings.value_or(*stable_N_per_mm) < *stable_N_per_mm || printable_name(line) != line)
     return std::nullopt;
   figures = {std::string(line), *rate_hz, *delay_s,

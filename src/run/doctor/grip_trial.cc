@@ -64,7 +64,7 @@ class EvenClock final : public ServoClock {
   std::atomic<bool> stop_{false};
 };
 
-// twice the time integral of the force, which is held constant between ticks and delayed
+// second time integral of the force, which is held constant between ticks and acts delay_s later
 class DoubleIntegral {
  public:
   DoubleIntegral(const std::vector<PushedTick>& ticks, std::size_t from, std::size_t to, double delay_s) {

@@ -25,7 +25,7 @@ struct PushedTick {
 /// @param step_m  resolution of the encoder
 std::optional<double> delay_of(const std::vector<PushedTick>& ticks, double step_m);
 
-/// Servo function of the trial. Time is that of the samples. Does not allocate in a tick.
+/// Servo function of the trial. Time is measured by the samples' time stamps. Does not allocate in a tick.
 class GripTrial final : public ServoFunction {
  public:
   enum class EndReason : std::uint8_t {

@@ -55,7 +55,7 @@ constexpr double kCarefulDip_mm = 0.3, kMinCareful_mm_s = 3, kRoom_mm = 2.4;
 // distance behind the expected surface after which the surface counts as missing
 constexpr double kBehind_mm = 3;
 constexpr std::size_t kMaxTries = 4;
-// retreat: distance beyond the ramp, force that counts as free, and maximum lag of the tip
+// retreat: distance beyond the ramp, force that counts as free, and maximum wait at the end of the path
 constexpr double kExitPathInSigmas = 4, kExitPath_mm = 1, kFree_N = 0.02, kFollow_s = 1;
 constexpr double kRelease_s = 5;
 constexpr double kWithdrawing_mm_s = 60, kRelease_mm = 0.3;
@@ -567,7 +567,7 @@ bool ScriptedHand::mill(const PlannedStep& step, const TickRecord& tick, double 
   const Point<World> end = X * action.to;
   const double left_mm = (point<Patient>(tick.device[0].proxy_patient_mm) - action.to).norm();
   if (left_mm < kMilled_mm) {
-    // outside, the way that was milled is not needed for the withdrawal
+    // in free space the milled path is not needed for the withdrawal
     if (free_space_.reachable(action.to)) approach_path_.clear();
     approach_path_.push_back(action.to);
     return true;
@@ -638,7 +638,7 @@ bool ScriptedHand::change_law(const PlannedStep& step, const TickRecord& tick, d
     law_ = law;
     settled_s_ += dt_s;
     if (!touching_ || settled_s_ >= kMaxPush_s) return true;
-    (void)update_excess_depth(tick, dt_s);
+    (void)update_excess_depth(tick, dt_s);  // for over_s_ below
     const bool is_blending = (tick.device[0].flags & kFlagBlend) != 0;
     return settled_s_ >= kBriefly_s && !is_blending && over_s_ == 0;
   }

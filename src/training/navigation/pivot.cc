@@ -60,9 +60,9 @@ std::string degrees(double value) {
   return text;
 }
 
-// Rotation of the tool. The smallest singular value belongs to a direction of the tool, with half of its
-// square per unit of that direction: it gives the RMS angle by which the poses turned that direction. 0 if
-// the tool turned about a single axis, which is that direction.
+// RMS angle, degrees, by which the poses rotate the tool's least rotated direction; 0 if the tool rotated
+// about a single axis, which is that direction. solution.least^2 is half of the mean squared angle, because
+// the unit singular vector consists of that direction and its image, each of length sqrt(1/2).
 double rotation_deg(const Solution& solution) {
   return solution.least * std::numbers::sqrt2 * 180 / std::numbers::pi;
 }

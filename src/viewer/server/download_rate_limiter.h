@@ -27,7 +27,7 @@ class DownloadRateLimiter {
   };
   /// Next part of a download whose previous part has been sent.
   /// @param left_bytes  remaining bytes, at least one
-  /// @param is_only_viewer       whether no more is being downloaded than a single viewer needs
+  /// @param is_only_viewer  whether there is at most one viewer, with no more downloads than it needs
   Chunk next(std::size_t left_bytes, bool is_only_viewer, Clock::time_point now);
 
  private:

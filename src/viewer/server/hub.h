@@ -143,6 +143,8 @@ class Hub {
   void deliver_late_answers();
   Result<void> execute_pointer(Viewer& viewer, const PointerRequest& request);
   Result<void> execute_play(const PlayRequest& request);
+  /// Number of the viewer that moves the tip; 0: none.
+  std::uint32_t pointer_owner() const;
   void update_viewer_count();
   void wait_for_poses();
   void publish_due();
@@ -170,9 +172,6 @@ class Hub {
   int welcomed_ = 0;
   std::uint32_t last_viewer_number_ = 0;  ///< Number of viewers that have said hello so far
   bool pose_timer_runs_ = false, ended_ = false;
-  /// Number of the viewer that moves the tip; 0: none.
-  std::uint32_t pointer_owner() const;
-
   const Viewer* pointer_owner_ = nullptr;  ///< Viewer that moves the tip; may be null
   ViewedState state_;
   std::string last_state_json_,

@@ -29,8 +29,8 @@ bool needs_wide_labels(const Bricks<LabelId>& labels);
 /// dims / shrink, rounded up.
 std::array<int, 3> shrunk_dims(const std::array<int, 3>& dims, int shrink);
 
-/// Scan as means over blocks of `shrink`^3 voxels (their existing, finite ones). Null if `stop` became true
-/// in the meantime.
+/// Scan as means over blocks of `shrink`^3 voxels, of those that are finite and inside the grid. Null if
+/// `stop` became true in the meantime.
 /// @param shrink  1, 2 or 4
 std::shared_ptr<const std::string> scan_payload(const Volume<float>& scan, const ScanScale& scale, int shrink,
                                                 const std::atomic<bool>& stop);

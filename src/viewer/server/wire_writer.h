@@ -9,7 +9,7 @@
 
 namespace palpate::server {
 
-/// A value as messages have it: beyond the range of float infinite.
+/// Converts to float; values beyond the range of float become infinite.
 inline float wire_float(double value) {
   constexpr double kMaxFloat = std::numeric_limits<float>::max();
   constexpr float kInfinite = std::numeric_limits<float>::infinity();
