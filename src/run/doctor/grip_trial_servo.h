@@ -63,6 +63,8 @@ class GripTrial final : public ServoFunction {
   static constexpr double kPushPeriod_s = 0.64;
   /// Maximum time from arming to the start, during which the user holds the device still.
   static constexpr double kBegin_s = 2;
+  /// Maximum time between ticks; also checked by the watchdog of the waiting thread.
+  static constexpr std::int64_t kLate_ns = 9'000'000;
 
  private:
   struct Sample {
