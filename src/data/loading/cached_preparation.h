@@ -17,7 +17,7 @@
 namespace palpate {
 
 /// Version of the cached results. Increment it whenever a function's result for the same parameters changes,
-/// which invalidates earlier entries. The test StoredPreparation.GoldenHash detects an omission.
+/// which invalidates earlier entries. The test CachedPreparation.GoldenHash detects an omission.
 inline constexpr std::uint32_t kPreparationVersion = 9;
 
 /// Cached slow steps of one model; labels are identified by their address.
