@@ -95,25 +95,13 @@ double clearance_along(const Model& model, const Point<Patient>& surface, const 
   return max_mm;
 }
 
-// unit vectors in the tangent plane, uniformly around the normal
-std::array<Vector<Patient>, kRim> rim_directions(const Vector<Patient>& n) {
-  const Vector<Patient> helper = std::abs(n.x()) < 0.7 ? Vector<Patient>(1, 0, 0) : Vector<Patient>(0, 1, 0);
-  const Vector<Patient> u = n.cross(helper).normalized(), v = n.cross(u);
-  std::array<Vector<Patient>, kRim> directions;
-  for (int d = 0; d < kRim; ++d) {
-    const double angle = d * 2 * std::numbers::pi / kRim;
-    directions[d] = u * std::cos(angle) + v * std::sin(angle);
-  }
-  return directions;
-}
-
 // maximum outward curvature of the surrounding patch, 1/mm: a tool slips off strongly curved surfaces
 double convexity(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n) {
   // ramps have no gradient outside
   const bool ramps = model.ramp_width_mm > 0;
   const Point<Patient> centre = ramps ? surface - n * kInside_mm : surface;
   double largest = 0;
-  for (const Vector<Patient>& t : rim_directions(n)) {
+  for (const Vector<Patient>& t : directions_around<kRim>(n)) {
     const Vector<Patient> normal = outward_normal(model, centre + t * kPatch_mm);
     // a rim point in free space indicates strong curvature
     const double tilt = ramps && normal == Vector<Patient>() ? 1 : normal.dot(t);
@@ -158,7 +146,7 @@ double own_fraction(const Model& model, const Point<Patient>& surface, const Vec
     return find_contact_site(model, x, sample).label == structure ? 1 : 0;
   };
   int own = is_own({});
-  for (const Vector<Patient>& t : rim_directions(n)) own += is_own(t * kPatch_mm);
+  for (const Vector<Patient>& t : directions_around<kRim>(n)) own += is_own(t * kPatch_mm);
   return own / (kRim + 1.0);
 }
 

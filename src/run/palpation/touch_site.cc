@@ -22,18 +22,6 @@ constexpr double kTilt = 35 * std::numbers::pi / 180, kMinFacing = 0.3;
 constexpr double kLonger_mm = 10;
 constexpr int kTouchRim = 8;
 
-std::array<Vector<Patient>, kTouchRim> directions_about(const Vector<Patient>& axis) {
-  const Vector<Patient> helper =
-      std::abs(axis.x()) < 0.7 ? Vector<Patient>(1, 0, 0) : Vector<Patient>(0, 1, 0);
-  const Vector<Patient> u = axis.cross(helper).normalized(), v = axis.cross(u);
-  std::array<Vector<Patient>, kTouchRim> directions;
-  for (int d = 0; d < kTouchRim; ++d) {
-    const double angle = d * 2 * std::numbers::pi / kTouchRim;
-    directions[static_cast<std::size_t>(d)] = u * std::cos(angle) + v * std::sin(angle);
-  }
-  return directions;
-}
-
 LabelId touchable_label_at(const Model& model, const Point<Patient>& x) {
   const Point<Voxel> p = model.labels->X_VoxelPatient() * x;
   const auto index = [&](int axis) { return static_cast<int>(std::floor(p[axis] + 0.5)); };
@@ -56,7 +44,7 @@ class FinalSegment {
   std::optional<TouchSite> along(const SurfacePoint& surface, const Vector<Patient>& from) const {
     const double step_mm = 0.5 * model_.labels->geometry().min_spacing_mm();
     const double front_mm = model_.sigma_mm + reach_mm_;
-    const auto rim = directions_about(from);
+    const auto rim = directions_around<kTouchRim>(from);
     std::optional<double> before_mm;
     for (double distance = step_mm; distance <= clearance_mm_ + kLonger_mm + reach_mm_; distance += step_mm) {
       if (before_mm && distance > clearance_mm_) break;
@@ -221,7 +209,7 @@ TouchSites find_touch_sites(const Model& model, const FreeSpace& free_space, Lab
       } else if (!tilted) {
         add(c.surface, n);
       } else {
-        for (const Vector<Patient>& t : directions_about(n))
+        for (const Vector<Patient>& t : directions_around<kTouchRim>(n))
           if (add(c.surface, n * std::cos(kTilt) + t * std::sin(kTilt))) break;
       }
     }
