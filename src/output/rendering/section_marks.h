@@ -17,6 +17,9 @@ struct Caption {
   bool has_scale = true;       ///< Whether the scale is uniform over the picture
 };
 
+/// Draws the annotations over a section or a volume picture.
 void draw_marks(Image& image, const SectionPlane& plane, const Model& model, const Caption& caption);
+/// Draws a frame along the border of an image.
+void draw_frame(Image& image, const Rgb& colour);
 
 }  // namespace palpate::section_marks
