@@ -2,8 +2,8 @@
 #include <string>
 #include <vector>
 
+#include "apps/command/environment.h"
 #include "apps/command/program.h"
-#include "apps/command/surroundings.h"
 #include "verify.h"
 
 // `palpate verify`: palpate replaces itself by this program through execv(), with the arguments after the

@@ -11,7 +11,8 @@
 
 #include "apps/command/keys.h"
 #include "apps/command/signals.h"
-#include "apps/command/text.h"
+#include "explore_result.h"
+#include "explore_status.h"
 #include "grip_records.h"
 #include "input_files.h"
 #include "known_devices.h"
@@ -173,257 +174,6 @@ ExploreOptions session_of(const ExploreArguments& options, Keys& keys, ViewerFau
   return session;
 }
 
-// notes the rendered stiffness of each tissue if the workspace makes it differ from that of the scene
-void note_rendered_stiffness(const LoadedScene& loaded, Console& console) {
-  const double factor = RenderedStiffness(loaded.scene.workspace).at_device(1);
-  if (factor == 1) return;
-  char text[120];
-  std::snprintf(text, sizeof text,
-                "rendered stiffness = scale x force gain = %g times that of the tissue:", factor);
-  console.note(text);
-  for (const Tissue& tissue : loaded.model->tissues) {
-    if (!tissue.touchable) continue;
-    std::snprintf(text, sizeof text, " %.3g N/mm", factor * tissue.stiffness_N_per_mm);
-    console.note("  " + pad_or_truncate(tissue.name, 24) + text);
-  }
-}
-
-void note_scheduling(const ExploreStatus& status, bool requested, Console& console) {
-  const Scheduling& scheduling = status.scheduling;
-  console.note("scheduler: " + scheduling.scheduler);
-  for (const TickingThread& follower : status.followers)
-    console.note("scheduler of " + follower.device + ": " + follower.scheduler);
-  console.note("memory: " + scheduling.memory);
-  console.note("watchdog: " + scheduling.watchdog);
-  console.note("supervisor: " + (status.supervisor.empty() ? "none (--no-supervisor)" : status.supervisor));
-  if (requested && !(scheduling.realtime && scheduling.memory_locked))
-    console.note("  ticks may come late; docs/guide/explore.md describes how to grant the privileges");
-}
-
-// most serious reason why the force differs from that of the tissue
-std::string state_of(std::uint32_t flags, bool pointer) {
-  struct Word {
-    std::uint32_t flag;
-    const char* text;
-  };
-  const Word kWords[] = {{kFlagEmergencyStop, "EMERGENCY STOP"},
-                         {kFlagHalted, "HALTED"},
-                         {kFlagDeviceFault, "DEVICE FAULT"},
-                         {kFlagNotFinite, "NOT FINITE"},
-                         {kFlagJump, "JUMP"},
-                         {kFlagStale, pointer ? "at rest" : "stale"},
-                         {kFlagPaused, "PAUSED"},
-                         {kFlagClutched, "clutched"},
-                         {kFlagInside, "inside"},
-                         {kFlagWedged, "wedged"},
-                         {kFlagNoGo, "no-go"},
-                         {kFlagThermal, "cooling"},
-                         {kFlagClamped, "clamped"},
-                         {kFlagPassivity, "damped"},
-                         {kFlagRotationLimited, "turn held"},
-                         {kFlagRelease, "released"},
-                         {kFlagRamp, "fading"}};
-  for (const Word& word : kWords)
-    if ((flags & word.flag) != 0) return std::string(" ") + word.text;
-  return "";
-}
-
-// how to recover from a stop
-std::string cure_of(const ExploreStatus& status) {
-  if (!status.stop) return "";
-  if (status.rearmed_in_page) return ": see page";
-  return ": r rearms" + (status.arming_code.empty() ? "" : ", page: " + status.arming_code);
-}
-
-// expected error of the position of a tracked tip, and residual error at the registration points
-std::string tip_error_text(const ViewedNavigation& navigation) {
-  char text[80];
-  if (navigation.tip)
-    std::snprintf(text, sizeof text, " TRE %.1f (95%%: %.1f) FRE %.1f mm%s", navigation.tip->rms_mm,
-                  navigation.tip->max_mm, navigation.fre_mm, navigation.tip->is_far ? " FAR" : "");
-  else
-    std::snprintf(text, sizeof text, " TRE unknown, FRE %.1f mm", navigation.fre_mm);
-  return text;
-}
-
-// Live line: regular values on the left, then the structure in the remaining space, then irregular states on
-// the right, the most serious first. If there is not enough space the times are dropped first, then the less
-// serious states, because the operator must be able to read how to recover from a stop.
-std::string live_line(const ExploreStatus& status, std::size_t columns) {
-  constexpr std::size_t kMaxColumns = 99, kMinForStructure = 8;
-  columns = std::min(columns, kMaxColumns);
-  char time[30], rate[30], late[60], late_part[90], force[60];
-  std::snprintf(time, sizeof time, "%5.1f s ", status.time_s);
-  std::snprintf(rate, sizeof rate, "%6.0f Hz  ", status.rate_hz);
-  std::snprintf(late, sizeof late, "%.0f/%.0f/%.0f", status.lateness_p50_us, status.lateness_p99_us,
-                status.lateness_max_us);
-  std::snprintf(late_part, sizeof late_part, "late %11s µs  ", late);
-  std::snprintf(force, sizeof force, "%.2f/%.2f N  ", status.force_N, status.limit_N);
-  const std::size_t for_structure = status.stop ? 1 : kMinForStructure;
-  std::string unusual = state_of(status.flags, status.rearmed_in_page) + cure_of(status);
-  // shown permanently, after the reason for a stop
-  if (status.navigation) unusual += tip_error_text(*status.navigation);
-  const auto add = [&](const std::string& part) {
-    const std::size_t beside = display_width(force) + for_structure + display_width(unusual);
-    if (beside + display_width(part) <= columns) unusual += part;
-  };
-  if (status.heat >= 0.005) add(" heat " + std::to_string(std::lround(100 * status.heat)) + "%");
-  if (status.method != ForceMethod::kProxy) add(" " + std::string(name_of(status.method)));
-  if (!status.task.empty()) add(" task " + std::to_string(std::lround(status.task_s)) + " s");
-  if (status.method_awaited) add(" (preparing " + std::string(name_of(*status.method_awaited)) + ")");
-  if (status.skipped > 0) add(" skip " + std::to_string(status.skipped));
-  if (status.dropped > 0) add(" drop " + std::to_string(status.dropped));
-  std::string line;
-  std::size_t left = 0;
-  for (const std::string& usual :
-       {std::string(time) + rate + late_part + force, std::string(time) + rate + force, std::string(force)}) {
-    const std::size_t used = display_width(usual) + display_width(unusual);
-    left = columns > used ? columns - used : 0;
-    line = usual;
-    if (left >= for_structure) break;
-  }
-  return line + pad_or_truncate(status.structure, std::max(for_structure, left)) + unusual;
-}
-
-// prints notes at the first call, then the live line; reports once that a recording ended, and each method
-// that could not be prepared
-// @param declared     collects the warnings printed at the start, one per line
-// @param tracked  set to the latest error estimate of a tracked tip
-std::function<void(const ExploreStatus&)> status_for(const ExploreArguments& options,
-                                                     const std::string& address, std::string& declared,
-                                                     std::optional<ViewedNavigation>& tracked,
-                                                     Console& console) {
-  return [&console, &address, &declared, &tracked, requested = !options.no_realtime, first = true,
-          reported = false, reported_method = std::string(), reported_failure = std::string(), deaths = 0,
-          unwatched = false](const ExploreStatus& s) mutable {
-    if (first) note_scheduling(s, requested, console);
-    tracked = s.navigation;
-    if (first)
-      for (const std::string& known : {s.coarser_tissue, s.conservative_bounds}) {
-        if (!known.empty()) console.warn()(known);
-        declared += known + "\n";
-      }
-    const std::string problems = s.device_failure ? s.device_failure->message() : "";
-    if (problems != reported_failure)
-      console.warn()(problems.empty() ? "the device is ready again" : problems + "\n  no force until then");
-    reported_failure = problems;
-    if (first && !address.empty()) console.note("to see it, open " + address);
-    first = false;
-    if (s.recording_failure && !reported) {
-      console.warn()(s.recording_failure->message() + "\n  the session continues without it");
-      reported = true;
-    }
-    if (s.supervisor_failure && !unwatched)
-      console.warn()("the supervisor died, and the force stays off because no other can be started:\n  " +
-                     s.supervisor_failure->message());
-    else if (!s.supervisor_failure && unwatched)
-      console.warn()("a supervisor is running again");
-    else if (!s.supervisor_failure && s.supervisor_deaths > deaths)
-      console.warn()("the supervisor died, and the force is off; a new one is running");
-    deaths = s.supervisor_deaths;
-    unwatched = s.supervisor_failure.has_value();
-    for (const FinishedRun& finished : s.finished) {
-      console.note("run " + std::to_string(finished.run.number) + " of " + printable_name(finished.run.task) +
-                   (finished.run.score.in_band ? ": every counted metric in its band"
-                                               : ": not every counted metric in its band") +
-                   (finished.history.run_id
-                        ? "; in the records as run " + std::to_string(*finished.history.run_id)
-                        : ""));
-      if (finished.history.not_stored)
-        console.warn()("the run is not in the records: " + finished.history.not_stored->message());
-    }
-    const std::string method = s.method_failure ? s.method_failure->message() : "";
-    if (!method.empty() && method != reported_method) console.warn()(method);
-    reported_method = method;
-    if (s.refusal) console.warn()(s.refusal->message());
-    console.show_status(s.question ? "y / n? " + s.question->text : live_line(s, console.columns()));
-  };
-}
-
-void print_row(const char* name, const Percentiles& p) {
-  std::printf("%-28s %8.1f %8.1f %8.1f %8.1f\n", name, p.p50_us, p.p99_us, p.p999_us, p.max_us);
-}
-
-unsigned long long u(std::uint64_t count) {
-  return count;
-}
-
-void print_loop(const LoopHealth& health, const std::vector<TickingThread>& threads) {
-  std::printf("\n%-28s %8s %8s %8s %8s\n", "servo", "p50", "p99", "p99.9", "max");
-  print_row("lateness us", health.lateness);
-  print_row("compute us", health.compute);
-  std::printf("%llu ticks, %.2f a second, %.2f %% on time\n", u(health.ticks), health.rate_hz,
-              100 * health.on_time);
-  const LateCounts& late = health.late;
-  std::printf("%llu late: steal %llu, page fault %llu, pre-emption %llu, run queue %llu, unknown %llu\n",
-              u(late.total()), u(late.steal), u(late.page_fault), u(late.preemption), u(late.run_queue),
-              u(late.unknown));
-  // the first entry is the thread that ran the ticks
-  for (std::size_t n = 1; n < threads.size(); ++n)
-    std::printf("%s: %llu updates, %llu late, %s\n", threads[n].device.c_str(), u(threads[n].updates),
-                u(threads[n].late.total()), threads[n].scheduler.c_str());
-  std::printf("%llu skipped, %llu dropped, %llu stalls\n", u(health.skipped), u(health.dropped),
-              u(health.stalls));
-}
-
-// prints the number of ticks in which the force was changed or withheld, by reason; a pointer that is not
-// pressed counts as at rest
-void print_changed(const RecordingSummary& s, bool pointer) {
-  const std::pair<const char*, std::uint64_t> counts[] = {{"clamped", s.clamped},
-                                                          {"thermal", s.thermal},
-                                                          {"slewed", s.slewed},
-                                                          {"faded", s.faded},
-                                                          {"blended", s.blended},
-                                                          {"paused", s.paused},
-                                                          {"clutched", s.clutched},
-                                                          {"outside", s.outside},
-                                                          {pointer ? "at rest" : "stale", s.stale},
-                                                          {"not finite", s.not_finite},
-                                                          {"jumped", s.jumped},
-                                                          {"device fault", s.device_faults},
-                                                          {"halted", s.halted},
-                                                          {"emergency stop", s.emergency_stopped},
-                                                          {"method missing", s.method_missing},
-                                                          {"inside", s.inside},
-                                                          {"wedged", s.wedged},
-                                                          {"ruptured", s.ruptured},
-                                                          {"damped", s.passivated},
-                                                          {"turn held", s.turns_held}};
-  std::string text;
-  for (const auto& [name, count] : counts)
-    if (count > 0) text += (text.empty() ? "" : ", ") + std::string(name) + " " + std::to_string(count);
-  std::printf("force changed in ticks: %s\n", text.empty() ? "none" : text.c_str());
-}
-
-void print(const ExploreResult& result, bool pointer) {
-  print_touches(result.touches);
-  print_holds(result.holds);
-  print_loop(result.health, result.threads);
-  print_changed(result.summary, pointer);
-  std::printf("largest force %.3f N of %.3f N allowed\n", result.max_force_N, result.limit_N);
-  std::printf("run hash %016llx\n", u(result.summary.run_hash));
-}
-
-// prints the error estimate at the last position of the tip
-void print_tip_error(const ViewedNavigation& navigation) {
-  if (navigation.tip)
-    std::printf("error of the tracked tip %.3f mm (TRE, root mean square), below %.3f in 95 of 100 cases%s\n",
-                navigation.tip->rms_mm, navigation.tip->max_mm,
-                navigation.tip->is_far ? "; far outside the registration points" : "");
-  else
-    std::printf("error of the tracked tip (TRE) unknown\n");
-  std::printf("residual at the points %.3f mm (FRE)\n", navigation.fre_mm);
-}
-
-// limits the number of warnings, because a repeating script causes the same problems in each repetition
-void warn_of_problems(std::vector<std::string> problems, const std::string& declared, Console& console) {
-  constexpr std::size_t kMaxWarnings = 10;
-  std::erase_if(problems, [&](const std::string& one) { return declared.find(one) != std::string::npos; });
-  for (std::size_t i = 0; i < std::min(kMaxWarnings, problems.size()); ++i) console.warn()(problems[i]);
-  if (problems.size() > kMaxWarnings)
-    console.warn()("and " + std::to_string(problems.size() - kMaxWarnings) + " more like these");
-}
-
 // "knee-phantom" of "knee-phantom:side=right"
 std::string kind_of(const std::string& data_set) {
   return data_set.substr(0, data_set.find(':'));
@@ -486,18 +236,6 @@ Result<void> check_learners(ExploreArguments& options, Console& console) {
   return options.stores_runs ? check_records(options.records, learners, console) : Result<void>();
 }
 
-// prints the title and figures of each run
-void print_runs(const std::vector<FinishedRun>& runs, const TrainingOptions& training) {
-  for (const FinishedRun& finished : runs) {
-    const auto offered = std::ranges::find(training.tasks, finished.run.task, &OfferedTask::name);
-    PALPATE_CHECK(offered != training.tasks.end());
-    std::printf("\n");
-    print_score(offered->file, finished.run.score, "run " + std::to_string(finished.run.number));
-    std::printf("  ticks %llu to %llu; %d of %d in a row\n", u(finished.run.ticks.first),
-                u(finished.run.ticks.last), finished.history.in_a_row, offered->file.in_a_row);
-  }
-}
-
 int explore_target(ExploreArguments options, Console& console) {
   if (options.devices.empty()) options.devices = {kSimulatedHand};
   auto navigation = navigation_of(options.about_devices);
@@ -535,7 +273,7 @@ int explore_target(ExploreArguments options, Console& console) {
   // if the terminal closes, the session continues without keys: the device must not be released for that
   const ScopedSignals without_terminal({SIGHUP}, SIG_IGN);
   std::optional<Keys> keys(std::in_place, console.streams().in);
-  std::string address, declared;
+  std::string address, printed_warnings;
   std::optional<ViewedNavigation> tracked;
   ViewerFaultQueue faults;
   ExploreOptions session = session_of(options, *keys, faults, console);
@@ -550,8 +288,9 @@ int explore_target(ExploreArguments options, Console& console) {
   if (!figures) return console.fail(figures.error());
   session.known = with_grip_figures(options.known, *figures, options.rate_hz.value_or(Script{}.rate_hz));
   session.viewers = viewers_of(options, console, faults, address);
-  const auto result = explore(*loaded, *script, session, options.recording.value_or(""), progress,
-                              status_for(options, address, declared, tracked, console));
+  const auto result =
+      explore(*loaded, *script, session, options.recording.value_or(""), progress,
+              explore_status_printer(!options.no_realtime, address, printed_warnings, tracked, console));
   keys.reset();
   console.show_status("");
   if (!result) return console.fail(result.error());
@@ -559,8 +298,8 @@ int explore_target(ExploreArguments options, Console& console) {
   if (plan && !plan->viewed()->saved)
     console.warn()(options.plan->string() +
                    ": changes to the plan made in the page were not saved and are lost");
-  warn_of_problems(result->problems, declared, console);
-  print(*result, pointer);
+  warn_of_problems(result->problems, printed_warnings, console);
+  print_explore_result(*result, pointer);
   if (tracked) print_tip_error(*tracked);
   print_runs(result->runs, *training);
   if (result->recording_failure) return console.fail(*result->recording_failure);

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "apps/command/surroundings.h"
+#include "apps/command/environment.h"
 #include "palpate/plugin/plugin_driver.h"
 #include "palpate/supervisor/supervisor.h"
 #include "verbs.h"

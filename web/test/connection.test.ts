@@ -111,7 +111,7 @@ test("a stop without a connection is sent to the next one within its time limit"
   t.mock.method(performance, "now", () => now);
   const stops = (after_ms: number, type: "stop" | "set") => {
     const { made, sockets, sent } = connection();
-    void made.ask({ type });
+    void made.request({ type });
     now += after_ms;
     sockets[0]!.onmessage(WELCOME);
     const before = sent.length;
@@ -123,7 +123,7 @@ test("a stop without a connection is sent to the next one within its time limit"
   assert.deepEqual(stops(4900, "stop"), ["stop"]);
   assert.deepEqual(stops(5100, "stop"), []);
   assert.deepEqual(stops(100, "set"), []);
-  const refusal = await connection().made.ask({ type: "stop" });
+  const refusal = await connection().made.request({ type: "stop" });
   assert.match(refusal!.what, /within 5 s/);
 });
 
@@ -139,7 +139,7 @@ test("an unanswered stop is sent to the next connection within its time limit", 
     // the server vanishes without a closing handshake
     isAnswered.goodbye = false;
     now += pressedAfter_ms;
-    const answer = made.ask({ type: "stop" });
+    const answer = made.request({ type: "stop" });
     now += 6100 - pressedAfter_ms;
     made.watch();
     assert.match((await answer)!.what, /within 5 s/);
@@ -160,8 +160,8 @@ test("a stop on a closing connection is queued", async (t) => {
   const { made, sockets, sent } = connection();
   sockets[0]!.onmessage(WELCOME);
   sockets[0]!.readyState = 2;
-  assert.match((await made.ask({ type: "stop" }))!.what, /within 5 s/);
-  assert.ok((await made.ask({ type: "set" })) !== null);
+  assert.match((await made.request({ type: "stop" }))!.what, /within 5 s/);
+  assert.ok((await made.request({ type: "set" })) !== null);
   assert.equal(sent.length, 0);
   sockets[0]!.onclose({ code: 1006 });
   now += 300;

@@ -30,7 +30,7 @@ function loop() {
   const asked: Request[] = [];
   const made = { state, asked, received, refuses: "", history: new History() };
   const connection = {
-    ask: (request: Request): Promise<Refusal | null> => {
+    request: (request: Request): Promise<Refusal | null> => {
       asked.push(request);
       const { type, tissue, ...values } = request;
       if (made.refuses && Object.keys(values).includes(made.refuses)) return Promise.resolve({ what: "no" });

@@ -185,7 +185,7 @@ class Subject {
       this.connection,
       always as never,
       {
-        once: async (request: object) => (await this.connection.ask(request as never)) === null,
+        once: async (request: object) => (await this.connection.request(request as never)) === null,
       } as never,
     );
   }
@@ -194,7 +194,7 @@ class Subject {
     this.session.setScene(scene, await fetchVolumes(scene, 1, null, () => {}));
     this.connection.open();
     await until("a pose", () => this.session.pose.value !== null && this.session.state.value !== null);
-    assert.equal(await this.connection.ask({ type: "pointer", take: true }), null);
+    assert.equal(await this.connection.request({ type: "pointer", take: true }), null);
     await until("the pointer", () => this.session.state.value!.pointer);
   }
   close(): void {

@@ -5,6 +5,7 @@
 
 #include "palpate/device/simulated_device.h"
 #include "palpate/loading/loading.h"
+#include "palpate/palpation/hold_meter.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/servo/servo.h"
 
@@ -44,27 +45,5 @@ Result<RunSetup> set_up_guided_run(const LoadedScene& loaded, const SimulationOp
 
 /// Header of the run's recording.
 RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup);
-
-/// Structure to be held, with the forces that a script requests there; none: contact only.
-struct HoldRequest {
-  LabelId structure = 0;
-  std::vector<double> forces_N = {};
-};
-
-/// Longest uninterrupted hold (HoldFigure::held_s), mean and peak force on one structure, accumulated from
-/// every tick in order.
-class HoldMeter {
- public:
-  HoldMeter(const Model& model, const HoldRequest& hold);
-  void observe(const TickRecord& record);
-  HoldFigure figure() const;
-
- private:
-  HoldFigure figure_;
-  std::vector<double> forces_N_;    // requested forces; none: any force
-  std::vector<double> unbroken_s_;  // duration of the current hold at each of them
-  double sum_N_ = 0;
-  std::uint64_t ticks_ = 0;
-};
 
 }  // namespace palpate

@@ -72,7 +72,7 @@ class ScriptedHand {
     LabelId structure = 0;  // structure of the last approach
     TouchSites sites;       // candidates of an approach
   };
-  enum class Approach : std::uint8_t { kPlan, kWalk, kTouch };
+  enum class Approach : std::uint8_t { kPlan, kFollowPath, kTouch };
   ScriptedHand(const Model& model, const Script& script, const PlantDevice& device, const PlantHand& hand);
   Result<PlannedStep> planned(const ScriptStep& action, int line, LabelId before, const std::string& where);
 
@@ -81,7 +81,7 @@ class ScriptedHand {
   bool approach(const PlannedStep& step, const TickRecord& tick, double dt_s);
   double touch_of_approach() const;
   bool plan(const PlannedStep& step, const TickRecord& tick);
-  void walk_to_site(const PlannedStep& step, const TickRecord& tick, double dt_s);
+  void follow_path_to_site(const PlannedStep& step, const TickRecord& tick, double dt_s);
   bool touch(const PlannedStep& step, const TickRecord& tick, double dt_s);
   bool press(const PlannedStep& step, const TickRecord& tick, double dt_s);
   bool hold(const PlannedStep& step, const TickRecord& tick, double dt_s);
@@ -96,8 +96,9 @@ class ScriptedHand {
   bool withdraw_from_contact(const PlannedStep& step, const TickRecord& tick, double dt_s);
 
   // ---- failures
-  std::optional<std::string> excess_depth(const TickRecord& tick, double dt_s);
-  std::optional<std::string> lost(const PlannedStep& step, const TickRecord& tick, double dt_s);
+  std::optional<std::string> update_excess_depth(const TickRecord& tick, double dt_s);
+  std::optional<std::string> update_contact_loss(const PlannedStep& step, const TickRecord& tick,
+                                                 double dt_s);
   std::optional<std::string> force_deviation(double time_s) const;
   void try_next_site(const TickRecord& tick, const std::string& why);
   bool fail(const PlannedStep& step, const TickRecord& tick, const std::string& why);
@@ -106,7 +107,7 @@ class ScriptedHand {
   std::string wrong_contact(const TickRecord& tick) const;
 
   // ---- motion
-  void feel(const TickRecord& tick, double dt_s);
+  void update_perception(const TickRecord& tick, double dt_s);
   bool follow_path(double speed_mm_s, const TickRecord& tick, double dt_s);
   void regulate_force(const TickRecord& tick, double dt_s);
   void regulate_contact(const TickRecord& tick, double dt_s);
@@ -163,9 +164,9 @@ class ScriptedHand {
   bool turning_ = false;
   double turned_s_ = 0;
   Eigen::Quaterniond rotation_start_ = Eigen::Quaterniond::Identity();
-  std::optional<Transform<World, Patient>> lay_;  // pose of the patient in the previous tick
-  double filtered_N_ = 0;                         // perceived force, low-pass filtered
-  Vector<World> filtered_normal_;                 // perceived normal, low-pass filtered
+  std::optional<Transform<World, Patient>> last_X_WorldPatient_;  // pose of the patient in the previous tick
+  double filtered_N_ = 0;                                         // perceived force, low-pass filtered
+  Vector<World> filtered_normal_;                                 // perceived normal, low-pass filtered
 
   // tremor: three sinusoids between 8 and 12 Hz per axis
   struct Wave {

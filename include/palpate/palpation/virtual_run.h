@@ -41,7 +41,7 @@ class VirtualRun {
 
  private:
   void cut();
-  void cut_what_was_swept();
+  void remove_swept_volume();
   void change_stroke(StrokeAction action);
   void change_law(TissueLaw law);
 

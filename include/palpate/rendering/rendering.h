@@ -112,7 +112,7 @@ struct Overlay {
 namespace internal::section {
 class Volumes;
 class Pixels;
-struct PixelView;
+class RowCursor;
 }  // namespace internal::section
 
 /// Memory layout of the voxels that a SectionRenderer reads.
@@ -165,7 +165,7 @@ class SectionRenderer {
   };
   enum class Layers { kScan, kLabels, kBoth };
   /// Samples greys and labels of the requested layers.
-  internal::section::PixelView sample(const SectionPlane& plane, Layers layers);
+  internal::section::RowCursor sample(const SectionPlane& plane, Layers layers);
 
   SectionStyle style_;
   std::shared_ptr<const internal::section::Volumes> volumes_;

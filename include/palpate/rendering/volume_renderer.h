@@ -81,7 +81,7 @@ struct VolumeStyle {
 };
 
 namespace internal::volume_picture {
-class Encoding;
+class VolumeEncoding;
 struct Scratch;
 }  // namespace internal::volume_picture
 
@@ -117,7 +117,7 @@ class VolumeRenderer {
 
  private:
   VolumeRenderer();
-  std::unique_ptr<internal::volume_picture::Encoding> encoding_;
+  std::unique_ptr<internal::volume_picture::VolumeEncoding> encoding_;
   std::unique_ptr<internal::volume_picture::Scratch> scratch_;
   int threads_ = 0;
 };

@@ -161,11 +161,11 @@ class TaskEvaluator {
   void update_forces(const TickRecord& tick, double dt_s);
   void update_steps(const TickRecord& tick, double dt_s);
   struct StepProgress {
-    double part = 0, requested = 0;
+    double achieved = 0, required = 0;
   };
   double force_on_step(const TaskStep& step) const;
   bool is_on_step(const Contact& contact, const TaskStep& step) const;
-  void sweep(std::size_t step);
+  void cover_patches(std::size_t step);
   bool belongs_to_completed_touch(const TaskStep& step) const;
   std::optional<StepProgress> progress_of(const TaskStep& step) const;
   void update_answer(const DeviceTick& device, double dt_s);

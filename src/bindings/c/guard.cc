@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t kMaxReason = 2048;
 thread_local std::array<char, kMaxReason> last_error{};
 
-// an atomic bool is the host's byte
+// the host's cancel flag, a byte, is read as an atomic bool
 static_assert(sizeof(std::atomic<bool>) == 1 && std::atomic<bool>::is_always_lock_free);
 thread_local const std::atomic<bool>* cancel_flag = nullptr;
 

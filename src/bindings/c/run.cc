@@ -105,7 +105,7 @@ plp_status plp_simulate(const plp_model* model, const plp_run_options* options, 
       made->devices = static_cast<std::size_t>(tick.devices);
       for (std::size_t d = 0; d < made->devices; ++d) made->records.push_back(palpate::c::record_of(tick, d));
     };
-    // the methods of a run by default: the next run of the model finds them prepared
+    // the methods that a run uses by default; with_methods() stores them in the model for its next run
     const palpate::ForceMethod methods[] = {model->method, palpate::ForceMethod::kTrilinear};
     palpate::LoadedScene loaded = model->loaded;
     auto ready = palpate::c::with_methods(*model, methods);

@@ -13,7 +13,8 @@
 #include "session/tissue_thread.h"
 #include "session/training.h"
 
-// Parts of a session that have a thread, a file or the network elsewhere, as they are in a browser's worker.
+// Single-threaded implementations, for a browser's worker, of those parts of a session that natively use
+// threads, files or the network.
 namespace palpate {
 
 const std::vector<EmbeddedFile>& viewer_page() {
@@ -23,9 +24,9 @@ const std::vector<EmbeddedFile>& viewer_page() {
 
 namespace server {
 
-// ---- volumes are made within the request
+// ---- volumes are generated synchronously
 
-PayloadStore::PayloadStore(Maker make) : make_(std::move(make)) {}
+PayloadStore::PayloadStore(Generator make) : make_(std::move(make)) {}
 PayloadStore::~PayloadStore() = default;
 void PayloadStore::run(std::function<void()> job) {
   job();
@@ -36,7 +37,7 @@ std::shared_ptr<const std::string> gzip(const std::string& /*bytes*/, const std:
                                         int /*level*/) {
   return nullptr;
 }
-std::optional<Who> Tokens::holder_of(std::string_view /*token*/) const {
+std::optional<AuthenticatedViewer> Tokens::holder_of(std::string_view /*token*/) const {
   return {};
 }
 std::vector<std::string> Tokens::learners() const {

@@ -1,4 +1,4 @@
-#include "loading/stored_preparation.h"
+#include "loading/cached_preparation.h"
 
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume/volume.h"

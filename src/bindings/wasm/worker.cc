@@ -130,9 +130,9 @@ Result<void> WorkerSession::begin() {
   const ViewedScene& scene = live_.scene();
   scale_ = scene.scan ? server::ScanScale::of(*scene.scan) : server::ScanScale{};
   const server::VolumeFacts facts = server::facts_of(scene, scale_);
-  volumes_.emplace(server::volume_maker(scene.scan, scale_, scene.labels, facts.wide_labels));
+  volumes_.emplace(server::volume_generator(scene.scan, scale_, scene.labels, facts.wide_labels));
   site_.emplace(live_, server::Access("localhost", kPort, false, {}, {}), facts);
-  // a single page next to its server: downloads are not paced
+  // the page is the only viewer: its downloads are not limited
   const server::DownloadRateLimiter downloads(0, server::DownloadRateLimiter::Clock::now());
   hub_.emplace(loop_, live_, *site_, *volumes_, nullptr, downloads, server::FaultLog({}), [](int) {});
   hub_->begin();

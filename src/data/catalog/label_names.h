@@ -12,7 +12,7 @@ namespace palpate {
 /// `source` names the text in errors, which include the line number.
 Result<std::string> mricron_names_to_tsv(std::string_view text, const std::string& source);
 
-/// Writes that table of `list` to `table`, unless it is up to date.
+/// Converts the file `list` to the table file `table`, unless that is up to date.
 Result<void> keep_mricron_names(const std::filesystem::path& list, const std::filesystem::path& table);
 
 }  // namespace palpate

@@ -4,7 +4,7 @@
 #include <map>
 
 #include "loading/body.h"
-#include "loading/stored_preparation.h"
+#include "loading/cached_preparation.h"
 #include "palpate/base/reading.h"
 #include "palpate/contact/colours.h"
 #include "palpate/loading/loading.h"

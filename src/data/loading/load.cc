@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <system_error>
 
+#include "loading/cached_preparation.h"
 #include "loading/proposed_scene.h"
 #include "loading/read_scene.h"
-#include "loading/stored_preparation.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate/loading/loading.h"
 #include "palpate/phantoms/phantoms.h"

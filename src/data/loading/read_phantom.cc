@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "loading/cached_preparation.h"
 #include "loading/read_scene.h"
-#include "loading/stored_preparation.h"
 #include "palpate/base/check.h"
 #include "palpate/phantoms/phantoms.h"
 

@@ -45,7 +45,7 @@ void add_lesion(std::vector<PhantomPart>& parts, const KneeParameters& knee, con
   const Point<Patient> centre = site.point - Vector<Patient>(depth);
   const Eigen::Vector3d radii = Eigen::Vector3d::Constant(knee.lesion_mm).cwiseQuotient(scale);
   parts.push_back({"lesion", kLesionLabel, kLesionColour,
-                   knee.visible ? PhantomMaterial::kLesion : PhantomMaterial::kUnseen,
+                   knee.visible ? PhantomMaterial::kLesion : PhantomMaterial::kInvisible,
                    Shape::intersect(structure, Shape::ellipsoid(centre, radii))});
 }
 

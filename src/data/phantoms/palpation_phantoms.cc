@@ -67,7 +67,7 @@ void add_parts(PhantomPlan& plan, const Shape& tissue, const Shape& plate, const
   for (const PhantomNodule& nodule : *nodules)
     balls.push_back(Shape::sphere(nodule.centre, nodule.radius_mm));
   plan.parts.push_back({"nodule", kNoduleLabel, kNoduleColour,
-                        requested.visible ? PhantomMaterial::kLesion : PhantomMaterial::kUnseen,
+                        requested.visible ? PhantomMaterial::kLesion : PhantomMaterial::kInvisible,
                         Shape::unite(std::move(balls))});
 }
 

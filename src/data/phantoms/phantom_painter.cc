@@ -63,7 +63,7 @@ class Painter {
       if (distance > reach) continue;
       const bool even = distance + material_depth_mm(parts_[candidate.part].material) < -reach;
       // below an invisible part the scan shows the surrounding material
-      if (even && parts_[candidate.part].material != PhantomMaterial::kUnseen) here.clear();
+      if (even && parts_[candidate.part].material != PhantomMaterial::kInvisible) here.clear();
       here.push_back({candidate.part, even ? nullptr : within.node});
     }
     return here;

@@ -19,7 +19,7 @@ enum class PhantomMaterial : std::uint8_t {
   kLigament,
   kVessel,
   kLesion,
-  kUnseen,  ///< Invisible: the scan shows the material around it.
+  kInvisible,  ///< Invisible: the scan shows the material around it.
   kGland,
   kSkin,
   kBrain,

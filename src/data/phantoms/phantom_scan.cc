@@ -49,7 +49,7 @@ Intensity proton_density(PhantomMaterial material) {
       return even(540);
     case kPlastic:
       return even(20);
-    case kUnseen:
+    case kInvisible:
       break;
   }
   return {};
@@ -83,7 +83,7 @@ Intensity hounsfield(PhantomMaterial material) {
       return even(35);
     case kPlastic:
       return even(120);
-    case kUnseen:
+    case kInvisible:
       break;
   }
   return {};
@@ -128,7 +128,7 @@ double material_depth_mm(PhantomMaterial material) {
 
 double paint(PhantomMaterial material, PhantomImaging imaging, double below, double distance_mm,
              double voxel_mm) {
-  if (material == PhantomMaterial::kUnseen) return below;
+  if (material == PhantomMaterial::kInvisible) return below;
   const Intensity intensity =
       imaging == PhantomImaging::kCt ? hounsfield(material) : proton_density(material);
   const double fraction = coverage(distance_mm, voxel_mm);

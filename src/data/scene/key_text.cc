@@ -33,7 +33,7 @@ std::string value_cell(const KeySpec& key) {
 }
 
 std::string range_cell(const KeySpec& key) {
-  if (!key.has_range() || key.type == kDirection || key.type == kPlace) return "";
+  if (!key.has_range() || key.type == kDirection || key.type == kPosition) return "";
   return concat({number_text(key.min), " … ", number_text(key.max)});
 }
 
@@ -141,7 +141,7 @@ std::string_view type_text(KeyType type) {
       return "true or false";
     case kNumber:
       return "a number";
-    case kWhole:
+    case kInteger:
       return "a whole number";
     case kColour:
       return "a colour";
@@ -153,7 +153,7 @@ std::string_view type_text(KeyType type) {
       return "two numbers";
     case kPoint:
       return "a point [x, y, z]";
-    case kPlace:
+    case kPosition:
       return "a text or a point [x, y, z]";
     case kPoints:
       return "a list of points";
@@ -179,7 +179,7 @@ std::string remedy_text(const KeySpec& key) {
   }
   if (key.type == KeyType::kTable) text = "write [" + std::string(key.name) + "] on a line of its own";
   if (key.type == KeyType::kTables)
-    text = "write [[" + std::string(key.under) + std::string(key.name) + "]] on a line of its own";
+    text = "write [[" + std::string(key.heading_prefix) + std::string(key.name) + "]] on a line of its own";
   return key.default_text.empty() ? text : text + "; default " + std::string(key.default_text);
 }
 

@@ -15,13 +15,13 @@ enum class KeyType {
   kChoice,     ///< One of `choices`
   kFlag,       ///< True or false
   kNumber,     ///< Finite number, min ... max
-  kWhole,      ///< Integer, min ... max
+  kInteger,    ///< Integer, min ... max
   kColour,     ///< "#rrggbb"
   kLabels,     ///< List of label numbers and names
   kNames,      ///< List of names
   kInterval,   ///< [low, high], low < high, each min ... max
   kPoint,      ///< [x, y, z], each coordinate min ... max
-  kPlace,      ///< Non-empty string, or [x, y, z], each coordinate min ... max
+  kPosition,   ///< Non-empty string, or [x, y, z], each coordinate min ... max
   kPoints,     ///< List of [x, y, z], each coordinate min ... max
   kTerms,      ///< List of [part, time], each time min ... max
   kDirection,  ///< One of `choices`, or a non-zero [x, y, z]
@@ -37,7 +37,7 @@ struct KeySpec {
   double min = 0, max = 0;             ///< Range of numbers; both 0: unlimited
   std::vector<std::string_view> choices = {};
   std::string_view meaning = {};
-  std::string_view under = {};  ///< Prefix of a nested table's name in its heading, "tool."
+  std::string_view heading_prefix = {};  ///< Prefix of a nested table's name in its heading, "tool."
 
   bool has_range() const { return min != 0 || max != 0; }
 };

@@ -3,9 +3,9 @@
 #include <cmath>
 #include <cstdio>
 #include <string_view>
-#include <tuple>
 
 #include "palpate/scene/scene.h"
+#include "scene/elastic_presets.h"
 #include "scene/keys.h"
 
 namespace palpate {
@@ -63,10 +63,7 @@ TissuePreset make(std::string name, double tissue_N_per_mm, const Surface& surfa
   return preset;
 }
 
-std::vector<TissuePreset> make_presets() {
-  // equilibrium modulus of cartilage: E = H_A (1 + nu)(1 - 2 nu)/(1 - nu) with nu = 0.1
-  const double cartilage_MPa = 0.79 * 1.1 * 0.8 / 0.9;
-  std::vector<TissuePreset> presets;
+void add_bone(std::vector<TissuePreset>& presets) {
   presets.push_back(
       make("bone", punch_stiffness(18600, 0.3), {0.2, 0.005, 0.5, 0.001}, 1, {227, 218, 201},
            "Rho, Ashman, Turner 1993, J Biomech 26:111. Cortical bone of the human tibia, E = 18.6 GPa by "
@@ -154,6 +151,11 @@ std::vector<TissuePreset> make_presets() {
             "molar",
             "hard palate",
             "styloid process"}));
+}
+
+void add_cartilage_and_ligaments(std::vector<TissuePreset>& presets) {
+  // equilibrium modulus of cartilage: E = H_A (1 + nu)(1 - 2 nu)/(1 - nu) with nu = 0.1
+  const double cartilage_MPa = 0.79 * 1.1 * 0.8 / 0.9;
   presets.push_back(
       make("cartilage", punch_stiffness(cartilage_MPa, 0.1), {0.025, 0.002, 0.1, 0.001}, 1, {196, 218, 232},
            "Armstrong, Mow 1982, J Bone Joint Surg Am 64:88. Human patellar cartilage, mean aggregate "
@@ -180,6 +182,9 @@ std::vector<TissuePreset> make_presets() {
            "palpation, first-order Ogden mu = 25 to 39 kPa, taken 32 kPa; E = 3 mu, nu = 0.5",
            {"ligament", "ligamentum", "tendon", "tendo", "aponeurosis", "retinaculum", "fascia"},
            {"iliotibial tract", "iliotibial band", "acl", "pcl", "mcl", "lcl"}));
+}
+
+void add_muscle_fat_and_skin(std::vector<TissuePreset>& presets) {
   presets.push_back(make(
       "muscle", punch_stiffness(3 * 0.0045, 0.5), {0.1, 0.003, 0.2, 0.003}, 0.6, {172, 58, 52},
       "Chakouch, Charleux, Bensamoun 2015, PLoS ONE 10:e0138873. Nine human thigh muscles at rest, shear "
@@ -213,6 +218,9 @@ std::vector<TissuePreset> make_presets() {
       "Diridollou et al. 2000, Skin Res Technol 6:214. Skin of the forearm of ten men by suction in vivo, "
       "E = 129 kPa; nu = 0.5",
       {"skin", "dermis", "epidermis", "cutis", "scalp"}, {}));
+}
+
+void add_vessels_and_nerves(std::vector<TissuePreset>& presets) {
   presets.push_back(make(
       "vessel", tube_stiffness(0.771, 3, 1), {0.05, 0.002, 0.1, 0.001}, 1, {206, 22, 38},
       "Riley et al. 1992, Stroke 23:952. Wall of the human carotid artery, E = 771 kPa in men of 45 to 49 "
@@ -234,6 +242,9 @@ std::vector<TissuePreset> make_presets() {
             // canals of the jaw are classified by their contents, the pulp of a tooth as nerves and vessels
             "alveolar canal", "mandibular canal", "incisive canal", "lingual canal", "incisor pulp",
             "canine pulp", "premolar pulp", "molar pulp", "dental pulp", "tooth pulp"}));
+}
+
+void add_organs(std::vector<TissuePreset>& presets) {
   presets.push_back(
       make("liver", punch_stiffness(3 * 0.00209, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {118, 46, 34},
            "Venkatesh et al. 2014, J Magn Reson Imaging 39:1. Human liver by MR elastography at 60 Hz, shear "
@@ -295,6 +306,9 @@ std::vector<TissuePreset> make_presets() {
             "internal capsule",
             "septum pellucidum",
             "central sulcus"}));
+}
+
+void add_glands_and_tumours(std::vector<TissuePreset>& presets) {
   presets.push_back(
       make("gland", punch_stiffness(0.01092, 0.5), {0.05, 0.002, 0.1, 0.003}, 0.8, {226, 148, 92},
            "Arda et al. 2011, AJR 197:532. Submandibular glands of volunteers by shear wave elastography, "
@@ -314,242 +328,17 @@ std::vector<TissuePreset> make_presets() {
       {"tumour", "tumor", "lesion", "carcinoma", "cancer", "metastasis", "metastases", "neoplasm", "nodule",
        "adenoma", "fibroadenoma", "sarcoma", "glioma", "meningioma", "lymphoma", "gtv"},
       {}));
+}
+
+std::vector<TissuePreset> make_presets() {
+  std::vector<TissuePreset> presets;
+  add_bone(presets);
+  add_cartilage_and_ligaments(presets);
+  add_muscle_fat_and_skin(presets);
+  add_vessels_and_nerves(presets);
+  add_organs(presets);
+  add_glands_and_tumours(presets);
   return presets;
-}
-
-// ---- elastic constants -------------------------------------------------------------------------
-
-/// Elastic constants of a preset. Presets without an entry (bone) are rigid.
-struct ElasticPreset {
-  std::string_view preset;
-  ElasticConstants constants;
-  std::array<double, 2> range_kPa;
-  std::string_view source;
-  /// Range of ElasticConstants::stiffening and its source; empty: not known to stiffen.
-  std::array<double, 2> stiffening_range{};
-  std::string_view stiffening_source = {};
-};
-constexpr std::string_view kAsLiver = "(E): the exponent of liver, whose parenchyma and capsule are alike";
-// E is from the source of the stiffness, to two digits, unless noted otherwise
-constexpr std::array kElasticPresets{
-    ElasticPreset{"cartilage",
-                  {770, 0.1},
-                  {480, 1580},
-                  "at equilibrium; range from H_A of 0.48 to 1.58 MPa at five sites of a tibia, with nu 0 to "
-                  "0.05 (PMC2858459). Under fast loading it is several times stiffer"},
-    ElasticPreset{"meniscus",
-                  {120, 0},
-                  {100, 160},
-                  "at equilibrium, across its fibres; range from the means of its parts, same source. Along "
-                  "them it is up to a thousand times stiffer, which an isotropic body cannot represent"},
-    ElasticPreset{"disc", {990, 0.1}, {500, 2000}, "at equilibrium; range (E)"},
-    ElasticPreset{
-        "ligament",
-        {96, 0.45},
-        {75, 120},
-        "across its fibres, the direction of palpation; range from mu of 25 to 39 kPa, same source. Along "
-        "them it is stiffer by orders of magnitude (tangent modulus of the medial collateral ligament 332 "
-        "MPa; "
-        "Quapp, Weiss 1998, J Biomech Eng 120:757), which an isotropic body cannot represent"},
-    ElasticPreset{
-        "muscle",
-        {14, 0.45},
-        {5, 19},
-        "3.9 to 6.2 kPa of shear modulus; from 5 kPa on (E). A linear body of 18 kPa describes 213 "
-        "probes of meat within 1.5 %, so that it has no stiffening ([outside](../results/outside.md))"},
-    ElasticPreset{"fat", {9.1, 0.45}, {1, 25}, "range (E)"},
-    ElasticPreset{
-        "skin",
-        {130, 0.45},
-        {41, 220},
-        "range: one standard deviation, same source. Skin of the breast by suction 56 kPa (Briot et "
-        "al. 2022, Clin Biomech 99:105743)"},
-    ElasticPreset{"vessel",
-                  {12, 0.45},
-                  {6, 24},
-                  "(E) of a solid body that deforms as much under the probe as the tube does. Labels include "
-                  "the blood, and the wall's 771 kPa would be far too stiff"},
-    ElasticPreset{
-        "nerve",
-        {39, 0.45, 1.5},
-        {19, 77},
-        "range (E)",
-        {0, 2.3},
-        "alpha = 6.5 of the same source, by equal energy in simple shear of 0.6; range: in compression "
-        "and in tension by 30 to 40 %"},
-    ElasticPreset{
-        "liver",
-        {6.3, 0.45, 15},
-        {5.4, 6.3},
-        "range from a shear modulus of 1.8 kPa elsewhere (doi 10.1088/1361-6560/ab5010)",
-        {15, 50},
-        "418 probes of pig liver with a sphere of 4 mm, whose force grows e-fold per mm "
-        "([outside](../results/outside.md)). 15 with E of 5.4 kPa on a plate at 15 mm, 50 with 3 kPa at "
-        "25 mm: the thickness was not recorded"},
-    ElasticPreset{
-        "kidney",
-        {5, 0.45, 15},
-        {2.5, 15},
-        "to a shear modulus of 4.9 kPa by MR elastography at 45 Hz (Rouviere et al. 2011, J Magn Reson "
-        "Imaging 34:880); from (E)",
-        {0, 50},
-        kAsLiver},
-    ElasticPreset{"spleen",
-                  {2.9, 0.45, 15},
-                  {1.5, 11},
-                  "to a shear stiffness of 3.565 kPa by MR elastography at 60 Hz (Mannelli et al. 2010, AJR "
-                  "195:387); from (E)",
-                  {0, 50},
-                  kAsLiver},
-    ElasticPreset{"lung", {3.4, 0.4}, {1.7, 7}, "range (E); nu (E), lower than elsewhere because of the air"},
-    ElasticPreset{"heart", {3.4, 0.45}, {1.7, 7}, "at rest; range (E)"},
-    ElasticPreset{"brain", {1.9, 0.45}, {1.5, 4.5}, "range (E), from shear moduli of 0.5 to 1.5 kPa"},
-    ElasticPreset{"gland", {11, 0.45}, {4.8, 11}, "range: pancreas to submandibular gland, same source"},
-    ElasticPreset{"lymph node", {21, 0.45}, {10, 43}, "range (E)"},
-    ElasticPreset{"tumour",
-                  {43, 0.45},
-                  {43, 69},
-                  "range from a shear modulus of 23 kPa of liver cancer (doi 10.1088/1361-6560/ab5010)"}};
-
-/// Relaxation of a preset, where measured. Slow measurements give no instantaneous part.
-struct RelaxationPreset {
-  std::string_view preset;
-  Relaxation relaxation;
-  std::string_view range, source;
-};
-// midpoints of both ranges; the geometric mean for times
-constexpr Relaxation kLimb{{{{0.15, 0.7}, {}}}};
-constexpr std::string_view kLimbRange = "fraction 0.03 … 0.28, time 0.05 … 8.9 s";
-constexpr std::array kRelaxationPresets{
-    RelaxationPreset{
-        "muscle", kLimb, kLimbRange,
-        "Zheng, Mak 1999, J Biomech Eng 121:330. Indentation of the lower limb in vivo, skin, fat "
-        "and muscle together, eight subjects, four sites, three postures. Pig's muscle by itself "
-        "lost half when it was compressed (Van Loocke, Lyons, Simms 2008, J Biomech 41:1555)"},
-    RelaxationPreset{"fat", kLimb, kLimbRange, "the same limbs"},
-    RelaxationPreset{"skin", kLimb, kLimbRange,
-                     "the same limbs. Skin of mice by itself lost 0.53 to 0.72 in 0.2 to 1.9 s when it was "
-                     "compressed (Wang et al. 2015, PLoS ONE 10:e0120897)"}};
-
-const ElasticPreset* elastic_preset(std::string_view preset) {
-  const auto found = std::find_if(kElasticPresets.begin(), kElasticPresets.end(),
-                                  [&](const ElasticPreset& elastic) { return elastic.preset == preset; });
-  return found == kElasticPresets.end() ? nullptr : &*found;
-}
-
-// ---- matching -----------------------------------------------------------------------------------
-
-bool is_upper(char c) {
-  return c >= 'A' && c <= 'Z';
-}
-bool is_letter(char c) {
-  return is_upper(c) || (c >= 'a' && c <= 'z');
-}
-
-/// Splits a name into runs of letters in lower case; "LeftFemur2" gives "left", "femur".
-std::vector<std::string> words_of(const std::string& name) {
-  std::vector<std::string> words;
-  char before = ' ';
-  for (const char c : name) {
-    if (is_letter(c)) {
-      if (!is_letter(before) || (is_upper(c) && !is_upper(before))) words.emplace_back();
-      words.back() += static_cast<char>(is_upper(c) ? c - 'A' + 'a' : c);
-    }
-    before = c;
-  }
-  return words;
-}
-
-// Contents that are not tissue and do not resist, regardless of the structure they are in.
-const std::vector<std::string> kHollowContents{"cyst", "fluid", "effusion", "lumen", "air", "gas", "csf"};
-// Cavities that hold air or fluid.
-const std::vector<std::string> kHollowStructures{"airway",
-                                                 "trachea",
-                                                 "bronchus",
-                                                 "bronchi",
-                                                 "bronchia",
-                                                 "pharynx",
-                                                 "nasopharynx",
-                                                 "oropharynx",
-                                                 "hypopharynx",
-                                                 "nasal cavity",
-                                                 "auditory canal",
-                                                 "ear canal",
-                                                 "maxillary sinus",
-                                                 "sinus maxillary",
-                                                 "frontal sinus",
-                                                 "sinus frontal",
-                                                 "sphenoid sinus",
-                                                 "ethmoid sinus",
-                                                 "paranasal sinus",
-                                                 "lateral ventricle",
-                                                 "third ventricle",
-                                                 "fourth ventricle",
-                                                 "ventricle frontal horn",
-                                                 "ventricle occipital horn",
-                                                 "ventricle temporal horn",
-                                                 "ventricle body",
-                                                 "ventricle trigone",
-                                                 "subarachnoid space"};
-// Solid contents without a sourced preset, regardless of the structure they are in.
-const std::vector<std::string> kForeignContents{"implant",  "prosthesis", "endoprosthesis",
-                                                "stent",    "hemorrhage", "haemorrhage",
-                                                "hematoma", "haematoma",  "thrombus"};
-// Tissues that would otherwise match the cavity they enclose.
-const std::vector<std::string> kUnsourcedStructures{"airway wall"};
-
-/// Precedence of a term, ascending: enclosing structure, kind of tissue, contents.
-enum class TermRank { kStructure, kKind, kContent };
-
-struct Term {
-  std::string text;
-  std::vector<std::string> words;
-  TermRank rank;
-  const TissuePreset* preset;  ///< Preset; null: none
-  bool is_hollow;
-};
-
-std::vector<Term> make_terms() {
-  std::vector<Term> terms;
-  const auto add = [&](const std::vector<std::string>& texts, TermRank rank, const TissuePreset* preset,
-                       bool is_hollow) {
-    for (const std::string& text : texts) terms.push_back({text, words_of(text), rank, preset, is_hollow});
-  };
-  for (const TissuePreset& preset : tissue_presets()) {
-    add(preset.kind_words, TermRank::kKind, &preset, false);
-    add(preset.structure_names, TermRank::kStructure, &preset, false);
-  }
-  add(kHollowContents, TermRank::kContent, nullptr, true);
-  add(kForeignContents, TermRank::kContent, nullptr, false);
-  add(kHollowStructures, TermRank::kStructure, nullptr, true);
-  add(kUnsourcedStructures, TermRank::kStructure, nullptr, false);
-  return terms;
-}
-
-/// A match of a term in a name: words [begin, end).
-struct TermMatch {
-  const Term* term;
-  std::size_t begin, end;
-
-  bool is_within(const TermMatch& other) const {
-    return other.begin <= begin && end <= other.end && other.end - other.begin > end - begin;
-  }
-  auto precedence() const { return std::tuple(term->rank, end, end - begin); }
-};
-
-std::vector<TermMatch> find_terms(const std::vector<std::string>& words) {
-  static const std::vector<Term> terms = make_terms();
-  const auto is_same = [](const std::string& word, const std::string& of_term) {
-    return word == of_term || word == of_term + "s";
-  };
-  std::vector<TermMatch> matches;
-  for (const Term& term : terms)
-    for (std::size_t n = 0; n + term.words.size() <= words.size(); ++n)
-      if (std::equal(
-              term.words.begin(), term.words.end(), words.begin() + static_cast<std::ptrdiff_t>(n),
-              [&](const std::string& of_term, const std::string& word) { return is_same(word, of_term); }))
-        matches.push_back({&term, n, n + term.words.size()});
-  return matches;
 }
 
 std::string hex_text(const Rgb& colour) {
@@ -568,9 +357,9 @@ const std::vector<TissuePreset>& tissue_presets() {
         preset.values.elastic = elastic->constants;
         preset.range_kPa = elastic->range_kPa;
       }
-    for (const RelaxationPreset& one : kRelaxationPresets)
-      for (TissuePreset& preset : made)
-        if (preset.name == one.preset) preset.values.relaxation = one.relaxation;
+    for (TissuePreset& preset : made)
+      if (const Relaxation* relaxation = measured_relaxation(preset.name))
+        preset.values.relaxation = *relaxation;
     return made;
   }();
   return presets;
@@ -581,19 +370,6 @@ const TissuePreset* find_preset(std::string_view name) {
   const auto found =
       std::find_if(presets.begin(), presets.end(), [&](const auto& preset) { return preset.name == name; });
   return found == presets.end() ? nullptr : &*found;
-}
-
-PresetMatch match_preset(const std::string& structure_name) {
-  const std::vector<TermMatch> matches = find_terms(words_of(structure_name));
-  const TermMatch* best = nullptr;
-  for (const TermMatch& match : matches) {
-    // a word counts only in the longest term that contains it: the thyroid of "sterno thyroid" is not a gland
-    if (std::ranges::any_of(matches, [&](const TermMatch& other) { return match.is_within(other); }))
-      continue;
-    if (!best || match.precedence() > best->precedence()) best = &match;
-  }
-  if (!best) return {};
-  return {best->term->preset, best->term->text, best->term->is_hollow};
 }
 
 std::string tissue_preset_table() {
@@ -607,42 +383,6 @@ std::string tissue_preset_table() {
                                v.friction_max_N, v.viscosity_N_s_per_mm, v.opacity})
       text += " | " + number_text(value);
     text += " | `" + hex_text(*v.colour) + "` | " + preset.source + " |\n";
-  }
-  return text;
-}
-
-std::string elastic_preset_table() {
-  std::string text =
-      "| preset | E kPa | nu | range of E kPa | from | stiffening | its range | from |\n"
-      "|---|---|---|---|---|---|---|---|\n";
-  for (const TissuePreset& preset : tissue_presets()) {
-    const ElasticPreset* elastic = elastic_preset(preset.name);
-    if (elastic == nullptr) {
-      text += "| `" + preset.name + "` | — | — | — | does not yield | — | — | |\n";
-      continue;
-    }
-    const auto& [low_kPa, high_kPa] = elastic->range_kPa;
-    text += "| `" + preset.name + "` | " + number_text(elastic->constants.youngs_modulus_kPa) + " | " +
-            number_text(elastic->constants.poissons_ratio) + " | " + number_text(low_kPa) + " … " +
-            number_text(high_kPa) + " | " + std::string(elastic->source) + " | " +
-            number_text(elastic->constants.stiffening);
-    const auto& [low, high] = elastic->stiffening_range;
-    text += elastic->stiffening_source.empty() ? " | — | |\n"
-                                               : " | " + number_text(low) + " … " + number_text(high) +
-                                                     " | " + std::string(elastic->stiffening_source) + " |\n";
-  }
-  return text;
-}
-
-std::string relaxation_preset_table() {
-  std::string text = "| preset | relaxation | range | from |\n|---|---|---|---|\n";
-  for (const RelaxationPreset& preset : kRelaxationPresets) {
-    text += "| `" + std::string(preset.preset) + "` | `[";
-    for (const RelaxationTerm& term : preset.relaxation.term)
-      if (term.fraction > 0)
-        text += (text.back() == '[' ? "[" : ", [") + number_text(term.fraction) + ", " +
-                number_text(term.time_s) + "]";
-    text += "]` | " + std::string(preset.range) + " | " + std::string(preset.source) + " |\n";
   }
   return text;
 }

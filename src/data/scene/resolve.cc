@@ -53,8 +53,8 @@ std::string known_labels(const LabelMap& labels) {
   return list;
 }
 
-/// @param whose  owner of the reference in the error: "tissue \"bone\""
-Error absent_label(const std::string& whose, const LabelReference& label, std::string where,
+/// @param owner  owner of the reference in the error: "tissue \"bone\""
+Error absent_label(const std::string& owner, const LabelReference& label, std::string where,
                    const LabelMap& labels) {
   std::string meant;
   if (const auto* name = std::get_if<std::string>(&label)) {
@@ -62,7 +62,7 @@ Error absent_label(const std::string& whose, const LabelReference& label, std::s
     for (const Segment& segment : labels.segments) names.push_back(segment.name);
     meant = did_you_mean(*name, names, "\"");
   }
-  return {ErrorKind::kBadInput, whose + " has the label " + quoted(label) + ", which the label map lacks",
+  return {ErrorKind::kBadInput, owner + " has the label " + quoted(label) + ", which the label map lacks",
           std::move(where), meant + known_labels(labels)};
 }
 

@@ -1,12 +1,12 @@
 #include "palpate/scene/scene.h"
 
 #include <algorithm>
-#include <span>
 #include <utility>
 
 #include "palpate/base/file.h"
-#include "palpate/base/reading.h"
 #include "palpate/contact/tissue_values.h"
+#include "scene/read_tools.h"
+#include "scene/scene_checks.h"
 #include "scene/table_reader.h"
 
 namespace palpate {
@@ -23,10 +23,6 @@ void read_data(const TableReader& data, Scene& scene) {
   scene.scan_is_cropped = data.flag("cropped_scan").value_or(false);
   if (const auto names = data.text("names")) scene.names = *names;
   scene.lines = {data.line("scan"), data.line("labels"), data.line("names")};
-}
-
-SupportValues support_values(const TissueSettings& tissue) {
-  return {tissue.name, tissue.stiffness_N_per_mm, tissue.touchable};
 }
 
 TissueSettings starting_values(const TableReader& reader) {
@@ -232,199 +228,6 @@ void read_density(const TableReader& reader, Scene& scene, Problems& problems) {
                  "leave out [density], or correct the modality");
 }
 
-void read_capsule(const TomlTable& table, const TableSpec& keys, Tool& tool, Problems& problems) {
-  const TableReader reader(&table, keys, problems);
-  const auto from = reader.point("from"), to = reader.point("to");
-  for (const char* end : {"from", "to"})
-    if (!reader.has(end))
-      problems.add_missing(reader.line(), std::string("a capsule without `") + end + "`",
-                           std::string("add: ") + end + " = [x, y, z], in millimetres from the tip");
-  if (!from || !to) return;
-  constexpr double kMinLength_mm = 0.1;
-  if ((*to - *from).norm() < kMinLength_mm) {
-    problems.add(reader.line("to"), "a capsule whose ends are less than 0.1 mm apart",
-                 "move one end, or write a point");
-    return;
-  }
-  tool.capsules.push_back({*from, *to, reader.number("radius").value_or(tool.radius_mm)});
-}
-
-// length in millimetres for messages
-std::string in_mm(double mm) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g mm", mm);
-  return text;
-}
-
-// dimensions of a cylinder or cone besides its `diameter`: the row of spheres from its tip to its far end
-void read_row(const TableReader& reader, bool is_cone, Tool& tool, BurrSettings& burr, Problems& problems) {
-  const std::string shape = is_cone ? "cone" : "cylinder";
-  const auto length_mm = reader.number("length"), tip_mm = reader.number("tip_diameter");
-  if (!reader.has("length"))
-    problems.add_missing(reader.line("shape"), "a " + shape + " without `length`",
-                         "add: length = 8, in millimetres from its tip to its far end");
-  if (is_cone && !reader.has("tip_diameter"))
-    problems.add_missing(reader.line("shape"), "a cone without `tip_diameter`",
-                         "add: tip_diameter = 1.2, in millimetres; `diameter` applies to its far end");
-  if (!is_cone && reader.has("tip_diameter"))
-    problems.add(reader.line("tip_diameter"), "a cylinder has no `tip_diameter`",
-                 "it is as wide at its tip: leave this out, or write shape = \"cone\"");
-  if (!length_mm || (is_cone && !tip_mm)) return;
-  const double end_mm = 2 * tool.radius_mm, first_mm = is_cone ? *tip_mm : end_mm;
-  if (is_cone && first_mm == end_mm) {
-    problems.add(reader.line("tip_diameter"), "a cone as wide at its tip as at its far end",
-                 "write shape = \"cylinder\" and leave `tip_diameter` out, or change one of them");
-    return;
-  }
-  // one end sphere would contain the other
-  const double widest_mm = std::max(first_mm, end_mm);
-  if (*length_mm <= widest_mm) {
-    problems.add(
-        reader.line("length"),
-        "a " + shape + " of " + in_mm(widest_mm) + " that is " + in_mm(*length_mm) + " long",
-        "with its round ends it is longer than wide: make `length` larger, or write shape = \"ball\"");
-    return;
-  }
-  tool.radius_mm = 0.5 * first_mm;
-  burr.end_radius_mm = 0.5 * end_mm;
-  burr.length_mm = *length_mm - 0.5 * (first_mm + end_mm);
-}
-
-// reads a burr, or a shaver: a burr that turns slowly and cuts soft tissue
-void read_burr(const TableReader& reader, bool is_shaver, Tool& tool, Problems& problems) {
-  BurrSettings burr;
-  burr.shaver = is_shaver;
-  constexpr double kSecondsPerMinute = 60;
-  // resection rate of tendon and meniscus is best at 5.5 mm and 2000 to 2500 1/min (docs/guide/burr.md)
-  constexpr double kShaver_mm = 5.5, kShaverSpeed_per_min = 2500, kBurr_mm = 4;
-  constexpr int kShaverFlutes = 2;
-  const std::string kind = is_shaver ? "shaver" : "burr";
-  for (const char* key : {"points", "radius", "capsule"})
-    if (reader.has(key))
-      problems.add(reader.line(key), "a " + kind + " has no `" + key + "`",
-                   "a burr is defined by the shape of its head: give its diameter, and leave this out");
-  tool.radius_mm = 0.5 * reader.number("diameter").value_or(is_shaver ? kShaver_mm : kBurr_mm);
-  if (is_shaver) {
-    if (!reader.has("name")) tool.name = kind;
-    burr.revolutions_per_s = kShaverSpeed_per_min / kSecondsPerMinute;
-    burr.flutes = kShaverFlutes;
-  }
-  const std::string shape = std::string(reader.choice("shape").value_or("ball"));
-  if (is_shaver && shape == "cone")
-    problems.add(reader.line("shape"), "a shaver cannot be a cone",
-                 "write shape = \"cylinder\" or shape = \"ball\", or kind = \"burr\"");
-  if (shape != "ball") read_row(reader, shape == "cone", tool, burr, problems);
-  for (const char* key : {"length", "tip_diameter"})
-    if (shape == "ball" && reader.has(key))
-      problems.add(reader.line(key), std::string("a ball has no `") + key + "`",
-                   "leave this out, or write shape = \"cylinder\" or shape = \"cone\"");
-  if (const auto speed = reader.number("speed")) burr.revolutions_per_s = *speed / kSecondsPerMinute;
-  burr.grip = reader.number("grip").value_or(burr.grip);
-  if (const auto flutes = reader.integer("flutes")) burr.flutes = static_cast<int>(*flutes);
-  burr.irrigation = reader.flag("irrigation").value_or(burr.irrigation);
-  if (const auto pedal = reader.integer("pedal")) burr.pedal = static_cast<int>(*pedal);
-  if (const auto spindle = reader.point("spindle")) {
-    constexpr double kMinNorm = 1e-3;
-    if (spindle->norm() < kMinNorm)
-      problems.add(reader.line("spindle"), "the spindle has no direction",
-                   "write spindle = [x, y, z], such as [0, 0, 1]");
-    else
-      burr.spindle = spindle->normalized();
-  }
-  tool.burr = burr;
-}
-
-void read_parts(const TableReader& reader, const TableSpec& capsule, Tool& tool, Problems& problems) {
-  for (const char* key : {"shape", "diameter", "length", "tip_diameter", "speed", "spindle", "grip", "flutes",
-                          "irrigation", "pedal"})
-    if (reader.has(key))
-      problems.add(reader.line(key), std::string("`") + key + "` is a key of burrs",
-                   "add kind = \"burr\" or kind = \"shaver\", or leave this out");
-  tool.radius_mm = reader.number("radius").value_or(tool.radius_mm);
-  tool.points_mm = reader.points("points").value_or(tool.points_mm);
-  if (tool.points_mm.empty() || tool.points_mm.size() > kMaxToolParts) {
-    problems.add(reader.line("points"), "points has " + std::to_string(tool.points_mm.size()) + " points",
-                 "a tool has 1 to " + std::to_string(kMaxToolParts) + " points");
-    return;
-  }
-  for (const TomlTable* table : reader.tables("capsule")) read_capsule(*table, capsule, tool, problems);
-  if (const std::size_t parts = tool.points_mm.size() + tool.capsules.size(); parts > kMaxToolParts)
-    problems.add(
-        reader.line("capsule"), "the tool has " + std::to_string(parts) + " points and capsules",
-        "together they may be " + std::to_string(kMaxToolParts) + "; without `points` the tip is one point");
-}
-
-struct ReadTool {
-  Tool tool;
-  bool is_shaver = false;
-};
-
-// reads a tool; without a table it is a point
-ReadTool read_tool(const TomlTable* table, const TableSpec& keys, const TableSpec& capsule,
-                   ForceMethod method, Problems& problems) {
-  Tool tool;
-  const TableReader reader(table, keys, problems);
-  tool.name = reader.text("name").value_or(tool.name);
-  const auto kind = reader.choice("kind");
-  const bool is_shaver = kind == "shaver";
-  if (kind == "burr" || is_shaver)
-    read_burr(reader, is_shaver, tool, problems);
-  else
-    read_parts(reader, capsule, tool, problems);
-  if (tool.burr && method != ForceMethod::kProxy)
-    problems.add(reader.line("kind"), std::string(is_shaver ? "a shaver" : "a burr") + " requires the proxy",
-                 "set [force] method = \"proxy\", or leave method out");
-  return {std::move(tool), is_shaver};
-}
-
-// A shaver cuts tissues that have a modulus or an explicit cutting energy; others, such as bone, are
-// protected from it. Protection applies to a structure regardless of the tool, so with a burr as the other
-// tool the scene has to set it explicitly.
-void protect_from_shavers(const TableReader& top, std::span<const ReadTool> tools, Scene& scene,
-                          Problems& problems) {
-  // cutting energy of soft tissue: 1 kJ/m2, the toughness of cartilage, in slices of 0.2 mm
-  // (docs/guide/burr.md)
-  constexpr double kSoft_mJ_per_mm3 = 5;
-  const auto any = [&](bool is_shaver) {
-    return std::any_of(tools.begin(), tools.end(),
-                       [&](const ReadTool& read) { return read.tool.burr && read.is_shaver == is_shaver; });
-  };
-  if (!any(true)) return;
-  const auto tables = top.tables("tissue");
-  for (std::size_t n = 0; n < scene.tissues.size(); ++n) {
-    TissueSettings& tissue = scene.tissues[n];
-    // errors of this table have already been reported
-    Problems step_problems(scene.source);
-    const TableReader reader(tables[n], scene_key_tables().tissue, step_problems);
-    if (reader.has("cutting_energy")) continue;
-    if (tissue.elastic) {
-      tissue.cutting_energy_mJ_per_mm3 = kSoft_mJ_per_mm3;
-    } else if (tissue.touchable && !reader.has("protection")) {
-      if (any(false))
-        problems.add_missing(
-            tissue.line,
-            "tissue \"" + tissue.name + "\" cannot be cut by a shaver, but one of the tools is a burr",
-            "add protection = \"keep\", so that neither cuts it, or \"none\", so that both do");
-      tissue.protection = Protection::kBlock;
-    }
-  }
-}
-
-void read_tools(const TableReader& top, Scene& scene, Problems& problems) {
-  const SceneKeys& keys = scene_key_tables();
-  std::vector<ReadTool> read{
-      read_tool(top.table("tool"), keys.tool, keys.capsule, scene.force.method, problems)};
-  if (top.has("second_tool")) {
-    Problems of_second(scene.source);
-    read.push_back(read_tool(top.table("second_tool"), keys.second_tool, keys.second_capsule,
-                             scene.force.method, of_second));
-    problems.add_from(of_second, keys.second_tool.heading);
-  }
-  protect_from_shavers(top, read, scene, problems);
-  scene.tools.clear();
-  for (ReadTool& one : read) scene.tools.push_back(std::move(one.tool));
-}
-
 void read_workspace(const TableReader& reader, WorkspaceSettings& workspace) {
   const auto set = [&](std::string_view key, double& value) { value = reader.number(key).value_or(value); };
   set("scale", workspace.scale);
@@ -509,117 +312,6 @@ void read_regions(const TableReader& top, Scene& scene, Problems& problems) {
     scene.no_go.push_back(read_no_go(TableReader(table, scene_key_tables().no_go, problems), problems));
 }
 
-/// The index of a tissue by name, or -1.
-int index_of(const std::vector<TissueSettings>& tissues, const std::string& name) {
-  for (std::size_t i = 0; i < tissues.size(); ++i) {
-    if (tissues[i].name == name) return static_cast<int>(i);
-  }
-  return -1;
-}
-
-void check_names(const Scene& scene, Problems& problems) {
-  std::vector<std::string_view> all;
-  std::string list;
-  for (const auto& tissue : scene.tissues) {
-    all.push_back(tissue.name);
-    list += (list.empty() ? "" : ", ") + tissue.name;
-  }
-  for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
-    const TissueSettings& tissue = scene.tissues[i];
-    const TissueSettings& first =
-        scene.tissues[static_cast<std::size_t>(index_of(scene.tissues, tissue.name))];
-    if (&first != &tissue) {
-      problems.add(
-          tissue.line,
-          "a second tissue \"" + tissue.name + "\"; the first is on line " + std::to_string(first.line),
-          "give every tissue a name of its own");
-    }
-    const auto unknown =
-        std::find_if(tissue.rests_on.begin(), tissue.rests_on.end(),
-                     [&](const std::string& name) { return index_of(scene.tissues, name) < 0; });
-    if (unknown != tissue.rests_on.end()) {
-      problems.add(
-          tissue.line,
-          "tissue \"" + tissue.name + "\" rests on \"" + *unknown + "\", which is not a tissue of this scene",
-          did_you_mean(*unknown, all, "\"") + "the tissues are " + list);
-    }
-  }
-}
-
-/// Depth-first search for a cycle among the supports of a tissue; `path` is the chain of ancestors.
-bool check_cycle(const Scene& scene, int index, std::vector<int>& path, std::vector<bool>& done,
-                 Problems& problems) {
-  const auto begin = std::find(path.begin(), path.end(), index);
-  const TissueSettings& tissue = scene.tissues[static_cast<std::size_t>(index)];
-  if (begin != path.end()) {
-    std::string circle;
-    for (auto i = begin; i != path.end(); ++i)
-      circle += scene.tissues[static_cast<std::size_t>(*i)].name + " on ";
-    problems.add(tissue.line, "rests_on is circular: " + circle + tissue.name,
-                 "remove one of them, so that one tissue rests on no other");
-    return false;
-  }
-  if (done[static_cast<std::size_t>(index)]) return true;
-  path.push_back(index);
-  for (const std::string& name : tissue.rests_on) {
-    if (!check_cycle(scene, index_of(scene.tissues, name), path, done, problems)) return false;
-  }
-  path.pop_back();
-  done[static_cast<std::size_t>(index)] = true;
-  return true;
-}
-
-void check_stiffness_order(const Scene& scene, Problems& problems) {
-  for (const TissueSettings& tissue : scene.tissues) {
-    if (!tissue.touchable) continue;
-    for (const std::string& name : tissue.rests_on)
-      if (auto fault = support_fault(
-              support_values(tissue),
-              support_values(scene.tissues[static_cast<std::size_t>(index_of(scene.tissues, name))])))
-        problems.add(tissue.line, std::move(fault->what), std::move(fault->remedy));
-  }
-}
-
-/// Checks that the volume each tissue is derived from is given.
-void check_volumes(const Scene& scene, int data_line, Problems& problems) {
-  if (scene.scan_volume && !scene.scan)
-    problems.add(data_line, "[data] has a scan_volume but no scan", "add: scan = \"...\"");
-  if ((scene.mesh_space || scene.mesh_unit) && !scene.labels)
-    problems.add(data_line, "[data] has settings for surfaces but names no labels", "add: labels = \"...\"");
-  if (!scene.scan && !scene.labels) {
-    problems.add(data_line, "[data] names neither a scan nor labels",
-                 "add: labels = \"...\", or scan = \"...\"");
-    return;
-  }
-  if (scene.full_density_HU && !scene.scan)
-    problems.add(data_line, "[density] needs a scan, and the scene has none",
-                 "add to [data]: scan = \"...\", or leave out [density]");
-  if (scene.names && !scene.labels)
-    problems.add(data_line, "[data] has names for labels but no labels", "add: labels = \"...\"");
-  for (const TissueSettings& tissue : scene.tissues) {
-    if (tissue.threshold && !scene.scan)
-      problems.add(tissue.line, "tissue \"" + tissue.name + "\" has a threshold, but the scene has no scan",
-                   "add to [data]: scan = \"...\"");
-    if (tissue.air_below && !scene.scan)
-      problems.add(tissue.line, "tissue \"" + tissue.name + "\" has air_below, but the scene has no scan",
-                   "add to [data]: scan = \"...\"");
-    if (tissue.embedding && !scene.labels)
-      problems.add(tissue.line,
-                   "tissue \"" + tissue.name + "\" embeds labels, but the scene has no label map",
-                   "add to [data]: labels = \"...\", or give the tissue a threshold");
-    if (tissue.embedding && std::ranges::count_if(scene.tissues, &TissueSettings::embedding) > 1)
-      problems.add(tissue.line, "more than one tissue is an embedding", "keep one of them");
-    if (!tissue.labels.empty() && !scene.labels)
-      problems.add(tissue.line, "tissue \"" + tissue.name + "\" has labels, but the scene has no label map",
-                   "add to [data]: labels = \"...\", or give the tissue a threshold");
-  }
-  for (const NoGoSettings& region : scene.no_go)
-    if (!region.structures.empty() && !scene.labels)
-      problems.add(region.line,
-                   "no-go region \"" + region.name + "\" has structures, but the scene has no label map",
-                   "add to [data]: labels = \"...\", or make it a plane or a ball");
-}
-
 void read_tissues(const TableReader& top, Scene& scene, Problems& problems) {
   const auto tables = top.tables("tissue");
   if (tables.empty()) {
@@ -635,29 +327,6 @@ void read_tissues(const TableReader& top, Scene& scene, Problems& problems) {
   }
   for (const TomlTable* table : tables)
     scene.tissues.push_back(read_tissue(TableReader(table, scene_key_tables().tissue, problems), problems));
-}
-
-bool says_elsewhere(const std::filesystem::path& file) {
-  return file.is_absolute() || std::find(file.begin(), file.end(), "..") != file.end();
-}
-
-/// Checks that the files exist and do not leave the scene's folder through a link. Their contents are checked
-/// by their readers.
-Result<void> check_files(const Scene& scene) {
-  const std::array<std::pair<const std::optional<std::filesystem::path>&, int>, 3> files{
-      {{scene.scan, scene.lines.scan}, {scene.labels, scene.lines.labels}, {scene.names, scene.lines.names}}};
-  for (const auto& [file, line] : files) {
-    if (!file) continue;
-    std::error_code unknown;
-    const std::filesystem::path path = scene.resolve(*file);
-    if (std::filesystem::status(path, unknown).type() == std::filesystem::file_type::not_found)
-      return Error{ErrorKind::kBadInput, "no such file: " + path.string(), scene.where(line),
-                   "paths are absolute, or relative to the folder of the scene file"};
-    // a path that leaves the folder explicitly is allowed; the target of a link is not
-    if (says_elsewhere(*file)) continue;
-    if (auto stays = check_stays_in(scene.folder, path); !stays) return stays.error();
-  }
-  return {};
 }
 
 }  // namespace
@@ -708,11 +377,8 @@ Result<Scene> parse_scene(std::string_view text, const std::string& source) {
   check_names(scene, problems);
   if (top.has("data")) check_volumes(scene, top.line("data"), problems);
   if (problems.any()) return problems.first();
-  std::vector<bool> done(scene.tissues.size(), false);
-  for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
-    std::vector<int> path;
-    if (!check_cycle(scene, static_cast<int>(i), path, done, problems)) return problems.first();
-  }
+  check_support_cycles(scene, problems);
+  if (problems.any()) return problems.first();
   check_stiffness_order(scene, problems);
   if (problems.any()) return problems.first();
   return scene;

@@ -83,7 +83,7 @@ TableSpec data_table() {
         .type = kFile,
         .meaning = "The image: NRRD, NIfTI or MetaImage, a DICOM file or folder, or an image stack."},
        {.name = "scan_volume",
-        .type = kWhole,
+        .type = kInteger,
         .min = 1,
         .max = 100000,
         .meaning = "Number of the volume in DICOM with several volumes, as listed by `palpate info`. "
@@ -302,7 +302,7 @@ TableSpec preparation_table() {
             .meaning = "For the union Gaussian: separable convolution, or the filter in the "
                        "frequency domain as published."},
            {.name = "bits",
-            .type = kWhole,
+            .type = kInteger,
             .default_text = "16",
             .unit = "bit",
             .meaning = "Bits per voxel of the field: 8, as published, or 16."}}};
@@ -416,7 +416,7 @@ TableSpec tool_table() {
        {.name = "capsule",
         .type = kTables,
         .meaning = "Elongated parts, such as a shaft or a hook. At most 4 points and capsules together.",
-        .under = "tool."},
+        .heading_prefix = "tool."},
        {.name = "kind",
         .type = kChoice,
         .default_text = "\"probe\"",
@@ -472,7 +472,7 @@ TableSpec tool_table() {
         .max = 2,
         .meaning = "For a burr: ratio of the force along the cutting edges to the normal force."},
        {.name = "flutes",
-        .type = kWhole,
+        .type = kInteger,
         .default_text = "8",
         .min = 1,
         .max = 100,
@@ -484,7 +484,7 @@ TableSpec tool_table() {
         .meaning = "For a burr: whether it is cooled. Otherwise the temperature rise of the bone is "
                    "estimated and recorded."},
        {.name = "pedal",
-        .type = kWhole,
+        .type = kInteger,
         .min = 0,
         .max = 31,
         .meaning = "For a burr: device button that runs its motor while pressed. Default: the page, the "
@@ -549,7 +549,7 @@ TableSpec workspace_table() {
             .max = 1000,
             .meaning = "Position of the centre of the device's workspace. Default: the volume's centre."},
            {.name = "clutch_button",
-            .type = kWhole,
+            .type = kInteger,
             .min = 0,
             .max = 31,
             .meaning = "Button of the clutch: while it is pressed, the hand moves and the tip stays. "
@@ -648,7 +648,7 @@ SceneKeys with_second_tool(SceneKeys keys) {
   keys.second_tool = keys.tool;
   keys.second_tool.heading = "[second_tool]";
   for (KeySpec& key : keys.second_tool.keys)
-    if (key.type == kTables) key.under = "second_tool.";
+    if (key.type == kTables) key.heading_prefix = "second_tool.";
   keys.second_capsule = keys.capsule;
   keys.second_capsule.heading = "[[second_tool.capsule]]";
   return keys;

@@ -44,7 +44,7 @@ TableSpec script_table() {
             .max = 1,
             .meaning = "Amplitude of the hand's tremor at 8 to 12 Hz."},
            {.name = "seed",
-            .type = kWhole,
+            .type = kInteger,
             .default_text = "1",
             .min = 0,
             .max = 9007199254740991.0,
@@ -53,44 +53,48 @@ TableSpec script_table() {
 }
 
 TableSpec approach_action() {
-  return {
-      "approach",
-      "Moves to a free place in front of a structure, then touches it. Contact with another structure "
-      "must be left first.",
-      {{.name = "approach", .type = kPlace, .unit = "mm", .min = -1e6, .max = 1e6, .meaning = kTargetMeaning},
-       {.name = "landmark",
-        .type = kChoice,
-        .choices = direction_names(),
-        .meaning = "Touches the most superior, most inferior, ... place of the structure, or one within "
-                   "5 mm of that extent."},
-       {.name = "nearest",
-        .type = kPlace,
-        .unit = "mm",
-        .min = -1e6,
-        .max = 1e6,
-        .meaning = "Touches the structure where it is nearest to another one, or to a point, LPS; or "
-                   "within 5 mm of that. Not together with `landmark`."},
-       {.name = "from",
-        .type = kDirection,
-        .min = -1e6,
-        .max = 1e6,
-        .choices = direction_names(),
-        .meaning = "Direction from which the hand arrives on the last, straight stretch; or a vector in "
-                   "LPS. Default: a free path, along the surface's normal if possible."},
-       {.name = "speed",
-        .type = kNumber,
-        .default_text = "40",
-        .unit = "mm/s",
-        .min = 0.1,
-        .max = 200,
-        .meaning = "Speed of the approach; lower near touchable structures, and for the touch itself."},
-       {.name = "clearance",
-        .type = kNumber,
-        .default_text = "15",
-        .unit = "mm",
-        .min = 1,
-        .max = 100,
-        .meaning = "Maximum length of the last, straight stretch to the surface."}}};
+  return {"approach",
+          "Moves to a free place in front of a structure, then touches it. Contact with another structure "
+          "must be left first.",
+          {{.name = "approach",
+            .type = kPosition,
+            .unit = "mm",
+            .min = -1e6,
+            .max = 1e6,
+            .meaning = kTargetMeaning},
+           {.name = "landmark",
+            .type = kChoice,
+            .choices = direction_names(),
+            .meaning = "Touches the most superior, most inferior, ... place of the structure, or one within "
+                       "5 mm of that extent."},
+           {.name = "nearest",
+            .type = kPosition,
+            .unit = "mm",
+            .min = -1e6,
+            .max = 1e6,
+            .meaning = "Touches the structure where it is nearest to another one, or to a point, LPS; or "
+                       "within 5 mm of that. Not together with `landmark`."},
+           {.name = "from",
+            .type = kDirection,
+            .min = -1e6,
+            .max = 1e6,
+            .choices = direction_names(),
+            .meaning = "Direction from which the hand arrives on the last, straight stretch; or a vector in "
+                       "LPS. Default: a free path, along the surface's normal if possible."},
+           {.name = "speed",
+            .type = kNumber,
+            .default_text = "40",
+            .unit = "mm/s",
+            .min = 0.1,
+            .max = 200,
+            .meaning = "Speed of the approach; lower near touchable structures, and for the touch itself."},
+           {.name = "clearance",
+            .type = kNumber,
+            .default_text = "15",
+            .unit = "mm",
+            .min = 1,
+            .max = 100,
+            .meaning = "Maximum length of the last, straight stretch to the surface."}}};
 }
 
 TableSpec press_action() {
@@ -227,7 +231,7 @@ TableSpec scope_action() {
           "script with such a step has two devices; the second is driven and has no contact. Only `palpate "
           "simulate` has that hand.",
           {{.name = "scope",
-            .type = kPlace,
+            .type = kPosition,
             .unit = "mm",
             .min = -1e6,
             .max = 1e6,

@@ -101,11 +101,11 @@ std::optional<std::string> TableReader::text(std::string_view key) const {
     wrong_type(*spec, *value);
     return std::nullopt;
   }
-  return whole_text(*spec, *value);
+  return non_empty_text(*spec, *value);
 }
 
 // a NUL would truncate a file name, and an empty string names nothing
-std::optional<std::string> TableReader::whole_text(const KeySpec& key, const TomlValue& value) const {
+std::optional<std::string> TableReader::non_empty_text(const KeySpec& key, const TomlValue& value) const {
   const auto& text = *value.as<std::string>();
   if (!text.empty() && text.find('\0') == std::string::npos) return text;
   problems_.add(value.line, std::string(key.name) + (text.empty() ? " is empty" : " holds a zero byte"),
@@ -167,7 +167,7 @@ std::optional<double> TableReader::number(std::string_view key) const {
 
 std::optional<std::int64_t> TableReader::integer(std::string_view key) const {
   const KeySpec* spec = nullptr;
-  const TomlValue* value = find(key, KeyType::kWhole, &spec);
+  const TomlValue* value = find(key, KeyType::kInteger, &spec);
   if (!value) return std::nullopt;
   const auto* whole = value->as<std::int64_t>();
   if (!whole) {
@@ -351,10 +351,10 @@ std::optional<std::vector<std::array<double, 2>>> TableReader::terms(std::string
 std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::key_position(
     std::string_view key) const {
   const KeySpec* spec = nullptr;
-  const TomlValue* value = find(key, KeyType::kPlace, &spec);
+  const TomlValue* value = find(key, KeyType::kPosition, &spec);
   if (!value) return std::nullopt;
   if (value->as<std::string>()) {
-    auto text = whole_text(*spec, *value);
+    auto text = non_empty_text(*spec, *value);
     if (!text) return std::nullopt;
     return *std::move(text);
   }
@@ -428,14 +428,14 @@ Vector<Patient> direction_named(std::string_view name) {
 }
 
 std::vector<const TomlTable*> limited_tables(const TableReader& top, std::string_view key,
-                                             std::size_t largest, std::string_view remedy,
+                                             std::size_t max_count, std::string_view remedy,
                                              Problems& problems) {
   auto tables = top.tables(key);
-  if (tables.size() > largest) {
-    problems.add(tables[largest]->line,
-                 "more than " + std::to_string(largest) + " [[" + std::string(key) + "]]",
+  if (tables.size() > max_count) {
+    problems.add(tables[max_count]->line,
+                 "more than " + std::to_string(max_count) + " [[" + std::string(key) + "]]",
                  std::string(remedy));
-    tables.resize(largest);
+    tables.resize(max_count);
   }
   return tables;
 }

@@ -81,7 +81,7 @@ class TableReader {
   const TomlValue* find(std::string_view key, const KeySpec** spec) const;
   const TomlValue* find(std::string_view key, KeyType type, const KeySpec** spec) const;
   void wrong_type(const KeySpec& key, const TomlValue& value) const;
-  std::optional<std::string> whole_text(const KeySpec& key, const TomlValue& value) const;
+  std::optional<std::string> non_empty_text(const KeySpec& key, const TomlValue& value) const;
   std::optional<double> number_in_range(const KeySpec& key, const TomlValue& value, int line) const;
   std::optional<Eigen::Vector3d> vector3(const KeySpec& key, const TomlValue& value, int line) const;
 
@@ -93,9 +93,9 @@ class TableReader {
 /// Vector of a direction of kPatientDirections; the name has to be one of them.
 Vector<Patient> direction_named(std::string_view name);
 
-/// The first `largest` tables of an array of tables; adds an error if there are more.
+/// The first `max_count` tables of an array of tables; adds an error if there are more.
 std::vector<const TomlTable*> limited_tables(const TableReader& top, std::string_view key,
-                                             std::size_t largest, std::string_view remedy,
+                                             std::size_t max_count, std::string_view remedy,
                                              Problems& problems);
 /// Reads the required key `name`.
 /// @param heading  description of the table in errors: "a [[region]]"

@@ -42,9 +42,9 @@ namespace {
 using plugin::Loss;
 using plugin::Request;
 
-// a device may calibrate for as long
+// time limits for loading a plug-in and for opening its device, which may calibrate then
 constexpr int kLoadPatience_ms = 10'000, kOpenPatience_ms = 30'000;
-// a plug-in that has been asked to close may disconnect for as long
+// time limit for a plug-in to disconnect after the request to close
 constexpr int kClosePatience_ms = 2000;
 
 std::int64_t nanoseconds(double seconds) {
@@ -95,7 +95,7 @@ Result<DeviceInfo> info_of(const plp_driver_device& device, const std::string& w
   return info;
 }
 
-/// Nothing if a sample is usable.
+/// Defect of a sample; Loss::kNone if it is usable.
 Loss fault_in(const plp_driver_sample& sample) {
   if (sample.size != sizeof sample) return Loss::kSize;
   if (!all_finite(sample.tip_mm) || !all_finite(sample.orientation_wxyz) || !std::isfinite(sample.age_s))
@@ -385,7 +385,7 @@ class PluginDriver::Core {
       const plp_driver_sample& sample = reply.samples[n];
       if (const Loss loss = fault_in(sample); loss != Loss::kNone) return abandon(loss);
       samples[n].fault = sample.fault != 0;
-      // the earliest time at which it can have been true
+      // time of the request: the earliest time at which the plug-in can have sampled it
       convert(sample, requested_ns, samples[n]);
     }
   }

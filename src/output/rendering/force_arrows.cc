@@ -88,7 +88,7 @@ Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
   PALPATE_CHECK(model.has(method));
   PALPATE_CHECK(request.size_mm > 0 && request.spacing_mm >= 0);
   const GridGeometry& grid = model.labels->geometry();
-  if (!marks::reaches(grid, request.centre)) return marks::not_reached(grid, request.centre);
+  if (!marks::contains(grid, request.centre)) return marks::outside_error(grid, request.centre);
   const double spacing_mm = request.spacing_mm > 0 ? request.spacing_mm : request.size_mm / kArrowsPerSide;
   if (const double count = force_arrows::arrows_per_side(request.size_mm, spacing_mm);
       count > kMaxArrowsPerSide) {

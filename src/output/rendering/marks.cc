@@ -23,7 +23,7 @@ std::string reach_text(const GridGeometry& grid) {
 
 }  // namespace
 
-bool reaches(const GridGeometry& grid, const Point<Patient>& p) {
+bool contains(const GridGeometry& grid, const Point<Patient>& p) {
   const Point<Voxel> voxel = grid.X_PatientVoxel().inverse() * p;
   for (int axis = 0; axis < 3; ++axis)
     if (!(voxel[axis] >= -0.5 && voxel[axis] <= grid.dims[axis] - 0.5)) return false;
@@ -36,7 +36,7 @@ std::string point_text(const Point<Patient>& p) {
   return text;
 }
 
-Error not_reached(const GridGeometry& grid, const Point<Patient>& p) {
+Error outside_error(const GridGeometry& grid, const Point<Patient>& p) {
   return {ErrorKind::kBadInput, "the point " + point_text(p) + " mm lies outside the volume", "centre",
           "the volume reaches from " + reach_text(grid) + " mm (LPS)"};
 }

@@ -9,11 +9,11 @@
 namespace palpate::marks {
 
 /// Whether a point lies in the volume's bounding box, boundary included.
-bool reaches(const GridGeometry& grid, const Point<Patient>& p);
+bool contains(const GridGeometry& grid, const Point<Patient>& p);
 /// "1.0, 2.0, 3.0"
 std::string point_text(const Point<Patient>& p);
-/// Error for a point outside the volume; "centre" is the place.
-Error not_reached(const GridGeometry& grid, const Point<Patient>& p);
+/// Error for a point outside the volume, with the location "centre".
+Error outside_error(const GridGeometry& grid, const Point<Patient>& p);
 
 /// Largest of 1, 2 and 5 times a power of ten that is at most a quarter of the picture's width.
 double scale_bar_mm(double width_mm);

@@ -1,4 +1,4 @@
-#include "rendering/section_picture.h"
+#include "rendering/section_marks.h"
 
 #include <gtest/gtest.h>
 

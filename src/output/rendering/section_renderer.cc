@@ -9,8 +9,8 @@ namespace palpate {
 namespace {
 
 using internal::section::Paint;
-using internal::section::PixelView;
 using internal::section::Row;
+using internal::section::RowCursor;
 
 /// Positions of a picture's pixels in voxel coordinates: an origin and two steps.
 struct PixelsInGrid {
@@ -84,7 +84,7 @@ std::uint8_t to_byte(double value) {
   return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0, 1.0) * 255.0));
 }
 
-bool differs_from_neighbour(const PixelView& row, int x) {
+bool differs_from_neighbour(const RowCursor& row, int x) {
   const LabelId label = row.labels[x];
   return row.labels[x - 1] != label || row.labels[x + 1] != label || row.above[x] != label ||
          row.below[x] != label;
@@ -135,7 +135,7 @@ std::size_t SectionRenderer::prepared_bytes() const {
   return volumes_->prepared_bytes();
 }
 
-PixelView SectionRenderer::sample(const SectionPlane& plane, Layers layers) {
+RowCursor SectionRenderer::sample(const SectionPlane& plane, Layers layers) {
   const internal::section::Band band = pixels_->sized(plane.width_px, plane.height_px);
   std::vector<Row>& row = pixels_->rows();
   internal::section::Rows rows{row.data(), plane.height_px, plane.width_px};
@@ -165,7 +165,7 @@ PixelView SectionRenderer::sample(const SectionPlane& plane, Layers layers) {
 void SectionRenderer::render(const SectionPlane& plane, std::span<std::uint8_t> rgb) {
   PALPATE_CHECK(rgb.size() == 3 * plane.pixel_count());
   std::uint8_t* out = rgb.data();
-  for (PixelView row = sample(plane, Layers::kBoth); row.next(); out += std::ptrdiff_t{3} * plane.width_px)
+  for (RowCursor row = sample(plane, Layers::kBoth); row.next(); out += std::ptrdiff_t{3} * plane.width_px)
     internal::section::blend_row(paints_.data(), row.grey, row.labels, row.above, row.below, plane.width_px,
                                  out);
 }
@@ -173,14 +173,14 @@ void SectionRenderer::render(const SectionPlane& plane, std::span<std::uint8_t> 
 void SectionRenderer::render_scan(const SectionPlane& plane, std::span<std::uint8_t> rgb) {
   PALPATE_CHECK(rgb.size() == 3 * plane.pixel_count());
   std::uint8_t* out = rgb.data();
-  for (PixelView row = sample(plane, Layers::kScan); row.next(); out += std::ptrdiff_t{3} * plane.width_px)
+  for (RowCursor row = sample(plane, Layers::kScan); row.next(); out += std::ptrdiff_t{3} * plane.width_px)
     internal::section::grey_row(row.grey, plane.width_px, out);
 }
 
 void SectionRenderer::render_structures(const SectionPlane& plane, std::span<std::uint8_t> rgba) {
   PALPATE_CHECK(rgba.size() == 4 * plane.pixel_count());
   auto out = rgba.begin();
-  for (PixelView row = sample(plane, Layers::kLabels); row.next();) {
+  for (RowCursor row = sample(plane, Layers::kLabels); row.next();) {
     for (int x = 0; x < plane.width_px; ++x) {
       const Paint& paint = paints_[2 * std::size_t{row.labels[x]} + (differs_from_neighbour(row, x) ? 1 : 0)];
       out = std::copy(paint.begin(), paint.end(), out);
@@ -191,7 +191,7 @@ void SectionRenderer::render_structures(const SectionPlane& plane, std::span<std
 void SectionRenderer::labels(const SectionPlane& plane, std::span<LabelId> labels) {
   PALPATE_CHECK(labels.size() == plane.pixel_count());
   auto out = labels.begin();
-  for (PixelView row = sample(plane, Layers::kLabels); row.next();)
+  for (RowCursor row = sample(plane, Layers::kLabels); row.next();)
     out = std::copy_n(row.labels, plane.width_px, out);
 }
 

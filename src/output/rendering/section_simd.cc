@@ -289,7 +289,7 @@ void sample_plain(const VolumeView& volume, const GreyScale& scale, const Rows& 
 }
 
 // ---- structures over grey
-// -----------------------------------------------------------------------------------
+// ----------------------------------------------------------------------------------
 
 using D16 = hn::ScalableTag<std::uint16_t>;
 using D8 = hn::Rebind<std::uint8_t, D16>;

@@ -52,19 +52,19 @@ Lattice brick_lattice(const GridGeometry& grid) {
 void copy_row(const Volume<float>& scan, int i, int j, int k, int count, float* to) {
   std::copy_n(&scan.at(i, j, k), count, to);
 }
-void copy_row(const palpate::Bricks<LabelId>& labels, int i, int j, int k, int count, LabelId* to) {
+void copy_row(const Bricks<LabelId>& labels, int i, int j, int k, int count, LabelId* to) {
   labels.copy_row(i, j, k, count, to);
 }
 
 /// Volume in bricks, with each voxel converted by `code`. Beyond the volume a brick repeats the last voxels.
 template <class To, class From, class Source, class Code>
-Bricks<To> in_bricks(const Source& source, Code code) {
+HugePageVector<To> in_bricks(const Source& source, Code code) {
   const GridGeometry& grid = source.geometry();
   std::array<From, kBrick> row;
   const auto within = [&](int axis, int brick, int n) {
     return std::min(brick * kBrickStep + n, grid.dims[axis] - 1);
   };
-  Bricks<To> bricks(brick_count(grid) * kBrickVoxels);
+  HugePageVector<To> bricks(brick_count(grid) * kBrickVoxels);
   auto to = bricks.begin();
   for (int c = 0; c < bricks_along(grid.dims[2]); ++c)
     for (int b = 0; b < bricks_along(grid.dims[1]); ++b)
@@ -224,7 +224,7 @@ Band Pixels::sized(int width, int height) {
   return {0, 0, static_cast<std::ptrdiff_t>(stride), grey_.data() + first, labels_.data() + first};
 }
 
-bool PixelView::next() {
+bool RowCursor::next() {
   if (++y == rows_.count) return false;
   const int sampled = band_.first + band_.count;
   // outlines need the row below
@@ -236,7 +236,7 @@ bool PixelView::next() {
   return true;
 }
 
-void PixelView::sample_next_band() {
+void RowCursor::sample_next_band() {
   const int width = rows_.width;
   const std::ptrdiff_t stored = kRowsAbove * band_.stride;
   if (band_.count > 0) {
@@ -269,7 +269,7 @@ void PixelView::sample_next_band() {
 }
 
 // samples a one-pixel picture, since the kernel writes whole vectors
-void PixelView::sample_at_rest(const DisplacedPixel& moved) {
+void RowCursor::sample_at_rest(const DisplacedPixel& moved) {
   alignas(64) std::uint8_t some_grey[3 * kPixelPadding]{};
   alignas(64) LabelId some_labels[3 * kPixelPadding]{};
   const Band one{0, 1, kPixelPadding, some_grey + kPixelPadding, some_labels + kPixelPadding};

@@ -15,17 +15,17 @@ namespace palpate::internal::section {
 void* allocate_huge_pages(std::size_t bytes);
 void free_huge_pages(void* memory, std::size_t bytes) noexcept;
 template <class T>
-struct HugePages {
+struct HugePageAllocator {
   using value_type = T;
-  HugePages() = default;
+  HugePageAllocator() = default;
   template <class U>
-  HugePages(const HugePages<U>&) {}
+  HugePageAllocator(const HugePageAllocator<U>&) {}
   T* allocate(std::size_t count) { return static_cast<T*>(allocate_huge_pages(count * sizeof(T))); }
   void deallocate(T* memory, std::size_t count) noexcept { free_huge_pages(memory, count * sizeof(T)); }
-  bool operator==(const HugePages&) const = default;
+  bool operator==(const HugePageAllocator&) const = default;
 };
 template <class T>
-using Bricks = std::vector<T, HugePages<T>>;
+using HugePageVector = std::vector<T, HugePageAllocator<T>>;
 
 /// A model's scan and labels in the layout for sections, in the model or in bricks. Immutable.
 class Volumes {
@@ -48,11 +48,11 @@ class Volumes {
   void make_label_bricks();
 
   std::shared_ptr<const Volume<float>> scan_;
-  std::shared_ptr<const palpate::Bricks<LabelId>> labels_;
+  std::shared_ptr<const Bricks<LabelId>> labels_;
   Volume<LabelId> plain_labels_;  ///< Used without bricks
-  Bricks<std::uint16_t> codes_;
-  Bricks<LabelId> brick_labels_;
-  Bricks<std::uint8_t> numbers_;  ///< Used instead of brick_labels_ if labels fit in a byte
+  HugePageVector<std::uint16_t> codes_;
+  HugePageVector<LabelId> brick_labels_;
+  HugePageVector<std::uint8_t> numbers_;  ///< Used instead of brick_labels_ if labels fit in a byte
   std::vector<LabelId> label_of_number_;
   double code_zero_ = 0, per_value_ = 1;  ///< code = (value - code_zero_) * per_value_
   VolumeView view_;
@@ -83,10 +83,11 @@ class Pixels {
 
 /// Iterates over a picture row by row, from the top: `while (next())`. A band of rows is sampled when its
 /// first row is reached, over the previous band, so that the data stay in the cache.
-struct PixelView {
+class RowCursor {
+ public:
   /// @param volume  without the layers that are not needed
   /// @param moved   sorted by rows, then by columns
-  PixelView(const VolumeView& volume, const GreyScale& scale, const Rows& rows, std::uint8_t background,
+  RowCursor(const VolumeView& volume, const GreyScale& scale, const Rows& rows, std::uint8_t background,
             const Band& band, std::span<const DisplacedPixel> moved)
       : volume_(volume), scale_(scale), rows_(rows), background_(background), band_(band), moved_(moved) {}
   bool next();

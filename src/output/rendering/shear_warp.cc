@@ -17,11 +17,12 @@ constexpr double kMinDepth = 1e-3;
 /// Empty margin of the intermediate picture; pixels.
 constexpr int kRim = 2;
 
-int class_of(const Eigen::Vector3d& displacement, const Eigen::Vector3d& spacing) {
+/// Principal axis of a ray, by its length in mm along each axis, and its sign: 2 * axis, plus 1 if ascending.
+int axis_class(const Eigen::Vector3d& direction, const Eigen::Vector3d& spacing) {
   int axis = 0;
   for (int a = 1; a < 3; ++a)
-    if (std::abs(displacement[a] * spacing[a]) > std::abs(displacement[axis] * spacing[axis])) axis = a;
-  return 2 * axis + (displacement[axis] > 0 ? 1 : 0);
+    if (std::abs(direction[a] * spacing[a]) > std::abs(direction[axis] * spacing[axis])) axis = a;
+  return 2 * axis + (direction[axis] > 0 ? 1 : 0);
 }
 
 struct Bounds {
@@ -47,10 +48,10 @@ Rays::Rays(const GridGeometry& grid, const VolumeCamera& camera) : is_parallel(c
     from = corner;
     from_step = step;
     from_line = line;
-    path = (X_VoxelPatient * camera.into()).eigen();
+    direction = (X_VoxelPatient * camera.into()).eigen();
   } else {
     from = (X_VoxelPatient * (camera.focus - camera.into() * camera.eye_mm)).eigen();
-    path = corner - from;
+    direction = corner - from;
     ray_step = step;
     ray_line = line;
   }
@@ -58,7 +59,7 @@ Rays::Rays(const GridGeometry& grid, const VolumeCamera& camera) : is_parallel(c
 
 std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays) {
   const auto class_at = [&](int column, int row) {
-    return class_of(rays.along(column, row), grid.spacing_mm);
+    return axis_class(rays.along(column, row), grid.spacing_mm);
   };
   // the rays with a common principal axis form a convex cone: if all corners belong to it, all pixels do
   const int right = camera.width_px - 1, bottom = camera.height_px - 1, first = class_at(0, 0);
@@ -85,9 +86,9 @@ std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& cam
   return regions;
 }
 
-std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
-                                     const Region& region, double max_apart) {
-  Factored f;
+std::optional<ShearWarp> ShearWarp::of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
+                                       const Region& region, double max_apart) {
+  ShearWarp f;
   f.z = region.axis;
   f.x = region.axis == 0 ? 1 : 0;
   f.y = region.axis == 2 ? 1 : 2;
@@ -106,17 +107,17 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
   f.z_ref = 0.5 * (slices.low + slices.high);
 
   // projects pixels onto that slice, (x, y) = (U, V) / W
-  const auto to_slice = [&](const Eigen::Vector3d& start, const Eigen::Vector3d& displacement, double one) {
+  const auto to_slice = [&](const Eigen::Vector3d& start, const Eigen::Vector3d& direction, double one) {
     if (rays.is_parallel) {
       const double beyond = one * f.z_ref - start[z];
-      return Eigen::Vector3d(start[x] + beyond * rays.path[x] / rays.path[z],
-                             start[y] + beyond * rays.path[y] / rays.path[z], one);
+      return Eigen::Vector3d(start[x] + beyond * rays.direction[x] / rays.direction[z],
+                             start[y] + beyond * rays.direction[y] / rays.direction[z], one);
     }
     const double off = f.z_ref - eye[z];
-    return Eigen::Vector3d(eye[x] * displacement[z] + off * displacement[x],
-                           eye[y] * displacement[z] + off * displacement[y], displacement[z]);
+    return Eigen::Vector3d(eye[x] * direction[z] + off * direction[x],
+                           eye[y] * direction[z] + off * direction[y], direction[z]);
   };
-  f.warp_start = to_slice(rays.from, rays.path, 1);
+  f.warp_start = to_slice(rays.from, rays.direction, 1);
   f.warp_step = to_slice(rays.from_step, rays.ray_step, 0);
   f.warp_line = to_slice(rays.from_line, rays.ray_line, 0);
 
@@ -142,8 +143,8 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
     at[z] = (corner >> z & 1) != 0 ? slices.high : slices.low;
     const double off = at[z] - f.z_ref;
     if (rays.is_parallel) {
-      all_x.add(at[x] - off * rays.path[x] / rays.path[z]);
-      all_y.add(at[y] - off * rays.path[y] / rays.path[z]);
+      all_x.add(at[x] - off * rays.direction[x] / rays.direction[z]);
+      all_y.add(at[y] - off * rays.direction[y] / rays.direction[z]);
     } else if (const double farther = (at[z] - eye[z]) / (f.z_ref - eye[z]); farther > kMinDepth) {
       all_x.add(eye[x] + (at[x] - eye[x]) / farther);
       all_y.add(eye[y] + (at[y] - eye[y]) / farther);
@@ -186,8 +187,8 @@ std::optional<Factored> Factored::of(const GridGeometry& grid, const VolumeCamer
     plane.u_per_x = 1 / plane.x_per_u;
     plane.y_per_v = f.y_ref_per_v * farther;
     if (rays.is_parallel) {
-      plane.x_0 = f.x_ref_0 + (at - f.z_ref) * rays.path[x] / rays.path[z];
-      plane.y_0 = f.y_ref_0 + (at - f.z_ref) * rays.path[y] / rays.path[z];
+      plane.x_0 = f.x_ref_0 + (at - f.z_ref) * rays.direction[x] / rays.direction[z];
+      plane.y_0 = f.y_ref_0 + (at - f.z_ref) * rays.direction[y] / rays.direction[z];
     } else {
       plane.x_0 = eye[x] + (f.x_ref_0 - eye[x]) * farther;
       plane.y_0 = eye[y] + (f.y_ref_0 - eye[y]) * farther;

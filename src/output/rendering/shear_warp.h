@@ -13,18 +13,20 @@
 namespace palpate::internal::volume_picture {
 
 /// Rays of a picture in voxel coordinates. Parallel rays start at from + column * from_step + row * from_line
-/// with direction `path`, per mm; perspective rays start at `from` and pass through the pixels in the plane
-/// through the focus, along path + column * ray_step + row * ray_line.
+/// with direction `direction`, per mm; perspective rays start at `from` and pass through the pixels in the
+/// plane through the focus, along direction + column * ray_step + row * ray_line.
 struct Rays {
   Rays(const GridGeometry& grid, const VolumeCamera& camera);
   Eigen::Vector3d start(double column, double row) const {
     return from + from_step * column + from_line * row;
   }
-  Eigen::Vector3d along(double column, double row) const { return path + ray_step * column + ray_line * row; }
+  Eigen::Vector3d along(double column, double row) const {
+    return direction + ray_step * column + ray_line * row;
+  }
 
   bool is_parallel;
   Eigen::Vector3d from, from_step = Eigen::Vector3d::Zero(), from_line = Eigen::Vector3d::Zero();
-  Eigen::Vector3d path, ray_step = Eigen::Vector3d::Zero(), ray_line = Eigen::Vector3d::Zero();
+  Eigen::Vector3d direction, ray_step = Eigen::Vector3d::Zero(), ray_line = Eigen::Vector3d::Zero();
 };
 
 /// Range of pixels in a row of the picture.
@@ -41,11 +43,11 @@ struct Region {
 std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays);
 
 /// Factorisation for one region of the picture.
-struct Factored {
+struct ShearWarp {
   /// @param max_apart  maximum sample distance along a ray, in units of the grid's shortest spacing
   /// Empty if none of the region's rays intersects the grid.
-  static std::optional<Factored> of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
-                                    const Region& region, double max_apart);
+  static std::optional<ShearWarp> of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
+                                     const Region& region, double max_apart);
 
   int x, y, z;  ///< Axes of the grid: along voxel rows, across them, between slices
   bool is_ascending;

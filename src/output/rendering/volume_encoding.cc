@@ -34,7 +34,7 @@ struct Box {
 };
 
 /// Appearance of a voxel that belongs to one structure entirely, and components of mixtures.
-struct Part {
+struct StructureOptics {
   float opacity = 0;
   float solid = 0;    ///< In units of h / mm
   float surface = 0;  ///< Optical depth
@@ -53,8 +53,6 @@ namespace {
 constexpr int kTileSide = 64;
 /// Usual number of blocks per tile, to avoid reallocation while they are collected.
 constexpr std::size_t kUsualBlocks = 16384;
-/// Maximum skip, in cubes, which bounds the region affected by a change.
-constexpr std::uint8_t kMaxSkip = 12;
 
 /// Gaussian convolved with [1 2 1] / 4, one side.
 std::vector<float> smoothing_kernel(double sigma_voxels) {
@@ -71,10 +69,6 @@ std::vector<float> smoothing_kernel(double sigma_voxels) {
 
 std::int8_t rounded(double value) {
   return static_cast<std::int8_t>(value < 0 ? value - 0.5 : value + 0.5);
-}
-
-int blocks_along(int voxels) {
-  return (voxels + kBlock - 1) / kBlock;
 }
 
 /// Rows of values, with a flag for rows known to be constant.
@@ -163,221 +157,31 @@ Box<float> smoothed(const Box<LabelId>& labels, const std::vector<float>& value,
 
 }  // namespace
 
-// ---- rows of blocks ---------------------------------------------------------------------------------------
-
-BlockRows::BlockRows(const GridGeometry& grid, int along)
-    : along_(along), across_(1 - along), dims_(grid.dims), blocks_(blocks_along(grid.dims[along])) {
-  words_ = (blocks_ + 63) / 64;
-  const std::size_t rows =
-      static_cast<std::size_t>(dims_[static_cast<std::size_t>(across_)]) * static_cast<std::size_t>(dims_[2]);
-  groups_ = (blocks_ + kGroup - 1) / kGroup;
-  first_.resize(rows * static_cast<std::size_t>(groups_));
-  room_.resize(first_.size());
-  mask_.resize(rows * static_cast<std::size_t>(words_));
-  // block 0 is empty
-  voxels_.resize(1);
-}
-
-void BlockRows::put(int i, int j, int k, const VoxelBlock& block) {
-  const std::array<int, 3> at{i, j, k};
-  const int number = at[static_cast<std::size_t>(along_)] / kBlock;
-  const std::size_t row = row_number(at[static_cast<std::size_t>(across_)], k);
-  const std::size_t group =
-      row * static_cast<std::size_t>(groups_) + static_cast<std::size_t>(number / kGroup);
-  std::uint64_t& word = mask_[row * static_cast<std::size_t>(words_) + static_cast<std::size_t>(number / 64)];
-  const std::uint64_t bit = std::uint64_t{1} << number % 64,
-                      there = word >> (number % 64 / kGroup * kGroup) & 0xff;
-  const int count = std::popcount(there), before = std::popcount(there & ((1u << number % kGroup) - 1));
-  const bool is_there = (word & bit) != 0;
-  const bool is_empty =
-      std::all_of(std::begin(block.extinction), std::end(block.extinction), [](auto e) { return e == 0; });
-  const auto at_position = [&](int n) { return voxels_.begin() + first_[group] + n; };
-  if (is_empty) {
-    // capacity is retained, since the block may return
-    if (is_there) std::copy(at_position(before + 1), at_position(count), at_position(before));
-    word &= ~bit;
-    return;
-  }
-  word |= bit;
-  if (!is_there) {
-    if (count == room_[group]) make_room(group, count);
-    std::copy_backward(at_position(before), at_position(count), at_position(count + 1));
-  }
-  *at_position(before) = block;
-}
-
-void BlockRows::make_room(std::size_t group, int count) {
-  const std::size_t end = voxels_.size();
-  if (count > 0 && first_[group] + static_cast<std::size_t>(count) == end) {
-    // the last group can grow in place, as groups do during the initial encoding
-    voxels_.emplace_back();
-    ++room_[group];
-    return;
-  }
-  // a group moves at most once, so the wasted space is bounded
-  room_[group] = count == 0 ? 1 : kGroup;
-  voxels_.resize(end + room_[group]);
-  std::copy_n(voxels_.begin() + first_[group], count, voxels_.begin() + static_cast<std::ptrdiff_t>(end));
-  first_[group] = static_cast<std::uint32_t>(end);
-}
-
-RowsView BlockRows::view(const VolumeCamera& camera, const VolumeLight& light) const {
-  const Vector<Patient> into = camera.into(), from_key = -direction_to_key(camera, light);
-  RowsView view;
-  view.mask = mask_.data();
-  view.first = first_.data();
-  view.voxels = voxels_.data();
-  const auto set = [](const Vector<Patient>& from, float(&to)[3]) {
-    to[0] = static_cast<float>(from.x());
-    to[1] = static_cast<float>(from.y());
-    to[2] = static_cast<float>(from.z());
-  };
-  set(into, view.light.into);
-  set(from_key, view.light.from_key);
-  view.light.ambient = static_cast<float>(light.ambient);
-  view.light.diffuse = static_cast<float>(light.diffuse);
-  view.light.specular = static_cast<float>(light.specular);
-  view.light.key = static_cast<float>(light.key);
-  view.light.key_facing = static_cast<float>(std::max(0.0, from_key.dot(into)));
-  view.blocks = blocks_;
-  view.words = words_;
-  view.groups = groups_;
-  return view;
-}
-
-std::size_t BlockRows::bytes() const {
-  return first_.size() * (sizeof(first_[0]) + sizeof(room_[0])) + mask_.size() * sizeof(mask_[0]) +
-         voxels_.size() * sizeof(VoxelBlock);
-}
-
-// ---- skips ------------------------------------------------------------------------------------------------
-
-EmptySpaceMap::EmptySpaceMap(const GridGeometry& grid) : voxels_(grid.dims) {
-  // cells 0 ... voxels, and one more, to which positions at the border may be rounded
-  for (std::size_t a = 0; a < 3; ++a) cubes_[a] = (voxels_[a] + 1) / kCubeSide + 1;
-  skip_.resize(static_cast<std::size_t>(cubes_[0]) * cubes_[1] * cubes_[2], kMaxSkip);
-  filled_.resize(skip_.size());
-}
-
-void EmptySpaceMap::fill(const BlockRows& rows, const Cubes& cubes) {
-  for (int c = cubes[2][0]; c <= cubes[2][1]; ++c)
-    for (int b = cubes[1][0]; b <= cubes[1][1]; ++b)
-      std::fill_n(filled_.begin() + static_cast<std::ptrdiff_t>(index(cubes[0][0], b, c)),
-                  cubes[0][1] - cubes[0][0] + 1, 0);
-  // cell n lies between voxels n - 1 and n
-  const auto first = [&](std::size_t axis) { return std::max(0, cubes[axis][0] * kCubeSide - 1); };
-  const auto end = [&](std::size_t axis) {
-    return std::min(voxels_[axis], (cubes[axis][1] + 1) * kCubeSide);
-  };
-  const auto within = [&](int cube, std::size_t axis) {
-    return cube >= cubes[axis][0] && cube <= cubes[axis][1];
-  };
-  constexpr int kLast = kCubeSide - 1;
-  for (int k = first(2); k < end(2); ++k)
-    for (int j = first(1); j < end(1); ++j) {
-      const BlockRows::Row row = rows.row(j, k);
-      for (int block = first(0) / kBlock; block * kBlock < end(0); ++block) {
-        const VoxelBlock* voxels = row[block];
-        if (voxels == nullptr) continue;
-        std::uint64_t cells = 0;
-        for (int n = 0; n < kBlock; ++n)
-          if (voxels->extinction[n] != 0) cells |= std::uint64_t{3} << n;
-        for (int a = block * kBlock / kCubeSide; cells != 0; ++a, cells >>= kCubeSide) {
-          if (!within(a, 0)) continue;
-          const std::uint64_t along = cells & ((1 << kCubeSide) - 1);
-          for (const int z : {k, k + 1})
-            for (const int y : {j, j + 1})
-              if (within(y / kCubeSide, 1) && within(z / kCubeSide, 2))
-                filled_[index(a, y / kCubeSide, z / kCubeSide)] |=
-                    along << kCubeSide * ((y & kLast) + kCubeSide * (z & kLast));
-        }
-      }
-    }
-}
-
-void EmptySpaceMap::pass(const Cubes& region, int step) {
-  const auto order = [&](int n, std::size_t axis) {
-    return step > 0 ? n : region[axis][0] + region[axis][1] - n;
-  };
-  const int first = region[0][0], count = region[0][1] - first + 1;
-  // minimum over the rows already visited, from one cube before the first to one after the last
-  std::vector<std::uint8_t> least(static_cast<std::size_t>(count) + 2);
-  const int from = std::max(0, first - 1), to = std::min(cubes_[0] - 1, first + count);
-  for (int c = region[2][0]; c <= region[2][1]; ++c)
-    for (int b = region[1][0]; b <= region[1][1]; ++b) {
-      const int y = order(b, 1), z = order(c, 2);
-      std::fill(least.begin(), least.end(), kMaxSkip);
-      for (int q = 0; q < 4; ++q) {
-        const int yy = y + step * (q % 3 - 1), zz = z + step * (q / 3 - 1);
-        if (yy < 0 || zz < 0 || yy >= cubes_[1] || zz >= cubes_[2]) continue;
-        const std::uint8_t* other = &skip_[index(from, yy, zz)];
-        std::uint8_t* lowered = least.data() + (from - first + 1);
-        for (int n = 0; n <= to - from; ++n) lowered[n] = std::min(lowered[n], other[n]);
-      }
-      std::uint8_t* row = &skip_[index(first, y, z)];
-      const std::uint8_t* before = least.data();
-      for (int n = 0; n < count; ++n) {
-        const std::uint8_t beside = std::min(std::min(before[n], before[n + 1]), before[n + 2]);
-        row[n] = std::min<std::uint8_t>(row[n], static_cast<std::uint8_t>(beside + 1));
-      }
-      // then along the row
-      const int begin = step > 0 ? 0 : count - 1, ahead = first + begin - step;
-      std::uint8_t skip = ahead >= 0 && ahead < cubes_[0] ? row[begin - step] : kMaxSkip;
-      for (int n = begin; n >= 0 && n < count; n += step) {
-        skip = std::min<std::uint8_t>(row[n], static_cast<std::uint8_t>(skip + 1));
-        row[n] = skip;
-      }
-    }
-}
-
-void EmptySpaceMap::find(const BlockRows& rows, const VoxelBox& box) {
-  // cubes that the box may fill or empty, and those whose skips depend on them
-  Cubes found{}, region{};
-  for (std::size_t a = 0; a < 3; ++a) {
-    found[a] = {std::max(0, box.first[a] / kCubeSide),
-                std::min(cubes_[a] - 1, (box.first[a] + box.size[a]) / kCubeSide)};
-    region[a] = {std::max(0, found[a][0] - kMaxSkip), std::min(cubes_[a] - 1, found[a][1] + kMaxSkip)};
-  }
-  fill(rows, found);
-  for (int c = region[2][0]; c <= region[2][1]; ++c)
-    for (int b = region[1][0]; b <= region[1][1]; ++b)
-      for (int a = region[0][0]; a <= region[0][1]; ++a)
-        skip_[index(a, b, c)] = filled_[index(a, b, c)] != 0 ? 0 : kMaxSkip;
-  // chessboard distance transform in two passes, including values around the region
-  pass(region, 1);
-  pass(region, -1);
-}
-
-CubesView EmptySpaceMap::view(int x, int y, int z) const {
-  const std::int32_t steps[3] = {1, cubes_[0], cubes_[0] * cubes_[1]};
-  constexpr int kShift = kCubeShift;
-  return {filled_.data(), skip_.data(), {steps[x], steps[y], steps[z]}, {kShift * x, kShift * y, kShift * z}};
-}
-
 // ---- a tile -----------------------------------------------------------------------------------------------
 
 /// A box of voxels, with all data that determine their appearance.
-class Encoding::Tile {
+class VolumeEncoding::Tile {
  public:
   /// @param changed  voxels whose look differs from the stored blocks
-  /// @param turned   voxels whose normals may differ; includes `changed`
-  Tile(const Encoding& encoding, const palpate::Bricks<LabelId>& labels, const VoxelBox& box,
-       const VoxelBox& changed, const VoxelBox& turned)
+  /// @param renormalised   voxels whose normals may differ; includes `changed`
+  Tile(const VolumeEncoding& encoding, const Bricks<LabelId>& labels, const VoxelBox& box,
+       const VoxelBox& changed, const VoxelBox& renormalised)
       : encoding_(encoding),
         box_(box),
         changed_(within(box, changed)),
-        turned_(within(box, turned)),
+        renormalised_(within(box, renormalised)),
         margin_(margins(encoding)),
-        labels_(widened(turned_, margin_)) {
+        labels_(widened(renormalised_, margin_)) {
     copy_labels(labels);
-    for (const StructureAppearance& appearance : encoding.appearances_) parts_.push_back(part_of(appearance));
-    parts_.resize(std::max<std::size_t>(1, parts_.size()));
-    parts_[0] = {};
-    for (const Part& part : parts_) opacities_.push_back(part.opacity);
+    for (const StructureAppearance& appearance : encoding.appearances_)
+      optics_.push_back(optics_of(appearance));
+    optics_.resize(std::max<std::size_t>(1, optics_.size()));
+    optics_[0] = {};
+    for (const StructureOptics& optics : optics_) opacities_.push_back(optics.opacity);
     // for labels without a look
-    opacities_.push_back(parts_[0].opacity);
+    opacities_.push_back(optics_[0].opacity);
   }
-  static std::array<int, 3> margins(const Encoding& encoding) {
+  static std::array<int, 3> margins(const VolumeEncoding& encoding) {
     std::array<int, 3> margin{};
     // central difference of the smoothed values
     for (std::size_t a = 0; a < 3; ++a) margin[a] = static_cast<int>(encoding.kernels_[a].size());
@@ -396,16 +200,16 @@ class Encoding::Tile {
     for (auto& rows : normals_)
       for (auto& component : rows) component.assign(appearances_.size() + kBlock, 0);
     if (uniform)
-      fill_appearances(appearance_of_one(part(first)));
+      fill_appearances(appearance_of_one(optics(first)));
     else
       find_appearances();
-    if (!is_all_changed()) take_unchanged();
+    if (!is_all_changed()) load_unchanged_extinction();
     if (!uniform) find_normals();
     if (encoding_.scan_.scan != nullptr) add_scan();
     for (int along = 0; along < 2; ++along) {
       const auto a = static_cast<std::size_t>(along), across = 1 - a;
-      for (int k = turned_[2][0]; k < turned_[2][1]; ++k)
-        for (int c = turned_[across][0]; c < turned_[across][1]; ++c) {
+      for (int k = renormalised_[2][0]; k < renormalised_[2][1]; ++k)
+        for (int c = renormalised_[across][0]; c < renormalised_[across][1]; ++c) {
           // voxels of the row whose look has changed
           const bool is_in = is_changed(across, c) && is_changed(2, k);
           const std::array<int, 2> changed = is_in ? changed_[a] : std::array{0, 0};
@@ -418,8 +222,8 @@ class Encoding::Tile {
             const bool is_whole = from == b && to == end;
             const VoxelBlock* before = is_whole ? nullptr : row[(box_.first[a] + b) / kBlock];
             if (before == nullptr && from >= to) continue;
-            const NormalWords normals =
-                normal_words(a, at, std::max(b, turned_[a][0]) - b, std::min(end, turned_[a][1]) - b);
+            const NormalWords normals = normal_words(a, at, std::max(b, renormalised_[a][0]) - b,
+                                                     std::min(end, renormalised_[a][1]) - b);
             if (from >= to && normals.are_of(*before)) continue;
             VoxelBlock block{};
             if (before != nullptr) block = *before;
@@ -450,20 +254,20 @@ class Encoding::Tile {
     for (std::size_t a = 0; a < 3; ++a) size[a] = region[a][1] - region[a][0] + 2 * margin[a];
     return size;
   }
-  Part part_of(const StructureAppearance& appearance) const {
+  StructureOptics optics_of(const StructureAppearance& appearance) const {
     const double h = encoding_.grid_.min_spacing_mm();
-    Part part;
-    part.opacity = static_cast<float>(appearance.opacity);
-    part.colour = appearance.colour;
+    StructureOptics optics;
+    optics.opacity = static_cast<float>(appearance.opacity);
+    optics.colour = appearance.colour;
     if (appearance.opacity >= 1) {
-      part.solid = static_cast<float>(kSolidDepth);
+      optics.solid = static_cast<float>(kSolidDepth);
     } else if (appearance.opacity > 0) {
-      part.surface = static_cast<float>(surface_depth(appearance.opacity));
-      part.haze = static_cast<float>(haze_per_mm(appearance.opacity) * h);
+      optics.surface = static_cast<float>(surface_depth(appearance.opacity));
+      optics.haze = static_cast<float>(haze_per_mm(appearance.opacity) * h);
     }
-    return part;
+    return optics;
   }
-  const Part& part(LabelId label) const { return parts_[label < parts_.size() ? label : 0]; }
+  const StructureOptics& optics(LabelId label) const { return optics_[label < optics_.size() ? label : 0]; }
   std::size_t offset(int i, int j, int k) const {
     return static_cast<std::size_t>(i) +
            static_cast<std::size_t>(box_.size[0]) *
@@ -471,10 +275,10 @@ class Encoding::Tile {
                 static_cast<std::size_t>(box_.size[1]) * static_cast<std::size_t>(k));
   }
 
-  void copy_labels(const palpate::Bricks<LabelId>& labels) {
+  void copy_labels(const Bricks<LabelId>& labels) {
     const std::array<int, 3>& dims = encoding_.grid_.dims;
     std::array<int, 3> first{};
-    for (std::size_t a = 0; a < 3; ++a) first[a] = box_.first[a] + turned_[a][0] - margin_[a];
+    for (std::size_t a = 0; a < 3; ++a) first[a] = box_.first[a] + renormalised_[a][0] - margin_[a];
     const int from = std::max(0, first[0]), to = std::min(dims[0], first[0] + labels_.size[0]);
     for (int k = 0; k < labels_.size[2]; ++k)
       for (int j = 0; j < labels_.size[1]; ++j) {
@@ -485,13 +289,14 @@ class Encoding::Tile {
   }
   /// @return labels of a row, from `first_label()` on
   const LabelId* label_row(int j, int k) const {
-    return labels_.row(j - turned_[1][0] + margin_[1], k - turned_[2][0] + margin_[2]);
+    return labels_.row(j - renormalised_[1][0] + margin_[1], k - renormalised_[2][0] + margin_[2]);
   }
-  int first_label() const { return turned_[0][0] - margin_[0]; }
+  int first_label() const { return renormalised_[0][0] - margin_[0]; }
 
-  static VoxelAppearance appearance_of_one(const Part& part) {
-    const Rgb& c = part.colour;
-    return {part.solid + part.haze, {1.0f * c.r, 1.0f * c.g, 1.0f * c.b}, part.opacity > 0 ? 1.0f : 0.0f};
+  static VoxelAppearance appearance_of_one(const StructureOptics& optics) {
+    const Rgb& c = optics.colour;
+    return {
+        optics.solid + optics.haze, {1.0f * c.r, 1.0f * c.g, 1.0f * c.b}, optics.opacity > 0 ? 1.0f : 0.0f};
   }
 
   bool is_changed(std::size_t axis, int n) const { return n >= changed_[axis][0] && n < changed_[axis][1]; }
@@ -508,9 +313,9 @@ class Encoding::Tile {
   }
 
   /// Marks the voxels with an unchanged look that are not empty, as find_normals() needs it.
-  void take_unchanged() {
-    for (int k = turned_[2][0]; k < turned_[2][1]; ++k)
-      for (int j = turned_[1][0]; j < turned_[1][1]; ++j) {
+  void load_unchanged_extinction() {
+    for (int k = renormalised_[2][0]; k < renormalised_[2][1]; ++k)
+      for (int j = renormalised_[1][0]; j < renormalised_[1][1]; ++j) {
         const bool is_in = is_changed(1, j) && is_changed(2, k);
         const BlockRows::Row row = encoding_.rows_[0].row(box_.first[1] + j, box_.first[2] + k);
         for (int b = 0; b < box_.size[0]; b += kBlock) {
@@ -543,7 +348,7 @@ class Encoding::Tile {
           const std::uint32_t* c = column.data() + i;
           const bool one = c[0] == c[1] && c[1] == c[2] && c[1] != kSeveral;
           appearance[i] =
-              one ? appearance_of_one(part(static_cast<LabelId>(c[1]))) : mixture(rows, i - first);
+              one ? appearance_of_one(optics(static_cast<LabelId>(c[1]))) : mixture(rows, i - first);
         }
       }
   }
@@ -560,7 +365,7 @@ class Encoding::Tile {
     for (int r = 0; r < 9; ++r)
       for (int a = -1; a <= 1; ++a) {
         const LabelId label = rows[r][i + a];
-        if (part(label).opacity == 0) continue;
+        if (optics(label).opacity == 0) continue;
         const int b = r % 3 - 1, c = r / 3 - 1;
         const double wa = a == 0 ? 0.5 : 0.25, wb = b == 0 ? 0.5 : 0.25, wc = c == 0 ? 0.5 : 0.25;
         std::size_t n = 0;
@@ -574,14 +379,14 @@ class Encoding::Tile {
     float all = 0, solid = 0;
     for (std::size_t n = 0; n < encountered; ++n) {
       all += fractions[n].coverage;
-      if (part(fractions[n].label).solid > 0) solid += fractions[n].coverage;
+      if (optics(fractions[n].label).solid > 0) solid += fractions[n].coverage;
     }
     appearance.covered = all;
-    const auto solidity = static_cast<float>(volume_picture::solidity(solid, part(rows[4][i]).solid > 0));
+    const auto solidity = static_cast<float>(volume_picture::solidity(solid, optics(rows[4][i]).solid > 0));
     const auto steep =
         static_cast<float>((encoding_.to_patient_ * slope).norm() * encoding_.grid_.min_spacing_mm());
     for (std::size_t n = 0; n < encountered; ++n) {
-      const Part& p = part(fractions[n].label);
+      const StructureOptics& p = optics(fractions[n].label);
       const float e = p.solid > 0 ? fractions[n].coverage * p.solid * solidity / solid
                                   : fractions[n].coverage * (p.haze + p.surface * steep / all);
       appearance.extinction += e;
@@ -618,18 +423,18 @@ class Encoding::Tile {
     const Box<float> opacity = smoothed(labels_, opacities_, encoding_.kernels_);
     const Eigen::Matrix3d to_patient = encoding_.to_patient_ / 2;
     const double smallest = kFaintGradient * surface_gradient_per_mm(encoding_.grid_);
-    for (int k = turned_[2][0]; k < turned_[2][1]; ++k)
-      for (int j = turned_[1][0]; j < turned_[1][1]; ++j) {
+    for (int k = renormalised_[2][0]; k < renormalised_[2][1]; ++k)
+      for (int j = renormalised_[1][0]; j < renormalised_[1][1]; ++j) {
         const auto smoothed_row = [&](int jj, int kk) {
-          return opacity.row(jj - turned_[1][0] + 1, kk - turned_[2][0] + 1);
+          return opacity.row(jj - renormalised_[1][0] + 1, kk - renormalised_[2][0] + 1);
         };
         const float *here = smoothed_row(j, k), *back = smoothed_row(j - 1, k),
                     *front = smoothed_row(j + 1, k), *below = smoothed_row(j, k - 1),
                     *above = smoothed_row(j, k + 1);
         const std::size_t row = offset(0, j, k);
-        for (int i = turned_[0][0]; i < turned_[0][1]; ++i) {
+        for (int i = renormalised_[0][0]; i < renormalised_[0][1]; ++i) {
           const std::size_t n = row + static_cast<std::size_t>(i);
-          const int at = i - turned_[0][0] + 1;
+          const int at = i - renormalised_[0][0] + 1;
           const double facing = sidedness(here[at]);
           if (facing == 0 || appearances_[n].extinction == 0) continue;
           const Eigen::Vector3d gradient =
@@ -704,13 +509,13 @@ class Encoding::Tile {
                 static_cast<std::size_t>(box_.size[1 - along]) * static_cast<std::size_t>(k));
   }
 
-  const Encoding& encoding_;
+  const VolumeEncoding& encoding_;
   VoxelBox box_;
-  Region changed_, turned_;
+  Region changed_, renormalised_;
   std::array<int, 3> margin_;
   Box<LabelId> labels_;
-  std::vector<Part> parts_;       ///< By label
-  std::vector<float> opacities_;  ///< By label, and one entry for all labels beyond
+  std::vector<StructureOptics> optics_;  ///< By label
+  std::vector<float> opacities_;         ///< By label, and one entry for all labels beyond
   std::vector<VoxelAppearance> appearances_;
   /// Normals in the order of either kind of rows, by component; 0 where nothing is visible.
   std::array<std::array<std::vector<std::int8_t>, 3>, 2> normals_;
@@ -718,8 +523,8 @@ class Encoding::Tile {
 
 // ---- the whole --------------------------------------------------------------------------------------------
 
-Encoding::Encoding(const GridGeometry& grid, std::span<const StructureAppearance> appearances,
-                   ScanAppearance scan)
+VolumeEncoding::VolumeEncoding(const GridGeometry& grid, std::span<const StructureAppearance> appearances,
+                               ScanAppearance scan)
     : grid_(grid),
       appearances_(appearances.begin(), appearances.end()),
       scan_(std::move(scan)),
@@ -730,8 +535,8 @@ Encoding::Encoding(const GridGeometry& grid, std::span<const StructureAppearance
   for (std::size_t a = 0; a < 3; ++a) kernels_[a] = smoothing_kernel(sigma ? (*sigma)[a] : 0);
 }
 
-Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const VoxelBox& box, int threads,
-                              const Progress& progress) {
+Result<void> VolumeEncoding::encode(const Bricks<LabelId>& labels, const VoxelBox& box, int threads,
+                                    const Progress& progress) {
   // whole blocks along i and along j
   const std::array<int, 3> margin = Tile::margins(*this);
   std::array<int, 3> from{}, to{}, tiles{};
@@ -744,7 +549,7 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
   }
   // a voxel's look depends on the 27 around it; emptiness is not stored for voxels that show the scan only,
   // so everything is rebuilt with a scan
-  VoxelBox changed, turned;
+  VoxelBox changed, renormalised;
   const bool is_all = is_new_ || scan_.scan != nullptr;
   for (std::size_t a = 0; a < 3; ++a) {
     const auto widen = [&](VoxelBox& wide, int by) {
@@ -753,7 +558,7 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
       wide.size[a] = end - wide.first[a];
     };
     widen(changed, 1);
-    widen(turned, margin[a]);
+    widen(renormalised, margin[a]);
   }
   // a region too small for one tile per worker is cut into thinner tiles
   int thickness = kTileSide;
@@ -764,15 +569,15 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
     tiles[2] = (slices + thickness - 1) / thickness;
   }
   const int count = columns * tiles[2];
-  struct Made {
+  struct PositionedBlock {
     int rows, i, j, k;
     VoxelBlock block;
   };
   std::mutex putting;
   // data that other workers read are modified later
-  std::vector<std::vector<Made>> later(is_new_ ? 0 : static_cast<std::size_t>(count));
-  const auto put_all = [&](const std::vector<Made>& made) {
-    for (const Made& m : made) rows_[static_cast<std::size_t>(m.rows)].put(m.i, m.j, m.k, m.block);
+  std::vector<std::vector<PositionedBlock>> later(is_new_ ? 0 : static_cast<std::size_t>(count));
+  const auto put_all = [&](const std::vector<PositionedBlock>& made) {
+    for (const PositionedBlock& m : made) rows_[static_cast<std::size_t>(m.rows)].put(m.i, m.j, m.k, m.block);
   };
   std::atomic<int> done{0};
   const bool whole = for_each_index(count, std::min(workers, count), [&](int worker, int n) {
@@ -784,9 +589,9 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
       part.first[a] = from[a] + tile[a] * side;
       part.size[a] = std::min(side, to[a] - part.first[a]);
     }
-    std::vector<Made> made;
+    std::vector<PositionedBlock> made;
     made.reserve(kUsualBlocks);
-    Tile(*this, labels, part, changed, turned)
+    Tile(*this, labels, part, changed, renormalised)
         .for_each_block([&](int rows, int i, int j, int k, const VoxelBlock& block) {
           // initially all blocks are empty
           const bool is_empty = std::all_of(std::begin(block.extinction), std::end(block.extinction),
@@ -807,14 +612,14 @@ Result<void> Encoding::encode(const palpate::Bricks<LabelId>& labels, const Voxe
   });
   if (!whole) return Progress::interrupted();
   const auto append_later = [&](int rows) {
-    for (const std::vector<Made>& made : later)
-      for (const Made& m : made)
+    for (const std::vector<PositionedBlock>& made : later)
+      for (const PositionedBlock& m : made)
         if (m.rows == rows) rows_[static_cast<std::size_t>(rows)].put(m.i, m.j, m.k, m.block);
   };
   for_each_index(2, std::min(workers, 2), [&](int, int rows) {
     append_later(rows);
     // skips use the rows along i
-    if (rows == 0) skips_.find(rows_[0], changed);
+    if (rows == 0) skips_.update(rows_[0], changed);
     return true;
   });
   is_new_ = false;

@@ -15,7 +15,7 @@ constexpr double kMarkAmbient = 0.35, kMarkDiffuse = 0.65;
 
 struct MarkRay {
   Point<Patient> from;
-  Vector<Patient> path;  ///< Unit vector
+  Vector<Patient> direction;  ///< Unit vector
 };
 
 MarkRay mark_ray(const VolumeCamera& camera, double column, double row) {
@@ -32,31 +32,31 @@ struct MarkHit {
 
 /// Intersection of a ray with a mark: with the cone tangent to both spheres between the circles of tangency,
 /// otherwise with the spheres.
-MarkHit enter(const MarkRay& ray, const VolumeMark& mark) {
+MarkHit intersect(const MarkRay& ray, const VolumeMark& mark) {
   const Eigen::Vector3d a = (ray.from - mark.from).eigen(), b = (ray.from - mark.to).eigen(),
-                        path = ray.path.eigen(), axis = (mark.to - mark.from).eigen();
+                        direction = ray.direction.eigen(), axis = (mark.to - mark.from).eigen();
   const double narrows = mark.from_mm - mark.to_mm, square = axis.squaredNorm() - narrows * narrows;
-  const double along_path = axis.dot(path), along_a = axis.dot(a), a_path = a.dot(path);
+  const double along_ray = axis.dot(direction), along_a = axis.dot(a), a_ray = a.dot(direction);
   MarkHit hit;
   // no cone if one sphere contains the other
   if (square > 1e-12) {
-    const double k2 = square - along_path * along_path,
-                 k1 = square * a_path - along_a * along_path + along_path * narrows * mark.from_mm,
+    const double k2 = square - along_ray * along_ray,
+                 k1 = square * a_ray - along_a * along_ray + along_ray * narrows * mark.from_mm,
                  k0 = square * a.squaredNorm() - along_a * along_a + 2 * along_a * narrows * mark.from_mm -
                       axis.squaredNorm() * mark.from_mm * mark.from_mm;
     const double within = k1 * k1 - k0 * k2;
     if (within < 0) return hit;
     if (std::abs(k2) > 1e-12 * square) {
       const double mm = (-std::sqrt(within) - k1) / k2,
-                   along = along_a - mark.from_mm * narrows + mm * along_path;
+                   along = along_a - mark.from_mm * narrows + mm * along_ray;
       if (along > 0 && along < square) {
-        const Eigen::Vector3d normal = square * (a + mm * path) - axis * along;
-        return {mm, std::abs(normal.normalized().dot(path))};
+        const Eigen::Vector3d normal = square * (a + mm * direction) - axis * along;
+        return {mm, std::abs(normal.normalized().dot(direction))};
       }
     }
   }
   const auto ball = [&](const Eigen::Vector3d& from_middle, double radius) {
-    const double midpoint = from_middle.dot(path),
+    const double midpoint = from_middle.dot(direction),
                  within = midpoint * midpoint - from_middle.squaredNorm() + radius * radius;
     if (within <= 0 || radius <= 0) return;
     const double mm = -midpoint - std::sqrt(within);
@@ -152,7 +152,7 @@ void draw_volume_marks(Image& image, std::span<const float> depth_mm, const Volu
       for (int column = reach.left; column <= reach.right; ++column)
         for (int n = 0; n < kSamples; ++n) {
           const auto part = [](int m) { return (m + 0.5) / kSamplesAcross - 0.5; };
-          const MarkHit hit = enter(
+          const MarkHit hit = intersect(
               mark_ray(camera, column + part(n % kSamplesAcross), row + part(n / kSamplesAcross)), mark);
           MarkSample& sample =
               samples[(width * static_cast<std::size_t>(row) + static_cast<std::size_t>(column)) * kSamples +

@@ -85,16 +85,16 @@ class VolumeOracle {
     for (int row = 0; row < camera.height_px; ++row)
       for (int column = 0; column < camera.width_px; ++column) {
         Point<Patient> from = camera.at(column, row);
-        Vector<Patient> displacement = camera.into();
+        Vector<Patient> direction = camera.into();
         double min_mm = -std::numeric_limits<double>::infinity();
         if (!camera.is_parallel()) {
           const Point<Patient> eye = camera.focus - camera.into() * camera.eye_mm;
-          displacement = (from - eye).normalized();
+          direction = (from - eye).normalized();
           from = eye;
           min_mm = 0;
         }
-        cast((X_VoxelPatient * from).eigen(), (X_VoxelPatient * displacement).eigen(), from, displacement,
-             min_mm, step_mm, style, picture);
+        cast((X_VoxelPatient * from).eigen(), (X_VoxelPatient * direction).eigen(), from, direction, min_mm,
+             step_mm, style, picture);
       }
     return picture;
   }
@@ -176,7 +176,7 @@ class VolumeOracle {
 
   /// @param origin, along  voxel coordinates; `along` per mm
   void cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& along, const Point<Patient>& from,
-            const Vector<Patient>& displacement, double min_mm, double step_mm, const VolumeStyle& style,
+            const Vector<Patient>& direction, double min_mm, double step_mm, const VolumeStyle& style,
             Picture& picture) const {
     // path through the volume and one voxel beyond, where extinction fades
     double begin = min_mm, end = std::numeric_limits<double>::infinity();
@@ -191,7 +191,7 @@ class VolumeOracle {
     }
     // exactly to the clip plane, since an opaque structure absorbs everything within less than a step
     if (style.clip) {
-      const double rise = displacement.dot(style.clip->away),
+      const double rise = direction.dot(style.clip->away),
                    here = (from - style.clip->at).dot(style.clip->away);
       if (rise == 0 && here > 0) end = begin;
       if (rise > 0) end = std::min(end, -here / rise);

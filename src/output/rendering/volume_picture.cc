@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "rendering/section_picture.h"
+#include "rendering/section_marks.h"
 
 namespace palpate {
 namespace {

@@ -19,7 +19,6 @@ namespace {
 
 using internal::volume_picture::CubesView;
 using internal::volume_picture::EmptySpaceMap;
-using internal::volume_picture::Encoding;
 using internal::volume_picture::kBlock;
 using internal::volume_picture::kCubeSide;
 using internal::volume_picture::kDepthSteps;
@@ -30,6 +29,7 @@ using internal::volume_picture::RowsView;
 using internal::volume_picture::SamplePlane;
 using internal::volume_picture::trace_rays;
 using internal::volume_picture::TracedRay;
+using internal::volume_picture::VolumeEncoding;
 using internal::volume_picture::VoxelBlock;
 
 /// Rows along i with some uniformly filled blocks; buffers of minimal size, so that a sanitizer detects reads
@@ -120,15 +120,15 @@ TEST(VolumeRendererRays, StayInTheGridWhereTheyMeetItsBorders) {
                  lateral = static_cast<float>(random() % static_cast<unsigned>(count[axis == 0 ? 1 : 0]));
       const float per_plane = (n % 2 == 0 ? 1.0f : -1.0f) * pace(random), start = border - per_plane * plane;
       rays[n] = axis == 0 ? ray_from(start, per_plane, lateral, 0) : ray_from(lateral, 0, start, per_plane);
-      rays[n].begun = std::max(0.0f, plane - 6);
+      rays[n].first_filled = std::max(0.0f, plane - 6);
       rays[n].last = plane + 6;
-      if (axis == 0 && border < 0) rays[n].begun = kNoPlane;  // the first block is filled
+      if (axis == 0 && border < 0) rays[n].first_filled = kNoPlane;  // the first block is filled
     }
     for (const CubesView& view : {skips.view(0, 1, 2), small_steps}) {
       std::vector<TracedRay> traced = rays;
       trace_rays(rows, view, planes.data(), static_cast<int>(planes.size()), 1, true,
                  static_cast<int>(traced.size()), traced.data(), *grid.lit);
-      for (const TracedRay& ray : traced) observed += ray.clear == 1 ? 0 : 1;
+      for (const TracedRay& ray : traced) observed += ray.transmittance == 1 ? 0 : 1;
     }
     EXPECT_EQ(observed, 0) << count[0] << " " << count[1] << " " << count[2];
   }
@@ -158,9 +158,9 @@ TEST(VolumeRendererRays, MeetWhereHalfIsCovered) {
         const float expected =
             before + std::log(2.0f) / (static_cast<float>(extinction) / kDepthSteps * step);
         // a clip plane within a sample's interval spreads the rest over the whole interval
-        EXPECT_NEAR(clipped.met, expected, first < 0 ? 2e-3f : 1.0f)
+        EXPECT_NEAR(clipped.half_plane, expected, first < 0 ? 2e-3f : 1.0f)
             << extinction << " " << first << " " << step;
-        EXPECT_LT(clipped.clear, 0.5f);
+        EXPECT_LT(clipped.transmittance, 0.5f);
       }
   }
 }
@@ -175,7 +175,7 @@ TEST(VolumeRendererRays, SkipEmptySpaceOnly) {
   grid.dims = {83, 57, 71};
   Volume<LabelId> labels(grid);
   const std::vector<StructureAppearance> appearances{{{}, 0}, {{200, 100, 50}, 1}};
-  Encoding encoding(grid, appearances);
+  VolumeEncoding encoding(grid, appearances);
   const std::array<int, 3> cubes{(83 + 1) / kCubeSide + 1, (57 + 1) / kCubeSide + 1,
                                  (71 + 1) / kCubeSide + 1};
   for (int change = 0; change < 6; ++change) {

@@ -13,22 +13,22 @@ namespace palpate {
 
 using internal::volume_picture::AccumulatedLine;
 using internal::volume_picture::CubesView;
-using internal::volume_picture::Encoding;
-using internal::volume_picture::Factored;
 using internal::volume_picture::LitBlockCache;
 using internal::volume_picture::MixingBuffers;
 using internal::volume_picture::PixelRun;
 using internal::volume_picture::Rays;
 using internal::volume_picture::Region;
 using internal::volume_picture::RowsView;
+using internal::volume_picture::ShearWarp;
 using internal::volume_picture::TracedRay;
+using internal::volume_picture::VolumeEncoding;
 
 namespace internal::volume_picture {
 
 /// Line of intermediate pixels.
 struct Line {
   std::vector<float> floats;
-  std::vector<std::uint64_t> open;
+  std::vector<std::uint64_t> unfinished;
 };
 /// Buffers reused from picture to picture.
 struct Scratch {
@@ -38,7 +38,7 @@ struct Scratch {
   std::vector<std::vector<TracedRay>> rays;  ///< Per thread
   std::vector<std::vector<std::int32_t>> edges;
   std::vector<std::uint32_t> pixels, marked;
-  std::vector<float> met, begun;
+  std::vector<float> half_plane, first_filled;
   std::vector<std::vector<float>> row_met;  ///< Per thread
 };
 
@@ -57,7 +57,7 @@ constexpr std::size_t kMaxRays = 64;
 /// Per intermediate pixel: visible range of planes under clipping, and distance between planes along its ray.
 class RayRanges {
  public:
-  RayRanges(const GridGeometry& grid, const Rays& rays, const Factored& view,
+  RayRanges(const GridGeometry& grid, const Rays& rays, const ShearWarp& view,
             const std::optional<ClipPlane>& clip)
       : rays_(rays), view_(view), linear_(grid.X_PatientVoxel().linear()), h_(grid.min_spacing_mm()) {
     if (!clip) return;
@@ -69,14 +69,15 @@ class RayRanges {
 
   /// Step of an intermediate pixel's ray from plane to plane; voxels.
   Eigen::Vector3d step_per_plane(const Eigen::Vector3d& at) const {
-    const Eigen::Vector3d displacement = rays_.is_parallel ? rays_.path : Eigen::Vector3d(at - rays_.from);
-    return displacement * (view_.z_step / displacement[view_.z]);
+    const Eigen::Vector3d direction = rays_.is_parallel ? rays_.direction : Eigen::Vector3d(at - rays_.from);
+    return direction * (view_.z_step / direction[view_.z]);
   }
   float step(const Eigen::Vector3d& step_per_plane) const {
     return static_cast<float>((linear_ * step_per_plane).norm() / h_);
   }
   /// Range of visible planes.
-  std::array<float, 2> seen(const Eigen::Vector3d& at, const Eigen::Vector3d& step_per_plane) const {
+  std::array<float, 2> visible_planes(const Eigen::Vector3d& at,
+                                      const Eigen::Vector3d& step_per_plane) const {
     if (!is_clipped_) return {-kNoPlane, kNoPlane};
     const double rise = normal_.dot(step_per_plane), here = normal_.dot(at) - offset_;
     if (rise == 0) return {here > 0 ? kNoPlane : -kNoPlane, kNoPlane};
@@ -98,7 +99,7 @@ class RayRanges {
       const Eigen::Vector3d further = step_per_plane(at);
       line.step[u] = step(further);
       if (!is_clipped_) continue;
-      const auto planes = seen(at, further);
+      const auto planes = visible_planes(at, further);
       line.first[u] = planes[0];
       line.last[u] = planes[1];
     }
@@ -106,7 +107,7 @@ class RayRanges {
 
  private:
   const Rays& rays_;
-  const Factored& view_;
+  const ShearWarp& view_;
   Eigen::Matrix3d linear_;
   double h_;
   bool is_clipped_ = false;
@@ -114,7 +115,7 @@ class RayRanges {
   double offset_ = 0;
 };
 
-RowsView rows_of(RowsView rows, const GridGeometry& grid, const Factored& view) {
+RowsView rows_of(RowsView rows, const GridGeometry& grid, const ShearWarp& view) {
   const int axes[3] = {view.x, view.y, view.z};
   // distances between rows: first across the rows, then along k
   const std::ptrdiff_t across = 1, along_k = grid.dims[view.x == 0 ? 1 : 0];
@@ -130,17 +131,17 @@ AccumulatedLine line_of(internal::volume_picture::Line& line, int width, bool is
   const auto stride = static_cast<std::size_t>((width + kChunk - 1) / kChunk * kChunk);
   line.floats.resize(9 * stride);
   const std::size_t chunks = stride / kChunk;
-  line.open.assign((chunks + 63) / 64, ~std::uint64_t{0});
-  if (chunks % 64 != 0) line.open.back() = (std::uint64_t{1} << chunks % 64) - 1;
+  line.unfinished.assign((chunks + 63) / 64, ~std::uint64_t{0});
+  if (chunks % 64 != 0) line.unfinished.back() = (std::uint64_t{1} << chunks % 64) - 1;
   const auto part = [&](std::size_t n) { return line.floats.data() + n * stride; };
   AccumulatedLine gathered{};
   for (std::size_t n = 0; n < 3; ++n) gathered.channel[n] = part(n);
-  gathered.clear = part(3);
-  gathered.met = has_depth ? part(4) : nullptr;
+  gathered.transmittance = part(3);
+  gathered.half_plane = has_depth ? part(4) : nullptr;
   gathered.step = part(5);
   if (is_clipped) gathered.first = part(6), gathered.last = part(7);
-  gathered.begun = part(8);
-  gathered.open = line.open.data();
+  gathered.first_filled = part(8);
+  gathered.unfinished = line.unfinished.data();
   std::fill(part(0), part(3), 0.0f);
   std::fill(part(3), part(4), 1.0f);
   std::fill(part(4), part(5), -1.0f);
@@ -164,8 +165,8 @@ MixingBuffers mixing_room(std::vector<float>& floats, LitBlockCache& lit, int ro
 /// Initialisation of a picture's rays.
 struct RayStart {
   const RayRanges& ranges;
-  const Factored& view;
-  const float* begun;  ///< First non-empty plane of the intermediate pixels, `stride` per line
+  const ShearWarp& view;
+  const float* first_filled;  ///< First non-empty plane of the intermediate pixels, `stride` per line
   std::ptrdiff_t stride;
 
   /// Ray at intermediate position (u, v), starting at the first non-empty plane of the four pixels around it.
@@ -176,7 +177,7 @@ struct RayStart {
     at[view.z] = view.z_ref;
     const Eigen::Vector3d step_per_plane = ranges.step_per_plane(at),
                           start = at - step_per_plane * ((view.z_ref - view.z_first) / view.z_step);
-    const auto visible = ranges.seen(at, step_per_plane);
+    const auto visible = ranges.visible_planes(at, step_per_plane);
     TracedRay ray{};
     ray.x = static_cast<float>(start[view.x]);
     ray.y = static_cast<float>(start[view.y]);
@@ -187,8 +188,8 @@ struct RayStart {
     ray.last = visible[1];
     const int column = std::clamp(static_cast<int>(u), 0, view.width - 2),
               row = std::clamp(static_cast<int>(v), 0, view.height - 2);
-    const float* near = begun + stride * row + column;
-    ray.begun = std::min({near[0], near[1], near[stride], near[stride + 1]});
+    const float* near = first_filled + stride * row + column;
+    ray.first_filled = std::min({near[0], near[1], near[stride], near[stride + 1]});
     return ray;
   }
 };
@@ -197,7 +198,7 @@ struct RayStart {
 void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
            LitBlockCache& lit, std::uint8_t* rgb, float* encountered) {
-  const Factored& view = starts.view;
+  const ShearWarp& view = starts.view;
   rays.resize(kMaxRays);
   for (std::size_t from = 0; from < columns.size(); from += kMaxRays) {
     const std::size_t count = std::min(kMaxRays, columns.size() - from);
@@ -212,10 +213,10 @@ void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts,
     for (std::size_t n = 0; n < count; ++n) {
       const std::int32_t column = columns[from + n];
       for (int c = 0; c < 3; ++c) {
-        const float value = rays[n].channel[c] + rays[n].clear * background[c];
+        const float value = rays[n].channel[c] + rays[n].transmittance * background[c];
         rgb[3 * column + c] = static_cast<std::uint8_t>(std::min(255.0f, value * 255 + 0.5f));
       }
-      if (encountered != nullptr) encountered[column] = rays[n].met;
+      if (encountered != nullptr) encountered[column] = rays[n].half_plane;
     }
   }
 }
@@ -259,7 +260,7 @@ Result<VolumeRenderer> VolumeRenderer::make(const Bricks<LabelId>& labels,
                 (scan.scan->geometry().dims == labels.geometry().dims && scan.window[0] < scan.window[1]));
   VolumeRenderer renderer;
   renderer.threads_ = threads;
-  renderer.encoding_ = std::make_unique<Encoding>(labels.geometry(), appearances, std::move(scan));
+  renderer.encoding_ = std::make_unique<VolumeEncoding>(labels.geometry(), appearances, std::move(scan));
   renderer.scratch_ = std::make_unique<internal::volume_picture::Scratch>();
   if (const auto made =
           renderer.encoding_->encode(labels, {{0, 0, 0}, labels.geometry().dims}, threads, progress);
@@ -290,7 +291,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
                                style.background.b / 255.0f};
   const double max_apart = style.clip ? kMaxApartClipped : kMaxApart;
   for (const Region& region : regions_of(grid, camera, rays)) {
-    const auto view = Factored::of(grid, camera, rays, region, max_apart);
+    const auto view = ShearWarp::of(grid, camera, rays, region, max_apart);
     if (!view) {
       for (const PixelRun& run : region.runs) fill(run, camera.width_px, style.background, rgb);
       continue;
@@ -304,8 +305,8 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     scratch_->pixels.resize(all + 2);
     scratch_->pixels.front() = scratch_->pixels.back() = 0;
     scratch_->marked.resize(all);
-    scratch_->begun.resize(all);
-    if (!depth_mm.empty()) scratch_->met.resize(all);
+    scratch_->first_filled.resize(all);
+    if (!depth_mm.empty()) scratch_->half_plane.resize(all);
     const int groups = (view->height + kMaxLines - 1) / kMaxLines, workers = worker_count(threads_, groups);
     scratch_->lines.resize(
         std::max(scratch_->lines.size(), static_cast<std::size_t>(workers) * std::size_t{kMaxLines}));
@@ -333,8 +334,8 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
         const AccumulatedLine& line = lines[static_cast<std::size_t>(n)];
         const std::size_t at = stride * static_cast<std::size_t>(first + n);
         pack_line(line, view->width, background, &scratch_->pixels[1 + at]);
-        std::copy_n(line.begun, view->width, &scratch_->begun[at]);
-        if (!depth_mm.empty()) std::copy_n(line.met, view->width, &scratch_->met[at]);
+        std::copy_n(line.first_filled, view->width, &scratch_->first_filled[at]);
+        if (!depth_mm.empty()) std::copy_n(line.half_plane, view->width, &scratch_->half_plane[at]);
       }
       return true;
     });
@@ -351,7 +352,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
     scratch_->edges.resize(scratch_->rays.size());
     scratch_->row_met.resize(scratch_->rays.size());
-    const RayStart starts{paths, *view, scratch_->begun.data(), static_cast<std::ptrdiff_t>(stride)};
+    const RayStart starts{paths, *view, scratch_->first_filled.data(), static_cast<std::ptrdiff_t>(stride)};
     for_each_index(runs, warpers, [&](int worker, int n) {
       const PixelRun& run = region.runs[static_cast<std::size_t>(n)];
       const Eigen::Vector3d start = view->warp_start + view->warp_line * run.row;
@@ -370,7 +371,8 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
           const long u = std::lround(at[0] / at[2]), v = std::lround(at[1] / at[2]);
           const bool is_in = u >= 0 && v >= 0 && u < view->width && v < view->height;
           encountered[static_cast<std::size_t>(x)] =
-              is_in ? scratch_->met[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)] : -1;
+              is_in ? scratch_->half_plane[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)]
+                    : -1;
         }
       }
       trace(rows, cubes, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
@@ -381,13 +383,12 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
         const float plane = encountered[static_cast<std::size_t>(x)];
         // the first plane's sample extends half a plane before it
         if (plane < -0.5f) continue;
-        const Eigen::Vector3d displacement = rays.along(x, run.row);
+        const Eigen::Vector3d direction = rays.along(x, run.row);
         const double slice = view->z_first + view->z_step * plane,
-                     ranges_along = (slice - rays.start(x, run.row)[view->z]) / displacement[view->z];
+                     ranges_along = (slice - rays.start(x, run.row)[view->z]) / direction[view->z];
         depth_mm[width * static_cast<std::size_t>(run.row) + static_cast<std::size_t>(x)] =
-            static_cast<float>(ranges_along * (rays.is_parallel
-                                                   ? 1
-                                                   : (grid.X_PatientVoxel().linear() * displacement).norm()));
+            static_cast<float>(ranges_along *
+                               (rays.is_parallel ? 1 : (grid.X_PatientVoxel().linear() * direction).norm()));
       }
       return true;
     });

@@ -70,7 +70,7 @@ HWY_INLINE VF upper_of(VU pair) {
   return hn::ConvertTo(DF(), hn::BitCast(DI(), hn::ShiftRight<16>(pair)));
 }
 
-HWY_INLINE void light_block(const VoxelBlock& from, const LightFall& light, LitBlock& to) {
+HWY_INLINE void light_block(const VoxelBlock& from, const Illumination& light, LitBlock& to) {
   const DF d;
   const DI di;
   const auto one = hn::Set(d, 1.0f), half = hn::Set(d, 0.5f), most = hn::Set(d, 65535.0f);
@@ -280,7 +280,7 @@ HWY_NOINLINE bool receive_samples(const AccumulatedLine& line, const MixedLine& 
       }
       return hn::Add(a, hn::Mul(part, hn::Sub(b, a)));
     };
-    const VF before = hn::LoadU(d, line.clear + at + n);
+    const VF before = hn::LoadU(d, line.transmittance + at + n);
     // rows around the other pixels may not have been mixed
     const auto sees = hn::Ge(before, hn::Set(d, kDone));
     const VF extinction = hn::IfThenElseZero(sees, hn::Mul(between(3), scale));
@@ -298,18 +298,19 @@ HWY_NOINLINE bool receive_samples(const AccumulatedLine& line, const MixedLine& 
     }
     const VF depth = hn::Mul(extinction, path);
     const VF after = hn::Mul(before, exp_of_minus(d, depth));
-    const VF begun = hn::LoadU(d, line.begun + at + n);
-    hn::StoreU(hn::IfThenElse(is_there, hn::Min(begun, hn::Set(d, plane)), begun), d, line.begun + at + n);
+    const VF begun = hn::LoadU(d, line.first_filled + at + n);
+    hn::StoreU(hn::IfThenElse(is_there, hn::Min(begun, hn::Set(d, plane)), begun), d,
+               line.first_filled + at + n);
     const VF fraction = hn::Div(hn::Sub(before, after), hn::Max(extinction, hn::Set(d, kTiny)));
     for (int c = 0; c < 3; ++c) {
       const VF light = hn::Mul(between(c), scale);
       float* sum = line.channel[c] + at + n;
       hn::StoreU(hn::Add(hn::LoadU(d, sum), hn::Mul(fraction, light)), d, sum);
     }
-    hn::StoreU(after, d, line.clear + at + n);
+    hn::StoreU(after, d, line.transmittance + at + n);
     any = hn::Or(any, hn::Ge(after, hn::Set(d, kDone)));
 
-    if (line.met == nullptr) continue;
+    if (line.half_plane == nullptr) continue;
     const VF middle = hn::Set(d, 0.5f);
     const auto meets = hn::And(hn::Gt(before, middle), hn::Le(after, middle));
     if (!hn::AllFalse(d, meets)) {
@@ -320,7 +321,7 @@ HWY_NOINLINE bool receive_samples(const AccumulatedLine& line, const MixedLine& 
       hn::Store(after, d, is);
       for (int m = 0; m < lanes(); ++m)
         if (was[m] > 0.5f && is[m] <= 0.5f)
-          line.met[at + n + m] = plane - 0.5f + std::log(2 * was[m]) / through[m];
+          line.half_plane[at + n + m] = plane - 0.5f + std::log(2 * was[m]) / through[m];
     }
   }
   return hn::AllFalse(d, any);
@@ -380,14 +381,14 @@ HWY_INLINE BlockRange blocks_around(const SamplePlane& plane, int first, int las
 /// Blocks around the non-opaque pixels of a line's chunks begin ... end - 1.
 HWY_INLINE BlockRange visited_blocks(const AccumulatedLine& line, const SamplePlane& plane, int begin,
                                      int end) {
-  const auto is_open = [&](int chunk) { return (line.open[chunk / 64] >> chunk % 64 & 1) != 0; };
+  const auto is_open = [&](int chunk) { return (line.unfinished[chunk / 64] >> chunk % 64 & 1) != 0; };
   while (begin < end && !is_open(begin)) ++begin;
   while (begin < end && !is_open(end - 1)) --end;
   if (begin == end) return {};
   // an open chunk contains a non-opaque pixel
   int first = begin * kChunk, last = end * kChunk - 1;
-  while (line.clear[first] < kDone) ++first;
-  while (line.clear[last] < kDone) --last;
+  while (line.transmittance[first] < kDone) ++first;
+  while (line.transmittance[last] < kDone) --last;
   return blocks_around(plane, first, last);
 }
 
@@ -423,14 +424,14 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
     if (between.near == nullptr) between.near = between.far, between.near_weight = 0;
     if (between.far == nullptr) between.far = between.near, between.far_weight = 0;
     const AccumulatedLine& line = *lines.line[n];
-    const auto open = [&](int w) { return line.open[w]; };
+    const auto open = [&](int w) { return line.unfinished[w]; };
     for (int chunk = next_bit(begin / kChunk, end / kChunk, open); chunk < end / kChunk;
          chunk = next_bit(chunk + 1, end / kChunk, open)) {
       const int u = chunk * kChunk;
       const auto ray_position = static_cast<float>(plane.x_per_u * u + plane.x_0 - origin * kBlock);
       const bool is_done = close ? receive_samples<true>(line, between, u, ray_position, step, number)
                                  : receive_samples<false>(line, between, u, ray_position, step, number);
-      if (is_done) line.open[chunk / 64] &= ~(std::uint64_t{1} << (chunk % 64));
+      if (is_done) line.unfinished[chunk / 64] &= ~(std::uint64_t{1} << (chunk % 64));
     }
   }
 }
@@ -447,7 +448,7 @@ HWY_NOINLINE void accumulate_lines_on_plane(const RowsView& rows, const LinesOnP
   const auto not_there = [&](int w) { return ~there(w); };
   const auto open = [&](int w) {
     std::uint64_t any = 0;
-    for (int n = 0; n < lines.line_count; ++n) any |= lines.line[n]->open[w];
+    for (int n = 0; n < lines.line_count; ++n) any |= lines.line[n]->unfinished[w];
     return any;
   };
   const auto not_open = [&](int w) { return ~open(w); };
@@ -512,7 +513,7 @@ void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane
     bool any = false;
     for (int n = 0; n < count; ++n) {
       std::uint64_t open = 0;
-      for (int w = 0; w < words; ++w) open |= lines[n].open[w];
+      for (int w = 0; w < words; ++w) open |= lines[n].unfinished[w];
       is_open[n] = open != 0;
       any = any || is_open[n];
     }
@@ -525,7 +526,7 @@ void pack_line(const AccumulatedLine& line, int width, const float* background, 
   const DI di;
   const hn::RebindToUnsigned<DI> du;
   for (int u = 0; u < (width + kChunk - 1) / kChunk * kChunk; u += lanes()) {
-    const VF clear = hn::LoadU(d, line.clear + u);
+    const VF clear = hn::LoadU(d, line.transmittance + u);
     auto word = hn::Zero(di);
     for (int c = 0; c < 3; ++c) {
       VF value = hn::Add(hn::LoadU(d, line.channel[c] + u), hn::Mul(clear, hn::Set(d, background[c])));
@@ -706,9 +707,9 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
                           TracedRay& ray) {
   V4 sum{};
   float clear = 1;
-  ray.met = -1;
+  ray.half_plane = -1;
   float begin = std::floor(ray.first) - 1, end = std::floor(ray.last) + 2;
-  if (ray.begun > begin) begin = ray.begun;
+  if (ray.first_filled > begin) begin = ray.first_filled;
   if (begin < 0) begin = 0;
   if (static_cast<float>(plane_count) < end) end = static_cast<float>(plane_count);
   bound_planes(ray.x, ray.x_per_plane, rows.count[0], begin, end);
@@ -757,11 +758,12 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
                 after = clear * exp_of_minus(depth);
     const float fraction = (clear - after) / (extinction > kTiny ? extinction : kTiny) * (1 / kDepthSteps);
     sum += mixed * all_four(fraction);
-    if (wants_hits && clear > 0.5f && after <= 0.5f) ray.met = plane - 0.5f + std::log(2 * clear) / depth;
+    if (wants_hits && clear > 0.5f && after <= 0.5f)
+      ray.half_plane = plane - 0.5f + std::log(2 * clear) / depth;
     clear = after;
   }
   for (int c = 0; c < 3; ++c) ray.channel[c] = sum[c];
-  ray.clear = clear;
+  ray.transmittance = clear;
 }
 
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,

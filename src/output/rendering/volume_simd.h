@@ -28,7 +28,7 @@ struct alignas(64) LitBlock {
 static_assert(sizeof(VoxelBlock) == 64 && sizeof(LitBlock) == 64);
 
 /// Illumination: directions away from the viewer and away from the key light, patient frame, and VolumeLight.
-struct LightFall {
+struct Illumination {
   float into[3];
   float from_key[3];
   float ambient, diffuse, specular, key;
@@ -51,8 +51,8 @@ struct alignas(64) LitBlockCache {
   }
 };
 
-/// Blocks of a row with consecutive indices, counting only stored ones: a row of 512 voxels is described by 8
-/// numbers and 64 bits, which fit in the cache where a number per block would not.
+/// Number of blocks of a row in a group. The stored blocks of a group have consecutive indices: a row of 512
+/// voxels is described by 8 numbers and 64 bits, which fit in the cache where a number per block would not.
 inline constexpr int kGroup = 8;
 
 /// Index of a block of a row; 0: not stored.
@@ -69,7 +69,7 @@ struct RowsView {
   /// Index of the first stored block of each group of kGroup; `groups` per row
   const std::uint32_t* first = nullptr;
   const VoxelBlock* voxels = nullptr;  ///< Block 0 is empty
-  LightFall light{};
+  Illumination light{};
   int blocks = 0, words = 0, groups = 0;
   int count[3]{};           ///< Voxels along x, y, z
   std::ptrdiff_t row[3]{};  ///< Distance between rows along y and z; [0] is unused
@@ -87,13 +87,14 @@ struct SamplePlane {
 inline constexpr int kChunk = 8;
 struct AccumulatedLine {
   float* channel[3];  ///< 0 ... 1
-  float* clear;       ///< Transmittance
-  float* met;  ///< Plane, with fraction, at which transmittance fell below one half; -1: nowhere; may be null
-  float* begun;  ///< First plane with non-zero extinction; kNoPlane: none
-  float* step;   ///< Distance between planes, in units of h
-  float* first;  ///< Range of visible planes, with fractions; null: all
+  float* transmittance;
+  float* half_plane;  ///< Plane, with fraction, at which transmittance fell below one half; -1: nowhere; may
+                      ///< be null
+  float* first_filled;  ///< First plane with non-zero extinction; kNoPlane: none
+  float* step;          ///< Distance between planes, in units of h
+  float* first;         ///< Range of visible planes, with fractions; null: all
   float* last;
-  std::uint64_t* open;  ///< Bit per chunk: some pixel is not opaque yet
+  std::uint64_t* unfinished;  ///< Bit per chunk: some pixel is not opaque yet
 };
 inline constexpr float kNoPlane = 1e9f;
 /// Maximum number of lines accumulated together, and of voxel rows that they share across the lines.
@@ -115,10 +116,11 @@ void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane
 /// Packs intermediate pixels: red, green and blue in 10 bits each. Whole chunks.
 void pack_line(const AccumulatedLine& line, int width, const float* background, std::uint32_t* packed);
 
+/// Marks of mark_line(): large second difference along the line, across it.
+inline constexpr std::uint32_t kCreaseAlong = 0x80000000, kCreaseAcross = 0x40000000;
 /// Copies whole chunks of a line of intermediate pixels and marks those with a large second difference along
 /// the line or across it.
 /// @param above, below  neighbouring lines; one pixel before and after `here` is read
-inline constexpr std::uint32_t kCreaseAlong = 0x80000000, kCreaseAcross = 0x40000000;
 void mark_line(const std::uint32_t* above, const std::uint32_t* here, const std::uint32_t* below, int width,
                std::uint32_t* marked);
 
@@ -138,11 +140,11 @@ struct TracedRay {
   float x, x_per_plane, y, y_per_plane;  ///< Voxel coordinates at plane 0, and steps
   float step;                            ///< Distance between planes, in units of h
   float first, last;                     ///< Range of visible planes, with fractions
-  float begun;                           ///< Everything before this plane is empty
+  float first_filled;                    ///< Everything before this plane is empty
   float channel[3];                      ///< 0 ... 1
-  float clear, met;                      ///< As in AccumulatedLine
+  float transmittance, half_plane;       ///< As in AccumulatedLine
 };
-/// @param wants_hits  whether TracedRay::met is computed
+/// @param wants_hits  whether TracedRay::half_plane is computed
 void trace_rays(const RowsView& rows, const CubesView& cubes, const SamplePlane* planes, int plane_count,
                 float z_per_plane, bool wants_hits, int count, TracedRay* rays, LitBlockCache& lit);
 

@@ -52,7 +52,8 @@ inline Vector<Patient> direction_to_key(const VolumeCamera& camera, const Volume
   return (camera.right * right - camera.down * up - camera.into() * towards).normalized();
 }
 
-/// Both as in the viewer's page (web/src/volume/volume_caster.ts).
+/// Optical depth of a translucent structure's surface, and extinction inside it per mm; the same constants as
+/// in web/src/volume/volume_caster.ts.
 inline double surface_depth(double opacity) {
   return -std::log(1 - 0.6 * opacity);
 }
@@ -60,7 +61,8 @@ inline double haze_per_mm(double opacity) {
   return 0.006 * opacity;
 }
 
-/// Both for the scan, as in the viewer's page.
+/// Extinction of the scan per mm, and its grey level, 0 ... 255; the same constants as in
+/// web/src/volume/volume_caster.ts.
 /// @param value  0 ... 1 in the display window
 inline double scan_per_mm(double value, double covered, double opacity) {
   return 0.03 * std::clamp((36 * value * opacity - 3) / 33, 0.0, 1.0) *

@@ -135,7 +135,7 @@ void BeneathMeter::observe(const TimedTick& now) {
 }
 
 std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
-                                   const std::vector<StructureFigures>& structures, std::size_t largest) {
+                                   const std::vector<StructureFigures>& structures, std::size_t max_count) {
   // longest contact of each structure
   std::map<LabelId, Contact> longest;
   for (const Contact& contact : contacts) {
@@ -151,7 +151,7 @@ std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
   std::vector<Contact> chosen;
   for (const StructureFigures& figure : ranked) {
     const auto found = longest.find(figure.label);
-    if (found != longest.end() && chosen.size() < largest) chosen.push_back(found->second);
+    if (found != longest.end() && chosen.size() < max_count) chosen.push_back(found->second);
   }
   std::stable_sort(chosen.begin(), chosen.end(),
                    [](const Contact& a, const Contact& b) { return a.first < b.first; });

@@ -115,10 +115,10 @@ class BeneathMeter {
   std::map<LabelId, std::size_t> index_of_label_;
 };
 
-/// Longest contact of each structure, in the order of their first tick; if there are more than `largest`
+/// Longest contact of each structure, in the order of their first tick; if there are more than `max_count`
 /// structures, those with the longest total contact.
 std::vector<Contact> main_contacts(const std::vector<Contact>& contacts,
-                                   const std::vector<StructureFigures>& structures, std::size_t largest);
+                                   const std::vector<StructureFigures>& structures, std::size_t max_count);
 
 /// Summary of the recording. For a truncated recording it is counted from the ticks: `skipped` is unknown
 /// then, and `dropped` is the number of missing ticks.

@@ -35,11 +35,11 @@ class Decimator {
     double low, high;
     bool low_first = true;
   };
-  void begin_run();
-  void end_run();
+  void begin_interval();
+  void end_interval();
 
-  std::size_t samples_, runs_;  // runs_ 0: every sample is kept
-  std::size_t taken_ = 0, run_ = 0, run_first_ = 0, run_end_ = 0;
+  std::size_t samples_, intervals_;  // intervals_ 0: every sample is kept
+  std::size_t taken_ = 0, interval_ = 0, interval_first_ = 0, interval_end_ = 0;
   std::vector<Extremes> extremes_;
   PlotData data_;
 };

@@ -170,14 +170,14 @@ std::string curve_html(const LearnersPage::Task& task, std::size_t m) {
 std::string dots_html(const LearnersPage::Learner& learner) {
   constexpr std::size_t kMaxDots = 14;
   const std::size_t from = learner.runs.size() - std::min(kMaxDots, learner.runs.size());
-  std::string declared, svg;
+  std::string description, svg;
   for (std::size_t n = from; n < learner.runs.size(); ++n) {
     const bool in = learner.runs[n].in_band;
     svg += "<circle class=\"" + std::string(in ? "in" : "out") + "\" r=\"5\" cy=\"7\" cx=\"" +
            std::to_string(7 + 14 * (n - from)) + "\"/>";
-    declared += (declared.empty() ? "" : ", ") + std::string(in ? "in band" : "out of band");
+    description += (description.empty() ? "" : ", ") + std::string(in ? "in band" : "out of band");
   }
-  return "<svg class=\"dots\" viewBox=\"0 0 200 14\" role=\"img\" aria-label=\"latest runs: " + declared +
+  return "<svg class=\"dots\" viewBox=\"0 0 200 14\" role=\"img\" aria-label=\"latest runs: " + description +
          "\">" + svg + "</svg>";
 }
 

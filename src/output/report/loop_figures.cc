@@ -40,7 +40,7 @@ Spread SpreadMeter::spread() const {
   return {at(0.5), at(0.99), at(0.999), at(1)};
 }
 
-void RateOfTicks::observe(const TimedTick& now) {
+void TickRateMeter::observe(const TimedTick& now) {
   if (ticks_++ == 0) {
     first_ = now.tick.tick;
     first_s_ = now.begin_s;
@@ -49,7 +49,7 @@ void RateOfTicks::observe(const TimedTick& now) {
   last_s_ = now.begin_s;
 }
 
-double RateOfTicks::rate_hz() const {
+double TickRateMeter::rate_hz() const {
   if (ticks_ < 2) return std::numeric_limits<double>::quiet_NaN();
   return (static_cast<double>(last_) - static_cast<double>(first_)) / (last_s_ - first_s_);
 }

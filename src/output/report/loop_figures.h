@@ -31,7 +31,7 @@ class SpreadMeter {
 };
 
 /// Mean tick rate between the first and the last tick, including dropped ticks.
-class RateOfTicks {
+class TickRateMeter {
  public:
   void observe(const TimedTick& now);
   /// NaN if there are fewer than two ticks.

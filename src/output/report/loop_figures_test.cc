@@ -17,7 +17,7 @@ Spread spread_of(const std::vector<double>& values_s) {
 }
 
 double measured_rate_hz(const Recording& recording) {
-  RateOfTicks rate;
+  TickRateMeter rate;
   TickTimes times(RecordingSource(recording).head());
   const auto observe = [&](const TimedTick& now) { rate.observe(now); };
   times.take(recording.ticks, observe);

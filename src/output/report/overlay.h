@@ -20,10 +20,12 @@ struct PathSection {
   std::vector<Point<Patient>> points;
 };
 
+/// Maximum number of points of a path drawn over a section.
+inline constexpr std::size_t kMaxOverlayPoints = 20'000;
+
 /// Path of the tip from a second before a contact to a second after it, split where the contact begins and
 /// ends. Long paths are decimated to every second, fourth, eighth ... point, so that there are at most
 /// kMaxOverlayPoints.
-inline constexpr std::size_t kMaxOverlayPoints = 20'000;
 class PathRecorder {
  public:
   explicit PathRecorder(const Contact& contact) : contact_(contact) {}

@@ -50,9 +50,9 @@ std::string task_html(const ScoredTask& scored);
 Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, const Progress& progress);
 /// For the clearance plot: indices of the plotted structures, those with a required clearance first, and the
 /// clearance of one of them resampled at the times of the plots.
-std::vector<std::size_t> plotted_approaches(const PlanComparison& made);
-std::vector<double> approach_at(const PlanComparison& made, std::size_t approach, double begin_s,
-                                const std::vector<double>& times_s);
+std::vector<std::size_t> plotted_clearances(const PlanComparison& comparison);
+std::vector<double> clearance_at(const PlanComparison& comparison, std::size_t structure, double begin_s,
+                                 const std::vector<double>& times_s);
 
 /// Containers of the plots, and their data as a JSON block that page.js reads.
 /// @param rehearsed  null: there was no plan

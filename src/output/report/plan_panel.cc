@@ -109,20 +109,20 @@ std::string volume_cells(const VolumeResult& volume) {
 }
 
 std::string volume_tables(const Run& run, const RehearsedPlan& rehearsed) {
-  const PlanComparison& made = rehearsed.made;
+  const PlanComparison& comparison = rehearsed.made;
   const std::string columns = heading_cell("Planned", "mm\u00b3") + heading_cell("Taken", "mm\u00b3") +
                               heading_cell("Left", "mm\u00b3");
   std::string html;
-  if (!made.regions.empty()) {
+  if (!comparison.regions.empty()) {
     html += table_begin(heading_cell("Volumes to remove") + columns);
-    for (std::size_t n = 0; n < made.regions.size(); ++n)
+    for (std::size_t n = 0; n < comparison.regions.size(); ++n)
       html += "<tr><th scope=\"row\">" + escape(rehearsed.plan.file.regions[n].name) + "</th>" +
-              volume_cells(made.regions[n]) + "</tr>\n";
+              volume_cells(comparison.regions[n]) + "</tr>\n";
     html += kTableEnd;
   }
-  if (!made.volumes.empty()) {
+  if (!comparison.volumes.empty()) {
     html += table_begin(heading_cell("Structure") + columns + heading_cell("Outside the plan", "mm\u00b3"));
-    for (const StructureVolume& volume : made.volumes)
+    for (const StructureVolume& volume : comparison.volumes)
       html += "<tr><th scope=\"row\">" + swatch(run.colour(volume.label)) + escape(run.name(volume.label)) +
               "</th>" + volume_cells(volume.in_plan) + cell(number(volume.outside_mm3, 1)) + "</tr>\n";
     html += kTableEnd;
@@ -130,11 +130,11 @@ std::string volume_tables(const Run& run, const RehearsedPlan& rehearsed) {
   return html;
 }
 
-std::string distance_tables(const Run& run, const PlanComparison& made) {
+std::string distance_tables(const Run& run, const PlanComparison& comparison) {
   std::string html = table_begin(heading_cell("Structure") + heading_cell("Nearest", "mm") +
                                  heading_cell("Keep away", "mm") + heading_cell("Closer than allowed", "s") +
                                  heading_cell("") + heading_cell("When"));
-  for (const StructureClearance& approach : made.approaches)
+  for (const StructureClearance& approach : comparison.approaches)
     html += "<tr><th scope=\"row\">" + swatch(run.colour(approach.label)) + escape(run.name(approach.label)) +
             "</th>" + cell(number(approach.nearest_mm, 2)) +
             cell(approach.requested_mm ? number(*approach.requested_mm, 2) : "") +
@@ -142,79 +142,81 @@ std::string distance_tables(const Run& run, const PlanComparison& made) {
             cell(stored_text(approach.requested_mm.has_value(), approach.is_within_limit())) + "<td>" +
             (std::isnan(approach.nearest_mm) ? "" : at_time(approach.nearest)) + "</td></tr>\n";
   html += kTableEnd;
-  if (made.violations.empty()) return html;
+  if (comparison.violations.empty()) return html;
   constexpr std::size_t kMaxShownViolations = 50;
   html += table_begin(heading_cell("Not kept") + heading_cell("Nearest", "mm") + heading_cell("Ticks") +
                       heading_cell("Time of the closest approach"));
-  for (std::size_t n = 0; n < std::min(made.violations.size(), kMaxShownViolations); ++n) {
-    const ClearanceViolation& violation = made.violations[n];
-    html += "<tr><th scope=\"row\">" + swatch(run.colour(violation.label)) +
-            escape(run.name(violation.label)) + "</th>" + cell(number(violation.nearest_mm, 2)) +
-            cell(std::to_string(violation.begin.tick) + " to " + std::to_string(violation.last_tick)) +
-            "<td>" + at_time(violation.nearest) + "</td></tr>\n";
+  for (std::size_t n = 0; n < std::min(comparison.violations.size(), kMaxShownViolations); ++n) {
+    const ClearanceViolation& violation = comparison.violations[n];
+    html += "<tr><th scope=\"row\">" + swatch(run.colour(violation.label)) + escape(run.name(violation.label)) +
+            "</th>" + cell(number(violation.nearest_mm, 2)) +
+            cell(std::to_string(violation.begin.tick) + " to " + std::to_string(violation.last_tick)) + "<td>" +
+            at_time(violation.nearest) + "</td></tr>\n";
   }
   html += kTableEnd;
-  const std::uint64_t more = made.omitted_violations + made.violations.size() -
-                             std::min(made.violations.size(), kMaxShownViolations);
+  const std::uint64_t more = comparison.omitted_violations + comparison.violations.size() -
+                             std::min(comparison.violations.size(), kMaxShownViolations);
   return more == 0 ? html : html + "<p class=\"hint\">And " + grouped(more) + " more.</p>\n";
 }
 
 }  // namespace
 
-std::vector<std::size_t> plotted_approaches(const PlanComparison& made) {
-  std::vector<std::size_t> order(made.approaches.size());
+std::vector<std::size_t> plotted_clearances(const PlanComparison& comparison) {
+  std::vector<std::size_t> order(comparison.approaches.size());
   std::iota(order.begin(), order.end(), 0);
   std::ranges::stable_sort(order, {}, [&](std::size_t n) {
-    const StructureClearance& approach = made.approaches[n];
+    const StructureClearance& approach = comparison.approaches[n];
     return std::pair(!approach.requested_mm, approach.nearest_mm);
   });
   order.resize(std::min(order.size(), kMaxPlottedApproaches));
   return order;
 }
 
-std::vector<double> approach_at(const PlanComparison& made, std::size_t approach, double begin_s,
-                                const std::vector<double>& times_s) {
+std::vector<double> clearance_at(const PlanComparison& comparison, std::size_t structure, double begin_s,
+                                 const std::vector<double>& times_s) {
   std::vector<double> values;
-  std::size_t part = 0;
+  std::size_t interval = 0;
   for (const double time_s : times_s) {
-    while (part + 1 < made.times_s.size() && made.times_s[part + 1] <= time_s - begin_s) ++part;
-    values.push_back(made.approaches[approach].over_time_mm[part]);
+    while (interval + 1 < comparison.times_s.size() && comparison.times_s[interval + 1] <= time_s - begin_s)
+      ++interval;
+    values.push_back(comparison.approaches[structure].over_time_mm[interval]);
   }
   return values;
 }
 
 Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, const Progress& progress) {
   const PlanFile& plan = rehearsed.plan.file;
-  const PlanComparison& made = rehearsed.made;
+  const PlanComparison& comparison = rehearsed.made;
   std::string html =
       "<section class=\"card\" aria-labelledby=\"plan-title\"><h2 id=\"plan-title\">Plan and result</h2>\n"
       "<p class=\"hint\">" +
       escape(plan.title) + ": " +
-      (made.is_within_limit() ? "all requirements of the plan were kept."
-                              : "a requirement of the plan was not kept.") +
-      (made.cut_short ? " The recording was cut short." : "") +
-      (made.missing_s > 0 ? " " + number(made.missing_s, 3) + " s are missing." : "") + "</p>\n";
+      (comparison.is_within_limit() ? "all requirements of the plan were kept."
+                                    : "a requirement of the plan was not kept.") +
+      (comparison.cut_short ? " The recording was cut short." : "") +
+      (comparison.missing_s > 0 ? " " + number(comparison.missing_s, 3) + " s are missing." : "") + "</p>\n";
   const SectionStyle style = section_style(run.model);
-  for (std::size_t n = 0; n < made.trajectories.size(); ++n) {
+  for (std::size_t n = 0; n < comparison.trajectories.size(); ++n) {
     if (progress.stopped()) return Progress::interrupted();
     html += "<h3>" + escape(plan.trajectories[n].name) + "</h3>\n" +
-            trajectory_table(plan.trajectories[n], made.trajectories[n]);
+            trajectory_table(plan.trajectories[n], comparison.trajectories[n]);
     if (run.model.labels != nullptr)
-      html += trajectory_sections(run, plan.trajectories[n], made.trajectories[n], made.path, style);
+      html +=
+          trajectory_sections(run, plan.trajectories[n], comparison.trajectories[n], comparison.path, style);
   }
-  if (!made.trajectories.empty())
+  if (!comparison.trajectories.empty())
     html +=
         "<p class=\"hint\">Green: the trajectory, with a bar at its entry and a ring around its target. "
         "White: the path of the tip within " +
         number(kPathReach_mm, 0) + " mm of the plane. Ring with a dot: where it was nearest to the target. " +
         std::string(run.model.has_burr() ? "Structures are shown before cutting." : "") + "</p>\n";
-  html += volume_tables(run, rehearsed) + distance_tables(run, made);
+  html += volume_tables(run, rehearsed) + distance_tables(run, comparison);
   return html +
          "<div class=\"plot\"><h3 id=\"clearance-title\">Distance from structures <span class=\"unit\">mm"
          "</span></h3><div class=\"canvas\" id=\"plot-clearance\" role=\"img\" aria-label=\"Least distance "
          "of "
          "the tool from structures over " +
-         number(made.time_s, 1) + " s\"></div></div>\n</section>\n";
+         number(comparison.time_s, 1) + " s\"></div></div>\n</section>\n";
 }
 
 }  // namespace palpate::report

@@ -65,8 +65,8 @@ TEST(PlanPanel, PlotsDistancesOnItsOwnTimes) {
   made.approaches[2].nearest_mm = 2;
   made.approaches[2].over_time_mm = {7, 3, 2};
   // structures with a required clearance first, then by distance
-  EXPECT_THAT(plotted_approaches(made), ::testing::ElementsAre(1, 2, 0));
-  EXPECT_THAT(approach_at(made, 2, 100, {100, 100.9, 101, 101.5, 104}),
+  EXPECT_THAT(plotted_clearances(made), ::testing::ElementsAre(1, 2, 0));
+  EXPECT_THAT(clearance_at(made, 2, 100, {100, 100.9, 101, 101.5, 104}),
               ::testing::ElementsAre(7, 7, 3, 3, 2));
 }
 

@@ -53,7 +53,7 @@ std::string removed_json(const Run& run) {
   for (std::size_t n = 0; n < run.removal.structures.size(); ++n) {
     const LabelId label = run.removal.structures[n].label;
     if (n > 0) mm3 += ',', of += ',';
-    mm3 += json_array(run.removal.gone_mm3(n, run.plots.x), 3);
+    mm3 += json_array(run.removal.removed_mm3(n, run.plots.x), 3);
     of += "{\"colour\":" + json_string(css_colour(run.colour(label))) +
           ",\"name\":" + json_string(run.name(label)) + "}";
   }
@@ -76,12 +76,12 @@ std::string layers_json(const Run& run) {
 }
 
 /// Clearance of the tool to structures at the times of the plots.
-std::string clearance_json(const Run& run, const PlanComparison& made) {
+std::string clearance_json(const Run& run, const PlanComparison& comparison) {
   std::string mm = "[", of = "[";
-  for (const std::size_t n : plotted_approaches(made)) {
+  for (const std::size_t n : plotted_clearances(comparison)) {
     if (of.size() > 1) mm += ',', of += ',';
-    const LabelId label = made.approaches[n].label;
-    mm += json_array(approach_at(made, n, run.first.time_s, run.plots.x), 2);
+    const LabelId label = comparison.approaches[n].label;
+    mm += json_array(clearance_at(comparison, n, run.first.time_s, run.plots.x), 2);
     of += "{\"colour\":" + json_string(css_colour(run.colour(label))) +
           ",\"name\":" + json_string(run.name(label)) + "}";
   }
@@ -130,7 +130,7 @@ std::string plots_html(const Run& run, const RehearsedPlan* rehearsed) {
   }
   html +=
       "<p class=\"hint\">Shaded: contacts, in the structure's colour. Drag to zoom, double-click to see all.";
-  if (run.touchable_in_front())
+  if (run.touched_in_front())
     html += " A negative depth is felt in the smoothed rim, in front of the surface.";
   if (run.depth_has_gaps())
     html += " A gap in its curve during a contact means that no surface was within reach.";

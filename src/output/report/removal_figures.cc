@@ -14,13 +14,13 @@ constexpr int kExitDirections = 256;
 
 // directions distributed evenly on the sphere: a golden-angle spiral from pole to pole
 std::vector<Vector<Patient>> ray_directions() {
-  std::vector<Vector<Patient>> paths;
+  std::vector<Vector<Patient>> directions;
   const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
   for (int n = 0; n < kExitDirections; ++n) {
     const double z = 1 - (2 * n + 1.0) / kExitDirections, around = std::sqrt(1 - z * z);
-    paths.emplace_back(around * std::cos(n * golden), around * std::sin(n * golden), z);
+    directions.emplace_back(around * std::cos(n * golden), around * std::sin(n * golden), z);
   }
-  return paths;
+  return directions;
 }
 
 /// Surface from which a structure's depth is measured.
@@ -72,11 +72,11 @@ double depth_below_mm(const Surface& surface, const Point<Patient>& x) {
   if (depth_mm < reach_mm || reach_mm < kMinReach_mm) return depth_mm;
   // Where the distance is saturated, the surface is at least reach_mm away in every direction: each ray
   // advances by that (sphere tracing) until the remaining distance is within reach.
-  static const std::vector<Vector<Patient>> paths = ray_directions();
+  static const std::vector<Vector<Patient>> directions = ray_directions();
   double shortest_mm = std::numeric_limits<double>::infinity();
-  for (const Vector<Patient>& displacement : paths)
+  for (const Vector<Patient>& direction : directions)
     for (double advanced_mm = reach_mm; advanced_mm < shortest_mm; advanced_mm += reach_mm) {
-      const double left_mm = -surface.distance_mm(x + displacement * advanced_mm);
+      const double left_mm = -surface.distance_mm(x + direction * advanced_mm);
       if (left_mm < reach_mm) shortest_mm = std::min(shortest_mm, advanced_mm + std::max(0.0, left_mm));
     }
   return shortest_mm;
@@ -88,7 +88,8 @@ double RemovalFigures::volume_mm3() const {
   return sum_mm3;
 }
 
-std::vector<double> RemovalFigures::gone_mm3(std::size_t structure, std::span<const double> times_s) const {
+std::vector<double> RemovalFigures::removed_mm3(std::size_t structure,
+                                                std::span<const double> times_s) const {
   std::vector<double> removed;
   double mm3 = 0;
   auto step = steps.begin();
@@ -113,7 +114,7 @@ void RemovalMeter::on_event(std::span<const RecordingEvent> events) {
 
 void RemovalMeter::on_event(const RecordingEvent& event, double time_s) {
   if (event.kind == RecordingEvent::Kind::kSweep) {
-    waiting_.push_back(cut_of(event.sweep));
+    pending_cuts_.push_back(cut_of(event.sweep));
     return;
   }
   const auto before_mm3 = volumes_mm3_;
@@ -136,8 +137,8 @@ void RemovalMeter::observe(const TimedTick& now) {
 }
 
 void RemovalMeter::remove_voxels(double time_s) {
-  for (const Cut& cut : waiting_) remove_voxels(cut, time_s);
-  figures_.changes.push_back({time_s, std::exchange(waiting_, {}), std::nullopt});
+  for (const Cut& cut : pending_cuts_) remove_voxels(cut, time_s);
+  figures_.changes.push_back({time_s, std::exchange(pending_cuts_, {}), std::nullopt});
 }
 
 void RemovalMeter::add_step(double time_s) {
@@ -159,7 +160,7 @@ void RemovalMeter::change_stroke(const ModelChange& change) {
   for (StructureRemoval& structure : figures_.structures) {
     const auto left = left_mm3.find(structure.label);
     structure.volume_mm3 = left != left_mm3.end() ? left->second : 0;
-    structure.part = structure.volume_mm3 / all_mm3(structure.label);
+    structure.fraction = structure.volume_mm3 / all_mm3(structure.label);
     volumes_mm3_[structure.label] = structure.volume_mm3;
   }
 }
@@ -196,7 +197,7 @@ void RemovalMeter::remove_voxels(const Cut& cut, double time_s) {
       found = structures.insert(structures.end(), {.label = label, .first_s = time_s});
     }
     found->volume_mm3 = mm3;
-    found->part = mm3 / all_mm3(label);
+    found->fraction = mm3 / all_mm3(label);
     found->last_s = time_s;
     const Surface* surface = surface_[static_cast<std::size_t>(found - structures.begin())];
     if (surface != nullptr) found->depth_mm = std::fmax(found->depth_mm, deepest_mm(*surface, cut.sweep));

@@ -24,7 +24,7 @@ struct StructureRemoval {
   LabelId label = 0;
   /// Volume by RemovedVolume; the only figure here that excludes undone strokes
   double volume_mm3 = 0;
-  double part = 0;  ///< Same as a fraction of the structure at the start of the run, 0 ... 1
+  double fraction = 0;  ///< Fraction of the structure at the start of the run, 0 ... 1
   /// On the run's clock: first and last tick in which the removed volume increased
   double first_s = 0, last_s = 0;
   /// Maximum cutting depth, mm: how far the far side of the burr's ball got below the structure's surface as
@@ -70,7 +70,7 @@ struct RemovalFigures {
   /// Total volume of all structures, mm3.
   double volume_mm3() const;
   /// Volume of a structure removed at each of some ascending times, mm3.
-  std::vector<double> gone_mm3(std::size_t structure, std::span<const double> times_s) const;
+  std::vector<double> removed_mm3(std::size_t structure, std::span<const double> times_s) const;
 };
 
 /// Computes RemovalFigures from a recording. Memory is proportional to the swept voxels and the number of cut
@@ -105,7 +105,7 @@ class RemovalMeter {
   StrokeHistory<std::size_t> strokes_;         // stroke numbers in their order
   std::map<LabelId, double> volumes_mm3_;      // current
   std::deque<RecordingEvent> pending_events_;  // sweeps and cuts that precede the next tick
-  std::vector<Cut> waiting_;                   // sweeps for the next cut version
+  std::vector<Cut> pending_cuts_;              // sweeps for the next cut version
   std::vector<Structure> structure_;           // by label; empty until something is cut
   std::vector<const Surface*> surface_;        // in the order of figures_.structures; null: none
   RemovalFigures figures_;

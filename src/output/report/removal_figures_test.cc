@@ -93,7 +93,7 @@ TEST(Removal, EqualsTheAnalyticalVolumeOfABallThroughASlab) {
     EXPECT_NEAR(bone.volume_mm3 / expected_mm3, 1, 0.02) << depth_mm;
     EXPECT_EQ(figures.volume_mm3(), bone.volume_mm3);
     const double all_mm3 = 0.125 * static_cast<double>(label_counts(*model.labels)[kBone]);
-    EXPECT_NEAR(bone.part, bone.volume_mm3 / all_mm3, 1e-12);
+    EXPECT_NEAR(bone.fraction, bone.volume_mm3 / all_mm3, 1e-12);
     EXPECT_NEAR(bone.depth_mm, 2 + depth_mm, 1e-3);
   }
 }
@@ -135,14 +135,14 @@ TEST(Removal, UndoneStrokesAreNotCounted) {
   const RemovalFigures alone = figures_of(ticks_with({swept(10, first), cut_contact(10)}), model);
   ASSERT_EQ(undone.structures.size(), 1u);
   EXPECT_EQ(undone.volume_mm3(), alone.volume_mm3());
-  EXPECT_EQ(undone.structures[0].part, alone.structures[0].part);
+  EXPECT_EQ(undone.structures[0].fraction, alone.structures[0].fraction);
   EXPECT_EQ(undone.strokes, 2u);
   EXPECT_EQ(undone.undone, 1u);
   // undone, but it had been cut
   EXPECT_NEAR(undone.structures[0].depth_mm, 2.5, 1e-3);
   EXPECT_NEAR(undone.structures[0].last_s, 1.020, 1e-12);
   ASSERT_EQ(undone.steps.size(), 3u);
-  const std::vector removed = undone.gone_mm3(0, std::vector{1.015, 1.025, 1.035});
+  const std::vector removed = undone.removed_mm3(0, std::vector{1.015, 1.025, 1.035});
   EXPECT_GT(removed[1], removed[0]);
   EXPECT_EQ(removed[2], removed[0]);
 
@@ -204,7 +204,7 @@ TEST(Removal, CountsOverlappingSweepsOnce) {
   const double all_mm3 = figures.volume_mm3(), first_mm3 = figures.steps[0].volumes_mm3.at(0);
   EXPECT_NEAR(first_mm3 / below_plane_mm3(2, 0, 0.2), 1, 0.03);
   EXPECT_GT(all_mm3, first_mm3 + 3);
-  EXPECT_EQ(figures.gone_mm3(0, std::vector{1.0, 1.0095, 1.0101, 1.025, 1.0301, 2.0}),
+  EXPECT_EQ(figures.removed_mm3(0, std::vector{1.0, 1.0095, 1.0101, 1.025, 1.0301, 2.0}),
             (std::vector{0.0, 0.0, first_mm3, first_mm3, all_mm3, all_mm3}));
 }
 

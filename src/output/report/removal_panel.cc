@@ -24,7 +24,7 @@ std::string removal_table(const Run& run) {
   double first_s = run.removal.structures.front().first_s, last_s = 0;
   for (const StructureRemoval& structure : run.removal.structures) {
     html += removal_row(swatch(run.colour(structure.label)) + escape(run.name(structure.label)),
-                        structure.volume_mm3, three_digits(100 * structure.part), structure.first_s,
+                        structure.volume_mm3, three_digits(100 * structure.fraction), structure.first_s,
                         structure.last_s, number(structure.depth_mm, 2));
     first_s = std::min(first_s, structure.first_s);
     last_s = std::max(last_s, structure.last_s);
@@ -49,12 +49,12 @@ std::string spared_table(const Run& run) {
       "scope=\"col\">Protection</th></tr></thead><tbody>\n";
   bool all_near = true;
   for (const StructureSpared& spared : run.removal.spared) {
-    double gone_mm3 = 0;
+    double removed_mm3 = 0;
     for (const StructureRemoval& structure : run.removal.structures)
-      if (structure.label == spared.label) gone_mm3 = structure.volume_mm3;
+      if (structure.label == spared.label) removed_mm3 = structure.volume_mm3;
     all_near = all_near && !std::isnan(spared.nearest_mm);
     html += "<tr><th scope=\"row\">" + swatch(run.colour(spared.label)) + escape(run.name(spared.label)) +
-            "</th>" + cell(number(spared.nearest_mm, 2)) + cell(three_digits(gone_mm3)) +
+            "</th>" + cell(number(spared.nearest_mm, 2)) + cell(three_digits(removed_mm3)) +
             cell(spared.is_protected ? "kept from the " + cutter : "cut like others") + "</tr>\n";
   }
   html += "</tbody></table></div>\n<p class=\"hint\">Nearest: from the " + cutter +

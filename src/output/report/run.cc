@@ -167,7 +167,7 @@ Result<Run> read_run(const RecordingSource& recording, const Model& model, const
   return run;
 }
 
-bool Run::touchable_in_front() const {
+bool Run::touched_in_front() const {
   return std::any_of(structures.begin(), structures.end(),
                      [](const StructureFigures& figure) { return figure.in_front; });
 }

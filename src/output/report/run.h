@@ -56,7 +56,7 @@ struct Run {
   TickCount other{intervention_flags() & ~(kFlagClamped | kFlagNotFinite | kFlagRotationIgnored), 0};
   ForceExtremes forces;
   SpreadMeter lateness, compute;
-  RateOfTicks rate;
+  TickRateMeter rate;
   RemovalFigures removal;  ///< Empty if no burr was used
   /// For each device limit, force, depth and speed; then, on the real clock, the lateness in microseconds.
   PlotData plots;
@@ -67,8 +67,8 @@ struct Run {
 
   /// Unknown if the patient orientation of the volume is unknown, whatever the scene states.
   Side side() const { return model.oriented ? model.side : Side::kUnknown; }
-  /// True if any structure has this property.
-  bool touchable_in_front() const;
+  /// Whether this holds for any of `structures`.
+  bool touched_in_front() const;
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;
   bool is_deformable() const { return laws.any(is_elastic); }

@@ -69,7 +69,7 @@ std::string structure_table_html(const Run& run) {
       "</tbody></table></div>\n<p class=\"hint\">Contacts last at least 50 ms; times and means include "
       "briefer touches. In passing: less than " +
       number(kPassing_s, 1) + " s in all.";
-  if (run.touchable_in_front())
+  if (run.touched_in_front())
     html += " A negative depth lies in front of the segmented surface, in its smoothed rim.";
   if (run.deeper_than_measured())
     html += " Deeper than measured: inside the structure, and no surface of it was within reach.";

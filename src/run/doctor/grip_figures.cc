@@ -12,7 +12,7 @@ namespace palpate {
 namespace {
 
 // plausible range of trial results: stiffness, latency, and loop rates of 250 Hz and more
-constexpr double kMinStable_N_per_mm = 1e-3, kMaxStable_N_per_mm = 5, kMaxDeclaredDelay_s = 0.02;
+constexpr double kMinStable_N_per_mm = 1e-3, kMaxStable_N_per_mm = 5, kMaxMeasuredDelay_s = 0.02;
 constexpr double kMinRate_hz = 250, kMaxRate_hz = 20'000;
 // tolerance for a session's rate that is not fully reached
 constexpr double kRatePlay = 0.9;
@@ -35,13 +35,13 @@ std::optional<double> number_of(std::string_view word, double smallest, double l
 std::optional<GripTrialFigures> figures_of(std::string_view line) {
   GripTrialFigures figures;
   const auto rate_hz = number_of(word_of(line), kRatePlay * kMinRate_hz, kMaxRate_hz),
-             delay_s = number_of(word_of(line), 0, kMaxDeclaredDelay_s),
+             delay_s = number_of(word_of(line), 0, kMaxMeasuredDelay_s),
              stable_N_per_mm = number_of(word_of(line), kMinStable_N_per_mm, kMaxStable_N_per_mm);
   const std::string_view swings_word = word_of(line);
   const auto swings = number_of(swings_word, kMinStable_N_per_mm, kMaxStable_N_per_mm);
   if (!rate_hz || !delay_s || !stable_N_per_mm || (!swings && swings_word != "-") || line.empty())
     return std::nullopt;
-  // the name would have been written differently
+  // grip_figures_text() does not write such a line
   if (swings.value_or(*stable_N_per_mm) < *stable_N_per_mm || printable_name(line) != line)
     return std::nullopt;
   figures = {std::string(line), *rate_hz, *delay_s,
@@ -49,17 +49,17 @@ std::optional<GripTrialFigures> figures_of(std::string_view line) {
   return figures;
 }
 
-class HeldDriver final : public DeviceDriver {
+class DriverWithGripFigures final : public DeviceDriver {
  public:
-  HeldDriver(std::unique_ptr<DeviceDriver> driver, GripFiguresByDevice hands, double rate_hz)
-      : driver_(std::move(driver)), hands_(std::move(hands)), rate_hz_(rate_hz) {
-    learn();
+  DriverWithGripFigures(std::unique_ptr<DeviceDriver> driver, GripFiguresByDevice figures, double rate_hz)
+      : driver_(std::move(driver)), figures_(std::move(figures)), rate_hz_(rate_hz) {
+    apply_figures();
   }
   std::span<const DeviceInfo> devices() const override { return infos_; }
   std::size_t clock_owner() const override { return driver_->clock_owner(); }
   Result<void> open(bool may_move) override {
     if (auto opened = driver_->open(may_move); !opened) return opened.error();
-    learn();
+    apply_figures();
     return {};
   }
   void run(ServoFunction& servo, ServoClock& clock) noexcept override { driver_->run(servo, clock); }
@@ -69,22 +69,22 @@ class HeldDriver final : public DeviceDriver {
   std::optional<Error> failure() const override { return driver_->failure(); }
 
  private:
-  void learn() {
+  void apply_figures() {
     const auto devices = driver_->devices();
     infos_.assign(devices.begin(), devices.end());
     for (DeviceInfo& info : infos_) {
-      const auto stable_N_per_mm = hands_.find(printable_name(info.name));
-      if (stable_N_per_mm == hands_.end() || info.simulated) continue;
+      const auto measured = figures_.find(printable_name(info.name));
+      if (measured == figures_.end() || info.simulated) continue;
       const double rate_hz = info.drive == DeviceInfo::Drive::kPulled ? rate_hz_ : info.rate_hz.value_or(0);
-      if (rate_hz < kRatePlay * stable_N_per_mm->second.rate_hz) continue;
-      const double advised = stable_N_per_mm->second.advised_N_per_mm;
-      info.delay_s = std::max(stable_N_per_mm->second.delay_s, info.delay_s.value_or(0));
+      if (rate_hz < kRatePlay * measured->second.rate_hz) continue;
+      const double advised = measured->second.advised_N_per_mm;
+      info.delay_s = std::max(measured->second.delay_s, info.delay_s.value_or(0));
       info.stiffness_N_per_mm = std::min(advised, info.stiffness_N_per_mm.value_or(advised));
     }
   }
 
   const std::unique_ptr<DeviceDriver> driver_;
-  const GripFiguresByDevice hands_;
+  const GripFiguresByDevice figures_;
   const double rate_hz_;
   std::vector<DeviceInfo> infos_;
 };
@@ -130,7 +130,7 @@ Result<GripFiguresByDevice> parse_grip_figures(std::string_view text, const std:
 
 std::unique_ptr<DeviceDriver> with_grip_figures(std::unique_ptr<DeviceDriver> driver,
                                                 GripFiguresByDevice hands, double rate_hz) {
-  return std::make_unique<HeldDriver>(std::move(driver), std::move(hands), rate_hz);
+  return std::make_unique<DriverWithGripFigures>(std::move(driver), std::move(hands), rate_hz);
 }
 
 }  // namespace palpate

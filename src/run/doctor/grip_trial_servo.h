@@ -25,21 +25,21 @@ struct PushedTick {
 /// @param step_m  resolution of the encoder
 std::optional<double> delay_of(const std::vector<PushedTick>& ticks, double step_m);
 
-/// Servo function of the trial. Time is that of the samples. Does not allocate in a tick.
+/// Servo function of the trial. Time is measured by the samples' time stamps. Does not allocate in a tick.
 class GripTrial final : public ServoFunction {
  public:
-  enum class Ended : std::uint8_t {
-    kNot,
+  enum class EndReason : std::uint8_t {
+    kNone,  ///< The trial has not ended
     kDone,
-    kMoved,
-    kFast,
-    kOld,
-    kTimes,  ///< Time stamps decrease or are in the future
+    kMovedAway,  ///< Farther from the rest position than kMaxDisplacement_mm, or kMaxRest_mm during the rest
+    kTooFast,    ///< Speed above kMaxSpeed_mm_s
+    kStaleSample,    ///< Sample older than kMaxAge_s
+    kBadTimestamps,  ///< Time stamps decrease or are in the future
     kFault,
-    kNoNumber,
+    kNotFinite,  ///< NaN or infinity in a sample
     kLate,
-    kNotReady,  ///< It did not start
-    kSwung,     ///< Oscillation with the softest spring
+    kNotReady,    ///< It did not start
+    kOscillated,  ///< Oscillation with the softest spring
   };
 
   /// The trial starts with the first sample, which has to arrive within kBegin_s from construction.
@@ -48,13 +48,13 @@ class GripTrial final : public ServoFunction {
 
   void update(std::span<const DeviceSample> samples, std::span<DeviceCommand> commands) noexcept override;
   /// Aborts the trial from another thread; forces are zero afterwards.
-  void end(Ended why) noexcept;
+  void end(EndReason why) noexcept;
 
-  Ended ended() const { return ended_.load(); }
+  EndReason ended() const { return ended_.load(); }
   std::int64_t last_update_ns() const { return last_update_ns_.load(); }
   bool begun() const { return begun_.load(); }
   /// Progress, 0 ... 1.
-  double part_done() const { return part_done_.load(); }
+  double progress() const { return progress_.load(); }
   /// Latency, rate and stiffness after the end. Empty: the latency is ambiguous.
   std::optional<GripTrialFigures> figures() const;
 
@@ -63,6 +63,8 @@ class GripTrial final : public ServoFunction {
   static constexpr double kPushPeriod_s = 0.64;
   /// Maximum time from arming to the start, during which the user holds the device still.
   static constexpr double kBegin_s = 2;
+  /// Maximum time between ticks; also checked by the watchdog of the waiting thread.
+  static constexpr std::int64_t kLate_ns = 9'000'000;
 
  private:
   struct Sample {
@@ -70,7 +72,7 @@ class GripTrial final : public ServoFunction {
     Eigen::Vector3d tip_mm;
   };
   bool too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_mm);
-  Ended odd_time(const DeviceSample& sample, std::int64_t now_ns, std::int64_t before_ns) const;
+  EndReason odd_time(const DeviceSample& sample, std::int64_t now_ns, std::int64_t before_ns) const;
   Eigen::Vector3d force(const DeviceSample& sample, double time_s);
   Eigen::Vector3d push(double time_s);
   Eigen::Vector3d spring(const Eigen::Vector3d& tip_mm, double time_s);
@@ -95,10 +97,10 @@ class GripTrial final : public ServoFunction {
   // mean squared and maximum deviation of the tip in the third and the fourth quarter of a spring's interval
   double early_mm2_ = 0, late_mm2_ = 0, late_most_mm_ = 0;
   std::uint64_t early_ = 0, late_ = 0;
-  std::atomic<Ended> ended_{Ended::kNot};
+  std::atomic<EndReason> ended_{EndReason::kNone};
   std::atomic<std::int64_t> last_update_ns_{0};
   std::atomic<bool> begun_{false};
-  std::atomic<double> part_done_{0};
+  std::atomic<double> progress_{0};
 };
 
 }  // namespace palpate

@@ -22,14 +22,14 @@ std::int64_t trial_ns = 0;
 
 /// A trial on a virtual clock with a simulated hand that holds its position.
 GripTrialFigures tried(const char* device, const char* hand, double delay_s, GripTrialSettings settings = {},
-                       double* largest_N = nullptr, GripTrial::Ended* ended = nullptr) {
+                       double* largest_N = nullptr, GripTrial::EndReason* ended = nullptr) {
   SimulatedDevice plant(*find_plant_device(device), *find_plant_hand(hand), delay_s);
   plant.reset(Point<Device>(3, -2, 10));
   trial_ns = 1'000'000'000;
   GripTrial trial(settings, settings.rate_hz, plant.info().position_step_mm.value_or(0.06),
                   []() noexcept { return trial_ns; });
   DeviceCommand command;
-  for (int n = 0; n < 60 * settings.rate_hz && trial.ended() == GripTrial::Ended::kNot; ++n) {
+  for (int n = 0; n < 60 * settings.rate_hz && trial.ended() == GripTrial::EndReason::kNone; ++n) {
     DeviceSample sample = plant.read();
     sample.taken_ns = trial_ns;
     trial.update({&sample, 1}, {&command, 1});
@@ -60,9 +60,9 @@ INSTANTIATE_TEST_SUITE_P(Each, GripTrials,
 TEST_P(GripTrials, AreDistinguishedByDelayAndStiffness) {
   const GripTrialCase& tested = GetParam();
   double largest_N = 0;
-  GripTrial::Ended ended = GripTrial::Ended::kNot;
+  GripTrial::EndReason ended = GripTrial::EndReason::kNone;
   const GripTrialFigures figures = tried(tested.device, tested.hand, tested.delay_s, {}, &largest_N, &ended);
-  EXPECT_EQ(ended, GripTrial::Ended::kDone);
+  EXPECT_EQ(ended, GripTrial::EndReason::kDone);
   EXPECT_NEAR(figures.delay_s, tested.delay_s, 0.001);
   EXPECT_NEAR(figures.rate_hz, 1000, 1);
   EXPECT_LE(largest_N, 1 + 1e-12);
@@ -107,30 +107,31 @@ TEST(GripTrialOfDevice, NothingIsPushedWhereSomethingIsWrong) {
   };
   DeviceSample wrong;
   wrong.fault = true;
-  EXPECT_EQ(after(wrong, 0), GripTrial::Ended::kFault);
+  EXPECT_EQ(after(wrong, 0), GripTrial::EndReason::kFault);
   wrong = {};
   wrong.tip = Point<Device>(std::nan(""), 0, 0);
-  EXPECT_EQ(after(wrong, 0), GripTrial::Ended::kNoNumber);
+  EXPECT_EQ(after(wrong, 0), GripTrial::EndReason::kNotFinite);
   wrong = {};
   wrong.tip = Point<Device>(0, 16, 0);
-  EXPECT_EQ(after(wrong, 0), GripTrial::Ended::kMoved);
+  EXPECT_EQ(after(wrong, 0), GripTrial::EndReason::kMovedAway);
   wrong.tip = Point<Device>(5, 0, 0);
-  EXPECT_EQ(after(wrong, 0), GripTrial::Ended::kFast);
-  EXPECT_EQ(after({}, 11'000'000), GripTrial::Ended::kOld);
-  EXPECT_EQ(after({}, 9'000'000, 9'000'000), GripTrial::Ended::kLate) << "10 ms after the tick before";
-  EXPECT_EQ(after({}, 0, 2'000'000), GripTrial::Ended::kTimes) << "from the future";
-  EXPECT_EQ(after({}, 0, -2'000'000), GripTrial::Ended::kTimes) << "older than the one before";
+  EXPECT_EQ(after(wrong, 0), GripTrial::EndReason::kTooFast);
+  EXPECT_EQ(after({}, 11'000'000), GripTrial::EndReason::kStaleSample);
+  EXPECT_EQ(after({}, 9'000'000, 9'000'000), GripTrial::EndReason::kLate) << "10 ms after the tick before";
+  EXPECT_EQ(after({}, 0, 2'000'000), GripTrial::EndReason::kBadTimestamps) << "from the future";
+  EXPECT_EQ(after({}, 0, -2'000'000), GripTrial::EndReason::kBadTimestamps) << "older than the one before";
 }
 
 /// Result and end time, s, of a trial whose tip follows mm_at(time) along y.
 template <class Trajectory>
-std::pair<GripTrial::Ended, double> guided(Trajectory mm_at, double step_mm = 0.05, double rate_hz = 1000) {
+std::pair<GripTrial::EndReason, double> guided(Trajectory mm_at, double step_mm = 0.05,
+                                               double rate_hz = 1000) {
   trial_ns = 1'000'000'000;
   GripTrial trial({}, rate_hz, step_mm, []() noexcept { return trial_ns; });
   DeviceSample sample;
   DeviceCommand command;
   double time_s = 0;
-  for (; time_s < 30 && trial.ended() == GripTrial::Ended::kNot; time_s += 1 / rate_hz) {
+  for (; time_s < 30 && trial.ended() == GripTrial::EndReason::kNone; time_s += 1 / rate_hz) {
     sample.taken_ns = trial_ns;
     sample.tip = Point<Device>(0, mm_at(time_s), 0);
     trial.update({&sample, 1}, {&command, 1});
@@ -148,16 +149,16 @@ TEST(GripTrialOfDevice, ItsSpeedIsBounded) {
     for (const double step_mm : {0.001, 0.05, 1e9, -1.0, std::nan("")}) {
       SCOPED_TRACE(std::to_string(rate_hz) + " Hz, " + std::to_string(step_mm) + " mm");
       const auto [fast, at_s] = guided(moves(550), step_mm, rate_hz);
-      EXPECT_EQ(fast, GripTrial::Ended::kFast);
+      EXPECT_EQ(fast, GripTrial::EndReason::kTooFast);
       EXPECT_LT(at_s, 1.015);
-      EXPECT_NE(guided(moves(450), step_mm, rate_hz).first, GripTrial::Ended::kFast);
+      EXPECT_NE(guided(moves(450), step_mm, rate_hz).first, GripTrial::EndReason::kTooFast);
     }
 }
 
 // the springs' rest position follows a drifting hand, but not indefinitely
 TEST(GripTrialOfDevice, ItsWayIsBoundedFromWhereItRestedFirst) {
   const auto [ended, at_s] = guided([](double time_s) { return std::max(0.0, 5 * (time_s - 2.5)); });
-  EXPECT_EQ(ended, GripTrial::Ended::kMoved);
+  EXPECT_EQ(ended, GripTrial::EndReason::kMovedAway);
   EXPECT_NEAR(at_s, 5.5, 0.01);
 }
 
@@ -171,7 +172,7 @@ TEST(GripTrialOfDevice, ItBeginsSoonOrNotAtAll) {
     sample.taken_ns = trial_ns;
     trial.update({&sample, 1}, {&command, 1});
   }
-  EXPECT_EQ(trial.ended(), GripTrial::Ended::kNotReady);
+  EXPECT_EQ(trial.ended(), GripTrial::EndReason::kNotReady);
   // the fault ends
   sample.fault = false;
   for (int n = 0; n < 1000; ++n, trial_ns += 1'000'000) {
@@ -208,14 +209,14 @@ TEST(GripTrialOfDevice, OscillationAtTheFirstStiffnessEndsTheTrial) {
   settings.first_N_per_mm = 3;
   GripTrial trial(settings, 1000, 0.03, []() noexcept { return trial_ns; });
   DeviceCommand command;
-  while (trial.ended() == GripTrial::Ended::kNot && trial_ns < 30'000'000'000) {
+  while (trial.ended() == GripTrial::EndReason::kNone && trial_ns < 30'000'000'000) {
     DeviceSample sample = plant.read();
     sample.taken_ns = trial_ns;
     trial.update({&sample, 1}, {&command, 1});
     plant.advance(command, 0.001);
     trial_ns += 1'000'000;
   }
-  EXPECT_EQ(trial.ended(), GripTrial::Ended::kSwung);
+  EXPECT_EQ(trial.ended(), GripTrial::EndReason::kOscillated);
 }
 
 TEST(GripTrialOfDevice, IsTriedOnTheRealClock) {

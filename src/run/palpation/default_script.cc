@@ -104,9 +104,9 @@ Result<void> plan_default_script(const Model& model, const Parameters& parameter
     if (palpated == kMaxPalpated || examined++ == kMaxExamined) break;
     ApproachStep approach;
     approach.structure = "#" + std::to_string(label);
-    TouchRequest wish;
-    wish.clearance_mm = approach.clearance_mm;
-    const TouchSites sites = find_touch_sites(model, free_space, label, wish);
+    TouchRequest request;
+    request.clearance_mm = approach.clearance_mm;
+    const TouchSites sites = find_touch_sites(model, free_space, label, request);
     if (sites.sites.empty()) {
       script.limitations.push_back(model.name_of(label) + " is not palpated: " + sites.why_none);
       continue;

@@ -225,8 +225,8 @@ Result<void> Replayer::solve_until(const TickRecord& recorded) {
 }
 
 void Replayer::run_again(const TickRecord& recorded) {
-  // every input of the tick as recorded
   if (differs()) return;
+  // every input of the tick as recorded
   Parameters parameters = parameters_of(recorded);
   parameters.compliance = solver_.frame();
   std::array<DeviceState, kMaxDevices> devices;

@@ -31,8 +31,8 @@ std::vector<ForceMethod> methods_of(const RunSetup& setup) {
 }
 
 /// Press steps that the limit or the tissue does not permit.
-/// @param softer  ratio of the rendered to the nominal stiffness of the stiffest tissue
-std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
+/// @param stiffness_ratio  rendered by nominal stiffness of the stiffest tissue
+std::vector<std::string> out_of_reach(const RunSetup& setup, double stiffness_ratio) {
   std::vector<std::string> problems;
   ForceMethod method = setup.parameters.method;
   for (std::size_t s = 0; s < setup.script.steps.size(); ++s) {
@@ -41,7 +41,7 @@ std::vector<std::string> out_of_reach(const RunSetup& setup, double softer) {
     // the proxy's force grows with depth without bound
     const double max_N = method == ForceMethod::kProxy ? setup.limit_N
                                                        : setup.model->force_field(method).full_force_N() *
-                                                             setup.workspace.force_gain * softer;
+                                                             setup.workspace.force_gain * stiffness_ratio;
     if (!press || press->force_N <= std::min(setup.limit_N, max_N)) continue;
     char text[120];
     std::snprintf(text, sizeof text,
@@ -97,9 +97,9 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Scrip
                                          setup.script.rate_hz, setup.script.delay_s, progress);
   if (!limited) return limited.error();
   setup.parameters.device[0].max_stiffness_N_per_mm = limited->max_N_per_mm;
-  const LimitedDamping borne =
+  const LimitedDamping damping =
       limited_damping(*setup.model, setup.workspace, *device, setup.script.rate_hz, setup.script.delay_s);
-  setup.parameters.device[0].max_damping_N_s_per_mm = borne.max_N_s_per_mm;
+  setup.parameters.device[0].max_damping_N_s_per_mm = damping.max_N_s_per_mm;
   setup.parameters.device[0].delay_s = setup.script.delay_s;
   if (!supplied && !for_knee) {
     progress.report("planning the default script", 0);
@@ -110,7 +110,7 @@ Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Scrip
       setup, limited->max_N_per_mm / std::max(limited->requested_N_per_mm, limited->max_N_per_mm));
   setup.problems.insert(setup.problems.end(), setup.script.limitations.begin(),
                         setup.script.limitations.end());
-  if (!borne.clamped.empty()) setup.problems.insert(setup.problems.begin(), borne.clamped);
+  if (!damping.clamped.empty()) setup.problems.insert(setup.problems.begin(), damping.clamped);
   if (!limited->clamped.empty()) setup.problems.insert(setup.problems.begin(), limited->clamped);
   return setup;
 }
@@ -160,35 +160,6 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
     if (const Tissue* tissue = model.tissue_of(segment.id))
       header.structures.push_back({segment.id, segment.name, tissue->name, segment.colour});
   return header;
-}
-
-HoldMeter::HoldMeter(const Model& model, const HoldRequest& hold)
-    : forces_N_(hold.forces_N), unbroken_s_(std::max<std::size_t>(1, hold.forces_N.size()), 0.0) {
-  figure_.label = hold.structure;
-  figure_.structure = model.name_of(hold.structure);
-}
-
-void HoldMeter::observe(const TickRecord& record) {
-  const DeviceTick& device = record.device[0];
-  const double force_N = norm(device.force_N);
-  const bool own = device.label == figure_.label;
-  if (own) {
-    sum_N_ += force_N;
-    ++ticks_;
-    figure_.peak_force_N = std::max(figure_.peak_force_N, force_N);
-  }
-  for (std::size_t f = 0; f < unbroken_s_.size(); ++f) {
-    const bool held =
-        own && (forces_N_.empty() || std::abs(force_N - forces_N_[f]) <= kHoldTolerance * forces_N_[f]);
-    unbroken_s_[f] = held ? unbroken_s_[f] + record.dt_s : 0;
-    figure_.held_s = std::max(figure_.held_s, unbroken_s_[f]);
-  }
-}
-
-HoldFigure HoldMeter::figure() const {
-  HoldFigure figure = figure_;
-  figure.mean_force_N = ticks_ ? sum_N_ / static_cast<double>(ticks_) : 0;
-  return figure;
 }
 
 }  // namespace palpate

@@ -95,25 +95,13 @@ double clearance_along(const Model& model, const Point<Patient>& surface, const 
   return max_mm;
 }
 
-// unit vectors in the tangent plane, uniformly around the normal
-std::array<Vector<Patient>, kRim> rim_directions(const Vector<Patient>& n) {
-  const Vector<Patient> helper = std::abs(n.x()) < 0.7 ? Vector<Patient>(1, 0, 0) : Vector<Patient>(0, 1, 0);
-  const Vector<Patient> u = n.cross(helper).normalized(), v = n.cross(u);
-  std::array<Vector<Patient>, kRim> directions;
-  for (int d = 0; d < kRim; ++d) {
-    const double angle = d * 2 * std::numbers::pi / kRim;
-    directions[d] = u * std::cos(angle) + v * std::sin(angle);
-  }
-  return directions;
-}
-
 // maximum outward curvature of the surrounding patch, 1/mm: a tool slips off strongly curved surfaces
 double convexity(const Model& model, const Point<Patient>& surface, const Vector<Patient>& n) {
   // ramps have no gradient outside
   const bool ramps = model.ramp_width_mm > 0;
   const Point<Patient> centre = ramps ? surface - n * kInside_mm : surface;
   double largest = 0;
-  for (const Vector<Patient>& t : rim_directions(n)) {
+  for (const Vector<Patient>& t : directions_around<kRim>(n)) {
     const Vector<Patient> normal = outward_normal(model, centre + t * kPatch_mm);
     // a rim point in free space indicates strong curvature
     const double tilt = ramps && normal == Vector<Patient>() ? 1 : normal.dot(t);
@@ -137,7 +125,7 @@ LabelId first_touchable(const Model& model, const Point<Patient>& from, const Ve
 
 // ratio of a ramp's actual to its nominal force at pressing depth: lower in thin tissue, and where the normal
 // changes with depth
-double give(const Model& model, const SurfacePoint& candidate, LabelId structure) {
+double ramp_force_ratio(const Model& model, const SurfacePoint& candidate, LabelId structure) {
   if (model.ramp_width_mm == 0) return 1;
   const FieldSample below =
       sample_central_differences(*model.field, candidate.point - candidate.normal * kPress_mm);
@@ -158,7 +146,7 @@ double own_fraction(const Model& model, const Point<Patient>& surface, const Vec
     return find_contact_site(model, x, sample).label == structure ? 1 : 0;
   };
   int own = is_own({});
-  for (const Vector<Patient>& t : rim_directions(n)) own += is_own(t * kPatch_mm);
+  for (const Vector<Patient>& t : directions_around<kRim>(n)) own += is_own(t * kPatch_mm);
   return own / (kRim + 1.0);
 }
 
@@ -208,7 +196,7 @@ std::vector<SurfaceCandidate> surface_candidates(const Model& model, LabelId str
     const double evenness = 1 / (1 + 8 * convexity(model, *surface, candidate.normal));
     const double own = own_fraction(model, *surface, candidate.normal, structure);
     // a thin wall gives a ramp no force, but still stops the proxy
-    const double firmness = 0.02 + 0.98 * give(model, candidate, structure);
+    const double firmness = 0.02 + 0.98 * ramp_force_ratio(model, candidate, structure);
     const double score = own * own * own * evenness * (0.15 + reach) * firmness;
     if (score > 0) candidates.push_back({candidate, score});
   }

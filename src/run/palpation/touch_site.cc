@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kMaxPoints = 8;
 // minimum distance between two places to be tried
-constexpr double kSeparation_mm = 4, kApartByWish_mm = 2;
+constexpr double kSeparation_mm = 4, kRequestedSeparation_mm = 2;
 // a requested place may be missed by this much in favour of one that suits a press better
 constexpr double kSuitabilityBonus_mm = 2;
 // tilt of an approach against the normal, and minimum cosine for a requested direction
@@ -21,18 +21,6 @@ constexpr double kTilt = 35 * std::numbers::pi / 180, kMinFacing = 0.3;
 // if no straight segment of the requested length exists, it may be longer by this much
 constexpr double kLonger_mm = 10;
 constexpr int kTouchRim = 8;
-
-std::array<Vector<Patient>, kTouchRim> directions_about(const Vector<Patient>& axis) {
-  const Vector<Patient> helper =
-      std::abs(axis.x()) < 0.7 ? Vector<Patient>(1, 0, 0) : Vector<Patient>(0, 1, 0);
-  const Vector<Patient> u = axis.cross(helper).normalized(), v = axis.cross(u);
-  std::array<Vector<Patient>, kTouchRim> directions;
-  for (int d = 0; d < kTouchRim; ++d) {
-    const double angle = d * 2 * std::numbers::pi / kTouchRim;
-    directions[static_cast<std::size_t>(d)] = u * std::cos(angle) + v * std::sin(angle);
-  }
-  return directions;
-}
 
 LabelId touchable_label_at(const Model& model, const Point<Patient>& x) {
   const Point<Voxel> p = model.labels->X_VoxelPatient() * x;
@@ -42,9 +30,9 @@ LabelId touchable_label_at(const Model& model, const Point<Patient>& x) {
 }
 
 /// Straight final segment of an approach.
-class Stretch {
+class FinalSegment {
  public:
-  Stretch(const Model& model, const FreeSpace& free_space, LabelId structure, double clearance_mm)
+  FinalSegment(const Model& model, const FreeSpace& free_space, LabelId structure, double clearance_mm)
       : model_(model),
         free_space_(free_space),
         structure_(structure),
@@ -56,7 +44,7 @@ class Stretch {
   std::optional<TouchSite> along(const SurfacePoint& surface, const Vector<Patient>& from) const {
     const double step_mm = 0.5 * model_.labels->geometry().min_spacing_mm();
     const double front_mm = model_.sigma_mm + reach_mm_;
-    const auto rim = directions_about(from);
+    const auto rim = directions_around<kTouchRim>(from);
     std::optional<double> before_mm;
     for (double distance = step_mm; distance <= clearance_mm_ + kLonger_mm + reach_mm_; distance += step_mm) {
       if (before_mm && distance > clearance_mm_) break;
@@ -71,10 +59,10 @@ class Stretch {
  private:
   // free of everything but the structure itself, which is near at the end of the path
   bool is_free(const Point<Patient>& here, const std::array<Vector<Patient>, kTouchRim>& rim,
-               bool off) const {
+               bool clear_of_structure) const {
     const auto fits = [&](const Point<Patient>& x) {
       const LabelId label = touchable_label_at(model_, x);
-      return label == 0 || (label == structure_ && !off);
+      return label == 0 || (label == structure_ && !clear_of_structure);
     };
     return fits(here) && (reach_mm_ == 0 || std::all_of(rim.begin(), rim.end(), [&](const auto& direction) {
                             return fits(here + direction * reach_mm_);
@@ -88,10 +76,10 @@ class Stretch {
 };
 
 // distance from the requested place, mm, up to a constant
-double deviation_mm(const TouchRequest& wish, const Point<Patient>& p) {
-  if (wish.landmark) return -wish.landmark->dot(p - Point<Patient>());
+double deviation_mm(const TouchRequest& request, const Point<Patient>& p) {
+  if (request.landmark) return -request.landmark->dot(p - Point<Patient>());
   double smallest = std::numeric_limits<double>::infinity();
-  for (const Point<Patient>& q : wish.near) smallest = std::min(smallest, (p - q).squared_norm());
+  for (const Point<Patient>& q : request.near) smallest = std::min(smallest, (p - q).squared_norm());
   return std::sqrt(smallest);
 }
 
@@ -154,7 +142,7 @@ double tool_reach_mm(const Tool& tool) {
 }
 
 TouchSites find_touch_sites(const Model& model, const FreeSpace& free_space, LabelId structure,
-                            const TouchRequest& wish) {
+                            const TouchRequest& request) {
   TouchSites found;
   std::vector<Point<Patient>> border = border_voxels(model, structure);
   if (border.empty()) {
@@ -163,19 +151,20 @@ TouchSites find_touch_sites(const Model& model, const FreeSpace& free_space, Lab
   }
 
   // voxels near the requested place
-  const bool anywhere = !wish.landmark && wish.near.empty();
+  const bool anywhere = !request.landmark && request.near.empty();
   if (!anywhere) {
     std::vector<std::pair<double, Point<Patient>>> astray;
     double smallest = std::numeric_limits<double>::infinity();
     for (const Point<Patient>& p : border) {
-      astray.emplace_back(deviation_mm(wish, p), p);
+      astray.emplace_back(deviation_mm(request, p), p);
       smallest = std::min(smallest, astray.back().first);
     }
     border.clear();
     for (const auto& [mm, p] : astray)
       if (mm <= smallest + kPositionTolerance_mm) border.push_back(p);
   }
-  std::vector<SurfaceCandidate> candidates = surface_candidates(model, structure, border, wish.clearance_mm);
+  std::vector<SurfaceCandidate> candidates =
+      surface_candidates(model, structure, border, request.clearance_mm);
   if (candidates.empty()) {
     found.why_none = anywhere ? "it is covered, or too thin to be pressed"
                               : "there is no surface that can be pressed within 5 mm of the requested place";
@@ -184,14 +173,14 @@ TouchSites find_touch_sites(const Model& model, const FreeSpace& free_space, Lab
   if (!anywhere) {
     const double best = candidates.front().score;
     for (SurfaceCandidate& c : candidates)
-      c.score = -deviation_mm(wish, c.surface.point) + kSuitabilityBonus_mm * c.score / best;
+      c.score = -deviation_mm(request, c.surface.point) + kSuitabilityBonus_mm * c.score / best;
     std::stable_sort(candidates.begin(), candidates.end(),
                      [](const auto& a, const auto& b) { return a.score > b.score; });
   }
 
   // places with a free segment: along the normal if any is free, otherwise tilted
-  const Stretch stretch(model, free_space, structure, wish.clearance_mm);
-  const double separation_mm = anywhere ? kSeparation_mm : kApartByWish_mm;
+  const FinalSegment stretch(model, free_space, structure, request.clearance_mm);
+  const double separation_mm = anywhere ? kSeparation_mm : kRequestedSeparation_mm;
   const NoGoRegion* no_go = nullptr;  // last region that excludes a place with a free path
   const auto add = [&](const SurfacePoint& surface, const Vector<Patient>& from) {
     auto site = stretch.along(surface, from);
@@ -209,18 +198,18 @@ TouchSites find_touch_sites(const Model& model, const FreeSpace& free_space, Lab
       return (site.surface.point - surface.point).norm() < separation_mm;
     });
   };
-  for (const bool askew : {false, true}) {
-    if (askew && (wish.from || !found.sites.empty())) break;
+  for (const bool tilted : {false, true}) {
+    if (tilted && (request.from || !found.sites.empty())) break;
     for (const SurfaceCandidate& c : candidates) {
       if (found.sites.size() == kMaxPoints) break;
       const Vector<Patient>& n = c.surface.normal;
       if (is_near_another(c.surface)) continue;
-      if (wish.from) {
-        if (wish.from->dot(n) >= kMinFacing) add(c.surface, *wish.from);
-      } else if (!askew) {
+      if (request.from) {
+        if (request.from->dot(n) >= kMinFacing) add(c.surface, *request.from);
+      } else if (!tilted) {
         add(c.surface, n);
       } else {
-        for (const Vector<Patient>& t : directions_about(n))
+        for (const Vector<Patient>& t : directions_around<kTouchRim>(n))
           if (add(c.surface, n * std::cos(kTilt) + t * std::sin(kTilt))) break;
       }
     }
@@ -232,7 +221,7 @@ TouchSites find_touch_sites(const Model& model, const FreeSpace& free_space, Lab
     return found;
   }
   const LabelId obstacle = in_front_of(model, structure, candidates);
-  found.why_none = "there is no free path to " + what + (wish.from ? " from that direction" : "") +
+  found.why_none = "there is no free path to " + what + (request.from ? " from that direction" : "") +
                    (obstacle != 0 ? ": " + model.name_of(obstacle) + " is in front of it" : "");
   return found;
 }

@@ -53,11 +53,11 @@ const TickRecord& VirtualRun::tick() {
 void VirtualRun::cut() {
   if (state_.time_s - cut_s_ < kCutEvery_s) return;
   cut_s_ = state_.time_s;
-  cut_what_was_swept();
+  remove_swept_volume();
   if (const auto action = std::exchange(stroke_, std::nullopt)) change_stroke(*action);
 }
 
-void VirtualRun::cut_what_was_swept() {
+void VirtualRun::remove_swept_volume() {
   std::vector<Cut> cuts = finished_cuts(state_.device[0].burr, 0);
   if (scope_)
     for (const Cut& cut : finished_cuts(state_.device[1].burr, 1)) cuts.push_back(cut);

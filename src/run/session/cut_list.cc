@@ -68,13 +68,13 @@ std::size_t CutList::count_at(std::uint32_t version) const {
 }
 
 std::vector<SweepRecord> CutList::sweeps_at(std::uint32_t version, std::size_t first,
-                                            std::size_t largest) const {
+                                            std::size_t max_count) const {
   const InForce& in = in_force(version);
   std::vector<SweepRecord> some;
   const auto take = [&](std::size_t begin, std::size_t end) {
     const std::size_t skipped = std::min(first, end - begin);
     first -= skipped;
-    const std::size_t count = std::min(largest - some.size(), end - begin - skipped);
+    const std::size_t count = std::min(max_count - some.size(), end - begin - skipped);
     const auto from = sweeps_.begin() + static_cast<std::ptrdiff_t>(begin + skipped);
     some.insert(some.end(), from, from + static_cast<std::ptrdiff_t>(count));
   };

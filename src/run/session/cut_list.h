@@ -35,8 +35,8 @@ class CutList {
 
   /// Number of sweeps in force at a version.
   std::size_t count_at(std::uint32_t version) const;
-  /// Sweeps in force at a version, from index `first` on, at most `largest`.
-  std::vector<SweepRecord> sweeps_at(std::uint32_t version, std::size_t first, std::size_t largest) const;
+  /// Sweeps in force at a version, from index `first` on, at most `max_count`.
+  std::vector<SweepRecord> sweeps_at(std::uint32_t version, std::size_t first, std::size_t max_count) const;
   /// Length of the list after each undo up to that version.
   const std::vector<std::uint64_t>& undone_to(std::uint32_t version) const {
     return in_force(version).undone_to;

@@ -135,9 +135,9 @@ std::optional<std::uint32_t> Cutter::script_version() const {
 }
 
 std::vector<SweepRecord> Cutter::sweeps(std::uint32_t version, std::uint64_t first,
-                                        std::size_t largest) const {
+                                        std::size_t max_count) const {
   const LiveModel::Lock lock = model_.lock();
-  return cuts_.sweeps_at(version, static_cast<std::size_t>(first), largest);
+  return cuts_.sweeps_at(version, static_cast<std::size_t>(first), max_count);
 }
 
 void Cutter::describe(const LiveModel::Lock& lock, const std::map<LabelId, double>& nearest_mm,

@@ -57,7 +57,7 @@ class Cutter {
   std::optional<std::uint32_t> script_version() const;
 
   /// Sweeps in force at a version, as ViewerHost::sweeps.
-  std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first, std::size_t largest) const;
+  std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first, std::size_t max_count) const;
   /// Fills in the sweeps, the strokes, the removed volume and the distances.
   /// @param nearest_mm  smallest distances over all ticks so far
   void describe(const LiveModel::Lock& lock, const std::map<LabelId, double>& nearest_mm,

@@ -131,7 +131,7 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   return status;
 }
 
-void grant(ExploreRequest request, const Session& session, Shown& shown) {
+void carry_out(ExploreRequest request, const Session& session, Shown& shown) {
   const auto report_result = [&](const Result<void>& done) {
     if (!done) shown.refusal = done.error();
   };
@@ -173,7 +173,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
     supervisor.read_status();
-    if (options.request) grant(options.request(), session, shown);
+    if (options.request) carry_out(options.request(), session, shown);
     session.live.follow_script();
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;
     if (show && Clock::now() >= next_status) {
@@ -331,12 +331,12 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
       scripted ? set_up_run(loaded, script, run, progress) : set_up_guided_run(loaded, run, progress);
   if (!setup) return setup.error();
   if (auto ready = with_surfaces(setup->model, progress); !ready) return ready.error();
-  std::string careful;
-  auto tip = tip_source_for(*setup, options, progress, careful);
+  std::string conservative_bounds;
+  auto tip = tip_source_for(*setup, options, progress, conservative_bounds);
   if (!tip) return tip.error();
-  MeasuredCells carried = with_measured_cells(setup->model, (*tip)->driver().devices().size());
-  setup->model = std::move(carried.model);
-  if (!carried.warning.empty()) setup->problems.push_back(carried.warning);
+  MeasuredCells with_cells = with_measured_cells(setup->model, (*tip)->driver().devices().size());
+  setup->model = std::move(with_cells.model);
+  if (!with_cells.warning.empty()) setup->problems.push_back(with_cells.warning);
   if (progress.stopped()) return Progress::interrupted();
 
   std::unique_ptr<Training> training;
@@ -352,7 +352,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   }
   // the viewer server may fail to start, so it comes before any force is rendered
   LiveSession live(session_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(),
-                                 carried.warning));
+                                 with_cells.warning));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
     auto shown = options.viewers(live);
@@ -406,8 +406,16 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
                           [&live](TissueLaw law) { live.change_law_by_script(law); },
                           [&live] { return live.script_law_version(); }};
   if (auto begun = (*tip)->begin(**loop, live.log(), edits); !begun) return begun.error();
-  const Session session{model, **loop,         **recorder,        **tip,   watch,
-                        live,  training.get(), supervisor->get(), careful, options.has_operator};
+  const Session session{model,
+                        **loop,
+                        **recorder,
+                        **tip,
+                        watch,
+                        live,
+                        training.get(),
+                        supervisor->get(),
+                        conservative_bounds,
+                        options.has_operator};
   ExploreResult result;
   result.problems = setup->problems;
   watch_until_over(session, options, progress, status, result);

@@ -62,8 +62,8 @@ void HandThread::run() {
 void HandThread::move(double dt_s) {
   const TickRecord tick = loop_.snapshot();
   const DeviceTick& device = tick.device[0];
-  const bool had_no_contact = tick.dt_s == 0;
-  if (had_no_contact) return;
+  const bool no_tick_yet = tick.dt_s == 0;
+  if (no_tick_yet) return;
   if ((device.flags & kFlagEmergencyStop) != 0) return withdraw(device, dt_s);
   if ((device.flags & kForceIsOff) != 0 || !return_to_path(dt_s)) return;
   const Vector<World> force_N(device.force_N[0], device.force_N[1], device.force_N[2]);

@@ -62,7 +62,7 @@ double LiveModel::rendered_stiffness_N_per_mm(const Lock& /*held*/, const TickRe
   const DeviceTick& device = tick.device[device_number];
   const auto method = static_cast<ForceMethod>(tick.method);
   const RenderedStiffness gains(device);
-  const Model &model = *versions_.current, &made = *versions_.prepared;
+  const Model &model = *versions_.current, &prepared = *versions_.prepared;
   const Tissue* tissue = model.tissue_of(device.label);
   if (device.label == 0 || !tissue) return 0;
   const bool by_proxy = method == ForceMethod::kProxy && model.has(method);
@@ -70,8 +70,8 @@ double LiveModel::rendered_stiffness_N_per_mm(const Lock& /*held*/, const TickRe
   if (by_proxy) return gains.by_proxy(tissue->stiffness_N_per_mm);
   // the fields encode the stiffnesses that they were generated for
   const double stiffest = model.max_stiffness_N_per_mm();
-  const double own = made.tissue_of(device.label)->stiffness_N_per_mm;
-  const double left = std::min(1.0, stiffest / made.max_stiffness_N_per_mm());
+  const double own = prepared.tissue_of(device.label)->stiffness_N_per_mm;
+  const double left = std::min(1.0, stiffest / prepared.max_stiffness_N_per_mm());
   const double all_points = stiffest * static_cast<double>(model.tool_of(device_number).points_mm.size());
   return gains.at_device(own * left * gains.direct_method_factor(all_points));
 }

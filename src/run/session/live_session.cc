@@ -170,7 +170,7 @@ Result<void> LiveSession::check(const Lock& lock, const SettingsRequest& request
     if (!method || !method_.is_choosable(*method))
       return invalid_value("this session has no force method with that name", "method",
                            "choose one of the scene's list");
-    if (!method_.can_be_prepared(lock, *method)) return made_for_others();
+    if (!method_.can_be_prepared(lock, *method)) return fields_for_other_stiffness();
   }
   if (request.law) {
     const auto law = std::ranges::find(kTissueLaws, *request.law, &NamedValue<TissueLaw>::name);
@@ -235,10 +235,11 @@ Result<RequestOutcome> LiveSession::set(const SettingsRequest& request) {
   const Lock lock = model_.lock();
   const Parameters now = loop->parameters();
   if (auto fine = check(lock, request, now); !fine) return fine.error();
-  const SettingsRequest answer = changes_of(request, now, model_.current(lock).tissue_law,
-                                            law_.is_awaited(lock), method_.is_awaited(lock));
-  const std::string what = consent_text(answer, now);
-  if (!what.empty() && needs_consent(could_increase_force(answer, now))) return request_consent(answer, what);
+  const SettingsRequest changed = changes_of(request, now, model_.current(lock).tissue_law,
+                                             law_.is_awaited(lock), method_.is_awaited(lock));
+  const std::string what = consent_text(changed, now);
+  if (!what.empty() && needs_consent(could_increase_force(changed, now)))
+    return request_consent(changed, what);
   if (auto applied = apply(lock, request, requested_by(request.by)); !applied) return applied.error();
   return RequestOutcome::kDone;
 }
@@ -282,14 +283,14 @@ Result<RequestOutcome> LiveSession::set(const StrokeRequest& request) {
   ServoLoop* loop = commanded_loop();
   if (!loop) return not_running();
   const Lock lock = model_.lock();
-  const LastStrokeRequest answer{request, loop->strokes()};
-  if (auto fine = check(lock, answer, loop->parameters()); !fine) return fine.error();
+  const LastStrokeRequest last_stroke{request, loop->strokes()};
+  if (auto fine = check(lock, last_stroke, loop->parameters()); !fine) return fine.error();
   if (needs_consent(true))
-    return request_consent(answer, request.action == StrokeAction::kUndo
-                                       ? "undo the last stroke: keep the " + cutter_name(*parts_.model) +
-                                             " out of the restored volume"
-                                       : std::string("redo the last undone stroke"));
-  if (auto applied = apply(lock, answer, requested_by(request.by)); !applied) return applied.error();
+    return request_consent(last_stroke, request.action == StrokeAction::kUndo
+                                            ? "undo the last stroke: keep the " + cutter_name(*parts_.model) +
+                                                  " out of the restored volume"
+                                            : std::string("redo the last undone stroke"));
+  if (auto applied = apply(lock, last_stroke, requested_by(request.by)); !applied) return applied.error();
   return RequestOutcome::kDone;
 }
 

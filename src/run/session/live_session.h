@@ -103,8 +103,8 @@ class LiveSession final : public LiveHost {
   ViewedHealth health() const override;
   ViewedState state() const override;
   std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
-                                  std::size_t largest) const override {
-    return cutter_.sweeps(version, first, largest);
+                                  std::size_t max_count) const override {
+    return cutter_.sweeps(version, first, max_count);
   }
   std::shared_ptr<const Bricks<LabelId>> labels() const override;
   std::shared_ptr<const ViewedDeformation> deformation(std::size_t device) const override {

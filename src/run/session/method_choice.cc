@@ -15,7 +15,7 @@
 namespace palpate {
 namespace {
 
-Error not_made(const std::exception& why) {
+Error preparation_failed(const std::exception& why) {
   return {ErrorKind::kUnavailable,
           std::string("the fields of the direct methods could not be prepared: ") + reason_of(why), "",
           "continue with the proxy, or close other programs to free memory"};
@@ -32,7 +32,7 @@ std::array<bool, kForceMethods.size()> choosable_methods(const Model& model) {
 
 }  // namespace
 
-Error made_for_others() {
+Error fields_for_other_stiffness() {
   return refusal("the fields of the direct methods were prepared for other stiffness values", "method",
                  "restore the initial stiffness of the tissues, or use inward ramps in the scene");
 }
@@ -92,7 +92,7 @@ void MethodChoice::follow_script() {
   const LiveModel::Lock lock = model_.try_lock();
   if (!lock || awaited_ || is_available(lock, method) || !first_->has(method)) return;
   if (!can_be_prepared(lock, method))
-    abandon(lock, method, made_for_others());
+    abandon(lock, method, fields_for_other_stiffness());
   else if (failure_ && abandoned_ == model_.current(lock).version)
     abandon(lock, method, *failure_);
   else if (auto chosen = choose(lock, method, {Originator::kScript}); !chosen)
@@ -136,7 +136,7 @@ Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method
   if (more) fields_ = *more;
   return more;
 } catch (const std::exception& why) {
-  return not_made(why);
+  return preparation_failed(why);
 }
 
 Result<void> MethodChoice::use_fields(const LiveModel::Lock& lock, std::shared_ptr<const Model> fields) try {
@@ -153,7 +153,7 @@ Result<void> MethodChoice::use_fields(const LiveModel::Lock& lock, std::shared_p
   }
   return awaited_ && is_available(lock, *awaited_) ? choose(lock, *awaited_, awaited_by_) : Result<void>();
 } catch (const std::exception& why) {
-  return not_made(why);
+  return preparation_failed(why);
 }
 
 // keeps the current method and reports the error to the requester

@@ -84,6 +84,6 @@ class MethodChoice final : public PreparedChoice {
 };
 
 /// Error of a method whose fields were generated for other stiffnesses and cannot be regenerated.
-Error made_for_others();
+Error fields_for_other_stiffness();
 
 }  // namespace palpate

@@ -44,7 +44,7 @@ class PlaybackPosition {
     const double now_s = from_s_ + speed_ * passed_s;
     if (now_s > begin_s_ && now_s < end_s_) return now_s;
     // playback stops at either end
-    if (speed_ > 0 ? now_s >= end_s_ : now_s <= begin_s_) stand(speed_ > 0 ? end_s_ : begin_s_, false);
+    if (speed_ > 0 ? now_s >= end_s_ : now_s <= begin_s_) set_position(speed_ > 0 ? end_s_ : begin_s_, false);
     return std::clamp(now_s, begin_s_, end_s_);
   }
   bool playing() {
@@ -61,12 +61,12 @@ class PlaybackPosition {
     const bool plays = request.playing.value_or(playing_);
     const double end_s = speed_ > 0 ? end_s_ : begin_s_;
     if (request.playing == true && !request.at_s && at_s == end_s) at_s = speed_ > 0 ? begin_s_ : end_s_;
-    stand(at_s, plays);
+    set_position(at_s, plays);
   }
-  void stop() { stand(now_s(), false); }
+  void stop() { set_position(now_s(), false); }
 
  private:
-  void stand(double at_s, bool plays) {
+  void set_position(double at_s, bool plays) {
     from_s_ = at_s;
     since_ = Clock::now();
     playing_ = plays;
@@ -87,12 +87,12 @@ struct Edits {
   CutList cuts;
   // removed volume per structure in mm3, for each version that removed or restored something; ascending
   // versions
-  struct Gone {
+  struct RemovedAtVersion {
     std::uint32_t version = 0;
     std::map<LabelId, double> removed_mm3;
     double broken_off_mm3 = 0;
   };
-  std::vector<Gone> gone;
+  std::vector<RemovedAtVersion> removed;
   std::uint32_t last_version = 0;
 
   void on_event(const RecordingEvent& event);
@@ -126,7 +126,7 @@ Result<void> compute_removed_volumes(const Model& model, const Progress& progres
   for (std::size_t n = 0;; ++n) {
     for (; change != changes.end() && change->sweeps == n; ++change) {
       change->action == StrokeAction::kUndo ? removed.undo() : removed.redo();
-      edits.gone.push_back({change->version, removed.by_label_mm3(), removed.broken_off_mm3()});
+      edits.removed.push_back({change->version, removed.by_label_mm3(), removed.broken_off_mm3()});
     }
     if (n == sweeps.size()) return {};
     const Cut cut = cut_of(sweeps[n]);
@@ -135,7 +135,7 @@ Result<void> compute_removed_volumes(const Model& model, const Progress& progres
     if (progress.stopped()) return Progress::interrupted();
     progress.report("computing the removed volume",
                     static_cast<double>(n + 1) / static_cast<double>(sweeps.size()));
-    edits.gone.push_back({versions[n], removed.by_label_mm3(), removed.broken_off_mm3()});
+    edits.removed.push_back({versions[n], removed.by_label_mm3(), removed.broken_off_mm3()});
   }
 }
 
@@ -249,8 +249,9 @@ class Playback final : public PlaybackHost {
     state.sweeps = edits_.cuts.count_at(shown_.model_version);
     state.undone_to = edits_.cuts.undone_to(shown_.model_version);
     // last version that removed material, up to the one shown
-    const auto later = std::ranges::upper_bound(edits_.gone, shown_.model_version, {}, &Edits::Gone::version);
-    if (later != edits_.gone.begin()) {
+    const auto later =
+        std::ranges::upper_bound(edits_.removed, shown_.model_version, {}, &Edits::RemovedAtVersion::version);
+    if (later != edits_.removed.begin()) {
       state.removed_mm3 = std::prev(later)->removed_mm3;
       state.broken_off_mm3 = std::prev(later)->broken_off_mm3;
     }
@@ -271,9 +272,9 @@ class Playback final : public PlaybackHost {
   }
 
   std::vector<SweepRecord> sweeps(std::uint32_t version, std::uint64_t first,
-                                  std::size_t largest) const override {
+                                  std::size_t max_count) const override {
     const std::lock_guard lock(mutex_);
-    return edits_.cuts.sweeps_at(version, static_cast<std::size_t>(first), largest);
+    return edits_.cuts.sweeps_at(version, static_cast<std::size_t>(first), max_count);
   }
   std::shared_ptr<const Bricks<LabelId>> labels() const override {
     std::vector<SweepRecord> sweeps;
@@ -381,7 +382,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
         for (const RecordingEvent& event : part.events) edits.on_event(event);
         if (deforms_first) solutions->observe(part, row);
         if (played)
-          if (auto known = played->observe(part); !known) return known;
+          if (auto valid = played->observe(part); !valid) return valid;
         for (const TickRecord& tick : part.ticks) {
           if (row == 0) first = tick;
           if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);

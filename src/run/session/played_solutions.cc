@@ -87,14 +87,14 @@ PlayedSolutions::Shown PlayedSolutions::solve(std::uint32_t number) {
   some = some.last(continues ? static_cast<std::size_t>(some.end() - last) - 1
                              : std::min(some.size(), kLeadIn + 1));
   for (const SolutionIndex::Solution& solution : some) {
-    const auto touchable = tick_at_(solution.row, progress);
-    const auto model = touchable && !ending_ ? model_of(touchable->model_version) : nullptr;
+    const auto input_tick = tick_at_(solution.row, progress);
+    const auto model = input_tick && !ending_ ? model_of(input_tick->model_version) : nullptr;
     if (model == nullptr) return shown;
     if (solver_.frame().number + 1 != solution.number)
       solver_.resume(*model, solution.number - 1, index_.boxes(solution));
-    solver_.solve(*model, *touchable);
+    solver_.solve(*model, *input_tick);
     if (solution.number != number) continue;
-    for (std::size_t d = 0; d < kMaxDevices; ++d) shown[d] = viewed_deformation(solver_, *touchable, d);
+    for (std::size_t d = 0; d < kMaxDevices; ++d) shown[d] = viewed_deformation(solver_, *input_tick, d);
   }
   return shown;
 }

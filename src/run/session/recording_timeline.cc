@@ -20,8 +20,8 @@ double force_N(const DeviceTick& device) {
   return std::isfinite(force) ? force : 0;
 }
 
-const char* name_of(Originator asker) {
-  switch (asker) {
+const char* name_of(Originator originator) {
+  switch (originator) {
     case Originator::kSession:
       return "session";
     case Originator::kScript:

@@ -63,11 +63,11 @@ const Model& SolutionIndex::model_of(std::uint32_t version) {
 }
 
 std::span<const SolutionIndex::Solution> SolutionIndex::up_to(std::uint32_t number,
-                                                              std::size_t largest) const {
+                                                              std::size_t max_count) const {
   const auto found = std::ranges::lower_bound(solutions_, number, {}, &Solution::number);
   if (found == solutions_.end() || found->number != number) return {};
   const std::size_t last = static_cast<std::size_t>(found - solutions_.begin()) + 1;
-  const std::size_t first = last - std::min(last, largest + 1);
+  const std::size_t first = last - std::min(last, max_count + 1);
   return std::span(solutions_).subspan(first, last - first);
 }
 

@@ -38,9 +38,9 @@ class SolutionIndex {
   void observe(const RecordingPart& part, std::uint64_t row);
 
   bool empty() const { return solutions_.empty(); }
-  /// Solution `number` and up to `largest` solutions before it; empty if that solution is not indexed or its
-  /// input tick is missing.
-  std::span<const Solution> up_to(std::uint32_t number, std::size_t largest) const;
+  /// Solution `number` and up to `max_count` solutions before it; empty if that solution is not indexed or
+  /// its input tick is missing.
+  std::span<const Solution> up_to(std::uint32_t number, std::size_t max_count) const;
   /// Solver boxes of a solution, per device.
   const Boxes& boxes(const Solution& solution) const { return boxes_[solution.boxes]; }
 

@@ -7,8 +7,8 @@
 namespace palpate {
 namespace {
 
-StoppedBy stopped_by(Originator asker) {
-  switch (asker) {
+StoppedBy stopped_by(Originator originator) {
+  switch (originator) {
     case Originator::kSession:
     case Originator::kScript:
       return StoppedBy::kSession;

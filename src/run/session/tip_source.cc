@@ -68,7 +68,7 @@ class GuidedSource : public TipSource {
  public:
   explicit GuidedSource(const RunSetup& setup) : requested_(all_touched(*setup.model)) {}
   std::vector<HoldRequest> requested() const override { return requested_; }
-  Result<void> begin(ServoLoop& /*loop*/, EventLog& /*told*/, ScriptEdits /*edits*/) override { return {}; }
+  Result<void> begin(ServoLoop& /*loop*/, EventLog& /*log*/, ScriptEdits /*edits*/) override { return {}; }
   bool done() const override { return false; }
   double progress() const override { return 0; }
   void end() override {}
@@ -192,8 +192,8 @@ Result<std::unique_ptr<TipSource>> source_of(const std::string& name, const RunS
 }
 
 // applies the devices' limits to the session
-void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& options, RunSetup& setup,
-                  std::string& warning) {
+void apply_device_limits(std::span<const DeviceInfo> devices, const ExploreOptions& options, RunSetup& setup,
+                         std::string& warning) {
   for (std::size_t d = 0; d < devices.size(); ++d) {
     const DeviceInfo& info = devices[d];
     // the stiffness limit of a hand with the simulated device is known more precisely
@@ -202,9 +202,10 @@ void learn_limits(std::span<const DeviceInfo> devices, const ExploreOptions& opt
     if (info.simulated) continue;
     if (!options.run.max_force_N && info.continuous_force_N)
       setup.parameters.max_force_N = std::min(setup.parameters.max_force_N, *info.continuous_force_N);
-    if (const std::string careful = conservative_bound_message(info); !careful.empty()) {
-      setup.problems.push_back(careful);
-      warning += (warning.empty() ? "" : "\n") + careful;
+    if (const std::string conservative_bounds = conservative_bound_message(info);
+        !conservative_bounds.empty()) {
+      setup.problems.push_back(conservative_bounds);
+      warning += (warning.empty() ? "" : "\n") + conservative_bounds;
     }
   }
   setup.limit_N = std::min(setup.limit_N, setup.parameters.max_force_N);
@@ -271,7 +272,7 @@ Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const Explore
   const DeviceInfo& clock = devices[driver.clock_owner()];
   if (options.devices[0] != kSimulatedHand && clock.drive != DeviceInfo::Drive::kPulled && clock.rate_hz)
     setup.script.rate_hz = std::clamp(*clock.rate_hz, kMinRate_hz, kMaxRate_hz);
-  learn_limits(devices, options, setup, warning);
+  apply_device_limits(devices, options, setup, warning);
   return all;
 }
 

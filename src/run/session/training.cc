@@ -12,7 +12,7 @@
 namespace palpate {
 namespace {
 
-Error cannot_train(std::string what, std::string where, std::string remedy) {
+Error usage_error(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
 }
 
@@ -92,28 +92,28 @@ Result<void> Training::begin(const std::string& name, const std::string& learner
                  "choose a task of the scene's list"};
   const auto index = static_cast<std::size_t>(found - options_.tasks.begin());
   // allocate and copy the patches before locking, so that the recorder's thread does not wait for it
-  auto live = std::make_unique<Live>(Live{index,
-                                          0,
-                                          TaskEvaluator(in_scene_[index]),
-                                          RunTrace(in_scene_[index].forces.size()),
-                                          {0, 0},
-                                          RecordingSummary{}.run_hash,
-                                          learner});
+  auto live = std::make_unique<ActiveRun>(ActiveRun{index,
+                                                    0,
+                                                    TaskEvaluator(in_scene_[index]),
+                                                    RunTrace(in_scene_[index].forces.size()),
+                                                    {0, 0},
+                                                    RecordingSummary{}.run_hash,
+                                                    learner});
   const std::lock_guard lock(mutex_);
-  if (ending_) return cannot_train("the session is over", "", "");
-  if (live_) return cannot_train("a run is in progress", "begin", "end it first");
-  if (storing_) return cannot_train("the last run is still being stored", "begin", "try again in a moment");
+  if (ending_) return usage_error("the session is over", "", "");
+  if (live_) return usage_error("a run is in progress", "begin", "end it first");
+  if (storing_) return usage_error("the last run is still being stored", "begin", "try again in a moment");
   if (runs_ == kMaxRunsOfSession)
-    return cannot_train("this session has had " + std::to_string(runs_) + " runs", "begin",
-                        "start a new session");
+    return usage_error("this session has had " + std::to_string(runs_) + " runs", "begin",
+                       "start a new session");
   if (!lesson_.task.empty() && name != lesson_.task)
-    return cannot_train("the teacher has chosen another task", "begin",
-                        "start that one, or ask a teacher for this one");
+    return usage_error("the teacher has chosen another task", "begin",
+                       "start that one, or ask a teacher for this one");
   if (learner.empty()) live->learner = lesson_.learner;
   if (in_scene_[index].plan) {
     if (!removed_->removed().by_label_mm3().empty())
-      return cannot_train("tissue has already been removed", "begin",
-                          "undo the strokes, or start a new session");
+      return usage_error("tissue has already been removed", "begin",
+                         "undo the strokes, or start a new session");
     live->evaluator.set_initial_removal(*removed_);
   }
   if (tip_holder_) note_tip_holder(*tip_holder_, *live);
@@ -132,23 +132,23 @@ void Training::set_tip_holder(const std::optional<ViewerIdentity>& holder) {
 }
 
 // a viewer without a pseudonym that does not teach acts for the learner of the session
-void Training::note_tip_holder(const ViewerIdentity& holder, Live& live) {
+void Training::note_tip_holder(const ViewerIdentity& holder, ActiveRun& live) {
   const bool is_other = holder.teaches || (!holder.learner.empty() && holder.learner != live.learner);
   (is_other ? live.was_driven_by_others : live.was_driven) = true;
 }
 
 // Reason why a run is not its learner's own; empty: it is. With the mutex locked.
-std::optional<Error> Training::reason_not_own(const Live& live) const {
+std::optional<Error> Training::reason_not_own(const ActiveRun& live) const {
   if (!viewers_move_tip_ || (live.was_driven && !live.was_driven_by_others)) return {};
-  return cannot_train(live.was_driven             ? "another viewer moved the tip during part of the run"
-                      : live.was_driven_by_others ? "another viewer moved the tip during the run"
-                                                  : "no viewer moved the tip during the run",
-                      "", "a run is saved only if its learner alone moved the tip");
+  return usage_error(live.was_driven             ? "another viewer moved the tip during part of the run"
+                     : live.was_driven_by_others ? "another viewer moved the tip during the run"
+                                                 : "no viewer moved the tip during the run",
+                     "", "a run is saved only if its learner alone moved the tip");
 }
 
 Result<void> Training::end_run() {
   const std::lock_guard lock(mutex_);
-  if (!live_) return cannot_train("no run is in progress", "end", "");
+  if (!live_) return usage_error("no run is in progress", "end", "");
   finish_run(RunEnd::kRequested);
   return {};
 }
@@ -162,7 +162,7 @@ Result<void> Training::begin_or_end() {
       return {};
     }
     if (options_.tasks.empty())
-      return cannot_train("there is no task to start", "", "start palpate explore with --task");
+      return usage_error("there is no task to start", "", "start palpate explore with --task");
     name = lesson_.task.empty() ? options_.tasks[last_task_].name : lesson_.task;
   }
   return begin(name);
@@ -173,10 +173,10 @@ Result<void> Training::teach(const LessonRequest& request) {
     if (auto named = check_learner(*request.learner); !named) return named;
   const std::lock_guard lock(mutex_);
   if (live_ && (request.learner || request.task))
-    return cannot_train("a run is in progress", request.learner ? "learner" : "task", "end it first");
+    return usage_error("a run is in progress", request.learner ? "learner" : "task", "end it first");
   if (request.task && !request.task->empty() &&
       std::ranges::find(options_.tasks, *request.task, &OfferedTask::name) == options_.tasks.end())
-    return cannot_train("this session has no task with that name", "task", "choose a task of this session");
+    return usage_error("this session has no task with that name", "task", "choose a task of this session");
   lesson_.learner = request.learner.value_or(lesson_.learner);
   lesson_.task = request.task.value_or(lesson_.task);
   return {};
@@ -195,7 +195,7 @@ void Training::observe(const TickRecord& tick, std::span<const RecordingEvent> e
       if (live_) live_->evaluator.on_event(event);
     }
     if (!live_) return;
-    Live& live = *live_;
+    ActiveRun& live = *live_;
     if (live.evaluator.ticks() == 0) live.ticks.first = tick.tick;
     if (!live.evaluator.observe(tick)) return finish_run(RunEnd::kFailure);
     live.ticks.last = tick.tick;
@@ -308,7 +308,7 @@ void Training::end() {
 // ---- state published to viewers
 
 // with the mutex locked
-ViewedTraining Training::viewed(const Live& live) const {
+ViewedTraining Training::viewed(const ActiveRun& live) const {
   ViewedTraining state = viewed_run(live.evaluator, options_.tasks[live.task].name, live.number);
   state.is_stored = stores_runs_of(live.learner);
   state.learner = live.learner;
@@ -328,9 +328,10 @@ std::shared_ptr<const ViewedDebriefing> Training::debriefing() const {
   return debriefing_;
 }
 
-std::vector<FinishedRun> Training::finished(std::size_t but) const {
+std::vector<FinishedRun> Training::finished(std::size_t skipped) const {
   const std::lock_guard lock(mutex_);
-  return {finished_.begin() + static_cast<std::ptrdiff_t>(std::min(but, finished_.size())), finished_.end()};
+  return {finished_.begin() + static_cast<std::ptrdiff_t>(std::min(skipped, finished_.size())),
+          finished_.end()};
 }
 
 }  // namespace palpate

@@ -63,11 +63,11 @@ class Training {
 
   ViewedTraining state() const;
   std::shared_ptr<const ViewedDebriefing> debriefing() const;
-  /// Finished and stored runs in chronological order, without the first `but`.
-  std::vector<FinishedRun> finished(std::size_t but = 0) const;
+  /// Finished and stored runs in chronological order, without the first `skipped`.
+  std::vector<FinishedRun> finished(std::size_t skipped = 0) const;
 
  private:
-  struct Live {
+  struct ActiveRun {
     std::size_t task;
     std::uint32_t number;
     TaskEvaluator evaluator;
@@ -80,11 +80,11 @@ class Training {
 
   Training(TrainingOptions options, std::vector<TaskInScene> in_scene, std::vector<ViewedTask> viewed);
   void finish_run(RunEnd end);
-  ViewedTraining viewed(const Live& live) const;
+  ViewedTraining viewed(const ActiveRun& live) const;
   bool stores_runs_of(const std::string& learner) const { return options_.store_run && !learner.empty(); }
   void store_runs();
-  static void note_tip_holder(const ViewerIdentity& holder, Live& live);
-  std::optional<Error> reason_not_own(const Live& live) const;
+  static void note_tip_holder(const ViewerIdentity& holder, ActiveRun& live);
+  std::optional<Error> reason_not_own(const ActiveRun& live) const;
 
   TrainingOptions options_;
   std::vector<TaskInScene> in_scene_;
@@ -94,9 +94,9 @@ class Training {
   std::condition_variable changed_;
   std::shared_ptr<const RecordingHeader> header_;
   std::optional<RemovalFollower> removed_;  // removed volume; set if a task has a plan
-  std::unique_ptr<Live> live_;
+  std::unique_ptr<ActiveRun> live_;
   struct PendingRun {
-    std::unique_ptr<Live> live;
+    std::unique_ptr<ActiveRun> live;
     TaskRun run;
   };
   std::deque<PendingRun> runs_to_store_;  // queue of runs to be stored

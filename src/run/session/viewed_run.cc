@@ -116,23 +116,23 @@ ViewedTask viewed_task(const OfferedTask& offered, const TaskInScene& in_scene, 
 }
 
 void RunTrace::observe(const TaskEvaluator& run) {
-  coming_.touch_N = std::max(coming_.touch_N, run.touch_N());
+  pending_sample_.touch_N = std::max(pending_sample_.touch_N, run.touch_N());
   for (std::size_t n = 0; n < forces_; ++n)
-    coming_.forces_N[n] = std::max(coming_.forces_N[n], run.force_N(n));
+    pending_sample_.forces_N[n] = std::max(pending_sample_.forces_N[n], run.force_N(n));
   const double now_s = run.time_s();
   if (now_s < next_s_) return;
-  coming_.time_s = now_s;
-  if (const auto tip = run.tip_mm()) coming_.tip_mm = numbers_of(*tip);
-  samples_.push_back(std::exchange(coming_, {}));
+  pending_sample_.time_s = now_s;
+  if (const auto tip = run.tip_mm()) pending_sample_.tip_mm = numbers_of(*tip);
+  samples_.push_back(std::exchange(pending_sample_, {}));
   next_s_ = now_s + period_s_;
   if (samples_.size() == kMaxSamples) thin_out();
 }
 
 void RunTrace::finish(const TaskEvaluator& run) {
   if (run.ticks() == 0 || (!samples_.empty() && samples_.back().time_s >= run.time_s())) return;
-  coming_.time_s = run.time_s();
-  if (const auto tip = run.tip_mm()) coming_.tip_mm = numbers_of(*tip);
-  samples_.push_back(std::exchange(coming_, {}));
+  pending_sample_.time_s = run.time_s();
+  if (const auto tip = run.tip_mm()) pending_sample_.tip_mm = numbers_of(*tip);
+  samples_.push_back(std::exchange(pending_sample_, {}));
 }
 
 // halves the number of samples and doubles the period; a merged sample takes the later position and the
@@ -151,9 +151,9 @@ void RunTrace::thin_out() {
   }
   // an unpaired last sample is merged into the sample being accumulated
   if (samples_.size() % 2 == 0) {
-    coming_.touch_N = std::max(coming_.touch_N, samples_.back().touch_N);
+    pending_sample_.touch_N = std::max(pending_sample_.touch_N, samples_.back().touch_N);
     for (std::size_t f = 0; f < forces_; ++f)
-      coming_.forces_N[f] = std::max(coming_.forces_N[f], samples_.back().forces_N[f]);
+      pending_sample_.forces_N[f] = std::max(pending_sample_.forces_N[f], samples_.back().forces_N[f]);
   }
   samples_ = std::move(stored);
   period_s_ *= 2;

@@ -28,7 +28,7 @@ class RunTrace {
 
   std::size_t forces_;
   double period_s_ = 0.02, next_s_ = 0;
-  ViewedDebriefing::Sample coming_;
+  ViewedDebriefing::Sample pending_sample_;
   std::vector<ViewedDebriefing::Sample> samples_;
 };
 

@@ -34,7 +34,7 @@ std::string loop_text(double rate_hz, double delay_s) {
   return loop;
 }
 
-std::string held_by_hand(const PlantDevice& device, double rate_hz, double delay_s) {
+std::string stability_text(const PlantDevice& device, double rate_hz, double delay_s) {
   char margin[120];
   std::snprintf(margin, sizeof margin,
                 ", %.1f of the stiffness at which a grip starts to oscillate (passive with any hand: %.3g)",
@@ -52,29 +52,30 @@ Result<LimitedStiffness> limited_stiffness(const Model& model, const WorkspaceSe
   const double all_points = one_point * static_cast<double>(model.tool_of(0).points_mm.size());
   LimitedStiffness limited;
   limited.requested_N_per_mm = method == ForceMethod::kProxy ? one_point : all_points;
-  const double vouched = stiffness_bound_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
-  double by_hand = theoretical_limit(device, rate_hz, delay_s);
+  const double vendor_limit_N_per_mm = stiffness_bound_N_per_mm(SimulatedDevice(device, PlantHand{}).info());
+  double stable_limit_N_per_mm = theoretical_limit(device, rate_hz, delay_s);
   // beyond the vendor's specification no stability is needed
-  if (std::min(all_points, vouched) > by_hand) {
+  if (std::min(all_points, vendor_limit_N_per_mm) > stable_limit_N_per_mm) {
     progress.report("stable stiffness of the device", 0);
     const auto most = recommended_stiffness_N_per_mm(device, rate_hz, delay_s, progress);
     if (!most) return most.error();
     progress.report("stable stiffness of the device", 1);
-    by_hand = *most;
+    stable_limit_N_per_mm = *most;
   }
-  limited.max_N_per_mm = std::min(by_hand, vouched);
+  limited.max_N_per_mm = std::min(stable_limit_N_per_mm, vendor_limit_N_per_mm);
   if (limited.requested_N_per_mm <= limited.max_N_per_mm) return limited;
 
   const auto points = static_cast<int>(std::lround(limited.requested_N_per_mm / one_point));
   char text[400];
-  std::snprintf(text, sizeof text,
-                "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): "
-                "limited to %.3g, the maximum that %s",
-                stiffest.name.c_str(), limited.requested_N_per_mm, stiffest.stiffness_N_per_mm,
-                workspace.scale, workspace.force_gain, points, points == 1 ? "" : "s", limited.max_N_per_mm,
-                (vouched < by_hand ? "the vendor of " + device.name + " guarantees"
-                                   : held_by_hand(device, rate_hz, delay_s))
-                    .c_str());
+  std::snprintf(
+      text, sizeof text,
+      "'%s' asks for %.3g N/mm (stiffness %.3g x scale %.3g x force gain %.3g, %d point%s): "
+      "limited to %.3g, the maximum that %s",
+      stiffest.name.c_str(), limited.requested_N_per_mm, stiffest.stiffness_N_per_mm, workspace.scale,
+      workspace.force_gain, points, points == 1 ? "" : "s", limited.max_N_per_mm,
+      (vendor_limit_N_per_mm < stable_limit_N_per_mm ? "the vendor of " + device.name + " guarantees"
+                                                     : stability_text(device, rate_hz, delay_s))
+          .c_str());
   limited.clamped = text;
   return limited;
 }

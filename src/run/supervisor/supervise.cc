@@ -47,12 +47,12 @@ const char* name_of(SupervisorEvent::Kind kind) {
 
 /// Writes the events to the record file on an ordinary thread, so that a slow disk cannot block the watching
 /// thread.
-class RecordWriter {
+class EventLogWriter {
  public:
-  RecordWriter(const SharedBlock& block, int file, int session)
+  EventLogWriter(const SharedBlock& block, int file, int session)
       : block_(block), file_(file), session_(session), written_(block.event_count.load()) {}
-  RecordWriter(const RecordWriter&) = delete;
-  RecordWriter& operator=(const RecordWriter&) = delete;
+  EventLogWriter(const EventLogWriter&) = delete;
+  EventLogWriter& operator=(const EventLogWriter&) = delete;
 
   /// Call before this thread becomes real-time, so that the new thread stays ordinary.
   void begin() {
@@ -67,7 +67,7 @@ class RecordWriter {
     failure_ = ::pthread_create(
         &thread_, &attributes,
         [](void* self) -> void* {
-          static_cast<RecordWriter*>(self)->run();
+          static_cast<EventLogWriter*>(self)->run();
           return nullptr;
         },
         this);
@@ -201,34 +201,34 @@ class Supervision {
         std::max(block_.heartbeat.beat_ns.load(), block_.heartbeat.checked_ns.load());
     const bool lives = observed_ns == Heartbeat::kResting || observed_ns != last_observed_ns_;
     last_observed_ns_ = observed_ns;
-    still_ns_ = lives ? 0 : still_ns_ + std::min(passed_ns, kMaxPerCheck_ns);
-    if (still_ns_ < kFrozen_ns) return;
+    unchanged_ns_ = lives ? 0 : unchanged_ns_ + std::min(passed_ns, kMaxPerCheck_ns);
+    if (unchanged_ns_ < kFrozen_ns) return;
     ::syscall(SYS_pidfd_send_signal, kSessionFile, SIGKILL, nullptr, 0);
     note(SupervisorEvent::Kind::kKilled, now_ns, monotonic_ns());
-    still_ns_ = 0;
+    unchanged_ns_ = 0;
   }
 
   SharedBlock& block_;
   const int halt_files_;
   const bool kill_frozen_;
   std::array<std::uint64_t, kMaxHaltFiles> last_halt_written_{};  // last halt written to each file
-  std::int64_t last_check_ns_ = 0, last_observed_ns_ = 0, still_ns_ = 0;
+  std::int64_t last_check_ns_ = 0, last_observed_ns_ = 0, unchanged_ns_ = 0;
 };
 
 SharedBlock* shared_block() {
   struct stat status {};
   if (::fstat(kBlockFile, &status) != 0 || status.st_size != static_cast<off_t>(sizeof(SharedBlock)))
     return nullptr;
-  void* room =
+  void* memory =
       ::mmap(nullptr, sizeof(SharedBlock), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, kBlockFile, 0);
-  if (room == MAP_FAILED) return nullptr;
-  auto* block = static_cast<SharedBlock*>(room);
+  if (memory == MAP_FAILED) return nullptr;
+  auto* block = static_cast<SharedBlock*>(memory);
   return block->magic == SharedBlock::kMagic ? block : nullptr;
 }
 
 // numbers appended by Supervisor::start(): halt files, whether to kill, whether to record, whether to be
 // real-time, the session's process
-std::optional<std::array<int, 5>> numbers_in(const std::vector<std::string>& arguments) {
+std::optional<std::array<int, 5>> parse_arguments(const std::vector<std::string>& arguments) {
   std::array<int, 5> numbers{};
   if (arguments.size() != numbers.size()) return std::nullopt;
   for (std::size_t n = 0; n < numbers.size(); ++n) {
@@ -243,7 +243,7 @@ std::optional<std::array<int, 5>> numbers_in(const std::vector<std::string>& arg
 }  // namespace
 
 int supervise(const std::vector<std::string>& arguments) {
-  const auto numbers = numbers_in(arguments);
+  const auto numbers = parse_arguments(arguments);
   SharedBlock* block = numbers ? shared_block() : nullptr;
   if (block == nullptr) {
     std::fprintf(stderr, "palpate: error: supervise is started only by palpate explore\n");
@@ -254,7 +254,7 @@ int supervise(const std::vector<std::string>& arguments) {
   ::signal(SIGPIPE, SIG_IGN);
   for (int n = 0; n < halt_files; ++n)
     ::fcntl(kFirstHaltFile + n, F_SETFL, ::fcntl(kFirstHaltFile + n, F_GETFL) | O_NONBLOCK);
-  RecordWriter writer(*block, kFirstHaltFile + halt_files, session);
+  EventLogWriter writer(*block, kFirstHaltFile + halt_files, session);
   if (record != 0) writer.begin();
   // also blocks termination signals: this process exits when the session has ended
   const RealtimeGrant grant = make_this_thread_realtime({.fifo = realtime != 0,

@@ -91,7 +91,7 @@ void SupervisorProcess::end() {
 
 Result<void> SupervisorProcess::begin() {
   const File session(static_cast<int>(::syscall(SYS_pidfd_open, ::getpid(), 0)));
-  if (session.number() < 0) return refused("its view of this process");
+  if (session.number() < 0) return refused("cannot open a descriptor of this process");
 
   // duplicate above all target numbers, so that no descriptor is overwritten before it is duplicated
   std::vector<File> files;
@@ -104,7 +104,7 @@ Result<void> SupervisorProcess::begin() {
   for (const int file : settings_.halt_files) copied = copied && copy(file);
   const bool record = settings_.event_log_fd >= 0;
   if (record) copied = copied && copy(settings_.event_log_fd);
-  if (!copied) return refused("its files");
+  if (!copied) return refused("cannot duplicate its file descriptors");
 
   posix_spawn_file_actions_t actions;
   posix_spawnattr_t attributes;
@@ -141,7 +141,7 @@ Result<void> SupervisorProcess::begin() {
   // free these descriptors for the following one
   files.clear();
   process_ = ChildProcess(process);
-  if (process_.file() < 0) return refused("its end");
+  if (process_.file() < 0) return refused("cannot open a descriptor of its process");
 
   pollfd ended{process_.file(), POLLIN, 0};
   for (int waited = 0; waited < kPatience_ms; ++waited) {
@@ -158,11 +158,11 @@ Result<std::unique_ptr<Supervisor>> Supervisor::start(const SupervisorSettings& 
   PALPATE_CHECK(!settings.command.empty() && settings.halt_files.size() <= kMaxHaltFiles);
   File file(::memfd_create("palpate-supervisor", MFD_CLOEXEC));
   if (file.number() < 0 || ::ftruncate(file.number(), sizeof(SharedBlock)) != 0)
-    return refused("memory to share");
-  void* room = ::mmap(nullptr, sizeof(SharedBlock), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE,
-                      file.number(), 0);
-  if (room == MAP_FAILED) return refused("memory to share");
-  auto* block = new (room) SharedBlock;
+    return refused("cannot create shared memory");
+  void* memory = ::mmap(nullptr, sizeof(SharedBlock), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE,
+                        file.number(), 0);
+  if (memory == MAP_FAILED) return refused("cannot create shared memory");
+  auto* block = new (memory) SharedBlock;
   // a device that received halts of an earlier supervisor only obeys larger numbers; numbering by nanoseconds
   // guarantees that
   block->heartbeat.newest_halt = block->heartbeat.newest_ended_halt =

@@ -31,10 +31,10 @@ void MemoryFile::write(const std::string& text) {
   ::lseek(file_, 0, SEEK_SET);
 }
 
-std::string MemoryFile::tail(std::size_t largest) const {
+std::string MemoryFile::tail(std::size_t max_bytes) const {
   const off_t size = ::lseek(file_, 0, SEEK_END);
   if (size <= 0) return "";
-  const auto count = std::min(largest, static_cast<std::size_t>(size));
+  const auto count = std::min(max_bytes, static_cast<std::size_t>(size));
   std::string text(count, '\0');
   const ssize_t received = ::pread(file_, text.data(), count, size - static_cast<off_t>(count));
   text.resize(received > 0 ? static_cast<std::size_t>(received) : 0);

@@ -38,8 +38,8 @@ class MemoryFile {
   }
   int descriptor() const { return file_; }
   void write(const std::string& text);
-  /// The last `largest` bytes.
-  std::string tail(std::size_t largest) const;
+  /// The last `max_bytes` bytes.
+  std::string tail(std::size_t max_bytes) const;
 
  private:
   int file_;

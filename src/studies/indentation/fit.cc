@@ -28,8 +28,8 @@ struct Samples {
   double max_N = 0;
 };
 
-// quasi-linear viscoelasticity: the force without relaxation, less the fractions of its low-pass filtered
-// copies
+// quasi-linear viscoelasticity: subtracts from the force without relaxation each term's fraction of that
+// force low-pass filtered with the term's time constant
 void relax(const std::vector<double>& time_s, std::span<const RelaxationTerm> terms,
            std::vector<double>& force_N) {
   const std::vector<double> elastic_N = force_N;
@@ -272,7 +272,8 @@ class Fit {
     return best;
   }
 
-  // depth from which on the force exceeds 5 % of the greatest one, less the depth that it took
+  // initial guess of the depth of first contact: smallest depth with more than 5 % of the maximum force, less
+  // a tenth of the indentation from there on
   static double first_contact_mm(const Samples& curve) {
     double first_mm = *std::ranges::max_element(curve.depth_mm);
     const double deepest_mm = first_mm;

@@ -65,7 +65,8 @@ double indentation_force_N(const ElasticConstants& constants, TissueLaw law, con
   const double layer =
       thick ? 0 : kLayerStiffening * b * std::sqrt(radius / setup.thickness_mm) * by_thickness * by_thickness;
   const double steeper = 1 + kSteeperPerRadius * depth_mm / radius / (1 + b / kSteeperUntil);
-  // fitted to finite elements over the forces of this function, as the contact law's is over that law's
+  // stiffening factor, fitted to finite-element forces relative to those computed here; the contact law's
+  // factor is fitted relative to the contact law's forces
   const double unit_mJ = (8.0 / 15) * modulus * radius * radius * radius;
   const double more = kStiffening * std::pow(b, 5.0 / 6) * std::cbrt(std::max(stored_mJ, 0.0) / unit_mJ);
   return force_N * std::exp(std::min(layer, kMaxLayerExponent)) * (1 + more * steeper);

@@ -187,11 +187,11 @@ class GridBench {
   void add_choppiness(const std::string& path, const Sampler& sample, ForceMethod method) {
     const Transform<Voxel, Patient> X_VoxelPatient = grid_.X_PatientVoxel().inverse();
     std::vector<double> all, at_half_voxels, between;
-    for (const auto& axis_name : truth_.paths) {
-      const std::vector<double> changes = force_changes_percent(sample, axis_name);
+    for (const auto& surface_path : truth_.paths) {
+      const std::vector<double> changes = force_changes_percent(sample, surface_path);
       for (std::size_t n = 0; n < changes.size(); ++n) {
         all.push_back(changes[n]);
-        (same_nearest_voxel(X_VoxelPatient * axis_name[n], X_VoxelPatient * axis_name[n + 1])
+        (same_nearest_voxel(X_VoxelPatient * surface_path[n], X_VoxelPatient * surface_path[n + 1])
              ? between
              : at_half_voxels)
             .push_back(changes[n]);

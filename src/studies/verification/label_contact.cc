@@ -66,9 +66,9 @@ Result<std::vector<ContactSurface>> surfaces_of(const Volume<LabelId>& labels,
 }
 
 /// A tip that is moved along a path without friction.
-class Led {
+class FrictionlessTip {
  public:
-  Led(const std::vector<ContactSurface>& surfaces, double radius_mm)
+  FrictionlessTip(const std::vector<ContactSurface>& surfaces, double radius_mm)
       : surfaces_(surfaces), sphere_{{}, radius_mm} {}
 
   const ProxyResult& at(const Eigen::Vector3d& tip, double dt_s = 1e-3) {
@@ -145,7 +145,7 @@ Result<TiltedPlane> tilted_plane(const Eigen::Vector3d& spacing_mm, double tilt_
 
 // 16 mm in the direction of steepest ascent, at a depth of 1 mm
 Terrace terrace(const TiltedPlane& plane, double radius_mm) {
-  Led tool(plane.surfaces, radius_mm);
+  FrictionlessTip tool(plane.surfaces, radius_mm);
   constexpr double kHalfPath_mm = 8, kBefore_mm = 1;
   const Eigen::Vector3d begin =
       plane.middle + plane.up * (radius_mm - kDeep_mm) - plane.along * (kHalfPath_mm + kBefore_mm);
@@ -239,7 +239,7 @@ Result<void> add_seams(const Progress& progress, std::vector<Figure>& figures) {
       const double top_mm = 0.5 * grid.spacing_mm.z();
       for (const double radius_mm : kRadii_mm)
         for (const double heading : {0.0, 0.7, 1.4}) {
-          Led tool(*surfaces, radius_mm);
+          FrictionlessTip tool(*surfaces, radius_mm);
           const Eigen::Vector3d along(std::cos(heading), std::sin(heading), 0);
           const Eigen::Vector3d begin = -4 * along + Eigen::Vector3d(0, 0, top_mm + radius_mm - kDeep_mm);
           tool.at(begin + Eigen::Vector3d(0, 0, 3));
@@ -291,7 +291,7 @@ Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) 
                                       {soft.soft_N_per_mm, kBone_N_per_mm});
     if (!surfaces) return surfaces.error();
     for (const double radius_mm : {0.0, 1.5}) {
-      Led tool(*surfaces, radius_mm);
+      FrictionlessTip tool(*surfaces, radius_mm);
       tool.at({0, 0, 5});
       for (double deep_mm = -3; deep_mm < soft.thick_mm + kIntoBone_mm; deep_mm += 0.05) {
         const ProxyResult& result = tool.at({0, 0, 0.25 + radius_mm - deep_mm});
@@ -370,21 +370,20 @@ Result<SheetPresses> press_sheet(const Sheet& sheet, int presses, std::uint64_t 
   for (int n = 0; n < presses; ++n) {
     const Eigen::Vector3d askew =
         right * random.between(-0.35, 0.35) + ahead * random.between(-0.35, 0.35) - sheet.up;
-    // displacement per millisecond
-    const Eigen::Vector3d displacement = askew.normalized() * random.between(0.1, 0.5);
+    const Eigen::Vector3d velocity_mm_per_ms = askew.normalized() * random.between(0.1, 0.5);
     const int timing = static_cast<int>(random.between(0, 3));
     Eigen::Vector3d tip =
         right * random.between(-2, 2) + ahead * random.between(-2, 2) + sheet.up * (sheet.thick_mm + 1.5);
-    Led tool(*surfaces, 0);
-    bool touchable = false, through = false;
+    FrictionlessTip tool(*surfaces, 0);
+    bool detected = false, through = false;
     while (!through && sheet.up.dot(tip) > -4) {
       const double dt_ms = timing == 0 ? 1 : timing == 1 ? 4 : random.between(0.5, 1.5);
-      touchable = tool.at(tip, 1e-3 * dt_ms).force_N.norm() > 0.05 || touchable;
+      detected = tool.at(tip, 1e-3 * dt_ms).force_N.norm() > 0.05 || detected;
       through = sheet.up.dot(tool.proxy()) < -1;
-      tip += displacement * dt_ms;
+      tip += velocity_mm_per_ms * dt_ms;
     }
     ++counted.presses;
-    counted.detected += touchable;
+    counted.detected += detected;
     counted.through += through;
   }
   return counted;

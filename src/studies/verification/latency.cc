@@ -82,7 +82,7 @@ bool is_rendered_by(ForceMethod method, const Model& model) {
 }
 
 // figures of the tick and of the whole update for each selectable method; one method is prepared at a time,
-// beside the trilinear one, whose field the bare force is computed from
+// in addition to the trilinear one, from whose field the bare force is computed
 Result<std::vector<Figure>> free_running_figures(const LoadedScene& loaded, const PalpationPath& path,
                                                  const Progress& progress) {
   std::vector<Figure> figures;

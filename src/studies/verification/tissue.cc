@@ -64,11 +64,12 @@ Result<void> tick_figures(TissueLaw law, std::span<const AtSpeed> speeds, const 
   for (const AtSpeed& speed : speeds) {
     char at[32];
     std::snprintf(at, sizeof at, "/%.0f-mm-s", speed.mm_s);
-    const auto add = [&](const char* axis_name, const TickError& off) {
-      const auto samples = static_cast<std::uint64_t>(off.samples);
-      const std::string path = prefix + axis_name + at;
-      figures.push_back({path + "/largest", off.largest_percent, "percent", samples, speed.largest_percent});
-      figures.push_back({path + "/mean", off.mean_percent, "percent", samples, speed.mean_percent});
+    const auto add = [&](const char* motion, const TickError& error) {
+      const auto samples = static_cast<std::uint64_t>(error.samples);
+      const std::string path = prefix + motion + at;
+      figures.push_back(
+          {path + "/largest", error.largest_percent, "percent", samples, speed.largest_percent});
+      figures.push_back({path + "/mean", error.mean_percent, "percent", samples, speed.mean_percent});
     };
     if (progress.stopped()) return Progress::interrupted();
     add("pressed", press_tissue(*model, speed.mm_s, 12));

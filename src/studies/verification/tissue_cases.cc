@@ -326,7 +326,7 @@ TissueCase punch_case(int cells, int radius_cells) {
   return {100 * (force.sum() / right - 1), 0};
 }
 
-TissueCase layer_case(int cells_thick, double nu, double part) {
+TissueCase layer_case(int cells_thick, double nu, double depth_ratio) {
   constexpr double kPa = 10;
   const int thick = cells_thick, wide = 6 * thick, middle = wide / 2;
   ElasticGrid grid(
@@ -334,7 +334,7 @@ TissueCase layer_case(int cells_thick, double nu, double part) {
   for (int j = 0; j <= wide; ++j)
     for (int i = 0; i <= wide; ++i) grid.constrain(i, j, 0, ElasticGrid::kFixed);
   // far away, where the deformation is negligible, the layer simply ends
-  const double radius = 3 * thick, root = part * thick, depth = root * root / radius;
+  const double radius = 3 * thick, root = depth_ratio * thick, depth = root * root / radius;
   const auto rings = node_rings(middle, middle, thick, 1.5 * root);
   const Eigen::MatrixXd w = ring_compliance(grid, rings);
   Eigen::VectorXd deep(static_cast<Eigen::Index>(rings.size()));
@@ -345,7 +345,7 @@ TissueCase layer_case(int cells_thick, double nu, double part) {
   constexpr double kPi = std::numbers::pi;
   const double alpha = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1 - nu);
   const double beta = (0.6387 - 1.0277 * nu + 1.5164 * nu * nu) / (1 - nu);
-  const double x = part, cubed = alpha * alpha * alpha;
+  const double x = depth_ratio, cubed = alpha * alpha * alpha;
   const double series = 1 - 2 * alpha / kPi * x + 4 * alpha * alpha / (kPi * kPi) * x * x -
                         8 / std::pow(kPi, 3) * (cubed + 4 * kPi * kPi / 15 * beta) * std::pow(x, 3) +
                         16 * alpha / std::pow(kPi, 4) * (cubed + 3 * kPi * kPi / 5 * beta) * std::pow(x, 4);

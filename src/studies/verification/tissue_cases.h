@@ -50,8 +50,8 @@ TissueCase ripple_case(const HalfSpacePress& press, int steps);
 /// Flat punch with a radius in cells on a half-space: F = 2 a E d / (1 - nu2).
 TissueCase punch_case(int cells, int radius_cells);
 /// Sphere on a layer bonded to bone (Dimitriadis et al. 2002, any nu).
-/// @param part  sqrt(R d) / t; at 0.4 the contact radius is half of the thickness
-TissueCase layer_case(int cells_thick, double poissons_ratio, double part);
+/// @param depth_ratio  sqrt(R d) / t; at 0.4 the contact radius is half of the thickness
+TissueCase layer_case(int cells_thick, double poissons_ratio, double depth_ratio);
 
 /// Uniaxial compression or extension of a laterally free neo-Hookean block to a fraction of its height: its
 /// force compared with the solution of the two equations.

@@ -60,10 +60,10 @@ std::string degrees(double value) {
   return text;
 }
 
-// Rotation of the tool. The smallest singular value belongs to a direction of the tool, with half of its
-// square per unit of that direction: it gives the RMS angle by which the poses turned that direction. 0 if
-// the tool turned about a single axis, which is that direction.
-double turn_of(const Solution& solution) {
+// RMS angle, degrees, by which the poses rotate the tool's least rotated direction; 0 if the tool rotated
+// about a single axis, which is that direction. solution.least^2 is half of the mean squared angle, because
+// the unit singular vector consists of that direction and its image, each of length sqrt(1/2).
+double rotation_deg(const Solution& solution) {
   return solution.least * std::numbers::sqrt2 * 180 / std::numbers::pi;
 }
 
@@ -77,7 +77,7 @@ std::vector<std::size_t> places_of(std::span<const Pose> poses) {
 
 double turned_deg(std::span<const Pose> poses) {
   const auto everything = poses.empty() ? std::nullopt : solve(poses, places_of(poses));
-  return everything ? turn_of(*everything) : 0;
+  return everything ? rotation_deg(*everything) : 0;
 }
 
 Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const PivotOptions& options) {
@@ -101,8 +101,8 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
   }
 
   const auto everything = solve(poses, places_of(poses));
-  if (!everything || turn_of(*everything) < options.min_turn_deg)
-    return refuse("the tool hardly turned: by " + degrees(everything ? turn_of(*everything) : 0) +
+  if (!everything || rotation_deg(*everything) < options.min_turn_deg)
+    return refuse("the tool hardly turned: by " + degrees(everything ? rotation_deg(*everything) : 0) +
                       " about the axis of least rotation, but " + degrees(options.min_turn_deg) +
                       " are needed",
                   turn_more);
@@ -153,13 +153,13 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
     deviation = std::sqrt(squares / (3 * static_cast<double>(stored.size()) - 6));
   }
   const auto solved = stored.size() < kMinPoses ? std::nullopt : solve(poses, stored);
-  if (!solved || turn_of(*solved) < options.min_turn_deg)
+  if (!solved || rotation_deg(*solved) < options.min_turn_deg)
     return refuse("too few of " + std::to_string(poses.size()) + " poses agree on the position of the tip",
                   turn_more);
   out.tip = Point<TrackedTool>(solved->at.head<3>());
   out.pivot = Point<Tracker>(solved->at.tail<3>());
   out.used = static_cast<int>(stored.size());
-  out.turn_deg = turn_of(*solved);
+  out.turn_deg = rotation_deg(*solved);
   out.is_outlier.assign(poses.size(), true);
   for (const std::size_t n : stored) out.is_outlier[n] = false;
   double squares = 0;

@@ -12,12 +12,12 @@ constexpr double kFarTolerance_mm = 0.05;
 }  // namespace
 
 ClearanceMeter::ClearanceMeter(const std::vector<StructureDistance>& distances,
-                               const std::map<LabelId, double>& requested_mm, std::size_t parts) {
+                               const std::map<LabelId, double>& requested_mm, std::size_t intervals) {
   for (const StructureDistance& distance : distances) {
     Structure& structure = structures_.emplace_back();
     structure.distance = &distance;
     structure.approach.label = distance.label();
-    structure.approach.over_time_mm.assign(parts, std::numeric_limits<float>::quiet_NaN());
+    structure.approach.over_time_mm.assign(intervals, std::numeric_limits<float>::quiet_NaN());
     if (const auto requested = requested_mm.find(distance.label()); requested != requested_mm.end())
       structure.approach.requested_mm = requested->second;
   }
@@ -29,14 +29,14 @@ void ClearanceMeter::observe(const MeterInput& now) {
 
 void ClearanceMeter::observe(const MeterInput& now, Structure& structure) {
   StructureClearance& approach = structure.approach;
-  float& in_part = approach.over_time_mm[now.part];
+  float& in_interval = approach.over_time_mm[now.interval];
   // Beyond the surface's own distance field the clearance changes by at most the displacement of the head. It
   // is not evaluated while it cannot be a new minimum and no required clearance is at stake.
-  if (structure.known && !std::isnan(in_part)) {
+  if (structure.known && !std::isnan(in_interval)) {
     const double lower_bound_mm = structure.gap_mm - now.head.moved_mm(structure.head);
     const double widest_mm = std::max(now.head.radius_mm, now.head.end_radius_mm);
     if (lower_bound_mm > structure.distance->near_mm() + widest_mm &&
-        lower_bound_mm + kFarTolerance_mm >= static_cast<double>(in_part) &&
+        lower_bound_mm + kFarTolerance_mm >= static_cast<double>(in_interval) &&
         lower_bound_mm >= approach.requested_mm.value_or(0))
       return end_violation(structure);
   }
@@ -44,7 +44,7 @@ void ClearanceMeter::observe(const MeterInput& now, Structure& structure) {
   structure.known = true;
   structure.head = now.head;
   structure.gap_mm = gap;
-  in_part = std::fmin(in_part, static_cast<float>(gap));
+  in_interval = std::fmin(in_interval, static_cast<float>(gap));
   if (!(gap >= approach.nearest_mm)) {
     approach.nearest_mm = gap;
     approach.nearest = now.point;

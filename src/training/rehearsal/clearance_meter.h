@@ -12,9 +12,9 @@ class ClearanceMeter {
  public:
   /// @param distances  have to outlive this object
   /// @param requested_mm   required clearance by label
-  /// @param parts      number of intervals of the time series
+  /// @param intervals  number of intervals of the time series
   ClearanceMeter(const std::vector<StructureDistance>& distances,
-                 const std::map<LabelId, double>& requested_mm, std::size_t parts);
+                 const std::map<LabelId, double>& requested_mm, std::size_t intervals);
 
   void observe(const MeterInput& now);
   void finish(PlanComparison& to);

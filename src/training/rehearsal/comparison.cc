@@ -43,7 +43,7 @@ class RunMeter {
         shaft_(shaft_of(tool_)),
         device_(device),
         all_ticks_(std::max<std::uint64_t>(ticks, 1)),
-        clearance_(distances, plan.distances_mm, parts_of(all_ticks_)) {
+        clearance_(distances, plan.distances_mm, intervals_of(all_ticks_)) {
     for (std::size_t n = 0; n < plan.file.trajectories.size(); ++n)
       trajectories_.emplace_back(plan.file.trajectories[n], plan.enters[n], distances);
   }
@@ -57,17 +57,17 @@ class RunMeter {
     if (comparison_.ticks > 0 && tick.tick > last_tick_ + 1) comparison_.missing_s += dt_s;
     last_tick_ = tick.tick;
     time_s_ = tick.time_s;
-    const std::size_t part = static_cast<std::size_t>(std::min(comparison_.ticks++, all_ticks_ - 1) *
-                                                      parts_of(all_ticks_) / all_ticks_);
-    if (part == comparison_.times_s.size()) comparison_.times_s.push_back(time_s_ - started_s_);
+    const std::size_t interval = static_cast<std::size_t>(std::min(comparison_.ticks++, all_ticks_ - 1) *
+                                                          intervals_of(all_ticks_) / all_ticks_);
+    if (interval == comparison_.times_s.size()) comparison_.times_s.push_back(time_s_ - started_s_);
 
     const DeviceTick& device = tick.device[device_];
-    see_turn(device);
+    observe_orientation(device);
     const MeterInput now{
         {tick.tick, time_s_ - started_s_, tip_of(tool_, device)},
         head_of(model_.X_WorldPatient, tool_, tick, device),
         dt_s,
-        part,
+        interval,
         &device,
         shaft_ ? std::optional(tool_in_patient(model_.X_WorldPatient, tick, device, *shaft_)) : std::nullopt};
     if (!now.point.at.all_finite() || (device.flags & kFlagNotFinite) != 0) {
@@ -83,20 +83,20 @@ class RunMeter {
   PlanComparison finish() {
     comparison_.time_s = comparison_.ticks > 0 ? time_s_ - started_s_ : 0;
     for (TrajectoryMeter& trajectory : trajectories_)
-      comparison_.trajectories.push_back(trajectory.finish(reports_turn_));
+      comparison_.trajectories.push_back(trajectory.finish(reports_orientation_));
     clearance_.finish(comparison_);
     comparison_.path = path_.finish();
     return std::move(comparison_);
   }
 
  private:
-  static std::size_t parts_of(std::uint64_t ticks) {
+  static std::size_t intervals_of(std::uint64_t ticks) {
     return static_cast<std::size_t>(std::min<std::uint64_t>(ticks, kMaxPlanTimes));
   }
   // a device without orientation reports a constant one
-  void see_turn(const DeviceTick& device) {
-    if (!first_turn_) first_turn_ = device.orientation_wxyz;
-    reports_turn_ = reports_turn_ || *first_turn_ != device.orientation_wxyz;
+  void observe_orientation(const DeviceTick& device) {
+    if (!first_orientation_wxyz_) first_orientation_wxyz_ = device.orientation_wxyz;
+    reports_orientation_ = reports_orientation_ || *first_orientation_wxyz_ != device.orientation_wxyz;
   }
 
   const Model& model_;
@@ -105,8 +105,8 @@ class RunMeter {
   std::size_t device_;
   std::uint64_t all_ticks_, last_tick_ = 0;
   double started_s_ = 0, time_s_ = 0;
-  std::optional<std::array<double, 4>> first_turn_;
-  bool reports_turn_ = false;
+  std::optional<std::array<double, 4>> first_orientation_wxyz_;
+  bool reports_orientation_ = false;
   ClearanceMeter clearance_;
   std::vector<TrajectoryMeter> trajectories_;
   DecimatedPath path_;
@@ -177,7 +177,7 @@ Result<PlanComparison> compare_recording(const PlanInScene& plan, const Model& m
       [&](const RecordingPart& part) -> Result<void> {
         for (const RecordingEvent& event : part.events) removal.on_event(event);
         for (const TickRecord& tick : part.ticks)
-          if (auto known = run.observe(tick); !known) return known;
+          if (auto valid = run.observe(tick); !valid) return valid;
         observed += static_cast<double>(part.ticks.size());
         progress.report("comparing", observed / static_cast<double>(head.ticks));
         return {};

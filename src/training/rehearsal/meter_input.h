@@ -9,8 +9,8 @@ namespace palpate {
 struct MeterInput {
   RunPoint point;  ///< Position of the tip
   ToolHead head;
-  double dt_s = 0;       ///< Time since the previous tick; 0 for the first
-  std::size_t part = 0;  ///< Interval of PlanComparison::times_s
+  double dt_s = 0;           ///< Time since the previous tick; 0 for the first
+  std::size_t interval = 0;  ///< Interval of PlanComparison::times_s
   const DeviceTick* device = nullptr;
   std::optional<Vector<Patient>> shaft;  ///< From the tip to the handle; unit
 };

@@ -36,8 +36,8 @@ Result<void> add_trajectory(PlanFile& plan, std::string name, const NamedPoint& 
   const auto is_taken = [&](const std::string& text) {
     return std::ranges::find(plan.trajectories, text, &PlanTrajectory::name) != plan.trajectories.end();
   };
-  const std::string declared = name;
-  for (int n = 2; is_taken(name); ++n) name = declared + " " + std::to_string(n);
+  const std::string base_name = name;
+  for (int n = 2; is_taken(name); ++n) name = base_name + " " + std::to_string(n);
   PlanTrajectory trajectory;
   trajectory.name = std::move(name);
   trajectory.entry = Point<Patient>(entry.at_mm);

@@ -54,28 +54,31 @@ LineFit::Line LineFit::line() const {
   return {axes.vectors.col(2), std::sqrt(variances[0] + variances[1])};
 }
 
-TrajectoryMeter::TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> enters,
+TrajectoryMeter::TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> entry_structures,
                                  const std::vector<StructureDistance>& distances)
-    : planned_(planned), axis_(planned.axis()), enters_(std::move(enters)) {
+    : planned_(planned), axis_(planned.axis()), entry_structures_(std::move(entry_structures)) {
   for (const StructureDistance& distance : distances)
-    if (distance.label() < enters_.size() && enters_[distance.label()]) surfaces_.push_back(&distance);
+    if (distance.label() < entry_structures_.size() && entry_structures_[distance.label()])
+      surfaces_.push_back(&distance);
 }
 
 // Distance outside the structures' surface, or outside the plane through the planned entry perpendicular to
 // the trajectory. Far outside it may be any lower bound above the threshold.
 double TrajectoryMeter::outside_mm(const MeterInput& now) {
   if (surfaces_.empty()) return -along_mm(now.point.at);
-  if (known_at_ && known_mm_ - (now.point.at - *known_at_).norm() > 2 * kClear_mm)
-    return known_mm_ - (now.point.at - *known_at_).norm();
-  known_mm_ = std::numeric_limits<double>::infinity();
+  if (evaluated_at_ && evaluated_outside_mm_ - (now.point.at - *evaluated_at_).norm() > 2 * kClear_mm)
+    return evaluated_outside_mm_ - (now.point.at - *evaluated_at_).norm();
+  evaluated_outside_mm_ = std::numeric_limits<double>::infinity();
   for (const StructureDistance* surface : surfaces_)
-    known_mm_ = std::min(known_mm_, surface->distance_mm(now.point.at));
-  known_at_ = now.point.at;
-  return known_mm_;
+    evaluated_outside_mm_ = std::min(evaluated_outside_mm_, surface->distance_mm(now.point.at));
+  evaluated_at_ = now.point.at;
+  return evaluated_outside_mm_;
 }
 
 bool TrajectoryMeter::touches(const DeviceTick& device) const {
-  const auto is_of_them = [&](LabelId label) { return label < enters_.size() && enters_[label]; };
+  const auto is_of_them = [&](LabelId label) {
+    return label < entry_structures_.size() && entry_structures_[label];
+  };
   if ((device.flags & kFlagContact) == 0) return false;
   return is_of_them(device.label) || std::ranges::any_of(device.contact_label, is_of_them);
 }
@@ -86,7 +89,7 @@ void TrajectoryMeter::observe(const MeterInput& now) {
     end_insertion();
   else
     find_entry(now, outside);
-  if (path_.made != EntryKind::kNone) resume(now);
+  if (current_.kind != EntryKind::kNone) extend_insertion(now);
   const RunPoint near = nearest_between(last_.value_or(now.point), now.point, planned_.target);
   if (const double mm = (near.at - planned_.target).norm(); mm < nearest_mm_) {
     nearest_mm_ = mm;
@@ -103,49 +106,49 @@ void TrajectoryMeter::find_entry(const MeterInput& now, double outside) {
     if (mm >= nearest_entry_mm_) return;
     begin(EntryKind::kNearest, near);
     nearest_entry_mm_ = mm;
-  } else if (path_.made != EntryKind::kPassed && outside <= 0) {
+  } else if (current_.kind != EntryKind::kPassed && outside <= 0) {
     // near the surface the distance is interpolated linearly between ticks
     const bool came_from_outside = last_ && last_outside_mm_ > 0;
     begin(EntryKind::kPassed,
           came_from_outside ? between(*last_, now.point, last_outside_mm_ / (last_outside_mm_ - outside))
                             : now.point);
-  } else if (path_.made == EntryKind::kNone && touches(*now.device)) {
+  } else if (current_.kind == EntryKind::kNone && touches(*now.device)) {
     begin(EntryKind::kTouched, now.point);
   }
 }
 
-void TrajectoryMeter::begin(EntryKind made, const RunPoint& entry) {
+void TrajectoryMeter::begin(EntryKind kind, const RunPoint& entry) {
   end_insertion();
-  path_.made = made;
-  path_.entry = entry;
-  path_.fitted_to = entry.at;
+  current_.kind = kind;
+  current_.entry = entry;
+  current_.fitted_to = entry.at;
 }
 
-void TrajectoryMeter::resume(const MeterInput& now) {
+void TrajectoryMeter::extend_insertion(const MeterInput& now) {
   const Point<Patient>& at = now.point.at;
   // in the first segment only the part after the entry
-  const RunPoint& from = last_ && last_->time_s >= path_.entry.time_s ? *last_ : path_.entry;
+  const RunPoint& from = last_ && last_->time_s >= current_.entry.time_s ? *last_ : current_.entry;
   const RunPoint near = nearest_between(from, now.point, planned_.target);
-  if (const double mm = (near.at - planned_.target).norm(); mm < path_.nearest_mm) {
-    path_.nearest_mm = mm;
-    path_.nearest = near;
+  if (const double mm = (near.at - planned_.target).norm(); mm < current_.nearest_mm) {
+    current_.nearest_mm = mm;
+    current_.nearest = near;
   }
-  if ((at - path_.fitted_to).norm() >= kMinPiece_mm) {
-    path_.fit.add((path_.fitted_to - planned_.entry).eigen(), (at - planned_.entry).eigen());
-    path_.fitted_to = at;
+  if ((at - current_.fitted_to).norm() >= kMinPiece_mm) {
+    current_.fit.add((current_.fitted_to - planned_.entry).eigen(), (at - planned_.entry).eigen());
+    current_.fitted_to = at;
   }
   const double along = along_mm(at);
   const double beside = (at - planned_.entry - axis_ * along).norm();
-  if (along <= path_.deepest_mm || beside > kBeside_mm) return;
-  path_.deepest_mm = along;
-  path_.deepest = now.point;
-  path_.to_deepest = path_.fit;
-  path_.shaft_deg = now.shaft ? angle_between_deg(-*now.shaft, axis_) : kNoValue;
+  if (along <= current_.deepest_mm || beside > kBeside_mm) return;
+  current_.deepest_mm = along;
+  current_.deepest = now.point;
+  current_.to_deepest = current_.fit;
+  current_.shaft_deg = now.shaft ? angle_between_deg(-*now.shaft, axis_) : kNoValue;
 }
 
 void TrajectoryMeter::end_insertion() {
-  if (path_.made != EntryKind::kNone && path_.nearest_mm <= best_.nearest_mm) best_ = path_;
-  path_ = Insertion();
+  if (current_.kind != EntryKind::kNone && current_.nearest_mm <= best_.nearest_mm) best_ = current_;
+  current_ = Insertion();
   nearest_entry_mm_ = std::numeric_limits<double>::infinity();
 }
 
@@ -156,16 +159,16 @@ TrajectoryResult TrajectoryMeter::finish(bool reports_orientation) {
   done.target_error_mm.allowed = planned_.target_within_mm;
   done.angle_deg.allowed = planned_.angle_within_deg;
   done.depth_error_mm.allowed = planned_.depth_within_mm;
-  const bool made = best_.made != EntryKind::kNone;
-  done.entry_made = best_.made;
-  done.nearest = made ? best_.nearest : nearest_;
+  const bool entered = best_.kind != EntryKind::kNone;
+  done.entry_made = best_.kind;
+  done.nearest = entered ? best_.nearest : nearest_;
   if (last_) {
     const Vector<Patient> off = done.nearest.at - planned_.target;
     done.target_error_mm.value = off.norm();
     done.along_mm = off.dot(axis_);
     done.lateral_mm = (off - axis_ * done.along_mm).norm();
   }
-  if (!made) return done;
+  if (!entered) return done;
   done.entry = best_.entry;
   done.entry_error_mm.value = (best_.entry.at - planned_.entry).norm();
   if (!std::isfinite(best_.deepest_mm)) return done;
@@ -179,7 +182,7 @@ TrajectoryResult TrajectoryMeter::finish(bool reports_orientation) {
   Vector<Patient> direction(line.direction);
   if (direction.dot(chord) < 0) direction = -direction;
   done.angle_deg.value = angle_between_deg(direction, axis_);
-  done.line_rms_mm = line.off_mm;
+  done.line_rms_mm = line.rms_distance_mm;
   return done;
 }
 

@@ -18,7 +18,7 @@ class LineFit {
   double length_mm() const { return length_mm_; }
   struct Line {
     Eigen::Vector3d direction;  ///< Direction; unit
-    double off_mm;              ///< RMS distance of the path from the line
+    double rms_distance_mm;     ///< RMS distance of the path from the line
   };
   /// Requires length_mm() > 0.
   Line line() const;
@@ -32,9 +32,9 @@ class LineFit {
 /// Measures the execution of one trajectory (TrajectoryResult).
 class TrajectoryMeter {
  public:
-  /// @param enters     structures by LabelId; empty: the entry is a free point
+  /// @param entry_structures     structures by LabelId; empty: the entry is a free point
   /// @param distances  have to outlive this object
-  TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> enters,
+  TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> entry_structures,
                   const std::vector<StructureDistance>& distances);
 
   void observe(const MeterInput& now);
@@ -44,7 +44,7 @@ class TrajectoryMeter {
  private:
   // one insertion, from its entry on
   struct Insertion {
-    EntryKind made = EntryKind::kNone;
+    EntryKind kind = EntryKind::kNone;
     RunPoint entry, nearest, deepest;
     double nearest_mm = std::numeric_limits<double>::infinity();
     // along the trajectory, from the planned entry
@@ -56,16 +56,16 @@ class TrajectoryMeter {
   double outside_mm(const MeterInput& now);
   bool touches(const DeviceTick& device) const;
   void find_entry(const MeterInput& now, double outside_mm);
-  void begin(EntryKind made, const RunPoint& entry);
-  void resume(const MeterInput& now);
+  void begin(EntryKind kind, const RunPoint& entry);
+  void extend_insertion(const MeterInput& now);
   void end_insertion();
   double along_mm(const Point<Patient>& at) const { return (at - planned_.entry).dot(axis_); }
 
   PlanTrajectory planned_;
   Vector<Patient> axis_;
-  std::vector<bool> enters_;
+  std::vector<bool> entry_structures_;
   std::vector<const StructureDistance*> surfaces_;
-  Insertion path_, best_;
+  Insertion current_, best_;
   // without structures: of the current insertion
   double nearest_entry_mm_ = std::numeric_limits<double>::infinity();
   // without any insertion: closest approach of the run to the target
@@ -74,8 +74,8 @@ class TrajectoryMeter {
   std::optional<RunPoint> last_;
   double last_outside_mm_ = 0;
   // last evaluated distance outside, and its point
-  std::optional<Point<Patient>> known_at_;
-  double known_mm_ = 0;
+  std::optional<Point<Patient>> evaluated_at_;
+  double evaluated_outside_mm_ = 0;
 };
 
 }  // namespace palpate

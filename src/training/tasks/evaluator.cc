@@ -290,7 +290,7 @@ double TaskEvaluator::force_on_step(const TaskStep& step) const {
 
 // Covers the patches along the path of a touch. Coverage begins retroactively at the first contact point,
 // once the strongest contact has moved by kMinStroke_mm; a stationary press covers nothing.
-void TaskEvaluator::sweep(std::size_t step) {
+void TaskEvaluator::cover_patches(std::size_t step) {
   const TaskStep& requested = task_.file.steps[step];
   const auto counts = [&](const Contact& contact) {
     return contact.force_N >= kMinTouch_N && is_on_step(contact, requested);
@@ -299,20 +299,20 @@ void TaskEvaluator::sweep(std::size_t step) {
   for (std::size_t c = 0; c < contact_count_; ++c)
     if (counts(contacts_[c]) && (strongest == nullptr || contacts_[c].force_N > strongest->force_N))
       strongest = &contacts_[c];
-  CoverageTouch& sweep = coverage_touches_[step];
+  CoverageTouch& touch = coverage_touches_[step];
   if (strongest == nullptr) {
-    sweep = {};
+    touch = {};
     return;
   }
-  if (!sweep.touching) sweep = {true, false, strongest->position_mm};
+  if (!touch.touching) touch = {true, false, strongest->position_mm};
   SurfacePatches& patches = task_.regions[requested.region].patches;
-  if (!sweep.moving) {
-    const Eigen::Vector3d displacement = strongest->position_mm - sweep.started_mm;
+  if (!touch.moving) {
+    const Eigen::Vector3d displacement = strongest->position_mm - touch.started_mm;
     if (displacement.norm() < kMinStroke_mm) return;
-    sweep.moving = true;
+    touch.moving = true;
     constexpr int kSamples = 4;  // no farther apart than SurfacePatches::kWithin_mm
     for (int part = 0; part < kSamples; ++part)
-      patches.cover(sweep.started_mm + displacement * part / kSamples);
+      patches.cover(touch.started_mm + displacement * part / kSamples);
   }
   for (std::size_t c = 0; c < contact_count_; ++c)
     if (counts(contacts_[c])) patches.cover(contacts_[c].position_mm);
@@ -343,11 +343,11 @@ void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
     const TaskStep& step = task_.file.steps[n];
     const double force_N = step.kind == StepKind::kRemove ? 0 : force_on_step(step);
     // coverage accumulates regardless of the current step
-    if (step.kind == StepKind::kCover) sweep(n);
+    if (step.kind == StepKind::kCover) cover_patches(n);
     if (done_[n] || (task_.file.ordered && n > 0 && !done_[n - 1])) continue;
     bool done = false;
-    if (const auto achieved_fraction = progress_of(step)) {
-      done = achieved_fraction->part >= achieved_fraction->requested;
+    if (const auto progress = progress_of(step)) {
+      done = progress->achieved >= progress->required;
     } else {
       const bool condition_holds =
           step.kind == StepKind::kVisit
@@ -510,49 +510,8 @@ TaskScore TaskEvaluator::score(bool cut_short) const {
 double TaskEvaluator::fraction_of_step(std::size_t n) const {
   if (done_[n]) return 1;
   const TaskStep& step = task_.file.steps[n];
-  const auto [part, requested] = progress_of(step).value_or(StepProgress{step_s_[n], step.seconds});
-  return requested > 0 ? std::clamp(part / requested, 0.0, 1.0) : 0;
-}
-
-Result<void> RunReader::take(const RecordingPart& part,
-                             const std::function<void(const TickRecord&)>& on_tick) {
-  if (evaluator_.task().plan)
-    pending_events_.insert(pending_events_.end(), part.events.begin(), part.events.end());
-  for (const TickRecord& tick : part.ticks) {
-    has_last_ = has_last_ || tick.tick >= range_.last;
-    if (tick.tick > range_.last || evaluator_.ended()) continue;
-    for (; !pending_events_.empty() && pending_events_.front().tick <= tick.tick; pending_events_.pop_front())
-      evaluator_.on_event(pending_events_.front());
-    if (tick.tick < range_.first) continue;
-    if (auto known = evaluator_.observe(tick); !known) return known;
-    if (on_tick) on_tick(tick);
-  }
-  return {};
-}
-
-Result<TaskScore> score_recording(const TaskInScene& task, const RecordingSource& recording,
-                                  const Progress& progress, const TickRange& range) {
-  RunReader reader(task, range);
-  const auto ticks = static_cast<double>(std::max<std::uint64_t>(recording.head().ticks, 1));
-  double used = 0;
-  const auto read = recording.read(
-      [&](const RecordingPart& part) -> Result<void> {
-        used += static_cast<double>(part.ticks.size());
-        progress.report("scoring", used / ticks);
-        return reader.take(part);
-      },
-      progress);
-  if (!read) return read.error();
-  if (reader.run().ticks() == 0 && recording.head().ticks > 0)
-    return Error{ErrorKind::kBadInput, "it has none of the ticks to be scored", "",
-                 "leave out --from-tick and --to-tick, or give those of a run as printed by palpate explore"};
-  return reader.score(recording.head().summary.has_value());
-}
-
-int runs_in_a_row(const std::vector<bool>& in_band) {
-  int count = 0;
-  for (auto run = in_band.rbegin(); run != in_band.rend() && *run; ++run) ++count;
-  return count;
+  const auto [achieved, required] = progress_of(step).value_or(StepProgress{step_s_[n], step.seconds});
+  return required > 0 ? std::clamp(achieved / required, 0.0, 1.0) : 0;
 }
 
 }  // namespace palpate

@@ -14,14 +14,14 @@ std::string short_number(double value) {
   return text;
 }
 
-std::string names_of_structures(const std::vector<LabelReference>& structures, std::size_t largest = 1000) {
+std::string names_of_structures(const std::vector<LabelReference>& structures, std::size_t max_count = 1000) {
   std::string text;
-  for (std::size_t n = 0; n < structures.size() && n < largest; ++n) {
+  for (std::size_t n = 0; n < structures.size() && n < max_count; ++n) {
     const auto* number = std::get_if<int>(&structures[n]);
     text += (n == 0 ? "" : ", ") +
             (number ? "#" + std::to_string(*number) : std::get<std::string>(structures[n]));
   }
-  if (structures.size() > largest) text += " or " + std::to_string(structures.size() - largest) + " more";
+  if (structures.size() > max_count) text += " or " + std::to_string(structures.size() - max_count) + " more";
   return text;
 }
 

@@ -45,7 +45,7 @@ constexpr auto kSlicePeriod = std::chrono::milliseconds(200);
 constexpr auto kLabelsPeriod = std::chrono::milliseconds(50);
 constexpr auto kStatePeriod = std::chrono::milliseconds(50);
 constexpr auto kAcceptPause = std::chrono::milliseconds(500);
-/// A client that takes nothing for as long is dropped.
+/// A client that reads nothing for this long is disconnected.
 constexpr auto kPatience = std::chrono::seconds(10);
 constexpr std::size_t kMaxQueued = 8;  // messages, not counting frames
 constexpr int kBacklog = 8, kSendBuffer_bytes = 1 << 18;

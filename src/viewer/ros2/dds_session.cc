@@ -75,7 +75,7 @@ builtin_interfaces_msg_dds__Time_ time_of(std::int64_t stamp_ns) {
   return {static_cast<std::int32_t>(stamp_ns / kSecond_ns),
           static_cast<std::uint32_t>(stamp_ns % kSecond_ns)};
 }
-// Cyclone's structs have members without const, which it does not write to.
+// Cyclone's structs have non-const char* members, but Cyclone does not write to the text.
 char* text_of(const std::string& text) {
   return const_cast<char*>(text.c_str());
 }
@@ -127,7 +127,7 @@ class Session final : public DdsSession {
     domain_ = dds_create_domain(number, configuration(options).c_str());
     if (domain_ < 0) return failure("domain", domain_);
     const Qos qos(dds_create_qos());
-    // by which ROS 2 recognises a participant that belongs to no security enclave
+    // ROS 2 recognises a participant without a security enclave by this user data
     constexpr std::string_view kEnclave = "enclave=/;";
     dds_qset_userdata(qos.get(), kEnclave.data(), kEnclave.size());
     participant_ = dds_create_participant(number, qos.get(), nullptr);
@@ -157,10 +157,11 @@ class Session final : public DdsSession {
                           Delivery::kReliable, kDiagnosticHistory);
     if (options.has_virtual_time)
       clock_ = writer(rosgraph_msgs_msg_dds__Clock__desc, "rt/clock", Delivery::kBestEffort);
-    // a reader that asks for reliable delivery gets nothing from a writer without
+    // DDS does not match a reliable reader with a best-effort writer, and a stop must arrive as reliably as
+    // the writer permits: hence one reader of each kind
     stops_ = {reader(std_msgs_msg_dds__Empty__desc, "rt/palpate/stop", Delivery::kReliable),
               reader(std_msgs_msg_dds__Empty__desc, "rt/palpate/stop", Delivery::kBestEffort)};
-    // asks for best effort, which every writer offers
+    // a best-effort reader matches writers of either kind
     if (options.has_servo_cp)
       servo_cp_ = reader(geometry_msgs_msg_dds__PoseStamped__desc, "rt/palpate/hand1/servo_cp",
                          Delivery::kBestEffort);

@@ -29,7 +29,7 @@ constexpr int kMaxDomain = 101;
 // ViewedScene::input of a session whose tip a node moves
 constexpr const char* kRos2Input = "ros2";
 constexpr auto kDiagnosisPeriod = std::chrono::seconds(1);
-// A stop and a commanded position are read this often, however low the rate of what is published.
+// maximum period of reading stops and commanded positions, whatever the publishing rate
 constexpr Clock::duration kMaxReadPeriod = std::chrono::milliseconds(5);
 
 std::int64_t now_ns() {

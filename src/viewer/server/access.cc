@@ -60,7 +60,7 @@ bool Access::is_own_origin(std::string_view origin, std::string_view host) const
 
 Access::Admission Access::admit(std::string_view token, const AddressBlock& from,
                                 GuessLimit::Clock::time_point now) {
-  if (tokens_.empty()) return {Who{Role::kControl, {}}};
+  if (tokens_.empty()) return {AuthenticatedViewer{Role::kControl, {}}};
   // a missing token is not a guess
   if (token.empty()) return {};
   if (!guesses_.may_check_token(from, now)) return {std::nullopt, true};

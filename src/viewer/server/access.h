@@ -31,7 +31,7 @@ class Tokens {
 
   bool empty() const { return tokens_.empty(); }
   /// Holder of a token; empty for an unknown token.
-  std::optional<Who> holder_of(std::string_view token) const;
+  std::optional<AuthenticatedViewer> holder_of(std::string_view token) const;
   /// Pseudonyms in the order of the file, without duplicates.
   std::vector<std::string> learners() const;
   bool has(Role role) const;
@@ -40,7 +40,7 @@ class Tokens {
   using Digest = std::array<unsigned char, 32>;
   struct Token {
     Digest digest;
-    Who who;
+    AuthenticatedViewer who;
   };
   static Digest digest_of(std::string_view token);
 
@@ -66,8 +66,8 @@ class Access {
   bool is_own_origin(std::string_view origin, std::string_view host) const;
   /// Result of admitting a viewer with a token, or without one (empty).
   struct Admission {
-    std::optional<Who> who;         ///< Empty: rejected
-    bool too_many_guesses = false;  ///< The token was not checked, because of GuessLimit
+    std::optional<AuthenticatedViewer> who;  ///< Empty: rejected
+    bool too_many_guesses = false;           ///< The token was not checked, because of GuessLimit
   };
   Admission admit(std::string_view token, const AddressBlock& from, GuessLimit::Clock::time_point now);
   /// Called about every 100 ms, so that an address is forgotten a second after its last wrong token.

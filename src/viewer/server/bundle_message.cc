@@ -14,8 +14,8 @@ class FieldWriter {
  public:
   explicit FieldWriter(WireWriter& out) : out_(out) {}
 
-  void operator()(const char*, std::uint32_t value, const char*) { out_.whole(value); }
-  void operator()(const char*, std::uint64_t value, const char*) { out_.whole(value); }
+  void operator()(const char*, std::uint32_t value, const char*) { out_.unsigned_integer(value); }
+  void operator()(const char*, std::uint64_t value, const char*) { out_.unsigned_integer(value); }
   void operator()(const char*, double value, const char*) { out_.real64(value); }
   void operator()(const char*, float value, const char*) { out_.real32(value); }
   template <std::size_t kCount>
@@ -45,13 +45,13 @@ bool next_bundle(const TickHistory& history, SentTicks& sent, std::span<BundledT
   for (const BundledTick& tick : ticks) size += kBundledTick_bytes + tick.devices * kBundledDevice_bytes;
   bytes.resize(size);
   WireWriter out(bytes.data());
-  for (const char c : std::string_view("PLPB")) out.whole(static_cast<std::uint8_t>(c));
-  out.whole(static_cast<std::uint16_t>(kProtocol));
-  out.whole(std::uint16_t{0});
-  out.whole(static_cast<std::uint32_t>(size));
-  out.whole(static_cast<std::uint32_t>(ticks.size()));
-  out.whole(sent.sequence);
-  out.whole(sent.lost);
+  for (const char c : std::string_view("PLPB")) out.unsigned_integer(static_cast<std::uint8_t>(c));
+  out.unsigned_integer(static_cast<std::uint16_t>(kProtocolVersion));
+  out.unsigned_integer(std::uint16_t{0});
+  out.unsigned_integer(static_cast<std::uint32_t>(size));
+  out.unsigned_integer(static_cast<std::uint32_t>(ticks.size()));
+  out.unsigned_integer(sent.sequence);
+  out.unsigned_integer(sent.lost);
   PALPATE_CHECK(out.at() == bytes.data() + kBundleHead_bytes);
   FieldWriter write(out);
   for (const BundledTick& tick : ticks) {

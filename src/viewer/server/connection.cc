@@ -150,8 +150,8 @@ void Connection::send_part(bool keep_alive) {
     volume_left_.remove_prefix(part.size());
     write(part, "", [this, keep_alive] { send_part(keep_alive); });
   };
-  if (turn.at <= Clock::now()) return send();
-  turn_->wait_until(turn.at, [self = shared_from_this(), send] {
+  if (turn.not_before <= Clock::now()) return send();
+  turn_->wait_until(turn.not_before, [self = shared_from_this(), send] {
     if (!self->closed_) send();
   });
 }

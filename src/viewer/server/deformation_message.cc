@@ -93,23 +93,23 @@ bool DeformationMessage::is_indistinguishable_from(const DeformationMessage& oth
 std::string DeformationMessage::bytes() const {
   std::string bytes(kHead_bytes + 2 * steps_.size(), '\0');
   WireWriter out(bytes.data());
-  for (const char c : std::string_view("PLPY")) out.whole(static_cast<std::uint8_t>(c));
-  out.whole(static_cast<std::uint16_t>(kProtocol));
-  out.whole(device_);
-  out.whole(static_cast<std::uint32_t>(bytes.size()));
-  out.whole(frame_);
+  for (const char c : std::string_view("PLPY")) out.unsigned_integer(static_cast<std::uint8_t>(c));
+  out.unsigned_integer(static_cast<std::uint16_t>(kProtocolVersion));
+  out.unsigned_integer(device_);
+  out.unsigned_integer(static_cast<std::uint32_t>(bytes.size()));
+  out.unsigned_integer(frame_);
   for (const auto& three : {nodes_, lo_, size_})
-    for (const int count : three) out.whole(static_cast<std::uint16_t>(count));
-  out.whole(std::uint16_t{0});
+    for (const int count : three) out.unsigned_integer(static_cast<std::uint16_t>(count));
+  out.unsigned_integer(std::uint16_t{0});
   out.reals32(first_mm_);
   // columns of the matrix are axes
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (std::size_t row = 0; row < 3; ++row) out.real32(axes_[3 * row + axis]);
   out.real32(spacing_mm_);
   out.real32(step_mm_);
-  out.whole(std::uint32_t{0});
+  out.unsigned_integer(std::uint32_t{0});
   PALPATE_CHECK(out.at() == bytes.data() + kHead_bytes);
-  for (const std::int16_t step : steps_) out.whole(static_cast<std::uint16_t>(step));
+  for (const std::int16_t step : steps_) out.unsigned_integer(static_cast<std::uint16_t>(step));
   return bytes;
 }
 

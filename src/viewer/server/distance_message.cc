@@ -12,13 +12,13 @@ namespace {
 constexpr std::size_t kTickAt = 8, kAfterTick = 16;
 
 void write_near(WireWriter& out, const DeviceTick& device) {
-  out.whole(device.no_go);
-  out.whole(std::uint16_t{0});
+  out.unsigned_integer(device.no_go);
+  out.unsigned_integer(std::uint16_t{0});
   out.real32(device.no_go_depth_mm);
   out.real32(device.no_go_N);
   for (std::size_t n = 0; n < device.near_label.size(); ++n) {
-    out.whole(device.near_label[n]);
-    out.whole(std::uint16_t{0});
+    out.unsigned_integer(device.near_label[n]);
+    out.unsigned_integer(std::uint16_t{0});
     out.real32(device.near_mm[n]);
   }
 }
@@ -29,15 +29,15 @@ DistanceMessage::DistanceMessage(const TickRecord& tick) {
   const int devices = std::clamp(tick.devices, 1, kMaxDevices);
   size_ = kHead_bytes + static_cast<std::size_t>(devices) * kDevice_bytes;
   WireWriter out(bytes_.data());
-  for (const char c : std::string_view("PLPN")) out.whole(static_cast<std::uint8_t>(c));
-  out.whole(static_cast<std::uint16_t>(kProtocol));
-  out.whole(static_cast<std::uint16_t>(size_));
+  for (const char c : std::string_view("PLPN")) out.unsigned_integer(static_cast<std::uint8_t>(c));
+  out.unsigned_integer(static_cast<std::uint16_t>(kProtocolVersion));
+  out.unsigned_integer(static_cast<std::uint16_t>(size_));
   PALPATE_CHECK(out.at() == bytes_.data() + kTickAt);
-  out.whole(tick.tick);
+  out.unsigned_integer(tick.tick);
   PALPATE_CHECK(out.at() == bytes_.data() + kAfterTick);
-  out.whole(static_cast<std::uint16_t>(devices));
-  out.whole(std::uint16_t{0});
-  out.whole(std::uint32_t{0});
+  out.unsigned_integer(static_cast<std::uint16_t>(devices));
+  out.unsigned_integer(std::uint16_t{0});
+  out.unsigned_integer(std::uint32_t{0});
   PALPATE_CHECK(out.at() == bytes_.data() + kHead_bytes);
   for (int d = 0; d < devices; ++d) write_near(out, tick.device[static_cast<std::size_t>(d)]);
   PALPATE_CHECK(out.at() == bytes_.data() + size_);

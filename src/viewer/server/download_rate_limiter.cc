@@ -4,17 +4,17 @@
 
 namespace palpate::server {
 
-DownloadRateLimiter::DownloadRateLimiter(std::size_t at_once_bytes, Clock::time_point now)
-    : at_once_(time_of(at_once_bytes)), paid_until_(now - at_once_) {}
+DownloadRateLimiter::DownloadRateLimiter(std::size_t burst_bytes, Clock::time_point now)
+    : burst_time_(time_of(burst_bytes)), paid_until_(now - burst_time_) {}
 
 DownloadRateLimiter::Clock::duration DownloadRateLimiter::time_of(std::size_t bytes) {
   return std::chrono::duration_cast<Clock::duration>(
-      std::chrono::duration<double>(static_cast<double>(bytes) / kEachSecond_bytes));
+      std::chrono::duration<double>(static_cast<double>(bytes) / kLimitedRate_bytes_per_s));
 }
 
 DownloadRateLimiter::Chunk DownloadRateLimiter::next(std::size_t left_bytes, bool is_only_viewer,
                                                      Clock::time_point now) {
-  paid_until_ = std::max(paid_until_, now - at_once_);
+  paid_until_ = std::max(paid_until_, now - burst_time_);
   const std::size_t large = std::min(left_bytes, kLargePart_bytes);
   if (paid_until_ + time_of(large) <= now) {
     paid_until_ += time_of(large);

@@ -14,26 +14,26 @@ namespace palpate::server {
 class DownloadRateLimiter {
  public:
   using Clock = std::chrono::steady_clock;
-  static constexpr double kEachSecond_bytes = 8e6;
+  static constexpr double kLimitedRate_bytes_per_s = 8e6;
   /// Part sizes at full speed and at the limited rate.
   static constexpr std::size_t kLargePart_bytes = 64 << 10, kSmallPart_bytes = 16 << 10;
 
-  /// @param at_once_bytes  burst size: bytes sent at full speed after a period without downloads
-  DownloadRateLimiter(std::size_t at_once_bytes, Clock::time_point now);
+  /// @param burst_bytes  bytes sent at full speed after a period without downloads
+  DownloadRateLimiter(std::size_t burst_bytes, Clock::time_point now);
 
   struct Chunk {
     std::size_t bytes = 0;
-    Clock::time_point at;  ///< Earliest time
+    Clock::time_point not_before;  ///< Earliest time of sending
   };
   /// Next part of a download whose previous part has been sent.
   /// @param left_bytes  remaining bytes, at least one
-  /// @param is_only_viewer       whether no more is being downloaded than a single viewer needs
+  /// @param is_only_viewer  whether there is at most one viewer, with no more downloads than it needs
   Chunk next(std::size_t left_bytes, bool is_only_viewer, Clock::time_point now);
 
  private:
   static Clock::duration time_of(std::size_t bytes);
 
-  const Clock::duration at_once_;
+  const Clock::duration burst_time_;
   // time by which everything sent so far would have been sent at the limited rate
   Clock::time_point paid_until_;
 };

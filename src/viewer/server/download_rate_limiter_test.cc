@@ -22,7 +22,7 @@ using palpate::testing::TestSocket;
 using palpate::testing::TestViewer;
 using Clock = DownloadRateLimiter::Clock;
 
-constexpr std::size_t kAtOnce_bytes = 20'000'000;
+constexpr std::size_t kBurst_bytes = 20'000'000;
 
 /// Sends a download as fast as permitted. @return time of completion
 Clock::time_point send(DownloadRateLimiter& pace, std::size_t bytes, Clock::time_point now,
@@ -32,29 +32,29 @@ Clock::time_point send(DownloadRateLimiter& pace, std::size_t bytes, Clock::time
     EXPECT_GE(turn.bytes, 1u);
     EXPECT_LE(turn.bytes, bytes);
     bytes -= turn.bytes;
-    now = std::max(now, turn.at);
+    now = std::max(now, turn.not_before);
   }
   return now;
 }
 
 TEST(DownloadRateLimiter, SingleViewerIsNotLimited) {
   const Clock::time_point begin{};
-  DownloadRateLimiter pace(kAtOnce_bytes, begin);
-  EXPECT_EQ(pace.next(kAtOnce_bytes, false, begin).bytes, DownloadRateLimiter::kLargePart_bytes);
-  EXPECT_EQ(send(pace, kAtOnce_bytes - DownloadRateLimiter::kLargePart_bytes, begin), begin);
+  DownloadRateLimiter pace(kBurst_bytes, begin);
+  EXPECT_EQ(pace.next(kBurst_bytes, false, begin).bytes, DownloadRateLimiter::kLargePart_bytes);
+  EXPECT_EQ(send(pace, kBurst_bytes - DownloadRateLimiter::kLargePart_bytes, begin), begin);
   // and again, after the time in which the rate alone would have sent as much
   const auto later = begin + 3s;
-  EXPECT_EQ(send(pace, kAtOnce_bytes, later), later);
+  EXPECT_EQ(send(pace, kBurst_bytes, later), later);
   // the credit is bounded, however long the pause
   const auto much_later = begin + 1h;
-  EXPECT_EQ(send(pace, kAtOnce_bytes, much_later), much_later);
+  EXPECT_EQ(send(pace, kBurst_bytes, much_later), much_later);
   EXPECT_GT(send(pace, 1'000'000, much_later), much_later);
 }
 
 TEST(DownloadRateLimiter, ExcessIsSentInSmallChunksAtTheLimitedRate) {
   const Clock::time_point begin{};
-  DownloadRateLimiter pace(kAtOnce_bytes, begin);
-  send(pace, kAtOnce_bytes, begin);
+  DownloadRateLimiter pace(kBurst_bytes, begin);
+  send(pace, kBurst_bytes, begin);
   // a single download that is always ready
   Clock::time_point now = begin;
   double sent_bytes = 0;
@@ -62,24 +62,24 @@ TEST(DownloadRateLimiter, ExcessIsSentInSmallChunksAtTheLimitedRate) {
     const auto turn = pace.next(1 << 30, false, now);
     EXPECT_EQ(turn.bytes, DownloadRateLimiter::kSmallPart_bytes);
     sent_bytes += static_cast<double>(turn.bytes);
-    EXPECT_GT(turn.at, now);
-    now = turn.at;
+    EXPECT_GT(turn.not_before, now);
+    now = turn.not_before;
   }
   const double s = std::chrono::duration<double>(now - begin).count();
-  EXPECT_NEAR(sent_bytes / s / DownloadRateLimiter::kEachSecond_bytes, 1, 1e-6);
+  EXPECT_NEAR(sent_bytes / s / DownloadRateLimiter::kLimitedRate_bytes_per_s, 1, 1e-6);
 }
 
 TEST(DownloadRateLimiter, OneViewerAloneNeverWaits) {
   const Clock::time_point begin{};
-  DownloadRateLimiter pace(kAtOnce_bytes, begin);
-  EXPECT_EQ(send(pace, 100 * kAtOnce_bytes, begin, true), begin);
+  DownloadRateLimiter pace(kBurst_bytes, begin);
+  EXPECT_EQ(send(pace, 100 * kBurst_bytes, begin, true), begin);
   // the next download is limited from the start, but does not pay for the previous one
   const auto turn = pace.next(1 << 30, false, begin);
   EXPECT_EQ(turn.bytes, DownloadRateLimiter::kSmallPart_bytes);
-  EXPECT_LE(turn.at, begin + 10ms);
+  EXPECT_LE(turn.not_before, begin + 10ms);
   // alone again, and not delayed by what was sent at the limited rate
-  send(pace, kAtOnce_bytes, begin);
-  EXPECT_EQ(send(pace, kAtOnce_bytes, begin, true), begin);
+  send(pace, kBurst_bytes, begin);
+  EXPECT_EQ(send(pace, kBurst_bytes, begin, true), begin);
 }
 
 // the next part of each download waits at most one round, so none overtakes
@@ -89,12 +89,12 @@ TEST(DownloadRateLimiter, EachOfManyGetsItsShare) {
     std::size_t waits = 0, sent = 0;
   };
   Clock::time_point now{};
-  DownloadRateLimiter pace(kAtOnce_bytes, now);
-  send(pace, kAtOnce_bytes, now);
+  DownloadRateLimiter pace(kBurst_bytes, now);
+  send(pace, kBurst_bytes, now);
   std::vector<Download> downloads(64);
   const auto wants = [&](Download& download) {
     const auto turn = pace.next(1 << 30, false, now);
-    download.at = turn.at;
+    download.at = turn.not_before;
     download.waits = turn.bytes;
   };
   for (Download& download : downloads) wants(download);
@@ -124,7 +124,7 @@ double load(TestServer& test, int times) {
 
 /// Minimum duration of `loads` downloads at the limited rate, with scan and labels in the burst; s.
 double at_the_rate_s(int loads) {
-  return (loads - 1.5) * kScan_bytes / DownloadRateLimiter::kEachSecond_bytes;
+  return (loads - 1.5) * kScan_bytes / DownloadRateLimiter::kLimitedRate_bytes_per_s;
 }
 
 // a lower bound on time, so a slow machine cannot break it

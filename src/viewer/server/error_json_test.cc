@@ -100,7 +100,7 @@ TEST(ReportedError, RequestKeysAreProtocolWords) {
       const WireJson message{{"type", type}, {"id", 1}, {key, WireJson::array({1, 2})}};
       const auto parsed = parse_viewer_message(message.dump());
       ASSERT_TRUE(parsed && std::holds_alternative<Request>(*parsed)) << message;
-      const auto* refusal = std::get_if<Error>(&std::get<Request>(*parsed).what);
+      const auto* refusal = std::get_if<Error>(&std::get<Request>(*parsed).body);
       ASSERT_TRUE(refusal) << message;
       EXPECT_TRUE(is_word_of_protocol(refusal->where)) << message << refusal->where;
     }

@@ -19,7 +19,7 @@ void GuessLimit::guessed_wrong(const AddressBlock& from, Clock::time_point now) 
   if (known != accounts_.end())
     known->second.take(now);
   else if (accounts_.size() < kMaxAddresses)
-    accounts_.emplace(from, TokenBucket(kEachSecond, kAtOnce, now)).first->second.take(now);
+    accounts_.emplace(from, TokenBucket(kRate_per_s, kBurst, now)).first->second.take(now);
   else
     shared_.take(now);
 }

@@ -19,7 +19,7 @@ class GuessLimit {
  public:
   using Clock = TokenBucket::Clock;
   /// A burst of 5 and 5 more per second never exceed 10 within a second.
-  static constexpr double kAtOnce = 5, kEachSecond = 5;
+  static constexpr double kBurst = 5, kRate_per_s = 5;
   /// About 300 kB.
   static constexpr std::size_t kMaxAddresses = 4096;
 
@@ -35,7 +35,7 @@ class GuessLimit {
 
  private:
   std::map<AddressBlock, TokenBucket> accounts_;
-  TokenBucket shared_{kEachSecond, kAtOnce, {}};
+  TokenBucket shared_{kRate_per_s, kBurst, {}};
   Clock::time_point forgot_{};
 };
 

@@ -109,7 +109,7 @@ TEST(GuessLimit, TheTableOfAddressesIsBounded) {
     limit.guessed_wrong(from, now);
   }
   EXPECT_EQ(limit.addresses(), GuessLimit::kMaxAddresses);
-  EXPECT_EQ(inspected, static_cast<int>(GuessLimit::kMaxAddresses + GuessLimit::kAtOnce));
+  EXPECT_EQ(inspected, static_cast<int>(GuessLimit::kMaxAddresses + GuessLimit::kBurst));
   // inactive addresses are forgotten, even if no new address was accepted
   now += 300ms;
   EXPECT_TRUE(limit.may_check_token(block("10.9.9.9"), now));
@@ -148,7 +148,7 @@ TEST(GuessLimit, SiteReportsRetryAfter) {
   request.local_address = "127.0.0.1";
   request.authorization = "Bearer wrong";
   const auto answer = [&] { return std::get<HttpResponse>(site.answer(request)); };
-  for (int n = 0; n < GuessLimit::kAtOnce; ++n) EXPECT_EQ(answer().status, 401);
+  for (int n = 0; n < GuessLimit::kBurst; ++n) EXPECT_EQ(answer().status, 401);
   EXPECT_EQ(answer().status, 429);
   const std::string head = site.head_of(answer(), request, false);
   EXPECT_NE(head.find("429 Too Many Requests\r\n"), std::string::npos);

@@ -100,7 +100,7 @@ class Hub {
   void publish_state();
   std::string state_for(const Viewer& viewer) const;
   /// First message to a viewer: its role and permissions.
-  std::string welcome_for(const Who& who) const;
+  std::string welcome_for(const AuthenticatedViewer& who) const;
   /// Redaction that applies to a viewer; null: none.
   const Redaction* redaction_of(const Viewer& viewer) const;
   /// Redaction that currently applies to learners; null: none.
@@ -143,13 +143,15 @@ class Hub {
   void deliver_late_answers();
   Result<void> execute_pointer(Viewer& viewer, const PointerRequest& request);
   Result<void> execute_play(const PlayRequest& request);
+  /// Number of the viewer that moves the tip; 0: none.
+  std::uint32_t pointer_owner() const;
   void update_viewer_count();
   void wait_for_poses();
   void publish_due();
   void publish_deformation(Clock::time_point now);
   void publish_plan();
   void publish_navigation(Clock::time_point now);
-  void stop_later(Clock::time_point latest);
+  void stop_when_delivered(Clock::time_point latest);
   void schedule_housekeeping();
   void run_housekeeping();
 
@@ -170,16 +172,13 @@ class Hub {
   int welcomed_ = 0;
   std::uint32_t last_viewer_number_ = 0;  ///< Number of viewers that have said hello so far
   bool pose_timer_runs_ = false, ended_ = false;
-  /// Number of the viewer that moves the tip; 0: none.
-  std::uint32_t pointer_owner() const;
-
   const Viewer* pointer_owner_ = nullptr;  ///< Viewer that moves the tip; may be null
   ViewedState state_;
   std::string last_state_json_,
       last_redacted_state_json_;  ///< Last messages: as a teacher receives them, and redacted
   std::optional<RedactedSteps> redacted_steps_;
   TickRecord redacted_tick_;             ///< Last redacted tick
-  bool are_hidden_names_shown_ = false;  ///< Whether learners are shown what a quiz hides
+  bool are_hidden_names_shown_ = false;  ///< Whether learners get the names hidden by a quiz
   ViewedHealth health_;
   std::vector<BundledTick> bundle_scratch_ = std::vector<BundledTick>(kMaxBundledTicks);
   struct LastPublished {

@@ -24,7 +24,7 @@ void message(std::string_view text) {
     PALPATE_CHECK(hello->poses_hz >= 1 && hello->poses_hz <= 120);
   const auto* request = std::get_if<Request>(&*parsed);
   if (!request) return;
-  if (const auto* set = std::get_if<SettingsRequest>(&request->what)) {
+  if (const auto* set = std::get_if<SettingsRequest>(&request->body)) {
     PALPATE_CHECK(!set->max_force_N || std::isfinite(*set->max_force_N));
     double square = 1;
     if (set->rotation_wxyz) {
@@ -33,14 +33,14 @@ void message(std::string_view text) {
     }
     PALPATE_CHECK(std::abs(square - 1) < 1e-9);
   }
-  if (const auto* tissue = std::get_if<TissueRequest>(&request->what)) PALPATE_CHECK(tissue->tissue >= 0);
-  if (const auto* task = std::get_if<TaskRequest>(&request->what))
+  if (const auto* tissue = std::get_if<TissueRequest>(&request->body)) PALPATE_CHECK(tissue->tissue >= 0);
+  if (const auto* task = std::get_if<TaskRequest>(&request->body))
     PALPATE_CHECK(task->begin.has_value() != task->end && (!task->begin || task->begin->size() <= 256));
-  if (const auto* lesson = std::get_if<LessonRequest>(&request->what))
+  if (const auto* lesson = std::get_if<LessonRequest>(&request->body))
     PALPATE_CHECK(lesson->learner || lesson->task || lesson->names || lesson->pointer || lesson->end);
-  if (const auto* plan = std::get_if<PlanRequest>(&request->what))
+  if (const auto* plan = std::get_if<PlanRequest>(&request->body))
     PALPATE_CHECK(plan->trajectory.has_value() != (plan->save || plan->restore_version.has_value()));
-  if (const auto* error = std::get_if<Error>(&request->what))
+  if (const auto* error = std::get_if<Error>(&request->body))
     PALPATE_CHECK(!refused_json(request->id, *error).empty());
 }
 

@@ -9,13 +9,13 @@ namespace palpate::server {
 
 void PayloadStore::request(const PayloadKey& key, std::function<void(Payload)> then) {
   run([this, key, then = std::move(then)] {
-    const Payload payload = made(key);
+    const Payload payload = payload_for(key);
     if (!stop_) then(payload);
   });
 }
 
 // a failure affects this request only
-PayloadStore::Payload PayloadStore::made(const PayloadKey& key) try {
+PayloadStore::Payload PayloadStore::payload_for(const PayloadKey& key) try {
   Payload& payload = made_[key];
   if (!payload) payload = make_(key, stop_);
   return payload;
@@ -23,9 +23,10 @@ PayloadStore::Payload PayloadStore::made(const PayloadKey& key) try {
   return nullptr;
 }
 
-PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
-                                 std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
-                                 std::shared_ptr<const Bricks<LabelId>> redacted, bool wide_redacted) {
+PayloadStore::Generator volume_generator(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
+                                         std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
+                                         std::shared_ptr<const Bricks<LabelId>> redacted,
+                                         bool wide_redacted) {
   PALPATE_CHECK(labels);
   return
       [scan = std::move(scan), scale, labels = std::move(labels), wide_labels, redacted = std::move(redacted),

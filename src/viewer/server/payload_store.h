@@ -31,9 +31,9 @@ class PayloadStore {
  public:
   using Payload = std::shared_ptr<const std::string>;
   /// Generates the payload for a key; null if `stop` became true in the meantime. May throw.
-  using Maker = std::function<Payload(const PayloadKey& key, const std::atomic<bool>& stop)>;
+  using Generator = std::function<Payload(const PayloadKey& key, const std::atomic<bool>& stop)>;
 
-  explicit PayloadStore(Maker make);
+  explicit PayloadStore(Generator make);
   /// Ends at once; unfinished work is discarded and callbacks are not called.
   ~PayloadStore();
   PayloadStore(const PayloadStore&) = delete;
@@ -47,14 +47,14 @@ class PayloadStore {
 
  private:
   void work();
-  Payload made(const PayloadKey& key);
+  Payload payload_for(const PayloadKey& key);
 
-  const Maker make_;
+  const Generator make_;
   // used by the store's thread only
   std::map<PayloadKey, Payload> made_;
 
   std::mutex mutex_;
-  std::condition_variable wished_;
+  std::condition_variable work_available_;
   std::deque<std::function<void()>> jobs_;
   std::atomic<bool> stop_{false};
   std::thread thread_;
@@ -64,9 +64,9 @@ class PayloadStore {
 /// @param scan    may be null if it is never requested
 /// @param redacted  labels as learners see them; null if never requested
 /// @param wide_labels, wide_redacted  needs_wide_labels() of each
-PayloadStore::Maker volume_maker(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
-                                 std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
-                                 std::shared_ptr<const Bricks<LabelId>> redacted = nullptr,
-                                 bool wide_redacted = false);
+PayloadStore::Generator volume_generator(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
+                                         std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
+                                         std::shared_ptr<const Bricks<LabelId>> redacted = nullptr,
+                                         bool wide_redacted = false);
 
 }  // namespace palpate::server

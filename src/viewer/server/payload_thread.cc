@@ -7,7 +7,7 @@
 // The thread of a PayloadStore; a host without threads has another source for it (src/bindings/wasm).
 namespace palpate::server {
 
-PayloadStore::PayloadStore(Maker make) : make_(std::move(make)) {
+PayloadStore::PayloadStore(Generator make) : make_(std::move(make)) {
   thread_ = std::thread([this] {
     be_ordinary_thread("viewer-volumes");
     work();
@@ -19,7 +19,7 @@ PayloadStore::~PayloadStore() {
     const std::lock_guard lock(mutex_);
     stop_ = true;
   }
-  wished_.notify_one();
+  work_available_.notify_one();
   thread_.join();
 }
 
@@ -28,13 +28,13 @@ void PayloadStore::run(std::function<void()> job) {
     const std::lock_guard lock(mutex_);
     jobs_.push_back(std::move(job));
   }
-  wished_.notify_one();
+  work_available_.notify_one();
 }
 
 void PayloadStore::work() {
   while (true) {
     std::unique_lock lock(mutex_);
-    wished_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
+    work_available_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
     if (stop_) return;
     const auto job = std::move(jobs_.front());
     jobs_.pop_front();

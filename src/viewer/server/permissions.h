@@ -18,7 +18,7 @@ inline constexpr std::array kRoles{Role::kView, Role::kControl, Role::kLearner, 
 std::string_view name_of(Role role);
 
 /// Authenticated viewer.
-struct Who {
+struct AuthenticatedViewer {
   Role role = Role::kView;
   std::string learner;  ///< Pseudonym of the token, for a learner
 };

@@ -9,7 +9,7 @@
 
 namespace palpate::server {
 
-inline constexpr int kProtocol = 3;
+inline constexpr int kProtocolVersion = 3;
 
 /// Binary message with the pose and the forces of one tick, in the layout of
 /// docs/reference/viewer-messages.md.

@@ -461,7 +461,7 @@ void compare(Draw& draw, const Redaction& redaction, const Redaction& bare_redac
   ASSERT_TRUE(redaction.scene().labels->dense().voxels() == draw.bare.voxels());
   ASSERT_EQ(redaction.scene().content_hash, bare_redaction.scene().content_hash);
   const VolumeFacts facts{"", 1, 0, {0, 1}, false};
-  const Who learner{Role::kLearner, "L042"};
+  const AuthenticatedViewer learner{Role::kLearner, "L042"};
   ASSERT_EQ(
       scene_json(redaction.scene(), redaction.of(draw.host.state()), facts, learner, true),
       scene_json(bare_redaction.scene(), bare_redaction.of(draw.bare_host.state()), facts, learner, true));

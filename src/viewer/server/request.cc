@@ -231,11 +231,11 @@ std::optional<ViewerMessage> read_hello(Fields& fields) {
   hello.token = fields.name("token", kMaxToken_bytes).value_or("");
   hello.poses_hz = fields.number("poses_hz").value_or(hello.poses_hz);
   hello.wants_deformation = fields.flag("yielded").value_or(false);
-  hello.task = fields.flag("task").value_or(false);
-  hello.plan = fields.flag("plan").value_or(false);
-  hello.near = fields.flag("near").value_or(false);
-  hello.ticks = fields.flag("ticks").value_or(false);
-  hello.navigation = fields.flag("navigation").value_or(false);
+  hello.wants_task = fields.flag("task").value_or(false);
+  hello.wants_plan = fields.flag("plan").value_or(false);
+  hello.wants_distances = fields.flag("near").value_or(false);
+  hello.wants_ticks = fields.flag("ticks").value_or(false);
+  hello.wants_navigation = fields.flag("navigation").value_or(false);
   fields.end();
   if (fields.refusal() || !(hello.poses_hz >= 1 && hello.poses_hz <= kMaxPoses_hz)) return std::nullopt;
   return hello;
@@ -274,35 +274,35 @@ std::optional<ViewerMessage> parse_message(std::string_view text) {
   Request request;
   request.id = *id;
   if (*type == "set") {
-    request.what = read_settings(fields);
+    request.body = read_settings(fields);
   } else if (*type == "tissue") {
-    request.what = read_tissue(fields);
+    request.body = read_tissue(fields);
   } else if (*type == "undo" || *type == "redo") {
     StrokeRequest stroke;
     stroke.action = *type == "undo" ? StrokeAction::kUndo : StrokeAction::kRedo;
-    request.what = stroke;
+    request.body = stroke;
     fields.end();
   } else if (*type == "pointer") {
-    request.what = read_pointer(fields);
+    request.body = read_pointer(fields);
   } else if (*type == "play") {
-    request.what = read_play(fields);
+    request.body = read_play(fields);
   } else if (*type == "task") {
-    request.what = read_task(fields);
+    request.body = read_task(fields);
   } else if (*type == "lesson") {
-    request.what = read_lesson(fields);
+    request.body = read_lesson(fields);
   } else if (*type == "plan") {
-    request.what = read_plan(fields);
+    request.body = read_plan(fields);
   } else if (*type == "rearm") {
     fields.want("stop");
     RearmRequest rearm;
     rearm.stop = static_cast<std::uint32_t>(fields.integer("stop", 0, 0xffffffff).value_or(0));
     rearm.code = fields.name("code", kMaxCode_bytes).value_or("");
-    request.what = rearm;
+    request.body = rearm;
     fields.end();
   } else {
     fields.refuse("type", "is unknown");
   }
-  if (fields.refusal()) request.what = *fields.refusal();
+  if (fields.refusal()) request.body = *fields.refusal();
   return request;
 }
 
@@ -317,7 +317,7 @@ std::optional<ViewerMessage> parse_viewer_message(std::string_view text) {
 
 bool is_stop(const std::optional<ViewerMessage>& message) {
   const auto* request = message ? std::get_if<Request>(&*message) : nullptr;
-  return request && std::holds_alternative<StopRequest>(request->what);
+  return request && std::holds_alternative<StopRequest>(request->body);
 }
 
 }  // namespace palpate::server

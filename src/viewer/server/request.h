@@ -23,11 +23,11 @@ struct Hello {
   std::string token;  ///< Empty: none
   double poses_hz = 60;
   bool wants_deformation = false;  ///< Subscribes to deformation
-  bool task = false;               ///< Subscribes to the progress of tasks
-  bool plan = false;               ///< Subscribes to the plan
-  bool near = false;               ///< Subscribes to distances and no-go regions
-  bool ticks = false;              ///< Subscribes to bundles of all ticks
-  bool navigation = false;         ///< Subscribes to the error estimate of a tracked tip
+  bool wants_task = false;         ///< Subscribes to the progress of tasks
+  bool wants_plan = false;         ///< Subscribes to the plan
+  bool wants_distances = false;    ///< Subscribes to distances and no-go regions
+  bool wants_ticks = false;        ///< Subscribes to bundles of all ticks
+  bool wants_navigation = false;   ///< Subscribes to the error estimate of a tracked tip
 };
 /// Emergency stop.
 struct StopRequest {};
@@ -45,7 +45,7 @@ struct Request {
   std::int64_t id = 0;
   std::variant<SettingsRequest, TissueRequest, StrokeRequest, StopRequest, RearmRequest, PointerRequest,
                PlayRequest, TaskRequest, PlanRequest, LessonRequest, Error>
-      what;
+      body;
 };
 
 using ViewerMessage = std::variant<Hello, TipMessage, Request>;

@@ -20,7 +20,7 @@ std::optional<T> parsed(std::string_view text) {
     return found ? std::optional(*found) : std::nullopt;
   } else {
     const auto* request = std::get_if<Request>(&*message);
-    const auto* found = request ? std::get_if<T>(&request->what) : nullptr;
+    const auto* found = request ? std::get_if<T>(&request->body) : nullptr;
     return found ? std::optional(*found) : std::nullopt;
   }
 }
@@ -41,16 +41,16 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 3})")->poses_hz, 60);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "yielded": true})")->wants_deformation);
 
-  EXPECT_FALSE(hello->task);
-  EXPECT_FALSE(hello->near);
-  EXPECT_FALSE(hello->navigation);
-  EXPECT_FALSE(hello->ticks);
-  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "ticks": true})")->ticks);
-  EXPECT_FALSE(hello->plan);
-  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "plan": true})")->plan);
-  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "near": true})")->near);
-  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "navigation": true})")->navigation);
-  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "task": true})")->task);
+  EXPECT_FALSE(hello->wants_task);
+  EXPECT_FALSE(hello->wants_distances);
+  EXPECT_FALSE(hello->wants_navigation);
+  EXPECT_FALSE(hello->wants_ticks);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "ticks": true})")->wants_ticks);
+  EXPECT_FALSE(hello->wants_plan);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "plan": true})")->wants_plan);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "near": true})")->wants_distances);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "navigation": true})")->wants_navigation);
+  EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "task": true})")->wants_task);
 
   const auto begin = parsed<TaskRequest>(R"({"type": "task", "id": 8, "begin": "hold-steady"})");
   ASSERT_TRUE(begin);
@@ -292,7 +292,7 @@ TEST(Request, AnyDamageGivesAMessageOrNone) {
     if (!message) continue;
     ++messages;
     const auto* request = std::get_if<Request>(&*message);
-    const auto* set = request ? std::get_if<SettingsRequest>(&request->what) : nullptr;
+    const auto* set = request ? std::get_if<SettingsRequest>(&request->body) : nullptr;
     EXPECT_TRUE(!set || !set->max_force_N || std::isfinite(*set->max_force_N)) << text;
     if (!set || !set->rotation_wxyz) continue;
     double square = 0;

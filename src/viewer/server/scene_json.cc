@@ -156,7 +156,7 @@ Json recording_json(const ViewedRecording& recording) {
 }
 
 // role and permissions of the receiver
-void add_who(Json& json, const Who& who, bool has_tasks, bool stores_runs) {
+void add_who(Json& json, const AuthenticatedViewer& who, bool has_tasks, bool stores_runs) {
   json["role"] = name_of(who.role);
   json["learner"] = who.learner.empty() ? Json() : shown(who.learner);
   json["may"] = permissions_of(who.role, has_tasks, stores_runs);
@@ -176,7 +176,7 @@ Json lesson_json(const ViewedState::Lesson& lesson, const StateRecipient& recipi
   return {{"learner", is_reported && !lesson.learner.empty() ? shown(lesson.learner) : Json()},
           {"of_another", recipient.who.role == Role::kLearner && !lesson.is_for(recipient.who.learner)},
           {"task", lesson.task.empty() ? Json() : shown(lesson.task)},
-          {"names", recipient.names},
+          {"names", recipient.shows_hidden_names},
           {"redacted", recipient.redacted},
           {"learners", std::move(learners)},
           {"over", lesson.is_over}};
@@ -208,9 +208,9 @@ std::string hash_text(std::uint64_t hash) {
 }
 
 std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
-                       const Who& who, bool stores_runs) {
+                       const AuthenticatedViewer& who, bool stores_runs) {
   Json json;
-  json["protocol"] = kProtocol;
+  json["protocol"] = kProtocolVersion;
   json["palpate"] = PALPATE_VERSION;
   add_who(json, who, !scene.tasks.empty(), stores_runs);
   json["side"] = scene.side;
@@ -293,10 +293,10 @@ std::string navigation_json(const ViewedNavigation& navigation) {
   return text_of(json);
 }
 
-std::string welcome_json(const Who& who, bool has_tasks, bool stores_runs) {
+std::string welcome_json(const AuthenticatedViewer& who, bool has_tasks, bool stores_runs) {
   Json json{{"type", "welcome"}};
   add_who(json, who, has_tasks, stores_runs);
-  json["protocol"] = kProtocol;
+  json["protocol"] = kProtocolVersion;
   return text_of(json);
 }
 

@@ -25,7 +25,7 @@ std::string hash_text(std::uint64_t hash);
 
 /// @param stores_runs  Site::stores_runs
 std::string scene_json(const ViewedScene& scene, const ViewedState& state, const VolumeFacts& facts,
-                       const Who& who, bool stores_runs);
+                       const AuthenticatedViewer& who, bool stores_runs);
 
 /// Learner with a token, as shown to a teacher.
 struct ListedLearner {
@@ -37,20 +37,20 @@ struct ListedLearner {
 /// Receiver of a state message, with the values that depend on it.
 struct StateRecipient {
   std::uint32_t number = 0;  ///< ViewerIdentity::number; 0: none
-  Who who{Role::kTeacher, {}};
+  AuthenticatedViewer who{Role::kTeacher, {}};
   std::uint32_t pointer_owner = 0;           ///< Number of the viewer that moves the tip; 0: none
   int viewers = 0;                           ///< Number of viewers that have said hello
-  bool names = false;                        ///< Whether learners are shown what a quiz hides
-  bool redacted = false;                     ///< Whether this receiver is not shown it
+  bool shows_hidden_names = false;           ///< Whether learners get the names hidden by a quiz
+  bool redacted = false;                     ///< Whether this recipient gets the redacted state
   std::vector<ListedLearner> learners = {};  ///< Sent to a teacher only
 };
-std::string state_json(const ViewedState& state, const StateRecipient& reader);
+std::string state_json(const ViewedState& state, const StateRecipient& recipient);
 
 /// Rounded to 0.01 mm.
 std::string navigation_json(const ViewedNavigation& navigation);
 /// @param has_tasks   whether the scene has tasks
 /// @param stores_runs  Site::stores_runs
-std::string welcome_json(const Who& who, bool has_tasks, bool stores_runs);
+std::string welcome_json(const AuthenticatedViewer& who, bool has_tasks, bool stores_runs);
 /// @param first  index of the first of them, from 0
 std::string sweeps_json(std::uint64_t first, std::span<const SweepRecord> sweeps);
 std::string done_json(std::int64_t id);

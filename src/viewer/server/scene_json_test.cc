@@ -139,11 +139,12 @@ TEST(SceneJson, StateAndAnswers) {
                "over": false}})"));
   // the learner is disclosed to teachers and to that learner only
   cut.lesson = {"L042", "hold"};
-  for (const auto& [who, learner, of_another] : {std::tuple(Who{Role::kTeacher, {}}, Json("L042"), false),
-                                                 std::tuple(Who{Role::kLearner, "L042"}, Json("L042"), false),
-                                                 std::tuple(Who{Role::kLearner, "L007"}, Json(), true),
-                                                 std::tuple(Who{Role::kControl, {}}, Json(), false),
-                                                 std::tuple(Who{Role::kView, {}}, Json(), false)}) {
+  for (const auto& [who, learner, of_another] :
+       {std::tuple(AuthenticatedViewer{Role::kTeacher, {}}, Json("L042"), false),
+        std::tuple(AuthenticatedViewer{Role::kLearner, "L042"}, Json("L042"), false),
+        std::tuple(AuthenticatedViewer{Role::kLearner, "L007"}, Json(), true),
+        std::tuple(AuthenticatedViewer{Role::kControl, {}}, Json(), false),
+        std::tuple(AuthenticatedViewer{Role::kView, {}}, Json(), false)}) {
     const Json lesson = Json::parse(state_json(cut, {1, who, 0, 1, false, false}))["lesson"];
     EXPECT_EQ(lesson["learner"], learner) << name_of(who.role);
     EXPECT_EQ(lesson["of_another"], of_another) << name_of(who.role);

@@ -54,9 +54,9 @@ class Server : public ViewerServer {
     const VolumeFacts facts = facts_of(scene, scale);
     Access access(address.text(), port(), is_tls_, options.host_names, std::move(tokens));
     if (access.has_learners() && has_quiz(scene)) redaction_.emplace(scene);
-    volumes_.emplace(volume_maker(scene.scan, scale, scene.labels, facts.wide_labels,
-                                  redaction_ ? redaction_->scene().labels : nullptr,
-                                  redaction_ && redaction_->has_wide_labels()));
+    volumes_.emplace(volume_generator(scene.scan, scale, scene.labels, facts.wide_labels,
+                                      redaction_ ? redaction_->scene().labels : nullptr,
+                                      redaction_ && redaction_->has_wide_labels()));
     pictures_.emplace(host);
     site_.emplace(host, std::move(access), facts, redaction_ ? &*redaction_ : nullptr);
     // bytes that a single page downloads: scan and labels

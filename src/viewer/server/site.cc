@@ -157,7 +157,7 @@ HttpResponse Site::file(std::string_view name, const HttpRequest& request) const
   return answer;
 }
 
-HttpResponse Site::scene(const Who& who) const {
+HttpResponse Site::scene(const AuthenticatedViewer& who) const {
   HttpResponse answer;
   answer.fields = field("Content-Type", "application/json") + field("Cache-Control", "no-store");
   const Redaction* redaction = redaction_of(who);
@@ -175,12 +175,12 @@ bool Site::stores_runs() const {
   return live != nullptr && live->stores_runs();
 }
 
-std::string Site::hash_for(const Who& who) const {
+std::string Site::hash_for(const AuthenticatedViewer& who) const {
   const Redaction* redaction = redaction_of(who);
   return redaction != nullptr ? hash_text(redaction->scene().content_hash) : facts_.hash;
 }
 
-SiteResponse Site::curves(const Who& who) const {
+SiteResponse Site::curves(const AuthenticatedViewer& who) const {
   const bool all = is_permitted(who.role, Permission::kAllRuns, true);
   if (!all && !is_permitted(who.role, Permission::kOwnRuns, true))
     return refusal(403,
@@ -195,7 +195,7 @@ SiteResponse Site::curves(const Who& who) const {
 }
 
 SiteResponse Site::volume(std::string_view path, std::string_view query, const HttpRequest& request,
-                          const Who& who) const {
+                          const AuthenticatedViewer& who) const {
   const std::string_view kind = path.substr(0, path.find('/'));
   const std::string_view hash = path.substr(std::min(path.size(), kind.size() + 1));
   const bool labels = kind == "labels", scan = kind == "scan" && host_.scene().scan;
@@ -219,7 +219,7 @@ SiteResponse Site::volume(std::string_view path, std::string_view query, const H
 }
 
 SiteResponse Site::picture(std::string_view hash, std::string_view query, const HttpRequest& request,
-                           const Who& who) const {
+                           const AuthenticatedViewer& who) const {
   const ViewedScene& scene = host_.scene();
   if (hash != hash_for(who) || scene.labels->geometry().voxel_count() > PictureStore::kMaxVoxels)
     return refusal(404);

@@ -69,7 +69,7 @@ class Site {
   /// Redaction for learners while it is on; null: none.
   const Redaction* redaction() const { return redaction_; }
   /// Redaction that applies to a viewer; null: none.
-  const Redaction* redaction_of(const Who& who) const {
+  const Redaction* redaction_of(const AuthenticatedViewer& who) const {
     return redaction_active_ && !is_permitted(who.role, Permission::kSeeHidden, true) ? redaction_ : nullptr;
   }
 
@@ -82,14 +82,14 @@ class Site {
 
  private:
   HttpResponse file(std::string_view name, const HttpRequest& request) const;
-  HttpResponse scene(const Who& who) const;
+  HttpResponse scene(const AuthenticatedViewer& who) const;
   SiteResponse volume(std::string_view path, std::string_view query, const HttpRequest& request,
-                      const Who& who) const;
+                      const AuthenticatedViewer& who) const;
   SiteResponse picture(std::string_view hash, std::string_view query, const HttpRequest& request,
-                       const Who& who) const;
-  SiteResponse curves(const Who& who) const;
+                       const AuthenticatedViewer& who) const;
+  SiteResponse curves(const AuthenticatedViewer& who) const;
   /// Hash in the URLs of the data that a viewer receives.
-  std::string hash_for(const Who& who) const;
+  std::string hash_for(const AuthenticatedViewer& who) const;
 
   ViewerHost& host_;
   Access access_;

@@ -12,15 +12,15 @@ class TokenBucket {
 
   /// Initially full.
   TokenBucket(double rate_per_s, double burst, Clock::time_point now)
-      : each_second_(rate_per_s), at_once_(burst), left_(burst), last_(now) {}
+      : rate_per_s_(rate_per_s), burst_(burst), left_(burst), last_(now) {}
 
   /// Number of tokens available.
   double left(Clock::time_point now) const {
     const double passed_s = std::max(std::chrono::duration<double>(now - last_).count(), 0.0);
-    return std::min(at_once_, left_ + passed_s * each_second_);
+    return std::min(burst_, left_ + passed_s * rate_per_s_);
   }
   /// Whether the bucket is in its initial state.
-  bool is_full(Clock::time_point now) const { return left(now) >= at_once_; }
+  bool is_full(Clock::time_point now) const { return left(now) >= burst_; }
   /// Takes a token; false if none is available.
   bool take(Clock::time_point now) {
     left_ = left(now);
@@ -31,7 +31,7 @@ class TokenBucket {
   }
 
  private:
-  double each_second_, at_once_, left_;
+  double rate_per_s_, burst_, left_;
   Clock::time_point last_;
 };
 

@@ -92,7 +92,7 @@ Result<Tokens> Tokens::parse(std::string_view text, const std::string& source,
     const auto role = role_named(read_word(row));
     if (!role) return bad_line(source, line, "this line names no role");
     const std::string_view token = *role == Role::kLearner ? read_word(row) : row;
-    Who who{*role, *role == Role::kLearner ? std::string(row) : std::string()};
+    AuthenticatedViewer who{*role, *role == Role::kLearner ? std::string(row) : std::string()};
     if (token.size() < kMinToken || !std::all_of(token.begin(), token.end(), is_printable))
       return bad_line(source, line, "this line has no usable token");
     const double bits = entropy_bound_bits(token);
@@ -135,7 +135,7 @@ Tokens::Digest Tokens::digest_of(std::string_view token) {
   return digest;
 }
 
-std::optional<Who> Tokens::holder_of(std::string_view token) const {
+std::optional<AuthenticatedViewer> Tokens::holder_of(std::string_view token) const {
   const Digest shown = digest_of(token);
   const Token* found = nullptr;
   // always compares with every token: constant time

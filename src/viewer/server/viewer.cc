@@ -73,10 +73,10 @@ void Viewer::on_message(std::string_view text, WebSocket::Read outcome) try {
   const auto message = parse_viewer_message(text);
   // a stop is carried out before anything that might end this viewer
   const bool stop = welcomed_ && is_stop(message);
-  if (stop) take(std::get<Request>(*message));
+  if (stop) handle(std::get<Request>(*message));
   if (outcome == WebSocket::Read::kBinary) return end(kUnknownData, "a binary message");
   if (outcome != WebSocket::Read::kText) return read_failed(outcome);
-  if (!exceeds_rate_limit() && !stop) take(message);
+  if (!exceeds_rate_limit() && !stop) handle(message);
 } catch (const std::exception&) {
   end(kInternalError, "an internal server error");
 }
@@ -87,19 +87,19 @@ void Viewer::read_failed(WebSocket::Read outcome) {
   remove_from_hub();
 }
 
-void Viewer::take(const std::optional<ViewerMessage>& message) {
+void Viewer::handle(const std::optional<ViewerMessage>& message) {
   if (!message) return end(kBadPayload, "a message that is malformed");
   const auto* hello = std::get_if<Hello>(&*message);
   if ((hello != nullptr) == welcomed_) return end(kPolicyError, "a message out of turn");
   if (hello) return handle_hello(*hello);
   if (const auto* tip = std::get_if<TipMessage>(&*message)) return hub_.move_pointer(*this, *tip);
-  take(std::get<Request>(*message));
+  handle(std::get<Request>(*message));
 }
 
-void Viewer::take(const Request& request) {
+void Viewer::handle(const Request& request) {
   // without room for its answer a request is not carried out, except for a stop
   const bool room = answers_.size() < kMaxAnswers;
-  if (!room && !std::holds_alternative<StopRequest>(request.what)) {
+  if (!room && !std::holds_alternative<StopRequest>(request.body)) {
     if (!std::exchange(has_dropped_requests_, true))
       hub_.log().add(peer_, "receives no answers, so its requests are refused");
     return;
@@ -112,7 +112,7 @@ void Viewer::take(const Request& request) {
 }
 
 void Viewer::handle_hello(const Hello& hello) {
-  if (hello.protocol != kProtocol) return end(kProtocolUnknown, "another version of the protocol");
+  if (hello.protocol != kProtocolVersion) return end(kProtocolUnknown, "another version of the protocol");
   auto admitted = hub_.site().access().admit(hello.token, from_, Clock::now());
   if (admitted.too_many_guesses) return end(kTooManyGuesses, "a token after too many wrong ones");
   if (!admitted.who) return end(kTokenRefused, "a wrong token or none");
@@ -120,11 +120,11 @@ void Viewer::handle_hello(const Hello& hello) {
   who_ = *std::move(admitted.who);
   welcomed_ = true;
   receives_deformation_ = hello.wants_deformation;
-  receives_training_ = hello.task;
-  receives_distances_ = hello.near;
-  receives_plan_ = hello.plan;
-  receives_navigation_ = hello.navigation;
-  receives_ticks_ = hello.ticks && hub_.tick_history() != nullptr;
+  receives_training_ = hello.wants_task;
+  receives_distances_ = hello.wants_distances;
+  receives_plan_ = hello.wants_plan;
+  receives_navigation_ = hello.wants_navigation;
+  receives_ticks_ = hello.wants_ticks && hub_.tick_history() != nullptr;
   if (receives_ticks_) ticks_sent_.next = hub_.tick_history()->count();
   pose_period_ =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hello.poses_hz));

@@ -87,7 +87,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool receives_training() const { return receives_training_ && !ending_; }
   bool receives_navigation() const { return receives_navigation_ && !ending_; }
   Clock::time_point hello_by() const { return hello_by_; }
-  const Who& who() const { return who_; }
+  const AuthenticatedViewer& who() const { return who_; }
   /// Invalidates the received sweeps beyond `count`, after an undo.
   void truncate_sweeps(std::uint64_t count) { sweeps_sent_.count = std::min(sweeps_sent_.count, count); }
   /// Sets the viewer's number, unique within this server.
@@ -101,8 +101,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void read();
   void read_failed(WebSocket::Read outcome);
   void on_message(std::string_view text, WebSocket::Read outcome);
-  void take(const std::optional<ViewerMessage>& message);
-  void take(const Request& request);
+  void handle(const std::optional<ViewerMessage>& message);
+  void handle(const Request& request);
   void handle_hello(const Hello& hello);
   void write_next();
   bool next_sweeps();
@@ -125,7 +125,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
 
   bool open_ = false, welcomed_ = false, ending_ = false, removed_ = false, reading_ = false,
        writing_ = false;
-  Who who_;
+  AuthenticatedViewer who_;
   std::uint32_t number_ = 0;
   std::optional<std::uint16_t> finish_code_;  ///< Close code of finish(); empty until it is called
   Clock::time_point hello_by_, end_by_, write_started_;

@@ -108,7 +108,7 @@ ScanScale ScanScale::of(const Volume<float>& scan) {
   return found;
 }
 
-std::int16_t ScanScale::voxel(double value) const {
+std::int16_t ScanScale::quantise(double value) const {
   const double within = std::isnan(value) ? range[0] : std::clamp(value, range[0], range[1]);
   return static_cast<std::int16_t>(std::clamp(std::round((within - offset) / scale), kLowest, kHighest));
 }
@@ -127,9 +127,9 @@ std::shared_ptr<const std::string> scan_payload(const Volume<float>& scan, const
                                                 const std::atomic<bool>& stop) {
   const auto dims = shrunk_dims(scan.geometry().dims, shrink);
   if (shrink == 1)
-    return fill<2>(dims, stop, [&](int i, int j, int k) { return scale.voxel(scan.at(i, j, k)); });
+    return fill<2>(dims, stop, [&](int i, int j, int k) { return scale.quantise(scan.at(i, j, k)); });
   return fill<2>(dims, stop, [&](int i, int j, int k) {
-    return scale.voxel(block_mean(scan, {i, j, k}, shrink));
+    return scale.quantise(block_mean(scan, {i, j, k}, shrink));
   });
 }
 

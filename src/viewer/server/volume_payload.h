@@ -20,7 +20,7 @@ struct ScanScale {
 
   static ScanScale of(const Volume<float>& scan);
   /// Quantises a value; NaN and values below the range become the minimum, values above it the maximum.
-  std::int16_t voxel(double value) const;
+  std::int16_t quantise(double value) const;
 };
 
 /// Whether a label exceeds 255, so that a voxel takes two bytes.
@@ -29,8 +29,8 @@ bool needs_wide_labels(const Bricks<LabelId>& labels);
 /// dims / shrink, rounded up.
 std::array<int, 3> shrunk_dims(const std::array<int, 3>& dims, int shrink);
 
-/// Scan as means over blocks of `shrink`^3 voxels (their existing, finite ones). Null if `stop` became true
-/// in the meantime.
+/// Scan as means over blocks of `shrink`^3 voxels, of those that are finite and inside the grid. Null if
+/// `stop` became true in the meantime.
 /// @param shrink  1, 2 or 4
 std::shared_ptr<const std::string> scan_payload(const Volume<float>& scan, const ScanScale& scale, int shrink,
                                                 const std::atomic<bool>& stop);

@@ -216,7 +216,7 @@ TEST(VolumePayload, StopsWhenAsked) {
 TEST(PayloadStore, MakesEachOnceAndElsewhere) {
   const auto scan = std::make_shared<Volume<float>>(scan_of({1, 2, 3}));
   const auto labels = label_bricks(Volume<LabelId>(grid_of({3, 1, 1}), LabelId{4}));
-  PayloadStore store(volume_maker(scan, ScanScale::of(*scan), labels, false));
+  PayloadStore store(volume_generator(scan, ScanScale::of(*scan), labels, false));
   std::mutex mutex;
   std::vector<PayloadStore::Payload> received;
   std::atomic<bool> elsewhere{true};
@@ -245,7 +245,7 @@ TEST(PayloadStore, EndsWithWishesOpen) {
   const auto labels = label_bricks(Volume<LabelId>(grid_of({256, 256, 128}), LabelId{4}));
   std::atomic<int> reported{0};
   {
-    const auto make = volume_maker(nullptr, {}, labels, true);
+    const auto make = volume_generator(nullptr, {}, labels, true);
     PayloadStore store([&](const PayloadKey& key, const std::atomic<bool>& stop) {
       // cannot finish before the store is destroyed
       while (!stop) std::this_thread::yield();

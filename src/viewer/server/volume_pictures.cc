@@ -175,54 +175,54 @@ PictureStore::~PictureStore() {
     const std::lock_guard lock(mutex_);
     stop_ = true;
   }
-  wished_.notify_one();
+  work_available_.notify_one();
   thread_.join();
 }
 
 void PictureStore::request(PictureKey key, std::weak_ptr<const void> requester,
                            std::function<void(Payload)> then) {
-  std::optional<Wish> dropped;
+  std::optional<QueuedRequest> dropped;
   {
     const std::lock_guard lock(mutex_);
-    if (wishes_.size() >= kMaxWaiting) {
-      dropped = std::move(wishes_.front());
-      wishes_.pop_front();
+    if (queue_.size() >= kMaxWaiting) {
+      dropped = std::move(queue_.front());
+      queue_.pop_front();
     }
-    wishes_.push_back({std::move(key), std::move(requester), std::move(then)});
+    queue_.push_back({std::move(key), std::move(requester), std::move(then)});
   }
-  wished_.notify_one();
+  work_available_.notify_one();
   if (dropped) dropped->then(nullptr);
 }
 
 void PictureStore::work() {
   while (true) {
     std::unique_lock lock(mutex_);
-    const auto is_due = [this] { return stop_ || !wishes_.empty(); };
-    if (renderer_ && !wished_.wait_for(lock, kRetainedFor, is_due)) {
+    const auto is_due = [this] { return stop_ || !queue_.empty(); };
+    if (renderer_ && !work_available_.wait_for(lock, kRetainedFor, is_due)) {
       renderer_.reset();
       prepared_.clear();
     }
-    wished_.wait(lock, is_due);
+    work_available_.wait(lock, is_due);
     if (stop_) return;
-    const Wish wish = std::move(wishes_.front());
-    wishes_.pop_front();
+    const QueuedRequest request = std::move(queue_.front());
+    queue_.pop_front();
     lock.unlock();
 
-    if (wish.requester.expired()) continue;
-    const Payload payload = made(wish.key);
+    if (request.requester.expired()) continue;
+    const Payload payload = try_render(request.key);
     if (stop_) continue;
     // an exception from the callback is dropped; the connection that waits runs into its time limit
     try {
-      wish.then(payload);
+      request.then(payload);
     } catch (const std::exception&) {
     }
   }
 }
 
 // a failure affects this request only
-PictureStore::Payload PictureStore::made(const PictureKey& key) try {
+PictureStore::Payload PictureStore::try_render(const PictureKey& key) try {
   if (!prepare(key)) return nullptr;
-  Payload plain = drawn(key);
+  Payload plain = render(key);
   return key.gzip ? gzip(*plain, stop_, kGzipLevel) : plain;
 } catch (const std::exception&) {
   return nullptr;
@@ -257,7 +257,7 @@ bool PictureStore::prepare(const PictureKey& key) {
   return true;
 }
 
-PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
+PictureStore::Payload PictureStore::render(const PictureKey& key) {
   const VolumeCamera& camera = key.camera;
   const auto pixels = static_cast<std::size_t>(camera.width_px) * static_cast<std::size_t>(camera.height_px);
   rgb_.resize(3 * pixels);
@@ -283,9 +283,9 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
   const double h = grid.min_spacing_mm();
   const auto place_at = [&](int column, int row, double depth) -> std::uint8_t {
     const Point<Patient> pixel = camera.at(column, row);
-    const Vector<Patient> displacement = camera.is_parallel() ? camera.into() : (pixel - eye).normalized();
+    const Vector<Patient> direction = camera.is_parallel() ? camera.into() : (pixel - eye).normalized();
     for (const double behind : {0.4, 1.0, 0.0, 1.8, 3.0}) {
-      const Point<Patient> at = (camera.is_parallel() ? pixel : eye) + displacement * (depth + behind * h);
+      const Point<Patient> at = (camera.is_parallel() ? pixel : eye) + direction * (depth + behind * h);
       // at a silhouette the rendered structure lies beside the ray: use the nearest of the eight voxels
       // around
       const Eigen::Vector3d voxel = (X_VoxelPatient * at).eigen();
@@ -312,13 +312,13 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
   auto payload = std::make_shared<std::string>(kHead_bytes + 6 * pixels, '\0');
   std::copy_n("PLPV", 4, payload->begin());
   WireWriter head(payload->data() + 4);
-  head.whole(static_cast<std::uint16_t>(kProtocol));
-  head.whole(std::uint16_t{0});
-  head.whole(static_cast<std::uint16_t>(camera.width_px));
-  head.whole(static_cast<std::uint16_t>(camera.height_px));
+  head.unsigned_integer(static_cast<std::uint16_t>(kProtocolVersion));
+  head.unsigned_integer(std::uint16_t{0});
+  head.unsigned_integer(static_cast<std::uint16_t>(camera.width_px));
+  head.unsigned_integer(static_cast<std::uint16_t>(camera.height_px));
   head.real32(smallest);
   head.real32(most - smallest);
-  head.whole(std::uint32_t{0});
+  head.unsigned_integer(std::uint32_t{0});
   std::copy(rgb_.begin(), rgb_.end(), payload->begin() + kHead_bytes);
   WireWriter depths(payload->data() + kHead_bytes + 3 * pixels);
   char* structures = payload->data() + kHead_bytes + 5 * pixels;
@@ -328,7 +328,7 @@ PictureStore::Payload PictureStore::drawn(const PictureKey& key) {
       const double depth = depth_mm_[n];
       const bool is_met = std::isfinite(depth);
       const double fraction = is_met && most > smallest ? (depth - smallest) / (most - smallest) : 0;
-      depths.whole(static_cast<std::uint16_t>(std::lround(kDepthSteps * fraction)));
+      depths.unsigned_integer(static_cast<std::uint16_t>(std::lround(kDepthSteps * fraction)));
       structures[n] = is_met ? static_cast<char>(place_at(column, row, depth)) : '\0';
     }
   return payload;

@@ -57,7 +57,7 @@ class PictureStore {
   void request(PictureKey key, std::weak_ptr<const void> requester, std::function<void(Payload)> then);
 
  private:
-  struct Wish {
+  struct QueuedRequest {
     PictureKey key;
     std::weak_ptr<const void> requester;
     std::function<void(Payload)> then;
@@ -77,8 +77,9 @@ class PictureStore {
     RedactedCuts cuts;
   };
   void work();
-  Payload made(const PictureKey& key);
-  Payload drawn(const PictureKey& key);
+  /// Picture in wire format; null if there is none or if rendering threw.
+  Payload try_render(const PictureKey& key);
+  Payload render(const PictureKey& key);
   bool prepare(const PictureKey& key);
 
   const ViewerHost& host_;
@@ -93,8 +94,8 @@ class PictureStore {
   std::vector<float> depth_mm_;
 
   std::mutex mutex_;
-  std::condition_variable wished_;
-  std::deque<Wish> wishes_;
+  std::condition_variable work_available_;
+  std::deque<QueuedRequest> queue_;
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };

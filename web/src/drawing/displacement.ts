@@ -6,7 +6,7 @@ import type { Nodes } from "../protocol/deformation_message.js";
 import { column, compose, invert, type Affine, type Vec3 } from "../base/geometry.js";
 
 export class Displacement {
-  private most: number | null = null; // maximum magnitude over all nodes, mm; null: outdated
+  private cachedMax_mm: number | null = null; // maximum magnitude over all nodes; null: outdated
 
   /**
    * @param mm  four components per node, i fastest: displacement in the patient frame, and 1 if strain is known, else 0
@@ -25,7 +25,7 @@ export class Displacement {
           const at = 4 * (lo[0] + i + dims[0] * (lo[1] + j + dims[1] * (lo[2] + k)));
           for (let c = 0; c < 3; c++) this.mm[at + c] = mm[n++]!;
         }
-    this.most = null;
+    this.cachedMax_mm = null;
   }
   /** Displacements of a box of nodes, three components per node, i fastest. */
   box(lo: Vec3, size: Vec3): Float32Array<ArrayBuffer> {
@@ -41,13 +41,13 @@ export class Displacement {
   }
   /** Maximum displacement over all nodes, mm; an upper bound of interpolated ones. */
   get max_mm(): number {
-    if (this.most === null) {
+    if (this.cachedMax_mm === null) {
       let most = 0;
       for (let n = 0; n < this.mm.length; n += 4)
         most = Math.max(most, Math.hypot(this.mm[n]!, this.mm[n + 1]!, this.mm[n + 2]!));
-      this.most = most;
+      this.cachedMax_mm = most;
     }
-    return this.most;
+    return this.cachedMax_mm;
   }
 }
 

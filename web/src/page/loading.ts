@@ -52,7 +52,7 @@ export class Loading {
   }
   private async loadAll(permanent: PermanentError | null): Promise<void> {
     if (permanent) await this.report(permanent);
-    let gone = ""; // hash of a volume that was missing at the previous attempt
+    let missingHash = ""; // hash of a volume that was missing at the previous attempt
     for (let tried = 0; ; tried++) {
       try {
         await this.loadOnce();
@@ -60,10 +60,10 @@ export class Loading {
       } catch (error) {
         if (error instanceof NeedsToken) await this.promptForToken(this.token !== null);
         else if (error instanceof PermanentError) await this.report(error);
-        else if (error instanceof VolumeNotFound && gone === error.message)
-          await this.report(new PermanentError(words.lacksItsVolume(gone), words.startAgain));
+        else if (error instanceof VolumeNotFound && missingHash === error.message)
+          await this.report(new PermanentError(words.lacksItsVolume(missingHash), words.startAgain));
         else {
-          if (error instanceof VolumeNotFound) gone = error.message;
+          if (error instanceof VolumeNotFound) missingHash = error.message;
           write(byId("cover-text"), words.failedAgain((error as Error).message));
           await new Promise((later) => setTimeout(later, Math.min(FIRST_RETRY_MS * 2 ** tried, MAX_RETRY_MS)));
         }

@@ -104,6 +104,6 @@ export class Toolbar {
   private claimPointer(): void {
     if (this.hasAsked || this.session.tool.peek() !== "touch" || this.connection.allows("lesson")) return;
     this.hasAsked = true;
-    void this.connection.ask({ type: "pointer", take: true });
+    void this.connection.request({ type: "pointer", take: true });
   }
 }

@@ -140,7 +140,7 @@ export class Connection {
    * Sends a request. A stop without a response is sent again on the next connection, within STOP_RETAINED_MS.
    * @returns null on success
    */
-  ask(request: Request): Promise<Refusal | null> {
+  request(request: Request): Promise<Refusal | null> {
     return new Promise((done) => {
       // a closing socket accepts messages but does not send them
       if (this.link.peek() !== "connected" || this.socket!.readyState > WebSocket.OPEN) {
@@ -239,7 +239,7 @@ export class Connection {
           this.may.value = new Set(message.may as Permission[]);
           this.setLink("connected");
         });
-        if (performance.now() - this.unsentStop_ms <= STOP_RETAINED_MS) void this.ask({ type: "stop" });
+        if (performance.now() - this.unsentStop_ms <= STOP_RETAINED_MS) void this.request({ type: "stop" });
         this.unsentStop_ms = -Infinity;
         break;
       case "state":
@@ -266,11 +266,11 @@ export class Connection {
         break;
       case "done":
       case "refused": {
-        const asked = this.waiting.get(message.id);
-        if (!asked) break;
+        const pending = this.waiting.get(message.id);
+        if (!pending) break;
         this.waiting.delete(message.id);
-        this.roundTrip_ms.value = this.heard_ms - asked.sent_ms;
-        asked.done(message.type === "done" ? null : (message as Refusal));
+        this.roundTrip_ms.value = this.heard_ms - pending.sent_ms;
+        pending.done(message.type === "done" ? null : (message as Refusal));
         break;
       }
     }

@@ -3,7 +3,7 @@
 
 import { add, apply, scale, turn, type Plane, type Vec3 } from "../base/geometry.js";
 import type { Volumes } from "../protocol/scene.js";
-import type { AnySlicer, Part, SliceStyle } from "./slicer.js";
+import type { AnySlicer, Band, SliceStyle } from "./slicer.js";
 
 const BACKGROUND = [9, 12, 14];
 const NO_SCAN = [20, 23, 26];
@@ -56,7 +56,7 @@ export class PlainSlicer implements AnySlicer {
     plane: Plane,
     mmPerPixel: number,
     style: SliceStyle,
-    { reduction, from, to }: Part,
+    { reduction, from, to }: Band,
   ): void {
     const [width, height] = [context.canvas.width, context.canvas.height].map((size) =>
       Math.ceil(size / reduction),

@@ -139,7 +139,7 @@ const FINE = 2,
   COARSE = 1; // samples per voxel through a slab, at full and at reduced resolution
 
 /** Band of a picture: rows [from, to) of a grid whose pixels are `reduction` x `reduction` canvas pixels. */
-export interface Part {
+export interface Band {
   reduction: number;
   from: number;
   to: number;
@@ -413,7 +413,7 @@ export class Slicer {
     plane: Plane,
     mmPerPixel: number,
     style: SliceStyle,
-    { reduction, from, to }: Part,
+    { reduction, from, to }: Band,
   ): void {
     const [width, height] = [context.canvas.width, context.canvas.height].map((size) =>
       Math.ceil(size / reduction),

@@ -14,7 +14,7 @@ export interface Appearance {
 const wordSet = (text: string): Set<string> => new Set(text.trim().split(/\s+/));
 /**
  * Words that identify bones in names of tissues and structures. Names of single bones are those by which
- * src/data/scene/presets.cc chooses a tissue.
+ * src/data/scene/preset_matching.cc chooses a tissue.
  */
 const BONES = wordSet(`
   bone bony trabecular osseous vertebral skeleton skeletal ribcage femur tibia fibula patella rib vertebra

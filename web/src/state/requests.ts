@@ -100,7 +100,7 @@ export class Requests {
   }
 
   private async ask(request: Request): Promise<boolean> {
-    const refusal = await this.connection.ask(request);
+    const refusal = await this.connection.request(request);
     if (refusal) {
       toast(refusalText(refusal));
       this.refusals.value += 1;

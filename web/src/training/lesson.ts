@@ -48,19 +48,21 @@ export class Lesson {
     private readonly requests: Requests,
     private readonly token: () => string | null,
   ) {
-    const ask = (asked: Record<string, unknown>) => void this.ask(asked);
+    const send = (request: Record<string, unknown>) => void this.send(request);
     const learner = byId<HTMLInputElement>("lesson-learner");
-    learner.addEventListener("change", () => ask({ learner: learner.value.trim() }));
+    learner.addEventListener("change", () => send({ learner: learner.value.trim() }));
     byId("lesson-take").addEventListener("click", () => void this.claimTip());
-    byId("lesson-task").addEventListener("change", (event) => ask({ task: (event.target as HTMLSelectElement).value }));
+    byId("lesson-task").addEventListener("change", (event) =>
+      send({ task: (event.target as HTMLSelectElement).value }),
+    );
     byId("lesson-names").addEventListener("change", (event) =>
-      ask({ names: (event.target as HTMLInputElement).checked }),
+      send({ names: (event.target as HTMLInputElement).checked }),
     );
     byId("lesson-end").addEventListener("click", () => {
       // a second press instead of a modal dialog, which would block the emergency stop
       const isSure = performance.now() - this.endAsked_ms < SURE_MS;
       this.endAsked_ms = isSure ? -Infinity : performance.now();
-      if (isSure) ask({ end: true });
+      if (isSure) send({ end: true });
       setMessages(byId("lesson-end"), { text: isSure ? "endSession" : "endSessionAsked" });
       if (!isSure) window.setTimeout(() => setMessages(byId("lesson-end"), { text: "endSession" }), SURE_MS);
     });
@@ -80,13 +82,13 @@ export class Lesson {
     });
   }
 
-  private ask(asked: Record<string, unknown>): Promise<boolean> {
-    return this.requests.once({ type: "lesson", ...asked });
+  private send(request: Record<string, unknown>): Promise<boolean> {
+    return this.requests.once({ type: "lesson", ...request });
   }
   /** Takes the pointer from its holder, if there is one. */
   private async claimTip(): Promise<void> {
     const isByViewer = this.session.state.value?.pointer_by === "viewer";
-    if (!isByViewer || (await this.ask({ pointer: "" }))) void this.requests.once({ type: "pointer", take: true });
+    if (!isByViewer || (await this.send({ pointer: "" }))) void this.requests.once({ type: "pointer", take: true });
   }
 
   /** Shows the identity of this viewer, and the controls that its permissions allow. */
@@ -154,7 +156,7 @@ export class Lesson {
     const turnOf = (learner: string) => {
       const turn = element("button", { type: "button", className: "name" });
       turn.dataset.learner = learner;
-      turn.addEventListener("click", () => void this.ask({ learner }));
+      turn.addEventListener("click", () => void this.send({ learner }));
       return turn;
     };
     this.anyone = setMessages(turnOf(""), { text: "anyone", title: "anyoneTitle" });
@@ -167,7 +169,7 @@ export class Lesson {
           { text: "passTip", label: "passTipTo" },
           learner,
         );
-        pass.addEventListener("click", () => void this.ask({ pointer: learner }));
+        pass.addEventListener("click", () => void this.send({ pointer: learner }));
         return [learner, { turn, status: element("span", { className: "quiet" }), pass }];
       }),
     );

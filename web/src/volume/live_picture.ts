@@ -25,9 +25,9 @@ export class LivePicture<Camera> {
   private reduction: number;
   private isWanted = false;
   private sharp = false; // the displayed or the requested picture is sharp
-  private asked: "" | "coarse" | "sharp" = ""; // quality of the picture that is being rendered
+  private pendingQuality: "" | "coarse" | "sharp" = ""; // quality of the picture that is being rendered
   private asks = 0;
-  private take: (() => Shot<Camera>) | null = null; // returns the camera at the time of the call
+  private shoot: (() => Shot<Camera>) | null = null; // returns the camera at the time of the call
   private cost_ms: number; // rendering time of a full-size picture, estimated by the latest one
 
   /** @param isSquare  the picture is a centred square whose side is the element's shorter side */
@@ -48,9 +48,9 @@ export class LivePicture<Camera> {
    * @param key  key of all that the picture depends on
    * @param isDragging  the user is dragging, so that motion may resume at any moment: no sharp picture
    */
-  update(now: number, key: string, isDragging: boolean, take: () => Shot<Camera>): void {
+  update(now: number, key: string, isDragging: boolean, shoot: () => Shot<Camera>): void {
     const { renderer } = this;
-    this.take = take;
+    this.shoot = shoot;
     if (key !== this.key) {
       this.key = key;
       renderer.moved_ms = now;
@@ -63,18 +63,18 @@ export class LivePicture<Camera> {
   private ask(): void {
     if (
       !this.isWanted ||
-      !this.take ||
+      !this.shoot ||
       !this.renderer.isLoaded ||
-      !(this.asked === "" || (this.asked === "sharp" && !this.sharp))
+      !(this.pendingQuality === "" || (this.pendingQuality === "sharp" && !this.sharp))
     )
       return;
     this.isWanted = false;
-    void this.render(this.take());
+    void this.render(this.shoot());
   }
 
   /** Whether the displayed picture is sharp. */
   get isSharp(): boolean {
-    return this.latest !== null && this.sharp && !this.isWanted && this.asked === "";
+    return this.latest !== null && this.sharp && !this.isWanted && this.pendingQuality === "";
   }
   /** Renders and shows a picture: during motion, at a resolution for which it should take at most SLOW_MS. */
   private async render(shot: Shot<Camera>): Promise<void> {
@@ -84,12 +84,12 @@ export class LivePicture<Camera> {
       Math.max(1, this.cost_ms > SLOW_MS ? Math.min(COARSEST, Math.sqrt(this.cost_ms / SLOW_MS)) : 1) * this.reduction;
     const total = Math.max(this.sharp ? 1 : coarse, least);
     const isSharp = (this.sharp = total === least);
-    this.asked = isSharp ? "sharp" : "coarse";
+    this.pendingQuality = isSharp ? "sharp" : "coarse";
     const ask = ++this.asks;
     const drawn = await this.renderer.draw({ ...shot.view(total / ratio), isFine: isSharp }, isSharp);
     if (drawn) this.cost_ms = drawn.cost_ms * total * total;
     if (ask === this.asks) {
-      this.asked = "";
+      this.pendingQuality = "";
       if (!drawn) this.sharp = false;
       // requests the picture of motion meanwhile without waiting for the next frame
       this.ask();

@@ -42,7 +42,7 @@ export class VolumeRenderer {
   isCompiling = false; // software WebGL is compiling a shader, which blocks all other drawing
   version = ""; // key of volume and appearance
   moved_ms = -Infinity; // time of the latest request with different contents
-  private givingWay = 0; // number of pending pictures that give way to newer requests
+  private preemptible = 0; // number of pending pictures that give way to newer requests
   private port!: Port;
   private nextId = 1;
   private readonly drawings = new Map<number, { view: View; done: (drawn: Drawn | null) => void }>();
@@ -331,10 +331,10 @@ export class VolumeRenderer {
     if (this.isDead) return Promise.resolve(null);
     return new Promise((done) => {
       const isDrawn = (drawn: Drawn | null) => {
-        if (isDeformed) this.givingWay -= 1;
+        if (isDeformed) this.preemptible -= 1;
         done(drawn);
       };
-      if (isDeformed) this.givingWay += 1;
+      if (isDeformed) this.preemptible += 1;
       this.drawings.set(id, { view, done: isDrawn });
       this.post({ type: "draw", id, view, isDeformed });
     });
@@ -342,7 +342,7 @@ export class VolumeRenderer {
 
   /** Whether a pending picture would be dropped by another request. */
   get isGivingWay(): boolean {
-    return this.givingWay > 0;
+    return this.preemptible > 0;
   }
 
   /**

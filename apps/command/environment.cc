@@ -1,4 +1,4 @@
-#include "surroundings.h"
+#include "environment.h"
 
 #include <cstdlib>
 #include <initializer_list>

@@ -17,7 +17,7 @@
 namespace palpate {
 
 /// Version of the cached results. Increment it whenever a function's result for the same parameters changes,
-/// which invalidates earlier entries. The test StoredPreparation.GoldenHash detects an omission.
+/// which invalidates earlier entries. The test CachedPreparation.GoldenHash detects an omission.
 inline constexpr std::uint32_t kPreparationVersion = 9;
 
 /// Cached slow steps of one model; labels are identified by their address.
@@ -38,7 +38,7 @@ class CachedPreparation final : public ModelPreparation {
   const std::optional<cache::Digest>& digest_of(const Bricks<LabelId>& labels) const;
 
   mutable const Bricks<LabelId>* labels_ = nullptr;
-  mutable std::optional<cache::Digest> of_labels_;
+  mutable std::optional<cache::Digest> labels_digest_;
 };
 
 Result<Volume<std::uint8_t>> cached_smooth(const Volume<std::uint8_t>& weights,

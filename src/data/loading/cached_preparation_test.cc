@@ -1,4 +1,4 @@
-#include "loading/stored_preparation.h"
+#include "loading/cached_preparation.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -101,15 +101,15 @@ const char* const kTouching = "finding what touches";
 const char* const kSurfaces = "preparing surfaces";
 const char* const kSmoothing = "smoothing";
 
-class StoredPreparation : public ::testing::Test {
+class CachedPreparation : public ::testing::Test {
  protected:
-  StoredPreparation() {
+  CachedPreparation() {
     const LabelMap labels = stored_ball();
     PALPATE_CHECK(write_labels(data_ / "CANARY.seg.nrrd", labels).ok());
     PALPATE_CHECK(write_volume(data_ / "CANARY.nii.gz", stored_scan(labels.geometry())).ok());
     use();
   }
-  ~StoredPreparation() override { set_cache({}); }
+  ~CachedPreparation() override { set_cache({}); }
 
   void use(const std::string& name = "cache") {
     set_cache({folder_ / name, kDefaultCacheBytes, [this](const std::string& w) { warned_.push_back(w); }});
@@ -179,7 +179,7 @@ std::uint64_t run_hash(const LoadedScene& loaded, const std::string& structure) 
   return run->summary.run_hash;
 }
 
-TEST_F(StoredPreparation, ASecondStartPreparesNothingAndIsTheSame) {
+TEST_F(CachedPreparation, ASecondStartPreparesNothingAndIsTheSame) {
   const Started first = start_scene();
   EXPECT_THAT(first.stages, Contains(kReading));
   EXPECT_THAT(first.stages, Contains(kRamps));
@@ -206,7 +206,7 @@ TEST_F(StoredPreparation, ASecondStartPreparesNothingAndIsTheSame) {
   EXPECT_TRUE(warned_.empty());
 }
 
-TEST_F(StoredPreparation, APhantomIsMadeOnce) {
+TEST_F(CachedPreparation, APhantomIsMadeOnce) {
   const std::string name = "shell-phantom:spacing=2,thickness=4";
   const Started first = start(name);
   EXPECT_THAT(first.stages, Contains("phantom"));
@@ -222,7 +222,7 @@ TEST_F(StoredPreparation, APhantomIsMadeOnce) {
   EXPECT_THAT(start("shell-phantom:spacing=2,thickness=4,radius=25").stages, Contains("phantom"));
 }
 
-TEST_F(StoredPreparation, PhantomKeysDependOnParametersOnly) {
+TEST_F(CachedPreparation, PhantomKeysDependOnParametersOnly) {
   for (const std::string& name : phantom_names()) {
     const auto parameters = parse_phantom(name + ":spacing=3" + (name == "knee-phantom" ? ",lesion=6" : ""));
     if (!parameters) continue;  // too thin for such voxels
@@ -241,7 +241,7 @@ TEST_F(StoredPreparation, PhantomKeysDependOnParametersOnly) {
   }
 }
 
-TEST_F(StoredPreparation, NamesColoursFrictionAndViscosityNeedNoPreparing) {
+TEST_F(CachedPreparation, NamesColoursFrictionAndViscosityNeedNoPreparing) {
   start_scene();
   std::string scene = replaced(kStoredScene, "CANARY title", "another");
   scene = replaced(scene, "CANARY bone", "os");
@@ -263,7 +263,7 @@ TEST_F(StoredPreparation, NamesColoursFrictionAndViscosityNeedNoPreparing) {
   expect_same_model(*other.loaded.model, *start_scene(scene).loaded.model);
 }
 
-TEST_F(StoredPreparation, RelevantChangesInvalidateTheCache) {
+TEST_F(CachedPreparation, RelevantChangesInvalidateTheCache) {
   start_scene();
   struct Change {
     std::string scene, stage;
@@ -295,7 +295,7 @@ TEST_F(StoredPreparation, RelevantChangesInvalidateTheCache) {
   }
 }
 
-TEST_F(StoredPreparation, AnotherStiffnessLeavesTheSurfaces) {
+TEST_F(CachedPreparation, AnotherStiffnessLeavesTheSurfaces) {
   start_scene();
   const Started other = start_scene(replaced(kStoredScene, "stiffness = 1.5", "stiffness = 1.4"));
   EXPECT_THAT(other.stages, Contains(kRamps));
@@ -304,7 +304,7 @@ TEST_F(StoredPreparation, AnotherStiffnessLeavesTheSurfaces) {
 }
 
 // a tenth for a large scene (docs/decisions/0020); less here, where fixed costs and a loaded machine count
-TEST_F(StoredPreparation, ASecondStartIsAFractionOfTheWork) {
+TEST_F(CachedPreparation, ASecondStartIsAFractionOfTheWork) {
   const auto work = [&] {
     const std::clock_t begun = std::clock();
     start("knee-phantom:spacing=1.5");
@@ -315,7 +315,7 @@ TEST_F(StoredPreparation, ASecondStartIsAFractionOfTheWork) {
   EXPECT_LT(4 * second, first);
 }
 
-TEST_F(StoredPreparation, ChangedVoxelsInvalidateTheCache) {
+TEST_F(CachedPreparation, ChangedVoxelsInvalidateTheCache) {
   const Started first = start_scene();
   LabelMap labels = stored_ball();
   labels.layers[0].at(16, 16, 16) = 0;
@@ -331,7 +331,7 @@ TEST_F(StoredPreparation, ChangedVoxelsInvalidateTheCache) {
   EXPECT_EQ(second.loaded.model->labels->at(16, 16, 16), 0);
 }
 
-TEST_F(StoredPreparation, EditedModelsAreEqualToo) {
+TEST_F(CachedPreparation, EditedModelsAreEqualToo) {
   start_scene();
   const auto stored = start_scene().loaded.model;
   use_none();
@@ -348,7 +348,7 @@ TEST_F(StoredPreparation, EditedModelsAreEqualToo) {
   expect_same_model(*edited(stored), *edited(made));
 }
 
-TEST_F(StoredPreparation, EntriesContainNoNames) {
+TEST_F(CachedPreparation, EntriesContainNoNames) {
   start_scene();
   start(data_ / "CANARY.seg.nrrd");
   start("shell-phantom:spacing=2,thickness=4");
@@ -389,7 +389,7 @@ void forge_the_entry(const std::filesystem::path& folder) {
   cache::store(entry.key, entry.payload);
 }
 
-TEST_F(StoredPreparation, AScanOnAnotherGridIsResampledOnce) {
+TEST_F(CachedPreparation, AScanOnAnotherGridIsResampledOnce) {
   const Volume<float> scan = stored_scan(stored_ball().geometry());
   GridGeometry grid = scan.geometry();
   grid.dims = {40, 20, 30};
@@ -412,7 +412,7 @@ TEST_F(StoredPreparation, AScanOnAnotherGridIsResampledOnce) {
   EXPECT_EQ(entries(), 3u);
 }
 
-TEST_F(StoredPreparation, LabelsOnAnotherGridAreResampledOnce) {
+TEST_F(CachedPreparation, LabelsOnAnotherGridAreResampledOnce) {
   LabelMap labels = stored_ball();
   labels.layers.push_back(labels.layers[0]);
   for (LabelId& label : labels.layers[1].voxels()) label = label == 3 ? 1 : 0;
@@ -434,7 +434,7 @@ TEST_F(StoredPreparation, LabelsOnAnotherGridAreResampledOnce) {
 
 // Random payloads with a valid checksum either give a result of the right shape or are treated as a miss; no
 // access is out of bounds (checked by the sanitizers).
-TEST_F(StoredPreparation, ForgedEntriesAreMissesOrHaveTheRightShape) {
+TEST_F(CachedPreparation, ForgedEntriesAreMissesOrHaveTheRightShape) {
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
   std::mt19937 random(seed);
@@ -479,7 +479,7 @@ TEST_F(StoredPreparation, ForgedEntriesAreMissesOrHaveTheRightShape) {
   }
 }
 
-TEST_F(StoredPreparation, DamagedEntriesAreReplaced) {
+TEST_F(CachedPreparation, DamagedEntriesAreReplaced) {
   const Started first = start_scene();
   const unsigned seed = test::test_seed();
   SCOPED_TRACE(seed);
@@ -500,7 +500,7 @@ TEST_F(StoredPreparation, DamagedEntriesAreReplaced) {
   EXPECT_TRUE(warned_.empty());
 }
 
-TEST_F(StoredPreparation, InterruptionLeavesNoPartialEntry) {
+TEST_F(CachedPreparation, InterruptionLeavesNoPartialEntry) {
   std::atomic<bool> stop{false};
   const Progress progress(
       [&](std::string_view stage, double) { stop = stop || stage == "preparing surfaces"; }, &stop);
@@ -516,8 +516,8 @@ TEST_F(StoredPreparation, InterruptionLeavesNoPartialEntry) {
 }
 
 // Golden hash of all prepared results. If it changes on purpose, increment kPreparationVersion
-// (loading/stored_preparation.h) to invalidate cached results, and update both here.
-TEST_F(StoredPreparation, GoldenHash) {
+// (loading/cached_preparation.h) to invalidate cached results, and update both here.
+TEST_F(CachedPreparation, GoldenHash) {
   use_none();
   const Started started = start("knee-phantom:spacing=3");
   const Model& model = *started.loaded.model;

@@ -1,4 +1,4 @@
-#include "loading/stored_preparation.h"
+#include "loading/cached_preparation.h"
 
 #include <algorithm>
 #include <cmath>
@@ -306,14 +306,14 @@ std::optional<cache::Digest> key_of_phantom(const PhantomParameters& parameters)
 }  // namespace
 
 const std::optional<cache::Digest>& CachedPreparation::digest_of(const Bricks<LabelId>& labels) const {
-  if (labels_ == &labels) return of_labels_;
+  if (labels_ == &labels) return labels_digest_;
   labels_ = &labels;
-  of_labels_.reset();
-  if (!cache::is_cache_enabled()) return of_labels_;
+  labels_digest_.reset();
+  if (!cache::is_cache_enabled()) return labels_digest_;
   cache::Key key("labels", kPreparationVersion);
   put_grid(labels.geometry(), key);
-  if (put_digests_of_voxels(labels, key)) of_labels_ = key.digest();
-  return of_labels_;
+  if (put_digests_of_voxels(labels, key)) labels_digest_ = key.digest();
+  return labels_digest_;
 }
 
 Result<Ramps> CachedPreparation::ramps(const Bricks<LabelId>& labels,
