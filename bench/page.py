@@ -332,7 +332,7 @@ def main():
     parser.add_argument("--places", type=int, default=40, help="of the recording")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    if lack := browser.missing():
+    if lack := browser.missing_programs():
         sys.exit(lack)
     if options.recording:
         sys.exit(not measure_places(options.program, options.recording, options.places, options.seed))

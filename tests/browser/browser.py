@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import unittest
 import urllib.error
 import urllib.request
 
@@ -30,10 +31,22 @@ ARGUMENTS = [
 ]
 
 
-def missing():
-    """What this machine lacks to run a browser test, or None."""
+def missing_programs():
+    """Message that names the programs a browser test needs and this machine lacks, or None."""
     absent = [program for program in ("chromium", "chromedriver") if shutil.which(program) is None]
     return ("not installed: " + ", ".join(absent)) if absent else None
+
+
+def run_tests(also_needed=None, **options):
+    """Runs the script's tests, or skips them with exit code 77, in CI with the failure 1.
+
+    @param also_needed  why this machine cannot run the tests although it has a browser, or None
+    @param options  those of unittest.main
+    """
+    if reason := missing_programs() or also_needed:
+        print("skipped: " + reason)
+        sys.exit(1 if os.environ.get("CI") == "true" else 77)
+    unittest.main(verbosity=2, **options)
 
 
 def free_port():

@@ -9,12 +9,11 @@ import base64
 import os
 import sys
 import time
-import unittest
 
 sys.dont_write_bytecode = True  # nothing is left in the source tree
 import browser  # noqa: E402
-import viewer_test  # noqa: E402
-from viewer_test import numpy  # noqa: E402
+import viewer_page  # noqa: E402
+from viewer_page import numpy  # noqa: E402
 
 LAYOUTS = ["two", "five", "volume", "section", "inside", "scope"]
 # each visible picture: name, size, and its pixels, reduced to 48 columns and rows by their means
@@ -48,12 +47,12 @@ def shape(picture, size):
     return spreads[0] * size[0] / (spreads[1] * size[1])
 
 
-class Layouts(viewer_test.Viewer):
-    draws_seldom = False
+class Layouts(viewer_page.Viewer):
+    limits_frame_rate = False
 
     @classmethod
     def setUpClass(cls):
-        cls.server = viewer_test.Server("pointer").__enter__()
+        cls.server = viewer_page.Server("pointer").__enter__()
         cls.addClassCleanup(cls.server.__exit__)
         cls.open_browser()
 
@@ -113,7 +112,7 @@ class Layouts(viewer_test.Viewer):
                 self.choose(before)
                 self.redrawn()
                 url = self.run_async(f"document.querySelector('[data-layout={after}]').click(); palpateViewer.screenshot().then(done);")
-                _, _, shot = viewer_test.decode_png(base64.b64decode(url.split(",")[1]))
+                _, _, shot = viewer_page.decode_png(base64.b64decode(url.split(",")[1]))
                 boxes = self.page.run("""const area = document.getElementById("pictures").getBoundingClientRect();
                     return [...document.querySelectorAll(".picture")].filter((one) => one.clientWidth > 0).map((one) => {
                       const { left, top, width, height } = one.getBoundingClientRect();
@@ -130,9 +129,5 @@ if __name__ == "__main__":
         sys.exit(__doc__)
     node, mock, page = (os.path.abspath(argument) if n else argument for n, argument in enumerate(sys.argv[1:4]))
     del sys.argv[1:4]
-    viewer_test.command = viewer_test.mock_command(node, mock, page)
-    lack = browser.missing() or (numpy is None and "python3-numpy is not installed")
-    if lack:
-        print("skipped: " + lack)
-        sys.exit(1 if os.environ.get("CI") == "true" else 77)
-    unittest.main(verbosity=2)
+    viewer_page.use_mock(node, mock, page)
+    browser.run_tests(viewer_page.NUMPY_NEEDED)

@@ -15,12 +15,11 @@ import subprocess
 import sys
 import tempfile
 import time
-import unittest
 
 sys.dont_write_bytecode = True  # nothing is left in the source tree
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "e2e"))
 import browser  # noqa: E402
-import viewer_test  # noqa: E402
+import viewer_page  # noqa: E402
 
 TUTORIAL = pathlib.Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "lesson.md"
 LEARNERS = ("L041", "L042", "L043")
@@ -47,10 +46,10 @@ PIXEL_OF = """const wanted = palpateViewer.scene.structures.findIndex(({ name })
     return best"""
 
 
-class FourWindows(viewer_test.Viewer):
+class FourWindows(viewer_page.Viewer):
     """The session of the tutorial's commands, and its windows by name."""
 
-    draws_seldom = True
+    limits_frame_rate = True
     pages = ("Teacher", *LEARNERS)
 
     @classmethod
@@ -82,7 +81,7 @@ class FourWindows(viewer_test.Viewer):
         return re.search(r"```sh\n(" + re.escape(begin) + r".*?)```", self.tutorial, re.S).group(1)
 
     def shell(self, commands):
-        program = shlex.quote(viewer_test.PROGRAM)
+        program = shlex.quote(viewer_page.program)
         text = f"set -e\npalpate() {{ {program} -q \"$@\"; }}\n{commands}"
         done = subprocess.run(["bash", "-c", text], cwd=self.folder, env=self.environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
@@ -93,7 +92,7 @@ class FourWindows(viewer_test.Viewer):
         words = shlex.split(command)
         self.assertEqual(words[:3], ["palpate", "explore", "knee-phantom"])
         self.port = browser.free_port()
-        words[0], words[2] = viewer_test.PROGRAM, "knee-phantom:spacing=1.5"
+        words[0], words[2] = viewer_page.program, "knee-phantom:spacing=1.5"
         self.terminal = open(os.path.join(self.folder, "terminal"), "w+", encoding="utf-8")
         self.addCleanup(self.terminal.close)
         self.session = subprocess.Popen([*words, "--port", str(self.port)], cwd=self.folder, env=self.environment, stdin=subprocess.DEVNULL,
@@ -126,7 +125,7 @@ class FourWindows(viewer_test.Viewer):
         """Opens the address in a window of its own, the first one in that of the browser."""
         self.windows[name] = self.page.open_window() if self.windows else self.page.window()
         self.page.dark(True)
-        self.page.resize(*viewer_test.SIZE)
+        self.page.resize(*viewer_page.SIZE)
         self.page.post("/url", {"url": f"http://127.0.0.1:{self.port}/"})
         self.page.wait("document.querySelector('#token-dialog')?.open")
 
@@ -142,8 +141,8 @@ class FourWindows(viewer_test.Viewer):
 
     def sign_in(self, name):
         self.type_token(self.tokens[name])
-        self.page.wait(viewer_test.LOADED)
-        self.page.run(f"palpateViewer.leastFrame_ms = {2 * viewer_test.LEAST_FRAME_MS}")
+        self.page.wait(viewer_page.LOADED)
+        self.page.run(f"palpateViewer.leastFrame_ms = {2 * viewer_page.LEAST_FRAME_MS}")
 
     def at(self, name):
         """Drives the window of a person from here on."""
@@ -158,7 +157,7 @@ class FourWindows(viewer_test.Viewer):
     def close_windows(self):
         for name in list(self.windows):
             faults = [entry["message"] for entry in self.at(name).log()]
-            self.assertEqual([m for m in faults if not any(part in m for part in (*self.expected, viewer_test.WAITS_FOR_PICTURES))], [], name)
+            self.assertEqual([m for m in faults if not any(part in m for part in (*self.expected, viewer_page.WAITS_FOR_PICTURES))], [], name)
 
     def text(self, selector):
         return self.page.run("return document.querySelector(arguments[0]).innerText", selector)
@@ -230,7 +229,15 @@ class FourWindows(viewer_test.Viewer):
 
 class AsTheTutorialSays(FourWindows):
     def test_the_lesson_word_by_word(self):
-        # 3. everybody signs in, the teacher first; a wrong token may be typed again
+        self.sign_in_everybody()
+        self.first_learner_runs()
+        self.result_and_takeover()
+        self.other_learners_run()
+        self.compare_curves()
+        self.lesson_ends()
+
+    def sign_in_everybody(self):
+        """Section 3 of the tutorial: everybody signs in, the teacher first; a wrong token may be typed again."""
         self.open("Teacher")
         self.type_token(self.tokens["Teacher"].swapcase())
         self.says("#token-dialog", "The token was not accepted")
@@ -242,7 +249,9 @@ class AsTheTutorialSays(FourWindows):
         self.at("L041")
         self.says("#who", "Learner L041")
 
-        # 4.1 whose turn: the list of the learners of `class`, each connected
+    def first_learner_runs(self):
+        """Sections 4.1 and 4.2: the teacher names the first learner, who begins a run."""
+        # the list of the learners of `class`, each connected
         self.at("Teacher")
         self.assertTrue(self.is_enabled("#lesson"))
         for learner in LEARNERS:
@@ -256,7 +265,7 @@ class AsTheTutorialSays(FourWindows):
             self.says("#lesson-note", "Another learner's turn: view only.")
             self.assertFalse(self.is_enabled("#task-begin"))
 
-        # 4.2 the run: Begin, the tip with the mouse button held, the force bar
+        # Begin, the tip with the mouse button held, the force bar
         self.at("L041")
         self.begin()
         self.assertGreater(self.press("medial_meniscus"), 0.05, "the force bar")
@@ -266,7 +275,8 @@ class AsTheTutorialSays(FourWindows):
         self.assertEqual(self.page.run("return palpateViewer.state.lesson.learner"), "L041", "during a run the turn cannot be changed")
         self.page.click("#task-end")
 
-        # 4.3 the result: figures with their bands, in the records at once
+    def result_and_takeover(self):
+        """Section 4.3: figures with their bands, in the records at once; then a run in which the teacher takes the tip."""
         first = self.at("L041") and self.debriefed()
         self.assertEqual(first["kept"], 1)
         self.assertEqual(self.page.run("return document.querySelectorAll('#figures tbody tr').length"), 8)
@@ -288,7 +298,8 @@ class AsTheTutorialSays(FourWindows):
         self.page.wait("document.getElementById('verdict-more').innerText.includes('Another viewer moved the tip during part of the run')")
         self.assertEqual(len(self.recorded()), 1)
 
-        # 4.4 the next learner, and anyone
+    def other_learners_run(self):
+        """Section 4.4: the next learner, and then whoever takes the tip."""
         self.name_learner("L042")
         self.row_says("L042", "moves the tip")
         self.at("L041")
@@ -313,7 +324,8 @@ class AsTheTutorialSays(FourWindows):
         self.assertEqual(self.debriefed()["kept"], 3)
         self.assertEqual([run["learner"] for run in self.recorded()], list(LEARNERS))
 
-        # curves
+    def compare_curves(self):
+        """A learner sees the own curves only, the teacher those of all."""
         self.page.click("#curves-show")
         self.page.wait("!document.getElementById('curves').hidden")
         curves = "document.getElementById('curves-page').shadowRoot.innerText ?? document.getElementById('curves-page').shadowRoot.textContent"
@@ -326,7 +338,9 @@ class AsTheTutorialSays(FourWindows):
         self.assertTrue(all(learner in self.page.run(f"return {curves}") for learner in LEARNERS))
         self.page.click("#curves-close")
 
-        # 5. the end, said by every page, during a run, which is scored; the results can still be read
+    def lesson_ends(self):
+        """Section 5: the teacher ends the lesson during a run, which is scored; every page says so, and the results can
+        still be read."""
         self.at("L043")
         self.begin()
         self.press("medial_meniscus", within_s=0)
@@ -407,15 +421,12 @@ class ATeacherWhoMakesMistakes(FourWindows):
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit(__doc__)
-    viewer_test.PROGRAM = os.path.abspath(sys.argv[1])
+    viewer_page.use_program(sys.argv[1])
     del sys.argv[1]
-    lack = browser.missing()
+    lacks = None
     try:
         import second_scores
     except ImportError as absent:
-        lack = f"python3-{absent.name} is not installed"
-    if lack:
-        print("skipped: " + lack)
-        sys.exit(1 if os.environ.get("CI") == "true" else 77)
+        lacks = f"python3-{absent.name} is not installed"
     del FourWindows
-    unittest.main(verbosity=2)
+    browser.run_tests(lacks)

@@ -15,18 +15,17 @@ import re
 import subprocess
 import sys
 import tempfile
-import unittest
 
 sys.dont_write_bytecode = True  # nothing is left in the source tree
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "e2e"))
 import browser  # noqa: E402
-import viewer_test  # noqa: E402
+import viewer_page  # noqa: E402
 
 TRAINING = "palpateViewer.training"
 LIMIT_N = 2.0  # of the session; most trainees push harder
 
 
-class Scores(viewer_test.Viewer):
+class Scores(viewer_page.Viewer):
     """A clumsy trainee does each task with the simulated hand, and a bystander begins it and touches nothing; the recording is scored everywhere."""
 
     @classmethod
@@ -41,7 +40,7 @@ class Scores(viewer_test.Viewer):
         self.expected = ()
 
     def palpate(self, *arguments, codes=(0, 3)):
-        done = subprocess.run([viewer_test.PROGRAM, "-q", *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+        done = subprocess.run([viewer_page.program, "-q", *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
         self.assertIn(done.returncode, codes, done.stderr)
         return done.stdout
 
@@ -59,8 +58,8 @@ class Scores(viewer_test.Viewer):
 
     def shown_by_page(self, recording, task):
         """{metric's name: value}, and the rows of the table, of the page that plays the recording."""
-        self.server = viewer_test.Server("recording")
-        self.server.command = lambda: [viewer_test.PROGRAM, "replay", str(recording), "--view", "--task", task, "--port", str(self.server.port)]
+        self.server = viewer_page.Server("recording")
+        self.server.command = lambda: [viewer_page.program, "replay", str(recording), "--view", "--task", task, "--port", str(self.server.port)]
         with self.server:
             self.open_page()
             self.page.wait(f"{TRAINING}.view === 'running'")
@@ -117,8 +116,8 @@ class Scores(viewer_test.Viewer):
         """A run in the page during which nobody holds the tip."""
         file, recording = self.folder / f"{task}-task.toml", self.folder / f"{task}-bystander.h5"
         file.write_text(self.palpate("task", "show", task), encoding="utf-8")
-        self.server = viewer_test.Server("live")
-        self.server.command = lambda: [viewer_test.PROGRAM, "explore", self.data_set_of(task), "--device", "pointer", "--task", task, "-o", str(recording),
+        self.server = viewer_page.Server("live")
+        self.server.command = lambda: [viewer_page.program, "explore", self.data_set_of(task), "--device", "pointer", "--task", task, "-o", str(recording),
                                        "--port", str(self.server.port)]
         with self.server:
             self.open_page()
@@ -149,17 +148,15 @@ def add_tests():
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit(__doc__)
-    viewer_test.PROGRAM = os.path.abspath(sys.argv[1])
-    os.environ["PALPATE"] = viewer_test.PROGRAM
+    viewer_page.use_program(sys.argv[1])
+    os.environ["PALPATE"] = viewer_page.program
     del sys.argv[1]
-    lack = browser.missing()
+    lacks = None
     try:
         import second_scores
         import trainees
     except ImportError as absent:
-        lack = f"python3-{absent.name} is not installed"
-    if lack:
-        print("skipped: " + lack)
-        sys.exit(1 if os.environ.get("CI") == "true" else 77)
-    add_tests()
-    unittest.main(verbosity=2)
+        lacks = f"python3-{absent.name} is not installed"
+    else:
+        add_tests()
+    browser.run_tests(lacks)

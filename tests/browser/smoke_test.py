@@ -6,19 +6,17 @@ The one test of the page in a browser that runs with every change; the journeys 
 Exit code 77 (a skip) where there is no browser, except in CI, where that is a failure.
 """
 
-import os
 import sys
-import unittest
 
 sys.dont_write_bytecode = True  # nothing is left in the source tree
 import browser  # noqa: E402
-import viewer_test  # noqa: E402
+import viewer_page  # noqa: E402
 
 
-class Smoke(viewer_test.Viewer):
+class Smoke(viewer_page.Viewer):
     @classmethod
     def setUpClass(cls):
-        cls.server = viewer_test.Server("pointer").__enter__()
+        cls.server = viewer_page.Server("pointer").__enter__()
         cls.addClassCleanup(cls.server.__exit__)
         cls.open_browser()
 
@@ -34,7 +32,7 @@ class Smoke(viewer_test.Viewer):
         scene = self.server.scene()
         labels, patient_from_voxel = self.server.labels(scene)
         label = next(structure["label"] for structure in scene["structures"] if structure["name"] == "patella")
-        middle = (patient_from_voxel @ [*viewer_test.numpy.argwhere(labels == label).mean(0), 1])[:3].tolist()
+        middle = (patient_from_voxel @ [*viewer_page.numpy.argwhere(labels == label).mean(0), 1])[:3].tolist()
         left, top, width, height = self.box("#picture-volume .stack")
         x, y = self.page.run("return palpateViewer.project(arguments[0])", middle)
         self.page.pointer({"type": "pointerMove", "x": round(left + width / 2 + x), "y": round(top + height / 2 + y)}, {"type": "pointerDown", "button": 0})
@@ -48,10 +46,6 @@ class Smoke(viewer_test.Viewer):
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit(__doc__)
-    program = os.path.abspath(sys.argv.pop(1))
-    viewer_test.command = lambda port, *_: [program, "explore", "knee-phantom:spacing=2", "--device", "pointer", "--port", str(port), "--seconds", "600"]
-    lack = browser.missing() or (viewer_test.numpy is None and "python3-numpy is not installed")
-    if lack:
-        print("skipped: " + lack)
-        sys.exit(1 if os.environ.get("CI") == "true" else 77)
-    unittest.main(verbosity=2)
+    viewer_page.use_program(sys.argv.pop(1), lambda program: lambda port, *_: [
+        program, "explore", "knee-phantom:spacing=2", "--device", "pointer", "--port", str(port), "--seconds", "600"])
+    browser.run_tests(viewer_page.NUMPY_NEEDED)

@@ -12,11 +12,10 @@ import subprocess
 import sys
 import tempfile
 import time
-import unittest
 
 sys.dont_write_bytecode = True  # nothing is left in the source tree
 import browser  # noqa: E402
-import viewer_test  # noqa: E402
+import viewer_page  # noqa: E402
 
 TASK = """title = "Press the kneecap"
 briefing = "Press gently."
@@ -60,7 +59,7 @@ TAB, ENTER, ARROW_LEFT, ARROW_UP, ARROW_RIGHT, ARROW_DOWN = "\ue004", "\ue007", 
 TOUCHES, IS_DONE = f"{TRAINING}.run.forces_N[0] > 0.3", f"{TRAINING}.run.done.every((done) => done)"
 
 
-class Trainee(viewer_test.Viewer):
+class Trainee(viewer_page.Viewer):
     """A session with a task, recorded, whose runs are kept; what the page said of each is what `palpate` says afterwards."""
 
     scene_name = "knee-phantom:spacing=1.2"
@@ -74,16 +73,15 @@ class Trainee(viewer_test.Viewer):
 
     @classmethod
     def serve_in(cls, folder):
-        program = viewer_test.PROGRAM
-        viewer_test.command = lambda port, source, tokens: [
-            program, "explore", cls.scene_name, "--port", str(port), "--device", "pointer", "--seconds", "600", "--rate", "1000",
-            *(["--token-file", tokens] if tokens else [])]
         cls.file = os.path.join(folder, "press.toml")
         with open(cls.file, "w", encoding="utf-8") as out:
             out.write(TASK)
         cls.recording, cls.records = os.path.join(folder, "run.h5"), os.path.join(folder, "records.db")
-        cls.server = viewer_test.Server("pointer", extra=cls.options()).__enter__()
-        cls.addClassCleanup(lambda: cls.server.__exit__())
+        cls.server = viewer_page.Server("pointer")
+        cls.server.command = lambda: [viewer_page.program, "explore", cls.scene_name, "--port", str(cls.server.port), "--device", "pointer",
+                                      "--seconds", "600", "--rate", "1000", *cls.options()]
+        cls.server.__enter__()
+        cls.addClassCleanup(cls.server.__exit__)
 
     @classmethod
     def options(cls):
@@ -92,8 +90,6 @@ class Trainee(viewer_test.Viewer):
     def setUp(self):
         super().setUp()
         self.page.wait("palpateViewer.state.pointer && document.getElementById('training').hidden === false")
-
-    barriers = viewer_test.WithRamp.barriers
 
     def text(self, selector):
         return self.page.run("return document.querySelector(arguments[0]).innerText", selector)
@@ -106,7 +102,7 @@ class Trainee(viewer_test.Viewer):
         scene = self.server.scene()
         labels, patient_from_voxel = self.server.labels(scene)
         label = next(s["label"] for s in scene["structures"] if s["name"] == name)
-        voxel = viewer_test.numpy.argwhere(labels == label).mean(0)
+        voxel = viewer_page.numpy.argwhere(labels == label).mean(0)
         return (patient_from_voxel[:3, :3] @ voxel + patient_from_voxel[:3, 3]).tolist()
 
     def way_into(self, name):
@@ -229,18 +225,26 @@ class Trainee(viewer_test.Viewer):
 
     def score(self, told):
         """As palpate has it of the recording."""
-        scored = subprocess.run([viewer_test.PROGRAM, "-q", "task", "score", self.recording, "--task", self.file, "--json", "--from-tick", str(told["first_tick"]),
+        scored = subprocess.run([viewer_page.program, "-q", "task", "score", self.recording, "--task", self.file, "--json", "--from-tick", str(told["first_tick"]),
                                  "--to-tick", str(told["last_tick"])], stdout=subprocess.PIPE, check=False)
         return json.loads(scored.stdout)["runs"][0]
 
     def kept(self):
-        listed = subprocess.run([viewer_test.PROGRAM, "-q", "records", "list", "--records", self.records, "--json"], stdout=subprocess.PIPE, check=True)
+        listed = subprocess.run([viewer_page.program, "-q", "records", "list", "--records", self.records, "--json"], stdout=subprocess.PIPE, check=True)
         return [json.loads(line) for line in listed.stdout.splitlines()]
 
 
 class WholeTask(Trainee):
     def test_a_whole_task_by_mouse_by_keys_and_by_finger(self):
-        # before it begins
+        self.check_briefing()
+        by_mouse = self.run_by_mouse()
+        by_keys = self.run_by_keys()
+        self.assertEqual(by_keys["metrics"][1]["best"], by_mouse["metrics"][1]["value"])
+        by_finger = self.run_by_finger()
+        self.check_german_and_narrow_screen()
+        self.check_recording_and_records(by_mouse, by_keys, by_finger)
+
+    def check_briefing(self):
         self.assertEqual(self.view(), "briefing")
         self.assertEqual(self.text("#task-title"), "Press the kneecap")
         for words in ("Do not touch: tibia", "0.150 N to 1.00 N", "Pass: 1 runs in a row"):
@@ -248,16 +252,17 @@ class WholeTask(Trainee):
         self.assertIn("Runs are saved in the learner's records", self.text("#task-note"))
         for is_dark in (True, False):
             self.page.dark(is_dark)
-            self.assertEqual(self.barriers(), [])
+            self.assertEqual(self.accessibility_violations(), [])
         self.page.dark(True)
 
-        # by mouse
+    def run_by_mouse(self):
+        """The first run; presses too hard in the end. @returns its debriefing"""
         self.page.hear()
         self.bring_section_to("patella")
         self.page.click("#task-begin")
         self.page.wait(f"{TRAINING}.view === 'running'")
         self.assertEqual(self.page.run("return document.activeElement.id"), "task-end")
-        self.assertEqual(self.barriers(), [])
+        self.assertEqual(self.accessibility_violations(), [])
         self.assertEqual(self.text("#task-warning"), "")
         self.slide("#press", 0.6)
         at = self.press_into("patella", self.mouse_down, self.mouse_move, self.mouse_up, IS_DONE)
@@ -277,15 +282,17 @@ class WholeTask(Trainee):
         self.assertEqual(moved, 0)
         self.mouse_up()
         self.page.click("#task-end")
-        by_mouse = self.expect_debriefed(1)
+        debriefing = self.expect_debriefed(1)
         self.page.wait("window.heard.some((text) => text.includes(document.getElementById('verdict').textContent))")
         self.assertEqual(self.page.run("return document.activeElement.id"), "task-title")
         for is_dark in (True, False):
             self.page.dark(is_dark)
-            self.assertEqual(self.barriers(), [])
+            self.assertEqual(self.accessibility_violations(), [])
         self.page.dark(True)
+        return debriefing
 
-        # by keys alone: to the button, into the section, to the tip and back
+    def run_by_keys(self):
+        """The second run, by keys alone: to the button, into the section, to the tip and back. @returns its debriefing"""
         self.page.run("document.querySelector('#picture-oblique .stack').focus()")
         self.page.press("b")
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.run === 2")
@@ -300,10 +307,10 @@ class WholeTask(Trainee):
                 break
             self.page.press(TAB)
         self.page.press(ENTER)
-        by_keys = self.expect_debriefed(2)
-        self.assertEqual(by_keys["metrics"][1]["best"], by_mouse["metrics"][1]["value"])
+        return self.expect_debriefed(2)
 
-        # by finger
+    def run_by_finger(self):
+        """The third run. @returns its debriefing"""
         self.touch("Start", self.middle_of_element("#task-again"))
         self.touch("End")
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.run === 3")
@@ -314,20 +321,22 @@ class WholeTask(Trainee):
         self.touch("End")
         by_finger = self.expect_debriefed(3)
         self.assertEqual([by_finger["runs"], by_finger["in_a_row"]], [3, 3])
+        return by_finger
 
-        # in the other language, and on a telephone
-        viewer_test.speak(self.page, "de")
+    def check_german_and_narrow_screen(self):
+        viewer_page.speak(self.page, "de")
         for words in ("Wiederholen", "Alle gezählten Werte im Sollbereich", "Maximalkraft", "nicht validiert", "Erledigt: press"):
             self.assertIn(words, self.text("#training"))
         self.page.resize(390, 844)
         self.page.wait("innerWidth <= 390")
-        self.assertEqual(self.barriers(), [])
-        self.page.resize(*viewer_test.SIZE)
+        self.assertEqual(self.accessibility_violations(), [])
+        self.page.resize(*viewer_page.SIZE)
         self.page.click("#task-other")
         self.page.wait(f"{TRAINING}.view === 'briefing'")
         self.assertIn("Nicht berühren: tibia", self.text("#training"))
 
-        # what the page said is what palpate says of the recording, bit for bit
+    def check_recording_and_records(self, by_mouse, by_keys, by_finger):
+        """Compares the debriefings with palpate's scores of the recording, bit for bit, and with the records."""
         self.page.post("/url", {"url": "about:blank"})
         self.server.__exit__()
         for told in (by_mouse, by_keys, by_finger):
@@ -337,7 +346,7 @@ class WholeTask(Trainee):
             self.assertEqual([(event["kind"], event["force_N"]) for event in scored["events"]][:500], [(event["kind"], event["force_N"]) for event in told["events"]])
         self.assertEqual([run["learner"] for run in self.kept()], ["L042"] * 3)
         # scored once more it is the same run
-        again = [viewer_test.PROGRAM, "-q", "task", "score", self.recording, "--task", self.file, "--record", "L042", "--records", self.records,
+        again = [viewer_page.program, "-q", "task", "score", self.recording, "--task", self.file, "--record", "L042", "--records", self.records,
                  "--from-tick", str(by_keys["first_tick"]), "--to-tick", str(by_keys["last_tick"])]
         subprocess.run(again, stdout=subprocess.DEVNULL, check=True)
         self.assertEqual(len(self.kept()), 3)
@@ -376,7 +385,7 @@ class Quiz(Trainee):
         self.page.wait(f"(() => palpateViewer.structureAt({json.dumps(middle)}) === {soft})()")
         self.assertNotIn("nodule", self.everything_said().lower().replace("find the nodule", "").replace("a nodule lies somewhere", ""))
         self.assertNotIn("soft tissue", self.everything_said())
-        self.assertEqual(self.barriers(), [])
+        self.assertEqual(self.accessibility_violations(), [])
         self.page.click("#task-begin")
         self.page.wait(f"{TRAINING}.view === 'running'")
         self.assertNotIn("soft tissue", self.everything_said())
@@ -390,7 +399,7 @@ class Quiz(Trainee):
         self.page.wait(f"(() => palpateViewer.structureAt({json.dumps(middle)}) === {nodule})()")
         self.assertEqual(self.page.run("return " + at, middle), nodule)
         self.assertIn("nodule", self.page.run("document.querySelectorAll('details').forEach((card) => (card.open = true)); return document.getElementById('structures').innerText"))
-        self.assertEqual(self.barriers(), [])
+        self.assertEqual(self.accessibility_violations(), [])
         # once more: it is hidden again
         self.page.click("#task-again")
         self.page.wait(f"{TRAINING}.view === 'running'")
@@ -421,7 +430,7 @@ class Lesson(Trainee):
         self.open_page(wait="document.querySelector('#token-dialog').open")
         self.page.run("document.getElementById('token').value = arguments[0]", token)
         self.page.click("#token-form button")
-        self.page.wait(viewer_test.LOADED)
+        self.page.wait(viewer_page.LOADED)
 
     def is_shown(self, *ids):
         return [self.page.run("return document.getElementById(arguments[0]).checkVisibility()", one) for one in ids]
@@ -436,15 +445,15 @@ class Lesson(Trainee):
         self.assertNotIn("nodule", names)
         self.assertNotIn("soft_tissue", names)
         whole = json.loads(self.server.get("api/scene", self.TEACHER))
-        labels = viewer_test.numpy.frombuffer(self.server.get("api/volume/labels/" + whole["volume"]["hash"], self.TEACHER), whole["volume"]["labels"]["type"])
+        labels = viewer_page.numpy.frombuffer(self.server.get("api/volume/labels/" + whole["volume"]["hash"], self.TEACHER), whole["volume"]["labels"]["type"])
         nodule = next(s["label"] for s in whole["structures"] if s["name"] == "nodule")
-        affine = viewer_test.numpy.array(whole["volume"]["patient_from_voxel"])
-        voxel = viewer_test.numpy.argwhere(labels.reshape(whole["volume"]["dims"][::-1]).transpose(2, 1, 0) == nodule).mean(0)
+        affine = viewer_page.numpy.array(whole["volume"]["patient_from_voxel"])
+        voxel = viewer_page.numpy.argwhere(labels.reshape(whole["volume"]["dims"][::-1]).transpose(2, 1, 0) == nodule).mean(0)
         middle = (affine[:3, :3] @ voxel + affine[:3, 3]).tolist()
         at = f"palpateViewer.structureAt({json.dumps(middle)})"
         place = next(n for n, s in enumerate(whole["structures"]) if s["name"] == "nodule")
         self.assertNotEqual(self.page.run("return " + at), place)
-        self.assertEqual(self.barriers(), [])
+        self.assertEqual(self.accessibility_violations(), [])
         # a run is kept as his or hers, and so are the curves
         self.page.click("#task-begin")
         self.page.wait(f"{TRAINING}.view === 'running'")
@@ -460,7 +469,7 @@ class Lesson(Trainee):
         stop = self.page.run("""const { left, top, width, height } = document.getElementById("stop").getBoundingClientRect();
             return document.elementFromPoint(left + width / 2, top + height / 2).id""")
         self.assertEqual(stop, "stop", "nothing lies over the emergency stop")
-        self.assertEqual(self.barriers(), [])
+        self.assertEqual(self.accessibility_violations(), [])
         self.page.press("\ue00c")
         self.assertEqual(self.is_shown("curves"), [False])
 
@@ -470,7 +479,7 @@ class Lesson(Trainee):
         self.assertEqual(self.text("#who"), "Teacher")
         self.assertEqual(self.is_shown("lesson", "curves-show", "lesson-led", "method"), [True, True, True, True])
         self.page.wait(f"{at} === {place}")
-        self.assertEqual(self.barriers(), [])
+        self.assertEqual(self.accessibility_violations(), [])
         self.assertEqual(self.is_shown("lesson-learners", "lesson-learner"), [True, False], "learners with a token are listed")
         self.page.click("#lesson-learners [data-learner='L007']")
         self.page.wait("palpateViewer.state.lesson.learner === 'L007'")
@@ -486,19 +495,18 @@ class Lesson(Trainee):
         self.assertIn("Another learner's turn", self.text("#lesson-note"))
 
 
-class Played(viewer_test.Viewer):
+class Played(viewer_page.Viewer):
     """A recording that is looked at as a run of a task: the card shows what was done by the place that is shown."""
 
     @classmethod
     def setUpClass(cls):
         folder = tempfile.TemporaryDirectory(prefix="palpate-played-")
-        viewer_test.command = lambda *_: [viewer_test.PROGRAM]
         cls.addClassCleanup(folder.cleanup)
-        cls.program, cls.recording = viewer_test.simulated(folder.name)
+        cls.program, cls.recording = viewer_page.simulated(folder.name)
         cls.file = os.path.join(folder.name, "press.toml")
         with open(cls.file, "w", encoding="utf-8") as out:
             out.write(TASK)
-        cls.server = viewer_test.Server("recording")
+        cls.server = viewer_page.Server("recording")
         cls.server.command = lambda: [cls.program, "replay", cls.recording, "--view", "--task", cls.file, "--port", str(cls.server.port)]
         cls.server.__enter__()
         cls.addClassCleanup(cls.server.__exit__)
@@ -540,21 +548,21 @@ class Played(viewer_test.Viewer):
         return self.page.run(f"return {TRAINING}.view")
 
 
-class PlayedWithScope(viewer_test.Viewer):
+class PlayedWithScope(viewer_page.Viewer):
     """A run of two devices: the page's scope stands as the task's does, on the second one."""
 
     @classmethod
     def setUpClass(cls):
         folder = tempfile.TemporaryDirectory(prefix="palpate-scope-")
         cls.addClassCleanup(folder.cleanup)
-        program = viewer_test.PROGRAM
+        program = viewer_page.program
         script, recording, task = (os.path.join(folder.name, name) for name in ("script.toml", "run.h5", "task.toml"))
         with open(script, "w", encoding="utf-8") as out:
             out.write('[[step]]\nscope = "probe"\nspeed = 200.0\noptics = 70.0\nback = 4.0\n[[step]]\napproach = "patella"\n[[step]]\npress = 0.8\n[[step]]\nhold = 0.5\n')
         with open(task, "w", encoding="utf-8") as out:
             out.write(TASK + '[[metric]]\nname = "unseen_time"\nat_most = 0\n[scope]\noptics = 70\nback = 4\n')
         subprocess.run([program, "-q", "simulate", "knee-phantom:spacing=1.2", "-s", script, "-o", recording], check=True, stdout=subprocess.DEVNULL)
-        cls.server = viewer_test.Server("recording")
+        cls.server = viewer_page.Server("recording")
         cls.server.command = lambda: [program, "replay", recording, "--view", "--task", task, "--port", str(cls.server.port)]
         cls.server.__enter__()
         cls.addClassCleanup(cls.server.__exit__)
@@ -594,33 +602,24 @@ class Picker(Trainee):
         self.page.wait("document.getElementById('task-title').innerText.includes('edge')")
         self.assertEqual(self.page.run("return document.activeElement.id"), "task", "who goes through the list by keys goes on")
         self.assertNotEqual(self.page.run("return palpateViewer.project([0, 0, 0])"), before, "the picture looks at where it is done")
-        self.assertEqual(self.barriers(), [])
+        self.assertEqual(self.accessibility_violations(), [])
         self.page.click("#task-begin")
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.run.task === 'trace-an-edge'")
         self.assertTrue(self.page.run("return document.getElementById('task').disabled"))
         # another page of the same session sees the same run
-        self.open_page(keeps=True)
+        self.open_page(keep_storage=True)
         self.page.wait(f"{TRAINING}.view === 'running' && {TRAINING}.task === 'trace-an-edge'")
         self.page.click("#task-end")
         self.page.wait(f"{TRAINING}.view === 'debriefing'")
         self.assertIn("Not every counted metric in its band", self.text("#verdict"))
-        self.open_page(keeps=True)
+        self.open_page(keep_storage=True)
         self.page.wait(f"{TRAINING}.view === 'debriefing'")
 
 
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit(__doc__)
-    viewer_test.PROGRAM = os.path.abspath(sys.argv[1])
+    viewer_page.use_program(sys.argv[1])
     del sys.argv[1]
-    lack = browser.missing()
-    try:
-        import numpy
-        viewer_test.numpy = numpy
-    except ImportError:
-        lack = "python3-numpy is not installed"
-    if lack:
-        print("skipped: " + lack)
-        sys.exit(1 if os.environ.get("CI") == "true" else 77)
     del Trainee
-    unittest.main(verbosity=2)
+    browser.run_tests(viewer_page.NUMPY_NEEDED)
