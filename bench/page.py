@@ -31,7 +31,7 @@ TESTS = pathlib.Path(__file__).resolve().parent.parent / "tests"
 os.environ.setdefault("PALPATE", "")  # what the tests of the command line run: none of them here
 sys.path[:0] = [str(TESTS / "browser"), str(TESTS / "e2e")]
 import browser  # noqa: E402
-from explore_test import Viewer  # noqa: E402
+from live_session import Viewer  # noqa: E402
 from hour_recording import VISIT  # noqa: E402
 
 browser.ARGUMENTS = [argument for argument in browser.ARGUMENTS if argument != "--disable-gpu"] + [

@@ -1,13 +1,11 @@
 """A viewer that receives every tick, written from docs/reference/viewer-messages.md: the tables there are its description of the
 bytes."""
 
-import base64
-import json
-import os
 import pathlib
 import re
-import socket
 import struct
+
+from websocket_client import BINARY, CLOSE, WebSocketClient
 
 MANUAL = pathlib.Path(__file__).resolve().parents[1] / "docs/reference/viewer-messages.md"
 CODES = {"f32": "f", "f64": "d", "u32": "I", "u64": "Q"}
@@ -57,37 +55,16 @@ def read_bundle(data):
     return sequence, lost, ticks
 
 
-class Viewer:
+class TickViewer(WebSocketClient):
+    """A viewer on this machine that receives bundles of ticks."""
+
     def __init__(self, port, **hello):
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=60)
-        self.stream = self.socket.makefile("rb")
-        self.socket.sendall((f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-                             f"Sec-WebSocket-Key: {base64.b64encode(os.urandom(16)).decode()}\r\nSec-WebSocket-Version: 13\r\n"
-                             "Sec-WebSocket-Protocol: palpate.v1\r\n\r\n").encode())
-        assert b" 101 " in self.stream.readline()
-        while self.stream.readline() != b"\r\n":
-            pass
-        text = json.dumps({"type": "hello", "protocol": 3, **hello}).encode()
-        assert len(text) < 126
-        # masked by zeros
-        self.socket.sendall(bytes([0x81, 0x80 | len(text)]) + bytes(4) + text)
-
-    def close(self):
-        self.stream.close()
-        self.socket.close()
-
-    def message(self):
-        """The next (opcode, data)."""
-        head = self.stream.read(2)
-        size = head[1]
-        if size > 125:
-            size = struct.unpack(">H" if size == 126 else ">Q", self.stream.read(2 if size == 126 else 8))[0]
-        return head[0] & 15, self.stream.read(size)
+        super().__init__("127.0.0.1", port, 60, **hello)
 
     def binary(self, kind):
         """The next binary message that begins with these four bytes."""
         while True:
-            opcode, data = self.message()
-            assert opcode != 8, "the session has ended"
-            if opcode == 2 and data[:4] == kind:
+            opcode, data = self.receive()
+            assert opcode != CLOSE, "the session has ended"
+            if opcode == BINARY and data[:4] == kind:
                 return data

@@ -32,9 +32,9 @@ except ImportError:
     print("no NumPy for this Python")
     sys.exit(77)
 
-import prepared
+import shared_cache
 
-prepared.share(os.environ["PALPATE"])
+shared_cache.share_prepared_models(os.environ["PALPATE"])
 
 import palpate as pp
 from palpate import _library as c

@@ -15,13 +15,13 @@ import urllib.error
 import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
-import prepared
+import shared_cache
 
 # nothing is taken from the user's cache, or left in it: the tests of a build have one of their own
 os.environ["PALPATE_CACHE"] = ""
 for program in [os.environ.get("PALPATE", ""), *sys.argv[1:]]:
     if pathlib.Path(program).name == "palpate":
-        prepared.share(program)
+        shared_cache.share_prepared_models(program)
         break
 ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # WebDriver's name for an element's id
 SCRIPT_SECONDS = 300

@@ -99,7 +99,7 @@ class Files(unittest.TestCase):
             self.assertEqual([line.split(": ")[:2] for line in lines],
                              [[f"{bad}:2", "opens with 'of'"], [f"{page}:1", "opens with 'What'"],
                               [f"{mock}:1", "opens with 'so'"], [f"{mock}:1", "says 'so many'"]])
-            self.assertEqual(run(good, other), (0, ["comments of 1 files, nothing to mend"]))
+            self.assertEqual(run(good, other), (0, ["comments of 1 files, no findings"]))
             self.assertEqual(run(pathlib.Path(folder) / "missing.cc")[0], 2)
 
     def test_default_files(self):

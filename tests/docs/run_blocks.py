@@ -41,7 +41,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "docs/site")]
 import fixtures
 import manual
-import prepared
+import shared_cache
 import printed
 
 PHANTOMS = "knee-phantom|shell-phantom|skull-phantom|gland-phantom|palpation-block|palpation-dome|abdominal-wall|temporal-bone"
@@ -128,7 +128,7 @@ class Program:
 
     def __init__(self, path, folder):
         self.path, self.folder = path, folder
-        prepared.share(path)
+        shared_cache.share_prepared_models(path)
         commands = folder / "commands"
         commands.mkdir()
         (commands / "palpate").write_text(WRAPPER, encoding="utf-8")

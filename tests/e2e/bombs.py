@@ -10,6 +10,8 @@ import struct
 import sys
 import zlib
 
+from volume_files import nrrd_header
+
 MIB = 1 << 20
 
 
@@ -24,10 +26,6 @@ def deflated(mebibytes):
     piece = begin.compress(bytes(16 * MIB)) + begin.flush(zlib.Z_FULL_FLUSH)
     again = zlib.compressobj(9, zlib.DEFLATED, -15)
     return piece + (again.compress(bytes(16 * MIB)) + again.flush(zlib.Z_FULL_FLUSH)) * (mebibytes // 16 - 1)
-
-
-def nrrd(sizes, more, kind="uint8"):
-    return (f"NRRD0004\ntype: {kind}\ndimension: {len(sizes.split())}\nsizes: {sizes}\n{more}\n").encode()
 
 
 def metaimage(sizes, more):
@@ -59,49 +57,49 @@ def volumes(folder):
         files[name].write_bytes(content)
 
     # long: a header without the voxels that it promises, or with fewer
-    put("raw.nrrd", nrrd("3000 3000 3000", "encoding: raw\n") + bytes(1000))
-    put("axis.nrrd", nrrd("9223372036854775807 2 2", "encoding: raw\n") + bytes(1000))
-    put("axes.nrrd", nrrd("99999 99999 99999", "encoding: gzip\n") + gzip.compress(bytes(1000)))
-    put("text.nrrd", nrrd("3000 3000 3000", "encoding: ascii\n") + b"1 " * 1000)
-    put("hex.nrrd", nrrd("3000 3000 3000", "encoding: hex\n") + b"00" * 1000)
+    put("raw.nrrd", nrrd_header("3000 3000 3000", "encoding: raw\n") + bytes(1000))
+    put("axis.nrrd", nrrd_header("9223372036854775807 2 2", "encoding: raw\n") + bytes(1000))
+    put("axes.nrrd", nrrd_header("99999 99999 99999", "encoding: gzip\n") + gzip.compress(bytes(1000)))
+    put("text.nrrd", nrrd_header("3000 3000 3000", "encoding: ascii\n") + b"1 " * 1000)
+    put("hex.nrrd", nrrd_header("3000 3000 3000", "encoding: hex\n") + b"00" * 1000)
     put("raw.mha", metaimage("3000 3000 3000", "ElementDataFile = LOCAL") + bytes(1000))
     put("raw.nii", nifti(3000, 3000, 3000) + bytes(1000))
-    put("header.nrrd", nrrd("10 10 10", "# comment\n" * 2_000_000))
-    put("keys.nrrd", nrrd("10 10 10", "".join(f"key{n}:={n}\n" for n in range(900_000))))
-    put("layers.seg.nrrd", nrrd("60000 200 200 200", "encoding: gzip\nkinds: list domain domain domain\n"
+    put("header.nrrd", nrrd_header("10 10 10", "# comment\n" * 2_000_000))
+    put("keys.nrrd", nrrd_header("10 10 10", "".join(f"key{n}:={n}\n" for n in range(900_000))))
+    put("layers.seg.nrrd", nrrd_header("60000 200 200 200", "encoding: gzip\nkinds: list domain domain domain\n"
                                 "Segment0_ID:=a\n") + gzip.compress(bytes(MIB)))
-    put("flat.seg.nrrd", nrrd("60000 1 1 1", "encoding: raw\nkinds: list domain domain domain\n"
+    put("flat.seg.nrrd", nrrd_header("60000 1 1 1", "encoding: raw\nkinds: list domain domain domain\n"
                               "Segment0_ID:=a\n") + bytes(60000))
     ramp = zlib.compressobj(1, zlib.DEFLATED, 31)
     every = b"".join(ramp.compress(struct.pack("<65536H", *range(65536))) for _ in range(100)) + ramp.flush()
-    put("values.seg.nrrd", nrrd("256 256 1 100", "encoding: gzip\nendian: little\nkinds: domain domain domain list\n"
+    put("values.seg.nrrd", nrrd_header("256 256 1 100", "encoding: gzip\nendian: little\nkinds: domain domain domain list\n"
                                 "Segment0_ID:=a\n", "uint16") + every)
     # 1.25 GiB of zeros in 1.3 MB: as a scan four times as much
     full = zeros(1280, gzip.compress)
-    put("full.nrrd", nrrd("1280 1024 1024", "encoding: gzip\n") + full)
+    put("full.nrrd", nrrd_header("1280 1024 1024", "encoding: gzip\n") + full)
     put("full.nii.gz", gzip.compress(nifti(1280, 1024, 1024)) + full)
     # what is promised may be had, and is not there; what follows is no voxels, and makes the file large enough
     rest = b"\x55" * 400_000
-    put("short.nrrd", nrrd("1024 1024 192", "encoding: gzip\n") + zeros(160, gzip.compress) + rest)
+    put("short.nrrd", nrrd_header("1024 1024 192", "encoding: gzip\n") + zeros(160, gzip.compress) + rest)
     put("short.nii.gz", gzip.compress(nifti(1024, 1024, 192)) + zeros(160, gzip.compress) + rest)
     put("short.mha", metaimage("1024 1024 192", "CompressedData = True\nElementDataFile = LOCAL") + deflated(160) + rest)
-    put("short.bz2.nrrd", nrrd("1024 1024 192", "encoding: bzip2\n") + bz2.compress(bytes(16 * MIB)) + rest)
-    put("more.nrrd", nrrd("1024 1024 128", "encoding: gzip\n") + zeros(1280, gzip.compress))
-    put("skip.nrrd", nrrd("10 10 10", "encoding: gzip\nbyte skip: 2000000000\n") + full)
-    put("end.nrrd", nrrd("1024 1024 2000", "encoding: gzip\nbyte skip: -1\n") + full)
+    put("short.bz2.nrrd", nrrd_header("1024 1024 192", "encoding: bzip2\n") + bz2.compress(bytes(16 * MIB)) + rest)
+    put("more.nrrd", nrrd_header("1024 1024 128", "encoding: gzip\n") + zeros(1280, gzip.compress))
+    put("skip.nrrd", nrrd_header("10 10 10", "encoding: gzip\nbyte skip: 2000000000\n") + full)
+    put("end.nrrd", nrrd_header("1024 1024 2000", "encoding: gzip\nbyte skip: -1\n") + full)
     # much more than is promised to be possible
-    put("bzip2.nrrd", nrrd("2000 2000 2000", "encoding: bzip2\n") + bz2.compress(bytes(45_000_000), 9))
+    put("bzip2.nrrd", nrrd_header("2000 2000 2000", "encoding: bzip2\n") + bz2.compress(bytes(45_000_000), 9))
     put("deflate.mha", metaimage("2000 2000 2000", "CompressedData = True\nElementDataFile = LOCAL") + deflated(1280))
     # sparse: nothing on the disk
     files["sparse.nhdr"] = folder / "sparse.nhdr"
-    files["sparse.nhdr"].write_bytes(nrrd("2000 2000 2000", "encoding: raw\ndata file: sparse.raw\n"))
+    files["sparse.nhdr"].write_bytes(nrrd_header("2000 2000 2000", "encoding: raw\ndata file: sparse.raw\n"))
     sparse(folder / "sparse.raw", 8_000_000_000)
     files["sparse.mhd"] = folder / "sparse.mhd"
     files["sparse.mhd"].write_bytes(metaimage("2000 2000 2000", "ElementDataFile = sparse.raw"))
     files["sparse.hdr"] = folder / "sparse.hdr"
     files["sparse.hdr"].write_bytes(nifti(2000, 2000, 2000, b"ni1\0"))
     sparse(folder / "sparse.img", 8_000_000_000)
-    put("holes.nrrd", nrrd("2000 2000 2000", "encoding: raw\n"))
+    put("holes.nrrd", nrrd_header("2000 2000 2000", "encoding: raw\n"))
     with open(files["holes.nrrd"], "ab") as out:
         out.truncate(8_000_000_300)
     # nested: what is inside is compressed again

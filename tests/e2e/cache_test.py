@@ -5,7 +5,7 @@ import stat
 import subprocess
 
 import cli
-from privacy_test import CANARY
+from canary_files import CANARY
 
 
 class Cache(cli.KneeTest):

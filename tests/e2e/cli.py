@@ -15,7 +15,7 @@ import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
-import prepared
+import shared_cache
 
 PALPATE = os.environ["PALPATE"]
 # it checks itself, and takes several times as long
@@ -29,9 +29,9 @@ TOUCH = '[[step]]\napproach = "femur"\nspeed = 200.0\n[[step]]\npress = 0.8\n'
 os.environ["PALPATE_CACHE"] = ""
 
 
-def share_what_is_prepared():
+def share_prepared_models():
     """From here on runs of this script take what tests of this build have prepared. Not where preparing is the subject."""
-    prepared.share(PALPATE)
+    shared_cache.share_prepared_models(PALPATE)
 
 
 # the verbs as a library; a sanitized one cannot be loaded into a Python that is not
@@ -109,7 +109,7 @@ def need(name):
     return path
 
 
-def as_nobody():
+def unprivileged_prefix():
     """Command prefix that runs a program as an unprivileged user, so that file permissions apply; empty if this process
     is not root. Without setpriv the test fails in CI and is skipped elsewhere."""
     if os.geteuid() != 0:
@@ -120,17 +120,17 @@ def as_nobody():
     return command
 
 
-def interrupt_is(which, process):
-    """Whether SIGINT is set in a signal mask of a process, `which` of /proc/PID/status: "SigCgt" (handled) or "ShdPnd"
+def sigint_is_in(field, process):
+    """Whether SIGINT is set in a signal mask of a process, `field` of /proc/PID/status: "SigCgt" (handled) or "ShdPnd"
     (pending)."""
     status = pathlib.Path(f"/proc/{process.pid}/status").read_text()
-    signals = int(re.search(rf"^{which}:\s*(\w+)$", status, re.MULTILINE).group(1), 16)
+    signals = int(re.search(rf"^{field}:\s*(\w+)$", status, re.MULTILINE).group(1), 16)
     return bool(signals >> (signal.SIGINT - 1) & 1)
 
 
 def wait_for_handler(process):
     """Waits until the process has installed a handler for SIGINT, or has ended; before that SIGINT would kill it."""
-    while process.poll() is None and not interrupt_is("SigCgt", process):
+    while process.poll() is None and not sigint_is_in("SigCgt", process):
         time.sleep(0.01)
 
 
@@ -153,7 +153,7 @@ def device_columns(recording, *names):
     return json.loads(done.stdout)
 
 
-def held(stdout):
+def contact_figures(stdout):
     """{structure: (held s, mean N, peak N)} from what simulate prints."""
     rows = re.findall(r"^(\S+) +([\d.]+) +([\d.]+) +([\d.]+)$", stdout, re.MULTILINE)
     return {name: tuple(map(float, values)) for name, *values in rows}
@@ -171,21 +171,21 @@ class PalpateTest(unittest.TestCase):
     def tearDown(self):
         self._folder.cleanup()
 
-    def succeed(self, *arguments, by=run, **options):
-        """@param by  run or spawn"""
-        done = by(*arguments, **options)
+    def succeed(self, *arguments, runner=run, **options):
+        """@param runner  run or spawn"""
+        done = runner(*arguments, **options)
         self.assertEqual(done.returncode, OK, f"palpate {arguments}: {done.stderr}")
         return done
 
-    def fail_clearly(self, code, *arguments, says="", by=run, **options):
-        """Fails with this exit code and one clear error, without a trace of a crash. @param by  run or spawn"""
-        done = by(*arguments, **options)
+    def expect_error(self, code, *arguments, message="", runner=run, **options):
+        """Fails with this exit code and one clear error, without a trace of a crash. @param runner  run or spawn"""
+        done = runner(*arguments, **options)
         self.assertEqual(done.returncode, code, f"palpate {arguments}: {done.stdout} {done.stderr}")
         self.assertEqual(done.stderr.count("palpate: error:"), 1, done.stderr)
         self.assertNotIn("bug:", done.stderr)
         self.assertNotIn("terminate called", done.stderr)
         self.assertNotIn("Sanitizer", done.stderr)
-        self.assertIn(says, done.stderr)
+        self.assertIn(message, done.stderr)
         return done
 
 
@@ -231,26 +231,26 @@ class KneeTest(PalpateTest):
     def check_what_cannot_be_drawn(self, verb, ending, cases):
         """@param cases  (exit code, arguments, what the error says), besides those of every picture"""
         file = self.folder / f"picture{ending}"
-        for code, arguments, says in [
+        for code, arguments, message in [
                 (BAD_INPUT, ["--at", "500,0,0"], "--at: the point 500.0, 0.0, 0.0 mm lies outside the volume"),
                 (USAGE, ["--at", "a,b,c"], "a is not a number"),
                 (USAGE, ["--at", "1,2"], "--at"),
                 (USAGE, ["--size", "0"], "number between"), *cases]:
             with self.subTest(arguments):
-                self.fail_clearly(code, verb, self.scene, *arguments, "-o", file, says=says)
-        self.fail_clearly(USAGE, verb, self.scene, says="--output")
-        self.fail_clearly(BAD_INPUT, verb, self.folder / "missing.toml", "-o", file, says="missing")
+                self.expect_error(code, verb, self.scene, *arguments, "-o", file, message=message)
+        self.expect_error(USAGE, verb, self.scene, message="--output")
+        self.expect_error(BAD_INPUT, verb, self.folder / "missing.toml", "-o", file, message="missing")
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def check_outputs_that_cannot_be_written(self, verb, ending, another):
         """@param ending   file extension that the verb writes @param another  extension that it rejects"""
         missing = self.folder / "missing" / f"picture{ending}"
-        self.fail_clearly(OUTPUT, verb, self.scene, "-o", missing, says="missing")
-        self.fail_clearly(OUTPUT, verb, self.scene, "-o", self.folder, says="folder")
+        self.expect_error(OUTPUT, verb, self.scene, "-o", missing, message="missing")
+        self.expect_error(OUTPUT, verb, self.scene, "-o", self.folder, message="folder")
         before = self.labels.read_bytes()
-        self.fail_clearly(USAGE, verb, self.scene, "-o", self.labels, says="would replace an input")
+        self.expect_error(USAGE, verb, self.scene, "-o", self.labels, message="would replace an input")
         self.assertEqual(self.labels.read_bytes(), before)
-        self.fail_clearly(USAGE, verb, self.scene, "-o", self.folder / f"picture{another}", says=f"ends in {ending}")
+        self.expect_error(USAGE, verb, self.scene, "-o", self.folder / f"picture{another}", message=f"ends in {ending}")
         self.assertEqual(list(self.folder.iterdir()), [])
 
 

@@ -147,30 +147,30 @@ class Cohort(cli.PalpateTest):
 
     def test_what_cannot_be_done_is_one_error(self):
         out = self.folder / "out"
-        self.fail_clearly(cli.BAD_INPUT, "cohort", self.folder / "none.tsv", "-o", out, says="none.tsv")
+        self.expect_error(cli.BAD_INPUT, "cohort", self.folder / "none.tsv", "-o", out, message="none.tsv")
         self.table.write_text("study\tcolour\n")
-        self.fail_clearly(cli.BAD_INPUT, "cohort", self.table, "-o", out, says="cases.tsv:1")
+        self.expect_error(cli.BAD_INPUT, "cohort", self.table, "-o", out, message="cases.tsv:1")
         self.assertFalse(out.exists())
         self.table.write_text("study\nknee-phantom\n")
-        self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", out, "--sbatch=--mem=1G", says="--engine slurm")
-        self.fail_clearly(cli.UNAVAILABLE, "cohort", self.table, "-o", out, "--engine", "slurm", says="Slurm",
+        self.expect_error(cli.USAGE, "cohort", self.table, "-o", out, "--sbatch=--mem=1G", message="--engine slurm")
+        self.expect_error(cli.UNAVAILABLE, "cohort", self.table, "-o", out, "--engine", "slurm", message="Slurm",
                           env=dict(os.environ, PATH="/nowhere"))
         # nothing of the user's is replaced, and no result is put among the data
         named = self.folder / "cohort.tsv"
         named.write_text("study\nknee-phantom\n")
-        self.fail_clearly(cli.USAGE, "cohort", named, "-o", self.folder, says="cohort.tsv")
+        self.expect_error(cli.USAGE, "cohort", named, "-o", self.folder, message="cohort.tsv")
         self.assertEqual(named.read_text(), "study\nknee-phantom\n")
         study = self.folder / "study"
         study.mkdir()
         (study / "a").write_text("x")
         self.table.write_text(f"study\n{study}\n")
-        self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", study / "results", says="inside a folder that is read as a study")
+        self.expect_error(cli.USAGE, "cohort", self.table, "-o", study / "results", message="inside a folder that is read as a study")
         self.assertFalse((study / "results").exists())
         self.table.write_text(f"study\n{study / 'a'}\n")
-        self.fail_clearly(cli.USAGE, "cohort", self.table, "-o", study, says="holds data; tables next to labels")
+        self.expect_error(cli.USAGE, "cohort", self.table, "-o", study, message="holds data; tables next to labels")
         self.table.write_text("study\nknee-phantom\n")
         (self.folder / "file").write_text("")
-        self.fail_clearly(cli.OUTPUT, "cohort", self.table, "-o", self.folder / "file")
+        self.expect_error(cli.OUTPUT, "cohort", self.table, "-o", self.folder / "file")
 
     def test_names_of_files_that_a_case_only_leads_to_are_told_to_nobody(self):
         # labels that a scene names, data that a header names, a table beside them, a name that cannot be printed
@@ -245,5 +245,5 @@ class Cohort(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -17,11 +17,10 @@ import subprocess
 import tempfile
 import threading
 import time
-import unittest
 import urllib.request
 
 import cli
-import explore_test
+import live_session
 
 # big enough to be pressed, and soon ready
 KNEE_MM = "3.0"
@@ -44,7 +43,7 @@ def trials(causes, few):
     return causes * 20 if ALL else random.Random(SEED).sample(causes, few)
 
 
-class BareThread(threading.Thread):
+class SchedulingDelayProbe(threading.Thread):
     """Measures the scheduling delay of an idle thread within a `with` block, at the supervisor's real-time priority
     where permitted, or at normal priority, as reference for the detection times."""
 
@@ -205,7 +204,7 @@ class Deaths(cli.PalpateTest):
         for number in trials(DEADLY, 4):
             with self.subTest(number):
                 session = self.begin()
-                with BareThread(BareThread.SUPERVISOR) as bare, BareThread() as ordinary:
+                with SchedulingDelayProbe(SchedulingDelayProbe.SUPERVISOR) as bare, SchedulingDelayProbe() as ordinary:
                     then_ns = time.monotonic_ns()
                     session.process.send_signal(number)
                     code, _, _ = session.end()
@@ -256,9 +255,9 @@ class Deaths(cli.PalpateTest):
     def test_stopped_for_a_while_it_goes_on(self):
         for _ in trials([signal.SIGSTOP], 1):
             recording, log = self.folder / "run.h5", self.folder / "supervisor.log"
-            terminal = explore_test.Terminal(*self.explore(recording, log))
+            terminal = live_session.Terminal(*self.explore(recording, log))
             self.addCleanup(terminal.close)
-            terminal.wait_for(explore_test.PRESSES)
+            terminal.wait_for(live_session.PRESSES)
             time.sleep(self.random.uniform(0, 1))
             terminal.process.send_signal(signal.SIGSTOP)
             time.sleep(0.3)
@@ -267,7 +266,7 @@ class Deaths(cli.PalpateTest):
                 terminal.read()
             terminal.shown = ""
             terminal.process.send_signal(signal.SIGCONT)
-            terminal.wait_for(explore_test.PRESSES)
+            terminal.wait_for(live_session.PRESSES)
             terminal.process.terminate()
             code, out = terminal.finish()
             self.assertEqual(code, cli.OK, terminal.shown)
@@ -336,7 +335,7 @@ class Deaths(cli.PalpateTest):
         # the second waits for a signal, and for nothing else
         return session, chosen, threads[:1] + threads[2:]
 
-    def want_fields(self, session):
+    def thread_that_prepares_fields(self, session):
         """The thread that makes them."""
         def threads():
             return {int(task.name) for task in pathlib.Path(f"/proc/{session.process.pid}/task").iterdir()}
@@ -352,7 +351,7 @@ class Deaths(cli.PalpateTest):
         return min(threads() - before)
 
     def viewer(self, session):
-        viewer = explore_test.Viewer(self.address(session))
+        viewer = live_session.Viewer(self.address(session))
         self.addCleanup(viewer.close)
         return viewer
 
@@ -384,7 +383,7 @@ class Deaths(cli.PalpateTest):
         maker = len(self.THREADS) - 1  # of fields: it begins when the first are wanted
         for place in trials(list(range(maker + 1)), 2):
             session, chosen, threads = self.begin_watched()
-            name, number = threads[place] if place < maker else ("fields", self.want_fields(session))
+            name, number = threads[place] if place < maker else ("fields", self.thread_that_prepares_fields(session))
             with self.subTest(name, place=place):
                 volume = self.ask_page(session, "/api/scene")["volume"]
                 size = session.recording.stat().st_size

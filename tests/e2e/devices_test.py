@@ -13,7 +13,7 @@ import termios
 import time
 
 import cli
-import explore_test
+import live_session
 
 DEVICE_FAULT = 2048  # a flag of a tick
 
@@ -31,14 +31,14 @@ class Devices(cli.PalpateTest):
             self.assertIn(device["name"], text)
             self.assertIn(device["what"], text)
         # and an unknown one's error names the same
-        refused = self.fail_clearly(cli.USAGE, "explore", "knee-phantom", "--device", "spoon", says="spoon")
+        refused = self.expect_error(cli.USAGE, "explore", "knee-phantom", "--device", "spoon", message="spoon")
         for name in names:
             self.assertIn(name, refused.stderr)
 
     def test_each_device_once_and_the_simulated_hand_first(self):
         for devices, says in ((["pointer", "pointer"], "twice"), (["pointer", "simulated"], "first")):
             options = [word for name in devices for word in ("--device", name)]
-            self.fail_clearly(cli.USAGE, "explore", "knee-phantom", *options, says=says)
+            self.expect_error(cli.USAGE, "explore", "knee-phantom", *options, message=says)
 
 
 class Doctor(cli.PalpateTest):
@@ -70,7 +70,7 @@ class Doctor(cli.PalpateTest):
                              (("--held-mass", "force-dimension=heavy"), "heavy"),
                              (("--held-mass", "force-dimension=-1"), "-1")):
             for verb in (("doctor",), ("devices",), ("explore", "knee-phantom")):
-                self.fail_clearly(cli.USAGE, *verb, *option, says=says)
+                self.expect_error(cli.USAGE, *verb, *option, message=says)
 
     def test_vendor_library_is_not_taken_from_the_environment(self):
         for device, variable, name in (("force-dimension", "FAKE_DRD", "libdrd.so.3"), ("touch", "FAKE_HD", "libHD.so")):
@@ -93,13 +93,13 @@ class Doctor(cli.PalpateTest):
 
     @cli.long
     def test_what_a_hand_holds(self):
-        self.fail_clearly(cli.USAGE, "doctor", "--hold", "spoon", says="spoon")
-        self.fail_clearly(cli.UNAVAILABLE, "doctor", "--hold", "touch", says="libHD.so")
+        self.expect_error(cli.USAGE, "doctor", "--hold", "spoon", message="spoon")
+        self.expect_error(cli.UNAVAILABLE, "doctor", "--hold", "touch", message="libHD.so")
         # a weight that the device carries would come on top of the trial's newton
-        self.fail_clearly(cli.USAGE, "doctor", "--hold", "touch", "--held-mass", "touch=0.1", says="--held-mass")
+        self.expect_error(cli.USAGE, "doctor", "--hold", "touch", "--held-mass", "touch=0.1", message="--held-mass")
         # a device at which nobody presses the key is not tried
         library = f"touch={os.environ['FAKE_HD']}"
-        self.fail_clearly(cli.USAGE, "doctor", "--hold", "touch", "--library", library, says="the device was not armed")
+        self.expect_error(cli.USAGE, "doctor", "--hold", "touch", "--library", library, message="the device was not armed")
         # the simulated one is always held; on a machine with much else to do it is late, or late with the plant's forces,
         # and says so
         environment = {**os.environ, "XDG_DATA_HOME": str(self.folder)}
@@ -122,7 +122,7 @@ class Doctor(cli.PalpateTest):
         self.assertIn("held-hands.txt:2: ", done.stderr)
 
     def hold_at_a_terminal(self, **keyboard):
-        terminal = explore_test.Terminal("doctor", "--hold", "touch", "--library", f"touch={os.environ['FAKE_HD']}",
+        terminal = live_session.Terminal("doctor", "--hold", "touch", "--library", f"touch={os.environ['FAKE_HD']}",
                                          keyboard=True, **keyboard)
         self.addCleanup(terminal.close)
         terminal.wait_for("any other key cancels")
@@ -168,7 +168,7 @@ class Doctor(cli.PalpateTest):
         self.assertIn("force-feedback devices are not ready on this computer", done.stdout)
 
     def test_of_a_device_that_is_not_known(self):
-        self.fail_clearly(cli.USAGE, "doctor", "--device", "spoon", says="haply")
+        self.expect_error(cli.USAGE, "doctor", "--device", "spoon", message="haply")
 
 
 class Plugins(cli.PalpateTest):
@@ -180,11 +180,11 @@ class Plugins(cli.PalpateTest):
 
     @cli.long
     def test_is_examined_and_refused_like_any_device(self):
-        said = self.succeed("doctor", "--device", self.device, "--json", by=self.either).stdout
+        said = self.succeed("doctor", "--device", self.device, "--json", runner=self.either).stdout
         line = next(line for line in json.loads(said)["lines"] if line["topic"] == self.device)
         self.assertEqual((line["finding"], line["found"]), ("fine", "loads"))
-        self.fail_clearly(cli.UNAVAILABLE, "explore", "knee-phantom:spacing=3", "--device", "plugin=/no/such.so", "--no-viewer",
-                          says="cannot be loaded")
+        self.expect_error(cli.UNAVAILABLE, "explore", "knee-phantom:spacing=3", "--device", "plugin=/no/such.so", "--no-viewer",
+                          message="cannot be loaded")
 
     def either(self, *arguments):
         """The machine may lack what doctor looks for."""
@@ -229,12 +229,12 @@ class Arming(cli.PalpateTest):
         self.scene.write_text(self.scene.read_text() + "\n[workspace]\nhome = [0, 0, 500]\n")
 
     def begin(self):
-        terminal = explore_test.Terminal("explore", self.scene, "--device", "touch", "--library", f"touch={os.environ['FAKE_HD']}",
+        terminal = live_session.Terminal("explore", self.scene, "--device", "touch", "--library", f"touch={os.environ['FAKE_HD']}",
                                          "--port", "0", "-o", self.folder / "run.h5", keyboard=True)
         self.addCleanup(terminal.close)
         self.terminal = terminal
         terminal.wait_for(r"http://[\d.]+:\d+/")
-        self.viewer = explore_test.Viewer(re.search(r"http://[\d.]+:\d+/", terminal.shown).group())
+        self.viewer = live_session.Viewer(re.search(r"http://[\d.]+:\d+/", terminal.shown).group())
         self.addCleanup(self.viewer.close)
         self.wait_for_state(lambda state: state.get("armed"))
 
@@ -296,5 +296,5 @@ class Arming(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -7,7 +7,7 @@ import struct
 import subprocess
 
 import cli
-from privacy_test import CANARY, dicom_with_canary
+from canary_files import CANARY, dicom_with_canary
 
 N = 40
 
@@ -80,9 +80,9 @@ class Export(cli.PalpateTest):
         # the study takes it for its own
         done = self.succeed("scene", "new", self.study, seg)
         self.assertIn("was made on volume 1", done.stderr)
-        self.fail_clearly(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", seg, says="no study is given")
-        self.fail_clearly(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", self.folder / "x.nrrd",
-                          says="only DICOM can keep identifiers")
+        self.expect_error(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", seg, message="no study is given")
+        self.expect_error(cli.USAGE, "export", self.labels, "--keep-identifiers", "-o", self.folder / "x.nrrd",
+                          message="only DICOM can keep identifiers")
 
     def test_labels_of_somebody_else_are_not_attached(self):
         out = self.folder / "x.dcm"
@@ -93,14 +93,14 @@ class Export(cli.PalpateTest):
         for k in range(N):
             data = (self.study / f"IM{k}").read_bytes()
             (other / f"IM{k}").write_bytes(data.replace(b"1.2.3.", b"1.2.4."))
-        self.fail_clearly(cli.BAD_INPUT, "export", seg, other, "--keep-identifiers", "-o", out,
-                          says="does not state that it was made on")
+        self.expect_error(cli.BAD_INPUT, "export", seg, other, "--keep-identifiers", "-o", out,
+                          message="does not state that it was made on")
         for options in (), ("--keep-identifiers",):
             # elsewhere in space
             away = self.folder / "away.seg.nrrd"
             away.write_bytes(self.labels.read_bytes().replace(b"origin: (0,0,0)", b"origin: (900,0,0)"))
-            self.fail_clearly(cli.BAD_INPUT, "export", away, self.study, *options, "-o", out)
-        self.fail_clearly(cli.USAGE, "export", self.labels, "--volume", "1", "-o", out, says="--volume")
+            self.expect_error(cli.BAD_INPUT, "export", away, self.study, *options, "-o", out)
+        self.expect_error(cli.USAGE, "export", self.labels, "--volume", "1", "-o", out, message="--volume")
         self.assertFalse(out.exists())
 
     def test_a_section_is_a_secondary_capture(self):
@@ -131,7 +131,7 @@ class Export(cli.PalpateTest):
         # a point that touches a ball of 10 mm around (20, 20, 20)
         self.assertLess(abs(sum((t - 20) ** 2 for t in tip) ** 0.5 - 10), 3)
         self.assertEqual(int(pressed["label"]), 1)
-        self.fail_clearly(cli.USAGE, "export", self.labels, "-o", self.folder / "y.csv", says="labels have no path")
+        self.expect_error(cli.USAGE, "export", self.labels, "-o", self.folder / "y.csv", message="labels have no path")
 
     def test_a_dicomdir_names_the_files(self):
         disc = self.study.parent
@@ -152,13 +152,13 @@ class Export(cli.PalpateTest):
         self.assertIn("40 x 40 x 40", self.succeed("info", disc / "DICOMDIR").stdout)
         # one that is missing is said, and the gap is found
         (disc / "study" / "im7").unlink()
-        done = self.fail_clearly(cli.BAD_INPUT, "info", disc / "DICOMDIR")
+        done = self.expect_error(cli.BAD_INPUT, "info", disc / "DICOMDIR")
         self.assertIn("names 1 file that is not there", done.stdout)
         # out of its folder it leads nowhere
         directory = (disc / "DICOMDIR").read_bytes()
         self.assertIn(b"STUDY\\IM0 ", directory)
         (disc / "DICOMDIR").write_bytes(directory.replace(b"STUDY\\IM0 ", b"..\\STUDY00"))
-        self.fail_clearly(cli.BAD_INPUT, "info", disc / "DICOMDIR", says="not in its folder")
+        self.expect_error(cli.BAD_INPUT, "info", disc / "DICOMDIR", message="not in its folder")
 
     def test_what_a_study_carries_is_told_without_values(self):
         said = self.succeed("info", self.study, "--identifiers").stdout
@@ -173,10 +173,10 @@ class Export(cli.PalpateTest):
         self.assertEqual(rows["files"], N)
         self.assertEqual(rows["burnt_in_unsaid"], N)
         self.assertTrue(all("example" not in row for row in rows["identifiers"]))
-        self.fail_clearly(cli.USAGE, "info", self.study, "--keep-identifiers", says="--identifiers")
-        self.fail_clearly(cli.BAD_INPUT, "info", self.labels, "--identifiers", says="holds no DICOM file")
+        self.expect_error(cli.USAGE, "info", self.study, "--keep-identifiers", message="--identifiers")
+        self.expect_error(cli.BAD_INPUT, "info", self.labels, "--identifiers", message="holds no DICOM file")
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -13,7 +13,6 @@ import subprocess
 import tempfile
 import termios
 import time
-import unittest
 
 import cli
 
@@ -92,8 +91,8 @@ class Failures(cli.PalpateTest):
 
     def test_where_no_thread_is_to_be_had_it_says_so(self):
         # each would need more stack than there is memory
-        self.fail_clearly(cli.UNAVAILABLE, "data", "keys", says="cannot start a thread",
-                          by=cli.spawn, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_STACK, (1 << 46, 1 << 46)))
+        self.expect_error(cli.UNAVAILABLE, "data", "keys", message="cannot start a thread",
+                          runner=cli.spawn, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_STACK, (1 << 46, 1 << 46)))
 
     def writing_verbs(self, output):
         """Every verb that writes, writing to `output`."""
@@ -116,16 +115,16 @@ class Failures(cli.PalpateTest):
                           ["simulate", self.folder / "missing.toml"], ["replay", missing], ["report", missing],
                           ["export", missing, "-o", self.folder / "left.nrrd"]):
             with self.subTest(arguments[0]):
-                self.fail_clearly(cli.BAD_INPUT, *arguments, says="missing")
+                self.expect_error(cli.BAD_INPUT, *arguments, message="missing")
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_unknown_names(self):
-        self.fail_clearly(cli.BAD_INPUT, "simulate", "knee-atlass", says="palpate data list")
-        self.fail_clearly(cli.BAD_INPUT, "data", "fetch", "elbow", says="knee-atlas")
-        self.fail_clearly(cli.USAGE, "verify", "beauty", says="accuracy")
+        self.expect_error(cli.BAD_INPUT, "simulate", "knee-atlass", message="palpate data list")
+        self.expect_error(cli.BAD_INPUT, "data", "fetch", "elbow", message="knee-atlas")
+        self.expect_error(cli.USAGE, "verify", "beauty", message="accuracy")
         for arguments in ([], ["feel"], ["simulate"], ["simulate", "knee-phantom", "--max-force", "1000"]):
             with self.subTest(arguments):
-                self.fail_clearly(cli.USAGE, *arguments)
+                self.expect_error(cli.USAGE, *arguments)
 
     def test_unknown_words_are_named(self):
         for arguments, says in ((["simulat", "x"], "simulat: unknown verb\n  did you mean simulate?"),
@@ -135,7 +134,7 @@ class Failures(cli.PalpateTest):
                                 (["simulate", "--max-forc", "3", "x"], "did you mean --max-force?"),
                                 (["-q", "info", "a", "b"], "b: unexpected argument")):
             with self.subTest(arguments):
-                self.fail_clearly(cli.USAGE, *arguments, says=says)
+                self.expect_error(cli.USAGE, *arguments, message=says)
         # where the mistake comes after a verb, help on it is what was asked for
         self.assertIn("--max-force", self.succeed("simulate", "--frob", "--help").stdout)
 
@@ -148,20 +147,20 @@ class Failures(cli.PalpateTest):
                           ["data", "fetch", "knee-phantom", "-o", self.folder / "out", "--voxel"]):
             for value in ("nan", "-nan", "inf", "1e300", "-1e10", " ", "1,5", "0x", "18446744073709551617"):
                 with self.subTest(arguments[-2:], value=value):
-                    self.fail_clearly(cli.USAGE, *arguments, value, says="number between")
-        self.fail_clearly(cli.USAGE, "simulate", self.scene, "--seed", "-1", says="between 0 and 9007199254740991")
+                    self.expect_error(cli.USAGE, *arguments, value, message="number between")
+        self.expect_error(cli.USAGE, "simulate", self.scene, "--seed", "-1", message="between 0 and 9007199254740991")
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_prepare_says_what_it_cannot_do(self):
         field = self.folder / "f.nrrd"
-        self.fail_clearly(cli.USAGE, "prepare", self.scene, "-o", field, "--compare", says="--compare")
-        done = self.fail_clearly(cli.USAGE, "prepare", self.scene, "-o", field, "--sigma", "2", says="--sigma")
+        self.expect_error(cli.USAGE, "prepare", self.scene, "-o", field, "--compare", message="--compare")
+        done = self.expect_error(cli.USAGE, "prepare", self.scene, "-o", field, "--sigma", "2", message="--sigma")
         # the keys that it names are keys
         keys = self.succeed("scene", "keys").stdout
         for key in ("sigma", "engine", "bits"):
             self.assertIn(key, done.stderr)
             self.assertIn(f"`{key}`", keys)
-        self.fail_clearly(cli.USAGE, "prepare", self.labels, "-o", self.folder / "f.Seg.nrrd", says="segmentation")
+        self.expect_error(cli.USAGE, "prepare", self.labels, "-o", self.folder / "f.Seg.nrrd", message="segmentation")
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_outputs_do_not_replace_inputs(self):
@@ -184,14 +183,14 @@ class Failures(cli.PalpateTest):
                           ["report", recording, scene, "-o", scene], ["report", recording, scene, "-o", recording],
                           ["report", recording, scene, "-o", self.folder / "." / scan.name]):
             with self.subTest(arguments):
-                self.fail_clearly(cli.USAGE, *arguments, says="would replace an input")
+                self.expect_error(cli.USAGE, *arguments, message="would replace an input")
         self.assertEqual({path: path.read_bytes() for path in inputs.values()}, before)
         self.assertEqual({p for p in self.folder.iterdir()}, {link, *inputs.values()})
 
     def test_the_files_of_a_data_set_are_inputs(self):
         atlas = self.folder / "knee_spl"
         shutil.copytree(cli.need("knee_spl/seg.nrrd").parent, atlas)
-        self.fail_clearly(cli.USAGE, "simulate", "knee-atlas", "-o", atlas / "seg.nrrd", says="would replace an input",
+        self.expect_error(cli.USAGE, "simulate", "knee-atlas", "-o", atlas / "seg.nrrd", message="would replace an input",
                           env=dict(os.environ, PALPATE_DATA=str(self.folder)))
 
     def test_two_outputs_are_two_files(self):
@@ -200,11 +199,11 @@ class Failures(cli.PalpateTest):
         for arguments in (["-o", run, "--report", run], ["-o", link, "--report", run],
                           ["--report", self.folder / "run.h5"]):
             with self.subTest(arguments):
-                self.fail_clearly(cli.USAGE, "simulate", self.scene, *arguments, says="would be the same file")
+                self.expect_error(cli.USAGE, "simulate", self.scene, *arguments, message="would be the same file")
         # a name that nobody gave replaces nothing
         other = self.folder / "run.h5"
         other.write_text("of somebody else")
-        self.fail_clearly(cli.USAGE, "simulate", self.scene, "--report", run, says="name the recording with -o")
+        self.expect_error(cli.USAGE, "simulate", self.scene, "--report", run, message="name the recording with -o")
         self.assertEqual(other.read_text(), "of somebody else")
         self.assertFalse(run.exists())
 
@@ -220,14 +219,14 @@ class Failures(cli.PalpateTest):
             if verb == "data":
                 continue  # it makes the folder it is given
             with self.subTest(verb):
-                self.fail_clearly(cli.OUTPUT, *arguments, says="missing")
+                self.expect_error(cli.OUTPUT, *arguments, message="missing")
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_a_file_in_place_of_a_folder(self):
         (self.folder / "file").write_text("")
         for verb, arguments in self.writing_verbs(self.folder / "file" / "out").items():
             with self.subTest(verb):
-                self.fail_clearly(cli.OUTPUT, *arguments)
+                self.expect_error(cli.OUTPUT, *arguments)
         self.assertEqual([p.name for p in self.folder.iterdir()], ["file"])
 
     def run_as_nobody(self, *arguments):
@@ -239,7 +238,7 @@ class Failures(cli.PalpateTest):
             for program in ("palpate", "palpate-verify"):
                 shutil.copy(pathlib.Path(cli.PALPATE).with_name(program), self.folder / program)
                 (self.folder / program).chmod(0o755)
-        return subprocess.run([*cli.as_nobody(), palpate, *map(str, arguments)], capture_output=True, text=True,
+        return subprocess.run([*cli.unprivileged_prefix(), palpate, *map(str, arguments)], capture_output=True, text=True,
                               stdin=subprocess.DEVNULL, timeout=600, env=dict(os.environ, HOME="/nonexistent"))
 
     @cli.long
@@ -300,7 +299,7 @@ class Failures(cli.PalpateTest):
 
         for verb, arguments in self.writing_verbs(self.folder / "out").items():
             with self.subTest(verb):
-                self.fail_clearly(cli.OUTPUT, *arguments, by=cli.spawn, preexec_fn=limited)
+                self.expect_error(cli.OUTPUT, *arguments, runner=cli.spawn, preexec_fn=limited)
         left = [p for p in self.folder.rglob("*") if p.is_file() and p.suffix not in (".h5",)]
         self.assertEqual(left, [])
 
@@ -310,8 +309,8 @@ class Failures(cli.PalpateTest):
             resource.setrlimit(resource.RLIMIT_FSIZE, (1_500_000, resource.RLIM_INFINITY))
 
         recording = self.folder / "run.h5"
-        self.fail_clearly(cli.OUTPUT, "simulate", self.scene, "--script", self.long_script, "-o", recording,
-                          by=cli.spawn, preexec_fn=limited)
+        self.expect_error(cli.OUTPUT, "simulate", self.scene, "--script", self.long_script, "-o", recording,
+                          runner=cli.spawn, preexec_fn=limited)
         again = self.succeed("replay", recording, self.scene)
         self.assertIn("cut short", again.stdout)
 
@@ -441,7 +440,7 @@ class Failures(cli.PalpateTest):
                           ["replay", self.folder / "garbage.h5"], ["report", self.folder / "garbage.h5"],
                           ["info", self.labels, "--names", self.folder / "garbage.ctbl"]):
             with self.subTest(arguments):
-                self.fail_clearly(cli.BAD_INPUT, *arguments)
+                self.expect_error(cli.BAD_INPUT, *arguments)
 
 
 if __name__ == "__main__":

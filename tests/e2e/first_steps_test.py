@@ -10,30 +10,15 @@ import re
 import struct
 import tarfile
 import zipfile
-import zlib
 
 import cli
+from volume_files import nifti1, nifti2, png, two_blocks, write_nrrd
 
-GEOMETRY = ("space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n"
-            "encoding: raw\n")
-SIZE = 24
-
-
-def write_nrrd(file, voxel, type_="uint8", code="B", fields=""):
-    voxels = b"".join(struct.pack("<" + code, voxel(i, j, k))
-                      for k in range(SIZE) for j in range(SIZE) for i in range(SIZE))
-    file.write_bytes((f"NRRD0004\ntype: {type_}\ndimension: 3\nsizes: {SIZE} {SIZE} {SIZE}\nendian: little\n"
-                      f"{GEOMETRY}{fields}\n").encode() + voxels)
-    return file
-
-
-def blocks(i, j, k):
-    """Two structures on each other."""
-    return (1 if i < 12 else 2) if 4 <= i < 20 and 4 <= j < 20 and 4 <= k < 20 else 0
+SIZES = (24, 24, 24)
 
 
 def noise(i, j, k):
-    return 1000 + (i * 7919 + j * 104729 + k * 1299709) % 1777 if blocks(i, j, k) else (i * 31 + j * 17 + k * 7) % 97
+    return 1000 + (i * 7919 + j * 104729 + k * 1299709) % 1777 if two_blocks(i, j, k) else (i * 31 + j * 17 + k * 7) % 97
 
 
 def dicom(sop_class):
@@ -42,40 +27,6 @@ def dicom(sop_class):
     meta = b"\x02\0\x02\0UI" + struct.pack("<H", len(uid)) + uid
     return (b"\0" * 128 + b"DICM" + b"\x02\0\0\0UL\x04\0" + struct.pack("<I", len(meta)) + meta
             + b"\x08\0\x05\0CS\x0a\0ISO_IR 100" + b"\0" * 500)
-
-
-def png():
-    def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 1, 1, 8, 0, 0, 0, 0))
-            + chunk(b"IDAT", zlib.compress(b"\0\0")) + chunk(b"IEND", b""))
-
-
-def nifti2(voxel, intent=0):
-    head = bytearray(544)
-    struct.pack_into("<i8shh", head, 0, 540, b"n+2\0\r\n\x1a\n", 2, 8)
-    struct.pack_into("<8q", head, 16, 3, SIZE, SIZE, SIZE, 1, 1, 1, 1)
-    struct.pack_into("<8d", head, 104, 1, 1, 1, 1, 0, 0, 0, 0)
-    struct.pack_into("<q", head, 168, 544)
-    struct.pack_into("<ii", head, 344, 0, 1)
-    struct.pack_into("<12d", head, 400, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0)
-    struct.pack_into("<ii", head, 500, 2, intent)
-    return bytes(head) + bytes(voxel(i, j, k) for k in range(SIZE) for j in range(SIZE) for i in range(SIZE))
-
-
-def nifti1(voxel, intent=0, code="B", datatype=2):
-    head = bytearray(352)
-    struct.pack_into("<i", head, 0, 348)
-    struct.pack_into("<8h", head, 40, 3, SIZE, SIZE, SIZE, 1, 1, 1, 1)
-    struct.pack_into("<hhh", head, 68, intent, datatype, 8 * struct.calcsize(code))
-    struct.pack_into("<8f", head, 76, 1, 1, 1, 1, 0, 0, 0, 0)
-    struct.pack_into("<f", head, 108, 352)
-    head[123] = 2
-    struct.pack_into("<hh", head, 252, 0, 1)
-    struct.pack_into("<12f", head, 280, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0)
-    head[344:347] = b"n+1"
-    return bytes(head) + b"".join(struct.pack("<" + code, voxel(i, j, k))
-                                  for k in range(SIZE) for j in range(SIZE) for i in range(SIZE))
 
 
 class FirstSteps(cli.PalpateTest):
@@ -114,15 +65,15 @@ class FirstSteps(cli.PalpateTest):
         add("knee.glb", b"glTF\2\0\0\0", "a surface (glTF)", ".seg.nrrd")
         add("knee.vtu", b'<VTKFile type="UnstructuredGrid">', "a surface (VTK)", ".seg.nrrd")
         add("knee.stl.gz", gzip.compress(b"solid knee\nfacet normal 0 0 1\n"), "a surface (STL), compressed", "unpack")
-        add("shot.png", png(), "a picture (PNG)", "volume")
-        add("shot.nii", png(), "a picture (PNG)", "volume")
+        add("shot.png", png(1, 1, [b"\0"]), "a picture (PNG)", "volume")
+        add("shot.nii", png(1, 1, [b"\0"]), "a picture (PNG)", "volume")
         add("photo.jpg", b"\xff\xd8\xff\xe0\0\x10JFIF", "a picture (JPEG)", "volume")
         add("brain.mnc", b"CDF\1" + b"\0" * 100, "MINC 1", "mnc2nii")
         add("brain2.mnc", b"\x89HDF\r\n\x1a\n" + b"\0" * 100, "MINC 2", "mnc2nii")
         add("aseg.mgz", gzip.compress(b"\0\0\0\1" + b"\0" * 300), "FreeSurfer", "mri_convert")
         add("empty.nii.gz", b"", "empty", "again")
         add("empty", b"", "empty", "again")
-        add("other.nii.gz", gzip.compress(png()), "a picture (PNG), compressed by gzip", "volume")
+        add("other.nii.gz", gzip.compress(png(1, 1, [b"\0"])), "a picture (PNG), compressed by gzip", "volume")
         add("renamed.nii.gz", (b"NRRD0004\ntype: uint8\n\n"), "an NRRD volume", ".nrrd")
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w") as archive:
@@ -174,8 +125,8 @@ class FirstSteps(cli.PalpateTest):
         masks = self.folder / "masks"
         masks.mkdir()
         for name, which in ("femur", 1), ("DOE_CANARY_tibia", 2):
-            write_nrrd(masks / f"{name}.nrrd", lambda i, j, k, which=which: int(blocks(i, j, k) == which))
-        scan = write_nrrd(self.folder / "scan.nrrd", noise, "int16", "h")
+            write_nrrd(masks / f"{name}.nrrd", SIZES, lambda i, j, k, which=which: int(two_blocks(i, j, k) == which))
+        scan = write_nrrd(self.folder / "scan.nrrd", SIZES, noise, "int16", "h")
         listed = json.loads(self.succeed("info", masks, "--json").stdout)
         self.assertEqual({label["name"]: label["voxels"] for label in listed["labels"]}, {"tibia": 2048, "femur": 2048})
         done = self.succeed("scene", "new", scan, masks, "-o", self.folder / "scene.toml")
@@ -199,10 +150,10 @@ class FirstSteps(cli.PalpateTest):
         root = cli.need("edge/dicom/bad_sequence.dcm").parent.parent.parent
         for name, what in (("edge/rtstruct/mock_data/rt.dcm", "RTSTRUCT"), ("edge/dicom/bad_sequence.dcm", "a single slice is not a volume")):
             with self.subTest(name):
-                self.fail_clearly(cli.BAD_INPUT, "section", root / name, "-o", self.folder / "x.png", says=what)
+                self.expect_error(cli.BAD_INPUT, "section", root / name, "-o", self.folder / "x.png", message=what)
         for path in sorted((root / "edge").rglob("*.dcm")):
             with self.subTest(path.name):
-                self.fail_clearly(cli.BAD_INPUT, "section", path, "-o", self.folder / "x.png")
+                self.expect_error(cli.BAD_INPUT, "section", path, "-o", self.folder / "x.png")
 
     @cli.long
     def test_shared_dicom_is_read(self):
@@ -220,7 +171,7 @@ class FirstSteps(cli.PalpateTest):
         self.succeed("section", self.folder / "liver.toml", "-o", self.folder / "z.png")
         self.succeed("prepare", root.parent / "liver.dcm", "-o", self.folder / "field.nrrd")
         several = root.parent.parent / "edge/dicom/sliceorientation/001"
-        self.fail_clearly(cli.BAD_INPUT, "section", several, "-o", self.folder / "x.png", says="holds 2 volumes")
+        self.expect_error(cli.BAD_INPUT, "section", several, "-o", self.folder / "x.png", message="holds 2 volumes")
         listed = json.loads(self.succeed("info", several, "--json").stdout)
         self.assertEqual([volume["number"] for volume in listed["volumes"] if volume["usable"]], [1, 2])
         self.succeed("section", several, "--volume", 2, "-o", self.folder / "x.png")
@@ -232,17 +183,17 @@ class FirstSteps(cli.PalpateTest):
         root = cli.need("dicom_seg/ct-3slice")
         # an environment cannot lead DCMTK to a dictionary of its own
         environment = {**os.environ, "LD_DEBUG": "libs", "DCMDICTPATH": str(self.folder / "nothing")}
-        label_map = write_nrrd(self.folder / "labels.nrrd", blocks)
+        label_map = write_nrrd(self.folder / "labels.nrrd", SIZES, two_blocks)
         for arguments, loads in ((["--version"], False), (["info", label_map], False), (["info", root], True)):
             with self.subTest(arguments=arguments):
-                done = self.succeed(*arguments, by=cli.spawn, env=environment)
+                done = self.succeed(*arguments, runner=cli.spawn, env=environment)
                 for library in ("libdcmdata", "libicuuc", "libpalpate_dicom"):
                     self.assertEqual(library in done.stderr, loads, library)
 
     @cli.long
     def test_any_bytes_end_in_a_sentence(self):
         """A prefix of every kind, whatever its name, is one clear error or works."""
-        files = [file.read_bytes() for file in self.foreign()] + [nifti2(blocks), os.urandom(4000)]
+        files = [file.read_bytes() for file in self.foreign()] + [nifti2(SIZES, two_blocks), os.urandom(4000)]
         seeds = [(content[:cut], ending) for content in files for cut in (1, 40, 133, 700)
                  for ending in (".nii", ".dcm", "")]
         for n, (content, ending) in enumerate(seeds[::7]):
@@ -255,7 +206,7 @@ class FirstSteps(cli.PalpateTest):
     # ---- a volume where a scene is wanted gets a proposed one
 
     def test_a_label_map_by_itself_is_felt(self):
-        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
+        labels = write_nrrd(self.folder / "labels.nrrd", SIZES, two_blocks)
         (self.folder / "labels.json").write_text(json.dumps({"femur": 1, "femoral_cartilage": 2}))
         done = self.picture(labels)
         self.assertIn("all 2 structures felt (bone, cartilage)", done.stderr)
@@ -274,7 +225,7 @@ class FirstSteps(cli.PalpateTest):
         self.assertIn("identical", self.succeed("replay", run, scene).stdout)
 
     def test_a_scan_by_itself_is_felt_where_it_is_bright(self):
-        scan = write_nrrd(self.folder / "scan.nrrd", noise, "int16", "h")
+        scan = write_nrrd(self.folder / "scan.nrrd", SIZES, noise, "int16", "h")
         self.assertIn("is a scan, felt where it is brighter than", self.picture(scan).stderr)
         self.assertIn("surface", self.succeed("simulate", scan).stdout)
         scene = self.folder / "scene.toml"
@@ -283,12 +234,12 @@ class FirstSteps(cli.PalpateTest):
         self.succeed("scene", "check", scene)
 
     def test_a_volume_without_its_ending_is_found(self):
-        plain = write_nrrd(self.folder / "labels.nrrd", blocks)
+        plain = write_nrrd(self.folder / "labels.nrrd", SIZES, two_blocks)
         bare = plain.rename(self.folder / "labels")
-        self.fail_clearly(cli.BAD_INPUT, "section", bare, "-o", self.folder / "x.png", says="ends in .nrrd")
+        self.expect_error(cli.BAD_INPUT, "section", bare, "-o", self.folder / "x.png", message="ends in .nrrd")
 
     def test_where_nothing_is_felt_it_is_shown(self):
-        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
+        labels = write_nrrd(self.folder / "labels.nrrd", SIZES, two_blocks)
         self.assertIn("no label name matches a tissue", self.picture(labels).stderr)
         scene = self.folder / "scene.toml"
         self.assertIn("label 1, label 2", self.succeed("scene", "new", labels, "-o", scene).stderr)
@@ -305,14 +256,14 @@ class FirstSteps(cli.PalpateTest):
         done = self.succeed("explore", scene, "--seconds", "0.5", "--port", "0", "--no-realtime")
         self.assertIn("the scene has no touchable tissue yet", done.stderr)
         self.assertIn("to see it, open http", done.stderr)
-        self.fail_clearly(cli.BAD_INPUT, "explore", scene, "--no-viewer", says="the scene has no touchable tissue yet")
+        self.expect_error(cli.BAD_INPUT, "explore", scene, "--no-viewer", message="the scene has no touchable tissue yet")
         # a tissue that is felt, but of no voxel
         scene.write_text(f'[data]\nlabels = "{labels}"\n[[tissue]]\nname = "a"\nlabels = [9]\noptional = true\n')
         self.picture(scene)
-        self.fail_clearly(cli.BAD_INPUT, "simulate", scene, says="no voxel of the scene is touchable")
+        self.expect_error(cli.BAD_INPUT, "simulate", scene, message="no voxel of the scene is touchable")
 
     def test_a_mask_is_called_after_its_file(self):
-        mask = write_nrrd(self.folder / "femur_left.nrrd", lambda i, j, k: blocks(i, j, k) > 0)
+        mask = write_nrrd(self.folder / "femur_left.nrrd", SIZES, lambda i, j, k: two_blocks(i, j, k) > 0)
         self.assertIn("felt as bone", self.picture(mask).stderr)
         self.assertRegex(self.succeed("info", mask).stdout, r" 1  femur_left ")
 
@@ -323,14 +274,14 @@ class FirstSteps(cli.PalpateTest):
             self.assertIn("missing.nii.gz: no such file", done.stderr)
 
     def test_a_volume_where_a_scene_file_is_checked(self):
-        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
-        self.fail_clearly(cli.BAD_INPUT, "scene", "check", labels, says=f"palpate scene new {labels} -o scene.toml")
+        labels = write_nrrd(self.folder / "labels.nrrd", SIZES, two_blocks)
+        self.expect_error(cli.BAD_INPUT, "scene", "check", labels, message=f"palpate scene new {labels} -o scene.toml")
 
     # ---- NIfTI-2, and what a NIfTI says of its values
 
     def test_nifti_2(self):
         file = self.folder / "vertebrae_L5.nii.gz"
-        file.write_bytes(gzip.compress(nifti2(lambda i, j, k: int(blocks(i, j, k) > 0))))
+        file.write_bytes(gzip.compress(nifti2(SIZES, lambda i, j, k: int(two_blocks(i, j, k) > 0))))
         info = json.loads(self.succeed("info", file, "--json").stdout)
         self.assertEqual(info["kind"], "labels")
         self.assertEqual(info["labels"][0]["voxels"], 16**3)
@@ -338,20 +289,20 @@ class FirstSteps(cli.PalpateTest):
         self.assertIn("felt as bone", self.picture(file).stderr)
 
     def test_the_intent_decides(self):
-        for name, content, kind in (("float_labels.nii", nifti1(lambda i, j, k: float(noise(i, j, k) // 100), 1002, "f", 16), "labels"),
-                                    ("statistic.nii", nifti1(blocks, 3), "scan"), ("plain.nii", nifti1(blocks), "labels")):
+        for name, content, kind in (("float_labels.nii", nifti1(SIZES, lambda i, j, k: float(noise(i, j, k) // 100), 1002, "f", 16), "labels"),
+                                    ("statistic.nii", nifti1(SIZES, two_blocks, 3), "scan"), ("plain.nii", nifti1(SIZES, two_blocks), "labels")):
             with self.subTest(name):
                 file = self.folder / name
                 file.write_bytes(content)
                 self.assertEqual(json.loads(self.succeed("info", file, "--json").stdout)["kind"], kind)
 
     def test_a_scan_taken_for_labels_is_noticed(self):
-        scan = write_nrrd(self.folder / "scan.nrrd", noise, "int16", "h")
-        self.fail_clearly(cli.BAD_INPUT, "scene", "new", "--labels", scan, says="looks like a scan")
+        scan = write_nrrd(self.folder / "scan.nrrd", SIZES, noise, "int16", "h")
+        self.expect_error(cli.BAD_INPUT, "scene", "new", "--labels", scan, message="looks like a scan")
         self.assertIn("looks like a scan", self.succeed("info", "--labels", scan).stderr)
         fraction = self.folder / "fraction.nii"
-        fraction.write_bytes(nifti1(lambda i, j, k: 0.5 * noise(i, j, k), 0, "f", 16))
-        self.fail_clearly(cli.BAD_INPUT, "scene", "new", "--labels", fraction, says="is it a scan?")
+        fraction.write_bytes(nifti1(SIZES, lambda i, j, k: 0.5 * noise(i, j, k), 0, "f", 16))
+        self.expect_error(cli.BAD_INPUT, "scene", "new", "--labels", fraction, message="is it a scan?")
 
     # ---- words
 
@@ -365,9 +316,9 @@ class FirstSteps(cli.PalpateTest):
                             (["imprt", "x"], "palpate scene new"), (["opne", "x"], "palpate explore"), (["conver"], "palpate prepare"),
                             (["simualte"], "simulate"), (["help", "simualte"], "simulate"), (["help", "import"], "palpate scene new")):
             with self.subTest(words):
-                self.fail_clearly(cli.USAGE, *words, says="did you mean " + verb)
-        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
-        self.fail_clearly(cli.USAGE, labels, says="is a file, not a verb")
+                self.expect_error(cli.USAGE, *words, message="did you mean " + verb)
+        labels = write_nrrd(self.folder / "labels.nrrd", SIZES, two_blocks)
+        self.expect_error(cli.USAGE, labels, message="is a file, not a verb")
 
     def test_every_verb_that_is_named_is_one(self):
         """The commands that messages tell to type are commands."""
@@ -382,7 +333,7 @@ class FirstSteps(cli.PalpateTest):
         self.assertEqual(self.succeed("help").stdout, self.succeed("--help").stdout)
         self.assertEqual(self.succeed("help", "simulate").stdout, self.succeed("simulate", "--help").stdout)
         self.assertEqual(self.succeed("help", "data", "fetch").stdout, self.succeed("data", "fetch", "--help").stdout)
-        self.fail_clearly(cli.USAGE, "help", "frobnicate", says="frobnicate: unknown verb")
+        self.expect_error(cli.USAGE, "help", "frobnicate", message="frobnicate: unknown verb")
 
 
 if __name__ == "__main__":

@@ -90,5 +90,5 @@ class Forces(cli.KneeTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -90,12 +90,12 @@ class Hold(cli.KneeTest):
                 (cli.USAGE, ["--at", GAP, "--delay", "50"], "number between"),
                 (cli.USAGE, ["--at", GAP, "-o", "f.png"], "ends in .svg")):
             with self.subTest(arguments):
-                self.fail_clearly(code, "hold", self.scene, *arguments, says=says)
-        self.fail_clearly(cli.BAD_INPUT, "hold", self.folder / "missing.toml", "--at", GAP, says="missing")
-        self.fail_clearly(cli.OUTPUT, "hold", self.scene, "--at", GAP, "-o", self.folder / "missing" / "f.svg",
-                          says="missing")
+                self.expect_error(code, "hold", self.scene, *arguments, message=says)
+        self.expect_error(cli.BAD_INPUT, "hold", self.folder / "missing.toml", "--at", GAP, message="missing")
+        self.expect_error(cli.OUTPUT, "hold", self.scene, "--at", GAP, "-o", self.folder / "missing" / "f.svg",
+                          message="missing")
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

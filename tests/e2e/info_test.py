@@ -69,7 +69,7 @@ class Info(cli.PalpateTest):
             with self.subTest(path.relative_to(root)):
                 done = cli.run("info", path, "--json")
                 if done.returncode != cli.OK:
-                    self.fail_clearly(cli.BAD_INPUT, "info", path)
+                    self.expect_error(cli.BAD_INPUT, "info", path)
                     refused.append(path.name)
                     continue
                 self.assert_sane(json.loads(done.stdout))
@@ -122,9 +122,9 @@ class Info(cli.PalpateTest):
 
     def test_a_cut_short_file_says_how_far_it_goes(self):
         path = cli.need("edge/nrrd_truncated/abdomen_ct_TRUNCATED_gzip.nrrd")
-        self.fail_clearly(cli.BAD_INPUT, "info", path, says="52 of 113")
+        self.expect_error(cli.BAD_INPUT, "info", path, message="52 of 113")
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

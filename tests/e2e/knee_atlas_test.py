@@ -15,7 +15,7 @@ class KneeAtlas(cli.PalpateTest):
     def test_every_bone_and_cartilage_is_held_within_the_limit(self):
         recording = self.folder / "atlas.h5"
         done = self.succeed("simulate", "knee-atlas", "-o", recording)
-        held = cli.held(done.stdout)
+        held = cli.contact_figures(done.stdout)
         for structure in STRUCTURES:
             self.assertGreaterEqual(held[structure][0], 0.5, f"{structure}: {held}")
         largest, limit = map(float, re.search(r"largest force ([\d.]+) N of ([\d.]+) N", done.stdout).groups())
@@ -34,5 +34,5 @@ class KneeAtlas(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -21,8 +21,8 @@ class KneePhantom(cli.PalpateTest):
         recording, picture = self.folder / "odd.h5", self.folder / "odd.png"
         name = f"knee-phantom:spacing={cli.KNEE_MM},side=right,lesion=6,missing=patellar_cartilage"
         done = self.succeed("simulate", name, "-o", recording)
-        self.assertNotIn("patellar_cartilage", cli.held(done.stdout))
-        self.assertIn("femur", cli.held(done.stdout))
+        self.assertNotIn("patellar_cartilage", cli.contact_figures(done.stdout))
+        self.assertIn("femur", cli.contact_figures(done.stdout))
         # the recording tells which it was, parameters included
         again = self.succeed("replay", recording)
         self.assertEqual(cli.run_hash(again.stdout), cli.run_hash(done.stdout))
@@ -82,7 +82,7 @@ class KneePhantom(cli.PalpateTest):
         for name, structures in [("shell-phantom:spacing=1.2", ["shell"]),
                                  ("skull-phantom:spacing=2.2,temporal=4", ["skull", "brain"]),
                                  ("gland-phantom:spacing=1.2", ["gland", "mandible"])]:
-            held = cli.held(self.succeed("simulate", name).stdout)
+            held = cli.contact_figures(self.succeed("simulate", name).stdout)
             for structure in structures:
                 self.assertGreaterEqual(held[structure][0], 0.5, structure)
 
@@ -92,7 +92,7 @@ class KneePhantom(cli.PalpateTest):
         # by its name it is finer: for the sanitizers tests/builds/sanitized_equals_release runs and replays that
         source = [self.coarse_scene()] if cli.SANITIZED else []
         done = self.succeed("simulate", *(source or ["knee-phantom"]), "-o", recording, "--report", report)
-        held = cli.held(done.stdout)
+        held = cli.contact_figures(done.stdout)
         for structure in STRUCTURES:
             self.assertIn(structure, held)
             self.assertGreaterEqual(held[structure][0], 0.5, structure)
@@ -115,13 +115,13 @@ class KneePhantom(cli.PalpateTest):
         script.write_text('[[step]]\napproach = "femur"\n[[step]]\npress = 0.8\n[[step]]\nleave = true\n')
         self.succeed("simulate", scene, "--script", script, "-o", recording)
         self.assertIn("identical", self.succeed("replay", recording, scene).stdout)
-        self.fail_clearly(cli.USAGE, "replay", recording, says="SCENE")
+        self.expect_error(cli.USAGE, "replay", recording, message="SCENE")
         text = scene.read_text()
         scene.write_text(re.sub(r"(?m)^sigma = .*$", "sigma = 1.25", text) if re.search(r"(?m)^sigma", text)
                          else text + "\n[preparation]\nsigma = 1.25\n")
-        self.fail_clearly(cli.BAD_INPUT, "replay", recording, scene, says="a different scene")
+        self.expect_error(cli.BAD_INPUT, "replay", recording, scene, message="a different scene")
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

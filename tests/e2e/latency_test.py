@@ -28,13 +28,13 @@ class Latency(cli.PalpateTest):
         self.assertGreater(figures["free-running/trilinear/of-R4400/tick"]["value"], 1)
 
     def test_options_that_cannot_be(self):
-        self.fail_clearly(cli.USAGE, "verify", "accuracy", "--seconds", "1", says="'accuracy' takes no --seconds")
-        self.fail_clearly(cli.USAGE, "verify", "accuracy", "--scene", "head", says="'accuracy' takes no --scene")
+        self.expect_error(cli.USAGE, "verify", "accuracy", "--seconds", "1", message="'accuracy' takes no --seconds")
+        self.expect_error(cli.USAGE, "verify", "accuracy", "--scene", "head", message="'accuracy' takes no --scene")
         for option, value in (("--seconds", "0"), ("--seconds", "nan"), ("--rate", "20"), ("--rate", "20000"),
                               ("--spin", "-1")):
             with self.subTest(f"{option} {value}"):
-                self.fail_clearly(cli.USAGE, "verify", "latency", option, value)
-        self.fail_clearly(cli.BAD_INPUT, "verify", "latency", "--scene", "elbow", says="elbow")
+                self.expect_error(cli.USAGE, "verify", "latency", option, value)
+        self.expect_error(cli.BAD_INPUT, "verify", "latency", "--scene", "elbow", message="elbow")
 
     @cli.long
     def test_an_interrupt(self):
@@ -55,5 +55,5 @@ class Latency(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -98,11 +98,11 @@ class Lint(cli.KneeTest):
                 (cli.OUTPUT, [self.labels, "--fix", self.folder / "none" / "new.nrrd"], "none"),
                 (cli.BAD_INPUT, [self.folder / "missing.nrrd"], "missing.nrrd")):
             with self.subTest(arguments):
-                self.fail_clearly(code, "lint", *arguments, says=says)
+                self.expect_error(code, "lint", *arguments, message=says)
         self.assertEqual(self.labels.read_bytes(), before)
         self.assertEqual([path.name for path in self.folder.iterdir()], ["link.seg.nrrd"])
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

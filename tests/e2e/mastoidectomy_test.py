@@ -22,5 +22,5 @@ class Mastoidectomy(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -2,52 +2,23 @@
 
 import json
 import math
-import struct
 
 import cli
+from volume_files import grid, sphere, write_nrrd, write_obj, write_stl
 
-SIZE, SPACING, ORIGIN = (60, 56, 48), (1.0, 1.0, 1.25), (-90.0, 30.0, -40.0)
-
-
-def sphere(centre, radius, around=48):
-    """Triangles of a sphere, counter-clockwise seen from outside."""
-    def point(u, v):
-        turn, fall = 2 * math.pi * u / around, math.pi * v / (around // 2)
-        ring = 0 if v in (0, around // 2) else radius * math.sin(fall)
-        return tuple(c + d for c, d in zip(centre, (ring * math.cos(turn), ring * math.sin(turn), radius * math.cos(fall))))
-
-    def faces(u, v):
-        a, b, c, d = point(u, v), point(u + 1, v), point(u, v + 1), point(u + 1, v + 1)
-        return ((a, c, d), (a, d, b))
-    return [triangle for v in range(around // 2) for u in range(around) for triangle in faces(u, v)]
+SIZES, SPACING, ORIGIN = (60, 56, 48), (1.0, 1.0, 1.25), (-90.0, 30.0, -40.0)
 
 
 def in_ras(triangles, unit=1.0):
     return [tuple((-x / unit, -y / unit, z / unit) for x, y, z in triangle) for triangle in triangles]
 
 
-def write_stl(path, triangles, header=b""):
-    data = header.ljust(80) + struct.pack("<I", len(triangles))
-    path.write_bytes(data + b"".join(struct.pack("<12fH", 0, 0, 0, *[x for p in t for x in p], 0) for t in triangles))
-
-
-def write_obj(path, triangles):
-    lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for t in triangles for x, y, z in t]
-    lines += [f"f {3 * n + 1} {3 * n + 2} {3 * n + 3}" for n in range(len(triangles))]
-    path.write_text("\n".join(lines) + "\n")
-
-
 class Meshes(cli.PalpateTest):
     def setUp(self):
         super().setUp()
         # the scan: nothing but its grid counts
-        self.scan = self.folder / "scan.nrrd"
-        directions = " ".join("(" + ",".join(str(SPACING[a] if a == b else 0) for b in range(3)) + ")" for a in range(3))
-        head = ("NRRD0005\ntype: uchar\ndimension: 3\nspace: left-posterior-superior\n"
-                f"sizes: {SIZE[0]} {SIZE[1]} {SIZE[2]}\nspace directions: {directions}\n"
-                f"space origin: ({','.join(map(str, ORIGIN))})\nencoding: raw\n\n")
-        self.scan.write_bytes(head.encode() + bytes(n % 251 for n in range(SIZE[0] * SIZE[1] * SIZE[2])))
-        self.middle = tuple(o + 0.5 * s * (n - 1) for o, s, n in zip(ORIGIN, SPACING, SIZE))
+        self.scan = write_nrrd(self.folder / "scan.nrrd", SIZES, bytes(n % 251 for n in range(math.prod(SIZES))), geometry=grid(SPACING, ORIGIN))
+        self.middle = tuple(o + 0.5 * s * (n - 1) for o, s, n in zip(ORIGIN, SPACING, SIZES))
 
     def test_a_folder_in_ras_metres_is_proven_by_the_scan_and_felt(self):
         surfaces = self.folder / "surfaces"
@@ -79,7 +50,7 @@ class Meshes(cli.PalpateTest):
         centred.write_bytes(self.scan.read_bytes().replace(b"(-90.0,30.0,-40.0)", b"(-30.0,-28.0,-30.0)"))
         femur = self.folder / "femur.stl"
         write_stl(femur, sphere((3, 4, 5), 12))
-        self.fail_clearly(cli.BAD_INPUT, "scene", "new", centred, femur, says="--mesh-space")
+        self.expect_error(cli.BAD_INPUT, "scene", "new", centred, femur, message="--mesh-space")
         scene = self.folder / "scene.toml"
         done = self.succeed("scene", "new", centred, femur, "--mesh-space", "ras", "-o", scene)
         self.assertIn("RAS (as requested)", done.stderr)
@@ -96,7 +67,7 @@ class Meshes(cli.PalpateTest):
         self.assertIn("femur", done.stdout)
         # made elsewhere
         write_stl(femur, sphere((300, 400, 500), 12))
-        self.fail_clearly(cli.BAD_INPUT, "scene", "new", centred, femur, says="does not lie in the scan")
+        self.expect_error(cli.BAD_INPUT, "scene", "new", centred, femur, message="does not lie in the scan")
 
     def test_a_surface_with_a_hole_has_an_inside(self):
         whole = sphere(self.middle, 14)
@@ -112,10 +83,10 @@ class Meshes(cli.PalpateTest):
         femur = self.folder / "femur.stl"
         write_stl(femur, sphere(self.middle, 12))
         femur.write_bytes(femur.read_bytes()[:-100])
-        self.fail_clearly(cli.BAD_INPUT, "info", femur, says="it ends after")
-        self.fail_clearly(cli.BAD_INPUT, "section", self.scan.rename(self.folder / "s.stl"), "-o", self.folder / "x.png")
+        self.expect_error(cli.BAD_INPUT, "info", femur, message="it ends after")
+        self.expect_error(cli.BAD_INPUT, "section", self.scan.rename(self.folder / "s.stl"), "-o", self.folder / "x.png")
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -1,42 +1,17 @@
 """Where names of structures are from, what a volume is taken as, and that both are said."""
 
 import json
+import math
 import struct
 
 import cli
+from volume_files import nifti1, nifti_extension, two_blocks, write_nrrd
 
-SIZE = 24
-
-
-def blocks(i, j, k):
-    """Two structures on each other."""
-    return (1 if i < 12 else 2) if 4 <= i < 20 and 4 <= j < 20 and 4 <= k < 20 else 0
-
-
-def write_nrrd(file, voxel, type_="uint8", code="B", fields=""):
-    voxels = b"".join(struct.pack("<" + code, voxel(i, j, k))
-                      for k in range(SIZE) for j in range(SIZE) for i in range(SIZE))
-    file.write_bytes((f"NRRD0004\ntype: {type_}\ndimension: 3\nsizes: {SIZE} {SIZE} {SIZE}\nendian: little\n"
-                      "space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n"
-                      f"encoding: raw\n{fields}\n").encode() + voxels)
-    return file
+SIZES = (24, 24, 24)
 
 
 def nifti_with_extension(text):
-    size = (len(text) + 8 + 15) // 16 * 16
-    head = bytearray(352)
-    struct.pack_into("<i", head, 0, 348)
-    struct.pack_into("<8h", head, 40, 3, SIZE, SIZE, SIZE, 1, 1, 1, 1)
-    struct.pack_into("<hh", head, 70, 2, 8)
-    struct.pack_into("<8f", head, 76, 1, 1, 1, 1, 0, 0, 0, 0)
-    struct.pack_into("<f", head, 108, 352 + size)
-    head[123] = 2
-    struct.pack_into("<hh", head, 252, 0, 1)
-    struct.pack_into("<12f", head, 280, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0)
-    head[344:347] = b"n+1"
-    head[348] = 1
-    extension = struct.pack("<ii", size, 0) + text.encode() + b"\0" * (size - 8 - len(text))
-    return bytes(head) + extension + bytes(blocks(i, j, k) for k in range(SIZE) for j in range(SIZE) for i in range(SIZE))
+    return nifti1(SIZES, two_blocks, extension=nifti_extension(0, text.encode()))
 
 
 LABEL_TABLE = ("<?xml version=\"1.0\"?><CaretExtension><VolumeInformation Index=\"0\"><LabelTable>"
@@ -47,7 +22,7 @@ LABEL_TABLE = ("<?xml version=\"1.0\"?><CaretExtension><VolumeInformation Index=
 
 class Names(cli.PalpateTest):
     def test_a_table_in_the_folder_is_said_and_named_by_the_scene(self):
-        labels = write_nrrd(self.folder / "liver_and_tumour.nrrd", blocks)
+        labels = write_nrrd(self.folder / "liver_and_tumour.nrrd", SIZES, two_blocks)
         table = self.folder / "knee.tsv"
         table.write_text("index\tname\n1\tfemur\n2\tfemoral_cartilage\n")
         said = f"2 labels have their names from {table}, the only table next to it"
@@ -65,7 +40,7 @@ class Names(cli.PalpateTest):
         self.assertNotIn("knee.tsv", page.read_text())
 
         # it is not used where it may be another's
-        write_nrrd(self.folder / "knee.nrrd", blocks)
+        write_nrrd(self.folder / "knee.nrrd", SIZES, two_blocks)
         done = self.succeed("info", labels)
         self.assertIn(f"{table} was not used", done.stderr)
         self.assertIn("knee.nrrd", done.stderr)
@@ -75,11 +50,11 @@ class Names(cli.PalpateTest):
         self.assertNotIn("not used", self.succeed("scene", "check", scene).stderr)
 
     def test_a_table_of_another_map_is_an_error_where_it_is_named(self):
-        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
+        labels = write_nrrd(self.folder / "labels.nrrd", SIZES, two_blocks)
         table = self.folder / "knee.ctbl"
         table.write_text("95 femur 1 2 3 255\n")
         for verb in (["info"], ["scene", "new"]):
-            self.fail_clearly(cli.BAD_INPUT, *verb, labels, "--names", table, says="names none of the labels")
+            self.expect_error(cli.BAD_INPUT, *verb, labels, "--names", table, message="names none of the labels")
 
     def test_names_in_the_header_of_nifti(self):
         labels = self.folder / "segmentations.nii"
@@ -98,24 +73,24 @@ class Names(cli.PalpateTest):
         labels = self.folder / "labels.nii"
         content = bytearray(nifti_with_extension(LABEL_TABLE))
         struct.pack_into("<f", content, 112, 1 / 85)
-        begin = len(content) - SIZE**3
+        begin = len(content) - math.prod(SIZES)
         content[begin:] = bytes(85 * value for value in content[begin:])
         labels.write_bytes(content)
         self.assertEqual([label["id"] for label in json.loads(self.succeed("info", labels, "--json").stdout)["labels"]], [1, 2])
 
     def test_the_evidence_is_said(self):
-        labels = write_nrrd(self.folder / "labels.nrrd", blocks)
+        labels = write_nrrd(self.folder / "labels.nrrd", SIZES, two_blocks)
         self.assertIn("kind        labels: its 2 values form patches", self.succeed("info", labels).stdout)
         self.assertIn("is taken as labels, because its 2 values", self.succeed("scene", "new", labels).stderr)
-        noise = write_nrrd(self.folder / "noise.nrrd", lambda i, j, k: (i * 79 + j * 1047 + k * 129) % 205)
+        noise = write_nrrd(self.folder / "noise.nrrd", SIZES, lambda i, j, k: (i * 79 + j * 1047 + k * 129) % 205)
         self.assertIn("scan: its 204 values change from voxel to voxel", self.succeed("info", noise).stdout)
         self.assertIn("taken as a scan because its 204 values", self.succeed("simulate", noise).stderr)
 
     def test_what_is_unclear_is_asked(self):
-        shells = write_nrrd(self.folder / "shells.nrrd", lambda i, j, k: 1 + i // 3 + 8 * (j // 3) + 64 * (k // 3),
+        shells = write_nrrd(self.folder / "shells.nrrd", SIZES, lambda i, j, k: 1 + i // 3 + 8 * (j // 3) + 64 * (k // 3),
                             "int16", "h")
         for verb in (["info"], ["scene", "new"], ["simulate"], ["section", "-o", self.folder / "x.png"]):
-            self.fail_clearly(cli.BAD_INPUT, *verb, shells, says=f"--labels {shells}, or --scan {shells}")
+            self.expect_error(cli.BAD_INPUT, *verb, shells, message=f"--labels {shells}, or --scan {shells}")
         self.assertEqual(json.loads(self.succeed("info", "--json", "--labels", shells).stdout)["kind"], "labels")
         self.assertEqual(json.loads(self.succeed("info", "--json", "--scan", shells).stdout)["kind"], "scan")
         self.succeed("section", "--scan", shells, "-o", self.folder / "scan.png")
@@ -129,11 +104,11 @@ class Names(cli.PalpateTest):
             for option in ("--labels", "--scan"):
                 self.assertIn(option, help_text, verb)
             if verb != ["scene", "new"]:  # there each has a file
-                self.fail_clearly(cli.USAGE, *verb, "--labels", "--scan", "x", says="--labels")
+                self.expect_error(cli.USAGE, *verb, "--labels", "--scan", "x", message="--labels")
 
     def test_an_atlas_with_its_table_is_labels(self):
         values = sorted({7 + (n * 7919) % 4093 for n in range(300)})
-        atlas = write_nrrd(self.folder / "atlas.nrrd",
+        atlas = write_nrrd(self.folder / "atlas.nrrd", SIZES,
                            lambda i, j, k: values[(i + 24 * j + 576 * k) % len(values)], "int16", "h")
         self.assertEqual(json.loads(self.succeed("info", atlas, "--json").stdout)["kind"], "scan")
         (self.folder / "atlas.ctbl").write_text("".join(f"{value} left_gyrus_{value} 1 2 3 255\n" for value in values))
@@ -142,13 +117,13 @@ class Names(cli.PalpateTest):
         self.assertIn(f"atlas.ctbl names {len(values)} of its {len(values)} values", info["evidence"])
 
     def test_ids_above_65535_are_refused_with_their_number(self):
-        ids = write_nrrd(self.folder / "ids.nrrd", lambda i, j, k: blocks(i, j, k) and 614454276 + blocks(i, j, k),
+        ids = write_nrrd(self.folder / "ids.nrrd", SIZES, lambda i, j, k: two_blocks(i, j, k) and 614454276 + two_blocks(i, j, k),
                          "uint32", "I")
         for verb in (["info"], ["scene", "new"], ["simulate"]):
-            self.fail_clearly(cli.BAD_INPUT, *verb, ids, says="has 2 labels above 65535 (614454277, 614454278)")
+            self.expect_error(cli.BAD_INPUT, *verb, ids, message="has 2 labels above 65535 (614454277, 614454278)")
         self.assertEqual(json.loads(self.succeed("info", "--scan", ids, "--json").stdout)["kind"], "scan")
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -6,23 +6,8 @@ import os
 import random
 
 import cli
+from poses import POINTS, rotated, times
 
-
-def rotated(axis, angle):
-    """A rotation's matrix, by Rodrigues."""
-    n = math.sqrt(sum(a * a for a in axis))
-    x, y, z = (a / n for a in axis)
-    c, s = math.cos(angle), math.sin(angle)
-    return [[c + x * x * (1 - c), x * y * (1 - c) - z * s, x * z * (1 - c) + y * s],
-            [y * x * (1 - c) + z * s, c + y * y * (1 - c), y * z * (1 - c) - x * s],
-            [z * x * (1 - c) - y * s, z * y * (1 - c) + x * s, c + z * z * (1 - c)]]
-
-
-def times(matrix, v):
-    return [sum(a * b for a, b in zip(row, v)) for row in matrix]
-
-
-POINTS = {"medial": (30, -10, 5), "lateral": (-32, -8, 2), "tuberosity": (4, -38, -60), "patella": (0, -52, 20), "fibula": (-38, 22, -40)}
 TURN, SHIFT = rotated((1, 2, 3), 0.7), (100.0, -50.0, 900.0)
 
 
@@ -60,15 +45,15 @@ class Navigation(cli.PalpateTest):
 
     def test_what_a_new_user_gets_wrong(self):
         scan = self.lines("scan.csv", POINTS)
-        self.fail_clearly(cli.BAD_INPUT, "register", scan, self.lines("two.csv", dict(list(POINTS.items())[:2])), says="three pairs")
-        self.fail_clearly(cli.BAD_INPUT, "register", scan, self.lines("other.csv", {"a": (1, 2, 3)}), says="with other names")
+        self.expect_error(cli.BAD_INPUT, "register", scan, self.lines("two.csv", dict(list(POINTS.items())[:2])), message="three pairs")
+        self.expect_error(cli.BAD_INPUT, "register", scan, self.lines("other.csv", {"a": (1, 2, 3)}), message="with other names")
         mirrored = {name: [-p[0], p[1], p[2]] for name, p in POINTS.items()}
-        self.fail_clearly(cli.BAD_INPUT, "register", scan, self.lines("mirrored.csv", mirrored), says="mirror images")
+        self.expect_error(cli.BAD_INPUT, "register", scan, self.lines("mirrored.csv", mirrored), message="mirror images")
         some = self.lines("some.csv", {name: (*p, 0.5) if name == "fibula" else p for name, p in POINTS.items()})
-        self.fail_clearly(cli.BAD_INPUT, "register", scan, some, says="of only 1 of 5 points")
-        self.fail_clearly(cli.BAD_INPUT, "register", scan, os.path.join(self.folder, "missing.csv"), says="missing.csv")
-        self.fail_clearly(cli.USAGE, "register", scan, scan, "--surface", "knee-phantom", says="--touched")
-        self.fail_clearly(cli.USAGE, "register", scan, scan, "-o", scan, says="scan.csv")
+        self.expect_error(cli.BAD_INPUT, "register", scan, some, message="of only 1 of 5 points")
+        self.expect_error(cli.BAD_INPUT, "register", scan, os.path.join(self.folder, "missing.csv"), message="missing.csv")
+        self.expect_error(cli.USAGE, "register", scan, scan, "--surface", "knee-phantom", message="--touched")
+        self.expect_error(cli.USAGE, "register", scan, scan, "-o", scan, message="scan.csv")
 
     def test_a_tip_from_poses_of_which_some_are_wrong(self):
         random.seed(7)
@@ -92,7 +77,7 @@ class Navigation(cli.PalpateTest):
         self.assertLess(math.dist(found["tip_mm"], tip), 1e-3)
         self.assertEqual(found["left_out"], list(range(1, 13)))
         write(0.01)
-        self.fail_clearly(cli.BAD_INPUT, "pivot", poses, says="hardly turned")
+        self.expect_error(cli.BAD_INPUT, "pivot", poses, message="hardly turned")
 
     def test_traced_places_go_onto_the_bone_and_nowhere_else(self):
         """tests/navigation says how well: here what is typed and told."""
@@ -100,10 +85,10 @@ class Navigation(cli.PalpateTest):
         seen = self.lines("seen.csv", {name: tracked(p) for name, p in POINTS.items()})
         nowhere = self.lines("nowhere.csv", {str(n): (31 * n % 90, 17 * n % 70, 53 * n % 80) for n in range(20)})
         surface = ("--surface", "knee-phantom:spacing=1.5", "--structure", "tibia")
-        self.fail_clearly(cli.BAD_INPUT, "register", scan, seen, *surface, "--touched", nowhere, says="do not fit the surface")
-        self.fail_clearly(cli.USAGE, "register", scan, seen, *surface[:3], "tibbia", "--touched", nowhere, says='did you mean "tibia"?')
+        self.expect_error(cli.BAD_INPUT, "register", scan, seen, *surface, "--touched", nowhere, message="do not fit the surface")
+        self.expect_error(cli.USAGE, "register", scan, seen, *surface[:3], "tibbia", "--touched", nowhere, message='did you mean "tibia"?')
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

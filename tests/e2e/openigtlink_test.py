@@ -77,10 +77,10 @@ class OpenIgtLinkTest(cli.PalpateTest):
         self.assertGreater(max(body[72:]), 0)
 
     def test_what_cannot_be_published_is_refused(self):
-        self.fail_clearly(cli.USAGE, "explore", "knee-phantom", "--device", "pointer", "--task", "meniscus-probing",
-                          "--openigtlink", 0, says="would see what a task hides")
-        self.fail_clearly(cli.USAGE, "explore", "knee-phantom", "--openigtlink", 70000, says="--openigtlink")
-        self.fail_clearly(cli.USAGE, "explore", "knee-phantom", "--openigtlink-listen", "0.0.0.0", says="--openigtlink")
+        self.expect_error(cli.USAGE, "explore", "knee-phantom", "--device", "pointer", "--task", "meniscus-probing",
+                          "--openigtlink", 0, message="would see what a task hides")
+        self.expect_error(cli.USAGE, "explore", "knee-phantom", "--openigtlink", 70000, message="--openigtlink")
+        self.expect_error(cli.USAGE, "explore", "knee-phantom", "--openigtlink-listen", "0.0.0.0", message="--openigtlink")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ class RawScan(cli.PalpateTest):
                           '[[step]]\nleave = true\n')
         recording = self.folder / "run.h5"
         done = self.succeed("simulate", scene, "--script", script, "-o", recording)
-        self.assertGreaterEqual(cli.held(done.stdout)["bone"][0], 0.5, done.stdout)
+        self.assertGreaterEqual(cli.contact_figures(done.stdout)["bone"][0], 0.5, done.stdout)
         self.assertIn("identical", self.succeed("replay", recording, scene).stdout)
         self.succeed("report", recording, scene, "-o", self.folder / "run.html")
 
@@ -28,5 +28,5 @@ class RawScan(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

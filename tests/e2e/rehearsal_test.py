@@ -110,17 +110,17 @@ class Rehearsal(cli.PalpateTest):
 
         # nothing is written where something is wrong
         before = plan.read_bytes()
-        self.fail_clearly(cli.BAD_INPUT, "plan", "from-markups", self.write("c.mrk.json", self.markups("Curve", [("C-1", entry)])),
-                          "-o", self.folder / "none.toml", says="a Curve")
-        self.fail_clearly(cli.BAD_INPUT, "plan", "from-markups", self.folder / "hole.mrk.json", "--title", "",
-                          "-o", self.folder / "none.toml", says="title is empty")
+        self.expect_error(cli.BAD_INPUT, "plan", "from-markups", self.write("c.mrk.json", self.markups("Curve", [("C-1", entry)])),
+                          "-o", self.folder / "none.toml", message="a Curve")
+        self.expect_error(cli.BAD_INPUT, "plan", "from-markups", self.folder / "hole.mrk.json", "--title", "",
+                          "-o", self.folder / "none.toml", message="title is empty")
         self.assertFalse((self.folder / "none.toml").exists())
-        self.fail_clearly(cli.BAD_INPUT, "plan", "compare", run, "--scene", scene, "--json", self.folder / "none.json",
-                          "--plan", self.write("w.toml", planned.replace('"tibia"', '"tibja"')), says='did you mean "tibia"?')
+        self.expect_error(cli.BAD_INPUT, "plan", "compare", run, "--scene", scene, "--json", self.folder / "none.json",
+                          "--plan", self.write("w.toml", planned.replace('"tibia"', '"tibja"')), message='did you mean "tibia"?')
         self.assertFalse((self.folder / "none.json").exists())
-        self.fail_clearly(cli.BAD_INPUT, "plan", "compare", run, "--scene", scene, "--plan", plan, "--device", 2, says="no device 2")
-        self.fail_clearly(cli.USAGE, "plan", "compare", run, "--scene", scene, "--plan", plan, "--json", plan, says="plan.toml")
-        self.fail_clearly(cli.USAGE, "report", run, scene, "--device", 1, says="--plan")
+        self.expect_error(cli.BAD_INPUT, "plan", "compare", run, "--scene", scene, "--plan", plan, "--device", 2, message="no device 2")
+        self.expect_error(cli.USAGE, "plan", "compare", run, "--scene", scene, "--plan", plan, "--json", plan, message="plan.toml")
+        self.expect_error(cli.USAGE, "report", run, scene, "--device", 1, message="--plan")
         self.assertEqual(plan.read_bytes(), before)
 
 
@@ -131,11 +131,11 @@ class PlanInThePage(cli.PalpateTest):
         plan = self.folder / "plan.toml"
         plan.write_text('title = "p"\n[[trajectory]]\nname = "t"\nentry = [0, 0, 0]\ntarget = [0, 0, 9]\nenters = ["femurr"]\n', encoding="utf-8")
         knee = f"knee-phantom:spacing={cli.KNEE_MM}"
-        self.fail_clearly(cli.USAGE, "explore", knee, "--no-viewer", "--plan", plan, says="--no-viewer serves no page")
-        self.fail_clearly(cli.BAD_INPUT, "explore", knee, "--plan", plan, "--port", 0, says='did you mean "femur"?')
-        self.fail_clearly(cli.OUTPUT, "explore", knee, "--plan", self.folder / "nowhere" / "plan.toml", "--port", 0, says="nowhere")
-        self.fail_clearly(cli.USAGE, "replay", "run.h5", "--plan", plan, says="--view")
-        self.fail_clearly(cli.USAGE, "explore", knee, "--plan", plan, "-o", plan, "--port", 0, says="plan.toml")
+        self.expect_error(cli.USAGE, "explore", knee, "--no-viewer", "--plan", plan, message="--no-viewer serves no page")
+        self.expect_error(cli.BAD_INPUT, "explore", knee, "--plan", plan, "--port", 0, message='did you mean "femur"?')
+        self.expect_error(cli.OUTPUT, "explore", knee, "--plan", self.folder / "nowhere" / "plan.toml", "--port", 0, message="nowhere")
+        self.expect_error(cli.USAGE, "replay", "run.h5", "--plan", plan, message="--view")
+        self.expect_error(cli.USAGE, "explore", knee, "--plan", plan, "-o", plan, "--port", 0, message="plan.toml")
         self.assertIn("femurr", plan.read_text(encoding="utf-8"))
 
 
@@ -182,5 +182,5 @@ class KeptAway(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -146,5 +146,5 @@ class Render(cli.KneeTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

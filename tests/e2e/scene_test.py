@@ -3,16 +3,9 @@
 import re
 
 import cli
+from volume_files import grid, write_nrrd
 
-GEOMETRY = "space: left-posterior-superior\nspace directions: ({0},0,0) (0,{1},0) (0,0,{2})\nspace origin: ({3},0,0)\n"
-
-
-def write_nrrd(file, voxel, geometry, size=12):
-    """A cube of 8-bit voxels, each voxel(i, j, k)."""
-    voxels = bytes(voxel(i, j, k) for k in range(size) for j in range(size) for i in range(size))
-    header = f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: {size} {size} {size}\n{geometry}encoding: raw\n\n"
-    file.write_bytes(header.encode() + voxels)
-    return file
+SIZES = (12, 12, 12)
 
 
 def block(i, j, k):
@@ -21,11 +14,11 @@ def block(i, j, k):
 
 class SceneTest(cli.PalpateTest):
     def labels(self, name="labels.nrrd", spacing=(1, 1, 1), x=0, geometry=None):
-        return write_nrrd(self.folder / name, block, geometry or GEOMETRY.format(*spacing, x))
+        return write_nrrd(self.folder / name, SIZES, block, geometry=geometry or grid(spacing, (x, 0, 0)))
 
     def scan(self, name="scan.nrrd", x=0):
-        return write_nrrd(self.folder / name, lambda i, j, k: (i * 37 + j * 101 + k * 53) % 251,
-                          GEOMETRY.format(1, 1, 1, x))
+        return write_nrrd(self.folder / name, SIZES, lambda i, j, k: (i * 37 + j * 101 + k * 53) % 251,
+                          geometry=grid(origin=(x, 0, 0)))
 
     def felt_scene(self, **data):
         scene = self.folder / "felt.toml"
@@ -40,7 +33,7 @@ class SceneTest(cli.PalpateTest):
         self.assertIn("liver.dcm was made on volume 1 (series 1: CT, axial, 512 x 512 x 3", said)
         self.assertIn("scan_volume = 1", scene.read_text())
         self.succeed("scene", "check", scene)
-        self.fail_clearly(cli.BAD_INPUT, "scene", "new", other, segmentation, says="a different frame of reference")
+        self.expect_error(cli.BAD_INPUT, "scene", "new", other, segmentation, message="a different frame of reference")
         # one folder with both
         whole = self.folder / "whole"
         whole.mkdir()
@@ -67,24 +60,24 @@ class SceneTest(cli.PalpateTest):
         for output in (labels, link, table, f"{self.folder}/./labels.nrrd"):
             for force in ([], ["--force"]):
                 with self.subTest(output=output, force=force):
-                    self.fail_clearly(cli.USAGE, "scene", "new", labels, "--names", table, "-o", output, *force,
-                                      says="would replace an input")
+                    self.expect_error(cli.USAGE, "scene", "new", labels, "--names", table, "-o", output, *force,
+                                      message="would replace an input")
                     self.assertEqual((labels.read_bytes(), table.read_bytes()), before)
 
     def test_new_replaces_a_scene_only_when_told_to(self):
         labels, scene = self.labels(), self.folder / "scene.toml"
         scene.write_text("# a day's work\n")
-        self.fail_clearly(cli.USAGE, "scene", "new", labels, "-o", scene, says="--force")
+        self.expect_error(cli.USAGE, "scene", "new", labels, "-o", scene, message="--force")
         self.assertEqual(scene.read_text(), "# a day's work\n")
         self.succeed("scene", "new", labels, "-o", scene, "--force")
         self.assertIn("[[tissue]]", scene.read_text())
 
     def test_volumes_that_do_not_overlap(self):
         labels, scan, scene = self.labels(), self.scan(x=500), self.folder / "scene.toml"
-        self.fail_clearly(cli.BAD_INPUT, "scene", "new", scan, labels, "-o", scene, says="only 0.0 % of the labelled")
+        self.expect_error(cli.BAD_INPUT, "scene", "new", scan, labels, "-o", scene, message="only 0.0 % of the labelled")
         self.assertFalse(scene.exists())
-        self.fail_clearly(cli.BAD_INPUT, "scene", "check", self.felt_scene(scan=scan, labels=labels),
-                          says="felt.toml:3: the labels do not seem to belong to the scan")
+        self.expect_error(cli.BAD_INPUT, "scene", "check", self.felt_scene(scan=scan, labels=labels),
+                          message="felt.toml:3: the labels do not seem to belong to the scan")
         self.succeed("scene", "check", self.felt_scene(scan=self.scan(x=5), labels=labels))
 
     def test_organs_are_embedded(self):
@@ -96,13 +89,13 @@ class SceneTest(cli.PalpateTest):
         self.assertRegex(text, r"embedding = true\n(.*\n)*air_below = ")
         self.assertRegex(self.succeed("scene", "check", scene).stdout, r"embedding +yes .* embedding")
         self.assertNotIn("air_below", self.succeed("scene", "new", labels, "--embed").stdout)
-        self.fail_clearly(cli.USAGE, "scene", "new", "--scan", scan, "--embed", says="no structures to embed")
+        self.expect_error(cli.USAGE, "scene", "new", "--scan", scan, "--embed", message="no structures to embed")
 
     def test_one_file_twice_and_labels_for_a_scan(self):
         labels = self.labels()
-        self.fail_clearly(cli.USAGE, "scene", "new", labels, labels, says="and as the label map")
+        self.expect_error(cli.USAGE, "scene", "new", labels, labels, message="and as the label map")
         more = self.labels("more.nrrd")
-        self.fail_clearly(cli.BAD_INPUT, "scene", "new", labels, more, says="two label maps")
+        self.expect_error(cli.BAD_INPUT, "scene", "new", labels, more, message="two label maps")
         for arguments in (["--scan", labels], ["--scan", labels, "--labels", more]):
             self.assertIn("looks like a label map", self.succeed("scene", "new", *arguments).stderr)
         self.assertNotIn("looks like", self.succeed("scene", "new", self.scan(), labels).stderr)
@@ -112,7 +105,7 @@ class SceneTest(cli.PalpateTest):
         scene = self.felt_scene(labels=labels)
         labels.unlink()
         for verb in (["scene", "check"], ["simulate"]):
-            self.fail_clearly(cli.BAD_INPUT, *verb, scene, says="felt.toml:2: no such file")
+            self.expect_error(cli.BAD_INPUT, *verb, scene, message="felt.toml:2: no such file")
 
     def test_sigma_follows_the_voxels(self):
         labels, scene = self.labels(spacing=(0.5, 0.5, 2.51)), self.folder / "scene.toml"
@@ -139,7 +132,7 @@ class SceneTest(cli.PalpateTest):
         felt = scene.read_text()
         scene.write_text(felt + '\n[[no_go]]\nname = "nerve"\nstructures = ["blok"]\n')
         for verb in (("scene", "check"), ("simulate",)):
-            self.fail_clearly(cli.BAD_INPUT, *verb, scene, says='no-go region "nerve" has the label "blok"')
+            self.expect_error(cli.BAD_INPUT, *verb, scene, message='no-go region "nerve" has the label "blok"')
         scene.write_text(felt + '\n[[no_go]]\nname = "nerve"\nstructures = [1]\nkeep_away = 3\n')
         self.assertRegex(self.succeed("scene", "check", scene).stdout, r"(?m)^no-go +nerve, keep away 3 mm, 2 N/mm$")
 
@@ -160,7 +153,7 @@ class SceneTest(cli.PalpateTest):
             self.assertEqual(said(scene), side)
         self.succeed("scene", "new", labels, "-o", scene, "--force")
         self.assertRegex(said(scene), "^unknown; set side")
-        write_nrrd(labels, lambda i, j, k: block(i, j, k) * (1 + (i > 6)), GEOMETRY.format(1, 1, 1, 0))
+        write_nrrd(labels, SIZES, lambda i, j, k: block(i, j, k) * (1 + (i > 6)))
         labels.with_suffix(".ctbl").write_text("1 tibia 1 1 1 255\n2 fibula 1 1 1 255\n")
         self.succeed("scene", "new", labels, "-o", scene, "--force")
         self.assertIn("from the fibula", said(scene))
@@ -169,14 +162,14 @@ class SceneTest(cli.PalpateTest):
         labels = self.labels()
         self.assertIn('modality = "mr"\n', self.succeed("scene", "new", labels, "--modality", "mr").stdout)
         self.assertNotIn("modality", self.succeed("scene", "new", labels).stdout)
-        self.fail_clearly(cli.USAGE, "scene", "new", labels, "--modality", "photo", says="{ct,mr}")
+        self.expect_error(cli.USAGE, "scene", "new", labels, "--modality", "photo", message="{ct,mr}")
 
     def test_tissue_that_yields(self):
         labels, scene = self.labels(), self.folder / "scene.toml"
         (self.folder / "names.ctbl").write_text("1 thigh_muscle 1 1 1 255\n")
         self.assertNotIn("yielding", self.succeed("scene", "new", labels, "--tissue", "layers").stdout)
         self.assertIn('law = "elastic"', self.succeed("scene", "new", labels).stdout)
-        self.fail_clearly(cli.USAGE, "scene", "new", labels, "--tissue", "jelly", says="{layers,elastic,neo-hookean,exponential,chainmail}")
+        self.expect_error(cli.USAGE, "scene", "new", labels, "--tissue", "jelly", message="{layers,elastic,neo-hookean,exponential,chainmail}")
         self.assertNotIn("yields", self.succeed("scene", "new", labels, "--tissue", "elastic", "-o", scene).stderr)
         said = self.succeed("scene", "check", scene)
         self.assertRegex(said.stdout, r"(?m)^tissue +elastic$")
@@ -204,5 +197,5 @@ class SceneTest(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

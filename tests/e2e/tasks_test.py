@@ -112,16 +112,16 @@ class Tasks(cli.PalpateTest):
         self.assertIn("Peak force", text)
         self.assertNotIn("peak_force", text)
         self.assertNotIn("CANARY", text)
-        self.fail_clearly(cli.BAD_INPUT, "records", "page", "--records", self.folder / "none.db", "-o", self.folder / "none.html", says="none.db")
+        self.expect_error(cli.BAD_INPUT, "records", "page", "--records", self.folder / "none.db", "-o", self.folder / "none.html", message="none.db")
         self.assertFalse((self.folder / "none.html").exists())
         table.unlink()
 
-        self.fail_clearly(cli.USAGE, "records", "erase", "DOE^CANARY", "--records", file, says="--yes")
+        self.expect_error(cli.USAGE, "records", "erase", "DOE^CANARY", "--records", file, message="--yes")
         self.succeed("records", "erase", "DOE^CANARY", "--records", file, "--yes")
         for left in self.folder.iterdir():
             self.assertNotIn(b"CANARY", left.read_bytes(), left)
         self.assertEqual(len(self.succeed("records", "list", "--records", file, "--json").stdout.splitlines()), 3)
-        self.fail_clearly(cli.BAD_INPUT, "records", "erase", "DOE^CANARY", "--records", file, "--yes", says="no learner")
+        self.expect_error(cli.BAD_INPUT, "records", "erase", "DOE^CANARY", "--records", file, "--yes", message="no learner")
 
     @cli.long
     def test_a_recording_says_of_which_task_it_is(self):
@@ -136,11 +136,11 @@ class Tasks(cli.PalpateTest):
         own.write_text(self.succeed("task", "show", TASK).stdout + "# mine\n", encoding="utf-8")
         self.assertIn("in a version of the text other than", self.succeed("task", "score", run, "--task", own).stderr)
         mine = self.simulate("mine", says=("--task", own))
-        self.fail_clearly(cli.USAGE, "task", "score", mine, says='run of "Hold a force steady"')
+        self.expect_error(cli.USAGE, "task", "score", mine, message='run of "Hold a force steady"')
         self.assertNotIn(b"CANARY", mine.read_bytes())
         self.assertEqual(self.succeed("task", "score", mine, "--task", own).stderr.count("a version of the text other than"), 0)
-        self.fail_clearly(cli.USAGE, "task", "score", self.simulate("none"), says="does not state which task")
-        self.fail_clearly(cli.USAGE, "task", "score", run, mine, says="mine.h5")
+        self.expect_error(cli.USAGE, "task", "score", self.simulate("none"), message="does not state which task")
+        self.expect_error(cli.USAGE, "task", "score", run, mine, message="mine.h5")
 
     @cli.long
     def test_a_probe_is_watched_by_the_scope_in_the_other_hand(self):
@@ -154,12 +154,12 @@ class Tasks(cli.PalpateTest):
         self.assertIn("unseen", [event["kind"] for event in alone["events"]])
         # both devices replay, and one device is not enough
         self.assertIn("identical", self.succeed("replay", self.folder / "watched.h5").stdout)
-        self.fail_clearly(cli.BAD_INPUT, "task", "score", self.simulate("one"), "--task", "scope-and-probe", says="two devices")
+        self.expect_error(cli.BAD_INPUT, "task", "score", self.simulate("one"), "--task", "scope-and-probe", message="two devices")
         script = self.folder / "watched.toml"
-        self.fail_clearly(cli.USAGE, "explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--script", script, "--no-viewer",
-                          says="watched.toml:5: explore cannot move a scope by script")
-        self.fail_clearly(cli.USAGE, "explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--task", "scope-and-probe", "--no-viewer",
-                          says="needs a second device for the scope")
+        self.expect_error(cli.USAGE, "explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--script", script, "--no-viewer",
+                          message="watched.toml:5: explore cannot move a scope by script")
+        self.expect_error(cli.USAGE, "explore", f"knee-phantom:spacing={cli.KNEE_MM}", "--task", "scope-and-probe", "--no-viewer",
+                          message="needs a second device for the scope")
 
     @cli.long
     def test_a_live_session_of_two_devices_is_what_its_recording_is_scored_as(self):
@@ -194,8 +194,8 @@ class Tasks(cli.PalpateTest):
         # a report has the score, and a probe takes nothing off
         self.succeed("report", self.folder / "made.h5", "--task", "bone-to-plan", "-o", self.folder / "made.html")
         self.assertIn("Task: Take off bone to a plan", (self.folder / "made.html").read_text(encoding="utf-8"))
-        self.fail_clearly(cli.BAD_INPUT, "task", "score", self.simulate("probe"), "--task", "bone-to-plan", says="no tool of the scene")
-        self.fail_clearly(cli.BAD_INPUT, "simulate", "knee-phantom:burr=0.5", "--script", self.folder / "made.toml", says="too small")
+        self.expect_error(cli.BAD_INPUT, "task", "score", self.simulate("probe"), "--task", "bone-to-plan", message="no tool of the scene")
+        self.expect_error(cli.BAD_INPUT, "simulate", "knee-phantom:burr=0.5", "--script", self.folder / "made.toml", message="too small")
 
     @cli.long
     def test_a_step_that_the_limit_does_not_permit_is_said(self):
@@ -212,28 +212,28 @@ class Tasks(cli.PalpateTest):
 
         def wrong(text, says):
             own.write_text(text, encoding="utf-8")
-            self.fail_clearly(cli.BAD_INPUT, "task", "score", run, "--task", own, says=says)
+            self.expect_error(cli.BAD_INPUT, "task", "score", run, "--task", own, message=says)
         plain = self.succeed("task", "show", TASK).stdout
         wrong(plain.replace("femoral_cartilage", "femoral_cartilige"), "no structure \"femoral_cartilige\"")
         wrong(plain.replace("band =", "bend ="), "own.toml:19: unknown key \"bend\"")
         wrong("", "no title")
-        self.fail_clearly(cli.BAD_INPUT, "task", "score", run, "--task", "hold-stedy", says="palpate task list")
+        self.expect_error(cli.BAD_INPUT, "task", "score", run, "--task", "hold-stedy", message="palpate task list")
         own.write_text("no recording", encoding="utf-8")
-        self.fail_clearly(cli.BAD_INPUT, "task", "score", own, "--task", TASK, says="own.toml")
-        self.fail_clearly(cli.BAD_INPUT, "records", "list", "--records", own, says="own.toml")
-        self.fail_clearly(cli.BAD_INPUT, "records", "list", "--records", self.folder / "none.db", says="none.db")
-        self.fail_clearly(cli.BAD_INPUT, "task", "score", run, "--task", TASK, "--record", "a\nb", "--records", self.folder / "r.db",
-                          says="pseudonym")
-        self.fail_clearly(cli.USAGE, "task", "score", run, "--task", TASK, "--records", own, says="--record")
-        self.fail_clearly(cli.USAGE, "task", "scor", run, says="score")
+        self.expect_error(cli.BAD_INPUT, "task", "score", own, "--task", TASK, message="own.toml")
+        self.expect_error(cli.BAD_INPUT, "records", "list", "--records", own, message="own.toml")
+        self.expect_error(cli.BAD_INPUT, "records", "list", "--records", self.folder / "none.db", message="none.db")
+        self.expect_error(cli.BAD_INPUT, "task", "score", run, "--task", TASK, "--record", "a\nb", "--records", self.folder / "r.db",
+                          message="pseudonym")
+        self.expect_error(cli.USAGE, "task", "score", run, "--task", TASK, "--records", own, message="--record")
+        self.expect_error(cli.USAGE, "task", "scor", run, message="score")
 
     @cli.long
     def test_each_novice_model_fails_its_own_metric(self):
         # few seeds, for every run of the tests; trainees.py does twenty of every task
-        areas, _ = trainees.areas_of(TASK, 3, pathlib.Path(self.folder), 2, f"knee-phantom:spacing={cli.KNEE_MM}")
-        self.assertEqual(trainees.faults_of(TASK, areas), [])
+        aucs, _ = trainees.aucs_of(TASK, 3, pathlib.Path(self.folder), 2, f"knee-phantom:spacing={cli.KNEE_MM}")
+        self.assertEqual(trainees.faults_of(TASK, aucs), [])
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -29,7 +29,7 @@ class Ticks(cli.PalpateTest):
                 break
         else:
             self.fail("it prints no address")
-        viewer = tick_stream.Viewer(int(found.group(1)), **hello)
+        viewer = tick_stream.TickViewer(int(found.group(1)), **hello)
         self.addCleanup(viewer.close)
         return viewer
 

@@ -3,7 +3,6 @@
 import os
 import re
 import stat
-import unittest
 
 import cli
 
@@ -32,32 +31,32 @@ class Token(cli.PalpateTest):
         self.assertTrue(LINES.fullmatch(text))
         self.assertNotIn(LINES.fullmatch(text)[1], done.stderr)
         # and never over tokens that somebody has
-        self.fail_clearly(cli.OUTPUT, "token", "-o", file, says="replacing it would revoke its tokens")
+        self.expect_error(cli.OUTPUT, "token", "-o", file, message="replacing it would revoke its tokens")
         self.assertEqual(file.read_text(), text)
-        self.fail_clearly(cli.OUTPUT, "token", "-o", self.folder / "none" / "tokens")
+        self.expect_error(cli.OUTPUT, "token", "-o", self.folder / "none" / "tokens")
 
     def test_one_of_a_role(self):
         self.assertRegex(self.succeed("token", "--role", "teacher").stdout, r"^teacher [a-z2-9]{26}\n$")
         line = self.succeed("token", "--role", "learner", "--learner", "L042").stdout
         self.assertRegex(line, r"^learner [a-z2-9]{26} L042\n$")
-        self.fail_clearly(cli.USAGE, "token", "--role", "learner", says="--learner L042")
-        self.fail_clearly(cli.USAGE, "token", "--learner", "L042", says="--role learner")
-        self.fail_clearly(cli.BAD_INPUT, "token", "--role", "learner", "--learner", "a\nb", says="pseudonym")
-        self.fail_clearly(cli.USAGE, "token", "--role", "admin", says="--role")
+        self.expect_error(cli.USAGE, "token", "--role", "learner", message="--learner L042")
+        self.expect_error(cli.USAGE, "token", "--learner", "L042", message="--role learner")
+        self.expect_error(cli.BAD_INPUT, "token", "--role", "learner", "--learner", "a\nb", message="pseudonym")
+        self.expect_error(cli.USAGE, "token", "--role", "admin", message="--role")
         # records are of somebody
-        self.fail_clearly(cli.USAGE, "explore", "knee-phantom", "--records", self.folder / "r.db", says="--learner")
+        self.expect_error(cli.USAGE, "explore", "knee-phantom", "--records", self.folder / "r.db", message="--learner")
 
     def test_explore_takes_them(self):
         file = self.folder / "tokens"
         self.succeed("token", "-o", file)
         # the tokens pass, and what comes after them does not: before the knee is made, which takes its time
-        said = self.fail_clearly(cli.BAD_INPUT, "explore", "knee-phantom", "--device", "pointer", "--seconds", "0.1",
-                                 "--token-file", file, "--tls-cert", file, "--tls-key", file, says="certificate")
+        said = self.expect_error(cli.BAD_INPUT, "explore", "knee-phantom", "--device", "pointer", "--seconds", "0.1",
+                                 "--token-file", file, "--tls-cert", file, "--tls-key", file, message="certificate")
         self.assertNotIn(" %", said.stderr)
         file.chmod(0o600)
         file.write_text("view 12345678901234567890\n")
-        said = self.fail_clearly(cli.BAD_INPUT, "explore", "knee-phantom", "--device", "pointer", "--seconds", "0.1",
-                                 "--token-file", file, says="palpate token")
+        said = self.expect_error(cli.BAD_INPUT, "explore", "knee-phantom", "--device", "pointer", "--seconds", "0.1",
+                                 "--token-file", file, message="palpate token")
         self.assertNotIn(" %", said.stderr)
 
 

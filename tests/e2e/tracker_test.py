@@ -12,35 +12,12 @@ import threading
 import time
 
 import cli
+from poses import POINTS, at, composed, rotated, times
 
 TOOL, REFERENCE = "StylusToTracker", "ReferenceToTracker"
 TIP = (-17.8, 1.1, -156.9)  # in the tool's frame, mm
-POINTS = {"medial": (30, -10, 5), "lateral": (-32, -8, 2), "tuberosity": (4, -38, -60), "patella": (0, -52, 20), "fibula": (-38, 22, -40)}
 PLACE = (12.0, -60.0, 8.0)  # in the patient, where the tip is held at the end
 FLE_MM = 0.4
-
-
-def rotated(axis, angle):
-    """A rotation's matrix, by Rodrigues."""
-    n = math.sqrt(sum(a * a for a in axis))
-    x, y, z = (a / n for a in axis)
-    c, s = math.cos(angle), math.sin(angle)
-    return [[c + x * x * (1 - c), x * y * (1 - c) - z * s, x * z * (1 - c) + y * s],
-            [y * x * (1 - c) + z * s, c + y * y * (1 - c), y * z * (1 - c) - x * s],
-            [z * x * (1 - c) - y * s, z * y * (1 - c) + x * s, c + z * z * (1 - c)]]
-
-
-def times(matrix, v):
-    return [sum(a * b for a, b in zip(row, v)) for row in matrix]
-
-
-def composed(a, b):
-    """Of poses, each a rotation and a shift: what b does first."""
-    return [[sum(a[0][r][k] * b[0][k][c] for k in range(3)) for c in range(3)] for r in range(3)], at(a, b[1])
-
-
-def at(pose, p):
-    return [x + s for x, s in zip(times(pose[0], p), pose[1])]
 
 
 # the patient in the coordinates of the markers on it
@@ -184,23 +161,23 @@ class Live(cli.PalpateTest):
 
         # what does not fit together is one error
         mixed = [REFERENCE if argument == TOOL else TOOL if argument == REFERENCE else argument for argument in explored]
-        self.fail_clearly(cli.BAD_INPUT, *mixed, says=f"was made in the coordinates of {REFERENCE}")
-        self.fail_clearly(cli.USAGE, *explored, "-o", tip_file, says="would replace an input")
+        self.expect_error(cli.BAD_INPUT, *mixed, message=f"was made in the coordinates of {REFERENCE}")
+        self.expect_error(cli.USAGE, *explored, "-o", tip_file, message="would replace an input")
 
     def test_what_is_missing_or_too_little_is_refused_and_nothing_is_written(self):
         still = lambda now: tool_at((40, 30, 20), rotated((1, 0, 0), 0.3))  # noqa: E731
         tracker = self.serve(still)
         out = self.folder / "tip.json"
-        self.fail_clearly(cli.USAGE, "pivot", tracker.address, says="--transform")
-        self.fail_clearly(cli.UNAVAILABLE, "pivot", tracker.address, "--transform", "ProbeToTracker", "-o", out, says=f"it sends: {REFERENCE}, {TOOL}")
-        self.fail_clearly(cli.UNAVAILABLE, "pivot", "127.0.0.1:1", "--transform", TOOL, says="does not answer")
-        self.fail_clearly(cli.USAGE, "register", self.scan(), tracker.address, "--transform", TOOL, says="--tip")
+        self.expect_error(cli.USAGE, "pivot", tracker.address, message="--transform")
+        self.expect_error(cli.UNAVAILABLE, "pivot", tracker.address, "--transform", "ProbeToTracker", "-o", out, message=f"it sends: {REFERENCE}, {TOOL}")
+        self.expect_error(cli.UNAVAILABLE, "pivot", "127.0.0.1:1", "--transform", TOOL, message="does not answer")
+        self.expect_error(cli.USAGE, "register", self.scan(), tracker.address, "--transform", TOOL, message="--tip")
         ill = self.write("ill.json", "{}")
-        self.fail_clearly(cli.BAD_INPUT, "register", self.scan(), tracker.address, "--transform", TOOL, "--tip", ill, says="tip_mm")
+        self.expect_error(cli.BAD_INPUT, "register", self.scan(), tracker.address, "--transform", TOOL, "--tip", ill, message="tip_mm")
         scene = ("explore", "knee-phantom", "--device", "tracker", "--no-viewer")
-        self.fail_clearly(cli.USAGE, *scene, "--tracker", tracker.address, says="--transform")
-        self.fail_clearly(cli.BAD_INPUT, *scene, "--tracker", tracker.address, "--transform", TOOL, "--tip", ill, "--registration", ill, says="tip_mm")
-        self.fail_clearly(cli.USAGE, "devices", "--tracker", "nowhere", says="HOST:PORT")
+        self.expect_error(cli.USAGE, *scene, "--tracker", tracker.address, message="--transform")
+        self.expect_error(cli.BAD_INPUT, *scene, "--tracker", tracker.address, "--transform", TOOL, "--tip", ill, "--registration", ill, message="tip_mm")
+        self.expect_error(cli.USAGE, "devices", "--tracker", "nowhere", message="HOST:PORT")
         self.assertIn(f"{TOOL}: ready", self.succeed("devices", "--tracker", tracker.address).stdout)
 
         # ended by hand: a tool that hardly turned, and a registration half way
@@ -222,5 +199,5 @@ class Live(cli.PalpateTest):
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

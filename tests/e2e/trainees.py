@@ -19,17 +19,17 @@ import subprocess
 import sys
 import tempfile
 
-# each kind, and by which of the metrics that are compared it has to be told
 KINDS = ("heavy", "shaky", "incomplete")
-add the comment: # metric that must distinguish each kind of novice from the expert (AUC >= LEAST_AREA); the metrics of
-the other kinds must not, "shaky": "smoothness", "incomplete": "steps_done"}
+# metric that must distinguish each kind of novice from the expert (AUC >= MIN_AUC); the metrics of the other kinds must
+# not
+DISTINGUISHED_BY = {"heavy": "excess_impulse", "shaky": "smoothness", "incomplete": "steps_done"}
 # at the menisci the limit of 8.5 N is more than the simulated device gives
 HEAVY_AT_THE_MENISCI = "peak_force of medial_meniscus, lateral_meniscus"
-TOLD_BY_OWN = {"meniscus-probing": {"heavy": HEAVY_AT_THE_MENISCI}, "scope-and-probe": {"incomplete": "unseen_time"},
+DISTINGUISHED_BY_TASK = {"meniscus-probing": {"heavy": HEAVY_AT_THE_MENISCI}, "scope-and-probe": {"incomplete": "unseen_time"},
                "bone-to-plan": {"heavy": "depth_past_plan", "incomplete": "removed_in_plan"},
                "cortical-mastoidectomy": {"heavy": "force_near of facial_nerve", "incomplete": "hidden_time"}}
 MORE_IS_BETTER = {"smoothness", "steps_done", "economy", "coverage", "force_in_band", "longest_in_band", "removed_in_plan", "bone_left", "burr_distance"}
-LEAST_AREA = 0.95
+MIN_AUC = 0.95
 # amplitude of tremor at 8 to 12 Hz, mm: what a hand has, and a hand that shakes
 STEADY_MM, SHAKY_MM = 0.03, 0.25
 
@@ -220,7 +220,7 @@ def scores_of(task, recordings):
     return [{metric["name"]: metric["value"] for metric in run["metrics"]} for run in runs]
 
 
-def area(better, worse, more_is_better):
+def auc(better, worse, more_is_better):
     """Probability that one of `worse` is worse than one of `better`, ties by half; what has no value is worst."""
     def badness(value):
         return math.inf if value is None else -value if more_is_better else value
@@ -228,8 +228,8 @@ def area(better, worse, more_is_better):
     return sum(1 if w > b else 0.5 if w == b else 0 for b, w in pairs) / len(pairs)
 
 
-def areas_of(task, seeds, folder, workers, data_set=None):
-    """{kind: {metric: area}} and the values. @param data_set  for every run; else as the seed draws it"""
+def aucs_of(task, seeds, folder, workers, data_set=None):
+    """{kind: {metric: AUC}} and the values. @param data_set  for every run; else as the seed draws it"""
     jobs = [(kind, seed) for kind in ("expert", *KINDS) for seed in range(seeds)]
     data_sets = [data_set or palpate("task", "draw", task, "--seed", seed if task in DRAWN_EACH_TIME else seed % 4).strip() + COARSER.get(task, "")
                  for seed in range(seeds)]
@@ -242,22 +242,22 @@ def areas_of(task, seeds, folder, workers, data_set=None):
             found.update(zip(group, scores))
     values = {kind: [found[kind, seed] for seed in range(seeds)] for kind in ("expert", *KINDS)}
     metrics = list(values["expert"][0])
-    return {kind: {metric: area([v[metric] for v in values["expert"]], [v[metric] for v in values[kind]], metric in MORE_IS_BETTER)
+    return {kind: {metric: auc([v[metric] for v in values["expert"]], [v[metric] for v in values[kind]], metric in MORE_IS_BETTER)
                    for metric in metrics} for kind in KINDS}, values
 
 
-def told_by(task):
-    return TOLD_BY | TOLD_BY_OWN.get(task, {})
+def distinguishing_metrics(task):
+    return DISTINGUISHED_BY | DISTINGUISHED_BY_TASK.get(task, {})
 
 
-def faults_of(task, areas):
+def faults_of(task, aucs):
     """What is not as it should be, in words."""
     faults = []
     for kind in KINDS:
-        for metric in told_by(task).values():
-            value, told = areas[kind][metric], told_by(task)[kind] == metric
-            if told != (value >= LEAST_AREA):
-                faults.append(f"{task}: the {kind} trainee is {'not ' if told else ''}told by {metric}: area {value:.3f}")
+        for metric in distinguishing_metrics(task).values():
+            value, is_distinguishing = aucs[kind][metric], distinguishing_metrics(task)[kind] == metric
+            if is_distinguishing != (value >= MIN_AUC):
+                faults.append(f"{task}: the {kind} trainee is {'not ' if is_distinguishing else ''}distinguished by {metric}: AUC {value:.3f}")
     return faults
 
 
@@ -273,15 +273,15 @@ def main():
         os.environ.setdefault("PALPATE_CACHE", folder)
         print("| task | metric | " + " | ".join(KINDS) + " |\n|---|---|" + "---|" * len(KINDS))
         for task in options.task or TASKS:
-            areas, values = areas_of(task, options.seeds, pathlib.Path(folder), options.workers)
-            for metric in areas[KINDS[0]]:
-                cells = [f"**{areas[kind][metric]:.2f}**" if told_by(task)[kind] == metric else f"{areas[kind][metric]:.2f}" for kind in KINDS]
+            aucs, values = aucs_of(task, options.seeds, pathlib.Path(folder), options.workers)
+            for metric in aucs[KINDS[0]]:
+                cells = [f"**{aucs[kind][metric]:.2f}**" if distinguishing_metrics(task)[kind] == metric else f"{aucs[kind][metric]:.2f}" for kind in KINDS]
                 print(f"| {task} | `{metric}` | " + " | ".join(cells) + " |", flush=True)
                 if options.values:
                     for kind in ("expert", *KINDS):
                         known = [v[metric] for v in values[kind] if v[metric] is not None]
                         print(f"  {kind}: " + " ".join(f"{v:.4g}" for v in known), file=sys.stderr)
-            faults += faults_of(task, areas)
+            faults += faults_of(task, aucs)
     for fault in faults:
         print(fault, file=sys.stderr)
     return 1 if faults else 0

@@ -7,27 +7,18 @@ import struct
 
 import cli
 import dicom_files
-from privacy_test import dicom_with_canary
+from canary_files import dicom_with_canary
+from volume_files import ball, grid, write_nrrd
 
 N = 32
+SIZES = (N, N, N)
 RADIUS = 9
 SCRIPT = ('[[step]]\napproach = "femur"\nspeed = 200.0\n[[step]]\npress = 0.4\nsettle = 0.1\n[[step]]\nhold = 0.1\n'
           '[[step]]\nleave = true\n')
 
 
-def in_ball(i, j, k):
-    return (i - N / 2) ** 2 + (j - N / 2) ** 2 + (k - N / 2) ** 2 < RADIUS ** 2
-
-
 def noise(n, inside):
     return (900 if inside else 30) + (n * 7919 >> 3) % 61
-
-
-def write_nrrd(file, kind, code, values, origin=0):
-    head = (f"NRRD0005\ntype: {kind}\ndimension: 3\nspace: left-posterior-superior\nsizes: {N} {N} {N}\n"
-            f"space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: ({origin},0,0)\nendian: little\nencoding: raw\n\n")
-    file.write_bytes(head.encode() + struct.pack(f"<{N ** 3}{code}", *values))
-    return file
 
 
 def circle(radius, x=N / 2, y=N / 2):
@@ -37,14 +28,13 @@ def circle(radius, x=N / 2, y=N / 2):
 class TwoFiles(cli.PalpateTest):
     def setUp(self):
         super().setUp()
-        places = [(i, j, k) for k in range(N) for j in range(N) for i in range(N)]
-        ball = [int(in_ball(*place)) for place in places]
-        values = [noise(n, inside) for n, inside in enumerate(ball)]
-        self.scan = write_nrrd(self.folder / "scan.nrrd", "short", "h", [v - 40 for v in values])
-        self.other_scan = write_nrrd(self.folder / "repeat.nrrd", "short", "h", [v - 50 for v in values])
-        self.labels = write_nrrd(self.folder / "labels.nrrd", "uchar", "B", ball)
-        self.other_labels = write_nrrd(self.folder / "again.nrrd", "uchar", "B", [2 * v for v in ball])
-        self.elsewhere = write_nrrd(self.folder / "elsewhere.nrrd", "uchar", "B", ball, origin=900)
+        labelled = ball(SIZES, RADIUS)
+        values = [noise(n, inside) for n, inside in enumerate(labelled)]
+        self.scan = write_nrrd(self.folder / "scan.nrrd", SIZES, [v - 40 for v in values], "int16", "h")
+        self.other_scan = write_nrrd(self.folder / "repeat.nrrd", SIZES, [v - 50 for v in values], "int16", "h")
+        self.labels = write_nrrd(self.folder / "labels.nrrd", SIZES, labelled)
+        self.other_labels = write_nrrd(self.folder / "again.nrrd", SIZES, [2 * v for v in labelled])
+        self.elsewhere = write_nrrd(self.folder / "elsewhere.nrrd", SIZES, labelled, geometry=grid(origin=(900, 0, 0)))
         self.names, self.wrong_names = self.folder / "names.csv", self.folder / "wrong.csv"
         self.names.write_text("value,name\n1,femur\n")
         self.wrong_names.write_text("value,name\n77,femur\n")
@@ -82,7 +72,7 @@ class TwoFiles(cli.PalpateTest):
             "scene new": (["scene", "new", *files], lambda done: done.stdout),
         }[verb]
         if code != cli.OK:
-            done = self.fail_clearly(code, *command)
+            done = self.expect_error(code, *command)
             self.assertEqual(list(self.out.iterdir()), [], "nothing half-written")
             return done.stderr[done.stderr.index("palpate: error:"):]
         found = result(self.succeed(*command))
@@ -145,14 +135,14 @@ class TwoFiles(cli.PalpateTest):
         # by its position, whatever it looks like
         self.assertIn("threshold", self.succeed("scene", "new", "--scan", self.other_labels).stdout)
         self.succeed("section", self.other_labels, self.labels, "--scan", "-o", self.out / "x.png")
-        self.fail_clearly(cli.USAGE, "section", self.scan, self.scan, "-o", self.out / "y.png", says="the same file is given as the scan")
-        self.fail_clearly(cli.USAGE, "section", self.scan, "--names", self.names, "-o", self.out / "y.png",
-                          says="a table of names needs a label map")
+        self.expect_error(cli.USAGE, "section", self.scan, self.scan, "-o", self.out / "y.png", message="the same file is given as the scan")
+        self.expect_error(cli.USAGE, "section", self.scan, "--names", self.names, "-o", self.out / "y.png",
+                          message="a table of names needs a label map")
         for target in ("knee-phantom", self.folder / "scene.toml"):
             if target != "knee-phantom":
                 self.succeed("scene", "new", self.scan, self.labels, "--names", self.names, "-o", target)
-            self.fail_clearly(cli.USAGE, "section", target, self.labels, "-o", self.out / "y.png", says="needs a scan")
-            self.fail_clearly(cli.USAGE, "section", target, "--names", self.names, "-o", self.out / "y.png", says="a table of names")
+            self.expect_error(cli.USAGE, "section", target, self.labels, "-o", self.out / "y.png", message="needs a scan")
+            self.expect_error(cli.USAGE, "section", target, "--names", self.names, "-o", self.out / "y.png", message="a table of names")
 
     def test_a_run_is_replayed_and_reported_with_them(self):
         run, named = self.out / "run.h5", ("--names", self.names)
@@ -181,11 +171,11 @@ class TwoFiles(cli.PalpateTest):
         done = self.succeed("scene", "new", self.study, seg)
         self.assertIn("was made on volume 1", done.stderr)
         # whole or not at all
-        self.fail_clearly(cli.USAGE, "export", self.structures, self.study, "-o", self.structures, says="would replace an input")
-        self.fail_clearly(cli.BAD_INPUT, "export", self.structures, "-o", self.out / "x.dcm", says="RTSTRUCT")
+        self.expect_error(cli.USAGE, "export", self.structures, self.study, "-o", self.structures, message="would replace an input")
+        self.expect_error(cli.BAD_INPUT, "export", self.structures, "-o", self.out / "x.dcm", message="RTSTRUCT")
         self.assertEqual(list(self.out.iterdir()), [])
 
 
 if __name__ == "__main__":
-    cli.share_what_is_prepared()
+    cli.share_prepared_models()
     cli.main()

@@ -9,11 +9,11 @@ import shutil
 import subprocess
 import sys
 import time
-import unittest
 
 import bombs
 import cli
 from cli import BAD_INPUT, OK, OUTPUT, SANITIZED, KneeTest, PalpateTest
+from volume_files import nrrd_header
 
 
 class NotAFileTest(KneeTest):
@@ -53,7 +53,7 @@ class NotAFileTest(KneeTest):
                 ["report", pipes["h5"]],
         ]:
             with self.subTest(arguments=arguments):
-                self.fail_clearly(BAD_INPUT, *arguments, says="is a pipe, not a file")
+                self.expect_error(BAD_INPUT, *arguments, message="is a pipe, not a file")
 
 
 class BombTest(KneeTest):
@@ -134,12 +134,12 @@ class BombTest(KneeTest):
 
     def test_the_refusal_says_how_to_allow_more(self):
         large = self.folder / "large.nrrd"
-        large.write_bytes(bombs.nrrd("512 512 256", "encoding: gzip\n") + bombs.zeros(64, bombs.gzip.compress))
-        said = self.fail_clearly(BAD_INPUT, "info", "--scan", large, "--memory", "128M", says="128.0 MiB are allowed")
+        large.write_bytes(nrrd_header("512 512 256", "encoding: gzip\n") + bombs.zeros(64, bombs.gzip.compress))
+        said = self.expect_error(BAD_INPUT, "info", "--scan", large, "--memory", "128M", message="128.0 MiB are allowed")
         more = re.search(r"--memory \d+M", said.stderr).group().split()
         if not SANITIZED:
             self.succeed("info", "--scan", large, *more)
-        self.fail_clearly(cli.USAGE, "info", large, "--memory", "much", says="write it as 800M or 4G")
+        self.expect_error(cli.USAGE, "info", large, "--memory", "much", message="write it as 800M or 4G")
 
 
 class LinkTest(PalpateTest):
@@ -150,21 +150,21 @@ class LinkTest(PalpateTest):
         (self.folder / "secret.raw").write_bytes(voxels)
         (home / "link.raw").symlink_to(self.folder / "secret.raw")
         (home / "way").symlink_to(self.folder)
-        headers = {"link.nhdr": bombs.nrrd("10 10 10", "encoding: raw\ndata file: link.raw\n"),
-                   "way.nhdr": bombs.nrrd("10 10 10", "encoding: raw\ndata file: way/secret.raw\n"),
-                   "up.nhdr": bombs.nrrd("10 10 10", "encoding: raw\ndata file: ../secret.raw\n"),
+        headers = {"link.nhdr": nrrd_header("10 10 10", "encoding: raw\ndata file: link.raw\n"),
+                   "way.nhdr": nrrd_header("10 10 10", "encoding: raw\ndata file: way/secret.raw\n"),
+                   "up.nhdr": nrrd_header("10 10 10", "encoding: raw\ndata file: ../secret.raw\n"),
                    "link.mhd": bombs.metaimage("10 10 10", "ElementDataFile = link.raw"),
                    "link.hdr": bombs.nifti(10, 10, 10, b"ni1\0")}
         (home / "link.img").symlink_to(self.folder / "secret.raw")
         for name, header in headers.items():
             with self.subTest(name):
                 (home / name).write_bytes(header)
-                self.fail_clearly(BAD_INPUT, "info", home / name, says="--follow-links")
+                self.expect_error(BAD_INPUT, "info", home / name, message="--follow-links")
                 self.succeed("info", "--scan", home / name, "--follow-links")
         # what a person names is followed, and so is what stays inside
         (home / "real.raw").write_bytes(voxels)
         (home / "inside.raw").symlink_to("real.raw")
-        (home / "inside.nhdr").write_bytes(bombs.nrrd("10 10 10", "encoding: raw\ndata file: inside.raw\n"))
+        (home / "inside.nhdr").write_bytes(nrrd_header("10 10 10", "encoding: raw\ndata file: inside.raw\n"))
         (self.folder / "named").symlink_to(home)
         self.succeed("info", "--scan", self.folder / "named" / "inside.nhdr")
 
@@ -172,7 +172,7 @@ class LinkTest(PalpateTest):
         home = self.folder / "home"
         home.mkdir()
         volume = self.folder / "labels.nrrd"
-        volume.write_bytes(bombs.nrrd("10 10 10", "encoding: raw\n") + bytes(400) + b"\1" * 200 + bytes(400))
+        volume.write_bytes(nrrd_header("10 10 10", "encoding: raw\n") + bytes(400) + b"\1" * 200 + bytes(400))
         (home / "link.nrrd").symlink_to(volume)
         tissue = '\n[[tissue]]\nname = "bone"\nlabels = [1]\npreset = "bone"\n'
         scene = home / "scene.toml"
@@ -180,7 +180,7 @@ class LinkTest(PalpateTest):
             scene.write_text(f'[data]\nlabels = "{name}"' + tissue)
             self.succeed("scene", "check", scene)
         scene.write_text('[data]\nlabels = "link.nrrd"' + tissue)
-        self.fail_clearly(BAD_INPUT, "scene", "check", scene, says="--follow-links")
+        self.expect_error(BAD_INPUT, "scene", "check", scene, message="--follow-links")
         self.succeed("scene", "check", scene, "--follow-links")
 
 
@@ -195,10 +195,10 @@ class OneWriterTest(KneeTest):
                 while not recording.exists() and first.poll() is None:
                     time.sleep(0.05)
                 says = f"is being written by another run (process {first.pid})"
-                self.fail_clearly(OUTPUT, "simulate", self.scene, "-o", recording, says=says)
-                self.fail_clearly(OUTPUT, "explore", self.scene, "-o", recording, says=says)
+                self.expect_error(OUTPUT, "simulate", self.scene, "-o", recording, message=says)
+                self.expect_error(OUTPUT, "explore", self.scene, "-o", recording, message=says)
                 (self.folder / "link.h5").symlink_to("run.h5")
-                self.fail_clearly(OUTPUT, "simulate", self.scene, "-o", self.folder / "link.h5", says=says)
+                self.expect_error(OUTPUT, "simulate", self.scene, "-o", self.folder / "link.h5", message=says)
                 self.assertIsNone(first.poll())
             finally:
                 first.kill()
@@ -271,9 +271,9 @@ class CanaryTest(PalpateTest):
         geometry = "space: LPS\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\nencoding: raw\n"
         labels = folder / f"{name}.seg.nrrd"
         fields = b"Segment0_ID:=a" + written + b"\nSegment0_Name:=" + written + b"\nSegment0_LabelValue:=1\n" + written + b":=x\n"
-        labels.write_bytes(bombs.nrrd(f"{side} {side} {side}", geometry + "content: ")[:-1] + written + b"\n" + fields + b"\n" + block)
+        labels.write_bytes(nrrd_header(f"{side} {side} {side}", geometry + "content: ")[:-1] + written + b"\n" + fields + b"\n" + block)
         plain = folder / f"plain {name}.nrrd"
-        plain.write_bytes(bombs.nrrd(f"{side} {side} {side}", geometry) + block)
+        plain.write_bytes(nrrd_header(f"{side} {side} {side}", geometry) + block)
         table = folder / f"{name}.tsv"
         table.write_bytes(b"value\tname\n1\t" + written + b"\n")
         scene, script = folder / f"{name}.toml", folder / f"script {name}.toml"
@@ -329,7 +329,7 @@ class CanaryTest(PalpateTest):
     def test_the_bar_on_a_terminal_is_ours_alone(self):
         master, slave = os.openpty()
         file = self.folder / f"a{CANARIES}.nrrd"
-        file.write_bytes(bombs.nrrd("128 128 128", "encoding: gzip\n") + bombs.zeros(16, bombs.gzip.compress))
+        file.write_bytes(nrrd_header("128 128 128", "encoding: gzip\n") + bombs.zeros(16, bombs.gzip.compress))
         with subprocess.Popen([cli.PALPATE, "info", "--scan", file], stdin=subprocess.DEVNULL, stdout=slave, stderr=slave):
             os.close(slave)
             said = b""

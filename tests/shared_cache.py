@@ -6,7 +6,7 @@ import pathlib
 import shutil
 
 
-def share(program):
+def share_prepared_models(program):
     """Sets PALPATE_CACHE of this process to a folder of the build that all its tests share. The folder is keyed by the
     program's hash, and those of other hashes are deleted. Without a build folder the cache is off."""
     program = pathlib.Path(program).resolve()
