@@ -140,7 +140,7 @@ class Prose(unittest.TestCase):
         self.assertEqual(faults("A God\nobject here.\n", **others), ["1: glossary: 'god object': proxy"])
         self.assertEqual(faults("A ghostly `ghost` and a ghost-writer.\n", **others), [])
         # that of this tree is read
-        self.assertIn("no-go region", [instead for _, _, instead in tool.Manual(TOOLS.parent).not_used])
+        self.assertIn("no-go region", [instead for _, _, instead in tool.Manual(TOOLS.parent).banned_words])
         # its own table may name what is not used, its text may not
         self.assertEqual(run({"docs/help/glossary.md": glossary})[0], 0)
         self.assertEqual(run({"docs/help/glossary.md": glossary + "\nThe ghost.\n"})[0], 1)

@@ -16,7 +16,10 @@ from load_tool import TOOLS, load_tool
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TOOL, RESULTS = TOOLS / "update_results", ROOT / "docs" / "results"
 
-tool = load_tool("update_results")
+load_tool("update_results")
+from results.claims import compare  # noqa: E402
+from results.figures import Figures, Missing  # noqa: E402
+from results import numbers  # noqa: E402
 
 
 class UpdateResults(unittest.TestCase):
@@ -107,18 +110,18 @@ class UpdateResults(unittest.TestCase):
     def test_numbers_are_compared_as_they_are_rounded(self):
         claim = ("removal", "a.md", "is {} of {} mm", lambda f: f["x"], lambda f: f["y"])
 
-        class Of(tool.Figures):
+        class Of(Figures):
             def __init__(self, **figures):  # pylint: disable=super-init-not-called
                 self.suite, self.figures = "removal", {name: {"value": value} for name, value in figures.items()}
 
         def wrong(text, **figures):
-            return len(tool.compare({"a.md": text}, {"removal": Of(**figures)}, [claim]))
+            return len(compare({"a.md": text}, {"removal": Of(**figures)}, [claim]))
         self.assertEqual(wrong("it is 0.25 of\n39 105 mm", x=0.2549, y=39105), 0)
         self.assertEqual(wrong("it is −0.3 of 4 mm", x=-0.25, y=4.4), 0)
         self.assertEqual(wrong("it is 0.25 of 4 mm", x=0.2551, y=4.6), 2)
-        with self.assertRaises(tool.Missing):
+        with self.assertRaises(Missing):
             wrong("it is nowhere", x=1, y=1)
-        with self.assertRaises(tool.Missing):
+        with self.assertRaises(Missing):
             wrong("is 1 of 1 mm, is 1 of 1 mm", x=1, y=1)
 
     def test_a_sentence_that_is_gone(self):
@@ -197,16 +200,16 @@ class UpdateResults(unittest.TestCase):
         self.assertEqual(self.all_text(), before)
 
     def test_numbers(self):
-        for write, cases in ((tool.short, {0: "0", 9e-16: "0", 2e-5: "0.00002", 0.0084: "0.008", 0.0304: "0.030", 0.0996: "0.10",
+        for write, cases in ((numbers.two_digits, {0: "0", 9e-16: "0", 2e-5: "0.00002", 0.0084: "0.008", 0.0304: "0.030", 0.0996: "0.10",
                                            0.996: "1.0", 1.74: "1.7", 9.96: "10", 15.6: "16", 99.6: "100", 384: "384"}),
-                             (tool.three, {0.729: "0.73", 7.781: "7.78", 9.996: "10.0", 16.56: "16.6", 99.96: "100", 100: "100"}),
-                             (tool.hundredths, {0.0124: "0.012", 0.0996: "0.10", 12.84: "12.84"}),
-                             (tool.plain, {2.0: "2", 0.060000000000000005: "0.06", 0.001: "0.001"}),
-                             (tool.signed_percent, {6.7: "+7 %", -0.31: "−0.3 %", -12.4: "−12 %", 0: "0.0 %"})):
+                             (numbers.three_digits, {0.729: "0.73", 7.781: "7.78", 9.996: "10.0", 16.56: "16.6", 99.96: "100", 100: "100"}),
+                             (numbers.hundredths, {0.0124: "0.012", 0.0996: "0.10", 12.84: "12.84"}),
+                             (numbers.as_chosen, {2.0: "2", 0.060000000000000005: "0.06", 0.001: "0.001"}),
+                             (numbers.signed_percent, {6.7: "+7 %", -0.31: "−0.3 %", -12.4: "−12 %", 0: "0.0 %"})):
             for value, text in cases.items():
                 with self.subTest(f"{write.__name__}({value})"):
                     self.assertEqual(write(value), text)
-        self.assertEqual(tool.fixed(-0.001, 2), "0.00")
+        self.assertEqual(numbers.fixed(-0.001, 2), "0.00")
 
 
 if __name__ == "__main__":

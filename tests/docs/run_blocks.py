@@ -41,8 +41,9 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "docs/site")]
 import fixtures
 import manual
-import shared_cache
 import printed
+import shared_cache
+from named_options import wrong_names
 
 PHANTOMS = "knee-phantom|shell-phantom|skull-phantom|gland-phantom|palpation-block|palpation-dome|abdominal-wall|temporal-bone"
 COARSE = "spacing=2"
@@ -51,72 +52,9 @@ FINER = "spacing=1.15"
 # so has a plate of 1.2 mm
 FINEST = "spacing=0.65"
 # a busy machine compiles for some time
-MOST_S = 240
-# options of other programs that the manual names by themselves
-OTHERS = {"--gtest_filter", "--ulimit", "--device"}
+TIMEOUT_S = 240
 # what --part runs: a page's blocks run in one of them, and `start` looks at the names in all pages
 PARTS = ("start", "guide", "compiled")
-VERSION = re.search(r"project\(palpate VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"))[1]
-# palpate as a page has it, made quick
-WRAPPER = f"""#!/bin/bash
-all=" $* "
-arguments=()
-for argument in "$@"; do
-  if [[ $argument =~ ^({PHANTOMS})(:.*)?$ && $argument != *spacing=* && $all != *" --voxel "* && $all != " data fetch "* ]]; then
-    coarse={COARSE}
-    [[ $argument != skull-* ]] || coarse={FINER}
-    [[ $argument != temporal-* ]] || coarse={FINEST}
-    argument=$argument$([[ $argument == *:* ]] && echo , || echo :)$coarse
-  fi
-  [[ $all != " data fetch "* ]] || argument=$(sed "s/spacing=[^,]*/{COARSE}/" <<<"$argument")
-  arguments+=("$argument")
-done
-case $all in
-  " explore "*)
-    [[ $all == *" --seconds "* ]] || arguments+=(--seconds 0.2)
-    [[ $all == *" --port "* || $all == *" --no-viewer "* ]] || arguments+=(--port 0) ;;
-  " simulate "*" --script "* | " simulate "*" -s "*) ;;
-  " simulate "*)
-    # the scenes of these files yield, which takes time
-    [[ ! $2 =~ ^(scene.toml|study|STUDY|labels.nii.gz)$ ]] || arguments+=(--script "$PALPATE_SHORT") ;;
-  " data fetch "*" --voxel "* | " data fetch "*:*) ;;
-  " data fetch "*-phantom*) arguments+=(--voxel 2) ;;
-esac
-code=0
-# a run of a generated patient by its name alone is the same on every page: what one of them made is copied
-same="^ simulate ({PHANTOMS})[^ ]*( (-o|--report) [a-z0-9.-]+| --method [a-z-]+| --task [a-z-]+)* $"
-known=
-if [[ $all =~ $same ]]; then
-  known=$PALPATE_KNOWN_RUNS/${{all// /_}}
-  mkdir -p "$known"
-  exec 9>"$known.lock"
-  flock 9
-fi
-if [[ -e $known/code ]]; then
-  cp -r "$known/files/." .
-  cat "$known/err" >&2
-  cat "$known/out"
-  code=$(<"$known/code")
-elif [[ $known ]]; then
-  "$PALPATE_PROGRAM" "${{arguments[@]}}" >"$known/out" 2>"$known/err" 9>&- || code=$?
-  cat "$known/err" >&2
-  cat "$known/out"
-  mkdir -p "$known/files"
-  for ((n = 1; n < $#; ++n)); do
-    [[ ! ${{!n}} =~ ^(-o|--report)$ ]] || {{ next=$((n + 1)); [[ ! -e ${{!next}} ]] || cp "${{!next}}" "$known/files/"; }}
-  done
-  echo "$code" >"$known/code"
-elif [[ $all == *" --view "* ]]; then
-  timeout --signal=INT 1 "$PALPATE_PROGRAM" "${{arguments[@]}}" --port 0 || code=$?
-  # ended from outside, as by Ctrl-C
-  ((code != 124 && code != 130)) || code=0
-else
-  "$PALPATE_PROGRAM" "${{arguments[@]}}" || code=$?
-fi
-# what doctor finds missing is its result
-[[ $all != " doctor "* || $code != 1 ]] || code=0
-exit $((code == 3 ? 0 : code))
-"""
 
 
 def last_lines(text, count=8):
@@ -131,11 +69,12 @@ class Program:
         shared_cache.share_prepared_models(path)
         commands = folder / "commands"
         commands.mkdir()
-        (commands / "palpate").write_text(WRAPPER, encoding="utf-8")
-        (commands / "palpate").chmod(0o755)
+        shutil.copy(pathlib.Path(__file__).parent / "palpate_wrapper.sh", commands / "palpate")
         (commands / "python3").symlink_to(sys.executable)
         self.environment = {"PATH": f"{commands}:{os.environ['PATH']}", "HOME": str(folder / "home"), "LANG": "C.UTF-8",
-                            "PALPATE_PROGRAM": str(path), "PALPATE_CACHE": os.environ["PALPATE_CACHE"], "PALPATE_KNOWN_RUNS": str(folder / "known"), "PALPATE_RECORDS": "records.db", "MANUAL": str(ROOT / "docs"),
+                            "PALPATE_PROGRAM": str(path), "PHANTOMS": PHANTOMS, "COARSE": COARSE, "FINER": FINER,
+                            "FINEST": FINEST, "PALPATE_CACHE": os.environ["PALPATE_CACHE"],
+                            "PALPATE_KNOWN_RUNS": str(folder / "known"), "PALPATE_RECORDS": "records.db", "MANUAL": str(ROOT / "docs"),
                             "PYTHONPATH": str(folder / "home/palpate/lib/python3/dist-packages"),
                             "PALPATE_SHORT": str(folder / "files" / "press.toml"), "PYTHONDONTWRITEBYTECODE": "1",
                             **{name: value for name, value in os.environ.items() if name.endswith("SAN_OPTIONS")}}
@@ -158,15 +97,15 @@ class Program:
 
     def run(self, script, folder):
         """Runs a shell script in `folder` and returns (exit code, output). The script and its children are killed after
-        MOST_S seconds."""
+        TIMEOUT_S seconds."""
         with subprocess.Popen(["bash", "-e", "-o", "pipefail", "-c", script], cwd=folder, env=self.environment, text=True,
                               errors="replace", stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               start_new_session=True) as process:
             try:
-                printed, _ = process.communicate(timeout=MOST_S)
+                printed, _ = process.communicate(timeout=TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
-                printed = process.communicate()[0] + f"\nis not done after {MOST_S} s\n"
+                printed = process.communicate()[0] + f"\nis not done after {TIMEOUT_S} s\n"
         return process.returncode, printed
 
     def install_libraries(self):
@@ -301,65 +240,10 @@ def run_page(page, program, files):
     return faults, counts
 
 
-def verb_of(words, program):
-    """The verb that a command line of palpate begins, and the rest of it."""
-    verb = ()
-    rest = list(words)
-    while rest and (*verb, rest[0]) in program.helps:
-        verb = (*verb, rest.pop(0))
-    return verb, rest
-
-
-def wrong_names(page, program):
-    """Faults of the options and versions that a page names: of a command in its verb, by themselves in some verb."""
-    faults = []
-    everything = set().union(*(program.options(verb) for verb in program.helps))
-    for block in manual.blocks(ROOT, page):
-        if block.language not in ("sh", "console"):
-            continue
-        for command in manual.commands(block):
-            for call in re.findall(r"(?:^|[|&;(]\s*)(?:\$P|palpate)\s+([^|&;)]*)", command.split(" #")[0]):
-                verb, rest = verb_of([word for word in call.split() if word not in ("--no-cache", "-q", "--follow-links")], program)
-                if not verb and rest and not rest[0].startswith("-") and rest[0] not in ("help", "..."):
-                    faults.append(f"{block.where()}: palpate has no verb {rest[0]}")
-                    continue
-                for option in re.findall(r"(?:^|\s)(--[a-z][\w-]*)", " " + " ".join(rest)):
-                    if option not in program.options(verb) | program.options(()):
-                        faults.append(f"{block.where()}: palpate {' '.join(verb)} has no option {option}")
-    text = printed.fill((ROOT / page).read_text(encoding="utf-8"), program.path)
-    for number, line in enumerate(text.splitlines(), 1):
-        for option in re.findall(r"`(--[a-z][\w-]*)[^`]*`", line):
-            if option not in everything and option not in OTHERS:
-                faults.append(f"{page}:{number}: palpate has no option {option}")
-        # a measurement names the commit that made it, of whatever version
-        for version in re.findall(r"palpate[\"`]?:? [\"`]?(\d+\.\d+\.\d+)(?!, commit [0-9a-f]{12})", line):
-            if version != VERSION:
-                faults.append(f"{page}:{number}: version {version}, this is {VERSION}")
-    return faults + wrong_defaults(page, text, program)
-
-
-def wrong_defaults(page, text, program):
-    """Where a table of options tells one number or word as a default, and no verb has it for that option."""
-    faults, column = [], None
-    for number, line in enumerate(text.splitlines(), 1):
-        cells = [cell.strip() for cell in line.strip().strip("|").split("|")] if line.startswith("|") else []
-        if not cells:
-            column = None
-        elif cells[0] == "option":
-            column = cells.index("default") if "default" in cells else None
-        elif column is not None and column < len(cells):
-            option = re.match(r"`(--[\w-]+)", cells[0])
-            told = re.match(r"`?([\w.-]+)`?(?::|$)", cells[column])
-            known = program.defaults(option[1]) if option else set()
-            if told and known and told[1] not in known:
-                faults.append(f"{page}:{number}: the default of {option[1]} is {' or '.join(sorted(known))}")
-    return faults
-
-
 def try_page(page, program, files, part=None):
     """Faults of a page, and how many blocks were run: of all it has, or of what a part asks."""
     faults, counts = run_page(page, program, files) if part in (None, part_of(page)) else ([], collections.Counter())
-    return faults + (wrong_names(page, program) if part in (None, PARTS[0]) else []), counts
+    return faults + (wrong_names(ROOT, page, program) if part in (None, PARTS[0]) else []), counts
 
 
 def main():

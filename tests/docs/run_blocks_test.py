@@ -8,7 +8,7 @@ import unittest
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-import manual
+import named_options
 import run_blocks
 
 # stands in for palpate: says its help, and what it was called with
@@ -87,7 +87,7 @@ class RunBlocks(unittest.TestCase):
         self.assertEqual(self.faults(marked.format("palpate --quiet; palpate press --force 2   # --any\n$P leave --at")), [])
         self.assertEqual(self.faults(marked.format("palpate leave --force 2")), ["palpate leave has no option --force"])
         self.assertEqual(self.faults(marked.format("palpate pess")), ["palpate has no verb pess"])
-        self.assertEqual(self.faults(f"`palpate {run_blocks.VERSION}` \"palpate\": \"{run_blocks.VERSION}\"\n"), [])
+        self.assertEqual(self.faults(f"`palpate {named_options.VERSION}` \"palpate\": \"{named_options.VERSION}\"\n"), [])
         self.assertEqual(len(self.faults("palpate 9.9.9\n\n\"palpate\": \"9.9.9\"\n")), 2)
 
     def test_defaults(self):
