@@ -252,10 +252,8 @@ TEST(FreeAir, FreeToolHasNoForceNearThePhantomKnee) {
 }
 
 void expect_no_force_in_free_air_near(const char* what, const std::string& name, double min_N_per_mm) {
-  const auto file = shared_file(name);
-  if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
-  if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
-  const auto labels = labels_of(*file);
+  PALPATE_SHARED_FILE(file, name);
+  const auto labels = labels_of(file);
   ASSERT_TRUE(labels);
   expect_no_force_in_free_air(what, model_of(*labels, [&](const Segment& segment) {
                                 const auto stiffness = as_proposed(segment);

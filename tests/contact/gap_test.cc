@@ -18,7 +18,6 @@
 namespace palpate {
 namespace {
 
-using test::in_ci;
 using test::shared_file;
 
 constexpr LabelId kFemur = 95, kTibia = 96, kPatella = 98;
@@ -111,8 +110,8 @@ class KneeGaps : public ::testing::Test {
     ramps_.reset();
   }
   void SetUp() override {
-    if (!bones_ && in_ci()) FAIL() << "PALPATE_DATA holds no knee_spl/seg.nrrd";
-    if (!bones_) GTEST_SKIP() << "needs knee_spl/seg.nrrd in a folder of PALPATE_DATA";
+    PALPATE_SHARED_FILE(file, "knee_spl/seg.nrrd");
+    ASSERT_TRUE(bones_) << file;
   }
   /// As published: their union smoothed with 1.5 mm.
   static const Bones& bones() { return *bones_; }

@@ -18,9 +18,6 @@
 namespace palpate {
 namespace {
 
-using test::in_ci;
-using test::shared_file;
-
 constexpr unsigned kSeed = 5;
 const Eigen::Vector3d kVoxel_mm(0.277, 0.277, 1.0);
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -303,10 +300,8 @@ CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, C
 
 void expect_no_pop_through(const std::string& name) {
   SCOPED_TRACE("seed " + std::to_string(kSeed));
-  const auto file = shared_file(name);
-  if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
-  if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
-  const auto read = read_labels(*file);
+  PALPATE_SHARED_FILE(file, name);
+  const auto read = read_labels(file);
   ASSERT_TRUE(read.ok());
   Chance chance(kSeed), shaft_chance(kSeed + 1);
   Counted all, shafts;

@@ -15,9 +15,6 @@
 namespace palpate {
 namespace {
 
-using test::in_ci;
-using test::shared_file;
-
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 // preparing takes most of the time, and cartilages meet no other code
 constexpr bool kMenisciAlone = true;
@@ -112,10 +109,8 @@ std::vector<double> angles_on_surface(const Surface& surface) {
 }
 
 void expect_thin_tissue_survives(const std::string& name) {
-  const auto file = shared_file(name);
-  if (!file && in_ci()) FAIL() << "PALPATE_DATA holds no " << name;
-  if (!file) GTEST_SKIP() << "needs " << name << " in a folder of PALPATE_DATA";
-  const auto read = read_labels(*file);
+  PALPATE_SHARED_FILE(file, name);
+  const auto read = read_labels(file);
   ASSERT_TRUE(read.ok());
   const Volume<LabelId>& labels = read->labels.layers.front();
   std::vector<LabelId> thin;

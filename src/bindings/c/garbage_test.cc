@@ -32,20 +32,7 @@ class Garbage : public ::testing::Test {
   Owned<plp_session> session_ = session_of(model_.get());
 };
 
-TEST_F(Garbage, NullEverywhereIsAnError) {
-  plp_model* model = nullptr;
-  plp_session* session = nullptr;
-  plp_run* run = nullptr;
-  plp_loop* loop = nullptr;
-  plp_recording* recording = nullptr;
-  plp_pose pose = press(1)[0];
-  plp_wrench wrench;
-  plp_wrench_init(&wrench, sizeof wrench);
-  std::uint64_t number = 0;
-  double value = 0;
-  std::size_t count = 0;
-  const float* voxels = nullptr;
-
+TEST_F(Garbage, NullInInitFunctionsIsAnError) {
   expect_error(plp_labels_init(nullptr, sizeof(plp_labels)));
   expect_error(plp_tissue_init(nullptr, sizeof(plp_tissue)));
   expect_error(plp_structure_init(nullptr, sizeof(plp_structure)));
@@ -58,7 +45,15 @@ TEST_F(Garbage, NullEverywhereIsAnError) {
   expect_error(plp_session_options_init(nullptr, sizeof(plp_session_options)));
   expect_error(plp_run_options_init(nullptr, sizeof(plp_run_options)));
   expect_error(plp_loop_options_init(nullptr, sizeof(plp_loop_options)));
+  expect_error(plp_section_init(nullptr, sizeof(plp_section)));
+  expect_error(plp_camera_init(nullptr, sizeof(plp_camera)));
+}
 
+TEST_F(Garbage, NullModelIsAnError) {
+  plp_model* model = nullptr;
+  double value = 0;
+  std::size_t count = 0;
+  const float* voxels = nullptr;
   expect_error(plp_model_create(nullptr, nullptr, 0, nullptr, 0, nullptr, 0, nullptr, &model));
   expect_error(plp_model_create(&block_.labels, nullptr, 1, nullptr, 0, nullptr, 0, nullptr, &model));
   expect_error(plp_model_create(&block_.labels, nullptr, 0, nullptr, 1, nullptr, 0, nullptr, &model));
@@ -80,20 +75,29 @@ TEST_F(Garbage, NullEverywhereIsAnError) {
   expect_error(plp_model_labels(model_.get(), nullptr, 0));
   expect_error(plp_model_scan(model_.get(), &voxels, &count));
   expect_error(plp_model_scan(model_.get(), nullptr, nullptr));
+  EXPECT_EQ(model, nullptr);
+  plp_model_destroy(nullptr);
+}
 
+TEST_F(Garbage, NullPictureArgumentsAreErrors) {
   plp_section section;
   plp_section_init(&section, sizeof section);
   plp_camera camera;
   plp_camera_init(&camera, sizeof camera);
-  expect_error(plp_section_init(nullptr, sizeof section));
-  expect_error(plp_camera_init(nullptr, sizeof camera));
   expect_error(plp_model_section(model_.get(), nullptr, nullptr, 0));
   expect_error(plp_model_section(model_.get(), &section, nullptr, 3 * 512 * 512));
   expect_error(plp_model_section_labels(nullptr, &section, nullptr, 0));
   expect_error(plp_model_section_labels(model_.get(), &section, nullptr, 512 * 512));
   expect_error(plp_model_picture(model_.get(), nullptr, nullptr, 0, nullptr));
   expect_error(plp_model_picture(model_.get(), &camera, nullptr, 3 * 512 * 512, nullptr));
+}
 
+TEST_F(Garbage, NullSessionIsAnError) {
+  plp_session* session = nullptr;
+  plp_pose pose = press(1)[0];
+  plp_wrench wrench;
+  plp_wrench_init(&wrench, sizeof wrench);
+  std::uint64_t number = 0;
   expect_error(plp_session_create(nullptr, nullptr, &session));
   expect_error(plp_session_create(model_.get(), nullptr, nullptr));
   expect_error(plp_session_tick(nullptr, &pose, 1e-3, &wrench));
@@ -105,12 +109,23 @@ TEST_F(Garbage, NullEverywhereIsAnError) {
   expect_error(plp_session_reset(nullptr));
   expect_error(plp_session_set_model(session_.get(), nullptr));
   expect_error(plp_session_hash(session_.get(), nullptr, &number));
+  EXPECT_EQ(session, nullptr);
+  plp_session_destroy(nullptr);
+}
 
+TEST_F(Garbage, NullRunIsAnError) {
+  plp_run* run = nullptr;
   expect_error(plp_simulate(nullptr, nullptr, &run));
   expect_error(plp_simulate(model_.get(), nullptr, nullptr));
   expect_error(plp_run_info_get(nullptr, nullptr));
   expect_error(plp_run_records(nullptr, 0, 0, 1, nullptr));
   EXPECT_EQ(plp_run_trouble(nullptr, 0), nullptr);
+  plp_run_destroy(nullptr);
+}
+
+TEST_F(Garbage, NullLoopIsAnError) {
+  plp_loop* loop = nullptr;
+  plp_pose pose = press(1)[0];
   expect_error(plp_loop_start(nullptr, nullptr, &loop));
   expect_error(plp_loop_start(model_.get(), nullptr, nullptr));
   expect_error(plp_loop_post(nullptr, &pose));
@@ -119,22 +134,24 @@ TEST_F(Garbage, NullEverywhereIsAnError) {
   expect_error(plp_loop_emergency_stop(nullptr));
   expect_error(plp_loop_health_get(nullptr, nullptr));
   expect_error(plp_loop_stop(nullptr));
+  plp_loop_destroy(nullptr);
+}
+
+TEST_F(Garbage, NullRecordingIsAnError) {
+  plp_recording* recording = nullptr;
+  double value = 0;
   expect_error(plp_recording_open(nullptr, &recording));
   expect_error(plp_recording_open("/nowhere/run.h5", &recording));
   expect_error(plp_recording_open("/nowhere/run.h5", nullptr));
   expect_error(plp_recording_info_get(nullptr, nullptr));
   expect_error(plp_recording_records(nullptr, 0, 0, 1, nullptr));
   expect_error(plp_recording_column(nullptr, 0, "tick", 0, 1, &value));
+  plp_recording_destroy(nullptr);
+}
+
+TEST_F(Garbage, NullStructNameIsAnError) {
   expect_error(plp_struct_field(nullptr, 0, nullptr));
   EXPECT_EQ(plp_struct_size(nullptr), 0u);
-  EXPECT_EQ(model, nullptr);
-  EXPECT_EQ(session, nullptr);
-
-  plp_model_destroy(nullptr);
-  plp_session_destroy(nullptr);
-  plp_run_destroy(nullptr);
-  plp_loop_destroy(nullptr);
-  plp_recording_destroy(nullptr);
 }
 
 TEST_F(Garbage, RejectsHandlesOfAnotherType) {

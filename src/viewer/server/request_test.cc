@@ -31,7 +31,7 @@ std::string refused_at(std::string_view text) {
   return error ? error->where : "-";
 }
 
-TEST(Request, EveryMessageOfTheDocument) {
+TEST(Request, HelloHasOptionalSubscriptions) {
   const auto hello = parsed<Hello>(R"({"type": "hello", "protocol": 3, "token": "abc", "poses_hz": 120})");
   ASSERT_TRUE(hello);
   EXPECT_EQ(hello->protocol, 3);
@@ -40,7 +40,6 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_FALSE(hello->wants_deformation);
   EXPECT_EQ(parsed<Hello>(R"({"type": "hello", "protocol": 3})")->poses_hz, 60);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "yielded": true})")->wants_deformation);
-
   EXPECT_FALSE(hello->wants_task);
   EXPECT_FALSE(hello->wants_distances);
   EXPECT_FALSE(hello->wants_navigation);
@@ -51,7 +50,9 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "near": true})")->wants_distances);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "navigation": true})")->wants_navigation);
   EXPECT_TRUE(parsed<Hello>(R"({"type": "hello", "protocol": 3, "task": true})")->wants_task);
+}
 
+TEST(Request, TaskBeginsAndEnds) {
   const auto begin = parsed<TaskRequest>(R"({"type": "task", "id": 8, "begin": "hold-steady"})");
   ASSERT_TRUE(begin);
   EXPECT_EQ(begin->begin, "hold-steady");
@@ -67,7 +68,9 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(refused_at(R"({"type": "task", "id": 9, "begin": "a", "learner": "x"})"), "");
   EXPECT_EQ(refused_at(R"({"type": "task", "id": 9, "begin": ")" + std::string(257, 'a') + "\"}"), "begin");
   EXPECT_FALSE(parsed<Request>(R"({"type": "task", "begin": "a"})")) << "no id";
+}
 
+TEST(Request, LessonSetsLearnerTaskAndNames) {
   const auto lesson =
       parsed<LessonRequest>(R"({"type": "lesson", "id": 9, "learner": "L042", "task": "", "names": false})");
   ASSERT_TRUE(lesson);
@@ -82,7 +85,9 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(refused_at(R"({"type": "lesson", "id": 9, "erase": "L042"})"), "");
   EXPECT_EQ(refused_at(R"({"type": "lesson", "id": 9, "learner": ")" + std::string(65, 'a') + "\"}"),
             "learner");
+}
 
+TEST(Request, SetChangesSettings) {
   const auto set = parsed<SettingsRequest>(
       R"({"type": "set", "id": 1, "method": "trilinear", "law": "chainmail", "friction": false, "viscosity": true, "passivity": true,
           "paused": true, "max_force_N": 1.0, "rotation_wxyz": [0, 1, 0, 0]})");
@@ -95,29 +100,48 @@ TEST(Request, EveryMessageOfTheDocument) {
   EXPECT_EQ(set->paused, true);
   EXPECT_EQ(set->max_force_N, 1);
   EXPECT_EQ(set->rotation_wxyz, (std::array<double, 4>{0, 1, 0, 0}));
+}
 
+TEST(Request, TissueChangesContactProperties) {
   const auto tissue = parsed<TissueRequest>(
       R"({"type": "tissue", "id": 2, "tissue": 3, "stiffness_N_per_mm": 0.8, "static_friction": 0.3,
           "friction": 0.2, "viscosity_N_s_per_mm": 0})");
   ASSERT_TRUE(tissue);
   EXPECT_EQ(tissue->tissue, 3);
   EXPECT_EQ(tissue->changes.applied_to({}), (ContactProperties{0.8, 0.3, 0.2, 0}));
+}
 
+TEST(Request, StrokesAreUndoneAndRedone) {
   EXPECT_EQ(parsed<StrokeRequest>(R"({"type": "undo", "id": 8})")->action, StrokeAction::kUndo);
   EXPECT_EQ(parsed<StrokeRequest>(R"({"type": "redo", "id": 8})")->action, StrokeAction::kRedo);
   EXPECT_EQ(refused_at(R"({"type": "undo", "id": 8, "stroke": 1})"), "");
+}
+
+TEST(Request, StopHasNoFields) {
   EXPECT_TRUE(parsed<StopRequest>(R"({"type": "stop", "id": 3})"));
+}
+
+TEST(Request, RearmNamesItsStop) {
   EXPECT_EQ(parsed<RearmRequest>(R"({"type": "rearm", "id": 4, "stop": 7})")->stop, 7u);
   EXPECT_EQ(parsed<RearmRequest>(R"({"type": "rearm", "id": 4, "stop": 7})")->code, "");
   EXPECT_EQ(parsed<RearmRequest>(R"({"type": "rearm", "id": 4, "stop": 7, "code": "012345"})")->code,
             "012345");
+}
+
+TEST(Request, PointerIsTaken) {
   EXPECT_TRUE(parsed<PointerRequest>(R"({"type": "pointer", "id": 5, "take": true})")->take);
+}
+
+TEST(Request, PlaySetsPositionAndSpeed) {
   const auto play =
       parsed<PlayRequest>(R"({"type": "play", "id": 6, "at_s": 12.5, "playing": true, "speed": -2})");
   ASSERT_TRUE(play);
   EXPECT_EQ(play->at_s, 12.5);
   EXPECT_EQ(play->playing, true);
   EXPECT_EQ(play->speed, -2);
+}
+
+TEST(Request, TipHasATargetUntilItIsLifted) {
   const auto tip = parsed<TipMessage>(R"({"type": "tip", "patient_mm": [1, -2.5, 3e1]})");
   ASSERT_TRUE(tip && tip->target);
   EXPECT_EQ(tip->target->tip_patient_mm, (std::array<double, 3>{1, -2.5, 30}));
@@ -134,6 +158,9 @@ TEST(Request, EveryMessageOfTheDocument) {
   const auto lift = parsed<TipMessage>(R"({"type": "lift"})");
   ASSERT_TRUE(lift);
   EXPECT_FALSE(lift->target);
+}
+
+TEST(Request, IdsHaveFiftyThreeBits) {
   EXPECT_EQ(parsed<Request>(R"({"type": "rearm", "id": 9007199254740991, "stop": 4294967295})")->id,
             9007199254740991);
 }
