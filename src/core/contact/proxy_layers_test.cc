@@ -14,6 +14,8 @@ namespace {
 using testing::cube_grid;
 using testing::Distance;
 using testing::floor_mm;
+using testing::labelled;
+using testing::largest_change_N;
 using testing::make_contact_surface;
 using testing::ProxyRun;
 

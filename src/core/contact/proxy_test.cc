@@ -15,6 +15,8 @@ using testing::cube_grid;
 using testing::floor_mm;
 using testing::kKnee_mm;
 using testing::kProxySeed;
+using testing::labelled;
+using testing::largest_change_N;
 using testing::make_contact_surface;
 using testing::on_floor;
 using testing::ProxyRun;
@@ -408,17 +410,6 @@ TEST(Proxy, SlidingToolEntersAnOpenHole) {
   EXPECT_EQ(run.result.force_N, Vector<Patient>());
 }
 
-// labels by position, as voxels
-Bricks<LabelId> labelled(const GridGeometry& grid,
-                         const std::function<LabelId(const Eigen::Vector3d&)>& label_at) {
-  Volume<LabelId> labels(grid);
-  for (int k = 0; k < grid.dims[2]; ++k)
-    for (int j = 0; j < grid.dims[1]; ++j)
-      for (int i = 0; i < grid.dims[0]; ++i)
-        labels.at(i, j, k) = label_at((grid.X_PatientVoxel() * Point<Voxel>(i, j, k)).eigen());
-  return *label_bricks(labels);
-}
-
 // A floor of two structures that meet at x = 0, 1 and 0.4 N/mm, with friction.
 ProxyRun two_settings() {
   const GridGeometry grid = cube_grid(9, {0.36, 0.36, 0.7});
@@ -602,20 +593,6 @@ TEST(Proxy, SlipOffAnEdgeIsRateLimited) {
         // the displacement alone would take as long as the operator needs for it
         EXPECT_NEAR(slip.half_s, 0.45 / kProxySettings.max_slip_N_per_s, 0.012);
       }
-}
-
-// maximum change of force per tick beyond that explained by the displacement, on a path in steps
-double largest_change_N(ProxyRun& run, const Point<Patient>& from, const Point<Patient>& to, double step_mm) {
-  double largest_N = 0;
-  const int steps = static_cast<int>(std::lround((to - from).norm() / step_mm));
-  for (int n = 1; n <= steps; ++n) {
-    const ProxyResult before = run.result;
-    run.at(from + (to - from) * (static_cast<double>(n) / steps));
-    const double non_slip_change_N =
-        std::max(before.stiffness_N_per_mm, run.result.stiffness_N_per_mm) * step_mm;
-    largest_N = std::max(largest_N, (run.result.force_N - before.force_N).norm() - non_slip_change_N);
-  }
-  return largest_N;
 }
 
 // at a depth of 8 mm the change of shares per tick would change the force by 0.2 N
