@@ -5,7 +5,6 @@
 #include <array>
 #include <atomic>
 #include <fstream>
-#include <iterator>
 #include <random>
 
 #include "volume_io/test_dicom_series.h"
@@ -13,6 +12,7 @@
 namespace palpate {
 namespace {
 
+using test::bytes_of;
 using test::Dicom;
 using test::DicomImage;
 using test::DicomPacking;
@@ -21,11 +21,6 @@ using test::slice;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-std::string bytes_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 TEST_F(Dicom, NamesMissingAttributes) {
   write_series([](DicomImage& image, int) { image.spacing_mm.reset(); });

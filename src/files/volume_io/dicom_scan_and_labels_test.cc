@@ -9,6 +9,7 @@
 namespace palpate {
 namespace {
 
+using test::bytes_of;
 using test::Dicom;
 using test::DicomImage;
 using test::DicomPacking;
@@ -157,16 +158,6 @@ TEST(SharedSegmentations, BelongToTheirImages) {
     EXPECT_EQ(found->volume, 1);
     EXPECT_THAT(found->notes, ::testing::ElementsAre(HasSubstr("was made on")));
   }
-}
-
-TEST(SharedSegmentations, AreTheirMasks) {
-  expect_masks("liver.dcm", {"liver_seg.nrrd"});
-  expect_masks("23x38x3/seg/label.seg", {"23x38x3/nrrd/label.nrrd"});
-  expect_masks("24x38x3/seg/label.seg", {"24x38x3/nrrd/label.nrrd"});
-  expect_masks("sparse-labelmap-noppv.dcm", {"sparse_labelmap_noppv_seg.nrrd"});
-  expect_masks("sparse-labelmap-ppv5.dcm", {"sparse_labelmap_ppv5_seg.nrrd"});
-  expect_masks("partial_overlaps.dcm",
-               {"partial_overlaps-1.nrrd", "partial_overlaps-2.nrrd", "partial_overlaps-3.nrrd"}, 3);
 }
 
 }  // namespace

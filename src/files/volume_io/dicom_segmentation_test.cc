@@ -385,5 +385,15 @@ TEST_F(Segmentation, RefusesInconsistentSegmentationsWithAReason) {
               ::testing::AnyOf(HasSubstr("cut short"), HasSubstr("damaged DICOM segmentation")));
 }
 
+TEST(SharedSegmentations, AreTheirMasks) {
+  expect_masks("liver.dcm", {"liver_seg.nrrd"});
+  expect_masks("23x38x3/seg/label.seg", {"23x38x3/nrrd/label.nrrd"});
+  expect_masks("24x38x3/seg/label.seg", {"24x38x3/nrrd/label.nrrd"});
+  expect_masks("sparse-labelmap-noppv.dcm", {"sparse_labelmap_noppv_seg.nrrd"});
+  expect_masks("sparse-labelmap-ppv5.dcm", {"sparse_labelmap_ppv5_seg.nrrd"});
+  expect_masks("partial_overlaps.dcm",
+               {"partial_overlaps-1.nrrd", "partial_overlaps-2.nrrd", "partial_overlaps-3.nrrd"}, 3);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -9,6 +9,7 @@
 namespace palpate {
 namespace {
 
+using test::bytes_of;
 using test::Dicom;
 using test::DicomImage;
 using test::DicomPacking;

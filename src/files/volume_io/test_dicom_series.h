@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,6 +41,11 @@ inline DicomImage slice(int k) {
   image.frames[0].position = {-10, 20, -30 + k * kStep_mm};
   image.frames[0].stored = words_of(image, k);
   return image;
+}
+
+inline std::string bytes_of(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 /// Fixture with a folder of the slices of a series.
