@@ -148,10 +148,10 @@ std::string distance_tables(const Run& run, const PlanComparison& comparison) {
                       heading_cell("Time of the closest approach"));
   for (std::size_t n = 0; n < std::min(comparison.violations.size(), kMaxShownViolations); ++n) {
     const ClearanceViolation& violation = comparison.violations[n];
-    html += "<tr><th scope=\"row\">" + swatch(run.colour(violation.label)) + escape(run.name(violation.label)) +
-            "</th>" + cell(number(violation.nearest_mm, 2)) +
-            cell(std::to_string(violation.begin.tick) + " to " + std::to_string(violation.last_tick)) + "<td>" +
-            at_time(violation.nearest) + "</td></tr>\n";
+    html += "<tr><th scope=\"row\">" + swatch(run.colour(violation.label)) +
+            escape(run.name(violation.label)) + "</th>" + cell(number(violation.nearest_mm, 2)) +
+            cell(std::to_string(violation.begin.tick) + " to " + std::to_string(violation.last_tick)) +
+            "<td>" + at_time(violation.nearest) + "</td></tr>\n";
   }
   html += kTableEnd;
   const std::uint64_t more = comparison.omitted_violations + comparison.violations.size() -
