@@ -13,8 +13,8 @@ namespace palpate::volume_io {
 struct FileKind {
   std::string what;    ///< Description: "a DICOM segmentation (SEG)".
   std::string remedy;  ///< Advice for the user, as an imperative.
-  std::string_view
-      readable_format;       ///< Name of the format if it is read by palpate, "NRRD"; otherwise empty.
+  /// Name of the format if it is read by palpate, "NRRD"; otherwise empty.
+  std::string_view readable_format;
   bool dicom_image = false;  ///< A slice of a series, or a whole series.
   bool dicom = false;        ///< Any DICOM file, image or not.
   bool dicom_segmentation = false;

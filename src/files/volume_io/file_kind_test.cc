@@ -77,7 +77,7 @@ TEST(FileKind, KnowsPicturesArchivesAndOtherFormats) {
 TEST(FileKind, KnowsVolumesUnderAnotherName) {
   const auto volume = [](const std::string& bytes) {
     const auto found = kind_of(bytes, "scan.dat", 0);
-    return found ? std::string(found->volume) : "";
+    return found ? std::string(found->readable_format) : "";
   };
   EXPECT_EQ(volume("NRRD0005\ntype: uint8\n"), "NRRD");
   EXPECT_EQ(volume("ObjectType = Image\nNDims = 3\n"), "MetaImage");

@@ -128,7 +128,7 @@ std::optional<FileKind> file_kind_of(const std::filesystem::path& file, const Un
   if (inside) inside->what += ", compressed by gzip";
   if (inside && inside->mesh) {
     inside->mesh.reset();
-    inside->volume = {};
+    inside->readable_format = {};
     inside->remedy = "unpack it first";
   }
   return inside;
