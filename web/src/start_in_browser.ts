@@ -3,13 +3,19 @@
 import { byId, element, write } from "./base/dom.js";
 import { applyTheme } from "./panels/theme.js";
 import { setTransport } from "./protocol/transport.js";
+import { hideInitially } from "./state/appearance.js";
 import { applyLanguage } from "./words/language.js";
 import { IN_BROWSER } from "./words/in_browser.js";
 import type { Language } from "./words/words.js";
 import { WorkerTransport } from "./worker/worker_transport.js";
 
 /** Phantoms by their name in the page's address, ?scene=NAME. */
-const SCENES = { knee: "knee-phantom:spacing=1.5", gland: "gland-phantom:spacing=1" } as const;
+const SCENES = {
+  knee: "knee-phantom:spacing=1.5",
+  lump: "palpation-block",
+  gland: "gland-phantom:spacing=1",
+  mastoid: "temporal-bone:spacing=0.6",
+} as const;
 type Scene = keyof typeof SCENES;
 
 const isScene = (name: string | null): name is Scene => name !== null && Object.hasOwn(SCENES, name);
@@ -46,6 +52,7 @@ async function start(): Promise<void> {
   address.searchParams.set("scene", scene);
   history.replaceState(null, "", address);
   write(byId("cover-text"), words().preparing);
+  if (scene === "lump") hideInitially("nodule");
   const worker = new Worker(new URL("./worker/palpate_worker.ts", import.meta.url), { type: "module" });
   try {
     setTransport(await WorkerTransport.open(worker, SCENES[scene]));

@@ -4,6 +4,7 @@ import test from "node:test";
 import {
   glossOf,
   hasBone,
+  hideInitially,
   storedAppearances,
   appearancesOf,
   presetAppearances,
@@ -115,6 +116,17 @@ test("stored appearances are restored by label, and invalid ones are ignored", (
     12: { colour: [1, 2, 300], opacity: 1, visible: true },
   } as unknown as StoredAppearances;
   assert.deepEqual(restored(scene, own, broken), own);
+});
+
+test("a structure that is to be found by touch is hidden initially, and shown on demand", () => {
+  const block = { ...scene, structures: [...scene.structures, { label: 13, name: "nodule", colour: [1, 1, 1], tissue: 1 }] };
+  hideInitially("nodule");
+  const own = appearancesOf(block as unknown as Scene);
+  assert.deepEqual(
+    own.map(({ visible }) => visible),
+    [true, true, true, false],
+  );
+  assert.ok(presetAppearances("translucent", block as unknown as Scene, own).every(({ visible }) => visible));
 });
 
 test("what slides well shines: cartilage more than ligament, bone little, skin and what has no tissue not", () => {

@@ -368,6 +368,7 @@ const state = {
   law: "elastic",
   law_awaited: null,
   law_failed: null,
+  law_cells: cellsOf("elastic"),
   method_awaited: null,
   method_failed: null,
   friction: true,
@@ -818,12 +819,16 @@ function choose(method) {
 }
 // whether a constitutive law deforms tissue, and hence has surfaces of its own
 const yieldsBy = (law) => law === "elastic" || law === "neo-hookean";
+function cellsOf(law) {
+  return law === "elastic" || law === "neo-hookean" ? { mm: law === "elastic" ? 1.25 : 1, requested_mm: 1 } : null;
+}
 function goBy(law) {
-  if (yieldsBy(law) === yieldsBy(state.law)) return Object.assign(state, { law, law_awaited: null });
+  if (yieldsBy(law) === yieldsBy(state.law))
+    return Object.assign(state, { law, law_awaited: null, law_cells: cellsOf(law) });
   if (state.law_awaited !== law)
     setTimeout(() => {
       if (state.law_awaited !== law) return;
-      Object.assign(state, { law, law_awaited: null });
+      Object.assign(state, { law, law_awaited: null, law_cells: cellsOf(law) });
       tellState();
     }, 500);
   state.law_awaited = law;

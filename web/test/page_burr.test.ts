@@ -132,11 +132,13 @@ testsOf(page, "a knee that is milled by a ball", () => {
       page.viewer.scene.laws,
     );
     assert.equal(law.value, "elastic");
+    assert.ok(page.text("law-cells").includes("cells of 1.25 mm instead of 1.00 mm"), page.text("law-cells"));
     page.set(law, "neo-hookean");
     await page.wait(
       "another law",
       () => law.value === "neo-hookean" && page.viewer.state.law === "neo-hookean" && !page.byId("undo").disabled,
     );
+    assert.ok(page.byId("law-cells").hidden, "its cells are as fine as requested");
     page.click("#undo");
     await page.wait("back", () => law.value === "elastic" && page.viewer.state.law === "elastic");
     page.set(law, "layers");

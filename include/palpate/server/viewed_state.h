@@ -52,6 +52,9 @@ struct ViewedState : Settings {
   std::string law_awaited;  ///< Law that becomes active once its surfaces are built; empty: none
   /// Reason why the law requested last could not be prepared; Error::where is its name.
   std::optional<Error> law_failure;
+  /// Edge length of the cells in which the law solves soft tissue, and the length that the scene requests,
+  /// mm: a machine that is too slow solves in coarser ones. 0: the law solves none.
+  double law_cell_mm = 0, requested_cell_mm = 0;
   bool motor_is_on = false;              ///< Whether a motor runs, by its switch or a pedal
   std::uint64_t sweeps = 0;              ///< Number of burr sweeps removed from the labels
   std::vector<std::uint64_t> undone_to;  ///< Number of sweeps left after each undo so far

@@ -70,17 +70,27 @@ struct NeoHookeanSettings {
 /// Linear elasticity of a grid: solves K u = f by conjugate gradients, preconditioned by a multigrid V-cycle.
 /// Solves do not allocate. One instance per thread. Bit-identical on every SIMD target.
 ///
+/// Preparation and linear solves can be divided into steps, between which a host without threads does other
+/// work; the results are the same to the bit.
+///
 /// A component of a node's displacement is either constrained (prescribed) or free.
 class ElasticSolver {
  public:
   /// Copies the required data from the grid, and constrains floating components
   /// (ElasticGrid::constrain_floating_components()).
   explicit ElasticSolver(const ElasticGrid& grid);
+  /// Solver that is prepared by the caller: until prepare() has returned true, no other function but layout()
+  /// and zero_constrained() may be called.
+  static ElasticSolver unprepared(const ElasticGrid& grid);
   ~ElasticSolver();
   ElasticSolver(ElasticSolver&&) noexcept;
   ElasticSolver& operator=(ElasticSolver&&) noexcept;
 
   const ElasticLayout& layout() const;
+
+  /// Advances the preparation by one step, which takes about as long as an iteration of solve(), or less.
+  /// @returns whether the preparation is complete
+  bool prepare();
 
   /// Updates the solver in place after ElasticGrid::set_cells() changed some cells. Solutions converge to
   /// those of a new solver for the grid, though the number of iterations may differ, because the eigenvalue
@@ -99,6 +109,15 @@ class ElasticSolver {
   /// @param tolerance  ElasticSolution::residual at which it stops
   ElasticSolution solve(const ElasticField& force_N, ElasticField& displacement_mm, int max_iterations,
                         double tolerance);
+  /// Begins a solve() whose iterations are made by iterate(). The arguments are those of solve().
+  void begin_solve(const ElasticField& force_N, const ElasticField& displacement_mm, int max_iterations,
+                   double tolerance);
+  /// Makes one iteration of the solve begun last.
+  /// @param displacement_mm  field passed to begin_solve(), unchanged since the last iteration
+  /// @returns whether the solve has ended
+  bool iterate(ElasticField& displacement_mm);
+  /// Convergence of the linear solve begun last.
+  const ElasticSolution& solution() const;
   /// Solves the same body under the neo-Hookean law, which equals linear elasticity for small strains, by
   /// Newton's method with `displacement_mm` as initial guess. If prescribed displacements have changed since
   /// the guess was computed, add the linear response to the change (`solve` from 0) to it first: otherwise
@@ -116,6 +135,7 @@ class ElasticSolver {
 
  private:
   struct State;
+  explicit ElasticSolver(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
 

@@ -73,6 +73,15 @@ class SoftTissueSolver {
   ///               as long as labels, materials, tissue law and relaxation stay the same
   /// @param tick   most recent tick
   const ComplianceFrame& solve(const Model& model, const TickRecord& tick);
+  /// Begins the next frame, which step() solves with the result of solve(). The previous one is complete.
+  /// frame() has the number of the new one at once, and its spots once it is complete.
+  /// @param model  outlives the frame
+  void begin_frame(const Model& model, const TickRecord& tick);
+  /// Advances the frame begun last by one step, which takes about as long as one iteration of its linear
+  /// solution (ElasticSolver::iterate()) at most; under a neo-Hookean law, the last step of a device is the
+  /// whole finite-strain solution.
+  /// @returns whether the frame is complete
+  bool step();
   /// Last frame solved; number 0: none yet.
   const ComplianceFrame& frame() const { return frame_; }
 
@@ -98,8 +107,13 @@ class SoftTissueSolver {
  private:
   struct NeoHookeanBody;
   struct Region;
+  struct FrameInProgress;
+  bool place_region(FrameInProgress& now);
+  bool begin_spot(FrameInProgress& now);
+  void finish_spot(FrameInProgress& now);
 
   ComplianceFrame frame_;
+  std::unique_ptr<FrameInProgress> in_progress_;
   std::array<std::unique_ptr<Region>, kMaxDevices> regions_;
 };
 

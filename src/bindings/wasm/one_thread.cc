@@ -65,23 +65,15 @@ Result<void> PreparationThread::wake(const LiveModel::Lock& /*held*/) {
 }
 void PreparationThread::end() {}
 
-// ---- sessions without soft tissue that moves, tasks and plans: WorkerSession makes none, so that these are
-// not called
+// ---- sessions without threads (LiveSessionParts::threads), tasks and plans: WorkerSession makes no others,
+// so that these are not called
 
-TissueThread::TissueThread(ServoLoop& loop, EventLog& log,
-                           std::function<std::shared_ptr<const Model>()> model, Solve solve)
-    : loop_(loop), log_(log), model_(std::move(model)), solve_(std::move(solve)) {
+TissueThread::TissueThread(const ServoLoop& loop, TissueFrames& frames) : loop_(loop), frames_(frames) {
   PALPATE_CHECK(false);
 }
 TissueThread::~TissueThread() = default;
-std::shared_ptr<const ViewedDeformation> TissueThread::deformation(std::size_t /*device*/) const {
-  return nullptr;
-}
 std::shared_ptr<const Bricks<LabelId>> DeformedLabels::of(const ViewerHost& host) {
   return host.labels();
-}
-void solve_tissue_frame(SoftTissueSolver& solver, const Model& model, const TickRecord& tick) {
-  solver.solve(model, tick);
 }
 
 void Training::set_tip_holder(const std::optional<ViewerIdentity>& /*holder*/) {}

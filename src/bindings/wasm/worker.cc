@@ -2,7 +2,9 @@
 // and the page as its only viewer, by the viewer's protocol.
 
 #include <array>
+#include <chrono>
 #include <cstdint>
+#include <list>
 #include <memory>
 #include <optional>
 #include <span>
@@ -18,6 +20,7 @@
 #include "server/site.h"
 #include "server/viewer.h"
 #include "session/live_session.h"
+#include "session/measured_cells.h"
 #include "session/session_statistics.h"
 #include "wasm/worker_loop.h"
 
@@ -28,6 +31,9 @@ namespace {
 
 constexpr double kRate_hz = 1000, kMax_force_N = 3;
 constexpr int kPort = 80;
+// processor time that a frame of the tissue solver may take: the rest of the time between two frames is left
+// to ticks and messages
+constexpr double kMaxTissueFrame_s = 0.5 * kSolverFrame_s;
 // name by which the page's requests call the worker
 constexpr std::string_view kHost = "localhost:80";
 
@@ -35,7 +41,7 @@ constexpr std::string_view kHost = "localhost:80";
 class WorkerSession {
  public:
   static Result<std::unique_ptr<WorkerSession>> open(const std::string& scene);
-  WorkerSession(const LoadedScene& loaded, std::shared_ptr<const Model> model);
+  WorkerSession(const LoadedScene& loaded, MeasuredCells measured);
 
   Result<void> begin();
   void connect();
@@ -45,10 +51,11 @@ class WorkerSession {
   void disconnect();
   /// @param body  receives the answer's body
   int get(std::string_view target, std::shared_ptr<const std::string>& body);
-  void step();
+  /// @returns whether there is more to do at once
+  bool step();
 
  private:
-  LiveSessionParts parts(const LoadedScene& loaded);
+  LiveSessionParts parts(const LoadedScene& loaded, std::string coarser_tissue);
 
   std::shared_ptr<const Model> model_;
   WorkspaceSettings workspace_;
@@ -78,34 +85,35 @@ Point<Device> above(const WorkspaceSettings& workspace) {
   return WorkspaceMapping(PointerDriver::info(), workspace).to_device(Point<World>(0, 0, 0));
 }
 
+MeasuredCells cells_for_browser(std::shared_ptr<const Model> model) {
+  // the browser optimises code while it runs, so that the first measurement is too slow: a limit that no
+  // frame meets solves in cells of all sizes
+  with_measured_cells(model, 1, 0);
+  return with_measured_cells(std::move(model), 1, kMaxTissueFrame_s);
+}
+
 Result<std::unique_ptr<WorkerSession>> WorkerSession::open(const std::string& scene) {
   auto loaded = load_scene_or_data_set({scene});
   if (!loaded) return loaded.error();
   if (auto touchable = has_touchable_tissue(*loaded->model); !touchable)
     return Error{ErrorKind::kBadInput, "has no tissue that can be touched", scene, ""};
-  if (loaded->model->has_burr())
-    return Error{ErrorKind::kUnavailable, "a burr cannot cut in a browser", scene,
-                 "leave the burr out, or open the scene with palpate installed on a computer"};
-  if (is_moving(loaded->model->tissue_law))
-    return Error{ErrorKind::kUnavailable, "soft tissue that deforms is not solved in a browser", scene,
-                 "open the scene with palpate installed on a computer"};
   constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
   auto ready = prepared_with_cache(loaded->model, kProxyAlone);
   if (!ready) return ready.error();
-  auto session = std::make_unique<WorkerSession>(*loaded, *std::move(ready));
+  auto session = std::make_unique<WorkerSession>(*loaded, cells_for_browser(*std::move(ready)));
   if (auto begun = session->begin(); !begun) return begun.error();
   return session;
 }
 
-WorkerSession::WorkerSession(const LoadedScene& loaded, std::shared_ptr<const Model> model)
-    : model_(std::move(model)),
+WorkerSession::WorkerSession(const LoadedScene& loaded, MeasuredCells measured)
+    : model_(std::move(measured.model)),
       workspace_(loaded.scene.workspace),
       parameters_(first_parameters()),
       pointer_(above(workspace_), GridClock::now),
-      live_(parts(loaded)),
+      live_(parts(loaded, std::move(measured.warning))),
       watch_(*model_, {}) {}
 
-LiveSessionParts WorkerSession::parts(const LoadedScene& loaded) {
+LiveSessionParts WorkerSession::parts(const LoadedScene& loaded, std::string coarser_tissue) {
   LiveSessionParts parts;
   parts.model = model_;
   parts.devices = {PointerDriver::info()};
@@ -115,6 +123,8 @@ LiveSessionParts WorkerSession::parts(const LoadedScene& loaded) {
   parts.rate_hz = kRate_hz;
   parts.pointer = &pointer_;
   parts.modality = loaded.scene.modality;
+  parts.coarser_tissue = std::move(coarser_tissue);
+  parts.threads = false;
   return parts;
 }
 
@@ -172,7 +182,7 @@ int WorkerSession::get(std::string_view target, std::shared_ptr<const std::strin
   return ready->status;
 }
 
-void WorkerSession::step() {
+bool WorkerSession::step() {
   clock_.wake();
   servo_->run(clock_);
   std::array<TickRecord, 8> ticks;
@@ -182,6 +192,11 @@ void WorkerSession::step() {
       live_.observe(tick);
     }
   loop_.run_due();
+  const bool is_more_due = live_.run_step(std::chrono::steady_clock::now());
+  // nothing records the session: its log would only grow
+  std::list<RecordingEvent> unrecorded;
+  live_.log().take(unrecorded);
+  return is_more_due;
 }
 
 std::unique_ptr<WorkerSession> session;
@@ -235,7 +250,8 @@ PALPATE_EXPORT void palpate_receive(const char* text, std::size_t length) {
   session->receive({text, length});
 }
 
-/// Runs the ticks, timers and jobs that are due.
-PALPATE_EXPORT void palpate_step() {
-  session->step();
+/// Runs the ticks, timers and jobs that are due, and one step of solving and removing tissue. Returns whether
+/// another such step is due: then the caller calls again as soon as it has handled its messages.
+PALPATE_EXPORT bool palpate_step() {
+  return session->step();
 }

@@ -16,6 +16,8 @@ constexpr int kChebyshevDegree = 3;
 constexpr double kSmoothedFrom = 0.1;
 /// Power iterations for the greatest eigenvalue, and safety factor on their result.
 constexpr int kPowerIterations = 15;
+/// Power iterations in one step of Multigrid::prepare().
+constexpr int kPowerIterationsPerStep = 5;
 constexpr double kPowerMargin = 1.1;
 /// Relative diagonal shift, so that a coarse body with nearly disconnected parts can be factorised.
 constexpr double kRelativeDiagonalShift = 1e-6;
@@ -314,11 +316,26 @@ Multigrid::Level::Level(Operator with) : k(std::move(with)) {
 
 Multigrid::Multigrid(Operator finest) {
   levels_.emplace_back(std::move(finest));
-  while (levels_.back().k.free_values() > kMaxFactorized && levels_.back().k.can_be_coarser())
-    levels_.emplace_back(levels_.back().k.coarser());
-  for (Level& level : levels_) level.max_eigenvalue = kPowerMargin * max_eigenvalue(level);
-  factorize();
-  row_.assign(static_cast<std::size_t>(2) * levels_.front().k.layout().row + 2 * ElasticLayout::kLanes, 0.0f);
+}
+
+bool Multigrid::prepare() {
+  if (is_prepared_) return true;
+  if (row_.empty()) {
+    while (levels_.back().k.free_values() > kMaxFactorized && levels_.back().k.can_be_coarser())
+      levels_.emplace_back(levels_.back().k.coarser());
+    row_.assign(static_cast<std::size_t>(2) * levels_.front().k.layout().row + 2 * ElasticLayout::kLanes,
+                0.0f);
+  } else if (bounded_levels_ < levels_.size()) {
+    Level& level = levels_[bounded_levels_];
+    if (advance(level, power_, kPowerIterationsPerStep)) {
+      level.max_eigenvalue = kPowerMargin * std::exchange(power_, {}).largest;
+      ++bounded_levels_;
+    }
+  } else {
+    factorize();
+    is_prepared_ = true;
+  }
+  return is_prepared_;
 }
 
 void Multigrid::update(const CellBox& changed) {
@@ -334,18 +351,18 @@ void Multigrid::update(const CellBox& changed) {
   factorize();
 }
 
-// lower bound of the greatest eigenvalue of the diagonally scaled K, by power iteration; 1 if no value is
-// free
-double Multigrid::max_eigenvalue(Level& level) {
-  // fixed pseudo-random start vector, which contains all modes
-  std::uint32_t state = 12345;
-  for (std::size_t n = 0; n < level.x.size(); ++n) {
-    state = state * 1664525u + 1013904223u;
-    level.x[n] = level.k.free(n) ? static_cast<float>(state >> 8) / (1 << 23) - 1 : 0.0f;
+bool Multigrid::advance(Level& level, PowerIteration& power, int iterations) {
+  if (power.iterations == 0) {
+    // fixed pseudo-random start vector, which contains all modes
+    std::uint32_t state = 12345;
+    for (std::size_t n = 0; n < level.x.size(); ++n) {
+      state = state * 1664525u + 1013904223u;
+      level.x[n] = level.k.free(n) ? static_cast<float>(state >> 8) / (1 << 23) - 1 : 0.0f;
+    }
   }
   const ElasticValues& inverse = level.k.inverse_diagonal();
-  double largest = 1;
-  for (int n = 0; n < kPowerIterations; ++n) {
+  const int end = std::min(power.iterations + iterations, kPowerIterations);
+  for (; power.iterations < end; ++power.iterations) {
     level.k.apply(level.x, level.product);
     double of_k = 0, of_diagonal = 0;
     for (std::size_t m = 0; m < level.x.size(); ++m) {
@@ -353,12 +370,18 @@ double Multigrid::max_eigenvalue(Level& level) {
       of_k += static_cast<double>(level.x[m]) * level.product[m];
       of_diagonal += static_cast<double>(level.x[m]) * level.x[m] / inverse[m];
     }
-    if (!(of_diagonal > 0)) break;
-    largest = of_k / of_diagonal;
-    const float scale = static_cast<float>(1 / largest);
+    if (!(of_diagonal > 0)) return true;
+    power.largest = of_k / of_diagonal;
+    const float scale = static_cast<float>(1 / power.largest);
     for (std::size_t m = 0; m < level.x.size(); ++m) level.x[m] = scale * inverse[m] * level.product[m];
   }
-  return largest;
+  return power.iterations == kPowerIterations;
+}
+
+double Multigrid::max_eigenvalue(Level& level) {
+  PowerIteration power;
+  advance(level, power, kPowerIterations);
+  return power.largest;
 }
 
 void Multigrid::factorize() {

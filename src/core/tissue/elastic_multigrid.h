@@ -81,7 +81,11 @@ class Operator {
 /// grid is solved by Cholesky factorisation.
 class Multigrid {
  public:
+  /// Contains the finest operator only, until prepare() has returned true.
   explicit Multigrid(Operator finest);
+  /// Advances the preparation of the levels by one step, which takes less time than one or two cycle()s.
+  /// @returns whether the preparation is complete
+  bool prepare();
 
   Operator& finest() { return levels_.front().k; }
   /// Updates the coarser levels after finest() was changed in a box. The eigenvalue bounds of the smoothers
@@ -99,6 +103,13 @@ class Multigrid {
     ElasticValues x, b, residual, step, product;
   };
 
+  /// Power iteration for a level's greatest eigenvalue, whose vector is Level::x.
+  struct PowerIteration {
+    int iterations = 0;
+    double largest = 1;  ///< Lower bound of the eigenvalue; 1 if no value is free
+  };
+  /// Continues a power iteration. @returns whether it has ended
+  static bool advance(Level& level, PowerIteration& power, int iterations);
   static double max_eigenvalue(Level& level);
   void factorize();
   // smooths x, which is 0 if `from_zero`; sets level.residual to b - K x if requested
@@ -107,6 +118,10 @@ class Multigrid {
   void cycle(std::size_t number, const ElasticValues& b, ElasticValues& x);
 
   std::vector<Level> levels_;
+  // preparation: number of levels whose eigenvalue is known, and the iteration on the next one
+  std::size_t bounded_levels_ = 0;
+  PowerIteration power_;
+  bool is_prepared_ = false;
   std::vector<std::size_t> coarsest_;  ///< Indices of its free values
   Eigen::MatrixXd coarsest_k_;
   Eigen::LLT<Eigen::MatrixXd> factors_;

@@ -1,7 +1,9 @@
 #include "palpate/tissue/elastic_solver.h"
 
 #include <cmath>
+#include <utility>
 
+#include "palpate/base/check.h"
 #include "tissue/elastic_solver_state.h"
 
 namespace palpate {
@@ -63,7 +65,25 @@ double ElasticSolver::State::constrained_norm(const ElasticField& u) {
   return std::sqrt(dot(q, q));
 }
 
-ElasticSolver::ElasticSolver(const ElasticGrid& grid) : state_(std::make_unique<State>(grid)) {}
+double ElasticSolver::State::relative_residual() const {
+  const double norm = std::sqrt(dot(r, r));
+  return residual_norm_scale > 0 ? norm / residual_norm_scale : norm;
+}
+
+void ElasticSolver::State::update_residual() {
+  solution.residual = relative_residual();
+  solution.converged = solution.residual <= tolerance;
+  has_ended = solution.converged || solution.iterations >= max_iterations;
+}
+
+ElasticSolver::ElasticSolver(std::unique_ptr<State> state) : state_(std::move(state)) {}
+ElasticSolver::ElasticSolver(const ElasticGrid& grid) : ElasticSolver(unprepared(grid)) {
+  while (!prepare()) {
+  }
+}
+ElasticSolver ElasticSolver::unprepared(const ElasticGrid& grid) {
+  return ElasticSolver(std::make_unique<State>(grid));
+}
 ElasticSolver::~ElasticSolver() = default;
 ElasticSolver::ElasticSolver(ElasticSolver&&) noexcept = default;
 ElasticSolver& ElasticSolver::operator=(ElasticSolver&&) noexcept = default;
@@ -72,20 +92,35 @@ const ElasticLayout& ElasticSolver::layout() const {
   return state_->multigrid.finest().layout();
 }
 
+bool ElasticSolver::prepare() {
+  return state_->multigrid.prepare();
+}
+
 void ElasticSolver::forces(const ElasticField& displacement_mm, ElasticField& force_N) {
   state_->multigrid.finest().apply_everywhere(displacement_mm.values, force_N.values);
 }
 
 ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& displacement_mm,
                                      int max_iterations, double tolerance) {
+  begin_solve(force_N, displacement_mm, max_iterations, tolerance);
+  while (!iterate(displacement_mm)) {
+  }
+  return solution();
+}
+
+void ElasticSolver::begin_solve(const ElasticField& force_N, const ElasticField& displacement_mm,
+                                int max_iterations, double tolerance) {
   State& s = *state_;
   Operator& k = s.multigrid.finest();
-  ElasticValues& u = displacement_mm.values;
+  const ElasticValues& u = displacement_mm.values;
   PALPATE_CHECK(u.size() == s.r.size() && force_N.values.size() == s.r.size());
-  ElasticSolution solution;
+  s.solution = {};
+  s.max_iterations = max_iterations;
+  s.tolerance = tolerance;
+  s.rz = 0;
 
   // initial residual, and the load that it is relative to
-  double residual_norm_scale = s.constrained_norm(displacement_mm);
+  s.residual_norm_scale = s.constrained_norm(displacement_mm);
   k.apply(u, s.q);
   double squared_load = 0;
   for (std::size_t n = 0; n < u.size(); ++n) {
@@ -93,36 +128,39 @@ ElasticSolution ElasticSolver::solve(const ElasticField& force_N, ElasticField& 
     squared_load += static_cast<double>(f) * f;
     s.r[n] = f - s.q[n];
   }
-  residual_norm_scale += std::sqrt(squared_load);
-  const auto relative_residual = [&] {
-    const double norm = std::sqrt(dot(s.r, s.r));
-    return residual_norm_scale > 0 ? norm / residual_norm_scale : norm;
-  };
+  s.residual_norm_scale += std::sqrt(squared_load);
+  s.update_residual();
+}
 
-  // preconditioned conjugate gradients
-  double rz = 0;
-  for (solution.residual = relative_residual();
-       !(solution.residual <= tolerance) && solution.iterations < max_iterations;
-       solution.residual = relative_residual()) {
-    s.multigrid.cycle(s.r, s.z);
-    const double rz_next = dot(s.r, s.z);
-    // the V-cycle is positive definite, so this fails only if the residual is rounding error or not finite
-    if (!(rz_next > 0) || !std::isfinite(rz_next)) break;
-    const float beta = solution.iterations == 0 ? 0.0f : static_cast<float>(rz_next / rz);
-    rz = rz_next;
-    for (std::size_t n = 0; n < u.size(); ++n) s.p[n] = s.z[n] + beta * s.p[n];
-    k.apply(s.p, s.q);
-    const double pq = dot(s.p, s.q);
-    if (!(pq > 0) || !std::isfinite(pq)) break;
-    const float alpha = static_cast<float>(rz / pq);
-    for (std::size_t n = 0; n < u.size(); ++n) {
-      u[n] += alpha * s.p[n];
-      s.r[n] -= alpha * s.q[n];
-    }
-    ++solution.iterations;
+// one iteration of preconditioned conjugate gradients
+bool ElasticSolver::iterate(ElasticField& displacement_mm) {
+  State& s = *state_;
+  if (s.has_ended) return true;
+  Operator& k = s.multigrid.finest();
+  ElasticValues& u = displacement_mm.values;
+  s.has_ended = true;
+  s.multigrid.cycle(s.r, s.z);
+  const double rz_next = dot(s.r, s.z);
+  // the V-cycle is positive definite, so this fails only if the residual is rounding error or not finite
+  if (!(rz_next > 0) || !std::isfinite(rz_next)) return true;
+  const float beta = s.solution.iterations == 0 ? 0.0f : static_cast<float>(rz_next / s.rz);
+  s.rz = rz_next;
+  for (std::size_t n = 0; n < u.size(); ++n) s.p[n] = s.z[n] + beta * s.p[n];
+  k.apply(s.p, s.q);
+  const double pq = dot(s.p, s.q);
+  if (!(pq > 0) || !std::isfinite(pq)) return true;
+  const float alpha = static_cast<float>(s.rz / pq);
+  for (std::size_t n = 0; n < u.size(); ++n) {
+    u[n] += alpha * s.p[n];
+    s.r[n] -= alpha * s.q[n];
   }
-  solution.converged = solution.residual <= tolerance;
-  return solution;
+  ++s.solution.iterations;
+  s.update_residual();
+  return s.has_ended;
+}
+
+const ElasticSolution& ElasticSolver::solution() const {
+  return state_->solution;
 }
 
 }  // namespace palpate

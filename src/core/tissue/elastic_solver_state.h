@@ -21,6 +21,16 @@ struct ElasticSolver::State {
   ElasticValues r, z, p, q;
   /// Newton's method: step, and trial displacement.
   ElasticValues step, tried;
+
+  /// Linear solve in progress: its limits, the denominator of ElasticSolution::residual, and the product of r
+  /// and z in the last iteration.
+  ElasticSolution solution;
+  int max_iterations = 0;
+  double tolerance = 0, residual_norm_scale = 0, rz = 0;
+  bool has_ended = true;
+  double relative_residual() const;
+  /// Sets `solution.residual`, and `has_ended` at the limits.
+  void update_residual();
 };
 
 }  // namespace palpate

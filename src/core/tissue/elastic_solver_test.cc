@@ -120,6 +120,29 @@ TEST(ElasticSolver, IterationCountIsIndependentOfTheGridSize) {
   }
 }
 
+TEST(ElasticSolver, StepsGiveTheSameBitsAsWholeCalls) {
+  std::mt19937 random(test::test_seed());
+  std::uniform_real_distribution<float> force(-0.01f, 0.01f);
+  const ElasticGrid grid = testing::random_grid({14, 13, 9}, 0.7, random);
+  ElasticField load(grid.layout()), whole(grid.layout()), stepped(grid.layout());
+  for (float& value : load.values) value = force(random);
+  ElasticSolver solver(grid), other = ElasticSolver::unprepared(grid);
+  const ElasticSolution solution = solver.solve(load, whole, 7, 1e-9);
+  int preparations = 1, iterations = 1;
+  while (!other.prepare()) ++preparations;
+  EXPECT_TRUE(other.prepare()) << "it is complete";
+  other.begin_solve(load, stepped, 7, 1e-9);
+  while (!other.iterate(stepped)) ++iterations;
+  EXPECT_TRUE(other.iterate(stepped)) << "it has ended";
+  EXPECT_GE(preparations, 5);
+  EXPECT_EQ(iterations, 7);
+  EXPECT_EQ(other.solution().iterations, solution.iterations);
+  EXPECT_EQ(other.solution().residual, solution.residual);
+  EXPECT_EQ(other.solution().converged, solution.converged);
+  ASSERT_EQ(stepped.values.size(), whole.values.size());
+  EXPECT_EQ(std::memcmp(stepped.values.data(), whole.values.data(), 4 * whole.values.size()), 0);
+}
+
 TEST(ElasticSolver, WarmStartsFromTheLastSolution) {
   const ElasticGrid grid = on_bone({15, 15, 8}, [](const Point<Patient>&) { return soft(10, 0.45); });
   ElasticSolver solver(grid);

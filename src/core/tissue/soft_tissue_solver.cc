@@ -220,7 +220,8 @@ struct SoftTissueSolver::NeoHookeanBody {
   }
 };
 
-/// Box of cells around a device's tool, with its solver and the state from which the next frame starts.
+/// Box of cells around a device's tool, with its solver and the state from which the next frame starts. The
+/// caller prepares a new region's solver.
 struct SoftTissueSolver::Region {
   std::vector<ElasticMaterial> by_label;  ///< Materials that the cells were made with
   SolverBox box;
@@ -242,11 +243,11 @@ struct SoftTissueSolver::Region {
       : by_label(std::move(materials)),
         box(where),
         cells(solver_box_cells(model, by_label, where)),
-        solver([&]() -> const ElasticGrid& {
+        solver(ElasticSolver::unprepared([&]() -> const ElasticGrid& {
           if (before != nullptr && before->was_made_from(cells.labels(), by_label))
             cells.copy_overlap(before->cells, cell_offset_to(*before));
           return cells.grid();
-        }()),
+        }())),
         unit_mm(cells.grid().layout()),
         load_N(cells.grid().layout()) {
     if (is_hyperelastic(model.tissue_law)) neo_hookean = std::make_unique<NeoHookeanBody>(grid().layout());
@@ -408,98 +409,190 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
   if (!spot.stiffening_gradient.all_finite()) spot.stiffening_gradient = {};
 }
 
+/// Frame between two steps, and its state for the current device.
+struct SoftTissueSolver::FrameInProgress {
+  const Model& model;
+  const TickRecord tick;
+  const std::vector<ElasticMaterial> by_label;
+  const CarvedLabels labels;
+
+  std::size_t device = 0;
+  enum class Stage : std::uint8_t { kRegion, kPreparation, kIterations } stage = Stage::kRegion;
+  // predicted contact, on a surface with this outward unit normal
+  Point<Patient> at;
+  Vector<Patient> outward;
+  double force_N = 0;           ///< SoftTissueSolver::displacing_force_N
+  bool is_first_solve = false;  ///< The first in the device's region
+  double depth_mm = 0;          ///< Predicted depth
+  double rho_mm = 0;            ///< Radius of the patch
+  PressurePatch patch;
+  std::optional<SupportedLayer> layer;
+
+  FrameInProgress(const Model& of, const TickRecord& from)
+      : model(of), tick(from), by_label(materials_of(of)), labels(carved_labels(of)) {}
+  void next_device() {
+    ++device;
+    stage = Stage::kRegion;
+  }
+};
+
 SoftTissueSolver::SoftTissueSolver() = default;
 SoftTissueSolver::~SoftTissueSolver() = default;
 
-const ComplianceFrame& SoftTissueSolver::solve(const Model& model, const TickRecord& record) {
-  frame_.number += 1;
-  const std::vector<ElasticMaterial> by_label = materials_of(model);
-  const CarvedLabels labels = carved_labels(model);
-  for (std::size_t d = 0; d < kMaxDevices; ++d) {
-    const DeviceTick& device = record.device[d];
-    // computed first, because it reads the previous frame's spot
-    const double force_N = displacing_force_N(d, device);
-    LocalCompliance& spot = frame_.spot[d];
-    spot = {};
-    if (d >= static_cast<std::size_t>(record.devices)) continue;
-    const auto contact = expected_contact(model, device);
-    if (!contact) continue;
-
-    std::unique_ptr<Region>& region = regions_[d];
-    const bool same = region != nullptr && region->was_made_from(model, labels, by_label);
-    if (same) region->follow(labels);
-    const Eigen::Vector3d centre = solver_box_centre(model, contact->at, contact->outward);
-    if (!same || !box_covers(model, region->box.first_cell, centre))
-      region = std::make_unique<Region>(
-          model, by_label, SolverBox{first_cell_around(model, centre), contact->at}, region.get());
-    const bool is_first_solve = std::exchange(region->needs_first_solve, false);
-
-    const double cell_mm = region->grid().box().cell_mm;
-    const double radius_mm = std::max(model.tool_of(d).radius_mm, kSoftTissueSettings.min_radius_mm);
-    region->radius_mm = radius_mm;
-    region->max_N_per_mm = max_deformable_stiffness_N_per_mm(model);
-    const double min_mm = kSolverSettings.min_patch_cells * cell_mm;
-    if (!(region->modulus > 0))
-      region->modulus =
-          PressurePatch(region->grid(), contact->at, contact->outward, min_mm).contact_modulus();
-    const double depth_mm = expected_depth_mm(device, *contact, radius_mm);
-    const double contact_radius_mm =
-        region->modulus > 0 ? radius_at_depth_mm(device, force_N, depth_mm, radius_mm, region->modulus) : 0;
-    const double rho_mm = std::clamp(contact_radius_mm, min_mm,
-                                     kMaxPatchRadiusFraction * region->grid().box().cells[1] * cell_mm);
-    const PressurePatch patch(region->grid(), contact->at, contact->outward, rho_mm);
-    const auto layer = supported_layer(labels, by_label, contact->at, contact->outward,
-                                       std::max(contact_radius_mm, 0.5 * cell_mm),
-                                       kSolverSettings.resolved_layer_cells * cell_mm);
-    spot.at = contact->at;
-    spot.patch_radius_mm = rho_mm;
-    if (layer) {
-      const ElasticConstants constants{layer->material.youngs_modulus_kPa, layer->material.poissons_ratio};
-      spot.modulus_N_per_mm2 = contact_modulus_N_per_mm2(constants);
-      spot.poissons_ratio = constants.poissons_ratio;
-    }
-    region->modulus = patch.contact_modulus();
-    if (patch.touches()) {
-      std::fill(region->load_N.values.begin(), region->load_N.values.end(), 0.0f);
-      patch.add(1, region->load_N);
-      region->solver.solve(region->load_N, region->unit_mm,
-                           is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.iterations,
-                           kTolerance);
-      spot.compliance_mm_per_N = patch.displacement(region->unit_mm);
-      // W = J K^-1 J^T: the patch both applies the load and measures the displacement, hence the factor of 2
-      spot.gradient_per_N = patch.gradient_along_surface(region->unit_mm) * 2;
-      if (!layer) {
-        spot.modulus_N_per_mm2 = region->modulus;
-        spot.poissons_ratio = patch.poissons_ratio();
-      }
-    }
-    if (spot.is_known()) {
-      spot.compute_surroundings();
-      add_deep_base_compliance(labels, by_label, region->grid().box(), *contact, spot);
-      if (layer) blend_with_thin_layer(*layer, cell_mm, spot);
-    } else if (layer) {
-      // the layer is thinner than a cell, so that all nodes of the cell are constrained
-      blend_with_thin_layer(*layer, cell_mm, spot);
-      spot.gradient_per_N = {};
-      spot.compliance_mm_per_N = patch_compliance_mm_per_N(spot.surroundings_mm_per_N, rho_mm,
-                                                           spot.modulus_N_per_mm2, spot.poissons_ratio);
-      // the cells contribute nothing to the displacement
-      if (const Tissue* const tissue = model.tissue_of(layer->label))
-        spot.relaxed.add(tissue->relaxation, model.relaxation_times, 1);
-      continue;
-    } else {
-      spot = {};
-      continue;
-    }
-    if (region->neo_hookean != nullptr) region->solve_neo_hookean(patch, depth_mm, is_first_solve, spot);
-    if (region->relaxation_weights) {
-      const RelaxationWeights::Means means =
-          region->relaxation_weights->under(region->grid(), region->unit_mm);
-      spot.relaxed = means.relaxed;
-      spot.strain_stiffening = means.stiffening;
-    }
+const ComplianceFrame& SoftTissueSolver::solve(const Model& model, const TickRecord& tick) {
+  begin_frame(model, tick);
+  while (!step()) {
   }
   return frame_;
+}
+
+void SoftTissueSolver::begin_frame(const Model& model, const TickRecord& tick) {
+  frame_.number += 1;
+  in_progress_ = std::make_unique<FrameInProgress>(model, tick);
+}
+
+bool SoftTissueSolver::step() {
+  using Stage = FrameInProgress::Stage;
+  if (in_progress_ == nullptr) return true;
+  FrameInProgress& now = *in_progress_;
+  while (now.device < kMaxDevices) {
+    std::unique_ptr<Region>& region = regions_[now.device];
+    switch (now.stage) {
+      case Stage::kRegion: {
+        const Region* const before = region.get();
+        if (!place_region(now)) {
+          now.next_device();
+          break;
+        }
+        now.stage = Stage::kPreparation;
+        if (region.get() != before) return false;
+        break;
+      }
+      case Stage::kPreparation:
+        if (!region->solver.prepare()) return false;
+        if (begin_spot(now)) {
+          now.stage = Stage::kIterations;
+          return false;
+        }
+        finish_spot(now);
+        now.next_device();
+        break;
+      case Stage::kIterations:
+        if (!region->solver.iterate(region->unit_mm)) return false;
+        finish_spot(now);
+        now.next_device();
+        break;
+    }
+  }
+  in_progress_.reset();
+  return true;
+}
+
+// Predicts the device's contact and places its region there. Returns whether there is one.
+bool SoftTissueSolver::place_region(FrameInProgress& now) {
+  const Model& model = now.model;
+  const DeviceTick& device = now.tick.device[now.device];
+  // computed first, because it reads the previous frame's spot
+  now.force_N = displacing_force_N(now.device, device);
+  frame_.spot[now.device] = {};
+  if (now.device >= static_cast<std::size_t>(now.tick.devices)) return false;
+  const auto contact = expected_contact(model, device);
+  if (!contact) return false;
+  now.at = contact->at;
+  now.outward = contact->outward;
+
+  std::unique_ptr<Region>& region = regions_[now.device];
+  const bool same = region != nullptr && region->was_made_from(model, now.labels, now.by_label);
+  if (same) region->follow(now.labels);
+  const Eigen::Vector3d centre = solver_box_centre(model, now.at, now.outward);
+  if (!same || !box_covers(model, region->box.first_cell, centre))
+    region = std::make_unique<Region>(model, now.by_label,
+                                      SolverBox{first_cell_around(model, centre), now.at}, region.get());
+  return true;
+}
+
+// Places the patch, and begins the linear solution under it. Returns whether there is one.
+bool SoftTissueSolver::begin_spot(FrameInProgress& now) {
+  const DeviceTick& device = now.tick.device[now.device];
+  Region& region = *regions_[now.device];
+  LocalCompliance& spot = frame_.spot[now.device];
+  now.is_first_solve = std::exchange(region.needs_first_solve, false);
+
+  const double cell_mm = region.grid().box().cell_mm;
+  const double radius_mm =
+      std::max(now.model.tool_of(now.device).radius_mm, kSoftTissueSettings.min_radius_mm);
+  region.radius_mm = radius_mm;
+  region.max_N_per_mm = max_deformable_stiffness_N_per_mm(now.model);
+  const double min_mm = kSolverSettings.min_patch_cells * cell_mm;
+  if (!(region.modulus > 0))
+    region.modulus = PressurePatch(region.grid(), now.at, now.outward, min_mm).contact_modulus();
+  now.depth_mm = expected_depth_mm(device, {now.at, now.outward}, radius_mm);
+  const double contact_radius_mm =
+      region.modulus > 0 ? radius_at_depth_mm(device, now.force_N, now.depth_mm, radius_mm, region.modulus)
+                         : 0;
+  now.rho_mm =
+      std::clamp(contact_radius_mm, min_mm, kMaxPatchRadiusFraction * region.grid().box().cells[1] * cell_mm);
+  now.patch = PressurePatch(region.grid(), now.at, now.outward, now.rho_mm);
+  now.layer = supported_layer(now.labels, now.by_label, now.at, now.outward,
+                              std::max(contact_radius_mm, 0.5 * cell_mm),
+                              kSolverSettings.resolved_layer_cells * cell_mm);
+  spot.at = now.at;
+  spot.patch_radius_mm = now.rho_mm;
+  if (now.layer) {
+    const ElasticConstants constants{now.layer->material.youngs_modulus_kPa,
+                                     now.layer->material.poissons_ratio};
+    spot.modulus_N_per_mm2 = contact_modulus_N_per_mm2(constants);
+    spot.poissons_ratio = constants.poissons_ratio;
+  }
+  region.modulus = now.patch.contact_modulus();
+  if (!now.patch.touches()) return false;
+  std::fill(region.load_N.values.begin(), region.load_N.values.end(), 0.0f);
+  now.patch.add(1, region.load_N);
+  region.solver.begin_solve(
+      region.load_N, region.unit_mm,
+      now.is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.iterations, kTolerance);
+  return true;
+}
+
+// Computes the device's spot from the linear solution, if there is one.
+void SoftTissueSolver::finish_spot(FrameInProgress& now) {
+  Region& region = *regions_[now.device];
+  LocalCompliance& spot = frame_.spot[now.device];
+  const double cell_mm = region.grid().box().cell_mm;
+  if (now.patch.touches()) {
+    spot.compliance_mm_per_N = now.patch.displacement(region.unit_mm);
+    // W = J K^-1 J^T: the patch both applies the load and measures the displacement, hence the factor of 2
+    spot.gradient_per_N = now.patch.gradient_along_surface(region.unit_mm) * 2;
+    if (!now.layer) {
+      spot.modulus_N_per_mm2 = region.modulus;
+      spot.poissons_ratio = now.patch.poissons_ratio();
+    }
+  }
+  if (spot.is_known()) {
+    spot.compute_surroundings();
+    add_deep_base_compliance(now.labels, now.by_label, region.grid().box(), {now.at, now.outward}, spot);
+    if (now.layer) blend_with_thin_layer(*now.layer, cell_mm, spot);
+  } else if (now.layer) {
+    // the layer is thinner than a cell, so that all nodes of the cell are constrained
+    blend_with_thin_layer(*now.layer, cell_mm, spot);
+    spot.gradient_per_N = {};
+    spot.compliance_mm_per_N = patch_compliance_mm_per_N(spot.surroundings_mm_per_N, now.rho_mm,
+                                                         spot.modulus_N_per_mm2, spot.poissons_ratio);
+    // the cells contribute nothing to the displacement
+    if (const Tissue* const tissue = now.model.tissue_of(now.layer->label))
+      spot.relaxed.add(tissue->relaxation, now.model.relaxation_times, 1);
+    return;
+  } else {
+    spot = {};
+    return;
+  }
+  if (region.neo_hookean != nullptr)
+    region.solve_neo_hookean(now.patch, now.depth_mm, now.is_first_solve, spot);
+  if (region.relaxation_weights) {
+    const RelaxationWeights::Means means = region.relaxation_weights->under(region.grid(), region.unit_mm);
+    spot.relaxed = means.relaxed;
+    spot.strain_stiffening = means.stiffening;
+  }
 }
 
 void SoftTissueSolver::resume(const Model& model, std::uint32_t frame,
@@ -515,6 +608,8 @@ void SoftTissueSolver::resume(const Model& model, std::uint32_t frame,
     } else if (region == nullptr || region->box != *boxes[d] ||
                !region->was_made_from(model, labels, by_label) || !region->is_up_to_date(labels)) {
       region = std::make_unique<Region>(model, by_label, *boxes[d], nullptr);
+      while (!region->solver.prepare()) {
+      }
     }
     if (region != nullptr) region->needs_first_solve = true;
   }
@@ -523,6 +618,7 @@ void SoftTissueSolver::resume(const Model& model, std::uint32_t frame,
 void SoftTissueSolver::restart(std::uint32_t frame) noexcept {
   frame_ = {};
   frame_.number = frame;
+  in_progress_.reset();
   for (std::unique_ptr<Region>& region : regions_) region.reset();
 }
 

@@ -254,6 +254,28 @@ TEST(SoftTissueSolver, IsDeterministic) {
   }
 }
 
+// through new boxes, by both kinds of law, and with a second device that is away from all tissue
+TEST(SoftTissueSolver, StepsGiveTheSameFramesAsWholeCalls) {
+  for (const TissueLaw law : {TissueLaw::kElastic, TissueLaw::kNeoHookean}) {
+    Model model = *soft_block(true, 1, law);
+    model.tissue_coarsened = 2;
+    SoftTissueSolver whole, stepped;
+    EXPECT_TRUE(stepped.step()) << "no frame has begun";
+    for (int n = 0; n < 6; ++n) {
+      TickRecord record = pressed_at(5.0 * n, 0);
+      record.devices = 2;
+      record.device[1].tip_patient_mm = {0, 0, 35};
+      int steps = 1;
+      stepped.begin_frame(model, record);
+      while (!stepped.step()) ++steps;
+      EXPECT_GE(steps, 2);
+      EXPECT_EQ(stepped.frame().number, n + 1u);
+      EXPECT_EQ(stepped.frame().hash(), whole.solve(model, record).hash()) << n;
+      EXPECT_TRUE(stepped.frame().spot[0].is_known());
+    }
+  }
+}
+
 TEST(SoftTissueSolver, ComplianceIsUnknownWithoutSoftTissue) {
   const auto model = soft_block(false);
   SoftTissueSolver solver;

@@ -28,6 +28,10 @@
 #include "palpate/volume_io/volume_io.h"
 
 namespace palpate {
+
+// the suite below has the same name
+using TestedPreparation = CachedPreparation;
+
 namespace {
 
 using ::testing::Contains;
@@ -444,7 +448,7 @@ TEST_F(CachedPreparation, ForgedEntriesAreMissesOrHaveTheRightShape) {
   const std::vector<LabelId> structures{1, 2, 3};
   const std::vector<RampStructure> ramps{{1, 1.5, {}}, {2, 1.5, {}}, {3, 0.5, {1, 2}}};
   const auto all = [&] {
-    const CachedPreparation stored_parts;
+    const TestedPreparation stored_parts;
     const auto field = stored_parts.ramps(labels, ramps, {}, {});
     const auto touching = stored_parts.touching_pairs(labels, structures, {});
     const auto surfaces = stored_parts.outer_surfaces(labels, {structures}, {.reach_mm = 1}, {});

@@ -24,8 +24,8 @@ Cutter::Cutter(LiveModel& model, SessionLoop& loop)
       removed_(*first_),
       nearest_(*first_) {}
 
-void Cutter::begin() {
-  if (first_->has_burr()) thread_ = std::thread([this] { run(); });
+void Cutter::begin(bool threads) {
+  if (threads && first_->has_burr()) thread_ = std::thread([this] { run(); });
 }
 
 void Cutter::end() {
@@ -34,22 +34,30 @@ void Cutter::end() {
 }
 
 void Cutter::run() {
+  while (!ending_.load()) {
+    std::this_thread::sleep_for(kCutPoll);
+    cut_and_change();
+  }
+}
+
+void Cutter::run_step(Clock::time_point now) {
+  if (thread_.joinable() || ending_ || !first_->has_burr() || now < due_) return;
+  due_ = now + kCutPoll;
+  cut_and_change();
+}
+
+void Cutter::cut_and_change() noexcept try {
   ServoLoop& loop = *loop_.get();
   std::array<SweepRecord, 64> swept;
-  std::vector<Cut> cuts;
-  while (!ending_.load()) try {
-      std::this_thread::sleep_for(kCutPoll);
-      // sampled before the sweeps are popped, so that the sweeps of a stroke that had ended by then are
-      // complete
-      const bool stroke_is_over = !motor_was_on(*first_, loop.snapshot());
-      for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
-        for (const SweepRecord& sweep : std::span(swept).first(count)) cuts.push_back(cut_of(sweep));
-      if (!cuts.empty()) cut(std::exchange(cuts, {}));
-      if (stroke_is_over) change_strokes();
-    } catch (const std::exception&) {
-      // Out of memory: the burr waits for its sweeps to be removed and cuts nothing meanwhile. No stroke is
-      // undone.
-    }
+  // sampled before the sweeps are popped, so that the sweeps of a stroke that had ended by then are complete
+  const bool stroke_is_over = !motor_was_on(*first_, loop.snapshot());
+  for (std::size_t count = loop.sweeps().pop(swept); count > 0; count = loop.sweeps().pop(swept))
+    for (const SweepRecord& sweep : std::span(swept).first(count)) taken_.push_back(cut_of(sweep));
+  if (!taken_.empty()) cut(std::exchange(taken_, {}));
+  if (stroke_is_over) change_strokes();
+} catch (const std::exception&) {
+  // Out of memory: the burr waits for its sweeps to be removed and cuts nothing meanwhile. No stroke is
+  // undone.
 }
 
 void Cutter::cut(std::vector<Cut> cuts) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -22,12 +23,13 @@ namespace palpate {
 
 /// Removes from the model what the burrs of a session sweep, and undoes and redoes strokes.
 ///
-///    loop ── sweeps, a ring ──► cutter thread ── carve, without the lock ──► next model version
-///    request() ── queue ──────► the same thread, between strokes ──────────► next model version
+///    loop ── sweeps, a ring ──► run_step() ── carve, without the lock ──► next model version
+///    request() ── queue ──────► run_step(), between strokes ────────────► next model version
 ///
-/// Only the cutter thread cuts, so that a version which it carves from already contains every earlier cut.
-/// Members are guarded by the model's lock (LiveModel). Invariant while the lock is free: cuts_, removed_ and
-/// nearest_ describe the current model version.
+/// Only run_step() cuts, on the cutter's thread or, in a session without threads, between its ticks. A
+/// version from which it carves therefore contains every earlier cut. Members are guarded by the model's lock
+/// (LiveModel). Invariant while the lock is free: cuts_, removed_ and nearest_ describe the current model
+/// version.
 class Cutter {
  public:
   /// Undo or redo of the last stroke. It is obsolete once another stroke begins.
@@ -42,9 +44,15 @@ class Cutter {
   Cutter(const Cutter&) = delete;
   Cutter& operator=(const Cutter&) = delete;
 
+  using Clock = std::chrono::steady_clock;
+
   /// Starts the thread if a tool of the model cuts. Needs a loop.
-  void begin();
+  /// @param threads  whether there is a thread; otherwise the caller cuts by run_step()
+  void begin(bool threads);
   void end();
+  /// Carves the sweeps that are complete and changes strokes as requested, if that is due and there is no
+  /// thread. Takes some milliseconds while a burr cuts.
+  void run_step(Clock::time_point now);
 
   /// Errors: kUsage while the motor runs, if another stroke was begun, and without such a stroke.
   Result<void> check(const LiveModel::Lock& lock, const StrokeChange& change, const Parameters& now) const;
@@ -69,6 +77,7 @@ class Cutter {
     RequestedBy by;
   };
   void run();
+  void cut_and_change() noexcept;
   void cut(std::vector<Cut> cuts);
   void change_strokes();
   std::ptrdiff_t strokes_left(const LiveModel::Lock& lock, StrokeAction action) const;
@@ -83,6 +92,8 @@ class Cutter {
   std::deque<QueuedChange> queued_;
   std::optional<std::uint32_t> script_version_;
 
+  std::vector<Cut> taken_;  // from the loop, and not carved yet
+  Clock::time_point due_{};
   std::atomic<bool> ending_{false};
   std::thread thread_;
 };

@@ -22,7 +22,7 @@ Error unsolved(TissueLaw law) {
 }  // namespace
 
 LawChoice::LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, Prepare prepare,
-                     TissueThread::Solve solve, Wake wake, const std::string& coarser_tissue)
+                     TissueFrames::Solve solve, Wake wake, const std::string& coarser_tissue)
     : model_(model),
       loop_(loop),
       devices_(devices),
@@ -34,18 +34,21 @@ LawChoice::LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, P
     cell_size_of(current.tissue_law) = {current.tissue_cell_factor, coarser_tissue};
 }
 
-void LawChoice::begin() {
+void LawChoice::begin(bool threads) {
   const LiveModel::Lock lock = model_.lock();
+  has_threads_ = threads;
   if (is_moving(model_.current(lock).tissue_law)) start_solver(lock);
 }
 
 void LawChoice::end() {
-  std::unique_ptr<TissueThread> solver;
+  std::unique_ptr<TissueFrames> solver;
+  std::unique_ptr<TissueThread> thread;  // ends before its solver, and without the lock
   {
     const LiveModel::Lock lock = model_.lock();
     has_ended_ = true;
     solver_for_readers_.store(nullptr);
     solver = std::move(solver_);
+    thread = std::move(solver_thread_);
     if (solver != nullptr && solver->failures() > 0)
       later_warnings_.push_back(
           "memory ran out while soft tissue was solved" +
@@ -57,9 +60,22 @@ void LawChoice::end() {
 // the thread keeps running, idle, when a law without moving tissue is selected later
 void LawChoice::start_solver(const LiveModel::Lock& lock) {
   if (solver_ != nullptr || has_ended_ || !model_.current(lock).has(ForceMethod::kProxy)) return;
-  solver_ = std::make_unique<TissueThread>(
+  solver_ = std::make_unique<TissueFrames>(
       *loop_.get(), loop_.log(), [this] { return model_.versions(model_.lock()).current; }, solve_);
   solver_for_readers_.store(solver_.get());
+  if (has_threads_) solver_thread_ = std::make_unique<TissueThread>(*loop_.get(), *solver_);
+}
+
+bool LawChoice::run_step(TissueFrames::Clock::time_point now) {
+  TissueFrames* solver = nullptr;
+  {
+    const LiveModel::Lock lock = model_.lock();
+    if (solver_thread_ == nullptr) solver = solver_.get();
+  }
+  // the step locks the model itself
+  if (solver == nullptr || solver->due() > now) return false;
+  solver->run_step(now);
+  return solver->due() <= now;
 }
 
 // takes effect immediately unless surfaces have to be built or the solver's cell size has to be measured
@@ -154,11 +170,16 @@ void LawChoice::abandon_without_memory(const LiveModel::Lock& /*held*/) noexcept
 }
 
 void LawChoice::describe(const LiveModel::Lock& lock, ViewedState& state) const {
-  state.law = name_of(model_.current(lock).tissue_law, kTissueLaws);
+  const Model& model = model_.current(lock);
+  state.law = name_of(model.tissue_law, kTissueLaws);
+  if (is_elastic(model.tissue_law)) {
+    state.law_cell_mm = solver_cell_mm(model);
+    state.requested_cell_mm = state.law_cell_mm / model.tissue_coarsened;
+  }
   if (awaited_) state.law_awaited = name_of(*awaited_, kTissueLaws);
   state.law_failure = failure_;
   if (!failure_ && solver_ != nullptr && solver_->is_out_of_memory())
-    state.law_failure = unsolved(model_.current(lock).tissue_law);
+    state.law_failure = unsolved(model.tissue_law);
 }
 
 std::string LawChoice::coarser_tissue() const {
@@ -172,7 +193,7 @@ std::vector<std::string> LawChoice::later_warnings() const {
 }
 
 std::shared_ptr<const ViewedDeformation> LawChoice::deformation(std::size_t device) const {
-  const TissueThread* const solver = solver_for_readers_.load();
+  const TissueFrames* const solver = solver_for_readers_.load();
   return solver != nullptr ? solver->deformation(device) : nullptr;
 }
 

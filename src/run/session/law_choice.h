@@ -15,11 +15,12 @@
 #include "session/measured_cells.h"
 #include "session/preparation_thread.h"
 #include "session/session_loop.h"
+#include "session/tissue_frames.h"
 #include "session/tissue_thread.h"
 
 namespace palpate {
 
-/// Choice of the law of soft tissue, and the thread that solves it.
+/// Choice of the law of soft tissue, and its solver with a thread.
 ///
 ///    choose() ── surfaces and cell size known ──► next model version
 ///       └─ otherwise: awaited ── prepare(), on the preparation thread ──► next version, or failure
@@ -35,16 +36,21 @@ class LawChoice final : public PreparedChoice {
   using Wake = std::function<Result<void>(const LiveModel::Lock& lock)>;
 
   /// @param model, loop     outlive this object
-  /// @param solve           of TissueThread
+  /// @param solve           of TissueFrames
   /// @param coarser_tissue  warning about the law that the session begins with; see coarser_tissue()
   LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, Prepare prepare,
-            TissueThread::Solve solve, Wake wake, const std::string& coarser_tissue);
+            TissueFrames::Solve solve, Wake wake, const std::string& coarser_tissue);
   ~LawChoice() override { end(); }
 
   /// Starts the solver if the model's tissue moves. Needs a loop.
-  void begin();
+  /// @param threads  whether solvers have threads; otherwise the caller solves by run_step()
+  void begin(bool threads);
   /// Ends the solver; none is started any more.
   void end();
+
+  /// Makes the solver's next step if one is due and it has no thread.
+  /// @returns whether another one is due
+  bool run_step(TissueFrames::Clock::time_point now);
 
   /// Errors: those of check_law, and kUnavailable without a thread for the preparation.
   Result<void> choose(const LiveModel::Lock& lock, TissueLaw law, RequestedBy by);
@@ -85,7 +91,7 @@ class LawChoice final : public PreparedChoice {
   SessionLoop& loop_;
   const std::size_t devices_;
   const Prepare prepare_;
-  const TissueThread::Solve solve_;
+  const TissueFrames::Solve solve_;
   const Wake wake_;
 
   std::optional<TissueLaw> awaited_;
@@ -94,9 +100,10 @@ class LawChoice final : public PreparedChoice {
   std::optional<std::uint32_t> script_version_;
   std::array<CellSize, ModelChange::kLaws> cell_sizes_;
   std::vector<std::string> later_warnings_;
-  bool has_ended_ = false;
-  std::unique_ptr<TissueThread> solver_;
-  std::atomic<const TissueThread*> solver_for_readers_{nullptr};  // solver_, for readers without the lock
+  bool has_threads_ = true, has_ended_ = false;
+  std::unique_ptr<TissueFrames> solver_;
+  std::unique_ptr<TissueThread> solver_thread_;
+  std::atomic<const TissueFrames*> solver_for_readers_{nullptr};  // solver_, for readers without the lock
 };
 
 }  // namespace palpate

@@ -40,8 +40,13 @@ void LiveSession::begin(ServoLoop& loop, const SessionStatistics& watch) {
   set_tip_holder({});
   loop_.connect(loop);
   stop_.begin();
-  cutter_.begin();
-  law_.begin();
+  cutter_.begin(parts_.threads);
+  law_.begin(parts_.threads);
+}
+
+bool LiveSession::run_step(std::chrono::steady_clock::time_point now) {
+  cutter_.run_step(now);
+  return law_.run_step(now);
 }
 
 void LiveSession::close() {

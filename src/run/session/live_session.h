@@ -59,12 +59,14 @@ struct LiveSessionParts {
   MethodChoice::NewFields rebuild_fields = with_rebuilt_fields;
   MethodChoice::MoreMethods prepare_methods = prepared_with_cache;
   LawChoice::Prepare prepare_law = measured_under_law;
-  TissueThread::Solve solve_tissue = solve_tissue_frame;
+  TissueFrames::Solve solve_tissue = begin_tissue_frame;
   /// Warning text: the model's soft tissue is solved in coarser cells than the scene requests because this
   /// machine is too slow. Empty if it is not.
   std::string coarser_tissue = {};
   std::shared_ptr<SharedPlan> plan = {};              ///< Plan being rehearsed; may be null
   std::shared_ptr<const Navigation> navigation = {};  ///< ExploreOptions::navigation
+  /// Whether soft tissue is solved and removed by threads of the session; otherwise by run_step().
+  bool threads = true;
 };
 
 /// Session as controlled by its viewers and by keys: a facade over its parts.
@@ -74,6 +76,8 @@ struct LiveSessionParts {
 ///    script's thread ─┘                ├─ MethodChoice ┬─ PreparationThread, lowest priority
 ///                                      ├─ LawChoice ───┴─ TissueThread, solves soft tissue
 ///                                      └─ Cutter          its own thread
+///
+/// A session without threads (LiveSessionParts::threads) solves and cuts by run_step() instead.
 ///
 /// Requests are validated by the same rules as the scene file and the command line, and reach the servo loop
 /// through its lock-free interfaces, so that no tick waits. The object is constructed without a loop, so that
@@ -90,6 +94,10 @@ class LiveSession final : public LiveHost {
   /// Connects the session to the running loop, which must use the model and parameters of LiveSessionParts.
   /// @param loop, watch  outlive the session
   void begin(ServoLoop& loop, const SessionStatistics& watch);
+  /// Makes the next steps of solving and removing soft tissue that are due, for a session without threads.
+  /// Called between ticks: it takes at most as long as one step of TissueFrames and one of Cutter.
+  /// @returns whether another step is due
+  bool run_step(std::chrono::steady_clock::time_point now);
   /// Refuses requests from now on and ends the worker threads. Viewers still observe the loop and the watch.
   void close();
   /// close(), and disconnects the loop and the watch, which may then be destroyed. No viewer may be

@@ -211,7 +211,7 @@ class Viewed : public ::testing::Test {
   decltype(LiveSessionParts::rebuild_fields) rebuild_fields_ = with_rebuilt_fields;
   decltype(LiveSessionParts::prepare_methods) prepare_methods_ = with_methods;
   decltype(LiveSessionParts::prepare_law) prepare_law_ = measured_under_law;
-  decltype(LiveSessionParts::solve_tissue) solve_tissue_ = solve_tissue_frame;
+  decltype(LiveSessionParts::solve_tissue) solve_tissue_ = begin_tissue_frame;
   std::optional<ElasticConstants> shell_;  // constants of the shell's elastic laws
   std::vector<Tool> tools_{Tool()};
   std::shared_ptr<const Model> model_;

@@ -208,6 +208,8 @@ ViewedState Redaction::of(const ViewedState& state) const {
   redacted.law = state.law;
   redacted.law_awaited = state.law_awaited;
   redacted.law_failure = without_reason(state.law_failure);
+  redacted.law_cell_mm = state.law_cell_mm;
+  redacted.requested_cell_mm = state.requested_cell_mm;
   redacted.motor_is_on = state.motor_is_on;
   redacted.sweeps = state.sweeps;
   redacted.undone_to = state.undone_to;

@@ -254,6 +254,9 @@ std::string state_json(const ViewedState& state, const StateRecipient& recipient
   json[std::string(kLawSetting)] = state.law;
   json["law_awaited"] = state.law_awaited.empty() ? Json() : Json(state.law_awaited);
   json["law_failed"] = state.law_failure ? error_json(*state.law_failure) : Json();
+  json["law_cells"] = state.law_cell_mm > 0
+                          ? Json{{"mm", state.law_cell_mm}, {"requested_mm", state.requested_cell_mm}}
+                          : Json();
   json["method_awaited"] = state.method_awaited.empty() ? Json() : Json(state.method_awaited);
   json["method_failed"] = state.method_failure ? error_json(*state.method_failure) : Json();
   json["motor_is_on"] = state.motor_is_on;

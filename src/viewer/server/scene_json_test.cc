@@ -130,7 +130,7 @@ TEST(SceneJson, StateAndAnswers) {
   cut.strokes_to_undo = 2;
   cut.strokes_to_redo = 1;
   EXPECT_EQ(Json::parse(state_json(cut, reader(1, 1, 2))), Json::parse(R"({
-    "type": "state", "method": "proxy", "law": "elastic", "law_awaited": null, "law_failed": null, "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "vibration": false, "motor_is_on": false,
+    "type": "state", "method": "proxy", "law": "elastic", "law_awaited": null, "law_failed": null, "law_cells": null, "method_awaited": null, "method_failed": null, "friction": true, "viscosity": true, "passivity": true, "paused": false, "motor": false, "vibration": false, "motor_is_on": false,
     "emergency_stop": false, "stop": null, "stopped_by": null, "max_force_N": 1.4, "rotation_wxyz": [1, 0, 0, 0], "model_version": 1, "strokes": {"undo": 2, "redo": 1}, "removed": [{"label": 1, "mm3": 12.5}], "broken_off_mm3": 0.5, "nearest": [{"label": 1, "mm": 0.5}],
     "tissues": [{"stiffness_N_per_mm": 1.5, "static_friction": 0.2, "friction": 0.15, "viscosity_N_s_per_mm": 0.001},
                 {"stiffness_N_per_mm": 0.3, "static_friction": 0, "friction": 0, "viscosity_N_s_per_mm": 0}],
@@ -160,9 +160,12 @@ TEST(SceneJson, StateAndAnswers) {
   state.method_awaited = "trilinear";
   state.method_failure = Error{ErrorKind::kUnavailable, "no memory", "b-spline", "choose another"};
   state.law_awaited = "layers";
+  state.law_cell_mm = 1.5;
+  state.requested_cell_mm = 1.25;
   state.law_failure = Error{ErrorKind::kBadInput, "was cut", "elastic", "begin with it"};
   const Json json = Json::parse(state_json(state, reader(1, 1, 2)));
   EXPECT_EQ(json["law_awaited"], "layers");
+  EXPECT_EQ(json["law_cells"], Json::parse(R"({"mm": 1.5, "requested_mm": 1.25})"));
   EXPECT_EQ(json["law_failed"],
             Json::parse(R"({"what": "was cut", "where": "elastic", "how": "begin with it"})"));
   EXPECT_EQ(json["method_awaited"], "trilinear");

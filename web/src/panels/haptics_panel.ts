@@ -65,6 +65,7 @@ export class HapticsPanel {
       state.method_awaited && words.methodAwaited(readable(state.method_awaited), readable(state.method)),
     );
     this.showAwaited("law", state.law_awaited && words.lawAwaited(nameOfLaw(state.law_awaited), nameOfLaw(state.law)));
+    this.showCells(state);
     this.reportFailure("method", state.method_failed && refusalText(state.method_failed));
     this.reportFailure("law", state.law_failed && refusalText(state.law_failed));
     for (const name of HAPTIC_SWITCHES) byId<HTMLInputElement>(name).checked = state[name];
@@ -76,6 +77,13 @@ export class HapticsPanel {
     const line = byId(`${of}-awaited`);
     write(line, text ?? "");
     line.hidden = !text;
+  }
+  /** Says that a machine solves soft tissue in coarser cells than the scene requests. */
+  private showCells({ law_cells: cells }: State): void {
+    const isCoarser = cells !== null && cells.mm > cells.requested_mm;
+    const line = byId("law-cells");
+    write(line, isCoarser ? words.coarserCells(quantity(cells.mm, "mm"), quantity(cells.requested_mm, "mm")) : "");
+    line.hidden = !isCoarser;
   }
   private reportFailure(of: "method" | "law", failure: string | null): void {
     if (failure && failure !== this.failures[of]) untracked(() => toast(failure));

@@ -126,6 +126,7 @@ export interface State extends Settings {
   law: string; // constitutive law of soft tissue
   law_awaited: string | null; // requested law whose surfaces are being computed
   law_failed: Refusal | null; // error of the latest requested law
+  law_cells: { mm: number; requested_mm: number } | null; // cells of the law's solver; null: it solves none
   method_awaited: string | null; // requested method whose fields are being computed
   method_failed: Refusal | null; // error of the latest requested method
   motor_is_on: boolean; // some motor runs, by the switch or by a pedal

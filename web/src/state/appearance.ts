@@ -56,12 +56,16 @@ const DRY_FRICTION = 0.3;
 export const glossOf = (friction: number | undefined): number =>
   Math.round(255 * Math.max(0, 1 - (friction ?? DRY_FRICTION) / DRY_FRICTION) ** 2);
 
+const hiddenNames = new Set<string>();
+/** Hides structures of this name in the initial appearance of scenes: they are to be found by touch. */
+export const hideInitially = (name: string): void => void hiddenNames.add(name);
+
 /** Initial appearances of a scene. */
 export const appearancesOf = (scene: Scene): Appearance[] =>
-  scene.structures.map(({ colour, tissue }) => ({
+  scene.structures.map(({ colour, name, tissue }) => ({
     colour,
     opacity: scene.tissues[tissue]?.opacity ?? 1,
-    visible: true,
+    visible: !hiddenNames.has(name),
   }));
 
 /** Appearance of a preset; all presets but "scene" keep the current colours. */

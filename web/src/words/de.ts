@@ -566,6 +566,8 @@ export const de: Words = {
     exponential: "exponentiell versteifend",
   } as Record<string, string>,
   lawAwaited: (awaited: string, felt: string) => `„${awaited}“ wird vorbereitet; bis dahin bleibt „${felt}“ aktiv`,
+  coarserCells: (used: string, requested: string) =>
+    `In Zellen von ${used} statt ${requested} gelöst: Für feinere ist dieser Rechner zu langsam`,
   methodAwaited: (awaited: string, felt: string) => `${awaited} wird vorbereitet; bis dahin bleibt ${felt} aktiv`,
   forceLimit: "Kraftgrenze",
   friction: "Reibung",

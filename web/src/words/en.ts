@@ -565,6 +565,8 @@ export const en = {
     exponential: "stiffening exponentially",
   } as Record<string, string>,
   lawAwaited: (awaited: string, felt: string) => `Preparing “${awaited}”; “${felt}” remains active until then`,
+  coarserCells: (used: string, requested: string) =>
+    `Solved in cells of ${used} instead of ${requested}: this computer is too slow for finer ones`,
   methodAwaited: (awaited: string, felt: string) => `Preparing ${awaited}; ${felt} remains active until then`,
   forceLimit: "Force limit",
   friction: "Friction",
