@@ -58,19 +58,19 @@ def read_bundle(data):
 
 
 class Viewer:
-    def __init__(self, port, **hello):
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=60)
+    def __init__(self, port, host="127.0.0.1", **hello):
+        self.socket = socket.create_connection((host, port), timeout=60)
         self.stream = self.socket.makefile("rb")
-        self.socket.sendall((f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        self.socket.sendall((f"GET /ws HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
                              f"Sec-WebSocket-Key: {base64.b64encode(os.urandom(16)).decode()}\r\nSec-WebSocket-Version: 13\r\n"
                              "Sec-WebSocket-Protocol: palpate.v1\r\n\r\n").encode())
         assert b" 101 " in self.stream.readline()
         while self.stream.readline() != b"\r\n":
             pass
         text = json.dumps({"type": "hello", "protocol": 3, **hello}).encode()
-        assert len(text) < 126
+        size = bytes([0x80 | len(text)]) if len(text) < 126 else bytes([0x80 | 126]) + struct.pack(">H", len(text))
         # masked by zeros
-        self.socket.sendall(bytes([0x81, 0x80 | len(text)]) + bytes(4) + text)
+        self.socket.sendall(b"\x81" + size + bytes(4) + text)
 
     def close(self):
         self.stream.close()
