@@ -78,8 +78,9 @@ class NetworkTest(published.NetworkCase):
         transforms = receivers[2].transforms
         until(lambda: receivers[2].transforms > transforms, "no transform comes after the cut")
 
-        # the lines are no concern of the servo, or of a viewer beside it
-        self.assertFalse(all(bad > 2 * clean for clean, bad in latenesses), latenesses)
+        # A servo that waits for a line is late by as long as the line is: a hundred times as much as otherwise. Other
+        # load on the machine may double its lateness in any window.
+        self.assertFalse(all(bad > 10 * clean for clean, bad in latenesses), latenesses)
         self.assertIsNone(beside.failure)
         self.assertLessEqual(beside.lost, beside.dropped)
         # what did not arrive is counted
