@@ -17,6 +17,8 @@ namespace {
 
 // offsets of the sequence number and the server's clock in a pose, docs/reference/viewer-messages.md
 constexpr std::size_t kSequenceAt = 8, kClockAt = 32, kPoseHead_bytes = 96;
+// offsets in a bundle of ticks
+constexpr std::size_t kCountAt = 12, kLostAt = 24, kBundleHead_bytes = 32;
 
 }  // namespace
 
@@ -29,9 +31,11 @@ std::int64_t steady_ns() {
 void ReceivedPoses::add(const ReceivedPoses& other) {
   ages_ms.insert(ages_ms.end(), other.ages_ms.begin(), other.ages_ms.end());
   missed += other.missed;
+  ticks += other.ticks;
+  lost_ticks += other.lost_ticks;
 }
 
-ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes, bool task) {
+ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes, Requested requested) {
   handle_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int on = 1;
   ::setsockopt(handle_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
@@ -48,8 +52,11 @@ ViewerClient::ViewerClient(int port, double poses_hz, int receive_buffer_bytes, 
   while (input_.find("\r\n\r\n") == std::string::npos && receive()) {
   }
   input_.erase(0, std::min(input_.size(), input_.find("\r\n\r\n") + 4));
-  const std::string hello = "{\"type\":\"hello\",\"protocol\":3,\"poses_hz\":" + std::to_string(poses_hz) +
-                            (task ? ",\"task\":true}" : "}");
+  const char* const more = requested == Requested::kTask    ? ",\"task\":true"
+                           : requested == Requested::kTicks ? ",\"ticks\":true"
+                                                            : "";
+  const std::string hello =
+      "{\"type\":\"hello\",\"protocol\":3,\"poses_hz\":" + std::to_string(poses_hz) + more + "}";
   // masked with zeros, which leaves the payload unchanged
   send(std::string("\x81") + static_cast<char>(0x80 | hello.size()) + std::string(4, '\0') + hello);
 }
@@ -63,6 +70,12 @@ void ViewerClient::read_until(std::int64_t until_ns) {
     const std::string pose = frame();
     const std::int64_t got_ns = steady_ns();
     if (pose.empty()) return;
+    if (pose.size() >= kBundleHead_bytes && pose.compare(0, 4, "PLPB") == 0) {
+      std::uint32_t count;
+      std::memcpy(&count, pose.data() + kCountAt, sizeof count);
+      std::memcpy(&observed_.lost_ticks, pose.data() + kLostAt, sizeof observed_.lost_ticks);
+      observed_.ticks += count;
+    }
     if (pose.size() < kPoseHead_bytes || pose.compare(0, 4, "PLPT") != 0) continue;
     std::uint64_t sequence;
     std::int64_t clock_ns;
@@ -79,7 +92,7 @@ void ViewerClient::send(const std::string& bytes) {
 }
 
 bool ViewerClient::receive() {
-  char buffer[4096];
+  char buffer[32768];
   const ssize_t received = ::recv(handle_, buffer, sizeof buffer, 0);
   if (received > 0) input_.append(buffer, static_cast<std::size_t>(received));
   return received > 0;
@@ -91,9 +104,10 @@ std::string ViewerClient::frame() {
     const auto byte = [&](std::size_t i) {
       return static_cast<std::size_t>(static_cast<unsigned char>(input_[i]));
     };
-    const std::size_t head = input_.size() < 2 || byte(1) < 126 ? 2 : 4;
+    const std::size_t head = input_.size() < 2 || byte(1) < 126 ? 2 : byte(1) == 126 ? 4 : 10;
     if (input_.size() >= head) {
-      const std::size_t length = head == 2 ? byte(1) : byte(2) << 8 | byte(3);
+      std::size_t length = head == 2 ? byte(1) : 0;
+      for (std::size_t n = 2; n < head; ++n) length = length << 8 | byte(n);
       if (input_.size() >= head + length) {
         const std::string payload = input_.substr(head, length);
         input_.erase(0, head + length);

@@ -14,14 +14,20 @@ std::int64_t steady_ns();
 struct ReceivedPoses {
   std::vector<double> ages_ms;  ///< From a snapshot to the receipt of its message
   std::uint64_t missed = 0;     ///< Poses that the server skipped, by their sequence numbers
+  std::uint64_t ticks = 0,
+                lost_ticks = 0;  ///< Ticks in bundles; those not received, as the server counts them
   void add(const ReceivedPoses& other);
 };
+
+/// Messages that a viewer requests besides poses.
+enum class Requested : std::uint8_t { kPoses, kTask, kTicks };
 
 class ViewerClient {
  public:
   /// Connects to the server on loopback and requests poses.
   /// @param receive_buffer_bytes  0: system default
-  ViewerClient(int port, double poses_hz, int receive_buffer_bytes = 0, bool task = false);
+  ViewerClient(int port, double poses_hz, int receive_buffer_bytes = 0,
+               Requested requested = Requested::kPoses);
   ~ViewerClient();
   ViewerClient(const ViewerClient&) = delete;
   ViewerClient& operator=(const ViewerClient&) = delete;

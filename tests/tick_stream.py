@@ -56,10 +56,10 @@ def read_bundle(data):
 
 
 class TickViewer(WebSocketClient):
-    """A viewer on this machine that receives bundles of ticks."""
+    """A viewer that receives bundles of ticks."""
 
-    def __init__(self, port, **hello):
-        super().__init__("127.0.0.1", port, 60, **hello)
+    def __init__(self, port, host="127.0.0.1", **hello):
+        super().__init__(host, port, 60, **hello)
 
     def binary(self, kind):
         """The next binary message that begins with these four bytes."""

@@ -90,15 +90,20 @@ def vtp_with_canary(path, triangles):
                     + array("Int32", "offsets", range(3, 3 * len(triangles) + 1, 3)) + "</Polys></Piece></PolyData></VTKFile>\n")
 
 
-def everything_in(path):
-    """A file's bytes, and what lies compressed in them: streams of zlib or gzip anywhere, HDF5 by its tools."""
-    data = path.read_bytes()
+def everything_in_bytes(data):
+    """Bytes, and what is compressed in them: streams of zlib or gzip anywhere."""
     found = [data]
     for start in [m.start() for m in re.finditer(rb"\x78[\x01\x5e\x9c\xda]|\x1f\x8b\x08", data)]:
         try:
             found.append(zlib.decompressobj(47).decompress(data[start:], 1 << 26))
         except zlib.error:
             pass
+    return found
+
+
+def everything_in(path):
+    """A file's bytes, and what is compressed in them, HDF5 by its tools."""
+    found = everything_in_bytes(path.read_bytes())
     if path.suffix == ".h5":
         found.append(subprocess.run(["h5dump", str(path)], capture_output=True, check=True).stdout)
     return found

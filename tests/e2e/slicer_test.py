@@ -1,11 +1,14 @@
 """The module of 3D Slicer, in front of a stand-in for Slicer: a segmentation goes to palpate and back, a cut comes into the scene,
 lines become a plan."""
 
+import itertools
 import json
 import os
 import pathlib
 import re
+import struct
 import sys
+import threading
 import time
 import unittest
 import xml.etree.ElementTree
@@ -18,12 +21,13 @@ except ImportError:
     cli.missing("NumPy for this Python")
 
 import slicer_stub
+import tick_stream
 
 MODULE = pathlib.Path(__file__).resolve().parents[2] / "slicer/Palpate"
 sys.path[:0] = [str(MODULE), str(MODULE / "Testing/Python")]
 STUB = slicer_stub.install()
 
-from PalpateLib import nrrd, openigtlink, scene
+from PalpateLib import nrrd, openigtlink, program, scene
 from PalpateLib.errors import PalpateError
 from PalpateLib.grid import Grid
 from PalpateLib.labels import Labels, Removal
@@ -162,6 +166,80 @@ class SlicerTest(cli.PalpateTest):
         # only what Slicer had before is left
         self.assertEqual([node.GetName() for node in STUB.nodes], ["Blocks labels", "Blocks", "Scan"])
 
+    @cli.long
+    def test_a_cut_is_soon_in_the_segmentation(self):
+        """Prints the time from a cut's message to a viewer until the segmentation lacks the voxel."""
+        made = self.folder / "knee"
+        voxel_mm = os.environ.get("PALPATE_TEST_VOXEL_MM", "1.5")
+        self.succeed("data", "fetch", "knee-phantom", "-o", made, "--voxel", voxel_mm)
+        labels_file = next(made.glob("*.seg.nrrd"))
+        scan_file = next(path for path in made.glob("*.n*") if "seg" not in path.name)
+        scene_file, script = self.folder / "scene.toml", self.folder / "mill.toml"
+        self.succeed("scene", "new", scan_file, labels_file, "-o", scene_file)
+        with open(scene_file, "a", encoding="utf-8") as file:
+            file.write('\n[tool]\nkind = "burr"\ndiameter = 4.0\n')
+        script.write_text(MILL.replace("hold = 1.0", "hold = 0.8") * 3)
+        started = program.Session(cli.PALPATE, [scene_file, "--port", "0", "--script", script])
+        self.addCleanup(started.end)
+        session = self.session()
+        session.attach("127.0.0.1", started.port)
+        until(lambda: session.poll() and session.segmentation, "no labels come")
+        grid, before = session._labels.grid, session._labels.occupied()
+        # time at which each voxel is cut, and at which it is missing here; kji
+        cut_s, missing_s = np.full(grid.shape, np.inf), np.full(grid.shape, np.inf)
+        ijk_from_lps = np.linalg.inv(LPS @ grid.steps_mm)
+        first_lps = LPS @ grid.first_mm
+        viewer = tick_stream.Viewer(int(started.page.rsplit(":", 1)[1].strip("/")), poses_hz=120)
+        self.addCleanup(viewer.close)
+
+        def note_cut(sweep):
+            begin, end, radius = np.array(sweep[:3]), np.array(sweep[3:6]), sweep[6]
+            corners = [ijk_from_lps @ (point + offset - first_lps) for point in (begin, end)
+                       for offset in radius * np.array(list(itertools.product((-1, 1), repeat=3)))]
+            low = np.maximum(np.floor(np.min(corners, axis=0)).astype(int), 0)
+            high = np.minimum(np.ceil(np.max(corners, axis=0)).astype(int) + 1, grid.dims)
+            indices = np.array(list(itertools.product(*map(range, low, high)))).reshape(-1, 3)
+            centres = indices @ (LPS @ grid.steps_mm).T + first_lps
+            along = end - begin
+            part = np.clip((centres - begin) @ along / max(along @ along, 1e-12), 0, 1)
+            inside = indices[np.linalg.norm(centres - begin - part[:, None] * along, axis=1) < radius]
+            at = tuple(inside[:, ::-1].T)
+            cut_s[at] = np.minimum(cut_s[at], time.monotonic())
+
+        def read_cuts():
+            try:
+                while True:
+                    opcode, data = viewer.receive()
+                    if opcode == 8:
+                        return
+                    if opcode == 1 and (message := json.loads(data))["type"] == "cut":
+                        for sweep in message["sweeps"]:
+                            note_cut(sweep)
+            except (OSError, IndexError, ValueError):
+                return  # the session has ended
+        thread = threading.Thread(target=read_cuts, daemon=True)
+        thread.start()
+        ended = False
+        while not ended:
+            # as Slicer's timer
+            time.sleep(0.03)
+            try:
+                session.poll()
+            except PalpateError:
+                ended = True
+            masks = [segment.mask for segment in session.segmentation.segments.values()]
+            gone = before & np.logical_and.reduce([mask == 0 for mask in masks])
+            missing_s[gone & np.isinf(missing_s)] = time.monotonic()
+        thread.join()
+        # those that are not under the burr have been cut loose
+        both = np.isfinite(cut_s) & np.isfinite(missing_s)
+        self.assertGreater(both.sum(), 5)
+        # what is cut is missing
+        self.assertEqual(int((np.isfinite(cut_s) & before & np.isinf(missing_s)).sum()), 0)
+        late_ms = 1e3 * (missing_s[both] - cut_s[both])
+        print(f"{before.size} voxels, {both.sum()} of them cut: median {np.median(late_ms):.0f} ms, "
+              f"95 % {np.percentile(late_ms, 95):.0f} ms, largest {late_ms.max():.0f} ms, load {os.getloadavg()[0]:.1f}")
+
     def test_lines_become_a_plan(self):
         volume, segmentation, grid, _ = two_blocks()
         scan, labels, scene_file, plan = (self.folder / name for name in ("scan.nrrd", "labels.seg.nrrd", "scene.toml", "plan.toml"))
@@ -226,14 +304,47 @@ class SlicerTest(cli.PalpateTest):
         grid, voxels = Grid((2, 2, 2), np.eye(3), [0, 0, 0]), np.arange(8, dtype="<u2")
         fields = [1, 1, 5, 2, 1, *grid.dims, *np.eye(3).T.ravel(), 0.5, 0.5, 0.5, 0, 0, 0, *grid.dims]
         body = openigtlink.IMAGE_HEAD.pack(*fields) + voxels.tobytes()
-        found, read = openigtlink.parse_image(body)
+        found, first, read = openigtlink.parse_image(body)
         self.assertTrue(found.is_same(grid))
+        self.assertEqual(first, (0, 0, 0))
         self.assertTrue((read.ravel() == voxels).all())
         for n, other in [(1, 2), (2, 10), (3, 1), (4, 2)]:
             with self.assertRaises(ValueError):
                 openigtlink.parse_image(openigtlink.IMAGE_HEAD.pack(*[*fields[:n], other, *fields[n + 1:]]) + voxels.tobytes())
         with self.assertRaises(ValueError):
             openigtlink.parse_image(body[:-1])
+        # a box of it
+        fields[20:26] = [1, 0, 1, 1, 2, 1]
+        found, first, read = openigtlink.parse_image(openigtlink.IMAGE_HEAD.pack(*fields) + voxels[:2].tobytes())
+        self.assertTrue(found.is_same(grid))
+        self.assertEqual((first, read.shape), ((1, 0, 1), (1, 2, 1)))
+        fields[20] = 2
+        with self.assertRaises(ValueError):
+            openigtlink.parse_image(openigtlink.IMAGE_HEAD.pack(*fields) + voxels[:2].tobytes())
+
+    def test_damaged_messages_are_refused_and_nothing_else_happens(self):
+        seed = int.from_bytes(os.urandom(4), "big") if os.environ.get("PALPATE_TEST_SEED") == "any" else 11
+        rng = np.random.default_rng(seed)
+        fields = [1, 1, 5, 2, 1, 3, 2, 2, *np.eye(3).T.ravel(), 0.5, 0.5, 0.5, 0, 0, 0, 3, 2, 2]
+        image = openigtlink.IMAGE_HEAD.pack(*fields) + bytes(24)
+        listed = openigtlink.LISTED_LABEL.pack(b"femur", b"Labels", 3, 0, 1, 2, 3, 255, 3, 2, 2, b"")
+        refused = 0
+        for n in range(3000):
+            body = bytearray((image, 2 * listed)[n % 2])
+            for _ in range(rng.integers(1, 5)):
+                body[rng.integers(len(body))] = rng.integers(256)
+            body = body[:rng.integers(len(body) + 1)] if n % 5 == 0 else body
+            try:
+                if n % 2:
+                    self.assertLessEqual(len(openigtlink.parse_label_list(body)), 2)
+                else:
+                    grid, first, part = openigtlink.parse_image(body)
+                    ends = [begin + count for begin, count in zip(first, part.shape[::-1])]
+                    self.assertTrue(all(end <= whole for end, whole in zip(ends, grid.dims)))
+            except (ValueError, struct.error):
+                # what ends the connection, LabelsClient._receive()
+                refused += 1
+        self.assertGreater(refused, 300, f"seed {seed}")
 
     def test_the_extension_is_complete(self):
         used = set(re.findall(r"self\.ui\.(\w+)", (MODULE / "Palpate.py").read_text()))

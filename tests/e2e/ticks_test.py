@@ -1,6 +1,6 @@
 """Every tick of a session comes to a viewer that asks for it, in bundles.
 
-    PALPATE_TEST_SECONDS   how long they are received, 10 without it
+    PALPATE_TEST_SECONDS   how long they are received, 60 without it
 """
 
 import os
@@ -54,7 +54,7 @@ class Ticks(cli.PalpateTest):
 
     @cli.long
     def test_none_is_lost_at_1_khz(self):
-        ticks_each, largest_N = self.receive(1000, float(os.environ.get("PALPATE_TEST_SECONDS", "10")))
+        ticks_each, largest_N = self.receive(1000, float(os.environ.get("PALPATE_TEST_SECONDS", "60")))
         self.assertGreater(ticks_each, 10)
         self.assertGreater(largest_N, 0.2)
 

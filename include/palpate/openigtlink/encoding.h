@@ -41,8 +41,15 @@ struct ImageGrid {
   Eigen::Matrix3d steps_mm = Eigen::Matrix3d::Identity();
   Eigen::Vector3d first_mm = Eigen::Vector3d::Zero();  ///< Centre of voxel (0, 0, 0)
 };
+/// Box of an image that a message contains; the image's other voxels are unchanged.
+struct SubVolume {
+  std::array<std::uint16_t, 3> first{0, 0, 0}, dims{1, 1, 1};
+};
 /// IMAGE with coordinates in RAS. The message contains the centre of the image rather than the first voxel's.
-/// @param voxels  little-endian, i fastest, of the grid's dimensions
+/// @param voxels  little-endian, i fastest, of the dimensions of `part`
+MessageBytes image_message(const Title& title, const ImageGrid& grid, const SubVolume& part, VoxelType type,
+                           std::span<const std::uint8_t> voxels);
+/// The same of the whole image.
 MessageBytes image_message(const Title& title, const ImageGrid& grid, VoxelType type,
                            std::span<const std::uint8_t> voxels);
 

@@ -24,20 +24,22 @@ def _text(field):
 
 
 def parse_image(body):
-    """@returns (Grid, uint16 array of its shape) of an IMAGE of labels"""
+    """@returns (Grid, first, voxels) of an IMAGE of labels: the grid of the whole image, and the uint16 array of the box that
+    the message has, whose first voxel is `first` (i, j, k)"""
     fields = IMAGE_HEAD.unpack_from(body)
-    dims, matrix = fields[5:8], fields[8:20]
+    dims, matrix, first, part = fields[5:8], fields[8:20], fields[20:23], fields[23:26]
     # components, scalar type, endianness and coordinates
     if fields[1:5] != (1, UINT16, LITTLE_ENDIAN, RAS):
         raise ValueError("an image of another type")
-    if len(body) != IMAGE_HEAD.size + 2 * dims[0] * dims[1] * dims[2]:
+    if len(body) != IMAGE_HEAD.size + 2 * part[0] * part[1] * part[2]:
         raise ValueError("an image of another size")
+    if any(begin + count > whole for begin, count, whole in zip(first, part, dims)):
+        raise ValueError("a box beyond the image")
     columns = np.array(matrix, dtype=float).reshape(4, 3).T
     steps = columns[:, :3]
     # the message has the position of the image's centre
-    first = columns[:, 3] - steps @ ((np.array(dims) - 1) / 2)
-    grid = Grid(dims, steps, first)
-    return grid, np.frombuffer(body, dtype="<u2", offset=IMAGE_HEAD.size).reshape(grid.shape)
+    grid = Grid(dims, steps, columns[:, 3] - steps @ ((np.array(dims) - 1) / 2))
+    return grid, first, np.frombuffer(body, dtype="<u2", offset=IMAGE_HEAD.size).reshape(part[::-1])
 
 
 def parse_label_list(body):
@@ -62,6 +64,8 @@ class LabelsClient:
         self._where = where
         self._lock = threading.Lock()
         self._names, self._image, self._failure, self._closed = None, None, None, False
+        # the latest labels, whole; the receiving thread's
+        self._voxels = None
         self._socket.settimeout(None)
         self._ask("GET_LBMETA", "")
         self._ask("STT_IMAGE", LABELS)
@@ -132,6 +136,15 @@ class LabelsClient:
             with self._lock:
                 self._names = names
         elif kind == "IMAGE" and name == LABELS:
-            image = parse_image(body)
+            grid, first, part = parse_image(body)
+            if part.shape == grid.shape:
+                self._voxels = part
+            else:
+                if self._voxels is None or self._voxels.shape != grid.shape:
+                    raise ValueError("a box of an image that has not come")
+                # those taken before stay as they are
+                self._voxels = self._voxels.copy()
+                box = tuple(slice(begin, begin + count) for begin, count in zip(first[::-1], part.shape))
+                self._voxels[box] = part
             with self._lock:
-                self._image = image
+                self._image = grid, self._voxels

@@ -3,7 +3,6 @@
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
@@ -32,6 +31,7 @@
 #include "palpate/base/printable.h"
 #include "palpate/openigtlink/requests.h"
 #include "palpate/server/address.h"
+#include "palpate/server/fresh_socket.h"
 #include "palpate/server/ordinary_thread.h"
 
 namespace palpate {
@@ -42,7 +42,8 @@ using openigtlink_server::PublishedSession;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kSlicePeriod = std::chrono::milliseconds(200);
-constexpr auto kLabelsPeriod = std::chrono::milliseconds(50);
+/// Minimum time between the encoding of all labels, or of a box of them, and the next.
+constexpr auto kLabelsPeriod = std::chrono::milliseconds(50), kBoxPeriod = std::chrono::milliseconds(10);
 constexpr auto kStatePeriod = std::chrono::milliseconds(50);
 constexpr auto kAcceptPause = std::chrono::milliseconds(500);
 /// A client that reads nothing for this long is disconnected.
@@ -80,8 +81,9 @@ struct Client {
   std::optional<int> slice;
   Clock::time_point next_slice{};
   bool is_stopped = false, is_greeted = false;
-  bool wants_labels = false;    ///< A GET_IMAGE has not been answered
-  bool follows_labels = false;  ///< From STT_IMAGE to STP_IMAGE: receives the labels after each change
+  bool wants_labels = false;     ///< A GET_IMAGE or STT_IMAGE has not been answered: all labels are due
+  bool follows_labels = false;   ///< From STT_IMAGE to STP_IMAGE: receives the labels after each change
+  bool awaits_encoding = false;  ///< The message that is being encoded is for it
   std::shared_ptr<const Bricks<LabelId>> labels;  ///< Version that it has, or that is being encoded for it
   std::string fault;                              ///< Reason to drop it; empty: none
 };
@@ -168,10 +170,7 @@ class Server final : public OpenIgtLinkServer {
       log(peer + " is refused: " + std::to_string(kMaxClients) + " clients are connected");
       return;
     }
-    const int on = 1;
-    ::setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    // a small buffer keeps what a slow client receives recent
-    ::setsockopt(socket.get(), SOL_SOCKET, SO_SNDBUF, &kSendBuffer_bytes, sizeof kSendBuffer_bytes);
+    server::keep_fresh(socket.get(), kSendBuffer_bytes);
     Client& client = clients_.emplace_back();
     client.socket = std::move(socket);
     client.peer = std::move(peer);
@@ -258,38 +257,54 @@ class Server final : public OpenIgtLinkServer {
     publish_labels(now);
   }
 
-  // labels are encoded on a thread of their own, one version at a time
+  // Labels are encoded on a thread of their own, one message at a time: all of them when a client asks for
+  // them, and then the box in which they have changed since the version that it has.
   void publish_labels(Clock::time_point now) {
     if (encoding_.valid()) {
       if (encoding_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
       const Message message = encoding_.get();
-      for (Client& client : clients_)
-        if (client.labels == encoded_labels_ && client.wants_labels) {
-          client.wants_labels = false;
-          queue(client, message);
-          send(client);
-        }
-      encoded_labels_.reset();
+      for (Client& client : clients_) {
+        if (!std::exchange(client.awaits_encoding, false)) continue;
+        if (!client.follows_labels) client.labels.reset();
+        if (message == nullptr) continue;
+        queue(client, message);
+        send(client);
+      }
     }
     if (now < next_labels_) return;
-    next_labels_ = now + kLabelsPeriod;
     const bool is_awaited =
         std::ranges::any_of(clients_, [](const Client& c) { return c.wants_labels || c.follows_labels; });
     if (!is_awaited) return;
     const auto labels = host_.labels();
+    std::shared_ptr<const Bricks<LabelId>> before;
     bool is_due = false;
     for (Client& client : clients_) {
-      if (client.follows_labels && client.labels != labels) client.wants_labels = true;
       // the next version waits until a client has taken the one before
-      if (!client.wants_labels || !client.queue.empty()) continue;
+      if (!client.queue.empty()) continue;
+      if (!client.wants_labels && !(client.follows_labels && client.labels != labels)) continue;
+      const auto received = std::exchange(client.wants_labels, false) ? nullptr : client.labels;
+      // a client that has another version is next
+      if (is_due && received != before) {
+        client.wants_labels = received == nullptr;
+        continue;
+      }
+      before = received;
+      is_due = client.awaits_encoding = true;
       client.labels = labels;
-      is_due = true;
     }
     if (!is_due) return;
-    encoded_labels_ = labels;
-    encoding_ = std::async(std::launch::async, [labels] {
+    // clients that were left out come first next time
+    std::list<Client> served;
+    for (auto client = clients_.begin(); client != clients_.end();) {
+      const auto next = std::next(client);
+      if (client->awaits_encoding) served.splice(served.end(), clients_, client);
+      client = next;
+    }
+    clients_.splice(clients_.end(), served);
+    next_labels_ = now + (before ? kBoxPeriod : kLabelsPeriod);
+    encoding_ = std::async(std::launch::async, [labels, before] {
       server::be_ordinary_thread("openigtlink-img");
-      return PublishedSession::labels(*labels);
+      return PublishedSession::labels(*labels, before.get());
     });
   }
 
@@ -336,7 +351,6 @@ class Server final : public OpenIgtLinkServer {
   bool is_stopped_ = false;
   Clock::time_point next_state_{}, next_labels_{}, next_accept_{};
   std::future<Message> encoding_;
-  std::shared_ptr<const Bricks<LabelId>> encoded_labels_;
   std::thread thread_;  // last: uses the members above
 };
 

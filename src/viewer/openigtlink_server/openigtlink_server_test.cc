@@ -264,6 +264,70 @@ TEST(OpenIgtLinkServer, SendsLabelsWhereTheyAreInRas) {
       }
 }
 
+/// Voxels of an IMAGE of labels, applied to those received before.
+void apply_labels(const Received& image, Volume<LabelId>& labels) {
+  ASSERT_EQ(image.type, "IMAGE");
+  std::array<int, 3> first, dims;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    ASSERT_EQ(number(image.body, 6 + 2 * axis, 2), static_cast<unsigned>(labels.geometry().dims[axis]));
+    first[axis] = static_cast<int>(number(image.body, 60 + 2 * axis, 2));
+    dims[axis] = static_cast<int>(number(image.body, 66 + 2 * axis, 2));
+    ASSERT_LE(first[axis] + dims[axis], labels.geometry().dims[axis]);
+  }
+  std::size_t at = 72;
+  for (int k = first[2]; k < first[2] + dims[2]; ++k)
+    for (int j = first[1]; j < first[1] + dims[1]; ++j)
+      for (int i = first[0]; i < first[0] + dims[0]; ++i, at += 2)
+        labels.at(i, j, k) = static_cast<LabelId>(image.body.at(at) + 256 * image.body.at(at + 1));
+  ASSERT_EQ(at, image.body.size());
+}
+
+// cuts at random places of a grid of many bricks; a client that joins later gets all labels first
+TEST(OpenIgtLinkServer, SendsTheBoxesThatAreCutToThoseWhoFollow) {
+  Publishing publishing([](FakeHost& host) {
+    GridGeometry grid = host.scene().labels->geometry();
+    grid.dims = {50, 45, 60};
+    Volume<LabelId> labels(grid);
+    for (std::size_t v = 0; v < grid.voxel_count(); ++v)
+      labels.voxels()[v] = static_cast<LabelId>(1 + v / 7 % 300);
+    host.edit_scene().scan = nullptr;
+    host.edit_scene().labels = label_bricks(labels);
+  });
+  const auto seed = test::test_seed();
+  std::mt19937_64 random(seed);
+  auto labels = publishing.host.scene().labels;
+  const std::size_t whole_bytes = 72 + 2 * labels->geometry().voxel_count();
+  Client client(publishing.port());
+  client.ask("STT_IMAGE", "Labels");
+  Volume<LabelId> received(labels->geometry());
+  const Received all = client.next("Labels");
+  ASSERT_EQ(all.body.size(), whole_bytes);
+  ASSERT_NO_FATAL_FAILURE(apply_labels(all, received));
+  EXPECT_EQ(received.voxels(), labels->dense().voxels());
+  for (int cut = 0; cut < 8; ++cut) {
+    PatchOf<LabelId> patch;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      patch.box.size[axis] = 1 + static_cast<int>(random() % 5);
+      const int rooms = labels->geometry().dims[axis] - patch.box.size[axis] + 1;
+      patch.box.first[axis] = static_cast<int>(random() % static_cast<unsigned>(rooms));
+    }
+    patch.values.assign(patch.box.voxel_count(), 0);
+    labels = std::make_shared<const Bricks<LabelId>>(labels->with(patch));
+    publishing.host.cut(labels);
+    const Received box = client.next("Labels");
+    EXPECT_LT(box.body.size(), whole_bytes) << "seed " << seed;
+    ASSERT_NO_FATAL_FAILURE(apply_labels(box, received));
+    ASSERT_EQ(received.voxels(), labels->dense().voxels()) << "cut " << cut << ", seed " << seed;
+  }
+  Client later(publishing.port());
+  later.ask("GET_IMAGE", "Labels");
+  EXPECT_EQ(later.next("Labels").body.size(), whole_bytes);
+  // an undo restores them
+  publishing.host.cut(publishing.host.scene().labels);
+  ASSERT_NO_FATAL_FAILURE(apply_labels(client.next("Labels"), received));
+  EXPECT_EQ(received.voxels(), publishing.host.scene().labels->dense().voxels());
+}
+
 // moves the scene's grid under the fake host's tip, (1, 2, 3) LPS, which is then next to slice 1
 void move_under_tip(FakeHost& host) {
   GridGeometry grid = host.scene().labels->geometry();

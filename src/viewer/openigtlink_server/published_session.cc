@@ -146,12 +146,28 @@ Message PublishedSession::slice(int index) const {
                                     bytes_of(std::span<const LabelId>(values))));
 }
 
-Message PublishedSession::labels(const Bricks<LabelId>& labels) {
+Message PublishedSession::labels(const Bricks<LabelId>& labels, const Bricks<LabelId>* before) {
   const igtl::Title title{kLabelsName, stamp_now()};
   const GridGeometry& grid = labels.geometry();
   if (!fits_image(grid))
     return shared(igtl::status_message(title, igtl::StatusCode::kNotFound,
                                        "the grid is larger than an IMAGE message can describe"));
+  if (before != nullptr) {
+    const VoxelBox box = box_of_changes(*before, labels);
+    if (box.voxel_count() == 0) return nullptr;
+    std::vector<LabelId> values(box.voxel_count());
+    igtl::SubVolume part;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      part.first[axis] = static_cast<std::uint16_t>(box.first[axis]);
+      part.dims[axis] = static_cast<std::uint16_t>(box.size[axis]);
+    }
+    LabelId* row = values.data();
+    for (int k = 0; k < box.size[2]; ++k)
+      for (int j = 0; j < box.size[1]; ++j, row += box.size[0])
+        labels.copy_row(box.first[0], box.first[1] + j, box.first[2] + k, box.size[0], row);
+    return shared(igtl::image_message(title, image_grid(grid, 0, grid.dims[2]), part,
+                                      igtl::VoxelType::kUint16, bytes_of(std::span<const LabelId>(values))));
+  }
   const Volume<LabelId> dense = labels.dense();
   return shared(igtl::image_message(title, image_grid(grid, 0, grid.dims[2]), igtl::VoxelType::kUint16,
                                     bytes_of(std::span<const LabelId>(dense.voxels()))));

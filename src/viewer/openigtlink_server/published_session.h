@@ -37,8 +37,10 @@ class PublishedSession {
   std::optional<int> slice_index() const;
   /// IMAGE of that slice: the scan's values, or the labels if there is no scan.
   Message slice(int index) const;
-  /// IMAGE of all labels. Thread-safe; may take long.
-  static Message labels(const Bricks<LabelId>& labels);
+  /// IMAGE of all labels, or of the box in which they differ from an earlier version; null: nowhere.
+  /// Thread-safe; may take long.
+  /// @param before  version that the client has; null: none
+  static Message labels(const Bricks<LabelId>& labels, const Bricks<LabelId>* before);
   Message label_list() const;
   Message image_list() const;
 

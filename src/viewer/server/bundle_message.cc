@@ -29,6 +29,12 @@ class FieldWriter {
 
 }  // namespace
 
+void BundleLimit::on_sent(std::chrono::nanoseconds duration) {
+  constexpr auto kMaxDuration = std::chrono::milliseconds(250);
+  constexpr std::size_t kMinTicks = 16;
+  ticks_ = duration > kMaxDuration ? std::max(ticks_ / 2, kMinTicks) : std::min(2 * ticks_, kMaxBundledTicks);
+}
+
 bool next_bundle(const TickHistory& history, SentTicks& sent, std::span<BundledTick> scratch,
                  std::string& bytes) {
   std::uint64_t first = sent.next;

@@ -143,6 +143,25 @@ TEST(BundleMessage, ReadersOfAnySpeedMatchTheReferenceModel) {
   }
 }
 
+// a connection on which a tick takes as long as at 100 kbit/s, and then one without limit
+TEST(BundleLimit, KeepsWritesShortAndRecovers) {
+  using std::chrono::microseconds;
+  constexpr auto kTick = microseconds(9000);
+  BundleLimit limit;
+  std::chrono::nanoseconds longest{0};
+  for (int n = 0; n < 20; ++n) {
+    const auto duration = kTick * static_cast<int>(limit.ticks());
+    if (n > 3) longest = std::max<std::chrono::nanoseconds>(longest, duration);
+    limit.on_sent(duration);
+  }
+  EXPECT_LE(longest, std::chrono::milliseconds(500));
+  EXPECT_GE(limit.ticks(), 16u);
+  for (int n = 0; n < 6; ++n) limit.on_sent(microseconds(50));
+  EXPECT_EQ(limit.ticks(), kMaxBundledTicks);
+  for (int n = 0; n < 20; ++n) limit.on_sent(std::chrono::seconds(1));
+  EXPECT_EQ(limit.ticks(), 16u) << "some ticks always";
+}
+
 TEST(TickHistory, IsReadWhileItIsWritten) {
   TickHistory history;
   constexpr std::uint64_t kTicks = 3 * TickHistory::kCapacity;

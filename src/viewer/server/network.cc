@@ -1,9 +1,6 @@
 #include <sys/stat.h>
 
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <openssl/ssl.h>
-#include <sys/socket.h>
 
 #include <algorithm>
 #include <array>
@@ -35,6 +32,7 @@
 
 #include "palpate/base/check.h"
 #include "palpate/base/file.h"
+#include "palpate/server/fresh_socket.h"
 #include "server/transport.h"
 
 namespace palpate::server {
@@ -47,6 +45,8 @@ namespace websocket = beast::websocket;
 using net::ip::tcp;
 using ErrorCode = beast::error_code;
 
+// data that the kernel holds for a slow reader would be outdated on arrival
+constexpr int kSendBuffer_bytes = 16 << 10;
 constexpr auto kAcceptAgain = std::chrono::milliseconds(100);
 // forward secrecy and authenticated encryption only
 constexpr const char *kCiphers12 = "ECDHE+AESGCM:ECDHE+CHACHA20:!aNULL",
@@ -196,17 +196,6 @@ std::string_view view(beast::string_view text) {
   return {text.data(), text.size()};
 }
 
-// Data queued in the kernel for a slow reader would be outdated on arrival: keep the queue short, and send
-// small messages immediately.
-void keep_fresh(Stream::Socket& socket) {
-  const int handle = socket.native_handle();
-  const int on = 1, buffer_bytes = 16 << 10, unsent_bytes = 2 << 10;
-  // these options affect latency only, so failures are ignored
-  ::setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-  ::setsockopt(handle, SOL_SOCKET, SO_SNDBUF, &buffer_bytes, sizeof buffer_bytes);
-  ::setsockopt(handle, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent_bytes, sizeof unsent_bytes);
-}
-
 using UpgradeRequest = http::request<http::empty_body>;
 
 class BeastWebSocket : public WebSocket, public std::enable_shared_from_this<BeastWebSocket> {
@@ -215,7 +204,7 @@ class BeastWebSocket : public WebSocket, public std::enable_shared_from_this<Bea
       : stream_(std::move(stream)), socket_(*stream_), request_(std::move(request)) {}
 
   void accept(std::function<void()> on_control, std::function<void(bool)> then) override {
-    keep_fresh(stream_->socket());
+    keep_fresh(stream_->socket().native_handle(), kSendBuffer_bytes);
     // time limits are enforced by the hub's periodic check
     socket_.set_option(websocket::stream_base::timeout{websocket::stream_base::none(),
                                                        websocket::stream_base::none(), false});

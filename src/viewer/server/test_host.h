@@ -335,6 +335,15 @@ class FakeHost : public LiveHost {
   }
   /// Call before the server starts.
   ViewedScene& edit_scene() { return scene_; }
+  std::shared_ptr<const Bricks<LabelId>> labels() const override {
+    const std::lock_guard lock(mutex_);
+    return cut_labels_ ? cut_labels_ : scene_.labels;
+  }
+  /// Replaces the scene's labels by those after a cut.
+  void cut(std::shared_ptr<const Bricks<LabelId>> labels) {
+    const std::lock_guard lock(mutex_);
+    cut_labels_ = std::move(labels);
+  }
 
   mutable std::atomic<int> snapshots{0}, deformation_requested{0};
   std::atomic<bool> pointer_claimed{false};
@@ -344,6 +353,7 @@ class FakeHost : public LiveHost {
   ViewedScene scene_;
   mutable std::mutex mutex_;
   ViewedState state_;
+  std::shared_ptr<const Bricks<LabelId>> cut_labels_;  // null: nothing is cut
   std::array<std::shared_ptr<const ViewedDeformation>, kMaxDevices> deformations_;
   DeviceTick near_;
   std::optional<ViewedNavigation> navigation_;

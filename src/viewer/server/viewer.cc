@@ -240,7 +240,9 @@ bool Viewer::next_ticks() {
     ticks_sent_.next = history.count();
     return false;
   }
-  return next_bundle(history, ticks_sent_, hub_.bundle_scratch(), bundle_in_flight_);
+  is_bundle_in_flight_ = next_bundle(history, ticks_sent_, hub_.bundle_scratch().first(bundle_limit_.ticks()),
+                                     bundle_in_flight_);
+  return is_bundle_in_flight_;
 }
 
 // rarely changes
@@ -311,6 +313,8 @@ void Viewer::write(std::string_view bytes, bool binary) {
     self->writing_ = false;
     if (!ok) return self->write_failed();
     if (std::exchange(self->deformation_in_flight_, false)) self->defer_deformation();
+    if (std::exchange(self->is_bundle_in_flight_, false))
+      self->bundle_limit_.on_sent(Clock::now() - self->write_started_);
     self->write_next();
   });
 }

@@ -153,8 +153,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   bool receives_distances_ = false, distances_due_ = false;
   std::optional<DistanceMessage> near_;
   DistanceMessage near_in_flight_;
-  bool receives_ticks_ = false, ticks_due_ = false;
+  bool receives_ticks_ = false, ticks_due_ = false, is_bundle_in_flight_ = false;
   SentTicks ticks_sent_;
+  BundleLimit bundle_limit_;
   std::string bundle_in_flight_;
   std::string text_in_flight_;
 };

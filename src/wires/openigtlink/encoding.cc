@@ -113,11 +113,19 @@ MessageBytes status_message(const Title& title, StatusCode code, std::string_vie
 
 MessageBytes image_message(const Title& title, const ImageGrid& grid, VoxelType type,
                            std::span<const std::uint8_t> voxels) {
+  return image_message(title, grid, {{0, 0, 0}, grid.dims}, type, voxels);
+}
+
+MessageBytes image_message(const Title& title, const ImageGrid& grid, const SubVolume& part, VoxelType type,
+                           std::span<const std::uint8_t> voxels) {
   constexpr std::uint64_t kVersion = 1, kComponents = 1, kLittleEndian = 2, kRas = 1;
   const std::size_t voxel_bytes = type == VoxelType::kUint16 ? 2 : 4;
-  PALPATE_CHECK(voxels.size() == voxel_bytes * grid.dims[0] * grid.dims[1] * grid.dims[2]);
+  PALPATE_CHECK(voxels.size() == voxel_bytes * part.dims[0] * part.dims[1] * part.dims[2]);
   Eigen::Vector3d centre;
-  for (int axis = 0; axis < 3; ++axis) centre[axis] = 0.5 * (grid.dims[static_cast<std::size_t>(axis)] - 1);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    PALPATE_CHECK(part.first[axis] + part.dims[axis] <= grid.dims[axis]);
+    centre[static_cast<int>(axis)] = 0.5 * (grid.dims[axis] - 1);
+  }
   Writer out;
   out.reserve(72 + voxels.size());
   out.whole(2, kVersion);
@@ -128,8 +136,8 @@ MessageBytes image_message(const Title& title, const ImageGrid& grid, VoxelType 
   out.dims(grid.dims);
   out.reals32(grid.steps_mm);
   out.reals32(grid.first_mm + grid.steps_mm * centre);
-  out.dims({0, 0, 0});
-  out.dims(grid.dims);
+  out.dims(part.first);
+  out.dims(part.dims);
   out.bytes(voxels);
   return message("IMAGE", title, 1, std::move(out));
 }
