@@ -258,7 +258,7 @@ TEST(SoftTissueSolver, IsDeterministic) {
 TEST(SoftTissueSolver, StepsGiveTheSameFramesAsWholeCalls) {
   for (const TissueLaw law : {TissueLaw::kElastic, TissueLaw::kNeoHookean}) {
     Model model = *soft_block(true, 1, law);
-    model.tissue_coarsened = 2;
+    model.tissue_cell_factor = 2;
     SoftTissueSolver whole, stepped;
     EXPECT_TRUE(stepped.step()) << "no frame has begun";
     for (int n = 0; n < 6; ++n) {

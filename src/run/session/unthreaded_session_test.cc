@@ -122,7 +122,7 @@ class UnthreadedSession : public ::testing::Test {
     recording_.events.assign(events.begin(), events.end());
     recording_.header.model_hash = model_->content_hash;
     recording_.header.model_version = model_->version;
-    recording_.header.tissue_coarsened = model_->tissue_coarsened;
+    recording_.header.tissue_cell_factor = model_->tissue_cell_factor;
     const auto replayed = replay(recording_, model_);
     ASSERT_TRUE(replayed.ok()) << replayed.error().message();
     EXPECT_TRUE(replayed->identical) << replayed->difference;
@@ -140,7 +140,7 @@ class UnthreadedSession : public ::testing::Test {
 
 std::shared_ptr<const Model> coarse_block() {
   auto model = std::make_shared<Model>(*testing::soft_block(true));
-  model->tissue_coarsened = 2;
+  model->tissue_cell_factor = 2;
   return model;
 }
 
