@@ -174,7 +174,7 @@ void LawChoice::describe(const LiveModel::Lock& lock, ViewedState& state) const 
   state.law = name_of(model.tissue_law, kTissueLaws);
   if (is_elastic(model.tissue_law)) {
     state.law_cell_mm = solver_cell_mm(model);
-    state.requested_cell_mm = state.law_cell_mm / model.tissue_coarsened;
+    state.requested_cell_mm = state.law_cell_mm / model.tissue_cell_factor;
   }
   if (awaited_) state.law_awaited = name_of(*awaited_, kTissueLaws);
   state.law_failure = failure_;
