@@ -15,6 +15,7 @@
 #include "scene_data.h"
 #include "scene_options.h"
 #include "scene_verbs.h"
+#include "scene_warnings.h"
 
 namespace palpate::app {
 namespace {

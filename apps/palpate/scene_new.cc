@@ -14,6 +14,7 @@
 #include "scene_data.h"
 #include "scene_options.h"
 #include "scene_verbs.h"
+#include "scene_warnings.h"
 
 namespace palpate::app {
 namespace {
@@ -104,34 +105,6 @@ void note_without_preset(const Scene& scene, Console& console) {
   else
     console.note(std::to_string(unknown) + " of " + std::to_string(all) +
                  " structures match no preset and are not touchable yet: " + names);
-}
-
-/// Warns if the law deforms tissue but no tissue is deformable.
-void warn_if_nothing_deforms(const Scene& scene, Console& console) {
-  if (scene.deformation.law == TissueLaw::kLayers) return;
-  if (std::none_of(scene.tissues.begin(), scene.tissues.end(),
-                   [](const TissueSettings& tissue) { return tissue.touchable && tissue.elastic; }))
-    console.warn()(
-        "no tissue in this scene yields: give a touchable tissue a youngs_modulus, or a preset that has one");
-}
-
-/// Warns of a stiffness that has no effect: deformable tissue is rendered from its modulus, and the
-/// stiffness given with its preset is used by the other laws only.
-void warn_of_ignored_stiffness(const Scene& scene, Console& console) {
-  if (!is_elastic(scene.deformation.law)) return;
-  for (const TissueSettings& tissue : scene.tissues) {
-    if (!tissue.touchable || !tissue.elastic) continue;
-    const TissuePreset* preset = find_preset(tissue.preset);
-    if (preset == nullptr || !preset->values.elastic ||
-        tissue.stiffness_N_per_mm == preset->values.stiffness_N_per_mm ||
-        tissue.elastic->youngs_modulus_kPa != preset->values.elastic->youngs_modulus_kPa)
-      continue;
-    char modulus[32];
-    std::snprintf(modulus, sizeof modulus, "%g", tissue.elastic->youngs_modulus_kPa);
-    console.warn()("the stiffness of " + printable_name(tissue.name) +
-                   " has no effect, because it yields: its youngs_modulus (" + modulus +
-                   " kPa) is used; change that, or write law = \"layers\" under [yielding]");
-  }
 }
 
 /// Selects the volume of a study on which its segmentation was made, and the segmentation if it lies in the
