@@ -119,7 +119,10 @@ test("stored appearances are restored by label, and invalid ones are ignored", (
 });
 
 test("a structure that is to be found by touch is hidden initially, and shown on demand", () => {
-  const block = { ...scene, structures: [...scene.structures, { label: 13, name: "nodule", colour: [1, 1, 1], tissue: 1 }] };
+  const block = {
+    ...scene,
+    structures: [...scene.structures, { label: 13, name: "nodule", colour: [1, 1, 1], tissue: 1 }],
+  };
   hideInitially("nodule");
   const own = appearancesOf(block as unknown as Scene);
   assert.deepEqual(
