@@ -51,7 +51,7 @@ class InputFile {
 Result<std::string> read_file(const std::filesystem::path& file,
                               std::size_t max_bytes = std::size_t{1} << 30);
 
-/// Durability of a committed file. kToDisk: complete even after a power cut. kNot: a power cut may leave it
+/// Durability of a committed file. kToDisk: complete even after a power cut. kNone: a power cut may leave it
 /// incomplete; the death of the process never does.
 enum class Flush { kToDisk, kNone };
 

@@ -9,7 +9,8 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/servo/servo.h"
 
-/// Set-up of runs with the simulated hand or with led tips, on either clock.
+/// Set-up of runs whose tips are moved by the simulated hand or by operators, on the virtual or the real
+/// clock.
 namespace palpate {
 
 /// Script with its device and hand, the model prepared for every method that it uses, and the parameters of
@@ -38,8 +39,8 @@ struct RunSetup {
 Result<RunSetup> set_up_run(const LoadedScene& loaded, const std::optional<Script>& script,
                             const SimulationOptions& options, const Progress& progress);
 
-/// Set-up of a run whose tips are led by persons, by pointer or device: model, parameters other than the
-/// devices', rate of a loop with its own clock. Limits by stiffness and heat are not applied yet.
+/// Set-up of a run whose tips are moved by operators, with a pointer or a device: model, parameters other
+/// than the devices', rate of a loop with its own clock. Limits by stiffness and heat are not applied yet.
 Result<RunSetup> set_up_guided_run(const LoadedScene& loaded, const SimulationOptions& options,
                                    const Progress& progress);
 

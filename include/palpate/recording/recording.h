@@ -148,8 +148,8 @@ class EventLog {
 struct RecordingSummary {
   std::uint64_t ticks = 0;
   std::uint64_t run_hash = 0;  ///< Hash over every tick's state hash, in order
-  /// Number of ticks in which a device had the flag of that name, so that its output was modified or
-  /// withheld.
+  /// Number of ticks in which at least one device had the TickFlag of that name; `faded` counts kFlagRamp,
+  /// `passivated` kFlagPassivity and `turns_held` kFlagRotationLimited.
   std::uint64_t clamped = 0, not_finite = 0, outside = 0, paused = 0, rotation_ignored = 0, thermal = 0;
   std::uint64_t slewed = 0, stale = 0, jumped = 0, device_faults = 0, halted = 0, emergency_stopped = 0;
   std::uint64_t clutched = 0, faded = 0, blended = 0, method_missing = 0;

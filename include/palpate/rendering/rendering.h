@@ -208,7 +208,7 @@ Result<Image> section_picture(const Model& model, const SectionRequest& request)
 /// colours occur, otherwise 8-bit RGB or RGBA. Precondition: the image is not empty.
 std::vector<std::uint8_t> encode_png(const Image& image);
 std::vector<std::uint8_t> encode_png(const Overlay& overlay);
-/// Written atomically.
+/// Writes the image as PNG, atomically.
 Result<void> write_png(const std::filesystem::path& file, const Image& image);
 
 /// Region in which a force method is sampled: a square section along the patient's axes.
@@ -228,7 +228,7 @@ inline constexpr int kArrowsPerSide = 24, kMaxArrowsPerSide = 200;
 /// than kMaxArrowsPerSide arrows per side; kInterrupted.
 Result<std::string> force_arrows_svg(const Model& model, ForceMethod method,
                                      const ForceArrowsRequest& request, const Progress& progress = {});
-/// Written atomically.
+/// Writes the SVG of force_arrows_svg(), atomically.
 Result<void> write_force_arrows(const std::filesystem::path& file, const Model& model, ForceMethod method,
                                 const ForceArrowsRequest& request, const Progress& progress = {});
 

@@ -39,7 +39,7 @@ double whole_picture_mm(const GridGeometry& grid, std::span<const VolumePictureR
 /// Renders the structures with orientation letters at the edges, the side of the patient or that it is
 /// unknown, the viewing side, a scale bar for parallel rays, names of the largest structures, and the note
 /// that it is for research and education. No title and no path.
-/// @param renderer  prepared for the model's labels with these looks
+/// @param renderer  prepared for the model's labels with these appearances
 /// @param marks     drawn among the structures
 Image volume_picture(VolumeRenderer& renderer, const Model& model,
                      std::span<const StructureAppearance> appearances, const VolumePictureRequest& request,

@@ -22,7 +22,7 @@ struct StructureAppearance {
   Rgb colour;
   double opacity = 1;  ///< 0: invisible; 1: opaque; between: its surface is visible, and what lies behind it
 };
-/// Looks by LabelId as the scene defines them (palpate/contact/colours.h); labels without a tissue are
+/// Appearances by LabelId as the scene defines them (palpate/contact/colours.h); labels without a tissue are
 /// opaque.
 std::vector<StructureAppearance> structure_appearances(const Model& model);
 

@@ -218,8 +218,8 @@ double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeo
 struct TissuePreset {
   std::string name;  ///< Name, a choice of the key `preset`: bone, cartilage, muscle, liver, ...
   TissueSettings values;
-  std::array<double, 2> range_kPa{};         ///< Range of Young's modulus; 0 unless it yields
-  std::string source;                        ///< Publication, its value, and the derivation of ours
+  std::array<double, 2> range_kPa{};  ///< Range of Young's modulus; 0 for a preset without elastic constants
+  std::string source;                 ///< Publication, its value, and the derivation of ours
   std::vector<std::string> kind_words;       ///< Lower-case words that denote the material of a structure
   std::vector<std::string> structure_names;  ///< Lower-case names of structures made of it
 };

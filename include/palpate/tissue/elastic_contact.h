@@ -40,8 +40,8 @@ class PressurePatch {
   /// Constraints that fix the patch without prescribing a pressure distribution: for each column of nodes
   /// along the axis nearest to `outward` and each component, the mean of the column's nodes weighted by their
   /// loads, which is the displacement of the surface between them.
-  /// @param part  columns that bear less than this fraction of the most loaded column are left free; nodes
-  ///              held by the grid belong to no column
+  /// @param min_load_fraction columns that bear less than this fraction of the most loaded column are left
+  /// free; nodes constrained by the grid belong to no column
   ConstrainedMeans columns(double min_load_fraction) const;
 
  private:

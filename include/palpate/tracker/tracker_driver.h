@@ -29,9 +29,9 @@ struct TrackedToolSettings {
 ///    to patient X_PatientTracker X_TrackerTool tip, on the same thread
 ///    tip        ___/‾‾‾‾‾‾‾‾\______         interpolated on the servo's thread (InterpolatedPose)
 ///
-/// The pose is stale, and contact is not rendered, from InterpolatedPose::kHeld_s after the last valid pose
-/// on, if the markers are hidden, the connection is lost or the tip is farther than kMaxFromPatient_mm from
-/// the registration's points; failure() gives the reason.
+/// The pose is stale, and contact is not rendered, from InterpolatedPose::kValidity_s after the last valid
+/// pose on, if the markers are hidden, the connection is lost or the tip is farther than kMaxFromPatient_mm
+/// from the registration's points; failure() gives the reason.
 ///
 /// The tool's z axis points from the tip to the origin of its markers: the shaft of a straight stylus with
 /// the markers on it. Rotation about that axis is not calibrated.

@@ -16,7 +16,7 @@
 ///
 ///   byte 0      u32 n, n bytes: the problem; u32 m, m bytes: the remedy              a refusal
 ///   byte 1      header fields in the order of visit_header, script, structures,
-///               byte 0 or 1 and, after 1, the fields of the summary, u32 number of troubles, troubles,
+///               byte 0 or 1 and, after 1, the fields of the summary, u32 number of problems, problems,
 ///               u64 ticks, byte: whether the clock is monotonic, u32 number of methods, u8 method and u64
 ///               tick of each, then parts until all ticks have been sent:
 ///
