@@ -337,7 +337,7 @@ class FakeHost : public LiveHost {
   ViewedScene& edit_scene() { return scene_; }
   std::shared_ptr<const Bricks<LabelId>> labels() const override {
     const std::lock_guard lock(mutex_);
-    return cut_labels_ ? cut_labels_ : scene_.labels;
+    return cut_labels_ ? cut_labels_ : scene().labels;
   }
   /// Replaces the scene's labels by those after a cut.
   void cut(std::shared_ptr<const Bricks<LabelId>> labels) {
