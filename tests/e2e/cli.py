@@ -272,15 +272,19 @@ class PartLoader(unittest.TestLoader):
                 if getattr(getattr(case, name), "is_long", False) == (self.part == "long")]
 
 
+def end_before_timeout():
+    """Prints where the test stands and ends it half a minute before ctest would kill it. A thread waits for that."""
+    if "TIMEOUT_S" in os.environ:
+        faulthandler.dump_traceback_later(float(os.environ["TIMEOUT_S"]) - 30, exit=True)
+
+
 def main():
     """Runs the script's tests: all of them, or with `--part short` or `--part long` one part."""
     loader = unittest.defaultTestLoader
     if sys.argv[1:2] == ["--part"]:
         loader = PartLoader(sys.argv[2])
         del sys.argv[1:3]
-    # where it stands, before ctest kills it
-    if "TIMEOUT_S" in os.environ:
-        faulthandler.dump_traceback_later(float(os.environ["TIMEOUT_S"]) - 30, exit=True)
+    end_before_timeout()
     result = unittest.main(exit=False, testLoader=loader).result
     if result.wasSuccessful() and result.testsRun and len(result.skipped) == result.testsRun:
         sys.exit(77)

@@ -4,6 +4,7 @@ A script of these tests is root of a user namespace, and has a loopback interfac
 
 import contextlib
 import dataclasses
+import faulthandler
 import os
 import pathlib
 import re
@@ -30,10 +31,13 @@ IGTL_HEAD = struct.Struct(">H12s20sQQQ")
 
 def enter_namespaces():
     """As setUpModule()."""
+    # a process with more than one thread cannot enter a user namespace
+    faulthandler.cancel_dump_traceback_later()
     try:
         two_machines.enter_user_namespace()
     except OSError as error:
         cli.missing(f"user namespaces ({error.strerror})")
+    cli.end_before_timeout()
 
 
 def until(happened, what):

@@ -189,7 +189,7 @@ class SlicerTest(cli.PalpateTest):
         cut_s, missing_s = np.full(grid.shape, np.inf), np.full(grid.shape, np.inf)
         ijk_from_lps = np.linalg.inv(LPS @ grid.steps_mm)
         first_lps = LPS @ grid.first_mm
-        viewer = tick_stream.Viewer(int(started.page.rsplit(":", 1)[1].strip("/")), poses_hz=120)
+        viewer = tick_stream.TickViewer(int(started.page.rsplit(":", 1)[1].strip("/")), poses_hz=120)
         self.addCleanup(viewer.close)
 
         def note_cut(sweep):
