@@ -345,6 +345,7 @@ class AsTheTutorialSays(FourWindows):
         self.begin()
         self.press("medial_meniscus", within_s=0)
         self.at("Teacher").click("#lesson-end")
+        self.assertEqual(self.text("#lesson-end"), "Ends the session for all viewers: press again to confirm")
         self.page.click("#lesson-end")
         self.until(lambda: self.session.poll() is not None, "the session ends")
         self.assertEqual(self.session.returncode, 0, self.printed())

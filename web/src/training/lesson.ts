@@ -28,7 +28,7 @@ function showPage(host: HTMLElement, html: string): void {
 }
 
 /** Time within which a second press confirms the end of the session. */
-const SURE_MS = 4000;
+const CONFIRMATION_MS = 10_000;
 
 /** Row of the list of learners. */
 interface LearnerRow {
@@ -38,7 +38,7 @@ interface LearnerRow {
 }
 
 export class Lesson {
-  private endAsked_ms = -Infinity;
+  private endConfirmation: number | null = null; // timer while a second press would end the session
   private anyone: HTMLButtonElement | null = null; // gives the turn to no particular learner
   private rows = new Map<string, LearnerRow>(); // rows of the list by pseudonym
 
@@ -60,11 +60,13 @@ export class Lesson {
     );
     byId("lesson-end").addEventListener("click", () => {
       // a second press instead of a modal dialog, which would block the emergency stop
-      const isSure = performance.now() - this.endAsked_ms < SURE_MS;
-      this.endAsked_ms = isSure ? -Infinity : performance.now();
-      if (isSure) send({ end: true });
-      setMessages(byId("lesson-end"), { text: isSure ? "endSession" : "endSessionAsked" });
-      if (!isSure) window.setTimeout(() => setMessages(byId("lesson-end"), { text: "endSession" }), SURE_MS);
+      if (this.endConfirmation !== null) {
+        this.withdrawEnd();
+        send({ end: true });
+        return;
+      }
+      setMessages(byId("lesson-end"), { text: "endSessionAsked" });
+      this.endConfirmation = window.setTimeout(() => this.withdrawEnd(), CONFIRMATION_MS);
     });
     byId("curves-show").addEventListener("click", () => void this.showCurves());
     byId("curves-close").addEventListener("click", () => this.closeCurves());
@@ -84,6 +86,12 @@ export class Lesson {
 
   private send(request: Record<string, unknown>): Promise<boolean> {
     return this.requests.once({ type: "lesson", ...request });
+  }
+  /** Asks for confirmation again before the session may end. */
+  private withdrawEnd(): void {
+    if (this.endConfirmation !== null) window.clearTimeout(this.endConfirmation);
+    this.endConfirmation = null;
+    setMessages(byId("lesson-end"), { text: "endSession" });
   }
   /** Takes the pointer from its holder, if there is one. */
   private async claimTip(): Promise<void> {
