@@ -39,6 +39,7 @@ namespace {
 
 using openigtlink_server::Message;
 using openigtlink_server::PublishedSession;
+using openigtlink_server::Structures;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kSlicePeriod = std::chrono::milliseconds(200);
@@ -77,7 +78,7 @@ struct Client {
   std::deque<Message> queue;  ///< Messages to be sent, before the next frame
   std::size_t sent = 0;       ///< Bytes of the first one that the system has taken
   Clock::time_point progress = Clock::now();
-  std::array<std::optional<std::string>, kMaxDevices> structures;
+  Structures structures;  ///< As last sent
   std::optional<int> slice;
   Clock::time_point next_slice{};
   bool is_stopped = false, is_greeted = false;
@@ -86,6 +87,12 @@ struct Client {
   bool awaits_encoding = false;  ///< The message that is being encoded is for it
   std::shared_ptr<const Bricks<LabelId>> labels;  ///< Version that it has, or that is being encoded for it
   std::string fault;                              ///< Reason to drop it; empty: none
+};
+
+/// Frame of a tick, for every client that was last sent the same structures.
+struct EncodedFrame {
+  Structures before, after;
+  Message message;
 };
 
 class Server final : public OpenIgtLinkServer {
@@ -234,6 +241,7 @@ class Server final : public OpenIgtLinkServer {
     }
     const auto slice = clients_.empty() ? std::nullopt : session_.slice_index();
     std::optional<std::pair<int, Message>> encoded;
+    std::vector<EncodedFrame> frames;
     for (Client& client : clients_) {
       if (!client.is_greeted || client.is_stopped != is_stopped_) {
         queue(client, session_.status());
@@ -245,7 +253,7 @@ class Server final : public OpenIgtLinkServer {
         send(client);
         if (!client.queue.empty()) continue;
       }
-      queue(client, std::make_shared<const igtl::MessageBytes>(session_.frame(client.structures)));
+      queue(client, frame_for(client, frames));
       if (slice && slice != client.slice && now >= client.next_slice) {
         if (!encoded) encoded = {*slice, session_.slice(*slice)};
         queue(client, encoded->second);
@@ -255,6 +263,17 @@ class Server final : public OpenIgtLinkServer {
       send(client);
     }
     publish_labels(now);
+  }
+
+  Message frame_for(Client& client, std::vector<EncodedFrame>& frames) const {
+    auto frame = std::ranges::find(frames, client.structures, &EncodedFrame::before);
+    if (frame == frames.end()) {
+      EncodedFrame encoded{client.structures, client.structures, nullptr};
+      encoded.message = std::make_shared<const igtl::MessageBytes>(session_.frame(encoded.after));
+      frame = frames.insert(frame, std::move(encoded));
+    }
+    client.structures = frame->after;
+    return frame->message;
   }
 
   // Labels are encoded on a thread of their own, one message at a time: all of them when a client asks for

@@ -224,6 +224,22 @@ TEST(OpenIgtLinkServer, ReportsTheStructureOnceUntilItChanges) {
   EXPECT_EQ(text(none.body, 4, number(none.body, 2, 2)), "none");
 }
 
+TEST(OpenIgtLinkServer, ReportsTheStructureToEachClientOnce) {
+  Publishing publishing;
+  publishing.host.bring_near(touching());
+  Client first(publishing.port()), second(publishing.port());
+  for (Client* client : {&first, &second}) EXPECT_EQ(client->next("Structure").type, "STRING");
+  // the structures last sent to this client differ from those sent to the other two
+  Client late(publishing.port());
+  EXPECT_EQ(late.next("Structure").type, "STRING");
+  for (Client* client : {&first, &second, &late}) {
+    std::map<std::string, int> counts;
+    for (int n = 0; n < 20; ++n) ++counts[client->next().name];
+    EXPECT_EQ(counts["Structure"], 0);
+    EXPECT_GT(counts["ProbeToRAS"], 2);
+  }
+}
+
 TEST(OpenIgtLinkServer, SendsLabelsWhereTheyAreInRas) {
   Publishing publishing;
   Client client(publishing.port());

@@ -72,8 +72,7 @@ PublishedSession::PublishedSession(const ViewerHost& host) : host_(host) {
       R_WorldPatient_(static_cast<int>(r), static_cast<int>(c)) = host.scene().world_from_patient[r][c];
 }
 
-igtl::MessageBytes PublishedSession::frame(
-    std::array<std::optional<std::string>, kMaxDevices>& structures) const {
+igtl::MessageBytes PublishedSession::frame(Structures& structures) const {
   std::array<double, kMaxDevices> stiffness_N_per_mm{};
   const TickRecord tick = host_.snapshot(stiffness_N_per_mm);
   const Eigen::Matrix3d R_RasWorld =

@@ -18,6 +18,9 @@ using Message = std::shared_ptr<const igtl::MessageBytes>;
 inline constexpr const char* kLabelsName = "Labels";
 inline constexpr const char* kSliceName = "Slice";
 
+/// Names of the structures in contact with each device, as last sent to a client; empty: not sent yet.
+using Structures = std::array<std::optional<std::string>, kMaxDevices>;
+
 /// Time stamp of a message, from the system's clock.
 std::uint64_t stamp_now();
 
@@ -28,7 +31,7 @@ class PublishedSession {
 
   /// Pose, force and force arrow of each device in the latest tick, and the structure of each device in
   /// contact if it differs from the one in `structures`, which is updated.
-  igtl::MessageBytes frame(std::array<std::optional<std::string>, kMaxDevices>& structures) const;
+  igtl::MessageBytes frame(Structures& structures) const;
   /// STATUS: OK, or emergency while the force is stopped.
   Message status() const;
   /// Whether the force is stopped.
