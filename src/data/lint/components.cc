@@ -16,11 +16,11 @@ constexpr double kPatch_mm2 = 30, kPatchFraction = 0.05, kLargePatch_mm2 = 100;
 // fraction of the structure from which a sheet is a fault
 constexpr double kSheetFraction = 0.2;
 
-constexpr std::int32_t kNobody = -1, kSeveral = -2;
+constexpr std::int32_t kNoNeighbour = -1, kSeveral = -2;
 
 /// Updates the value around a component with a further neighbour: kSeveral if they differ.
 std::int32_t with_neighbour(std::int32_t around, LabelId neighbour) {
-  return around == kNobody || around == neighbour ? neighbour : kSeveral;
+  return around == kNoNeighbour || around == neighbour ? neighbour : kSeveral;
 }
 
 }  // namespace
@@ -127,7 +127,7 @@ void report_sheets(Layer& layer, RunVolume& thin) {
 Islands islands_and_cavities(const RunVolume& runs, const std::vector<Component>& components,
                              double voxel_mm3) {
   std::vector<std::size_t> largest, whole;
-  std::vector<std::int32_t> around(components.size(), kNobody);
+  std::vector<std::int32_t> around(components.size(), kNoNeighbour);
   for (const Component& component : components) {
     if (component.value >= largest.size()) {
       largest.resize(component.value + 1u);

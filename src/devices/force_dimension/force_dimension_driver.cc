@@ -39,7 +39,7 @@ enum class Failure : std::uint8_t {
   kSilent,    ///< A call failed
 };
 
-constexpr char kNobody = -1;
+constexpr char kNoDevice = -1;
 
 /// Identity of a device, independent of its position in the list.
 struct Identity {
@@ -57,7 +57,7 @@ struct Unit {
   DeviceModel model;
   DeviceInfo info;
   bool turns = false, gripper = false;
-  std::atomic<char> id{kNobody};
+  std::atomic<char> id{kNoDevice};
   std::atomic<int> halts{0};  ///< Number of threads that are disabling its motors at this moment
   std::atomic<State> state{State::kThere};
   std::atomic<Failure> failure{Failure::kNone};
@@ -78,7 +78,7 @@ struct Unit {
 namespace {
 
 using dhd::DeviceModel;
-using dhd::kNobody;
+using dhd::kNoDevice;
 using DhdFailure = dhd::Failure;
 using DhdIdentity = dhd::Identity;
 using DhdUnit = dhd::Unit;
@@ -294,7 +294,7 @@ class ForceDimensionDriver::Core {
     halted_.store(true);
     for (DhdUnit& unit : std::span(units_).first(count_)) {
       unit.halts.fetch_add(1);
-      if (const char id = unit.id.load(); id != kNobody) library_->dhdEnableForce(0, id);
+      if (const char id = unit.id.load(); id != kNoDevice) library_->dhdEnableForce(0, id);
       unit.halts.fetch_sub(1);
     }
   }
@@ -408,7 +408,7 @@ class ForceDimensionDriver::Core {
 
   void close_all() {
     for (std::size_t d = 0; d < count_; ++d)
-      if (const char id = reclaim_id(units_[d]); id != kNobody) {
+      if (const char id = reclaim_id(units_[d]); id != kNoDevice) {
         library_->dhdStop(id);
         close_device(*library_, id);
       }
@@ -592,23 +592,23 @@ class ForceDimensionDriver::Core {
   // Takes the id, after which no thread makes calls for the device, and waits for calls in progress: a halt
   // may come from any thread and must not wait. If such a call hangs in the library, the device stays open.
   static char reclaim_id(DhdUnit& unit) {
-    const char id = unit.id.exchange(kNobody);
+    const char id = unit.id.exchange(kNoDevice);
     const std::int64_t until_ns = monotonic_ns() + kLastCall_ns;
     while (unit.halts.load() > 0) {
-      if (monotonic_ns() > until_ns) return kNobody;
+      if (monotonic_ns() > until_ns) return kNoDevice;
       std::this_thread::sleep_for(kFindPoll);
     }
     return id;
   }
 
   void detect(DhdUnit& unit) {
-    if (const char id = reclaim_id(unit); id != kNobody) {
+    if (const char id = reclaim_id(unit); id != kNoDevice) {
       library_->dhdStop(id);
       close_device(*library_, id);
     }
     const auto units = std::span(units_).first(count_);
     const auto open =
-        std::ranges::count_if(units, [](const DhdUnit& each) { return each.id.load() != kNobody; });
+        std::ranges::count_if(units, [](const DhdUnit& each) { return each.id.load() != kNoDevice; });
     DhdFailure why = DhdFailure::kLost;
     const bool any = library_->dhdGetDeviceCount() > open;
     for (int index = 0; any && index < kMaxDevices; ++index) {
@@ -632,7 +632,7 @@ class ForceDimensionDriver::Core {
           unit.state.store(DhdUnit::State::kBack);
           return;
         }
-        if (reclaim_id(unit) == kNobody) continue;
+        if (reclaim_id(unit) == kNoDevice) continue;
       }
       close_device(*library_, id);
     }

@@ -42,7 +42,7 @@ struct Unit {
   std::string config;  ///< Name in the vendor's configuration; empty: the default device
   DeviceInfo info;
   std::string identity;
-  std::atomic<Handle> handle{kNobody};
+  std::atomic<Handle> handle{kBadHandle};
   int style = 0;  ///< Calibration style in use; 0: unknown
   /// Peak force of the device, including the part that compensates the attached mass
   std::optional<double> max_N;
@@ -196,11 +196,11 @@ hd::Handle init(const hd::Library& library, const std::string& config, unsigned&
     drain(library);
     const hd::Handle handle = library.hdInitDevice(name);
     error = drain(library);
-    if (handle != hd::kNobody && error == hd::kNoError) return handle;
-    if (handle != hd::kNobody) library.hdDisableDevice(handle);
+    if (handle != hd::kBadHandle && error == hd::kNoError) return handle;
+    if (handle != hd::kBadHandle) library.hdDisableDevice(handle);
     drain(library);
   }
-  return hd::kNobody;
+  return hd::kBadHandle;
 }
 
 }  // namespace
@@ -238,7 +238,7 @@ class OpenHapticsDriver::Core {
       units_[d].config = settings_.names.empty() ? "" : settings_.names[d];
       unsigned error = hd::kNoError;
       units_[d].handle = init(*library_, units_[d].config, error);
-      if (units_[d].handle == hd::kNobody) {
+      if (units_[d].handle == hd::kBadHandle) {
         disable_all();
         return refused(*library_, error, units_[d].config.empty() ? "touch" : units_[d].config);
       }
@@ -270,16 +270,16 @@ class OpenHapticsDriver::Core {
     commands_ = {};
     stopping_.store(false);
     zeros_.store(0);
-    if (lost_.load() == Lost::kNo) start(Owner::kVendor);
+    if (link_.load() == Link::kConnected) start(Owner::kVendor);
     while (!clock.stopped()) {
       std::this_thread::sleep_for(kOwnPeriod);
-      if (lost_.load() == Lost::kNo) watch_scheduler();
-      if (lost_.load() == Lost::kBack) {
+      if (link_.load() == Link::kConnected) watch_scheduler();
+      if (link_.load() == Link::kFound) {
         start(Owner::kOwn);
-        lost_.store(Lost::kAwaited);
+        link_.store(Link::kAwaitingFrame);
       }
-      if (lost_.load() == Lost::kAwaited) await_frame();
-      if (lost_.load() == Lost::kNo) continue;
+      if (link_.load() == Link::kAwaitingFrame) await_frame();
+      if (link_.load() == Link::kConnected) continue;
       // without frames nobody else ticks, and other devices may depend on these ticks
       for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
       servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
@@ -302,13 +302,22 @@ class OpenHapticsDriver::Core {
   }
 
  private:
-  /// Thread that calls the servo: the vendor's thread, outside a frame (kVendor), reading in a frame
-  /// (kReading) or past that (kInFrame), or run() (kOwn). Ownership is only transferred from kVendor or
-  /// kReading.
-  enum class Owner : std::uint8_t { kVendor, kReading, kInFrame, kOwn };
-  /// Thread that uses the library: kNo the vendor's thread and run(), kYes the finder, kBack run(). kAwaited:
-  /// as kNo, but run() ticks, and the vendor's frames carry zeros, until one of them has ended.
-  enum class Lost : std::uint8_t { kNo, kYes, kBack, kAwaited };
+  /// Thread that calls the servo. run() takes over in kVendor or kReading only; a frame in which the device
+  /// is lost hands over to it at its end.
+  enum class Owner : std::uint8_t {
+    kVendor,   ///< The vendor's thread, between frames
+    kReading,  ///< The vendor's thread, while it reads the devices in a frame
+    kInFrame,  ///< The vendor's thread, from then to the end of the frame
+    kOwn,      ///< run()
+  };
+  /// State of the connection to the library, which determines the threads that may use it.
+  enum class Link : std::uint8_t {
+    kConnected,      ///< The vendor's thread and run()
+    kLost,           ///< The finder, which initialises the devices again
+    kFound,          ///< run(), which starts the scheduler
+    kAwaitingFrame,  ///< As kConnected, but run() ticks, and the vendor's frames carry zeros, until one has
+                     ///< ended
+  };
 
   // ---- the thread that opens, and the finder
   void describe(HdUnit& unit) {
@@ -391,9 +400,9 @@ class OpenHapticsDriver::Core {
 
   void disable_all() {
     for (std::size_t d = 0; d < count_; ++d)
-      if (units_[d].handle != hd::kNobody) {
+      if (units_[d].handle != hd::kBadHandle) {
         library_->hdDisableDevice(units_[d].handle);
-        units_[d].handle = hd::kNobody;
+        units_[d].handle = hd::kBadHandle;
       }
     if (library_) drain(*library_);
   }
@@ -413,9 +422,9 @@ class OpenHapticsDriver::Core {
           self.inside_.store(true);
           self.frame();
           self.inside_.store(false);
-          return hd::kContinue;
+          return hd::kCallbackContinue;
         },
-        this, hd::kPriority);
+        this, hd::kDefaultPriority);
     running_.store(true);
     library_->hdStartScheduler();
   }
@@ -433,28 +442,28 @@ class OpenHapticsDriver::Core {
         (was != Owner::kReading || !owner_.compare_exchange_strong(was, Owner::kOwn)) && was != Owner::kOwn)
       return;
     // a frame may have failed in the meantime
-    lost_.store(failed_.exchange(false) ? Lost::kYes : Lost::kAwaited);
+    link_.store(failed_.exchange(false) ? Link::kLost : Link::kAwaitingFrame);
   }
 
   // ticks return to the vendor's thread as soon as it completes a frame
   void await_frame() {
     if (failed_.exchange(false)) {
       note(HdFailure::kLost, 0);
-      lost_.store(Lost::kYes);
+      link_.store(Link::kLost);
     } else if (has_framed_.load()) {
-      lost_.store(Lost::kNo);
+      link_.store(Link::kConnected);
       owner_.store(Owner::kVendor);
     } else if (monotonic_ns() - last_frame_ns_.load() >= hd_ns(kAbandoned_s)) {
       note(HdFailure::kStalled, 0);
-      lost_.store(Lost::kYes);
+      link_.store(Link::kLost);
     }
   }
 
   // sends zero in a frame, then stops the library
   void stop() {
     stopping_.store(true);
-    if (lost_.load() == Lost::kNo || lost_.load() == Lost::kAwaited) {
-      lost_.store(Lost::kNo);
+    if (link_.load() == Link::kConnected || link_.load() == Link::kAwaitingFrame) {
+      link_.store(Link::kConnected);
       const std::int64_t until_ns = monotonic_ns() + kLastZero_ns;
       while (zeros_.load() < 2 && monotonic_ns() < until_ns) std::this_thread::sleep_for(kOwnPeriod);
       stop_.store(true);
@@ -650,7 +659,7 @@ class OpenHapticsDriver::Core {
         if (zeros_.load() < 2) switch_off();
         stop_scheduler();
       }
-      if (lost_.load() != Lost::kYes || std::chrono::steady_clock::now() < next) continue;
+      if (link_.load() != Link::kLost || std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
       if (!stop_scheduler()) continue;
       disable_all();
@@ -659,8 +668,8 @@ class OpenHapticsDriver::Core {
         HdUnit& unit = units_[d];
         unsigned error = hd::kNoError;
         unit.handle = init(*library_, unit.config, error);
-        all = unit.handle != hd::kNobody && identity_of(unit) == unit.identity;
-        if (unit.handle == hd::kNobody)
+        all = unit.handle != hd::kBadHandle && identity_of(unit) == unit.identity;
+        if (unit.handle == hd::kBadHandle)
           note(HdFailure::kLost, d);
         else if (!all)
           note(HdFailure::kOther, d);
@@ -669,7 +678,7 @@ class OpenHapticsDriver::Core {
           note(HdFailure::kLost, d);
         }
       }
-      if (all) lost_.store(Lost::kBack);
+      if (all) link_.store(Link::kFound);
     }
     // an abandoned scheduler that returns is left alone, because the program may be exiting
     if (!abandoned_.load() && stop_scheduler()) disable_all();
@@ -699,7 +708,7 @@ class OpenHapticsDriver::Core {
   std::array<DeviceCommand, kMaxDevices> commands_{};
 
   std::atomic<Owner> owner_{Owner::kOwn};
-  std::atomic<Lost> lost_{Lost::kNo};
+  std::atomic<Link> link_{Link::kConnected};
   std::atomic<bool> halted_{false}, stopping_{false}, force_on_{false}, failed_{false}, running_{false},
       has_framed_{false}, inside_{false}, in_servo_{false}, abandoned_{false}, stop_{false}, end_{false},
       is_finder_done_{false};
@@ -791,7 +800,7 @@ DeviceReport detect_hd(const OpenHapticsSettings& settings) {
   for (const std::string& name : settings.names.empty() ? std::vector<std::string>{""} : settings.names) {
     unsigned error = hd::kNoError;
     const hd::Handle handle = init(*library, name, error);
-    if (handle == hd::kNobody) {
+    if (handle == hd::kBadHandle) {
       const Error why = refused(*library, error, name);
       report.checks.push_back({name.empty() ? "device" : name, false, why.what, why.remedy});
       all = false;

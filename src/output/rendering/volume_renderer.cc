@@ -39,7 +39,7 @@ struct Scratch {
   std::vector<std::vector<std::int32_t>> edges;
   std::vector<std::uint32_t> pixels, marked;
   std::vector<float> half_plane, first_filled;
-  std::vector<std::vector<float>> row_met;  ///< Per thread
+  std::vector<std::vector<float>> row_half_planes;  ///< Per thread
 };
 
 }  // namespace internal::volume_picture
@@ -197,7 +197,7 @@ struct RayStart {
 /// Traces individual rays for some pixels of a row, through the same planes.
 void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
-           LitBlockCache& lit, std::uint8_t* rgb, float* encountered) {
+           LitBlockCache& lit, std::uint8_t* rgb, float* half_planes) {
   const ShearWarp& view = starts.view;
   rays.resize(kMaxRays);
   for (std::size_t from = 0; from < columns.size(); from += kMaxRays) {
@@ -208,7 +208,7 @@ void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts,
       rays[n] = starts.at(pixel[0] / pixel[2], pixel[1] / pixel[2]);
     }
     trace_rays(rows, cubes, view.planes.data(), static_cast<int>(view.planes.size()),
-               static_cast<float>(view.z_step), encountered != nullptr, static_cast<int>(count), rays.data(),
+               static_cast<float>(view.z_step), half_planes != nullptr, static_cast<int>(count), rays.data(),
                lit);
     for (std::size_t n = 0; n < count; ++n) {
       const std::int32_t column = columns[from + n];
@@ -216,7 +216,7 @@ void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts,
         const float value = rays[n].channel[c] + rays[n].transmittance * background[c];
         rgb[3 * column + c] = static_cast<std::uint8_t>(std::min(255.0f, value * 255 + 0.5f));
       }
-      if (encountered != nullptr) encountered[column] = rays[n].half_plane;
+      if (half_planes != nullptr) half_planes[column] = rays[n].half_plane;
     }
   }
 }
@@ -297,7 +297,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       continue;
     }
     const RowsView rows = rows_of(encoding_->rows_for(region.axis).view(camera, style.light), grid, *view);
-    const RayRanges paths(grid, rays, *view, style.clip);
+    const RayRanges ranges(grid, rays, *view, style.clip);
     const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /
                         internal::volume_picture::kChunk * internal::volume_picture::kChunk;
     const std::size_t all = stride * static_cast<std::size_t>(view->height);
@@ -322,8 +322,8 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       for (int n = 0; n < count; ++n) {
         auto& room = scratch_->lines[static_cast<std::size_t>(worker * kMaxLines + n)];
         lines[static_cast<std::size_t>(n)] =
-            line_of(room, view->width, paths.is_clipped(), !depth_mm.empty());
-        paths.find(first + n, lines[static_cast<std::size_t>(n)]);
+            line_of(room, view->width, ranges.is_clipped(), !depth_mm.empty());
+        ranges.find(first + n, lines[static_cast<std::size_t>(n)]);
       }
       accumulate_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
                        view->width, lines.data(),
@@ -351,13 +351,13 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
     const CubesView cubes = encoding_->skips().view(view->x, view->y, view->z);
     scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
     scratch_->edges.resize(scratch_->rays.size());
-    scratch_->row_met.resize(scratch_->rays.size());
-    const RayStart starts{paths, *view, scratch_->first_filled.data(), static_cast<std::ptrdiff_t>(stride)};
+    scratch_->row_half_planes.resize(scratch_->rays.size());
+    const RayStart starts{ranges, *view, scratch_->first_filled.data(), static_cast<std::ptrdiff_t>(stride)};
     for_each_index(runs, warpers, [&](int worker, int n) {
       const PixelRun& run = region.runs[static_cast<std::size_t>(n)];
       const Eigen::Vector3d start = view->warp_start + view->warp_line * run.row;
       std::vector<std::int32_t>& edges = scratch_->edges[static_cast<std::size_t>(worker)];
-      std::vector<float>& encountered = scratch_->row_met[static_cast<std::size_t>(worker)];
+      std::vector<float>& half_planes = scratch_->row_half_planes[static_cast<std::size_t>(worker)];
       edges.resize(width);
       std::uint8_t* row = &rgb[3 * width * static_cast<std::size_t>(run.row)];
       const int edge_count = internal::volume_picture::warp_row(
@@ -365,29 +365,29 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
            view->warp_step[0], start[1], view->warp_step[1], start[2], view->warp_step[2]},
           run.begin, run.end, row, edges.data());
       if (!depth_mm.empty()) {
-        encountered.resize(width);
+        half_planes.resize(width);
         for (int x = run.begin; x < run.end; ++x) {
           const Eigen::Vector3d at = start + view->warp_step * x;
           const long u = std::lround(at[0] / at[2]), v = std::lround(at[1] / at[2]);
           const bool is_in = u >= 0 && v >= 0 && u < view->width && v < view->height;
-          encountered[static_cast<std::size_t>(x)] =
+          half_planes[static_cast<std::size_t>(x)] =
               is_in ? scratch_->half_plane[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)]
                     : -1;
         }
       }
       trace(rows, cubes, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
             scratch_->rays[static_cast<std::size_t>(worker)], scratch_->lit[static_cast<std::size_t>(worker)],
-            row, depth_mm.empty() ? nullptr : encountered.data());
+            row, depth_mm.empty() ? nullptr : half_planes.data());
       if (depth_mm.empty()) return true;
       for (int x = run.begin; x < run.end; ++x) {
-        const float plane = encountered[static_cast<std::size_t>(x)];
+        const float plane = half_planes[static_cast<std::size_t>(x)];
         // the first plane's sample extends half a plane before it
         if (plane < -0.5f) continue;
         const Eigen::Vector3d direction = rays.along(x, run.row);
         const double slice = view->z_first + view->z_step * plane,
-                     ranges_along = (slice - rays.start(x, run.row)[view->z]) / direction[view->z];
+                     distance_along = (slice - rays.start(x, run.row)[view->z]) / direction[view->z];
         depth_mm[width * static_cast<std::size_t>(run.row) + static_cast<std::size_t>(x)] =
-            static_cast<float>(ranges_along *
+            static_cast<float>(distance_along *
                                (rays.is_parallel ? 1 : (grid.X_PatientVoxel().linear() * direction).norm()));
       }
       return true;

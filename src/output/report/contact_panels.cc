@@ -219,8 +219,8 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
     sections.style.moved = moved;
     sections.marks.tool = tool_parts(model, shown.peak, contact.device);
     // the contact point on the undeformed surface, displaced with the tissue
-    const auto& leans = shown.at_peak().contact_patient_mm;
-    const Vector<Patient> dent = moved(Point<Patient>(leans[0], leans[1], leans[2]));
+    const auto& contact_mm = shown.at_peak().contact_patient_mm;
+    const Vector<Patient> dent = moved(Point<Patient>(contact_mm[0], contact_mm[1], contact_mm[2]));
     for (ToolPart& part : sections.marks.tool) part.from += dent;
   }
   for (const View& view : kViews) html += section_figure(sections, view);

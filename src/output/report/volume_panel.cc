@@ -30,7 +30,7 @@ int visible_points(VolumeRenderer& renderer, const Run& run, const VolumeCamera&
   renderer.render(camera, {}, rgb, depth_mm);
   // tolerance: a voxel, and the change of depth within a pixel
   const double slack_mm = 2 * camera.mm_per_px();
-  int observed = 0;
+  int visible = 0;
   for (const ShownContact& shown : run.shown) {
     const Vector<Patient> off = proxy_of(shown) - camera.focus;
     const auto pixel = [&](const Vector<Patient>& axis) {
@@ -40,9 +40,9 @@ int visible_points(VolumeRenderer& renderer, const Run& run, const VolumeCamera&
     const long column = pixel(camera.right), row = pixel(camera.down);
     if (column < 0 || row < 0) continue;
     const float depth = depth_mm[static_cast<std::size_t>(row * kSearch_px + column)];
-    if (off.dot(camera.into()) <= depth + slack_mm) ++observed;
+    if (off.dot(camera.into()) <= depth + slack_mm) ++visible;
   }
-  return observed;
+  return visible;
 }
 
 /// View direction from which most contact points are visible.
@@ -56,8 +56,8 @@ Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridG
     VolumePictureRequest request;
     request.from = from;
     request.pixels = kSearch_px;
-    const int observed = visible_points(renderer, run, camera_of(grid, request));
-    if (observed > largest) best = from, largest = observed;
+    const int visible = visible_points(renderer, run, camera_of(grid, request));
+    if (visible > largest) best = from, largest = visible;
   }
   return best;
 }

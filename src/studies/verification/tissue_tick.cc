@@ -326,15 +326,15 @@ std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>&
   const std::vector<Eigen::Vector2d> samples = waves(relaxing), at_once = waves(elastic);
   std::vector<OscillationError> all;
   for (std::size_t f = 0; f < std::size(kHz); ++f) {
-    double stored = 1, lost = 0;
+    double storage = 1, loss = 0;  // moduli relative to the instantaneous one
     for (const RelaxationTerm& term : relaxation.term) {
       const double x = 2 * std::numbers::pi * kHz[f] * term.time_s;
-      stored -= term.fraction / (1 + x * x);
-      lost += term.fraction * x / (1 + x * x);
+      storage -= term.fraction / (1 + x * x);
+      loss += term.fraction * x / (1 + x * x);
     }
     const auto angle = [](const Eigen::Vector2d& wave) { return std::atan2(wave.x(), wave.y()); };
-    const double ahead = angle(samples[f]) - angle(at_once[f]), truth = std::atan2(lost, stored);
-    const double size = samples[f].norm() / at_once[f].norm(), true_size = std::hypot(stored, lost);
+    const double ahead = angle(samples[f]) - angle(at_once[f]), truth = std::atan2(loss, storage);
+    const double size = samples[f].norm() / at_once[f].norm(), true_size = std::hypot(storage, loss);
     all.push_back({kHz[f], 100 * std::abs(ahead / truth - 1), 100 * std::abs(size / true_size - 1),
                    ahead * 180 / std::numbers::pi});
   }
