@@ -92,10 +92,6 @@ constexpr const char* kGet =
     "or "
     "name the file: --library force-dimension=FILE";
 
-std::int64_t in_ns(double seconds) {
-  return std::llround(seconds * 1e9);
-}
-
 struct DhdWords {
   const char *what, *remedy;
 };
@@ -179,8 +175,8 @@ Error error_for(DhdFailure failure, const std::string& where) {
 }
 
 /// Error with the library's own message for a failed call.
-Error declared_by(const dhd::Library& library, const std::string& what, const std::string& where,
-                  const std::string& remedy) {
+Error library_error(const dhd::Library& library, const std::string& what, const std::string& where,
+                    const std::string& remedy) {
   const char* message = library.dhdErrorGetLastStr();
   return {ErrorKind::kUnavailable,
           what + (message && *message != '\0' ? " (" + printable_name(message) + ")" : std::string()), where,
@@ -320,7 +316,7 @@ class ForceDimensionDriver::Core {
       DhdUnit& unit = units_[count_];
       const int id = open_device(*library_, index);
       if (id < 0)
-        return declared_by(
+        return library_error(
             *library_, "device " + std::to_string(index + 1) + " cannot be opened", "force-dimension",
             "close the program that uses it; palpate doctor checks the permissions of this account");
       unit.id.store(static_cast<char>(id));
@@ -343,16 +339,16 @@ class ForceDimensionDriver::Core {
     unit.info.moves_by_itself = true;
     if (auto agreed = require_consent(unit.info, may_move); !agreed) return agreed.error();
     if (library_->drdAutoInit(id) < 0) {
-      const Error failed = declared_by(*library_, "the arm could not be initialised", unit.info.name,
-                                       "make sure that nothing obstructs it, and try again");
+      const Error failed = library_error(*library_, "the arm could not be initialised", unit.info.name,
+                                         "make sure that nothing obstructs it, and try again");
       // the library's motion control may still be active
       library_->drdStop(false, id);
       return failed;
     }
     // ends the library's motion control, with forces enabled
     if (library_->drdStop(true, id) < 0)
-      return declared_by(*library_, "the library continues to move the arm", unit.info.name,
-                         "switch the device off and on again");
+      return library_error(*library_, "the library continues to move the arm", unit.info.name,
+                           "switch the device off and on again");
     return {};
   }
 
@@ -360,7 +356,7 @@ class ForceDimensionDriver::Core {
   Result<void> prepare(const DhdUnit& unit) {
     const char id = unit.id.load();
     const auto failed = [&](const char* what) {
-      return declared_by(*library_, what, unit.info.name, "switch the device off and on again");
+      return library_error(*library_, what, unit.info.name, "switch the device off and on again");
     };
     // in addition to the limit of the output stage
     if (unit.info.peak_force_N && library_->dhdSetMaxForce(*unit.info.peak_force_N, id) < 0)
@@ -432,7 +428,7 @@ class ForceDimensionDriver::Core {
         library_->dhdGetPositionAndOrientationFrame(&tip_m[0], &tip_m[1], &tip_m[2], frame, id);
     if (received < 0) return fail(unit, requested_ns);
     unit.failing_since_ns = 0;
-    if (requested_ns - unit.status_ns >= in_ns(kStatusEvery_s)) {
+    if (requested_ns - unit.status_ns >= to_ns(kStatusEvery_s)) {
       unit.status_ns = requested_ns;
       unit.status_failure = read_status(unit);
       if (unit.status_failure == DhdFailure::kLost) return lose(unit);
@@ -510,14 +506,14 @@ class ForceDimensionDriver::Core {
     const std::int64_t now_ns = monotonic_ns();
     // an unknown velocity does not count as calm
     if (!(unit.sample.velocity_mm_s.norm() <= kCalm_mm_s)) unit.off_since_ns = now_ns;
-    return now_ns - unit.off_since_ns >= in_ns(kCalm_s);
+    return now_ns - unit.off_since_ns >= to_ns(kCalm_s);
   }
 
   void fail(DhdUnit& unit, std::int64_t now_ns) {
     unit.sample.fault = true;
     unit.failure.store(DhdFailure::kSilent);
     if (unit.failing_since_ns == 0) unit.failing_since_ns = now_ns;
-    if (now_ns - unit.failing_since_ns > in_ns(kAbandoned_s)) lose(unit);
+    if (now_ns - unit.failing_since_ns > to_ns(kAbandoned_s)) lose(unit);
   }
 
   void lose(DhdUnit& unit) {
@@ -568,7 +564,7 @@ class ForceDimensionDriver::Core {
     unit.force_on = false;
     const std::int64_t now_ns = monotonic_ns();
     if (unit.unheard_since_ns == 0) unit.unheard_since_ns = now_ns;
-    if (now_ns - unit.unheard_since_ns > in_ns(kAbandoned_s)) lose(unit);
+    if (now_ns - unit.unheard_since_ns > to_ns(kAbandoned_s)) lose(unit);
   }
 
   bool set_force(const DhdUnit& unit, const DeviceCommand& command) {
@@ -713,7 +709,7 @@ DeviceReport detect_dhd(const ForceDimensionSettings& settings) {
     const int opened = open_device(*library, index);
     if (opened < 0) {
       const Error error =
-          declared_by(*library, "cannot be opened", device_name, "close the program that uses it");
+          library_error(*library, "cannot be opened", device_name, "close the program that uses it");
       report.connected.push_back({device_name, error.what});
       report.checks.push_back({device_name, false, error.what, error.remedy});
       continue;

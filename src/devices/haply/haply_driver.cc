@@ -44,10 +44,6 @@ constexpr std::int64_t kDraining_ns = 500'000;
 // half edge of the largest cube in the reachable ball of 100 mm radius
 constexpr double kHalfReach_mm = 57.7;
 
-std::int64_t in_ns(double seconds) {
-  return std::llround(seconds * 1e9);
-}
-
 }  // namespace
 
 namespace haply {
@@ -190,21 +186,21 @@ class SenderPace {
     if (!queued_ && !explained) return doubt(now_ns);
     if (window_s < kWindow_s) return;
     const double hz = count_ / window_s;
-    maintained_ = std::abs(hz - before_hz_) * window_s <= kSurplus + kSteady * before_hz_ * window_s
-                      ? maintained_ + 1
-                      : 0;
+    steady_windows_ = std::abs(hz - before_hz_) * window_s <= kSurplus + kSteady * before_hz_ * window_s
+                          ? steady_windows_ + 1
+                          : 0;
     if (!queued_)
       pace_hz_ += kFollowed * (hz - pace_hz_);
-    else if (maintained_ >= kMaintained)
+    else if (steady_windows_ >= kSteadyWindows)
       pace_hz_ = hz;
-    if (explained || maintained_ >= kMaintained) queued_ = false;
+    if (explained || steady_windows_ >= kSteadyWindows) queued_ = false;
     before_hz_ = hz;
     started_ns_ = now_ns;
     count_ = 0;
   }
   /// States may be queued from now on.
   void doubt(std::int64_t now_ns) {
-    if (!queued_) maintained_ = 0;
+    if (!queued_) steady_windows_ = 0;
     queued_ = true;
     observed_ns_ = started_ns_ = now_ns;
     count_ = 0;
@@ -220,11 +216,11 @@ class SenderPace {
   // low-pass coefficient of the known pace per window; number of steady windows after which a new pace is
   // adopted at once
   static constexpr double kFollowed = 0.1;
-  static constexpr int kMaintained = 25;
+  static constexpr int kSteadyWindows = 25;
 
   bool queued_ = false;
   std::int64_t observed_ns_, started_ns_;
-  int count_ = 0, maintained_ = 0;
+  int count_ = 0, steady_windows_ = 0;
   double pace_hz_ = 0, before_hz_ = 0;
 };
 
@@ -284,7 +280,7 @@ class HaplyDriver::Core {
       reported = (connection_ ? exchange() : wait_for_service()) || reported;
       // the initial tip positions come from open(); after kSilence_s without a sample the servo runs with
       // stale ones
-      if (reported || monotonic_ns() - started_ns > in_ns(kSilence_s))
+      if (reported || monotonic_ns() - started_ns > to_ns(kSilence_s))
         servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
     }
     send_final_zero();
@@ -305,20 +301,20 @@ class HaplyDriver::Core {
   bool exchange() {
     if (outstanding_ == 0) {
       std::this_thread::sleep_for(std::chrono::nanoseconds(
-          std::max<std::int64_t>(0, sent_ns_ + in_ns(1 / settings_.max_rate_hz) - monotonic_ns())));
+          std::max<std::int64_t>(0, sent_ns_ + to_ns(1 / settings_.max_rate_hz) - monotonic_ns())));
       if (!drain()) return lose(Failure::kLost);
       if (!send(halted_.load() || pace_.may_be_queued() ? zeros_ : commands_)) return lose(Failure::kLost);
-    } else if (!zero_requested_ && monotonic_ns() - sent_ns_ > in_ns(kSilence_s)) {
+    } else if (!zero_requested_ && monotonic_ns() - sent_ns_ > to_ns(kSilence_s)) {
       // a service that does not reply may still read
       zero_requested_ = true;
       note(Failure::kSilent);
       if (!send(zeros_)) return lose(Failure::kLost);
     }
-    switch (connection_->receive(text_, monotonic_ns() + in_ns(kTimeout_s))) {
+    switch (connection_->receive(text_, monotonic_ns() + to_ns(kTimeout_s))) {
       case Connection::Received::kMessage:
         return read_message();
       case Connection::Received::kNothing:
-        return monotonic_ns() - last_message_ns_ > in_ns(reply_timeout_s_) ? lose(Failure::kSilent) : false;
+        return monotonic_ns() - last_message_ns_ > to_ns(reply_timeout_s_) ? lose(Failure::kSilent) : false;
       case Connection::Received::kLost:
         break;
     }
@@ -513,10 +509,10 @@ class HaplyDriver::Core {
     }
     std::string text;
     for (int n = 0; n < kMaxEvents; ++n) {
-      const auto received = events_->receive(text, monotonic_ns() + in_ns(1e-3));
+      const auto received = events_->receive(text, monotonic_ns() + to_ns(1e-3));
       if (received == Connection::Received::kLost) events_.reset();
       if (received != Connection::Received::kMessage) return;
-      if (haply::reports_brake(text)) braked_until_ns_.store(monotonic_ns() + in_ns(kBraked_s));
+      if (haply::reports_brake(text)) braked_until_ns_.store(monotonic_ns() + to_ns(kBraked_s));
     }
   }
 

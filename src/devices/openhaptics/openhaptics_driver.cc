@@ -72,10 +72,6 @@ constexpr const char* kHdGet =
     "get OpenHaptics and the device's driver from 3D Systems and install both, or name the file: --library "
     "touch=FILE";
 
-std::int64_t hd_ns(double seconds) {
-  return std::llround(seconds * 1e9);
-}
-
 std::string newtons(double force_N) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.2f N", force_N);
@@ -168,7 +164,7 @@ unsigned drain(const hd::Library& library) {
   return worst;
 }
 
-Error refused(const hd::Library& library, unsigned code, const std::string& where) {
+Error init_error(const hd::Library& library, unsigned code, const std::string& where) {
   const char* message = library.hdGetErrorString(code);
   std::string remedy =
       "is it connected and configured with the vendor's program? palpate doctor --device touch checks the "
@@ -240,7 +236,7 @@ class OpenHapticsDriver::Core {
       units_[d].handle = init(*library_, units_[d].config, error);
       if (units_[d].handle == hd::kBadHandle) {
         disable_all();
-        return refused(*library_, error, units_[d].config.empty() ? "touch" : units_[d].config);
+        return init_error(*library_, error, units_[d].config.empty() ? "touch" : units_[d].config);
       }
       describe(units_[d]);
       auto ready = subtract_attached_weight(units_[d]);
@@ -431,7 +427,7 @@ class OpenHapticsDriver::Core {
 
   void watch_scheduler() {
     const std::int64_t since_ns = monotonic_ns() - last_frame_ns_.load();
-    if (!failed_.load() && since_ns < hd_ns(kLate_s)) return;
+    if (!failed_.load() && since_ns < to_ns(kLate_s)) return;
     // the device keeps the last commanded force
     if (force_on_.load()) switch_off();
     has_framed_.store(false);
@@ -453,7 +449,7 @@ class OpenHapticsDriver::Core {
     } else if (has_framed_.load()) {
       link_.store(Link::kConnected);
       owner_.store(Owner::kVendor);
-    } else if (monotonic_ns() - last_frame_ns_.load() >= hd_ns(kAbandoned_s)) {
+    } else if (monotonic_ns() - last_frame_ns_.load() >= to_ns(kAbandoned_s)) {
       note(HdFailure::kStalled, 0);
       link_.store(Link::kLost);
     }
@@ -619,7 +615,7 @@ class OpenHapticsDriver::Core {
     if (code == hd::kExceededVelocity) failure = HdFailure::kVelocityTrip;
     if (failure != HdFailure::kLost) {
       unit.tripped = failure;
-      unit.tripped_until_ns = now_ns + hd_ns(kCalm_s);
+      unit.tripped_until_ns = now_ns + to_ns(kCalm_s);
     }
     if (unit.failure == HdFailure::kNone || failure < unit.failure) unit.failure = failure;
     unit.sample.fault = true;
@@ -801,7 +797,7 @@ DeviceReport detect_hd(const OpenHapticsSettings& settings) {
     unsigned error = hd::kNoError;
     const hd::Handle handle = init(*library, name, error);
     if (handle == hd::kBadHandle) {
-      const Error why = refused(*library, error, name);
+      const Error why = init_error(*library, error, name);
       report.checks.push_back({name.empty() ? "device" : name, false, why.what, why.remedy});
       all = false;
       continue;
