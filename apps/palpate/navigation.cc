@@ -270,11 +270,11 @@ int register_verb(const RegisterVerb& options, Console& console) {
   const std::vector<NamedPoint>& tracked = touched->points;
   auto pairs = pair_up(*scan, tracked, options, console);
   if (!pairs) return console.fail(pairs.error());
-  const auto declared = std::count_if(tracked.begin(), tracked.end(),
-                                      [](const auto& point) { return point.fle_mm.has_value(); });
-  if (!options.fle_mm && declared > 0 && declared < std::ssize(tracked))
+  const auto with_error = std::count_if(tracked.begin(), tracked.end(),
+                                        [](const auto& point) { return point.fle_mm.has_value(); });
+  if (!options.fle_mm && with_error > 0 && with_error < std::ssize(tracked))
     return console.fail({ErrorKind::kBadInput,
-                         "gives the error of only " + std::to_string(declared) + " of " +
+                         "gives the error of only " + std::to_string(with_error) + " of " +
                              std::to_string(tracked.size()) + " points",
                          printable_name(options.tracked_points),
                          "give the error of all points, or of none, or give --fle"});

@@ -108,11 +108,11 @@ void report_sheets(Layer& layer, RunVolume& thin) {
           if (run.node != sum.patch) continue;
           const int middle = (patch.box_min[0] + patch.box_max[0]) / 2;
           const std::array<int, 3> at{std::clamp(middle, run.first, run.last), j, k};
-          double off = 0;
+          double squared_distance = 0;
           for (std::size_t a = 0; a < 3; ++a)
-            off += std::pow(at[a] - 0.5 * (patch.box_min[a] + patch.box_max[a]), 2);
-          if (off < nearest) {
-            nearest = off;
+            squared_distance += std::pow(at[a] - 0.5 * (patch.box_min[a] + patch.box_max[a]), 2);
+          if (squared_distance < nearest) {
+            nearest = squared_distance;
             voxel = at;
           }
         }

@@ -36,12 +36,12 @@ bool RowCursor::next() {
 
 void RowCursor::sample_next_band() {
   const int width = rows_.width;
-  const std::ptrdiff_t stored = kRowsAbove * band_.stride;
+  const std::ptrdiff_t two_rows = kRowsAbove * band_.stride;
   if (band_.count > 0) {
     const int end = band_.first + band_.count;
     // keep the last two rows: one without the row below yet, and the one above it
-    std::copy_n(labels_of(end) - stored - 1, stored, band_.labels - stored - 1);
-    std::copy_n(grey_of(end) - stored, stored, band_.grey - stored);
+    std::copy_n(labels_of(end) - two_rows - 1, two_rows, band_.labels - two_rows - 1);
+    std::copy_n(grey_of(end) - two_rows, two_rows, band_.grey - two_rows);
   }
   band_.first += band_.count;
   band_.count = std::min(kBandRows, rows_.count - band_.first);

@@ -353,14 +353,14 @@ class VolumeEncoding::Tile {
       }
   }
 
-  /// Look of a voxel from its 27 neighbours.
+  /// Appearance of a voxel from the 27 voxels around it.
   VoxelAppearance mixture(const LabelId* const* rows, int i) const {
     struct Fraction {
       LabelId label;
       float coverage;
     };
     std::array<Fraction, 27> fractions;
-    std::size_t encountered = 0;
+    std::size_t label_count = 0;
     Eigen::Vector3d slope = Eigen::Vector3d::Zero();
     for (int r = 0; r < 9; ++r)
       for (int a = -1; a <= 1; ++a) {
@@ -369,15 +369,15 @@ class VolumeEncoding::Tile {
         const int b = r % 3 - 1, c = r / 3 - 1;
         const double wa = a == 0 ? 0.5 : 0.25, wb = b == 0 ? 0.5 : 0.25, wc = c == 0 ? 0.5 : 0.25;
         std::size_t n = 0;
-        while (n < encountered && fractions[n].label != label) ++n;
-        if (n == encountered) fractions[encountered++] = {label, 0};
+        while (n < label_count && fractions[n].label != label) ++n;
+        if (n == label_count) fractions[label_count++] = {label, 0};
         fractions[n].coverage += static_cast<float>(wa * wb * wc);
         slope += 0.5 * Eigen::Vector3d(a * wb * wc, b * wa * wc, c * wa * wb);
       }
     VoxelAppearance appearance;
-    if (encountered == 0) return appearance;
+    if (label_count == 0) return appearance;
     float all = 0, solid = 0;
-    for (std::size_t n = 0; n < encountered; ++n) {
+    for (std::size_t n = 0; n < label_count; ++n) {
       all += fractions[n].coverage;
       if (optics(fractions[n].label).solid > 0) solid += fractions[n].coverage;
     }
@@ -385,7 +385,7 @@ class VolumeEncoding::Tile {
     const auto solidity = static_cast<float>(volume_picture::solidity(solid, optics(rows[4][i]).solid > 0));
     const auto steep =
         static_cast<float>((encoding_.to_patient_ * slope).norm() * encoding_.grid_.min_spacing_mm());
-    for (std::size_t n = 0; n < encountered; ++n) {
+    for (std::size_t n = 0; n < label_count; ++n) {
       const StructureOptics& p = optics(fractions[n].label);
       const float e = p.solid > 0 ? fractions[n].coverage * p.solid * solidity / solid
                                   : fractions[n].coverage * (p.haze + p.surface * steep / all);

@@ -205,11 +205,12 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
                      "\" role=\"tabpanel\" aria-labelledby=\"tab-" + number_text + "\" tabindex=\"0\"><h3>" +
                      swatch(run.colour(contact.label)) + escape(name) + "</h3><div class=\"about\">" +
                      facts(run, shown) + picture + "</div>" + "<div class=\"sections\">\n";
-  auto left = model_after_removal(run.model, run.removal.changes, contact.peak_s);
+  auto after_removal = model_after_removal(run.model, run.removal.changes, contact.peak_s);
   if (const TissueLaw law = run.laws.at(shown.peak.model_version); law != run.model.tissue_law) {
-    left = std::make_shared<const Model>(displayed_under_law(left != nullptr ? *left : run.model, law));
+    after_removal = std::make_shared<const Model>(
+        displayed_under_law(after_removal != nullptr ? *after_removal : run.model, law));
   }
-  const Model& model = left != nullptr ? *left : run.model;
+  const Model& model = after_removal != nullptr ? *after_removal : run.model;
   const DisplacedTissue deformed(model, shown.peak);
   Sections sections{model, deformed, std::move(marks), style, field_of_view_mm(run.model), name};
   if (!deformed.is_at_rest()) {

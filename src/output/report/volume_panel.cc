@@ -157,9 +157,9 @@ Result<VolumePictures> volume_pictures(const Run& run, const Progress& progress)
     pictures.html = too_large_html();
     return pictures;
   }
-  const auto left =
+  const auto after_removal =
       model_after_removal(run.model, run.removal.changes, std::numeric_limits<double>::infinity());
-  const Model& model = left != nullptr ? *left : run.model;
+  const Model& model = after_removal != nullptr ? *after_removal : run.model;
   const std::vector<StructureAppearance> appearances = structure_appearances(model);
   auto renderer = VolumeRenderer::make(*model.labels, appearances, 0, progress);
   if (!renderer) return renderer.error();

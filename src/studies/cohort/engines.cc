@@ -143,7 +143,7 @@ Result<void> run_locally(const std::vector<std::string>& command, const std::vec
     int number;
     cohort::MemoryFile error_output;
   };
-  const auto most = static_cast<std::size_t>(jobs > 0 ? jobs : processors());
+  const auto max_running = static_cast<std::size_t>(jobs > 0 ? jobs : processors());
   std::vector<Running> running;
   const auto end_all = [&] {
     std::vector<pid_t> ids;
@@ -156,7 +156,7 @@ Result<void> run_locally(const std::vector<std::string>& command, const std::vec
       end_all();
       return Progress::interrupted();
     }
-    while (running.size() < most && next < numbers.size()) {
+    while (running.size() < max_running && next < numbers.size()) {
       cohort::MemoryFile error_output;
       const auto id = cohort::start(with_number(command, numbers[next]), -1, -1, error_output.descriptor());
       if (!id) {
@@ -189,15 +189,15 @@ Result<void> run_by_slurm(const std::vector<std::string>& command,
     if (waited.gone) fs::remove(note, none);
     if (!waited.how) return waited.how;
   }
-  const std::vector<int> left = numbers();
-  if (left.empty()) return {};
+  const std::vector<int> unfinished = numbers();
+  if (unfinished.empty()) return {};
 
   std::string script = "#!/bin/sh\nexec";
   for (const std::string& word : command) script += " " + quoted(word);
   script += " \"$SLURM_ARRAY_TASK_ID\"\n";
   std::vector<std::string> submit{
       "sbatch", "--parsable", "--job-name=palpate-cohort", "--output=/dev/null",
-      "--array=" + array_of(left) + (options.jobs > 0 ? "%" + std::to_string(options.jobs) : "")};
+      "--array=" + array_of(unfinished) + (options.jobs > 0 ? "%" + std::to_string(options.jobs) : "")};
   submit.insert(submit.end(), options.sbatch.begin(), options.sbatch.end());
   const auto output = cohort::run_command(submit, script);
   if (!output) return output.error();

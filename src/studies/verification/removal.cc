@@ -178,9 +178,9 @@ Result<std::vector<Figure>> removal_figures(const Progress& progress) {
       if (progress.stopped()) return Progress::interrupted();
       grids.add(take(block, {.along_mm_s = along_mm_s}));
     }
-    const std::string of = std::string("removal/") + name;
-    figures.push_back({of + "/between-rates", rates.percent(), "percent", rates.count(), 4});
-    figures.push_back({of + "/between-grids", grids.percent(), "percent", grids.count(), 5});
+    const std::string prefix = std::string("removal/") + name;
+    figures.push_back({prefix + "/between-rates", rates.percent(), "percent", rates.count(), 4});
+    figures.push_back({prefix + "/between-grids", grids.percent(), "percent", grids.count(), 5});
   }
   figures.push_back({"removal/volume/beside-its-sweeps", error_percent, "percent", strokes, 3});
   figures.push_back({"removal/energy/beyond-work", beyond_work_percent, "percent", strokes, 0.01});

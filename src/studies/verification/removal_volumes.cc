@@ -172,18 +172,18 @@ struct RemovedOfBlock {
 /// A burr whose tip follows a prescribed path, in bone with negligible cutting resistance.
 class GuidedTip {
  public:
-  GuidedTip(const ExactBlock& block, const CutterPath& guided, double rate_hz)
-      : carved_(block.surface), removed_(block.model), tip_(guided.corners.front()) {
+  GuidedTip(const ExactBlock& block, const CutterPath& path, double rate_hz)
+      : carved_(block.surface), removed_(block.model), tip_(path.corners.front()) {
     constexpr double kEnergy_mJ_per_mm3 = 2, kStiffness_N_per_mm = 2;
     options_.dt_s = 1 / rate_hz;
     options_.friction = false;
     touchable_.surface = carved_.surface();
     touchable_.stiffness_N_per_mm = kStiffness_N_per_mm;
     touchable_.cutting_energy_mJ_per_mm3 = kEnergy_mJ_per_mm3;
-    burr_.radius_mm = guided.head.tip_mm;
-    burr_.end_radius_mm = guided.head.end_mm;
-    burr_.length_mm = guided.head.row_mm;
-    burr_.axis = guided.head.spindle;
+    burr_.radius_mm = path.head.tip_mm;
+    burr_.end_radius_mm = path.head.end_mm;
+    burr_.length_mm = path.head.row_mm;
+    burr_.axis = path.head.spindle;
     burr_.revolutions_per_s = 1000;
   }
 
@@ -271,17 +271,17 @@ Result<std::vector<Figure>> path_volume_figures(const PathVolumeOptions& options
     if (!options.all) break;
   }
   std::vector<Figure> figures;
-  for (const CutterPath& guided : cutter_paths()) {
-    const std::string name = guided.name;
+  for (const CutterPath& path : cutter_paths()) {
+    const std::string name = path.name;
     if (!options.all && name != "cylinder/across" && name != "cone/drilling") continue;
     RelativeRange rates, grids;
     double error_percent = 0, counted_error_percent = 0;
-    const auto off = [&](double mm3) { return 100 * std::abs(mm3 / guided.expected_mm3 - 1); };
-    const auto take = [&](std::size_t block, double rate_hz, RelativeRange& of) {
-      const RemovedOfBlock removed = GuidedTip(blocks[block], guided, rate_hz).run(guided.corners);
+    const auto off = [&](double mm3) { return 100 * std::abs(mm3 / path.expected_mm3 - 1); };
+    const auto take = [&](std::size_t block, double rate_hz, RelativeRange& range) {
+      const RemovedOfBlock removed = GuidedTip(blocks[block], path, rate_hz).run(path.corners);
       error_percent = std::max(error_percent, off(removed.surface_mm3));
       counted_error_percent = std::max(counted_error_percent, off(removed.counted_mm3));
-      of.add(removed.surface_mm3);
+      range.add(removed.surface_mm3);
     };
     for (const double rate_hz : kTickRates_Hz) {
       if (progress.stopped()) return Progress::interrupted();
@@ -291,13 +291,14 @@ Result<std::vector<Figure>> path_volume_figures(const PathVolumeOptions& options
       if (progress.stopped()) return Progress::interrupted();
       if (options.all) take(block, 1000, grids);
     }
-    const std::string of = "removal/" + name;
-    figures.push_back({of + "/off-geometry", error_percent, "percent", rates.count() + grids.count(),
-                       guided.max_error_percent});
-    figures.push_back({of + "/counted-off-geometry", counted_error_percent, "percent",
-                       rates.count() + grids.count(), guided.max_counted_error_percent});
-    figures.push_back({of + "/between-rates", rates.percent(), "percent", rates.count(), 2});
-    if (options.all) figures.push_back({of + "/between-grids", grids.percent(), "percent", grids.count(), 4});
+    const std::string prefix = "removal/" + name;
+    figures.push_back({prefix + "/off-geometry", error_percent, "percent", rates.count() + grids.count(),
+                       path.max_error_percent});
+    figures.push_back({prefix + "/counted-off-geometry", counted_error_percent, "percent",
+                       rates.count() + grids.count(), path.max_counted_error_percent});
+    figures.push_back({prefix + "/between-rates", rates.percent(), "percent", rates.count(), 2});
+    if (options.all)
+      figures.push_back({prefix + "/between-grids", grids.percent(), "percent", grids.count(), 4});
   }
   return figures;
 }

@@ -43,7 +43,7 @@ struct NoGoResult {
 };
 /// Runs the motion through the real tick.
 /// @param stiffness_N_per_mm  of the spring at the boundary, rendered at the device
-NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& guided, double stiffness_N_per_mm);
+NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& approach, double stiffness_N_per_mm);
 
 /// Figures at 0.1 m/s against all three kinds, for both devices and every documented hand, at 250 Hz, 1 kHz
 /// and 4 kHz, at the stiffness recommended for a delay of one tick. Errors: kInterrupted.

@@ -127,7 +127,7 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   const std::string in = "tissue/relaxation/";
   figures.push_back({in + "pressed/off", pressed.pressed_percent, "percent", samples, 1});
   figures.push_back({in + "held/off", pressed.hold_percent, "percent", samples, 1});
-  figures.push_back({in + "held/left", 100 * pressed.left, "percent", 1, {}});
+  figures.push_back({in + "held/left", 100 * pressed.remaining_fraction, "percent", 1, {}});
   if (progress.stopped()) return Progress::interrupted();
   for (const OscillationError& swung : swing_relaxing(*relaxing, *elastic, kSeries)) {
     char at[32];
