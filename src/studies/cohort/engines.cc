@@ -52,8 +52,9 @@ std::string first_line(const std::string& text) {
   return printable_name(text.substr(0, text.find('\n')));
 }
 
+constexpr const char* kNotFound = " was not found";
 Error without_slurm(const std::string& program) {
-  return {ErrorKind::kUnavailable, "Slurm's " + program + " was not found", program,
+  return {ErrorKind::kUnavailable, "Slurm's " + program + kNotFound, program,
           "run on a machine with Slurm's commands (Debian: slurm-client), or use --engine local"};
 }
 
@@ -94,7 +95,7 @@ Waited wait_for(const std::string& job, const std::function<std::size_t()>& look
     // tolerates a restart of the controller
     constexpr int kTries = 60;
     if (!alive && (++silent >= kTries || alive.error().where != "squeue" ||
-                   alive.error().what.find("not to be found") != std::string::npos))
+                   alive.error().what.find(kNotFound) != std::string::npos))
       return {alive.error(), false};
     if (alive) silent = 0;
     look();
