@@ -361,7 +361,7 @@ class CohortRun {
   const Progress progress_;
   CohortResults cohort_;
   std::vector<OutputClaim> claims_;
-  std::vector<std::string> keys_;  ///< Of each case
+  std::vector<std::string> keys_;  ///< Result key of each case
   std::vector<int> numbers_;       ///< Unfinished cases at the start
   std::set<int> reported_;
   /// Faults of processes that could not leave a result, by case: the disk is full, or another run has locked

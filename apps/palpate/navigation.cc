@@ -291,7 +291,7 @@ int register_verb(const RegisterVerb& options, Console& console) {
   outcome.by_points = *std::move(by_points);
   for (const PointPair& pair : *pairs) outcome.names.push_back(pair.name);
   outcome.spread_mm = touched->spread_mm;
-  outcome.is_fle_known = options.fle_mm || declared > 0;
+  outcome.is_fle_known = options.fle_mm || with_error > 0;
   outcome.reference = is_live ? options.stream.reference : "";
   for (const std::vector<double>& at : options.targets) outcome.targets.emplace_back(at[0], at[1], at[2]);
   if (outcome.targets.empty()) outcome.targets.push_back(outcome.by_points.centroid);

@@ -27,7 +27,7 @@ enum class Failure : std::uint8_t {
   kSilent,    ///< A call failed
 };
 
-/// What a failure means to the user, and the remedy; empty texts for kNone.
+/// Description of a failure for the user, and its remedy; empty texts for kNone.
 struct Words {
   const char *what, *remedy;
 };

@@ -21,7 +21,7 @@ enum class Failure : std::uint8_t {
   kVelocityTrip,
 };
 
-/// Error with what the failure means to the user, and the remedy.
+/// Error with the description of the failure for the user, and the remedy.
 /// @param where  name of the device
 Error error_for(Failure failure, const std::string& where);
 

@@ -41,7 +41,7 @@ void ScopeHand::advance(const TickRecord& tick, double dt_s) {
   const double part = angle > 0 ? std::min(1.0, kTurning_rad_s * dt_s / angle) : 1;
   state_.R_WorldTool = current_attitude.slerp(part, looking).quaternion();
   state_.tip = eye_ - Vector<World>(state_.R_WorldTool * camera_of(step_->optics));
-  is_there_ = (requested - eye_).norm() < kThere_mm && (1 - part) * angle < kThere_rad;
+  is_there_ = (target - eye_).norm() < kThere_mm && (1 - part) * angle < kThere_rad;
 }
 
 }  // namespace palpate
