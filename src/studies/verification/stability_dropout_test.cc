@@ -11,7 +11,8 @@ DropoutResult dropped_out(const std::string& device, const std::string& hand, do
                           ReturningForce returning = ReturningForce::kByTick) {
   static const auto wall = flat_wall();
   PALPATE_CHECK(wall.ok());
-  return drop_out(**wall, {*find_plant_device(device), *find_plant_hand(hand), 1.16, 1e-3, time_s, 1, by});
+  return drop_out(**wall,
+                  {*find_plant_device(device), *find_plant_hand(hand), 1.16, 1e-3, time_s, 1, returning});
 }
 
 TEST(StabilityDropout, AHandThatPressesIsHeldAgainSoonAfterAShortOne) {
