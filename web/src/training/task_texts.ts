@@ -61,8 +61,8 @@ export class TaskTexts {
     return kind === "unseen" ? words.wasUnseen(quantity(force_N, "N")) : words.taskOver;
   }
   metricName({ name, labels }: TaskMetric): string {
-    const said = (words.metrics as Record<string, string>)[name] ?? name;
-    return labels.length > 0 ? words.ofStructures(said, this.namesOf(labels)) : said;
+    const title = (words.metrics as Record<string, string>)[name] ?? name;
+    return labels.length > 0 ? words.ofStructures(title, this.namesOf(labels)) : title;
   }
   metricValue({ name, unit }: TaskMetric, value: number | null): string {
     if (value === null) return words.noFigure;
@@ -71,12 +71,12 @@ export class TaskTexts {
   }
   bandText(metric: TaskMetric): string {
     const { at_least, at_most } = metric;
-    const said = (value: number) => this.metricValue(metric, value);
-    if (at_least !== null && at_most !== null) return words.fromTo(said(at_least), said(at_most));
+    const valueText = (value: number) => this.metricValue(metric, value);
+    if (at_least !== null && at_most !== null) return words.fromTo(valueText(at_least), valueText(at_most));
     return at_least !== null
-      ? words.atLeast(said(at_least))
+      ? words.atLeast(valueText(at_least))
       : at_most !== null
-        ? words.atMost(said(at_most))
+        ? words.atMost(valueText(at_most))
         : words.doesNotCount;
   }
 

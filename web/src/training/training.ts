@@ -36,7 +36,7 @@ export class Training {
   private listed = ""; // key of the displayed list of steps
   private tookFocus = false; // the panel had the focus before the run was stored
   private scopedRun = 0; // number of the run for which the scope was set
-  private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
+  private bars: { reading: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
   private readonly texts: TaskTexts;
   private readonly results: DebriefingPanel;
 
@@ -296,7 +296,7 @@ export class Training {
   }
   /** Bar of a force with its accepted band and its limit. */
   private barOf({ labels, band_N, limit_N }: TaskForce): {
-    said: HTMLElement;
+    reading: HTMLElement;
     bar: HTMLElement;
     value: HTMLElement;
     row: HTMLElement;
@@ -328,15 +328,15 @@ export class Training {
       limit.style.left = `${percent(limit_N)}%`;
       bar.append(limit);
     }
-    const said = element("span", { className: "said" });
+    const reading = element("span", { className: "said" });
     return {
-      said,
+      reading,
       bar,
       value,
       row: element(
         "div",
         {},
-        element("div", { className: "of" }, element("span", {}, this.texts.namesOf(labels)), said),
+        element("div", { className: "of" }, element("span", {}, this.texts.namesOf(labels)), reading),
         bar,
       ),
     };
@@ -385,7 +385,7 @@ export class Training {
       run.phase === "keeping" ? words.beingStored : `${words.underWay(seconds(run.time_s))}${remaining}`,
     );
     task.forces.forEach(({ band_N, limit_N }, n) => {
-      const { said, bar, value } = this.bars[n]!;
+      const { reading, bar, value } = this.bars[n]!;
       const force = run.forces_N[n] ?? 0;
       const where =
         limit_N !== null && force > limit_N
@@ -402,8 +402,8 @@ export class Training {
       bar.dataset.where = where;
       bar.setAttribute("aria-valuenow", Math.min(force, Number(bar.dataset.top)).toFixed(2));
       value.style.width = `${Math.min(100, (100 * force) / Number(bar.dataset.top))}%`;
-      write(said, `${quantity(force, "N")} · ${words.inBand[where]}`);
-      bar.setAttribute("aria-valuetext", said.textContent ?? "");
+      write(reading, `${quantity(force, "N")} · ${words.inBand[where]}`);
+      bar.setAttribute("aria-valuetext", reading.textContent ?? "");
     });
   }
   private warningOf(task: Task, run: TaskProgress): string[] {
