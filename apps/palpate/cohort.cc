@@ -109,7 +109,7 @@ std::string fault_of(const EndedProcess& ended, const CohortCase& one, const Coh
 }
 
 /// Runs one case in a child process, so that a result is written even if that process crashes.
-int run_number(const CohortOptions& options, Console& console) {
+int run_single_case(const CohortOptions& options, Console& console) {
   const auto cases = cases_of(options);
   if (!cases) return console.fail(cases.error());
   if (options.number > static_cast<int>(cases->size()))
@@ -215,126 +215,168 @@ Result<void> check_folder(const CohortOptions& options, const std::vector<Cohort
   return {};
 }
 
-int run_cohort(const CohortOptions& options, Console& console) {
-  if (options.number > 0) return run_number(options, console);
-  if (!options.sbatch.empty() && options.engine != "slurm")
-    return console.fail({ErrorKind::kUsage, "is for Slurm", "--sbatch", "with --engine slurm"});
-  CohortResults cohort;
-  {
-    auto cases = cases_of(options);
-    if (!cases) return console.fail(cases.error());
-    cohort.cases = *std::move(cases);
-  }
-  std::vector<fs::path> inputs{options.table};
-  if (options.script) inputs.push_back(*options.script);
-  if (auto checked = check_folder(options, cohort.cases, inputs); !checked)
-    return console.fail(checked.error());
-  std::error_code failed;
-  fs::create_directories(options.folder, failed);
-  if (failed)
-    return console.fail({ErrorKind::kOutput, "the folder cannot be made: " + failed.message(),
-                         options.folder.string(), "choose one that you may write to"});
-  std::vector<OutputClaim> claims;
-  for (const char* name : kOutputs) {
-    auto claimed = claim_output(options.folder / name, inputs);
-    if (!claimed) return console.fail(claimed.error());
-    claims.push_back(*std::move(claimed));
-  }
-  if (options.engine == "local")
-    if (auto none = check_no_slurm_job(options.folder); !none) return console.fail(none.error());
+/// One run of the verb over all cases: open(), run(), report().
+class CohortRun {
+ public:
+  CohortRun(const CohortOptions& options, Console& console)
+      : options_(options), console_(console), progress_(console.progress()) {}
 
-  const Progress progress = console.progress();
-  const auto keys = keys_of(cohort.cases, options, progress);
-  if (!keys) return console.fail(keys.error());
-  const auto count = cohort.cases.size();
-  cohort.results.resize(count);
-  const auto collect = [&] {
-    for (std::size_t n = 0; n < count; ++n)
-      cohort.results[n] = find_case(options.folder, static_cast<int>(n) + 1, (*keys)[n]);
-  };
-  // numbers of the cases without a fault-free result of the same inputs and program
-  const auto left = [&] {
+  /// Reads the table, claims the outputs, and removes the faults of earlier runs.
+  Result<void> open() {
+    auto cases = cases_of(options_);
+    if (!cases) return cases.error();
+    cohort_.cases = *std::move(cases);
+    if (auto claimed = claim_outputs(); !claimed) return claimed;
+    if (options_.engine == "local")
+      if (auto none = check_no_slurm_job(options_.folder); !none) return none;
+    auto keys = keys_of(cohort_.cases, options_, progress_);
+    if (!keys) return keys.error();
+    keys_ = *std::move(keys);
+    cohort_.results.resize(keys_.size());
+
+    numbers_ = collect_unfinished();
+    const std::size_t count = keys_.size();
+    if (numbers_.size() < count)
+      console_.note(std::to_string(count - numbers_.size()) + " of " + std::to_string(count) +
+                    " cases are already done");
+    // faults of earlier runs are removed, so that only those of this run are reported
+    std::error_code failed;
+    for (const int number : numbers_) {
+      fs::remove(case_folder(options_.folder, number) / "result.json", failed);
+      cohort_.results[index_of(number)].reset();
+    }
+    return {};
+  }
+
+  /// Runs the unfinished cases and writes the results. Errors: of the engine, otherwise of writing.
+  Result<void> run() {
+    auto command = command_of(options_);
+    if (!command) return command.error();
+    const Result<void> ran = options_.engine == "slurm" ? run_on_slurm(*command) : run_here(*command);
+    collect();
+    for (const auto& [number, reason] : reasons_)
+      if (auto& result = cohort_.results[index_of(number)]; !result) {
+        result.emplace();
+        result->fault = reason;
+      }
+    const auto written = write_results(cohort_, options_.folder);
+    if (!ran) {
+      if (ran.error().kind == ErrorKind::kInterrupted)
+        console_.note("completed cases are kept: run the same command again to resume");
+      return ran;
+    }
+    return written;
+  }
+
+  /// Prints the cases without a result; returns the exit code.
+  int report() const {
+    std::size_t done = 0;
+    for (std::size_t n = 0; n < keys_.size(); ++n) {
+      const auto& result = cohort_.results[n];
+      if (result && result->fault.empty()) {
+        ++done;
+        continue;
+      }
+      std::printf("case %s (line %d) %s\n", cohort_.cases[n].name.c_str(), cohort_.cases[n].line,
+                  result ? ("failed: " + printable_name(result->fault)).c_str()
+                  : options_.engine == "slurm"
+                      ? "has no result: Slurm ended its task, or its output is not visible on this machine"
+                      : "has no result yet");
+    }
+    std::printf("%zu of %zu cases done: %s\n", done, keys_.size(),
+                (options_.folder / "index.html").string().c_str());
+    return done == keys_.size() ? kExitOk : kExitLimit;
+  }
+
+ private:
+  static std::size_t index_of(int number) { return static_cast<std::size_t>(number - 1); }
+
+  Result<void> claim_outputs() {
+    std::vector<fs::path> inputs{options_.table};
+    if (options_.script) inputs.push_back(*options_.script);
+    if (auto checked = check_folder(options_, cohort_.cases, inputs); !checked) return checked;
+    std::error_code failed;
+    fs::create_directories(options_.folder, failed);
+    if (failed)
+      return Error{ErrorKind::kOutput, "the folder cannot be made: " + failed.message(),
+                   options_.folder.string(), "choose one that you may write to"};
+    for (const char* name : kOutputs) {
+      auto claimed = claim_output(options_.folder / name, inputs);
+      if (!claimed) return claimed.error();
+      claims_.push_back(*std::move(claimed));
+    }
+    return {};
+  }
+
+  /// Reads the results of all cases.
+  void collect() {
+    for (std::size_t n = 0; n < keys_.size(); ++n)
+      cohort_.results[n] = find_case(options_.folder, static_cast<int>(n) + 1, keys_[n]);
+  }
+  /// Reads the results of all cases; returns the numbers of those without a fault-free result of the same
+  /// inputs and program.
+  std::vector<int> collect_unfinished() {
     collect();
     std::vector<int> numbers;
-    for (std::size_t n = 0; n < count; ++n)
-      if (!is_done(options, static_cast<int>(n) + 1, (*keys)[n])) numbers.push_back(static_cast<int>(n) + 1);
+    for (int number = 1; number <= static_cast<int>(keys_.size()); ++number)
+      if (!is_done(options_, number, keys_[index_of(number)])) numbers.push_back(number);
     return numbers;
-  };
-  const std::vector<int> numbers = left();
-  if (numbers.size() < count)
-    console.note(std::to_string(count - numbers.size()) + " of " + std::to_string(count) +
-                 " cases are already done");
-  // faults of earlier runs are removed, so that only those of this run are reported
-  for (const int number : numbers) {
-    fs::remove(case_folder(options.folder, number) / "result.json", failed);
-    cohort.results[static_cast<std::size_t>(number - 1)].reset();
   }
 
-  auto command = command_of(options);
-  if (!command) return console.fail(command.error());
-  std::set<int> reported;
-  // faults of processes that could not leave a result, by case: the disk is full, or another run has locked
-  // the case
-  std::map<int, std::string> reasons;
-  const auto report_case = [&](int number) {
-    const auto n = static_cast<std::size_t>(number - 1);
-    const auto result = find_case(options.folder, number, (*keys)[n]);
-    if (!result || !reported.insert(number).second) return;
-    const std::string who = "case " + cohort.cases[n].name;
-    console.note(who + (result->fault.empty() ? ": done" : " failed: " + printable_name(result->fault)));
-    progress.report("cases", static_cast<double>(reported.size()) / static_cast<double>(numbers.size()));
-  };
-  Result<void> ran;
-  if (options.engine == "slurm") {
-    SlurmOptions slurm{options.jobs, options.sbatch, fs::absolute(options.folder)};
-    ran = run_by_slurm(
-        *command, left, slurm,
+  /// Reports a case once it has a result.
+  void report_case(int number) {
+    const std::size_t n = index_of(number);
+    const auto result = find_case(options_.folder, number, keys_[n]);
+    if (!result || !reported_.insert(number).second) return;
+    const std::string who = "case " + cohort_.cases[n].name;
+    console_.note(who + (result->fault.empty() ? ": done" : " failed: " + printable_name(result->fault)));
+    progress_.report("cases", static_cast<double>(reported_.size()) / static_cast<double>(numbers_.size()));
+  }
+
+  Result<void> run_on_slurm(const std::vector<std::string>& command) {
+    const SlurmOptions slurm{options_.jobs, options_.sbatch, fs::absolute(options_.folder)};
+    return run_by_slurm(
+        command, [&] { return collect_unfinished(); }, slurm,
         [&] {
-          for (const int number : numbers)
-            if (!reported.contains(number)) report_case(number);
-          return numbers.size() - reported.size();
+          for (const int number : numbers_)
+            if (!reported_.contains(number)) report_case(number);
+          return numbers_.size() - reported_.size();
         },
-        progress);
-  } else if (!numbers.empty()) {
-    ran = run_locally(
-        *command, numbers, options.jobs,
+        progress_);
+  }
+  Result<void> run_here(const std::vector<std::string>& command) {
+    if (numbers_.empty()) return {};
+    return run_locally(
+        command, numbers_, options_.jobs,
         [&](int number, const EndedProcess& how) {
           report_case(number);
-          if (reported.contains(number)) return;
-          reasons[number] = fault_of(how, cohort.cases[static_cast<std::size_t>(number - 1)], options);
+          if (reported_.contains(number)) return;
+          reasons_[number] = fault_of(how, cohort_.cases[index_of(number)], options_);
         },
-        progress);
+        progress_);
   }
-  collect();
-  for (const auto& [number, reason] : reasons)
-    if (auto& result = cohort.results[static_cast<std::size_t>(number - 1)]; !result) {
-      result.emplace();
-      result->fault = reason;
-    }
-  const auto written = write_results(cohort, options.folder);
-  if (!ran) {
-    if (ran.error().kind == ErrorKind::kInterrupted)
-      console.note("completed cases are kept: run the same command again to resume");
-    return console.fail(ran.error());
-  }
-  if (!written) return console.fail(written.error());
 
-  std::size_t done = 0;
-  std::string others;
-  for (std::size_t n = 0; n < count; ++n) {
-    const auto& result = cohort.results[n];
-    if (result && result->fault.empty()) {
-      ++done;
-      continue;
-    }
-    std::printf("case %s (line %d) %s\n", cohort.cases[n].name.c_str(), cohort.cases[n].line,
-                result ? ("failed: " + printable_name(result->fault)).c_str()
-                : options.engine == "slurm"
-                    ? "has no result: Slurm ended its task, or its output is not visible on this machine"
-                    : "has no result yet");
-  }
-  std::printf("%zu of %zu cases done: %s\n", done, count, (options.folder / "index.html").string().c_str());
-  return done == count ? kExitOk : kExitLimit;
+  const CohortOptions& options_;
+  Console& console_;
+  const Progress progress_;
+  CohortResults cohort_;
+  std::vector<OutputClaim> claims_;
+  std::vector<std::string> keys_;  ///< Result key of each case
+  std::vector<int> numbers_;       ///< Unfinished cases at the start
+  std::set<int> reported_;
+  /// Faults of processes that could not leave a result, by case: the disk is full, or another run has locked
+  /// the case
+  std::map<int, std::string> reasons_;
+};
+
+int run_cohort(const CohortOptions& options, Console& console) {
+  if (options.number > 0) return run_single_case(options, console);
+  if (!options.sbatch.empty() && options.engine != "slurm")
+    return console.fail({ErrorKind::kUsage, "is for Slurm", "--sbatch", "with --engine slurm"});
+  CohortRun run(options, console);
+  if (auto opened = run.open(); !opened) return console.fail(opened.error());
+  if (auto ran = run.run(); !ran) return console.fail(ran.error());
+  return run.report();
 }
 
 }  // namespace

@@ -105,13 +105,13 @@ Result<GripFiguresByDevice> stored_grip_figures() {
   return parse_grip_figures(*text, file.string());
 }
 
-DeviceRegistry with_grip_figures(const DeviceRegistry& known, const GripFiguresByDevice& hands,
+DeviceRegistry with_grip_figures(const DeviceRegistry& known, const GripFiguresByDevice& figures,
                                  double rate_hz) {
   DeviceRegistry all;
   for (const DeviceVendor& vendor : known.all()) {
     DeviceVendor with_figures = vendor;
-    with_figures.make = [make = vendor.make, hands, rate_hz] {
-      return palpate::with_grip_figures(make(), hands, rate_hz);
+    with_figures.make = [make = vendor.make, figures, rate_hz] {
+      return palpate::with_grip_figures(make(), figures, rate_hz);
     };
     all.add(std::move(with_figures));
   }

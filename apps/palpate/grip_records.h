@@ -14,8 +14,9 @@ namespace palpate::app {
 std::filesystem::path grip_figures_file();
 /// Stored measurements; empty if there are none. Errors: those of reading the file.
 Result<GripFiguresByDevice> stored_grip_figures();
-/// The same registry, with drivers that report the measured hand of their devices.
-DeviceRegistry with_grip_figures(const DeviceRegistry& known, const GripFiguresByDevice& hands,
+/// Copy of `known` whose drivers report the measured grip of their devices.
+/// @param figures  result of stored_grip_figures()
+DeviceRegistry with_grip_figures(const DeviceRegistry& known, const GripFiguresByDevice& figures,
                                  double rate_hz);
 
 /// Implements `palpate doctor --hold NAME`; returns the exit code.

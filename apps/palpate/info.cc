@@ -8,28 +8,19 @@
 #include <sstream>
 
 #include "apps/command/text.h"
+#include "info.h"
 #include "leak_text.h"
 #include "palpate/base/reading.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate/json/json.h"
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/surfaces.h"
-#include "palpate/tissue/soft_tissue_solver.h"
-#include "palpate/volume_io/identifiers.h"
 #include "palpate/volume_io/volume_io.h"
 #include "scene_options.h"
 #include "verb.h"
 
 namespace palpate::app {
 namespace {
-
-struct InfoOptions {
-  std::string file;
-  std::optional<std::filesystem::path> names;
-  std::optional<int> volume;
-  bool json = false, labels = false, scan = false;
-  bool identifiers = false, keep_identifiers = false;
-};
 
 // result of `info` for a file
 struct Info {
@@ -334,58 +325,7 @@ void print_json(std::ostream& out, const Info& info) {
   out << json_of(info).dump(2) << '\n';
 }
 
-// --- memory of a scene ----------------------------------------------------------------------------------
-
-Json memory_json(const SceneMemory& memory) {
-  return {{"peak", memory.peak()},       {"stays", memory.permanent()},       {"labels", memory.model.labels},
-          {"field", memory.model.field}, {"surfaces", memory.model.surfaces}, {"scan", memory.scan}};
-}
-
-void print_memory(std::ostream& out, const SceneMemory& memory) {
-  out << "memory      up to " << memory_size_text(memory.peak()) << " to feel the scene, of which "
-      << memory_size_text(memory.permanent()) << " stays: labels " << memory_size_text(memory.model.labels)
-      << ", field " << memory_size_text(memory.model.field) << ", surfaces "
-      << memory_size_text(memory.model.surfaces) << ", scan " << memory_size_text(memory.scan) << '\n';
-}
-
-int run_info_of_scene(const InfoOptions& options, Console& console) {
-  const auto memory = memory_of_scene_or_data_set({options.file}, console.progress());
-  if (!memory) return console.fail(memory.error());
-  const double cell_mm = memory->tissue_cell_mm, resolved_mm = kResolvedNoduleCells * cell_mm;
-  if (options.json) {
-    Json json{{"memory_bytes", memory_json(*memory)}};
-    if (cell_mm > 0) json["soft_tissue"] = {{"cell_mm", cell_mm}, {"resolved_nodule_mm", resolved_mm}};
-    std::cout << json.dump(2) << '\n';
-    return kExitOk;
-  }
-  print_memory(std::cout, *memory);
-  if (cell_mm > 0)
-    std::cout << "soft tissue solved on cells of " << number(cell_mm, 3) << " mm: nodules of "
-              << number(resolved_mm, 3) << " mm and more have their full contrast\n";
-  return kExitOk;
-}
-
-// --- volumes of a DICOM folder --------------------------------------------------------------------------
-
-Json volumes_json(const VolumeList& list) {
-  Json volumes = Json::array();
-  for (std::size_t n = 0; n < list.volumes.size(); ++n)
-    volumes.push_back({{"number", n + 1},
-                       {"what", list.volumes[n].what},
-                       {"usable", list.volumes[n].fault.empty()},
-                       {"fault", list.volumes[n].fault}});
-  return {{"volumes", std::move(volumes)}, {"notes", list.notes}};
-}
-
-void print_volumes(std::ostream& out, const VolumeList& list) {
-  out << list.volumes.size() << (list.volumes.size() == 1 ? " volume\n" : " volumes\n");
-  for (std::size_t n = 0; n < list.volumes.size(); ++n) {
-    print_wrapped(out, list.volumes[n].what, "  " + std::to_string(n + 1) + "  ", "     ");
-    if (!list.volumes[n].fault.empty())
-      print_wrapped(out, "cannot be used: " + list.volumes[n].fault, "     ", "     ");
-  }
-  for (const std::string& note : list.notes) print_wrapped(out, note, "  - ", "    ");
-}
+// --- the verb ------------------------------------------------------------------------------------------
 
 // Lists all volumes; if exactly one is usable, it is described in full as well.
 int run_info_of_dicom(const InfoOptions& options, Console& console) {
@@ -413,60 +353,6 @@ int run_info_of_dicom(const InfoOptions& options, Console& console) {
   }
   print_volumes(std::cout, *list);
   if (info) print_text(std::cout << '\n', *info);
-  return kExitOk;
-}
-
-// --- patient identifiers --------------------------------------------------------------------------------
-
-Json identifiers_json(const IdentifierReport& report) {
-  Json rows = Json::array();
-  for (const IdentifierRow& row : report.rows) {
-    Json json{{"kind", description_of(row.kind)},
-              {"what", row.what},
-              {"files", row.files},
-              {"different", row.different}};
-    if (!row.example.empty()) json["example"] = row.example;
-    rows.push_back(std::move(json));
-  }
-  return {{"files", report.files},
-          {"identifiers", std::move(rows)},
-          {"burnt_in_unsaid", report.burnt_in_unstated},
-          {"notes", report.notes}};
-}
-
-void print_identifiers(std::ostream& out, const IdentifierReport& report) {
-  const auto files = [](std::size_t count) {
-    return std::to_string(count) + (count == 1 ? " file" : " files");
-  };
-  out << "in " << files(report.files) << " of DICOM";
-  if (report.rows.empty()) out << ": no patient identifiers";
-  out << '\n';
-  std::optional<IdentifierKind> kind;
-  for (const IdentifierRow& row : report.rows) {
-    if (kind != row.kind) out << '\n' << description_of(row.kind) << '\n';
-    kind = row.kind;
-    out << "  " << std::left << std::setw(48) << row.what << " in " << files(row.files);
-    if (row.different > 1)
-      out << ", " << row.different << (row.different == kMaxIdentifierValues ? " or more values" : " values");
-    if (!row.example.empty()) out << ": " << row.example;
-    out << '\n';
-  }
-  if (report.burnt_in_unstated > 0)
-    print_wrapped(out,
-                  files(report.burnt_in_unstated) +
-                      " do not state whether text is burnt into the pixels (BurnedInAnnotation (0028,0301)): "
-                      "inspect them",
-                  "\n", "");
-  for (const std::string& note : report.notes) print_wrapped(out, note, "  - ", "    ");
-}
-
-int run_identifiers(const InfoOptions& options, Console& console) {
-  const auto report = find_identifiers(options.file, options.keep_identifiers, console.progress());
-  if (!report) return console.fail(report.error());
-  if (options.json)
-    std::cout << identifiers_json(*report).dump(2) << '\n';
-  else
-    print_identifiers(std::cout, *report);
   return kExitOk;
 }
 

@@ -270,11 +270,11 @@ int register_verb(const RegisterVerb& options, Console& console) {
   const std::vector<NamedPoint>& tracked = touched->points;
   auto pairs = pair_up(*scan, tracked, options, console);
   if (!pairs) return console.fail(pairs.error());
-  const auto declared = std::count_if(tracked.begin(), tracked.end(),
-                                      [](const auto& point) { return point.fle_mm.has_value(); });
-  if (!options.fle_mm && declared > 0 && declared < std::ssize(tracked))
+  const auto with_error = std::count_if(tracked.begin(), tracked.end(),
+                                        [](const auto& point) { return point.fle_mm.has_value(); });
+  if (!options.fle_mm && with_error > 0 && with_error < std::ssize(tracked))
     return console.fail({ErrorKind::kBadInput,
-                         "gives the error of only " + std::to_string(declared) + " of " +
+                         "gives the error of only " + std::to_string(with_error) + " of " +
                              std::to_string(tracked.size()) + " points",
                          printable_name(options.tracked_points),
                          "give the error of all points, or of none, or give --fle"});
@@ -291,7 +291,7 @@ int register_verb(const RegisterVerb& options, Console& console) {
   outcome.by_points = *std::move(by_points);
   for (const PointPair& pair : *pairs) outcome.names.push_back(pair.name);
   outcome.spread_mm = touched->spread_mm;
-  outcome.is_fle_known = options.fle_mm || declared > 0;
+  outcome.is_fle_known = options.fle_mm || with_error > 0;
   outcome.reference = is_live ? options.stream.reference : "";
   for (const std::vector<double>& at : options.targets) outcome.targets.emplace_back(at[0], at[1], at[2]);
   if (outcome.targets.empty()) outcome.targets.push_back(outcome.by_points.centroid);

@@ -39,7 +39,7 @@ namespace Palpate
 
         /// <summary>Number of this bundle, from 1.</summary>
         public readonly ulong Sequence;
-        /// <summary>Ticks between the first and the last one so far that did not come: this viewer, or the session, was too slow.</summary>
+        /// <summary>Number of ticks missing between the first and the last one received so far, because this viewer or the session was too slow.</summary>
         public readonly ulong Lost;
         public readonly TickSample[] Ticks;
 

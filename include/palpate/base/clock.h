@@ -2,6 +2,7 @@
 
 #include <time.h>
 
+#include <cmath>
 #include <cstdint>
 
 namespace palpate {
@@ -12,6 +13,11 @@ inline std::int64_t monotonic_ns() noexcept {
   timespec now{};
   ::clock_gettime(CLOCK_MONOTONIC, &now);
   return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
+}
+
+/// Duration in nanoseconds, rounded.
+inline std::int64_t to_ns(double seconds) noexcept {
+  return std::llround(seconds * 1e9);
 }
 
 }  // namespace palpate

@@ -156,7 +156,7 @@ plp_status plp_loop_set_model(plp_loop* loop, const plp_model* model) {
   return guarded([&] {
     if (!is_handle(loop) || !is_handle(model)) return PLP_BAD_INPUT;
     const std::lock_guard lock(loop->mutex);
-    if (auto fine = palpate::c::check_later(*model, loop->family, *loop->model); !fine)
+    if (auto fine = palpate::c::check_can_switch(*model, loop->family, *loop->model); !fine)
       return fail(fine.error());
     if (!model->current().has(loop->method))
       return fail(PLP_USAGE, "model: this version is not prepared for the loop's method");

@@ -159,8 +159,8 @@ bool is_pose(const plp_pose& pose) {
   return tip.allFinite() && std::abs(orientation.norm() - 1) < 1e-3;
 }
 
-Result<void> check_later(const plp_model& model, const std::shared_ptr<const int>& family,
-                         const Model& current) {
+Result<void> check_can_switch(const plp_model& model, const std::shared_ptr<const int>& family,
+                              const Model& current) {
   if (model.loaded.model.get() == &current) return {};
   if (model.family != family)
     return Error{ErrorKind::kBadInput, "this is a version of another model", "model", "make a session of it"};
@@ -261,7 +261,7 @@ plp_status plp_session_reset(plp_session* session) {
 plp_status plp_session_set_model(plp_session* session, const plp_model* model) {
   return guarded([&] {
     if (!is_handle(session) || !is_handle(model)) return PLP_BAD_INPUT;
-    if (auto fine = palpate::c::check_later(*model, session->family, *session->model); !fine)
+    if (auto fine = palpate::c::check_can_switch(*model, session->family, *session->model); !fine)
       return fail(fine.error());
     if (!model->current().has(session->setup.method))
       return fail(PLP_USAGE, "model: this version is not prepared for the session's method");

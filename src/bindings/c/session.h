@@ -25,10 +25,10 @@ Result<SessionSetup> setup_of(const plp_model& model, const plp_session_options*
 /// Whether a pose is finite with a unit quaternion.
 bool is_pose(const plp_pose& pose);
 
-/// Whether a session or loop with one version can continue with another: the same, or a later one of the same
-/// model. Errors: kBadInput.
-Result<void> check_later(const plp_model& model, const std::shared_ptr<const int>& family,
-                         const Model& current);
+/// Checks that a session or loop can switch to `model`: it must be `current` itself, or a later version of
+/// the same family. Errors: kBadInput.
+Result<void> check_can_switch(const plp_model& model, const std::shared_ptr<const int>& family,
+                              const Model& current);
 
 }  // namespace palpate::c
 

@@ -40,19 +40,19 @@ Result<std::string> mricron_names_to_tsv(std::string_view text, const std::strin
   return table;
 }
 
-Result<void> keep_mricron_names(const std::filesystem::path& list, const std::filesystem::path& table) {
+Result<void> update_names_table(const std::filesystem::path& list, const std::filesystem::path& table) {
   constexpr std::size_t kMaxBytes = 1 << 20;
   const auto text = read_file(list, kMaxBytes);
   if (!text) return text.error();
-  const auto requested = mricron_names_to_tsv(*text, list.string());
-  if (!requested) return requested.error();
+  const auto converted = mricron_names_to_tsv(*text, list.string());
+  if (!converted) return converted.error();
   const auto present = read_file(table, kMaxBytes);
-  if (present && *present == *requested) return {};
+  if (present && *present == *converted) return {};
 
   std::error_code failed;
   std::filesystem::create_directories(table.parent_path(), failed);
   if (failed) return output_error(table.parent_path(), failed.value());
-  return write_file(table, *requested);
+  return write_file(table, *converted);
 }
 
 }  // namespace palpate

@@ -13,6 +13,6 @@ namespace palpate {
 Result<std::string> mricron_names_to_tsv(std::string_view text, const std::string& source);
 
 /// Converts the file `list` to the table file `table`, unless that is up to date.
-Result<void> keep_mricron_names(const std::filesystem::path& list, const std::filesystem::path& table);
+Result<void> update_names_table(const std::filesystem::path& list, const std::filesystem::path& table);
 
 }  // namespace palpate

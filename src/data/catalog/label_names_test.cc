@@ -36,13 +36,13 @@ TEST(MricronNames, TableIsStoredAndUpdated) {
   const TemporaryFolder folder;
   const auto list = folder / "list.txt", table = folder / "new/folder/names.tsv";
   write_text(list, "1 A\n");
-  ASSERT_TRUE(keep_mricron_names(list, table));
+  ASSERT_TRUE(update_names_table(list, table));
   EXPECT_EQ(bytes_of_file(table), "value\tname\n1\tA\n");
   const auto written = std::filesystem::last_write_time(table);
-  ASSERT_TRUE(keep_mricron_names(list, table));
+  ASSERT_TRUE(update_names_table(list, table));
   EXPECT_EQ(std::filesystem::last_write_time(table), written);
   write_text(list, "1 B\n");
-  ASSERT_TRUE(keep_mricron_names(list, table));
+  ASSERT_TRUE(update_names_table(list, table));
   EXPECT_EQ(bytes_of_file(table), "value\tname\n1\tB\n");
 }
 
@@ -50,7 +50,7 @@ TEST(MricronNames, FolderThatCannotBeMade) {
   const TemporaryFolder folder;
   write_text(folder / "list.txt", "1 A\n");
   write_text(folder / "file", "");
-  const auto stored = keep_mricron_names(folder / "list.txt", folder / "file/names.tsv");
+  const auto stored = update_names_table(folder / "list.txt", folder / "file/names.tsv");
   ASSERT_FALSE(stored);
   EXPECT_EQ(stored.error().kind, ErrorKind::kOutput);
 }

@@ -82,7 +82,7 @@ Result<std::optional<LocalData>> local_data_in(const CatalogEntry& entry,
   if (entry.source == DataSource::kPackage) {
     // its names have a format of their own
     const fs::path table = user_data_folder() / entry.name / "names.tsv";
-    if (const auto stored = keep_mricron_names(*data.names, table); !stored) return stored.error();
+    if (const auto stored = update_names_table(*data.names, table); !stored) return stored.error();
     data.names = table;
   }
   return std::optional(data);

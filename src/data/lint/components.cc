@@ -16,11 +16,11 @@ constexpr double kPatch_mm2 = 30, kPatchFraction = 0.05, kLargePatch_mm2 = 100;
 // fraction of the structure from which a sheet is a fault
 constexpr double kSheetFraction = 0.2;
 
-constexpr std::int32_t kNobody = -1, kSeveral = -2;
+constexpr std::int32_t kNoNeighbour = -1, kSeveral = -2;
 
 /// Updates the value around a component with a further neighbour: kSeveral if they differ.
 std::int32_t with_neighbour(std::int32_t around, LabelId neighbour) {
-  return around == kNobody || around == neighbour ? neighbour : kSeveral;
+  return around == kNoNeighbour || around == neighbour ? neighbour : kSeveral;
 }
 
 }  // namespace
@@ -108,11 +108,11 @@ void report_sheets(Layer& layer, RunVolume& thin) {
           if (run.node != sum.patch) continue;
           const int middle = (patch.box_min[0] + patch.box_max[0]) / 2;
           const std::array<int, 3> at{std::clamp(middle, run.first, run.last), j, k};
-          double off = 0;
+          double squared_distance = 0;
           for (std::size_t a = 0; a < 3; ++a)
-            off += std::pow(at[a] - 0.5 * (patch.box_min[a] + patch.box_max[a]), 2);
-          if (off < nearest) {
-            nearest = off;
+            squared_distance += std::pow(at[a] - 0.5 * (patch.box_min[a] + patch.box_max[a]), 2);
+          if (squared_distance < nearest) {
+            nearest = squared_distance;
             voxel = at;
           }
         }
@@ -127,7 +127,7 @@ void report_sheets(Layer& layer, RunVolume& thin) {
 Islands islands_and_cavities(const RunVolume& runs, const std::vector<Component>& components,
                              double voxel_mm3) {
   std::vector<std::size_t> largest, whole;
-  std::vector<std::int32_t> around(components.size(), kNobody);
+  std::vector<std::int32_t> around(components.size(), kNoNeighbour);
   for (const Component& component : components) {
     if (component.value >= largest.size()) {
       largest.resize(component.value + 1u);

@@ -43,18 +43,18 @@ double LintStudy::face_mm2(std::size_t axis) const {
   return grid.voxel_volume_mm3() / grid.spacing_mm[static_cast<Eigen::Index>(axis)];
 }
 
-void LintStudy::add(LintKind kind, LintSeverity severity, std::vector<LabelId> structures, const Found& found,
-                    std::string sentence) {
+void LintStudy::add(LintKind kind, LintSeverity severity, std::vector<LabelId> structures,
+                    const Extent& extent, std::string sentence) {
   LintFinding finding;
   finding.kind = kind;
   finding.severity = severity;
   finding.structures = std::move(structures);
-  finding.quantity = found.quantity;
-  finding.unit = found.unit;
-  finding.voxels = found.voxels;
-  if (found.voxel) {
-    finding.voxel = *found.voxel;
-    finding.position = position_of(*found.voxel);
+  finding.quantity = extent.quantity;
+  finding.unit = extent.unit;
+  finding.voxels = extent.voxels;
+  if (extent.voxel) {
+    finding.voxel = *extent.voxel;
+    finding.position = position_of(*extent.voxel);
   }
   finding.sentence = std::move(sentence);
   findings.push_back(std::move(finding));

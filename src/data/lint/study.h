@@ -38,13 +38,16 @@ struct LintStudy {
   /// Area of a voxel face perpendicular to an axis, mm2.
   double face_mm2(std::size_t axis) const;
 
-  struct Found {
+  /// Measurement of a finding, and where it is.
+  struct Extent {
     double quantity = 0;
-    std::string_view unit = {};
-    std::size_t voxels = 0;
-    std::optional<std::array<int, 3>> voxel = {};
+    std::string_view unit = {};                    ///< Empty: nothing measured
+    std::size_t voxels = 0;                        ///< Number of voxels concerned
+    std::optional<std::array<int, 3>> voxel = {};  ///< Indices of the voxel that is reported as its position
   };
-  void add(LintKind kind, LintSeverity severity, std::vector<LabelId> structures, const Found& found,
+  /// Adds a finding.
+  /// @param sentence  without final full stop
+  void add(LintKind kind, LintSeverity severity, std::vector<LabelId> structures, const Extent& extent,
            std::string sentence);
 };
 

@@ -40,13 +40,13 @@ struct Union final : Node {
       near.push_back(part->within(part, ball));
       smallest = near.size() == 1 ? near.back().distance : std::min(smallest, near.back().distance);
     }
-    std::vector<Ptr> stored;
+    std::vector<Ptr> candidates;
     for (const Within& part : near) {
-      if (part.distance <= smallest + decisive_difference(ball)) stored.push_back(part.node);
+      if (part.distance <= smallest + decisive_difference(ball)) candidates.push_back(part.node);
     }
-    if (stored.size() == 1) return {stored.front(), smallest};
-    if (stored == parts) return {self, smallest};
-    return {std::make_shared<Union>(std::move(stored)), smallest};
+    if (candidates.size() == 1) return {candidates.front(), smallest};
+    if (candidates == parts) return {self, smallest};
+    return {std::make_shared<Union>(std::move(candidates)), smallest};
   }
 
   std::vector<Ptr> parts;

@@ -105,12 +105,12 @@ const std::array<MetricInfo, kMetricCount>& metric_infos() {
 
 std::string readable_metric_name(std::string_view stored) {
   constexpr std::string_view kOf = " of ";
-  const std::size_t of = stored.find(kOf);
-  const auto info = std::ranges::find(metric_infos(), stored.substr(0, of), &MetricInfo::name);
+  const std::size_t separator = stored.find(kOf);
+  const auto info = std::ranges::find(metric_infos(), stored.substr(0, separator), &MetricInfo::name);
   if (info == metric_infos().end()) return std::string(stored);
   std::string text(info->title);
-  if (of == std::string_view::npos) return text;
-  std::string structures(stored.substr(of + kOf.size()));
+  if (separator == std::string_view::npos) return text;
+  std::string structures(stored.substr(separator + kOf.size()));
   std::ranges::replace(structures, '_', ' ');
   return text + " " + std::string(info->relation) + " " + structures;
 }

@@ -5,49 +5,19 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <iterator>
 #include <system_error>
 #include <thread>
 
-#include "force_dimension/dhd.h"
+#include "force_dimension/dhd_calls.h"
+#include "force_dimension/force_dimension_failures.h"
 #include "force_dimension/models.h"
 #include "palpate/base/clock.h"
-#include "palpate/base/printable.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/device/usb.h"
 
 namespace palpate {
 namespace dhd {
 
-/// Reasons for the absence of force, the most serious first.
-enum class Failure : std::uint8_t {
-  kNone,
-  kLost,   ///< Calls fail, and the device is searched for
-  kInUse,  ///< It is connected, but cannot be opened
-  kOther,  ///< Another device is in its place
-  kNoPower,
-  kNotInitialised,  ///< Its arm's position is unknown
-  kByHand,          ///< It has to be moved through its workspace manually
-  kError,           ///< It reports an error
-  kBroken,          ///< Its pose is not finite
-  kButton,          ///< Forces were disabled at the device
-  kVelocity,        ///< It exceeded its speed limit
-  kWatchdog,        ///< Its watchdog expired
-  kUsb,
-  kDeadman,   ///< Its dead man's switch is released
-  kForceOff,  ///< Forces are disabled for an unknown reason
-  kSilent,    ///< A call failed
-};
-
-constexpr char kNobody = -1;
-
-/// Identity of a device, independent of its position in the list.
-struct Identity {
-  int type = 0;
-  bool left = false;
-  std::optional<unsigned short> serial;
-  bool operator==(const Identity&) const = default;
-};
+constexpr char kNoDevice = -1;
 
 /// A device of the driver. Its library id belongs to the servo's thread while `state` is kThere, and to the
 /// finder's thread while it is kLost; changes of `state` transfer it.
@@ -57,7 +27,7 @@ struct Unit {
   DeviceModel model;
   DeviceInfo info;
   bool turns = false, gripper = false;
-  std::atomic<char> id{kNobody};
+  std::atomic<char> id{kNoDevice};
   std::atomic<int> halts{0};  ///< Number of threads that are disabling its motors at this moment
   std::atomic<State> state{State::kThere};
   std::atomic<Failure> failure{Failure::kNone};
@@ -78,72 +48,13 @@ struct Unit {
 namespace {
 
 using dhd::DeviceModel;
-using dhd::kNobody;
+using dhd::kNoDevice;
 using DhdFailure = dhd::Failure;
-using DhdIdentity = dhd::Identity;
 using DhdUnit = dhd::Unit;
 
 // interval of the search for a lost device, and of polling whether a search is wanted
 constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chrono::milliseconds(5);
 constexpr std::int64_t kLastCall_ns = 1'000'000'000;
-constexpr std::uint16_t kForceDimensionUsb = 0x1451, kFtdiUsb = 0x0403, kFalconUsb = 0xcb48;
-constexpr const char* kGet =
-    "get Force Dimension's SDK from forcedimension.com/software/sdk and copy libdrd.so.3 to /usr/local/lib, "
-    "or "
-    "name the file: --library force-dimension=FILE";
-
-std::int64_t in_ns(double seconds) {
-  return std::llround(seconds * 1e9);
-}
-
-struct DhdWords {
-  const char *what, *remedy;
-};
-DhdWords words_for(DhdFailure failure) {
-  switch (failure) {
-    case DhdFailure::kLost:
-      return {"the device was disconnected",
-              "check its USB cable and power: the session resumes when it is reconnected"};
-    case DhdFailure::kInUse:
-      return {"the device is connected but cannot be opened",
-              "close the program that uses it; palpate doctor checks the permissions of this account"};
-    case DhdFailure::kOther:
-      return {"a different device is connected", "connect the device with which the session started"};
-    case DhdFailure::kNoPower:
-      return {"the device has no power", "switch on its power supply"};
-    case DhdFailure::kNotInitialised:
-      return {"the arm is not initialised, so its position is unknown",
-              "keep clear of it and initialise it with the vendor's program (HapticInit): the session then "
-              "resumes by itself. Or end the session and restart it with --may-move"};
-    case DhdFailure::kByHand:
-      return {"the position of the grip is not calibrated yet",
-              "pull the grip all the way out and push it all the way in, until the lights turn"};
-    case DhdFailure::kError:
-      return {"the device reports an error", "switch it off and on again"};
-    case DhdFailure::kBroken:
-      return {"the device reports an invalid position", "switch it off and on again"};
-    case DhdFailure::kButton:
-      return {"forces are disabled at the device", "press its force button"};
-    case DhdFailure::kVelocity:
-      return {"the device exceeded its speed limit and has disabled its forces",
-              "hold it still: they return after a second"};
-    case DhdFailure::kWatchdog:
-      return {"the device has disabled its forces because it received no commands",
-              "hold it still: they return after a second. Is the machine overloaded?"};
-    case DhdFailure::kUsb:
-      return {"the device has disabled its forces because of a USB error", "check its USB cable"};
-    case DhdFailure::kDeadman:
-      return {"the grip of the device is not held", "hold its grip"};
-    case DhdFailure::kForceOff:
-      return {"the device has disabled its forces without giving a reason",
-              "press its force button, or restart the session"};
-    case DhdFailure::kSilent:
-      return {"the device does not answer", "check its USB cable"};
-    case DhdFailure::kNone:
-      break;
-  }
-  return {"", ""};
-}
 
 DhdFailure error_of_cause(int cause) {
   switch (cause) {
@@ -173,50 +84,6 @@ bool is_unlocated(DhdFailure failure) {
          failure == DhdFailure::kByHand || failure == DhdFailure::kError || failure == DhdFailure::kBroken;
 }
 
-Error error_for(DhdFailure failure, const std::string& where) {
-  const DhdWords words = words_for(failure);
-  return {ErrorKind::kUnavailable, words.what, where, words.remedy};
-}
-
-/// Error with the library's own message for a failed call.
-Error declared_by(const dhd::Library& library, const std::string& what, const std::string& where,
-                  const std::string& remedy) {
-  const char* message = library.dhdErrorGetLastStr();
-  return {ErrorKind::kUnavailable,
-          what + (message && *message != '\0' ? " (" + printable_name(message) + ")" : std::string()), where,
-          remedy};
-}
-
-int open_device(const dhd::Library& library, int index) {
-  const auto id = static_cast<char>(index);
-  return library.drdOpenID && library.drdClose ? library.drdOpenID(id) : library.dhdOpenID(id);
-}
-void close_device(const dhd::Library& library, char id) {
-  if (library.drdOpenID && library.drdClose)
-    library.drdClose(id);
-  else
-    library.dhdClose(id);
-}
-
-bool is_initialised(const dhd::Library& library, char id) {
-  if (library.drdIsInitialized) return library.drdIsInitialized(id);
-  std::array<int, dhd::kStatusFields> status{};
-  return library.dhdGetStatus(status.data(), id) >= 0 && status[dhd::kReset] == 1;
-}
-
-DhdIdentity identity_of(const dhd::Library& library, char id) {
-  DhdIdentity identity{library.dhdGetSystemType(id), library.dhdIsLeftHanded(id), {}};
-  unsigned short serial = 0;
-  if (library.dhdGetSerialNumber && library.dhdGetSerialNumber(&serial, id) >= 0) identity.serial = serial;
-  return identity;
-}
-std::string name_of(const DhdIdentity& identity) {
-  std::string name = dhd::model_of(identity.type).name;
-  if (identity.left) name += " (left)";
-  if (identity.serial) name += " no. " + std::to_string(*identity.serial);
-  return name;
-}
-
 // rotation from a matrix whose rows are the device's axes, only approximately orthonormal. Empty: not a
 // rotation
 std::optional<Eigen::Quaterniond> turn_of(const double (&frame)[3][3]) {
@@ -244,7 +111,7 @@ class ForceDimensionDriver::Core {
   Result<void> open(bool may_move) {
     if (finder_.joinable()) return {};
     if (!library_) {
-      const auto file = find_vendor_library(settings_.library, "Force Dimension's library", kGet);
+      const auto file = find_vendor_library(settings_.library, "Force Dimension's library", dhd::kGet);
       if (!file) return file.error();
       auto loaded = dhd::load(*file);
       if (!loaded) return loaded.error();
@@ -294,7 +161,7 @@ class ForceDimensionDriver::Core {
     halted_.store(true);
     for (DhdUnit& unit : std::span(units_).first(count_)) {
       unit.halts.fetch_add(1);
-      if (const char id = unit.id.load(); id != kNobody) library_->dhdEnableForce(0, id);
+      if (const char id = unit.id.load(); id != kNoDevice) library_->dhdEnableForce(0, id);
       unit.halts.fetch_sub(1);
     }
   }
@@ -303,7 +170,7 @@ class ForceDimensionDriver::Core {
   std::optional<Error> failure() const {
     for (std::size_t d = 0; d < count_; ++d)
       if (const DhdFailure now = units_[d].failure.load(); now != DhdFailure::kNone)
-        return error_for(now, units_[d].info.name);
+        return dhd::error_for(now, units_[d].info.name);
     return std::nullopt;
   }
 
@@ -318,14 +185,14 @@ class ForceDimensionDriver::Core {
     count_ = 0;
     for (int index = 0; index < std::min(count, kMaxDevices); ++index) {
       DhdUnit& unit = units_[count_];
-      const int id = open_device(*library_, index);
+      const int id = dhd::open_device(*library_, index);
       if (id < 0)
-        return declared_by(
+        return dhd::library_error(
             *library_, "device " + std::to_string(index + 1) + " cannot be opened", "force-dimension",
             "close the program that uses it; palpate doctor checks the permissions of this account");
       unit.id.store(static_cast<char>(id));
       ++count_;
-      unit.identity = identity_of(*library_, unit.id);
+      unit.identity = dhd::identity_of(*library_, unit.id);
       unit.model = dhd::model_of(unit.identity.type);
       describe(unit);
       if (auto ready = initialise(unit, may_move); !ready) return ready.error();
@@ -336,23 +203,23 @@ class ForceDimensionDriver::Core {
 
   Result<void> initialise(DhdUnit& unit, bool may_move) {
     const char id = unit.id.load();
-    if (is_initialised(*library_, id)) return {};
+    if (dhd::is_initialised(*library_, id)) return {};
     // the session waits for manual initialisation and reports it
     if (unit.model.by_hand) return {};
-    if (!library_->initialises()) return error_for(DhdFailure::kNotInitialised, unit.info.name);
+    if (!library_->initialises()) return dhd::error_for(DhdFailure::kNotInitialised, unit.info.name);
     unit.info.moves_by_itself = true;
     if (auto agreed = require_consent(unit.info, may_move); !agreed) return agreed.error();
     if (library_->drdAutoInit(id) < 0) {
-      const Error failed = declared_by(*library_, "the arm could not be initialised", unit.info.name,
-                                       "make sure that nothing obstructs it, and try again");
+      const Error failed = dhd::library_error(*library_, "the arm could not be initialised", unit.info.name,
+                                              "make sure that nothing obstructs it, and try again");
       // the library's motion control may still be active
       library_->drdStop(false, id);
       return failed;
     }
     // ends the library's motion control, with forces enabled
     if (library_->drdStop(true, id) < 0)
-      return declared_by(*library_, "the library continues to move the arm", unit.info.name,
-                         "switch the device off and on again");
+      return dhd::library_error(*library_, "the library continues to move the arm", unit.info.name,
+                                "switch the device off and on again");
     return {};
   }
 
@@ -360,7 +227,7 @@ class ForceDimensionDriver::Core {
   Result<void> prepare(const DhdUnit& unit) {
     const char id = unit.id.load();
     const auto failed = [&](const char* what) {
-      return declared_by(*library_, what, unit.info.name, "switch the device off and on again");
+      return dhd::library_error(*library_, what, unit.info.name, "switch the device off and on again");
     };
     // in addition to the limit of the output stage
     if (unit.info.peak_force_N && library_->dhdSetMaxForce(*unit.info.peak_force_N, id) < 0)
@@ -379,7 +246,7 @@ class ForceDimensionDriver::Core {
     const char id = unit.id.load();
     const DeviceModel& model = unit.model;
     DeviceInfo info;
-    info.name = name_of(unit.identity);
+    info.name = dhd::name_of(unit.identity);
     info.drive = DeviceInfo::Drive::kPulled;
     info.peak_force_N = model.peak_force_N;
     // an existing limit of the device is respected
@@ -408,9 +275,9 @@ class ForceDimensionDriver::Core {
 
   void close_all() {
     for (std::size_t d = 0; d < count_; ++d)
-      if (const char id = reclaim_id(units_[d]); id != kNobody) {
+      if (const char id = reclaim_id(units_[d]); id != kNoDevice) {
         library_->dhdStop(id);
-        close_device(*library_, id);
+        dhd::close_device(*library_, id);
       }
     count_ = 0;
   }
@@ -432,7 +299,7 @@ class ForceDimensionDriver::Core {
         library_->dhdGetPositionAndOrientationFrame(&tip_m[0], &tip_m[1], &tip_m[2], frame, id);
     if (received < 0) return fail(unit, requested_ns);
     unit.failing_since_ns = 0;
-    if (requested_ns - unit.status_ns >= in_ns(kStatusEvery_s)) {
+    if (requested_ns - unit.status_ns >= to_ns(kStatusEvery_s)) {
       unit.status_ns = requested_ns;
       unit.status_failure = read_status(unit);
       if (unit.status_failure == DhdFailure::kLost) return lose(unit);
@@ -484,7 +351,7 @@ class ForceDimensionDriver::Core {
     const int why = by_hand ? unit.operator_off_cause : cause;
     if (!status[dhd::kPower]) return DhdFailure::kNoPower;
     if (status[dhd::kError]) return DhdFailure::kError;
-    if (!is_initialised(*library_, id))
+    if (!dhd::is_initialised(*library_, id))
       return unit.model.by_hand ? DhdFailure::kByHand : DhdFailure::kNotInitialised;
     if (unit.off_since_ns != 0) {
       // the cause "software" comes from a halt after the device's own reason
@@ -510,14 +377,14 @@ class ForceDimensionDriver::Core {
     const std::int64_t now_ns = monotonic_ns();
     // an unknown velocity does not count as calm
     if (!(unit.sample.velocity_mm_s.norm() <= kCalm_mm_s)) unit.off_since_ns = now_ns;
-    return now_ns - unit.off_since_ns >= in_ns(kCalm_s);
+    return now_ns - unit.off_since_ns >= to_ns(kCalm_s);
   }
 
   void fail(DhdUnit& unit, std::int64_t now_ns) {
     unit.sample.fault = true;
     unit.failure.store(DhdFailure::kSilent);
     if (unit.failing_since_ns == 0) unit.failing_since_ns = now_ns;
-    if (now_ns - unit.failing_since_ns > in_ns(kAbandoned_s)) lose(unit);
+    if (now_ns - unit.failing_since_ns > to_ns(kAbandoned_s)) lose(unit);
   }
 
   void lose(DhdUnit& unit) {
@@ -568,7 +435,7 @@ class ForceDimensionDriver::Core {
     unit.force_on = false;
     const std::int64_t now_ns = monotonic_ns();
     if (unit.unheard_since_ns == 0) unit.unheard_since_ns = now_ns;
-    if (now_ns - unit.unheard_since_ns > in_ns(kAbandoned_s)) lose(unit);
+    if (now_ns - unit.unheard_since_ns > to_ns(kAbandoned_s)) lose(unit);
   }
 
   bool set_force(const DhdUnit& unit, const DeviceCommand& command) {
@@ -592,38 +459,38 @@ class ForceDimensionDriver::Core {
   // Takes the id, after which no thread makes calls for the device, and waits for calls in progress: a halt
   // may come from any thread and must not wait. If such a call hangs in the library, the device stays open.
   static char reclaim_id(DhdUnit& unit) {
-    const char id = unit.id.exchange(kNobody);
+    const char id = unit.id.exchange(kNoDevice);
     const std::int64_t until_ns = monotonic_ns() + kLastCall_ns;
     while (unit.halts.load() > 0) {
-      if (monotonic_ns() > until_ns) return kNobody;
+      if (monotonic_ns() > until_ns) return kNoDevice;
       std::this_thread::sleep_for(kFindPoll);
     }
     return id;
   }
 
   void detect(DhdUnit& unit) {
-    if (const char id = reclaim_id(unit); id != kNobody) {
+    if (const char id = reclaim_id(unit); id != kNoDevice) {
       library_->dhdStop(id);
-      close_device(*library_, id);
+      dhd::close_device(*library_, id);
     }
     const auto units = std::span(units_).first(count_);
     const auto open =
-        std::ranges::count_if(units, [](const DhdUnit& each) { return each.id.load() != kNobody; });
+        std::ranges::count_if(units, [](const DhdUnit& each) { return each.id.load() != kNoDevice; });
     DhdFailure why = DhdFailure::kLost;
     const bool any = library_->dhdGetDeviceCount() > open;
     for (int index = 0; any && index < kMaxDevices; ++index) {
       if (std::ranges::any_of(
               units, [&](const DhdUnit& each) { return each.id.load() == static_cast<char>(index); }))
         continue;
-      const int opened = open_device(*library_, index);
+      const int opened = dhd::open_device(*library_, index);
       if (opened < 0) {
         if (why == DhdFailure::kLost) why = DhdFailure::kInUse;
         continue;
       }
       const auto id = static_cast<char>(opened);
-      if (identity_of(*library_, id) != unit.identity) {
+      if (dhd::identity_of(*library_, id) != unit.identity) {
         why = DhdFailure::kOther;
-      } else if (!unit.model.by_hand && !is_initialised(*library_, id)) {
+      } else if (!unit.model.by_hand && !dhd::is_initialised(*library_, id)) {
         // closed again meanwhile, so that the vendor's program can initialise it
         why = DhdFailure::kNotInitialised;
       } else {
@@ -632,9 +499,9 @@ class ForceDimensionDriver::Core {
           unit.state.store(DhdUnit::State::kBack);
           return;
         }
-        if (reclaim_id(unit) == kNobody) continue;
+        if (reclaim_id(unit) == kNoDevice) continue;
       }
-      close_device(*library_, id);
+      dhd::close_device(*library_, id);
     }
     unit.failure.store(why);
   }
@@ -676,68 +543,6 @@ void ForceDimensionDriver::resume(std::uint64_t /*newest*/) noexcept {
 
 std::optional<Error> ForceDimensionDriver::failure() const {
   return core_->failure();
-}
-
-namespace {
-
-DeviceReport detect_dhd(const ForceDimensionSettings& settings) {
-  DeviceReport report;
-  std::vector<UsbDevice> plugged = usb_devices(kForceDimensionUsb);
-  std::ranges::copy(usb_devices(kFtdiUsb, kFalconUsb), std::back_inserter(plugged));
-  const auto file = find_vendor_library(settings.library, "Force Dimension's library", kGet);
-  const auto library = file ? dhd::load(*file) : Result<dhd::Library>(file.error());
-  if (!library) {
-    report.checks.push_back(
-        {"Force Dimension's library", false, library.error().what, library.error().remedy});
-    if (!plugged.empty())
-      std::ranges::copy(usb_checks(plugged, "a device"), std::back_inserter(report.checks));
-    return report;
-  }
-  std::array<int, 4> version{};
-  library->dhdGetSDKVersion(&version[0], &version[1], &version[2], &version[3]);
-  report.checks.push_back({"Force Dimension's library", true,
-                           file->string() + ", version " + std::to_string(version[0]) + "." +
-                               std::to_string(version[1]) + "." + std::to_string(version[2]),
-                           ""});
-  const int count = library->dhdGetDeviceCount();
-  if (count <= 0) {
-    std::ranges::copy(usb_checks(plugged, "a Force Dimension device or a Falcon"),
-                      std::back_inserter(report.checks));
-    if (!plugged.empty() && std::ranges::all_of(plugged, &UsbDevice::may_use))
-      report.checks.push_back({"device", false, "the system detects one, but the library does not",
-                               "switch it off and on again; close programs that use it"});
-    return report;
-  }
-  for (int index = 0; index < std::min(count, kMaxDevices); ++index) {
-    const std::string device_name = "device " + std::to_string(index + 1);
-    const int opened = open_device(*library, index);
-    if (opened < 0) {
-      const Error error =
-          declared_by(*library, "cannot be opened", device_name, "close the program that uses it");
-      report.connected.push_back({device_name, error.what});
-      report.checks.push_back({device_name, false, error.what, error.remedy});
-      continue;
-    }
-    const auto id = static_cast<char>(opened);
-    const DhdIdentity identity = identity_of(*library, id);
-    const bool ready = is_initialised(*library, id);
-    const DhdWords words =
-        words_for(dhd::model_of(identity.type).by_hand ? DhdFailure::kByHand : DhdFailure::kNotInitialised);
-    const std::string state = ready ? "ready" : words.what;
-    close_device(*library, id);
-    report.connected.push_back({name_of(identity), state});
-    report.checks.push_back({name_of(identity), ready, state, ready ? "" : words.remedy});
-  }
-  return report;
-}
-
-}  // namespace
-
-DeviceVendor force_dimension_vendor(const ForceDimensionSettings& settings) {
-  return {"force-dimension",
-          "Force Dimension omega, sigma and delta, and Novint Falcon, through the vendor's library",
-          [settings] { return std::make_unique<ForceDimensionDriver>(settings); },
-          [settings] { return detect_dhd(settings); }};
 }
 
 }  // namespace palpate

@@ -9,8 +9,8 @@
 #include <thread>
 #include <variant>
 
-#include "haply/connection.h"
-#include "haply/messages.h"
+#include "haply/sender_pace.h"
+#include "haply/service_search.h"
 #include "palpate/base/clock.h"
 #include "palpate/device/telemetry.h"
 
@@ -18,13 +18,14 @@ namespace palpate {
 namespace {
 
 using haply::Connection;
+using haply::Failure;
+using haply::Found;
 using haply::Inverse3;
+using haply::NotFound;
 using haply::RequestWriter;
-using haply::ServiceVersion;
+using haply::SenderPace;
 using haply::State;
-using haply::Status;
 
-constexpr auto kInventoryPatience_ns = std::int64_t{2'000'000'000};
 // longer at the start of a session, when the machine is busy
 constexpr double kOpenPatience_s = 5;
 // number of round trips from which the rate is estimated
@@ -44,189 +45,7 @@ constexpr std::int64_t kDraining_ns = 500'000;
 // half edge of the largest cube in the reachable ball of 100 mm radius
 constexpr double kHalfReach_mm = 57.7;
 
-std::int64_t in_ns(double seconds) {
-  return std::llround(seconds * 1e9);
-}
-
 }  // namespace
-
-namespace haply {
-
-/// Reasons for the absence of force, the most serious first.
-enum class Failure : std::uint8_t {
-  kNone,
-  kLost,          ///< The connection was closed
-  kNoService,     ///< The connection was closed, and no service answers
-  kOtherVersion,  ///< The service that answers has an unsupported version
-  kSilent,        ///< Requests are not answered
-  kBroken,        ///< Replies are invalid
-  kBehind,        ///< States may come from a queue (SenderPace), so that their age is unknown
-  kBrake,         ///< A brake or a disconnection was reported recently
-  kGone,          ///< A device is no longer in the service's list
-  kNoPower,
-  kNotCalibrated,
-  kNotReady,
-};
-
-/// A connection, and the service's version and inventory.
-struct Found {
-  ServiceVersion version;
-  std::unique_ptr<Connection> connection;
-  State inventory;
-};
-
-}  // namespace haply
-
-namespace {
-
-using haply::Failure;
-using haply::Found;
-
-// trouble reported by a device; anything not reported counts as fine
-Failure failure_of(const Status& status) {
-  if (!status.power_supply.value_or(true)) return Failure::kNoPower;
-  if (!status.calibrated.value_or(true)) return Failure::kNotCalibrated;
-  if (!status.ready.value_or(true) || !status.started.value_or(true)) return Failure::kNotReady;
-  return Failure::kNone;
-}
-
-struct Words {
-  const char *what, *remedy;
-};
-Words words_for(Failure failure) {
-  switch (failure) {
-    case Failure::kLost:
-      return {"the Inverse Service has closed the connection",
-              "no action is needed: the session resumes when it is connected again"};
-    case Failure::kNoService:
-      return {"the Inverse Service does not answer", "restart it: the session then resumes by itself"};
-    case Failure::kOtherVersion:
-      return {"the version of the Inverse Service is not supported",
-              "start version 3.0, 3.1, or 3.5 or later: the session then resumes by itself"};
-    case Failure::kSilent:
-      return {"the Inverse Service sends no states",
-              "is the machine overloaded? If this persists, restart the service"};
-    case Failure::kBroken:
-      return {"the Inverse Service sends messages that are not device states",
-              "does another program listen on its port? Restart the service"};
-    case Failure::kBehind:
-      return {"the Inverse Service sends more states than usual, or stalled: states may be outdated",
-              "wait a moment; if this persists, close other programs that request states, or restart it"};
-    case Failure::kBrake:
-      return {"the device's brake is on, or it was unplugged",
-              "release the brake and check the USB cable: the session resumes a second later"};
-    case Failure::kGone:
-      return {"the service has lost the device", "check its USB cable, and reconnect it"};
-    case Failure::kNoPower:
-      return {"the device has no power", "connect its power supply"};
-    case Failure::kNotCalibrated:
-      return {"the device is not calibrated",
-              "move its arm as described in Haply's manual until it is calibrated"};
-    case Failure::kNotReady:
-      return {"the device is not ready", "wait until its light shows that it is ready, or reconnect it"};
-    case Failure::kNone:
-      break;
-  }
-  return {"", ""};
-}
-
-Error error_for(Failure failure, const std::string& where) {
-  const Words words = words_for(failure);
-  return {ErrorKind::kUnavailable, words.what, where, words.remedy};
-}
-
-std::string name_of(const Inverse3& device) {
-  return "Inverse3 " + device.id;
-}
-
-std::string state_in_words(const Status& status) {
-  if (status.in_use.value_or(false)) return "in use by another program";
-  const Failure failure = failure_of(status);
-  return failure == Failure::kNone ? "ready" : words_for(failure).what;
-}
-
-/// Reason of a failed search: kNoService, kOtherVersion, kSilent or kBroken.
-struct NotFound {
-  Failure why = Failure::kNoService;
-  Error error;
-};
-
-std::variant<Found, NotFound> find(const HaplySettings& settings) {
-  const auto version = haply::find_service(settings);
-  if (!version) return NotFound{Failure::kNoService, version.error()};
-  if (!haply::force_key(*version)) {
-    Error other = error_for(Failure::kOtherVersion, "haply");
-    other.what += ": " + std::to_string(version->major) + "." + std::to_string(version->minor);
-    return NotFound{Failure::kOtherVersion, other};
-  }
-  auto connection = Connection::open(settings, settings.port);
-  if (!connection) return NotFound{Failure::kNoService, connection.error()};
-  std::string text;
-  const auto received = (*connection)->receive(text, monotonic_ns() + kInventoryPatience_ns);
-  if (received != Connection::Received::kMessage)
-    return NotFound{Failure::kSilent, error_for(Failure::kSilent, "haply")};
-  auto inventory = haply::parse_state(text);
-  if (!inventory) return NotFound{Failure::kBroken, error_for(Failure::kBroken, "haply")};
-  return Found{*version, *std::move(connection), *std::move(inventory)};
-}
-
-}  // namespace
-
-/// Decides whether a sender's states may come from a queue, by the number of unsolicited states. They may
-/// after a stall, and when more arrive than the known pace explains, until a time window contains no more
-/// than that. A pace that is sustained becomes the known pace.
-class SenderPace {
- public:
-  explicit SenderPace(std::int64_t now_ns = 0) : observed_ns_(now_ns), started_ns_(now_ns) {}
-
-  /// @param count  number of unsolicited states since the last call
-  void observe(int count, std::int64_t now_ns) {
-    const bool stalled = now_ns - observed_ns_ > kStall_ns;
-    observed_ns_ = now_ns;
-    if (stalled) return doubt(now_ns);
-    count_ += count;
-    const double window_s = static_cast<double>(now_ns - started_ns_) * 1e-9;
-    const bool explained = count_ <= kSurplus + kAbove * pace_hz_ * window_s;
-    if (!queued_ && !explained) return doubt(now_ns);
-    if (window_s < kWindow_s) return;
-    const double hz = count_ / window_s;
-    maintained_ = std::abs(hz - before_hz_) * window_s <= kSurplus + kSteady * before_hz_ * window_s
-                      ? maintained_ + 1
-                      : 0;
-    if (!queued_)
-      pace_hz_ += kFollowed * (hz - pace_hz_);
-    else if (maintained_ >= kMaintained)
-      pace_hz_ = hz;
-    if (explained || maintained_ >= kMaintained) queued_ = false;
-    before_hz_ = hz;
-    started_ns_ = now_ns;
-    count_ = 0;
-  }
-  /// States may be queued from now on.
-  void doubt(std::int64_t now_ns) {
-    if (!queued_) maintained_ = 0;
-    queued_ = true;
-    observed_ns_ = started_ns_ = now_ns;
-    count_ = 0;
-  }
-  bool may_be_queued() const { return queued_; }
-
- private:
-  static constexpr std::int64_t kStall_ns = 10'000'000;
-  static constexpr double kWindow_s = 0.02;
-  // tolerance in states per window, and factor relative to the known pace; maximum difference of successive
-  // windows of a steady pace
-  static constexpr double kSurplus = 4, kAbove = 1.5, kSteady = 0.25;
-  // low-pass coefficient of the known pace per window; number of steady windows after which a new pace is
-  // adopted at once
-  static constexpr double kFollowed = 0.1;
-  static constexpr int kMaintained = 25;
-
-  bool queued_ = false;
-  std::int64_t observed_ns_, started_ns_;
-  int count_ = 0, maintained_ = 0;
-  double pace_hz_ = 0, before_hz_ = 0;
-};
 
 /// Members are grouped by the thread that uses them. The servo's thread is the caller of run().
 class HaplyDriver::Core {
@@ -244,7 +63,7 @@ class HaplyDriver::Core {
     if (finder_.joinable()) return {};
     ids_.clear();
     wanted_.store(false);
-    auto result = find(settings_);
+    auto result = haply::connect_to_service(settings_);
     if (const auto* none = std::get_if<NotFound>(&result)) return none->error;
     Found* const found = std::get_if<Found>(&result);
     if (found->inventory.devices.empty())
@@ -252,10 +71,10 @@ class HaplyDriver::Core {
                    "connect it by USB, power it, and check that its light is on"};
     for (const Inverse3& device : found->inventory.devices) {
       if (device.status.in_use.value_or(false))
-        return Error{ErrorKind::kUnavailable, name_of(device) + " is in use by another program", "haply",
-                     "close that program"};
-      if (const Failure failure = failure_of(device.status); failure != Failure::kNone)
-        return error_for(failure, name_of(device));
+        return Error{ErrorKind::kUnavailable, haply::name_of(device) + " is in use by another program",
+                     "haply", "close that program"};
+      if (const Failure failure = haply::failure_of(device.status); failure != Failure::kNone)
+        return haply::error_for(failure, haply::name_of(device));
     }
     count_ = std::min<std::size_t>(found->inventory.devices.size(), kMaxDevices);
     for (std::size_t d = 0; d < count_; ++d) ids_.push_back(found->inventory.devices[d].id);
@@ -263,7 +82,7 @@ class HaplyDriver::Core {
     reply_timeout_s_ = kOpenPatience_s;
     adopt(std::move(*found));
     const auto round_trip_s = measure();
-    if (!round_trip_s) return error_for(failure_.load(), "haply");
+    if (!round_trip_s) return haply::error_for(failure_.load(), "haply");
     describe(inventory, 1 / std::max(*round_trip_s, 1 / settings_.max_rate_hz));
     try {
       finder_ = std::thread([this] { detect_service(); });
@@ -284,7 +103,7 @@ class HaplyDriver::Core {
       reported = (connection_ ? exchange() : wait_for_service()) || reported;
       // the initial tip positions come from open(); after kSilence_s without a sample the servo runs with
       // stale ones
-      if (reported || monotonic_ns() - started_ns > in_ns(kSilence_s))
+      if (reported || monotonic_ns() - started_ns > to_ns(kSilence_s))
         servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
     }
     send_final_zero();
@@ -295,7 +114,7 @@ class HaplyDriver::Core {
   std::optional<Error> failure() const {
     const Failure now = failure_.load();
     if (now == Failure::kNone) return std::nullopt;
-    return error_for(now, infos_.empty() ? "haply" : infos_.front().name);
+    return haply::error_for(now, infos_.empty() ? "haply" : infos_.front().name);
   }
 
  private:
@@ -305,20 +124,20 @@ class HaplyDriver::Core {
   bool exchange() {
     if (outstanding_ == 0) {
       std::this_thread::sleep_for(std::chrono::nanoseconds(
-          std::max<std::int64_t>(0, sent_ns_ + in_ns(1 / settings_.max_rate_hz) - monotonic_ns())));
+          std::max<std::int64_t>(0, sent_ns_ + to_ns(1 / settings_.max_rate_hz) - monotonic_ns())));
       if (!drain()) return lose(Failure::kLost);
       if (!send(halted_.load() || pace_.may_be_queued() ? zeros_ : commands_)) return lose(Failure::kLost);
-    } else if (!zero_requested_ && monotonic_ns() - sent_ns_ > in_ns(kSilence_s)) {
+    } else if (!zero_requested_ && monotonic_ns() - sent_ns_ > to_ns(kSilence_s)) {
       // a service that does not reply may still read
       zero_requested_ = true;
       note(Failure::kSilent);
       if (!send(zeros_)) return lose(Failure::kLost);
     }
-    switch (connection_->receive(text_, monotonic_ns() + in_ns(kTimeout_s))) {
+    switch (connection_->receive(text_, monotonic_ns() + to_ns(kTimeout_s))) {
       case Connection::Received::kMessage:
         return read_message();
       case Connection::Received::kNothing:
-        return monotonic_ns() - last_message_ns_ > in_ns(reply_timeout_s_) ? lose(Failure::kSilent) : false;
+        return monotonic_ns() - last_message_ns_ > to_ns(reply_timeout_s_) ? lose(Failure::kSilent) : false;
       case Connection::Received::kLost:
         break;
     }
@@ -400,7 +219,7 @@ class HaplyDriver::Core {
       sample.R_DeviceTool = state.grips[d].orientation;
       sample.buttons = state.grips[d].buttons;
     }
-    const Failure failure = failure_of(device->status);
+    const Failure failure = haply::failure_of(device->status);
     sample.fault = failure != Failure::kNone;
     return failure;
   }
@@ -465,7 +284,7 @@ class HaplyDriver::Core {
     for (std::size_t d = 0; d < count_; ++d) {
       const bool grip = d < inventory.grips.size();
       DeviceInfo info;
-      info.name = name_of(inventory.devices[d]);
+      info.name = haply::name_of(inventory.devices[d]);
       info.drive = DeviceInfo::Drive::kExchange;
       info.peak_force_N = settings_.peak_force_N;
       info.rate_hz = rate_hz;
@@ -491,7 +310,7 @@ class HaplyDriver::Core {
       if (!wanted_.load()) listen_to_events();
       if (!wanted_.load() || std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
-      auto found = find(settings_);
+      auto found = haply::connect_to_service(settings_);
       if (const auto* none = std::get_if<NotFound>(&found)) {
         note(none->why);
         continue;
@@ -513,10 +332,10 @@ class HaplyDriver::Core {
     }
     std::string text;
     for (int n = 0; n < kMaxEvents; ++n) {
-      const auto received = events_->receive(text, monotonic_ns() + in_ns(1e-3));
+      const auto received = events_->receive(text, monotonic_ns() + to_ns(1e-3));
       if (received == Connection::Received::kLost) events_.reset();
       if (received != Connection::Received::kMessage) return;
-      if (haply::reports_brake(text)) braked_until_ns_.store(monotonic_ns() + in_ns(kBraked_s));
+      if (haply::reports_brake(text)) braked_until_ns_.store(monotonic_ns() + to_ns(kBraked_s));
     }
   }
 
@@ -573,42 +392,6 @@ void HaplyDriver::resume(std::uint64_t /*newest*/) noexcept {
 
 std::optional<Error> HaplyDriver::failure() const {
   return core_->failure();
-}
-
-namespace {
-
-DeviceReport detect(const HaplySettings& settings) {
-  DeviceReport report;
-  const std::string endpoint = "Inverse Service at " + settings.host + ":" + std::to_string(settings.port);
-  auto result = find(settings);
-  if (const auto* none = std::get_if<NotFound>(&result)) {
-    report.checks.push_back({endpoint, false, none->error.what, none->error.remedy});
-    return report;
-  }
-  const Found* const found = std::get_if<Found>(&result);
-  report.checks.push_back(
-      {endpoint, true,
-       "version " + std::to_string(found->version.major) + "." + std::to_string(found->version.minor), ""});
-  if (found->inventory.devices.empty())
-    report.checks.push_back({"Inverse3", false, "the service detects none",
-                             "connect it by USB, power it, and check that its light is on"});
-  for (const Inverse3& device : found->inventory.devices) {
-    const Failure failure = failure_of(device.status);
-    const bool in_use = device.status.in_use.value_or(false);
-    report.connected.push_back({device.id, state_in_words(device.status)});
-    report.checks.push_back({name_of(device), failure == Failure::kNone && !in_use,
-                             state_in_words(device.status),
-                             in_use ? "close the program that uses it" : words_for(failure).remedy});
-  }
-  return report;
-}
-
-}  // namespace
-
-DeviceVendor haply_vendor(const HaplySettings& settings) {
-  return {"haply", "Haply Inverse3, through the Inverse Service (3.0, 3.1, 3.5 on)",
-          [settings] { return std::make_unique<HaplyDriver>(settings); },
-          [settings] { return detect(settings); }};
 }
 
 }  // namespace palpate

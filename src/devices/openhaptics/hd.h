@@ -9,10 +9,10 @@
 namespace palpate::hd {
 
 using Handle = unsigned;
-inline constexpr Handle kNobody = 0xFFFFFFFF;
+inline constexpr Handle kBadHandle = 0xFFFFFFFF;
 using Callback = unsigned (*)(void*);
-inline constexpr unsigned kContinue = 1;
-inline constexpr unsigned short kPriority = 0x7FFF;
+inline constexpr unsigned kCallbackContinue = 1;
+inline constexpr unsigned short kDefaultPriority = 0x7FFF;
 
 struct ErrorInfo {
   unsigned code;

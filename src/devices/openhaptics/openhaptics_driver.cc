@@ -1,21 +1,18 @@
 #include "palpate/openhaptics/openhaptics_driver.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <iterator>
 #include <mutex>
 #include <string_view>
 #include <system_error>
 #include <thread>
 
-#include "openhaptics/hd.h"
+#include "openhaptics/hd_calls.h"
+#include "openhaptics/openhaptics_failures.h"
 #include "palpate/base/clock.h"
 #include "palpate/base/printable.h"
 #include "palpate/device/telemetry.h"
@@ -23,26 +20,12 @@
 namespace palpate {
 namespace hd {
 
-/// Reasons for the absence of force, the most serious first.
-enum class Failure : std::uint8_t {
-  kNone,
-  kLost,     ///< The library cannot reach the device
-  kStalled,  ///< The scheduler makes no calls
-  kOther,    ///< Another device has that name
-  kBroken,   ///< Its pose is invalid
-  kReset,    ///< The arm has to be placed in the position where its encoders are reset
-  kInkwell,  ///< The stylus has to be placed in its inkwell
-  kWarm,
-  kForce,
-  kVelocityTrip,
-};
-
 /// A device of the driver.
 struct Unit {
   std::string config;  ///< Name in the vendor's configuration; empty: the default device
   DeviceInfo info;
   std::string identity;
-  std::atomic<Handle> handle{kNobody};
+  std::atomic<Handle> handle{kBadHandle};
   int style = 0;  ///< Calibration style in use; 0: unknown
   /// Peak force of the device, including the part that compensates the attached mass
   std::optional<double> max_N;
@@ -65,71 +48,12 @@ constexpr auto kFindEvery = std::chrono::milliseconds(100), kFindPoll = std::chr
 constexpr auto kOwnPeriod = std::chrono::milliseconds(1);
 constexpr std::int64_t kCalibrationEvery_ns = 50'000'000, kLastZero_ns = 100'000'000,
                        kLastCall_ns = 1'000'000'000;
-// errors are returned one by one; bounds a stack that never empties
-constexpr int kMaxErrors = 64;
 constexpr double kGravity_m_s2 = 9.81, kCarriedIn_s = 0.5;
-constexpr const char* kHdGet =
-    "get OpenHaptics and the device's driver from 3D Systems and install both, or name the file: --library "
-    "touch=FILE";
-
-std::int64_t hd_ns(double seconds) {
-  return std::llround(seconds * 1e9);
-}
 
 std::string newtons(double force_N) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.2f N", force_N);
   return text.data();
-}
-
-struct HdWords {
-  const char *what, *remedy;
-};
-HdWords words_for(HdFailure failure) {
-  switch (failure) {
-    case HdFailure::kLost:
-      return {"the library has lost the device",
-              "check its cable and power: it is restarted, and the session resumes when it is back"};
-    case HdFailure::kStalled:
-      return {"the scheduler of the library has stalled",
-              "it is restarted. Is the machine overloaded? If this persists, restart the session"};
-    case HdFailure::kOther:
-      return {"a different device is connected", "connect the device with which the session started"};
-    case HdFailure::kBroken:
-      return {"the device reports an invalid position", "switch it off and on again"};
-    case HdFailure::kReset:
-      return {"the device is not calibrated",
-              "hold the arm as its manual describes for a reset, and try again"};
-    case HdFailure::kInkwell:
-      return {"the device is not calibrated",
-              "put the stylus into its inkwell for a moment, and take it out again"};
-    case HdFailure::kWarm:
-      return {"the motors are warm", "let them cool for some minutes, then press less hard"};
-    case HdFailure::kForce:
-      return {"the device reports that the force was too high", "release it for a second: the force returns"};
-    case HdFailure::kVelocityTrip:
-      return {"the device exceeded its speed limit", "hold it still for a second: the force returns"};
-    case HdFailure::kNone:
-      break;
-  }
-  return {"", ""};
-}
-
-Error error_for(HdFailure failure, const std::string& where) {
-  const HdWords words = words_for(failure);
-  return {ErrorKind::kUnavailable, words.what, where, words.remedy};
-}
-
-std::string text_of(const hd::Library& library, hd::Parameter parameter) {
-  const char* text = library.hdGetString(parameter);
-  return text ? printable_name(text) : std::string();
-}
-
-std::optional<double> number_of(const hd::Library& library, hd::Parameter parameter, double largest) {
-  double value = 0;
-  library.hdGetDoublev(parameter, &value);
-  // an unsupported parameter leaves the value unchanged
-  return std::isfinite(value) && value > 0 && value <= largest ? std::optional(value) : std::nullopt;
 }
 
 // specifications that the device does not report
@@ -153,54 +77,11 @@ void add_known(std::string_view model, DeviceInfo& info) {
     }
 }
 
-bool is_warning(unsigned code) {
-  return code >= hd::kWarmMotors && code <= hd::kForceError;
-}
-
-/// Takes all errors off the stack; returns the last one that is more than a warning, otherwise the last one.
-unsigned drain(const hd::Library& library) {
-  unsigned worst = hd::kNoError;
-  for (int n = 0; n < kMaxErrors; ++n) {
-    const unsigned code = library.hdGetError().code;
-    if (code == hd::kNoError) break;
-    if (!is_warning(code) || worst == hd::kNoError) worst = code;
-  }
-  return worst;
-}
-
-Error refused(const hd::Library& library, unsigned code, const std::string& where) {
-  const char* message = library.hdGetErrorString(code);
-  std::string remedy =
-      "is it connected and configured with the vendor's program? palpate doctor --device touch checks the "
-      "requirements of the library";
-  if (code == hd::kLicence) remedy = "install the OpenHaptics licence as described in its manual";
-  return {ErrorKind::kUnavailable,
-          "the library cannot initialise it" +
-              (message && *message ? " (" + printable_name(message) + ")" : std::string()),
-          where, remedy};
-}
-
 /// Calibration style of a device that needs the least manual action, out of those it supports; 0: none.
 int style_of(int styles) {
   for (const int style : {hd::kAuto, hd::kInkwell, hd::kEncoderReset})
     if (styles & style) return style;
   return 0;
-}
-
-/// Initialises the device of this name, or of the usual default names if it is empty.
-hd::Handle init(const hd::Library& library, const std::string& config, unsigned& error) {
-  const char* const kDefault[] = {nullptr, "Default Device", "Default PHANToM"};
-  const char* const named[] = {config.c_str()};
-  for (const char* name :
-       config.empty() ? std::span<const char* const>(kDefault) : std::span<const char* const>(named)) {
-    drain(library);
-    const hd::Handle handle = library.hdInitDevice(name);
-    error = drain(library);
-    if (handle != hd::kNobody && error == hd::kNoError) return handle;
-    if (handle != hd::kNobody) library.hdDisableDevice(handle);
-    drain(library);
-  }
-  return hd::kNobody;
 }
 
 }  // namespace
@@ -226,7 +107,7 @@ class OpenHapticsDriver::Core {
   Result<void> open() {
     if (finder_.joinable()) return {};
     if (!library_) {
-      const auto file = find_vendor_library(settings_.library, "OpenHaptics", kHdGet);
+      const auto file = find_vendor_library(settings_.library, "OpenHaptics", hd::kGet);
       if (!file) return file.error();
       auto loaded = hd::load(*file);
       if (!loaded) return loaded.error();
@@ -237,10 +118,10 @@ class OpenHapticsDriver::Core {
     for (std::size_t d = 0; d < count_; ++d) {
       units_[d].config = settings_.names.empty() ? "" : settings_.names[d];
       unsigned error = hd::kNoError;
-      units_[d].handle = init(*library_, units_[d].config, error);
-      if (units_[d].handle == hd::kNobody) {
+      units_[d].handle = hd::init(*library_, units_[d].config, error);
+      if (units_[d].handle == hd::kBadHandle) {
         disable_all();
-        return refused(*library_, error, units_[d].config.empty() ? "touch" : units_[d].config);
+        return hd::init_error(*library_, error, units_[d].config.empty() ? "touch" : units_[d].config);
       }
       describe(units_[d]);
       auto ready = subtract_attached_weight(units_[d]);
@@ -270,16 +151,16 @@ class OpenHapticsDriver::Core {
     commands_ = {};
     stopping_.store(false);
     zeros_.store(0);
-    if (lost_.load() == Lost::kNo) start(Owner::kVendor);
+    if (link_.load() == Link::kConnected) start(Owner::kVendor);
     while (!clock.stopped()) {
       std::this_thread::sleep_for(kOwnPeriod);
-      if (lost_.load() == Lost::kNo) watch_scheduler();
-      if (lost_.load() == Lost::kBack) {
+      if (link_.load() == Link::kConnected) watch_scheduler();
+      if (link_.load() == Link::kFound) {
         start(Owner::kOwn);
-        lost_.store(Lost::kAwaited);
+        link_.store(Link::kAwaitingFrame);
       }
-      if (lost_.load() == Lost::kAwaited) await_frame();
-      if (lost_.load() == Lost::kNo) continue;
+      if (link_.load() == Link::kAwaitingFrame) await_frame();
+      if (link_.load() == Link::kConnected) continue;
       // without frames nobody else ticks, and other devices may depend on these ticks
       for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
       servo.update(std::span(samples_).first(count_), std::span(commands_).first(count_));
@@ -297,30 +178,40 @@ class OpenHapticsDriver::Core {
   std::optional<Error> failure() const {
     const HdFailure now = failure_.load();
     if (now == HdFailure::kNone) return std::nullopt;
-    return error_for(now,
-                     infos_.empty() ? "touch" : infos_[std::min(troubled_.load(), infos_.size() - 1)].name);
+    return hd::error_for(
+        now, infos_.empty() ? "touch" : infos_[std::min(troubled_.load(), infos_.size() - 1)].name);
   }
 
  private:
-  /// Thread that calls the servo: the vendor's thread, outside a frame (kVendor), reading in a frame
-  /// (kReading) or past that (kInFrame), or run() (kOwn). Ownership is only transferred from kVendor or
-  /// kReading.
-  enum class Owner : std::uint8_t { kVendor, kReading, kInFrame, kOwn };
-  /// Thread that uses the library: kNo the vendor's thread and run(), kYes the finder, kBack run(). kAwaited:
-  /// as kNo, but run() ticks, and the vendor's frames carry zeros, until one of them has ended.
-  enum class Lost : std::uint8_t { kNo, kYes, kBack, kAwaited };
+  /// Thread that calls the servo. run() takes over in kVendor or kReading only; a frame in which the device
+  /// is lost hands over to it at its end.
+  enum class Owner : std::uint8_t {
+    kVendor,   ///< The vendor's thread, between frames
+    kReading,  ///< The vendor's thread, while it reads the devices in a frame
+    kInFrame,  ///< The vendor's thread, from then to the end of the frame
+    kOwn,      ///< run()
+  };
+  /// State of the connection to the library, which determines the threads that may use it.
+  enum class Link : std::uint8_t {
+    kConnected,      ///< The vendor's thread and run()
+    kLost,           ///< The finder, which initialises the devices again
+    kFound,          ///< run(), which starts the scheduler
+    kAwaitingFrame,  ///< As kConnected, but run() ticks, and the vendor's frames carry zeros, until one has
+                     ///< ended
+  };
 
   // ---- the thread that opens, and the finder
   void describe(HdUnit& unit) {
     const hd::Library& library = *library_;
     library.hdMakeCurrentDevice(unit.handle);
-    const std::string model = text_of(library, hd::kModelType), serial = text_of(library, hd::kSerialNumber);
+    const std::string model = hd::text_of(library, hd::kModelType),
+                      serial = hd::text_of(library, hd::kSerialNumber);
     DeviceInfo info;
     info.name = (model.empty() ? "OpenHaptics device" : model) + (serial.empty() ? "" : " no. " + serial);
     info.drive = DeviceInfo::Drive::kCallback;
-    info.peak_force_N = number_of(library, hd::kMaxForce, 1000);
-    info.continuous_force_N = number_of(library, hd::kMaxContinuousForce, 1000);
-    info.stiffness_N_per_mm = number_of(library, hd::kMaxStiffness, 100);
+    info.peak_force_N = hd::number_of(library, hd::kMaxForce, 1000);
+    info.continuous_force_N = hd::number_of(library, hd::kMaxContinuousForce, 1000);
+    info.stiffness_N_per_mm = hd::number_of(library, hd::kMaxStiffness, 100);
     int rate_hz = 0;
     library.hdGetIntegerv(hd::kUpdateRate, &rate_hz);
     if (rate_hz > 0 && rate_hz <= 100'000) info.rate_hz = rate_hz;
@@ -340,7 +231,7 @@ class OpenHapticsDriver::Core {
     unit.style = style_of(styles);
     unit.info = info;
     unit.identity = identity_of(unit);
-    drain(library);
+    hd::drain(library);
   }
   /// Reduces the force limits by the weight of the attached mass.
   Result<void> subtract_attached_weight(HdUnit& unit) const {
@@ -363,17 +254,17 @@ class OpenHapticsDriver::Core {
 
   std::string identity_of(const HdUnit& unit) {
     library_->hdMakeCurrentDevice(unit.handle);
-    return text_of(*library_, hd::kModelType) + "\n" + text_of(*library_, hd::kSerialNumber);
+    return hd::text_of(*library_, hd::kModelType) + "\n" + hd::text_of(*library_, hd::kSerialNumber);
   }
 
   /// Called after initialisation and before the scheduler starts.
   Result<void> prepare(HdUnit& unit) {
     library_->hdMakeCurrentDevice(unit.handle);
-    drain(*library_);
+    hd::drain(*library_);
     library_->hdEnable(hd::kMaxForceClamping);
     library_->hdEnable(hd::kForceRamping);
     if (!halted_.load()) library_->hdEnable(hd::kForceOutput);
-    if (const unsigned error = drain(*library_); error != hd::kNoError && !is_warning(error)) {
+    if (const unsigned error = hd::drain(*library_); error != hd::kNoError && !hd::is_warning(error)) {
       const char* message = library_->hdGetErrorString(error);
       return Error{ErrorKind::kUnavailable,
                    "the force limits of the library cannot be enabled" +
@@ -385,17 +276,17 @@ class OpenHapticsDriver::Core {
     unit.update_calibration = false;
     if (unit.style == hd::kEncoderReset && library_->hdCheckCalibration() != hd::kCalibrated)
       library_->hdUpdateCalibration(hd::kEncoderReset);
-    drain(*library_);
+    hd::drain(*library_);
     return {};
   }
 
   void disable_all() {
     for (std::size_t d = 0; d < count_; ++d)
-      if (units_[d].handle != hd::kNobody) {
+      if (units_[d].handle != hd::kBadHandle) {
         library_->hdDisableDevice(units_[d].handle);
-        units_[d].handle = hd::kNobody;
+        units_[d].handle = hd::kBadHandle;
       }
-    if (library_) drain(*library_);
+    if (library_) hd::drain(*library_);
   }
 
   // ---- run()'s thread
@@ -413,16 +304,16 @@ class OpenHapticsDriver::Core {
           self.inside_.store(true);
           self.frame();
           self.inside_.store(false);
-          return hd::kContinue;
+          return hd::kCallbackContinue;
         },
-        this, hd::kPriority);
+        this, hd::kDefaultPriority);
     running_.store(true);
     library_->hdStartScheduler();
   }
 
   void watch_scheduler() {
     const std::int64_t since_ns = monotonic_ns() - last_frame_ns_.load();
-    if (!failed_.load() && since_ns < hd_ns(kLate_s)) return;
+    if (!failed_.load() && since_ns < to_ns(kLate_s)) return;
     // the device keeps the last commanded force
     if (force_on_.load()) switch_off();
     has_framed_.store(false);
@@ -433,28 +324,28 @@ class OpenHapticsDriver::Core {
         (was != Owner::kReading || !owner_.compare_exchange_strong(was, Owner::kOwn)) && was != Owner::kOwn)
       return;
     // a frame may have failed in the meantime
-    lost_.store(failed_.exchange(false) ? Lost::kYes : Lost::kAwaited);
+    link_.store(failed_.exchange(false) ? Link::kLost : Link::kAwaitingFrame);
   }
 
   // ticks return to the vendor's thread as soon as it completes a frame
   void await_frame() {
     if (failed_.exchange(false)) {
       note(HdFailure::kLost, 0);
-      lost_.store(Lost::kYes);
+      link_.store(Link::kLost);
     } else if (has_framed_.load()) {
-      lost_.store(Lost::kNo);
+      link_.store(Link::kConnected);
       owner_.store(Owner::kVendor);
-    } else if (monotonic_ns() - last_frame_ns_.load() >= hd_ns(kAbandoned_s)) {
+    } else if (monotonic_ns() - last_frame_ns_.load() >= to_ns(kAbandoned_s)) {
       note(HdFailure::kStalled, 0);
-      lost_.store(Lost::kYes);
+      link_.store(Link::kLost);
     }
   }
 
   // sends zero in a frame, then stops the library
   void stop() {
     stopping_.store(true);
-    if (lost_.load() == Lost::kNo || lost_.load() == Lost::kAwaited) {
-      lost_.store(Lost::kNo);
+    if (link_.load() == Link::kConnected || link_.load() == Link::kAwaitingFrame) {
+      link_.store(Link::kConnected);
       const std::int64_t until_ns = monotonic_ns() + kLastZero_ns;
       while (zeros_.load() < 2 && monotonic_ns() < until_ns) std::this_thread::sleep_for(kOwnPeriod);
       stop_.store(true);
@@ -515,7 +406,7 @@ class OpenHapticsDriver::Core {
     in_servo_.store(false);
     for (std::size_t d = 0; d < count_; ++d)
       end_frame(units_[d], stopping || samples_[d].fault ? nullptr : &commands_[d]);
-    const unsigned error = drain(*library_);
+    const unsigned error = hd::drain(*library_);
     std::size_t worst = 0;
     for (std::size_t d = 0; d < count_; ++d) {
       if (error != hd::kNoError) receive_error(units_[d], error, now_ns);
@@ -523,7 +414,7 @@ class OpenHapticsDriver::Core {
         units_[d].update_calibration = false;
         library_->hdMakeCurrentDevice(units_[d].handle);
         library_->hdUpdateCalibration(static_cast<unsigned>(units_[d].style));
-        drain(*library_);
+        hd::drain(*library_);
       }
       if (units_[worst].failure == HdFailure::kNone ||
           (units_[d].failure != HdFailure::kNone && units_[d].failure < units_[worst].failure))
@@ -548,7 +439,7 @@ class OpenHapticsDriver::Core {
   }
   void end_with_zeros() {
     for (std::size_t d = 0; d < count_; ++d) end_frame(units_[d], nullptr);
-    if (const unsigned error = drain(*library_); error != hd::kNoError && !is_warning(error))
+    if (const unsigned error = hd::drain(*library_); error != hd::kNoError && !hd::is_warning(error))
       failed_.store(true);
     if (stopping_.load()) zeros_.fetch_add(1);
     last_frame_ns_.store(monotonic_ns());
@@ -576,7 +467,7 @@ class OpenHapticsDriver::Core {
     }
     unit.failure = unit.calibration;
     if (now_ns < unit.tripped_until_ns && unit.failure == HdFailure::kNone) unit.failure = unit.tripped;
-    if (const unsigned error = drain(library); error != hd::kNoError) receive_error(unit, error, now_ns);
+    if (const unsigned error = hd::drain(library); error != hd::kNoError) receive_error(unit, error, now_ns);
     const Eigen::Matrix3d turn = transform.topLeftCorner<3, 3>();
     const bool is_pose = tip_mm.allFinite() && turn.allFinite() && std::abs(turn.determinant() - 1) < 0.1;
     if (!is_pose && unit.failure != HdFailure::kLost) unit.failure = HdFailure::kBroken;
@@ -610,7 +501,7 @@ class OpenHapticsDriver::Core {
     if (code == hd::kExceededVelocity) failure = HdFailure::kVelocityTrip;
     if (failure != HdFailure::kLost) {
       unit.tripped = failure;
-      unit.tripped_until_ns = now_ns + hd_ns(kCalm_s);
+      unit.tripped_until_ns = now_ns + to_ns(kCalm_s);
     }
     if (unit.failure == HdFailure::kNone || failure < unit.failure) unit.failure = failure;
     unit.sample.fault = true;
@@ -650,7 +541,7 @@ class OpenHapticsDriver::Core {
         if (zeros_.load() < 2) switch_off();
         stop_scheduler();
       }
-      if (lost_.load() != Lost::kYes || std::chrono::steady_clock::now() < next) continue;
+      if (link_.load() != Link::kLost || std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
       if (!stop_scheduler()) continue;
       disable_all();
@@ -658,9 +549,9 @@ class OpenHapticsDriver::Core {
       for (std::size_t d = 0; d < count_ && all; ++d) {
         HdUnit& unit = units_[d];
         unsigned error = hd::kNoError;
-        unit.handle = init(*library_, unit.config, error);
-        all = unit.handle != hd::kNobody && identity_of(unit) == unit.identity;
-        if (unit.handle == hd::kNobody)
+        unit.handle = hd::init(*library_, unit.config, error);
+        all = unit.handle != hd::kBadHandle && identity_of(unit) == unit.identity;
+        if (unit.handle == hd::kBadHandle)
           note(HdFailure::kLost, d);
         else if (!all)
           note(HdFailure::kOther, d);
@@ -669,7 +560,7 @@ class OpenHapticsDriver::Core {
           note(HdFailure::kLost, d);
         }
       }
-      if (all) lost_.store(Lost::kBack);
+      if (all) link_.store(Link::kFound);
     }
     // an abandoned scheduler that returns is left alone, because the program may be exiting
     if (!abandoned_.load() && stop_scheduler()) disable_all();
@@ -699,7 +590,7 @@ class OpenHapticsDriver::Core {
   std::array<DeviceCommand, kMaxDevices> commands_{};
 
   std::atomic<Owner> owner_{Owner::kOwn};
-  std::atomic<Lost> lost_{Lost::kNo};
+  std::atomic<Link> link_{Link::kConnected};
   std::atomic<bool> halted_{false}, stopping_{false}, force_on_{false}, failed_{false}, running_{false},
       has_framed_{false}, inside_{false}, in_servo_{false}, abandoned_{false}, stop_{false}, end_{false},
       is_finder_done_{false};
@@ -744,83 +635,6 @@ void OpenHapticsDriver::resume(std::uint64_t /*newest*/) noexcept {
 
 std::optional<Error> OpenHapticsDriver::failure() const {
   return core_->failure();
-}
-
-namespace {
-
-// the library also finds its devices by files in a folder
-DeviceCheck setup_check() {
-  const char* home = std::getenv("GTDD_HOME");
-  const std::filesystem::path folder = home && *home ? home : "/usr/share/3DSystems";
-  std::error_code ignored;
-  const bool there = std::filesystem::is_directory(folder, ignored);
-  return {"the vendor's configuration", there,
-          there ? printable_name(folder.string())
-                : "there is no folder " + printable_name(folder.string()) +
-                      (home && *home ? "" : ", and GTDD_HOME is not set to one"),
-          there ? ""
-                : "run the vendor's setup program (Touch_Setup), and set GTDD_HOME to the folder of its "
-                  "configuration"};
-}
-
-// a Touch is connected as a USB serial port
-std::vector<DeviceCheck> port_checks() {
-  std::vector<DeviceCheck> checks;
-  for (int n = 0; n < 4; ++n) {
-    const std::string port = "/dev/ttyACM" + std::to_string(n);
-    if (::access(port.c_str(), F_OK) != 0) continue;
-    const bool may = ::access(port.c_str(), R_OK | W_OK) == 0;
-    checks.push_back({"serial port", may, may ? port : "this account may not use " + port,
-                      may ? ""
-                          : "an administrator enters sudo usermod -aG dialout NAME (the account), then log "
-                            "out and in again"});
-  }
-  return checks;
-}
-
-DeviceReport detect_hd(const OpenHapticsSettings& settings) {
-  DeviceReport report;
-  const auto file = find_vendor_library(settings.library, "OpenHaptics", kHdGet);
-  const auto library = file ? hd::load(*file) : Result<hd::Library>(file.error());
-  if (!library) {
-    report.checks.push_back({"OpenHaptics' library", false, library.error().what, library.error().remedy});
-    return report;
-  }
-  report.checks.push_back({"OpenHaptics' library", true, file->string(), ""});
-  bool all = true;
-  for (const std::string& name : settings.names.empty() ? std::vector<std::string>{""} : settings.names) {
-    unsigned error = hd::kNoError;
-    const hd::Handle handle = init(*library, name, error);
-    if (handle == hd::kNobody) {
-      const Error why = refused(*library, error, name);
-      report.checks.push_back({name.empty() ? "device" : name, false, why.what, why.remedy});
-      all = false;
-      continue;
-    }
-    library->hdMakeCurrentDevice(handle);
-    const std::string model = text_of(*library, hd::kModelType),
-                      serial = text_of(*library, hd::kSerialNumber);
-    const bool calibrated = library->hdCheckCalibration() == hd::kCalibrated;
-    library->hdDisableDevice(handle);
-    drain(*library);
-    const std::string id = model + " no. " + serial;
-    const std::string state = calibrated ? "ready" : "not calibrated yet: the session will show how";
-    report.connected.push_back({id, state});
-    report.checks.push_back({id, true, state, ""});
-  }
-  if (!all) {
-    report.checks.push_back(setup_check());
-    std::ranges::copy(port_checks(), std::back_inserter(report.checks));
-  }
-  return report;
-}
-
-}  // namespace
-
-DeviceVendor openhaptics_vendor(const OpenHapticsSettings& settings) {
-  return {"touch", "3D Systems Touch, Touch X and Phantom Premium, through OpenHaptics",
-          [settings] { return std::make_unique<OpenHapticsDriver>(settings); },
-          [settings] { return detect_hd(settings); }};
 }
 
 }  // namespace palpate

@@ -21,7 +21,7 @@
 namespace palpate::testing {
 namespace {
 
-constexpr unsigned kNobody = 0xFFFFFFFF;
+constexpr unsigned kBadHandle = 0xFFFFFFFF;
 using Callback = unsigned (*)(void*);
 
 FakeHd& fake() {
@@ -44,7 +44,7 @@ struct Behind {
 // a single lock for the library's state
 std::recursive_mutex mutex;
 std::array<Behind, 2> behind;
-unsigned current = kNobody;
+unsigned current = kBadHandle;
 struct PushedError {
   unsigned code;
   unsigned handle;
@@ -151,7 +151,7 @@ unsigned hdInitDevice(const char* name) {
   const Guard lock(mutex);
   if (!fake().licence) {
     push(0x600);
-    return kNobody;
+    return kBadHandle;
   }
   for (std::size_t d = 0; d < behind.size(); ++d) {
     FakeHdDevice& device = fake().device[d];
@@ -159,7 +159,7 @@ unsigned hdInitDevice(const char* name) {
     if (!meant) continue;
     if (behind[d].initialised) {
       violated("initialised twice");
-      return kNobody;
+      return kBadHandle;
     }
     if (!device.plugged || !device.communication) break;
     if (fake().running) violated("a device begun while the scheduler runs");
@@ -176,8 +176,8 @@ unsigned hdInitDevice(const char* name) {
     current = static_cast<unsigned>(d);
     return current;
   }
-  push(0x302, kNobody);
-  return kNobody;
+  push(0x302, kBadHandle);
+  return kBadHandle;
 }
 void hdDisableDevice(unsigned handle) {
   const Guard lock(mutex);
@@ -189,7 +189,7 @@ void hdDisableDevice(unsigned handle) {
   known->initialised = false;
   device_of(*known).force_N = 0;
   device_of(*known).force_on = false;
-  if (current == handle) current = kNobody;
+  if (current == handle) current = kBadHandle;
 }
 void hdMakeCurrentDevice(unsigned handle) {
   const Guard lock(mutex);
@@ -338,7 +338,7 @@ void hdDisable(unsigned what) {
 }
 ErrorInfo hdGetError() {
   const Guard lock(mutex);
-  if (errors.empty()) return {0, 0, kNobody};
+  if (errors.empty()) return {0, 0, kBadHandle};
   const PushedError error = errors.front();
   errors.pop_front();
   return {error.code, 0, error.handle};
@@ -390,7 +390,7 @@ void hdStartScheduler() {
   const Guard lock(mutex);
   if (fake().running) return violated("started twice");
   if (!callback) violated("started before anything is scheduled");
-  if (current == kNobody) violated("started without a device");
+  if (current == kBadHandle) violated("started without a device");
   // joins a scheduler that hung when it was stopped and has returned since
   if (scheduler.joinable()) scheduler.join();
   fake().running = true;

@@ -47,10 +47,6 @@ constexpr int kLoadPatience_ms = 10'000, kOpenPatience_ms = 30'000;
 // time limit for a plug-in to disconnect after the request to close
 constexpr int kClosePatience_ms = 2000;
 
-std::int64_t nanoseconds(double seconds) {
-  return std::llround(seconds * 1e9);
-}
-
 std::optional<double> known(double value) {
   return std::isfinite(value) && value > 0 ? std::optional(value) : std::nullopt;
 }
@@ -112,7 +108,7 @@ void convert(const plp_driver_sample& from, std::int64_t taken_ns, DeviceSample&
   to.angular_velocity_rad_s = Vector<Device>(Eigen::Vector3d(from.angular_velocity_rad_s));
   to.gripper_rad = from.gripper_rad;
   to.buttons = from.buttons;
-  to.taken_ns = taken_ns - nanoseconds(std::clamp(from.age_s, 0.0, 1.0));
+  to.taken_ns = taken_ns - to_ns(std::clamp(from.age_s, 0.0, 1.0));
 }
 
 plp_driver_command plain(const DeviceCommand& command) {
@@ -302,7 +298,7 @@ class PluginDriver::Core {
       if (ended.fd >= 0) ::poll(&ended, 1, kClosePatience_ms);
     }
     if (loss_.load() != Loss::kNone && loss_.load() != Loss::kEnded && !is_ended_) {
-      const auto patience_ns = lost_ns_ + nanoseconds(kHaltPatience_s) - monotonic_ns();
+      const auto patience_ns = lost_ns_ + to_ns(kHaltPatience_s) - monotonic_ns();
       std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<std::int64_t>(patience_ns, 0)));
     }
     process_.end();
@@ -336,7 +332,7 @@ class PluginDriver::Core {
   // Ends an abandoned process once its watching thread has had time to halt the device. That takes a
   // millisecond, and longer where the processor is busy.
   void end_abandoned() noexcept {
-    if (is_ended_ || loss_.load() == Loss::kEnded || monotonic_ns() - lost_ns_ < nanoseconds(kHaltPatience_s))
+    if (is_ended_ || loss_.load() == Loss::kEnded || monotonic_ns() - lost_ns_ < to_ns(kHaltPatience_s))
       return;
     is_ended_ = true;
     if (process_.file() >= 0) ::syscall(SYS_pidfd_send_signal, process_.file(), SIGKILL, nullptr, 0);
@@ -350,8 +346,8 @@ class PluginDriver::Core {
   }
 
   void request_samples(std::span<DeviceSample> samples) noexcept {
-    const std::int64_t requested_ns = monotonic_ns(), until_ns = requested_ns + nanoseconds(kTimeout_s);
-    if (requested_ns - answered_ns_ > nanoseconds(kAbandoned_s)) return abandon(Loss::kSilent);
+    const std::int64_t requested_ns = monotonic_ns(), until_ns = requested_ns + to_ns(kTimeout_s);
+    if (requested_ns - answered_ns_ > to_ns(kAbandoned_s)) return abandon(Loss::kSilent);
     // one pending request: a plug-in that is late is not asked again
     if (pending_ns_ == 0) {
       Request request;

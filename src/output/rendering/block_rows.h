@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "palpate/rendering/volume_renderer.h"
-#include "rendering/section_volumes.h"
+#include "rendering/huge_pages.h"
 #include "rendering/volume_simd.h"
 
 namespace palpate::internal::volume_picture {
@@ -56,11 +56,11 @@ class BlockRows {
   /// Makes room for another block of a group that has `count`.
   void make_room(std::size_t group, int count);
 
-  int blocks_ = 0, words_ = 0, groups_ = 0;       ///< Per row
-  section::HugePageVector<std::uint32_t> first_;  ///< As in RowsView
-  section::HugePageVector<std::uint8_t> room_;    ///< Capacity of each group, in blocks
-  section::HugePageVector<std::uint64_t> mask_;
-  section::HugePageVector<VoxelBlock> voxels_;
+  int blocks_ = 0, words_ = 0, groups_ = 0;  ///< Per row
+  HugePageVector<std::uint32_t> first_;      ///< As in RowsView
+  HugePageVector<std::uint8_t> room_;        ///< Capacity of each group, in blocks
+  HugePageVector<std::uint64_t> mask_;
+  HugePageVector<VoxelBlock> voxels_;
 };
 
 }  // namespace palpate::internal::volume_picture

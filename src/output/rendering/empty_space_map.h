@@ -33,8 +33,8 @@ class EmptySpaceMap {
   void pass(const Cubes& region, int step);
 
   std::array<int, 3> voxels_{}, cubes_{};
-  section::HugePageVector<std::uint64_t> filled_;
-  section::HugePageVector<std::uint8_t> skip_;
+  HugePageVector<std::uint64_t> filled_;
+  HugePageVector<std::uint8_t> skip_;
 };
 
 }  // namespace palpate::internal::volume_picture

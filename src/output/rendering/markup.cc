@@ -47,14 +47,14 @@ std::string base64(std::span<const std::uint8_t> bytes) {
   std::string result;
   result.reserve((bytes.size() + 2) / 3 * 4);
   for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t left = bytes.size() - i;
+    const std::size_t remaining = bytes.size() - i;
     std::uint32_t word = std::uint32_t{bytes[i]} << 16;
-    if (left > 1) word |= std::uint32_t{bytes[i + 1]} << 8;
-    if (left > 2) word |= bytes[i + 2];
+    if (remaining > 1) word |= std::uint32_t{bytes[i + 1]} << 8;
+    if (remaining > 2) word |= bytes[i + 2];
     result += kDigits[word >> 18];
     result += kDigits[(word >> 12) & 63];
-    result += left > 1 ? kDigits[(word >> 6) & 63] : '=';
-    result += left > 2 ? kDigits[word & 63] : '=';
+    result += remaining > 1 ? kDigits[(word >> 6) & 63] : '=';
+    result += remaining > 2 ? kDigits[word & 63] : '=';
   }
   return result;
 }

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "palpate/contact/colours.h"
+#include "rendering/section_rows.h"
 #include "rendering/section_volumes.h"
 
 namespace palpate {

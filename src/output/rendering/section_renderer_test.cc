@@ -6,7 +6,7 @@
 #include <random>
 
 #include "palpate/rendering/rendering.h"
-#include "rendering/section_oracle.h"
+#include "rendering/test_section_oracle.h"
 #include "sampling/test_targets.h"
 
 // allocations are counted by wrapping operator new, which the sanitizers replace themselves

@@ -162,7 +162,7 @@ Box<float> smoothed(const Box<LabelId>& labels, const std::vector<float>& value,
 /// A box of voxels, with all data that determine their appearance.
 class VolumeEncoding::Tile {
  public:
-  /// @param changed  voxels whose look differs from the stored blocks
+  /// @param changed  voxels whose appearance differs from the stored blocks
   /// @param renormalised   voxels whose normals may differ; includes `changed`
   Tile(const VolumeEncoding& encoding, const Bricks<LabelId>& labels, const VoxelBox& box,
        const VoxelBox& changed, const VoxelBox& renormalised)
@@ -178,7 +178,7 @@ class VolumeEncoding::Tile {
     optics_.resize(std::max<std::size_t>(1, optics_.size()));
     optics_[0] = {};
     for (const StructureOptics& optics : optics_) opacities_.push_back(optics.opacity);
-    // for labels without a look
+    // for labels without an appearance
     opacities_.push_back(optics_[0].opacity);
   }
   static std::array<int, 3> margins(const VolumeEncoding& encoding) {
@@ -210,7 +210,7 @@ class VolumeEncoding::Tile {
       const auto a = static_cast<std::size_t>(along), across = 1 - a;
       for (int k = renormalised_[2][0]; k < renormalised_[2][1]; ++k)
         for (int c = renormalised_[across][0]; c < renormalised_[across][1]; ++c) {
-          // voxels of the row whose look has changed
+          // voxels of the row whose appearance has changed
           const bool is_in = is_changed(across, c) && is_changed(2, k);
           const std::array<int, 2> changed = is_in ? changed_[a] : std::array{0, 0};
           const BlockRows::Row row = encoding_.rows_[a].row(box_.first[across] + c, box_.first[2] + k);
@@ -312,7 +312,7 @@ class VolumeEncoding::Tile {
         for (int i = changed_[0][0]; i < changed_[0][1]; ++i) appearances_[offset(i, j, k)] = appearance;
   }
 
-  /// Marks the voxels with an unchanged look that are not empty, as find_normals() needs it.
+  /// Marks the voxels with an unchanged appearance that are not empty, as find_normals() needs it.
   void load_unchanged_extinction() {
     for (int k = renormalised_[2][0]; k < renormalised_[2][1]; ++k)
       for (int j = renormalised_[1][0]; j < renormalised_[1][1]; ++j) {
@@ -353,14 +353,14 @@ class VolumeEncoding::Tile {
       }
   }
 
-  /// Look of a voxel from its 27 neighbours.
+  /// Appearance of a voxel from the 27 voxels around it.
   VoxelAppearance mixture(const LabelId* const* rows, int i) const {
     struct Fraction {
       LabelId label;
       float coverage;
     };
     std::array<Fraction, 27> fractions;
-    std::size_t encountered = 0;
+    std::size_t label_count = 0;
     Eigen::Vector3d slope = Eigen::Vector3d::Zero();
     for (int r = 0; r < 9; ++r)
       for (int a = -1; a <= 1; ++a) {
@@ -369,15 +369,15 @@ class VolumeEncoding::Tile {
         const int b = r % 3 - 1, c = r / 3 - 1;
         const double wa = a == 0 ? 0.5 : 0.25, wb = b == 0 ? 0.5 : 0.25, wc = c == 0 ? 0.5 : 0.25;
         std::size_t n = 0;
-        while (n < encountered && fractions[n].label != label) ++n;
-        if (n == encountered) fractions[encountered++] = {label, 0};
+        while (n < label_count && fractions[n].label != label) ++n;
+        if (n == label_count) fractions[label_count++] = {label, 0};
         fractions[n].coverage += static_cast<float>(wa * wb * wc);
         slope += 0.5 * Eigen::Vector3d(a * wb * wc, b * wa * wc, c * wa * wb);
       }
     VoxelAppearance appearance;
-    if (encountered == 0) return appearance;
+    if (label_count == 0) return appearance;
     float all = 0, solid = 0;
-    for (std::size_t n = 0; n < encountered; ++n) {
+    for (std::size_t n = 0; n < label_count; ++n) {
       all += fractions[n].coverage;
       if (optics(fractions[n].label).solid > 0) solid += fractions[n].coverage;
     }
@@ -385,7 +385,7 @@ class VolumeEncoding::Tile {
     const auto solidity = static_cast<float>(volume_picture::solidity(solid, optics(rows[4][i]).solid > 0));
     const auto steep =
         static_cast<float>((encoding_.to_patient_ * slope).norm() * encoding_.grid_.min_spacing_mm());
-    for (std::size_t n = 0; n < encountered; ++n) {
+    for (std::size_t n = 0; n < label_count; ++n) {
       const StructureOptics& p = optics(fractions[n].label);
       const float e = p.solid > 0 ? fractions[n].coverage * p.solid * solidity / solid
                                   : fractions[n].coverage * (p.haze + p.surface * steep / all);
@@ -547,8 +547,8 @@ Result<void> VolumeEncoding::encode(const Bricks<LabelId>& labels, const VoxelBo
     if (a < 2) to[a] = std::min(grid_.dims[a], blocks_along(to[a]) * kBlock);
     tiles[a] = std::max(0, to[a] - from[a] + kTileSide - 1) / kTileSide;
   }
-  // a voxel's look depends on the 27 around it; emptiness is not stored for voxels that show the scan only,
-  // so everything is rebuilt with a scan
+  // a voxel's appearance depends on the 27 around it; emptiness is not stored for voxels that show the scan
+  // only, so everything is rebuilt with a scan
   VoxelBox changed, renormalised;
   const bool is_all = is_new_ || scan_.scan != nullptr;
   for (std::size_t a = 0; a < 3; ++a) {

@@ -11,7 +11,7 @@
 
 /// Encoding of a volume's visible voxels in the traversal order of a view.
 ///
-///    labels, looks -> extinction, colour, normal of each voxel (volume_terms.h)     once, and on changes
+///    labels, appearances -> extinction, colour, normal of each voxel (volume_terms.h)  once, and on changes
 ///        -> rows of blocks of eight voxels along one axis; empty blocks are not stored
 ///            -> lit blocks: extinction and radiance      per viewing direction, on demand (volume_simd.h)
 ///
@@ -25,7 +25,7 @@ class VolumeEncoding {
  public:
   explicit VolumeEncoding(const GridGeometry& grid, std::span<const StructureAppearance> appearances,
                           ScanAppearance scan = {});
-  /// Rebuilds the blocks of all voxels whose look depends on labels in a box. Errors: kInterrupted.
+  /// Rebuilds the blocks of all voxels whose appearance depends on labels in a box. Errors: kInterrupted.
   Result<void> encode(const Bricks<LabelId>& labels, const VoxelBox& box, int threads,
                       const Progress& progress);
 

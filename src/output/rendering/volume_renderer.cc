@@ -39,7 +39,7 @@ struct Scratch {
   std::vector<std::vector<std::int32_t>> edges;
   std::vector<std::uint32_t> pixels, marked;
   std::vector<float> half_plane, first_filled;
-  std::vector<std::vector<float>> row_met;  ///< Per thread
+  std::vector<std::vector<float>> row_half_planes;  ///< Per thread
 };
 
 }  // namespace internal::volume_picture
@@ -51,6 +51,7 @@ namespace {
 constexpr double kMaxApart = 1, kMaxApartClipped = 0.5;
 using internal::volume_picture::kMaxLines;
 using internal::volume_picture::kNoPlane;
+using internal::volume_picture::Scratch;
 /// Number of rays of a row that are traced together.
 constexpr std::size_t kMaxRays = 64;
 
@@ -197,7 +198,7 @@ struct RayStart {
 /// Traces individual rays for some pixels of a row, through the same planes.
 void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts, int row,
            std::span<const std::int32_t> columns, const float* background, std::vector<TracedRay>& rays,
-           LitBlockCache& lit, std::uint8_t* rgb, float* encountered) {
+           LitBlockCache& lit, std::uint8_t* rgb, float* half_planes) {
   const ShearWarp& view = starts.view;
   rays.resize(kMaxRays);
   for (std::size_t from = 0; from < columns.size(); from += kMaxRays) {
@@ -208,7 +209,7 @@ void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts,
       rays[n] = starts.at(pixel[0] / pixel[2], pixel[1] / pixel[2]);
     }
     trace_rays(rows, cubes, view.planes.data(), static_cast<int>(view.planes.size()),
-               static_cast<float>(view.z_step), encountered != nullptr, static_cast<int>(count), rays.data(),
+               static_cast<float>(view.z_step), half_planes != nullptr, static_cast<int>(count), rays.data(),
                lit);
     for (std::size_t n = 0; n < count; ++n) {
       const std::int32_t column = columns[from + n];
@@ -216,7 +217,7 @@ void trace(const RowsView& rows, const CubesView& cubes, const RayStart& starts,
         const float value = rays[n].channel[c] + rays[n].transmittance * background[c];
         rgb[3 * column + c] = static_cast<std::uint8_t>(std::min(255.0f, value * 255 + 0.5f));
       }
-      if (encountered != nullptr) encountered[column] = rays[n].half_plane;
+      if (half_planes != nullptr) half_planes[column] = rays[n].half_plane;
     }
   }
 }
@@ -230,6 +231,160 @@ void fill(const PixelRun& run, int width, const Rgb& colour, std::span<std::uint
     pixel[2] = colour.b;
   }
 }
+
+/// Region of a picture, and the picture.
+struct RegionTarget {
+  const Region& region;
+  const ShearWarp& view;
+  const Rays& rays;
+  const GridGeometry& grid;
+  std::size_t width;  ///< Pixels of the picture's rows
+  std::span<std::uint8_t> rgb;
+  std::span<float> depth_mm;  ///< Empty: not required
+};
+
+/// Draws a region of a picture: accumulate(), mark_edges(), warp(), each parallel over rows.
+class RegionPass {
+ public:
+  RegionPass(const RegionTarget& target, const RowsView& rows, const VolumeStyle& style, int threads,
+             Scratch& scratch)
+      : target_(target),
+        view_(target.view),
+        rows_(rows),
+        ranges_(target.grid, target.rays, target.view, style.clip),
+        background_{style.background.r / 255.0f, style.background.g / 255.0f, style.background.b / 255.0f},
+        stride_((static_cast<std::size_t>(view_.width) + internal::volume_picture::kChunk - 1) /
+                internal::volume_picture::kChunk * internal::volume_picture::kChunk),
+        groups_((view_.height + kMaxLines - 1) / kMaxLines),
+        runs_(static_cast<int>(target.region.runs.size())),
+        workers_(worker_count(threads, groups_)),
+        warpers_(worker_count(threads, runs_)),
+        scratch_(scratch) {
+    const std::size_t all = stride_ * static_cast<std::size_t>(view_.height);
+    // one more at either end, read beside the first and the last pixel
+    scratch_.pixels.resize(all + 2);
+    scratch_.pixels.front() = scratch_.pixels.back() = 0;
+    scratch_.marked.resize(all);
+    scratch_.first_filled.resize(all);
+    if (has_depth()) scratch_.half_plane.resize(all);
+    const auto grow = [](auto& per_thread, std::size_t count) {
+      per_thread.resize(std::max(per_thread.size(), count));
+    };
+    const auto workers = static_cast<std::size_t>(workers_), warpers = static_cast<std::size_t>(warpers_);
+    grow(scratch_.lines, workers * std::size_t{kMaxLines});
+    grow(scratch_.mixing, workers);
+    grow(scratch_.lit, std::max(workers, warpers));
+    for (LitBlockCache& lit : scratch_.lit) lit.forget();
+    grow(scratch_.rays, warpers);
+    scratch_.edges.resize(scratch_.rays.size());
+    scratch_.row_half_planes.resize(scratch_.rays.size());
+  }
+
+  /// Accumulates the planes into the intermediate picture, by groups of lines.
+  void accumulate() {
+    for_each_index(groups_, workers_, [&](int worker, int group) {
+      const int first = group * kMaxLines, count = std::min(kMaxLines, view_.height - first);
+      std::array<AccumulatedLine, kMaxLines> lines{};
+      for (int n = 0; n < count; ++n) {
+        auto& room = scratch_.lines[static_cast<std::size_t>(worker * kMaxLines + n)];
+        lines[static_cast<std::size_t>(n)] = line_of(room, view_.width, ranges_.is_clipped(), has_depth());
+        ranges_.find(first + n, lines[static_cast<std::size_t>(n)]);
+      }
+      accumulate_lines(rows_, view_.planes.data(), static_cast<int>(view_.planes.size()), first, count,
+                       view_.width, lines.data(),
+                       mixing_room(scratch_.mixing[static_cast<std::size_t>(worker)],
+                                   scratch_.lit[static_cast<std::size_t>(worker)],
+                                   rows_.blocks * internal::volume_picture::kBlock));
+      for (int n = 0; n < count; ++n) {
+        const AccumulatedLine& line = lines[static_cast<std::size_t>(n)];
+        const std::size_t at = stride_ * static_cast<std::size_t>(first + n);
+        pack_line(line, view_.width, background_.data(), &scratch_.pixels[1 + at]);
+        std::copy_n(line.first_filled, view_.width, &scratch_.first_filled[at]);
+        if (has_depth()) std::copy_n(line.half_plane, view_.width, &scratch_.half_plane[at]);
+      }
+      return true;
+    });
+  }
+
+  /// Marks the intermediate pixels with a large second difference, from which nothing is interpolated.
+  void mark_edges() {
+    for_each_index(view_.height, workers_, [&](int, int v) {
+      const auto line = [&](int n) {
+        return &scratch_.pixels[1 + stride_ * static_cast<std::size_t>(std::clamp(n, 0, view_.height - 1))];
+      };
+      internal::volume_picture::mark_line(line(v - 1), line(v), line(v + 1), view_.width,
+                                          &scratch_.marked[stride_ * static_cast<std::size_t>(v)]);
+      return true;
+    });
+  }
+
+  /// Interpolates the picture's pixels from the intermediate ones, and traces rays for those near marked
+  /// ones.
+  void warp(const CubesView& cubes) {
+    const RayStart starts{ranges_, view_, scratch_.first_filled.data(), static_cast<std::ptrdiff_t>(stride_)};
+    for_each_index(runs_, warpers_, [&](int worker, int n) {
+      const PixelRun& run = target_.region.runs[static_cast<std::size_t>(n)];
+      const Eigen::Vector3d start = view_.warp_start + view_.warp_line * run.row;
+      std::vector<std::int32_t>& edges = scratch_.edges[static_cast<std::size_t>(worker)];
+      std::vector<float>& half_planes = scratch_.row_half_planes[static_cast<std::size_t>(worker)];
+      edges.resize(target_.width);
+      std::uint8_t* row = &target_.rgb[3 * target_.width * static_cast<std::size_t>(run.row)];
+      const int edge_count = internal::volume_picture::warp_row(
+          {scratch_.marked.data(), static_cast<std::ptrdiff_t>(stride_), view_.width, view_.height, start[0],
+           view_.warp_step[0], start[1], view_.warp_step[1], start[2], view_.warp_step[2]},
+          run.begin, run.end, row, edges.data());
+      if (has_depth()) warp_half_planes(run, start, half_planes);
+      trace(rows_, cubes, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)},
+            background_.data(), scratch_.rays[static_cast<std::size_t>(worker)],
+            scratch_.lit[static_cast<std::size_t>(worker)], row, has_depth() ? half_planes.data() : nullptr);
+      if (has_depth()) write_depths(run, half_planes);
+      return true;
+    });
+  }
+
+ private:
+  bool has_depth() const { return !target_.depth_mm.empty(); }
+
+  /// Half planes of a row's pixels, each that of the nearest intermediate pixel; -1 outside.
+  void warp_half_planes(const PixelRun& run, const Eigen::Vector3d& start,
+                        std::vector<float>& half_planes) const {
+    half_planes.resize(target_.width);
+    for (int x = run.begin; x < run.end; ++x) {
+      const Eigen::Vector3d at = start + view_.warp_step * x;
+      const long u = std::lround(at[0] / at[2]), v = std::lround(at[1] / at[2]);
+      const bool is_in = u >= 0 && v >= 0 && u < view_.width && v < view_.height;
+      half_planes[static_cast<std::size_t>(x)] =
+          is_in ? scratch_.half_plane[stride_ * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)]
+                : -1;
+    }
+  }
+
+  void write_depths(const PixelRun& run, const std::vector<float>& half_planes) const {
+    const Rays& rays = target_.rays;
+    for (int x = run.begin; x < run.end; ++x) {
+      const float plane = half_planes[static_cast<std::size_t>(x)];
+      // the first plane's sample extends half a plane before it
+      if (plane < -0.5f) continue;
+      const Eigen::Vector3d direction = rays.along(x, run.row);
+      const double slice = view_.z_first + view_.z_step * plane,
+                   distance_along = (slice - rays.start(x, run.row)[view_.z]) / direction[view_.z];
+      target_.depth_mm[target_.width * static_cast<std::size_t>(run.row) + static_cast<std::size_t>(x)] =
+          static_cast<float>(
+              distance_along *
+              (rays.is_parallel ? 1 : (target_.grid.X_PatientVoxel().linear() * direction).norm()));
+    }
+  }
+
+  const RegionTarget target_;
+  const ShearWarp& view_;
+  const RowsView rows_;
+  const RayRanges ranges_;
+  const std::array<float, 3> background_;
+  const std::size_t stride_;  ///< Distance between lines of the intermediate picture
+  const int groups_, runs_;
+  const int workers_, warpers_;  ///< Number of threads over lines, and over the picture's rows
+  Scratch& scratch_;
+};
 
 }  // namespace
 
@@ -287,8 +442,6 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
   std::fill(depth_mm.begin(), depth_mm.end(), std::numeric_limits<float>::infinity());
   const GridGeometry& grid = encoding_->grid();
   const Rays rays(grid, camera);
-  const float background[3] = {style.background.r / 255.0f, style.background.g / 255.0f,
-                               style.background.b / 255.0f};
   const double max_apart = style.clip ? kMaxApartClipped : kMaxApart;
   for (const Region& region : regions_of(grid, camera, rays)) {
     const auto view = ShearWarp::of(grid, camera, rays, region, max_apart);
@@ -297,101 +450,10 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
       continue;
     }
     const RowsView rows = rows_of(encoding_->rows_for(region.axis).view(camera, style.light), grid, *view);
-    const RayRanges paths(grid, rays, *view, style.clip);
-    const auto stride = (static_cast<std::size_t>(view->width) + internal::volume_picture::kChunk - 1) /
-                        internal::volume_picture::kChunk * internal::volume_picture::kChunk;
-    const std::size_t all = stride * static_cast<std::size_t>(view->height);
-    // one more at either end, read beside the first and the last pixel
-    scratch_->pixels.resize(all + 2);
-    scratch_->pixels.front() = scratch_->pixels.back() = 0;
-    scratch_->marked.resize(all);
-    scratch_->first_filled.resize(all);
-    if (!depth_mm.empty()) scratch_->half_plane.resize(all);
-    const int groups = (view->height + kMaxLines - 1) / kMaxLines, workers = worker_count(threads_, groups);
-    scratch_->lines.resize(
-        std::max(scratch_->lines.size(), static_cast<std::size_t>(workers) * std::size_t{kMaxLines}));
-    scratch_->mixing.resize(std::max(scratch_->mixing.size(), static_cast<std::size_t>(workers)));
-    const int runs = static_cast<int>(region.runs.size()), warpers = worker_count(threads_, runs);
-    scratch_->lit.resize(
-        std::max(scratch_->lit.size(), static_cast<std::size_t>(std::max(workers, warpers))));
-    for (LitBlockCache& lit : scratch_->lit) lit.forget();
-
-    for_each_index(groups, workers, [&](int worker, int group) {
-      const int first = group * kMaxLines, count = std::min(kMaxLines, view->height - first);
-      std::array<AccumulatedLine, kMaxLines> lines{};
-      for (int n = 0; n < count; ++n) {
-        auto& room = scratch_->lines[static_cast<std::size_t>(worker * kMaxLines + n)];
-        lines[static_cast<std::size_t>(n)] =
-            line_of(room, view->width, paths.is_clipped(), !depth_mm.empty());
-        paths.find(first + n, lines[static_cast<std::size_t>(n)]);
-      }
-      accumulate_lines(rows, view->planes.data(), static_cast<int>(view->planes.size()), first, count,
-                       view->width, lines.data(),
-                       mixing_room(scratch_->mixing[static_cast<std::size_t>(worker)],
-                                   scratch_->lit[static_cast<std::size_t>(worker)],
-                                   rows.blocks * internal::volume_picture::kBlock));
-      for (int n = 0; n < count; ++n) {
-        const AccumulatedLine& line = lines[static_cast<std::size_t>(n)];
-        const std::size_t at = stride * static_cast<std::size_t>(first + n);
-        pack_line(line, view->width, background, &scratch_->pixels[1 + at]);
-        std::copy_n(line.first_filled, view->width, &scratch_->first_filled[at]);
-        if (!depth_mm.empty()) std::copy_n(line.half_plane, view->width, &scratch_->half_plane[at]);
-      }
-      return true;
-    });
-    for_each_index(view->height, workers, [&](int, int v) {
-      const auto line = [&](int n) {
-        return &scratch_->pixels[1 + stride * static_cast<std::size_t>(std::clamp(n, 0, view->height - 1))];
-      };
-      internal::volume_picture::mark_line(line(v - 1), line(v), line(v + 1), view->width,
-                                          &scratch_->marked[stride * static_cast<std::size_t>(v)]);
-      return true;
-    });
-
-    const CubesView cubes = encoding_->skips().view(view->x, view->y, view->z);
-    scratch_->rays.resize(std::max(scratch_->rays.size(), static_cast<std::size_t>(warpers)));
-    scratch_->edges.resize(scratch_->rays.size());
-    scratch_->row_met.resize(scratch_->rays.size());
-    const RayStart starts{paths, *view, scratch_->first_filled.data(), static_cast<std::ptrdiff_t>(stride)};
-    for_each_index(runs, warpers, [&](int worker, int n) {
-      const PixelRun& run = region.runs[static_cast<std::size_t>(n)];
-      const Eigen::Vector3d start = view->warp_start + view->warp_line * run.row;
-      std::vector<std::int32_t>& edges = scratch_->edges[static_cast<std::size_t>(worker)];
-      std::vector<float>& encountered = scratch_->row_met[static_cast<std::size_t>(worker)];
-      edges.resize(width);
-      std::uint8_t* row = &rgb[3 * width * static_cast<std::size_t>(run.row)];
-      const int edge_count = internal::volume_picture::warp_row(
-          {scratch_->marked.data(), static_cast<std::ptrdiff_t>(stride), view->width, view->height, start[0],
-           view->warp_step[0], start[1], view->warp_step[1], start[2], view->warp_step[2]},
-          run.begin, run.end, row, edges.data());
-      if (!depth_mm.empty()) {
-        encountered.resize(width);
-        for (int x = run.begin; x < run.end; ++x) {
-          const Eigen::Vector3d at = start + view->warp_step * x;
-          const long u = std::lround(at[0] / at[2]), v = std::lround(at[1] / at[2]);
-          const bool is_in = u >= 0 && v >= 0 && u < view->width && v < view->height;
-          encountered[static_cast<std::size_t>(x)] =
-              is_in ? scratch_->half_plane[stride * static_cast<std::size_t>(v) + static_cast<std::size_t>(u)]
-                    : -1;
-        }
-      }
-      trace(rows, cubes, starts, run.row, {edges.data(), static_cast<std::size_t>(edge_count)}, background,
-            scratch_->rays[static_cast<std::size_t>(worker)], scratch_->lit[static_cast<std::size_t>(worker)],
-            row, depth_mm.empty() ? nullptr : encountered.data());
-      if (depth_mm.empty()) return true;
-      for (int x = run.begin; x < run.end; ++x) {
-        const float plane = encountered[static_cast<std::size_t>(x)];
-        // the first plane's sample extends half a plane before it
-        if (plane < -0.5f) continue;
-        const Eigen::Vector3d direction = rays.along(x, run.row);
-        const double slice = view->z_first + view->z_step * plane,
-                     ranges_along = (slice - rays.start(x, run.row)[view->z]) / direction[view->z];
-        depth_mm[width * static_cast<std::size_t>(run.row) + static_cast<std::size_t>(x)] =
-            static_cast<float>(ranges_along *
-                               (rays.is_parallel ? 1 : (grid.X_PatientVoxel().linear() * direction).norm()));
-      }
-      return true;
-    });
+    RegionPass pass({region, *view, rays, grid, width, rgb, depth_mm}, rows, style, threads_, *scratch_);
+    pass.accumulate();
+    pass.mark_edges();
+    pass.warp(encoding_->skips().view(view->x, view->y, view->z));
   }
 }
 

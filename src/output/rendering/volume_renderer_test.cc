@@ -10,7 +10,7 @@
 #include <random>
 
 #include "base/test_seed.h"
-#include "rendering/volume_oracle.h"
+#include "rendering/test_volume_oracle.h"
 #include "sampling/test_targets.h"
 
 namespace palpate {

@@ -205,11 +205,12 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
                      "\" role=\"tabpanel\" aria-labelledby=\"tab-" + number_text + "\" tabindex=\"0\"><h3>" +
                      swatch(run.colour(contact.label)) + escape(name) + "</h3><div class=\"about\">" +
                      facts(run, shown) + picture + "</div>" + "<div class=\"sections\">\n";
-  auto left = model_after_removal(run.model, run.removal.changes, contact.peak_s);
+  auto after_removal = model_after_removal(run.model, run.removal.changes, contact.peak_s);
   if (const TissueLaw law = run.laws.at(shown.peak.model_version); law != run.model.tissue_law) {
-    left = std::make_shared<const Model>(displayed_under_law(left != nullptr ? *left : run.model, law));
+    after_removal = std::make_shared<const Model>(
+        displayed_under_law(after_removal != nullptr ? *after_removal : run.model, law));
   }
-  const Model& model = left != nullptr ? *left : run.model;
+  const Model& model = after_removal != nullptr ? *after_removal : run.model;
   const DisplacedTissue deformed(model, shown.peak);
   Sections sections{model, deformed, std::move(marks), style, field_of_view_mm(run.model), name};
   if (!deformed.is_at_rest()) {
@@ -219,8 +220,8 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
     sections.style.moved = moved;
     sections.marks.tool = tool_parts(model, shown.peak, contact.device);
     // the contact point on the undeformed surface, displaced with the tissue
-    const auto& leans = shown.at_peak().contact_patient_mm;
-    const Vector<Patient> dent = moved(Point<Patient>(leans[0], leans[1], leans[2]));
+    const auto& contact_mm = shown.at_peak().contact_patient_mm;
+    const Vector<Patient> dent = moved(Point<Patient>(contact_mm[0], contact_mm[1], contact_mm[2]));
     for (ToolPart& part : sections.marks.tool) part.from += dent;
   }
   for (const View& view : kViews) html += section_figure(sections, view);

@@ -67,11 +67,11 @@ std::shared_ptr<const Model> displaced_model(const Model& model, const Displaced
   const Bricks<LabelId>& labels = *model.labels;
   const auto moved = [&deformed](const Point<Patient>& at_rest) { return deformed.displacement_mm(at_rest); };
   const PatchOf<LabelId> patch = moved_labels(labels, moved, {{0, 0, 0}, labels.geometry().dims});
-  auto observed = std::make_shared<Model>(model);
-  observed->surfaces.clear();
-  observed->label_of_surface.clear();
-  if (patch.box.voxel_count() > 0) observed->labels = std::make_shared<Bricks<LabelId>>(labels.with(patch));
-  return observed;
+  auto displaced = std::make_shared<Model>(model);
+  displaced->surfaces.clear();
+  displaced->label_of_surface.clear();
+  if (patch.box.voxel_count() > 0) displaced->labels = std::make_shared<Bricks<LabelId>>(labels.with(patch));
+  return displaced;
 }
 
 void show_deformation(const Model& model, TissueLaw law, RecordedMoment& moment) {
@@ -81,9 +81,9 @@ void show_deformation(const Model& model, TissueLaw law, RecordedMoment& moment)
   const DisplacedTissue deformed(under, moment.tick);
   if (deformed.is_at_rest()) return;
   for (int device = 0; device < moment.devices; ++device) {
-    const auto& leans = moment.tick.device[static_cast<std::size_t>(device)].contact_patient_mm;
+    const auto& contact_mm = moment.tick.device[static_cast<std::size_t>(device)].contact_patient_mm;
     moment.dent_mm[static_cast<std::size_t>(device)] =
-        deformed.displacement_mm(Point<Patient>(leans[0], leans[1], leans[2]));
+        deformed.displacement_mm(Point<Patient>(contact_mm[0], contact_mm[1], contact_mm[2]));
   }
   moment.current_model = displaced_model(under, deformed);
 }

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "palpate/rendering/volume_picture.h"
-#include "report/example_run.h"
+#include "report/test_example_run.h"
 #include "report/tool_marks.h"
 
 namespace palpate::report {

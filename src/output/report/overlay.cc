@@ -204,11 +204,11 @@ void PathRecorder::thin_out() {
   step_ *= 2;
   points_ = 0;
   for (PathSection& section : sections_) {
-    std::vector<Point<Patient>> stored;
+    std::vector<Point<Patient>> thinned;
     for (std::size_t i = 0; i < section.points.size(); ++i)
-      if (i % 2 == 0 || i + 1 == section.points.size()) stored.push_back(section.points[i]);
-    points_ += stored.size();
-    section.points = std::move(stored);
+      if (i % 2 == 0 || i + 1 == section.points.size()) thinned.push_back(section.points[i]);
+    points_ += thinned.size();
+    section.points = std::move(thinned);
   }
 }
 

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "report/example_run.h"
+#include "report/test_example_run.h"
 
 namespace palpate::report {
 namespace {

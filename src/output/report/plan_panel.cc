@@ -20,14 +20,14 @@ std::string table_begin(const std::string& cells) {
 }
 constexpr const char* kTableEnd = "</tbody></table></div>\n";
 
-std::string stored_text(bool is_requested, bool is_stored) {
-  return !is_requested ? "" : is_stored ? "kept" : "<strong>not kept</strong>";
+std::string verdict_text(bool is_requested, bool is_met) {
+  return !is_requested ? "" : is_met ? "kept" : "<strong>not kept</strong>";
 }
 /// Tolerance and verdict: "at most 2.00, kept"
 std::string requested_text(const ToleratedValue& figure) {
   return !figure.allowed
              ? ""
-             : "at most " + number(*figure.allowed, 2) + ", " + stored_text(true, figure.is_within_limit());
+             : "at most " + number(*figure.allowed, 2) + ", " + verdict_text(true, figure.is_within_limit());
 }
 
 std::string figure_row(const std::string& name, const std::string& unit, const ToleratedValue& figure,
@@ -139,7 +139,7 @@ std::string distance_tables(const Run& run, const PlanComparison& comparison) {
             "</th>" + cell(number(approach.nearest_mm, 2)) +
             cell(approach.requested_mm ? number(*approach.requested_mm, 2) : "") +
             cell(approach.requested_mm ? number(approach.below_s, 3) : "") +
-            cell(stored_text(approach.requested_mm.has_value(), approach.is_within_limit())) + "<td>" +
+            cell(verdict_text(approach.requested_mm.has_value(), approach.is_within_limit())) + "<td>" +
             (std::isnan(approach.nearest_mm) ? "" : at_time(approach.nearest)) + "</td></tr>\n";
   html += kTableEnd;
   if (comparison.violations.empty()) return html;

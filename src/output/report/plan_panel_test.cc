@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include "palpate/report/report.h"
-#include "report/example_run.h"
 #include "report/html.h"
 #include "report/parts.h"
+#include "report/test_example_run.h"
 
 namespace palpate::report {
 namespace {

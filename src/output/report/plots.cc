@@ -64,15 +64,15 @@ std::string removed_json(const Run& run) {
 /// plots.
 std::string layers_json(const Run& run) {
   const std::size_t count = run.layer_labels.size();
-  std::string of = "[", force = "[", depth = "[";
+  std::string structures = "[", force = "[", depth = "[";
   for (std::size_t n = 0; n < count; ++n) {
-    if (n > 0) of += ',', force += ',', depth += ',';
-    of += "{\"colour\":" + json_string(css_colour(run.colour(run.layer_labels[n]))) +
-          ",\"name\":" + json_string(run.name(run.layer_labels[n])) + "}";
+    if (n > 0) structures += ',', force += ',', depth += ',';
+    structures += "{\"colour\":" + json_string(css_colour(run.colour(run.layer_labels[n]))) +
+                  ",\"name\":" + json_string(run.name(run.layer_labels[n])) + "}";
     force += json_array(run.layers.series[n], 3);
     depth += json_array(run.layers.series[count + n], 3);
   }
-  return "\"layers\":" + of + "],\"layerForce\":" + force + "],\"layerDepth\":" + depth + "]";
+  return "\"layers\":" + structures + "],\"layerForce\":" + force + "],\"layerDepth\":" + depth + "]";
 }
 
 /// Clearance of the tool to structures at the times of the plots.

@@ -156,10 +156,10 @@ void RemovalMeter::change_stroke(const ModelChange& change) {
     strokes_.redo();
     removed_.redo();
   }
-  const std::map<LabelId, double> left_mm3 = removed_.by_label_mm3();
+  const std::map<LabelId, double> removed_mm3 = removed_.by_label_mm3();
   for (StructureRemoval& structure : figures_.structures) {
-    const auto left = left_mm3.find(structure.label);
-    structure.volume_mm3 = left != left_mm3.end() ? left->second : 0;
+    const auto removed = removed_mm3.find(structure.label);
+    structure.volume_mm3 = removed != removed_mm3.end() ? removed->second : 0;
     structure.fraction = structure.volume_mm3 / all_mm3(structure.label);
     volumes_mm3_[structure.label] = structure.volume_mm3;
   }

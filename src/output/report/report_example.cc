@@ -2,7 +2,7 @@
 #include <string_view>
 
 #include "palpate/report/report.h"
-#include "report/example_run.h"
+#include "report/test_example_run.h"
 
 namespace example = palpate::report::example;
 

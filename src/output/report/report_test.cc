@@ -7,7 +7,7 @@
 
 #include "base/test_folder.h"
 #include "base/test_process.h"
-#include "report/example_run.h"
+#include "report/test_example_run.h"
 
 namespace palpate::report {
 namespace {

@@ -67,7 +67,8 @@ struct Run {
 
   /// Unknown if the patient orientation of the volume is unknown, whatever the scene states.
   Side side() const { return model.oriented ? model.side : Side::kUnknown; }
-  /// Whether this holds for any of `structures`.
+  /// Whether the member of the same meaning (in_front, depth_has_gaps, deeper_than_measured) is set for any
+  /// of `structures`.
   bool touched_in_front() const;
   bool depth_has_gaps() const;
   bool deeper_than_measured() const;

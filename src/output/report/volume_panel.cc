@@ -30,7 +30,7 @@ int visible_points(VolumeRenderer& renderer, const Run& run, const VolumeCamera&
   renderer.render(camera, {}, rgb, depth_mm);
   // tolerance: a voxel, and the change of depth within a pixel
   const double slack_mm = 2 * camera.mm_per_px();
-  int observed = 0;
+  int visible = 0;
   for (const ShownContact& shown : run.shown) {
     const Vector<Patient> off = proxy_of(shown) - camera.focus;
     const auto pixel = [&](const Vector<Patient>& axis) {
@@ -40,9 +40,9 @@ int visible_points(VolumeRenderer& renderer, const Run& run, const VolumeCamera&
     const long column = pixel(camera.right), row = pixel(camera.down);
     if (column < 0 || row < 0) continue;
     const float depth = depth_mm[static_cast<std::size_t>(row * kSearch_px + column)];
-    if (off.dot(camera.into()) <= depth + slack_mm) ++observed;
+    if (off.dot(camera.into()) <= depth + slack_mm) ++visible;
   }
-  return observed;
+  return visible;
 }
 
 /// View direction from which most contact points are visible.
@@ -56,8 +56,8 @@ Result<ViewFrom> best_view(VolumeRenderer& renderer, const Run& run, const GridG
     VolumePictureRequest request;
     request.from = from;
     request.pixels = kSearch_px;
-    const int observed = visible_points(renderer, run, camera_of(grid, request));
-    if (observed > largest) best = from, largest = observed;
+    const int visible = visible_points(renderer, run, camera_of(grid, request));
+    if (visible > largest) best = from, largest = visible;
   }
   return best;
 }
@@ -157,9 +157,9 @@ Result<VolumePictures> volume_pictures(const Run& run, const Progress& progress)
     pictures.html = too_large_html();
     return pictures;
   }
-  const auto left =
+  const auto after_removal =
       model_after_removal(run.model, run.removal.changes, std::numeric_limits<double>::infinity());
-  const Model& model = left != nullptr ? *left : run.model;
+  const Model& model = after_removal != nullptr ? *after_removal : run.model;
   const std::vector<StructureAppearance> appearances = structure_appearances(model);
   auto renderer = VolumeRenderer::make(*model.labels, appearances, 0, progress);
   if (!renderer) return renderer.error();

@@ -137,17 +137,17 @@ std::optional<double> delay_of(const std::vector<PushedTick>& ticks, double step
       windows.emplace_back(ticks, directed, from, n);
       from = n;
     }
-  std::vector<double> left;
+  std::vector<double> residuals_m2;
   for (int d = 0; d * kDelayStep_s <= kMaxDelay_s; ++d) {
-    left.push_back(0);
-    for (Window& window : windows) left.back() += window.residual_m2(d * kDelayStep_s);
+    residuals_m2.push_back(0);
+    for (Window& window : windows) residuals_m2.back() += window.residual_m2(d * kDelayStep_s);
   }
-  const auto best = std::ranges::min_element(left);
-  const auto index = best - left.begin();
+  const auto best = std::ranges::min_element(residuals_m2);
+  const auto index = best - residuals_m2.begin();
   double others = std::numeric_limits<double>::infinity();
-  for (std::ptrdiff_t d = 0; d < std::ssize(left); ++d)
+  for (std::ptrdiff_t d = 0; d < std::ssize(residuals_m2); ++d)
     if (static_cast<double>(std::abs(d - index)) * kDelayStep_s >= kOtherDelay_s)
-      others = std::min(others, left[static_cast<std::size_t>(d)]);
+      others = std::min(others, residuals_m2[static_cast<std::size_t>(d)]);
   if (!(others > kClearly * *best)) return std::nullopt;
   return static_cast<double>(index) * kDelayStep_s;
 }

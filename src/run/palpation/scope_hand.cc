@@ -25,10 +25,10 @@ void ScopeHand::advance(const TickRecord& tick, double dt_s) {
   const auto X = rotated_object_pose(model_->X_WorldPatient, quaternion(tick.rotation_applied_wxyz));
   const auto& probe = tick.device[0].tip_world_mm;
   const Point<World> at = step_->at ? X * *step_->at : Point<World>(probe[0], probe[1], probe[2]);
-  const Point<World> requested = at + X * step_->from * step_->distance_mm;
-  const Vector<World> displacement = requested - eye_;
+  const Point<World> target = at + X * step_->from * step_->distance_mm;
+  const Vector<World> displacement = target - eye_;
   const double step_mm = step_->speed_mm_s * dt_s;
-  eye_ = displacement.norm() <= step_mm ? requested : eye_ + displacement.normalized() * step_mm;
+  eye_ = displacement.norm() <= step_mm ? target : eye_ + displacement.normalized() * step_mm;
 
   // at the target itself the viewing direction is undefined
   const Vector<World> view_direction = at - eye_;
@@ -41,7 +41,7 @@ void ScopeHand::advance(const TickRecord& tick, double dt_s) {
   const double part = angle > 0 ? std::min(1.0, kTurning_rad_s * dt_s / angle) : 1;
   state_.R_WorldTool = current_attitude.slerp(part, looking).quaternion();
   state_.tip = eye_ - Vector<World>(state_.R_WorldTool * camera_of(step_->optics));
-  is_there_ = (requested - eye_).norm() < kThere_mm && (1 - part) * angle < kThere_rad;
+  is_there_ = (target - eye_).norm() < kThere_mm && (1 - part) * angle < kThere_rad;
 }
 
 }  // namespace palpate

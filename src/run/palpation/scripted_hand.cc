@@ -182,9 +182,9 @@ bool ScriptedHand::plan(const PlannedStep& step, const TickRecord& tick) {
 }
 
 void ScriptedHand::follow_path_to_site(const PlannedStep& step, const TickRecord& tick, double dt_s) {
-  const LabelId encountered = tick.device[0].label;
+  const LabelId touched_label = tick.device[0].label;
   // the surface may protrude beyond the expected place
-  if (encountered == step.structure && path_.size() == 1) {
+  if (touched_label == step.structure && path_.size() == 1) {
     approach_path_.resize(approach_path_.size() - path_.size());
     approach_path_.push_back(X_WorldPatient(tick).inverse() * commanded_);
     path_.clear();
@@ -195,11 +195,11 @@ void ScriptedHand::follow_path_to_site(const PlannedStep& step, const TickRecord
     return;
   }
   const bool inside = (tick.device[0].flags & kFlagInside) != 0;
-  contact_s_ = encountered != 0 || inside ? contact_s_ + dt_s : 0;
+  contact_s_ = touched_label != 0 || inside ? contact_s_ + dt_s : 0;
   if (const auto over = update_excess_depth(tick, dt_s); over || contact_s_ > kObstacleAfter_s)
     return try_next_site(tick, "on the path the hand touched " +
-                                   (encountered != 0 ? model_->name_of(encountered) : "something") + " at " +
-                                   position_text(point<Patient>(tick.device[0].proxy_patient_mm)));
+                                   (touched_label != 0 ? model_->name_of(touched_label) : "something") +
+                                   " at " + position_text(point<Patient>(tick.device[0].proxy_patient_mm)));
   if (stuck_s_ > kStuck_s) return try_next_site(tick, "the hand got stuck on the path");
   follow_path(std::get<ApproachStep>(step.action).speed_mm_s, tick, dt_s);
 }
@@ -289,12 +289,12 @@ double ScriptedHand::deformable_stiffness_N_per_mm(const ElasticConstants& const
 std::optional<std::string> ScriptedHand::update_excess_depth(const TickRecord& tick, double dt_s) {
   const DeviceTick& device = tick.device[0];
   const double force_N = limited(std::max(target_N_, touch_N_), tick);
-  const LabelId encountered = device.label != 0 ? device.label : steps_[step_].structure;
+  const LabelId label = device.label != 0 ? device.label : steps_[step_].structure;
   // the proxy reports its spring directly, whatever has been edited since; not valid during a blend
   const bool reported = is_rendered_by_proxy(tick) && (device.flags & kFlagBlend) == 0 &&
                         device.depth_mm > 0 && device.unclamped_force_N > 0;
   const double stiffness = reported ? device.unclamped_force_N / device.depth_mm
-                                    : stiffness_N_per_mm(encountered, tick) * device.force_gain;
+                                    : stiffness_N_per_mm(label, tick) * device.force_gain;
   const double explained_mm = force_N / stiffness;
   const double over_mm = std::max(kMaxOver_mm, kMaxOvershoot * explained_mm);
   // too deep for a surface to be found: counts as too deep if in contact

@@ -97,9 +97,9 @@ bool ScriptedHand::mill(const PlannedStep& step, const TickRecord& tick, double 
     approach_path_.push_back(action.to);
     return true;
   }
-  const Vector<World> way = end - commanded_;
-  const double length_mm = way.norm(), step_mm = action.speed_mm_s * dt_s;
-  commanded_ = length_mm > step_mm ? commanded_ + way * (step_mm / length_mm) : end;
+  const Vector<World> displacement = end - commanded_;
+  const double length_mm = displacement.norm(), step_mm = action.speed_mm_s * dt_s;
+  commanded_ = length_mm > step_mm ? commanded_ + displacement * (step_mm / length_mm) : end;
   const double lead_mm =
       (1e3 * (limited(action.force_N, tick) + device_.coulomb_N) / hand_.stiffness_N_per_m) *
       tick.device[0].scale;

@@ -50,8 +50,9 @@ bool ScriptedHand::follow_path(double speed_mm_s, const TickRecord& tick, double
   const Transform<World, Patient> X = X_WorldPatient(tick);
   const LabelId structure = steps_[step_].structure;
   if (structure != 0) {
-    const double room = std::max(1.0, free_space_.clearance_mm(X.inverse() * commanded_) / kRoom_mm);
-    speed_mm_s = std::min(speed_mm_s, careful_speed_mm_s(structure, tick) * room);
+    const double clearance_factor =
+        std::max(1.0, free_space_.clearance_mm(X.inverse() * commanded_) / kRoom_mm);
+    speed_mm_s = std::min(speed_mm_s, careful_speed_mm_s(structure, tick) * clearance_factor);
   }
   double left_mm = speed_mm_s * dt_s;
   while (!path_.empty()) {

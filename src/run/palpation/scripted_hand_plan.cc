@@ -178,15 +178,15 @@ ScriptedHand::ScriptedHand(const Model& model, const Script& script, const Plant
 
 std::vector<HoldRequest> ScriptedHand::requested() const {
   std::vector<HoldRequest> holds;
-  const auto of = [&](LabelId structure) -> HoldRequest& {
+  const auto request_for = [&](LabelId structure) -> HoldRequest& {
     const auto found = std::find_if(holds.begin(), holds.end(),
                                     [&](const HoldRequest& a) { return a.structure == structure; });
     return found != holds.end() ? *found : holds.emplace_back(HoldRequest{structure, {}});
   };
   for (const PlannedStep& step : steps_) {
-    if (std::holds_alternative<ApproachStep>(step.action)) of(step.structure);
+    if (std::holds_alternative<ApproachStep>(step.action)) request_for(step.structure);
     if (const auto* press = std::get_if<PressStep>(&step.action))
-      of(step.structure).forces_N.push_back(press->force_N);
+      request_for(step.structure).forces_N.push_back(press->force_N);
   }
   return holds;
 }

@@ -153,14 +153,14 @@ TouchSites find_touch_sites(const Model& model, const FreeSpace& free_space, Lab
   // voxels near the requested place
   const bool anywhere = !request.landmark && request.near.empty();
   if (!anywhere) {
-    std::vector<std::pair<double, Point<Patient>>> astray;
+    std::vector<std::pair<double, Point<Patient>>> by_deviation;
     double smallest = std::numeric_limits<double>::infinity();
     for (const Point<Patient>& p : border) {
-      astray.emplace_back(deviation_mm(request, p), p);
-      smallest = std::min(smallest, astray.back().first);
+      by_deviation.emplace_back(deviation_mm(request, p), p);
+      smallest = std::min(smallest, by_deviation.back().first);
     }
     border.clear();
-    for (const auto& [mm, p] : astray)
+    for (const auto& [mm, p] : by_deviation)
       if (mm <= smallest + kPositionTolerance_mm) border.push_back(p);
   }
   std::vector<SurfaceCandidate> candidates =
@@ -179,11 +179,11 @@ TouchSites find_touch_sites(const Model& model, const FreeSpace& free_space, Lab
   }
 
   // places with a free segment: along the normal if any is free, otherwise tilted
-  const FinalSegment stretch(model, free_space, structure, request.clearance_mm);
+  const FinalSegment final_segment(model, free_space, structure, request.clearance_mm);
   const double separation_mm = anywhere ? kSeparation_mm : kRequestedSeparation_mm;
   const NoGoRegion* no_go = nullptr;  // last region that excludes a place with a free path
   const auto add = [&](const SurfacePoint& surface, const Vector<Patient>& from) {
-    auto site = stretch.along(surface, from);
+    auto site = final_segment.along(surface, from);
     if (site)
       if (const NoGoRegion* region =
               no_go_at(model, surface.point + from * tool_reach_mm(model.tool_of(0)))) {

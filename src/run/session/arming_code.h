@@ -12,9 +12,9 @@ namespace palpate {
 /// Six-digit code by which a page re-arms a physical device. It is displayed where palpate runs and is valid
 /// for one rearm after one stop, so that only someone in contact with a person at the device can enter it.
 ///
-///    shown() ── code for this stop, valid for kValidity ──► take() ── correct: used up
-///                                                            └─ kMaxWrongGuesses wrong ones: none for
-///                                                            kLockout
+///    code_for() ── code for this stop, valid for kValidity ──► redeem() ── correct: used up
+///                                                                 └─ kMaxWrongGuesses wrong ones: none for
+///                                                                 kLockout
 ///
 /// At kMaxWrongGuesses guesses per kLockout, each at a fresh code, a guesser needs 27 days for an even
 /// chance. Thread-safe.

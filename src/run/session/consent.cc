@@ -49,20 +49,20 @@ std::optional<ConsentQuestion> Consent::question(Clock::time_point now) {
 }
 
 void Consent::answer(std::uint64_t number, bool agreed, Clock::time_point now) {
-  std::list<Waiting> requested;
+  std::list<Waiting> answered;
   {
     const std::lock_guard lock(mutex_);
     drop_old(now);
     const auto it = std::find_if(waiting_.begin(), waiting_.end(),
                                  [&](const Waiting& waiting) { return waiting.number == number; });
     if (it == waiting_.end()) return;
-    requested.splice(requested.end(), waiting_, it);
+    answered.splice(answered.end(), waiting_, it);
   }
   Result<void> outcome =
-      agreed ? requested.front().grant()
+      agreed ? answered.front().grant()
              : Result<void>(not_agreed("the request was declined at the terminal of palpate", ""));
   const std::lock_guard lock(mutex_);
-  finish(requested.front(), std::move(outcome));
+  finish(answered.front(), std::move(outcome));
 }
 
 void Consent::forget(const ViewerIdentity& who) {

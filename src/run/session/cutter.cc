@@ -81,19 +81,19 @@ void Cutter::cut(std::vector<Cut> cuts) {
 void Cutter::change_strokes() {
   const LiveModel::Lock lock = model_.lock();
   while (!queued_.empty()) {
-    const QueuedChange requested = queued_.front();
+    const QueuedChange queued = queued_.front();
     queued_.pop_front();
-    const bool by_script = requested.by.originator == Originator::kScript;
+    const bool by_script = queued.by.originator == Originator::kScript;
     if (by_script) script_version_ = 0;
     // a stroke has begun since the request, so the request does not refer to the last one
-    if (requested.change.strokes != loop_.get()->strokes()) continue;
-    const ModelChange change = change_of_stroke(model_.current(lock), requested.change.action);
+    if (queued.change.strokes != loop_.get()->strokes()) continue;
+    const ModelChange change = change_of_stroke(model_.current(lock), queued.change.action);
     cuts_.reserve(0);
     auto next = next_version(model_.versions(lock), change);
     if (!next) continue;
-    model_.apply(lock, *std::move(next), change, requested.by);
+    model_.apply(lock, *std::move(next), change, queued.by);
     if (by_script) script_version_ = change.version;
-    cuts_.add(change.version, requested.change.action);
+    cuts_.add(change.version, queued.change.action);
     apply_stroke_change(change, removed_);
   }
 }
@@ -102,10 +102,10 @@ void Cutter::change_strokes() {
 std::ptrdiff_t Cutter::strokes_left(const LiveModel::Lock& lock, StrokeAction action) const {
   const Carving* const carving = model_.current(lock).carving.get();
   if (carving == nullptr) return 0;
-  auto left = static_cast<std::ptrdiff_t>(action == StrokeAction::kUndo ? carving->strokes_to_undo()
-                                                                        : carving->strokes_to_redo());
-  for (const QueuedChange& requested : queued_) left += requested.change.action == action ? -1 : 1;
-  return left;
+  auto remaining = static_cast<std::ptrdiff_t>(action == StrokeAction::kUndo ? carving->strokes_to_undo()
+                                                                             : carving->strokes_to_redo());
+  for (const QueuedChange& queued : queued_) remaining += queued.change.action == action ? -1 : 1;
+  return remaining;
 }
 
 Result<void> Cutter::check(const LiveModel::Lock& lock, const StrokeChange& change,

@@ -13,7 +13,7 @@
 #include "base/test_process.h"
 #include "base/test_seed.h"
 #include "loading/test_loading.h"
-#include "session/edited_session.h"
+#include "session/test_edited_session.h"
 
 namespace palpate {
 namespace {

@@ -125,13 +125,13 @@ std::optional<std::uint32_t> LawChoice::script_version() const {
 }
 
 void LawChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
-  const std::shared_ptr<const Model> of = model_.versions(lock).current;
+  const std::shared_ptr<const Model> current = model_.versions(lock).current;
   const TissueLaw law = *awaited_;
   // unlock: a thread waiting for the lock would inherit this thread's low priority as latency
   lock.unlock();
   const auto made = [&]() -> Result<MeasuredCells> {
     try {
-      return prepare_(*of, law, devices_, progress);
+      return prepare_(*current, law, devices_, progress);
     } catch (const std::exception& why) {
       return Error{ErrorKind::kUnavailable,
                    std::string("the surfaces of soft tissue could not be prepared: ") + reason_of(why), "",

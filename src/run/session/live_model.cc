@@ -71,9 +71,9 @@ double LiveModel::rendered_stiffness_N_per_mm(const Lock& /*held*/, const TickRe
   // the fields encode the stiffnesses that they were generated for
   const double stiffest = model.max_stiffness_N_per_mm();
   const double own = prepared.tissue_of(device.label)->stiffness_N_per_mm;
-  const double left = std::min(1.0, stiffest / prepared.max_stiffness_N_per_mm());
+  const double remaining_fraction = std::min(1.0, stiffest / prepared.max_stiffness_N_per_mm());
   const double all_points = stiffest * static_cast<double>(model.tool_of(device_number).points_mm.size());
-  return gains.at_device(own * left * gains.direct_method_factor(all_points));
+  return gains.at_device(own * remaining_fraction * gains.direct_method_factor(all_points));
 }
 
 }  // namespace palpate

@@ -100,14 +100,14 @@ void MethodChoice::follow_script() {
 }
 
 void MethodChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
-  const ModelVersions of = model_.versions(lock);
+  const ModelVersions versions = model_.versions(lock);
   const ForceMethod method = *awaited_;
   // unlock: a thread waiting for the lock would inherit this thread's low priority as latency
   lock.unlock();
-  const auto ready = fields_for(method, of, progress);
+  const auto ready = fields_for(method, versions, progress);
   lock.lock();
   // the model changed meanwhile: another version, and possibly other fields, are needed
-  const bool is_outdated = model_.versions(lock).current != of.current;
+  const bool is_outdated = model_.versions(lock).current != versions.current;
   if (!is_outdated || !awaited_) fields_ = nullptr;
   if (is_outdated) return;
   auto used = ready ? use_fields(lock, *ready) : Result<void>(ready.error());
@@ -117,12 +117,13 @@ void MethodChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
 
 // Returns a model whose fields match the current stiffnesses and that is prepared for `method`. The result of
 // an earlier attempt, fields_, is reused if it matches.
-Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method, const ModelVersions& of,
+Result<std::shared_ptr<const Model>> MethodChoice::fields_for(ForceMethod method,
+                                                              const ModelVersions& versions,
                                                               const Progress& progress) try {
-  if (!fields_ || !fields_match(*of.current, *fields_)) {
-    fields_ = of.prepared;
-    if (!fields_match(*of.current, *of.prepared)) {
-      auto made = rebuild_fields_(*of.current, *of.prepared, progress);
+  if (!fields_ || !fields_match(*versions.current, *fields_)) {
+    fields_ = versions.prepared;
+    if (!fields_match(*versions.current, *versions.prepared)) {
+      auto made = rebuild_fields_(*versions.current, *versions.prepared, progress);
       if (!made) return made.error();
       fields_ = *std::move(made);
     }

@@ -63,7 +63,7 @@ class MethodChoice final : public PreparedChoice {
 
  private:
   bool is_available(const LiveModel::Lock& lock, ForceMethod method) const;
-  Result<std::shared_ptr<const Model>> fields_for(ForceMethod method, const ModelVersions& of,
+  Result<std::shared_ptr<const Model>> fields_for(ForceMethod method, const ModelVersions& versions,
                                                   const Progress& progress);
   Result<void> use_fields(const LiveModel::Lock& lock, std::shared_ptr<const Model> fields);
   void abandon(const LiveModel::Lock& lock, ForceMethod method, Error why);

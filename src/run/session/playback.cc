@@ -374,7 +374,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   const bool deforms_first = is_elastic(model->tissue_law);
   auto solutions = std::make_unique<SolutionIndex>(*model);
   std::uint64_t row = 0;
-  const auto observed = recording.read(
+  const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
         progress.report("scanning the recording", static_cast<double>(row) / static_cast<double>(head.ticks));
         line.observe(part);
@@ -390,7 +390,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
         return {};
       },
       progress);
-  if (!observed) return observed.error();
+  if (!read) return read.error();
   // the recording switches to an elastic law later: scan it again, with the surfaces that this needs
   if (!deforms_first && edits.laws.any(is_elastic)) {
     if (auto ready = with_surfaces(); !ready) return ready.error();

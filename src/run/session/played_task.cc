@@ -35,9 +35,9 @@ void PlayedTask::store_moment(double time_s) {
   stored_.back().run.events.clear();
   if (stored_.size() < kMaxMoments) return;
   // halve the number of samples and double the period
-  std::size_t left = 0;
-  for (std::size_t n = 0; n < stored_.size(); n += 2) stored_[left++] = std::move(stored_[n]);
-  stored_.resize(left);
+  std::size_t remaining = 0;
+  for (std::size_t n = 0; n < stored_.size(); n += 2) stored_[remaining++] = std::move(stored_[n]);
+  stored_.resize(remaining);
   period_s_ *= 2;
 }
 

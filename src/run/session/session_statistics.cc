@@ -1,18 +1,14 @@
 #include "session/session_statistics.h"
 
 #include <algorithm>
-#include <cmath>
 
+#include "palpate/base/clock.h"
 #include "palpate/palpation/plain_vectors.h"
 
 namespace palpate {
 namespace {
 
 constexpr double kParts_per_s = 10;
-
-std::int64_t ns(double seconds) {
-  return std::llround(seconds * 1e9);
-}
 
 }  // namespace
 
@@ -35,8 +31,8 @@ void SessionStatistics::observe(const TickRecord& record) {
     part.lateness.clear();
     part.compute.clear();
   }
-  part.lateness.add(ns(record.lateness_s));
-  part.compute.add(ns(record.compute_s));
+  part.lateness.add(to_ns(record.lateness_s));
+  part.compute.add(to_ns(record.compute_s));
 }
 
 SessionStatistics::LastSecond SessionStatistics::last_second() const {

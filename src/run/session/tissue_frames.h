@@ -43,7 +43,7 @@ class TissueFrames {
   TissueFrames& operator=(const TissueFrames&) = delete;
 
   /// Time at which the next step is due: at once while a frame is being solved, otherwise the beginning of
-  /// the next frame. Of the thread that makes the steps, as run_step().
+  /// the next frame. To be called, like run_step(), only by the thread that makes the steps.
   Clock::time_point due() const { return due_; }
   /// Makes the next step, whether or not it is due: begins a frame, or continues it
   /// (SoftTissueSolver::step()).

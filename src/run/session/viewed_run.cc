@@ -138,16 +138,16 @@ void RunTrace::finish(const TaskEvaluator& run) {
 // halves the number of samples and doubles the period; a merged sample takes the later position and the
 // larger forces
 void RunTrace::thin_out() {
-  std::vector<ViewedDebriefing::Sample> stored;
-  stored.reserve(kMaxSamples);
-  stored.push_back(samples_.front());
+  std::vector<ViewedDebriefing::Sample> thinned;
+  thinned.reserve(kMaxSamples);
+  thinned.push_back(samples_.front());
   for (std::size_t n = 2; n < samples_.size(); n += 2) {
     const ViewedDebriefing::Sample& before = samples_[n - 1];
     ViewedDebriefing::Sample sample = samples_[n];
     sample.touch_N = std::max(sample.touch_N, before.touch_N);
     for (std::size_t f = 0; f < forces_; ++f)
       sample.forces_N[f] = std::max(sample.forces_N[f], before.forces_N[f]);
-    stored.push_back(sample);
+    thinned.push_back(sample);
   }
   // an unpaired last sample is merged into the sample being accumulated
   if (samples_.size() % 2 == 0) {
@@ -155,7 +155,7 @@ void RunTrace::thin_out() {
     for (std::size_t f = 0; f < forces_; ++f)
       pending_sample_.forces_N[f] = std::max(pending_sample_.forces_N[f], samples_.back().forces_N[f]);
   }
-  samples_ = std::move(stored);
+  samples_ = std::move(thinned);
   period_s_ *= 2;
   next_s_ = samples_.back().time_s + period_s_;
 }

@@ -84,11 +84,11 @@ LimitedDamping limited_damping(const Model& model, const WorkspaceSettings& work
                                const PlantDevice& device, double rate_hz, double delay_s) {
   LimitedDamping limited;
   limited.max_N_s_per_mm = recommended_damping_N_s_per_mm(device, rate_hz, delay_s);
-  std::string of = "the proxy's coupling";
+  std::string source = "the proxy's coupling";
   double requested_N_s_per_mm = model.method_settings.coupling_damping_N_s_per_mm;
   for (const Tissue& tissue : model.tissues)
     if (tissue.touchable && tissue.viscosity_N_s_per_mm > requested_N_s_per_mm) {
-      of = "'" + tissue.name + "'";
+      source = "'" + tissue.name + "'";
       requested_N_s_per_mm = tissue.viscosity_N_s_per_mm;
     }
   const double rendered_N_s_per_mm = RenderedStiffness(workspace).at_device(requested_N_s_per_mm);
@@ -98,9 +98,9 @@ LimitedDamping limited_damping(const Model& model, const WorkspaceSettings& work
   std::snprintf(text, sizeof text,
                 "%s asks for %.3g N s/mm of damping (%.3g x scale %.3g x force gain %.3g): limited to %.2g, "
                 "the maximum for %s%s, %.1f of the damping at which it starts to oscillate by itself",
-                of.c_str(), rendered_N_s_per_mm, requested_N_s_per_mm, workspace.scale, workspace.force_gain,
-                limited.max_N_s_per_mm, device.name.c_str(), loop_text(rate_hz, delay_s).c_str(),
-                kStiffnessMargin);
+                source.c_str(), rendered_N_s_per_mm, requested_N_s_per_mm, workspace.scale,
+                workspace.force_gain, limited.max_N_s_per_mm, device.name.c_str(),
+                loop_text(rate_hz, delay_s).c_str(), kStiffnessMargin);
   limited.clamped = text;
   return limited;
 }

@@ -315,7 +315,6 @@ std::string without_names(std::string text, const CohortCase& one, const fs::pat
     }
   // remaining paths and file names belong to unknown files; a path may contain spaces, so the text between
   // two of its pieces is removed as well
-  std::string stored;
   std::size_t first = text.npos, last = 0;
   for (std::size_t begin = 0; begin < text.size();) {
     const std::size_t word = text.find_first_not_of(" \t\n", begin);

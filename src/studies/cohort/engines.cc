@@ -52,20 +52,21 @@ std::string first_line(const std::string& text) {
   return printable_name(text.substr(0, text.find('\n')));
 }
 
+constexpr const char* kNotFound = " was not found";
 Error without_slurm(const std::string& program) {
-  return {ErrorKind::kUnavailable, "Slurm's " + program + " was not found", program,
+  return {ErrorKind::kUnavailable, "Slurm's " + program + kNotFound, program,
           "run on a machine with Slurm's commands (Debian: slurm-client), or use --engine local"};
 }
 
 /// Whether any task of the job is pending, running or completing.
 Result<bool> is_alive(const std::string& job) {
-  const auto error_output = cohort::ask({"squeue", "--noheader", "--format=%T", "--jobs=" + job});
-  if (!error_output) return error_output.error();
-  if (error_output->exit_code == 127) return without_slurm("squeue");
-  if (error_output->exit_code == 0) return error_output->out.find_first_not_of(" \n") != std::string::npos;
+  const auto output = cohort::run_command({"squeue", "--noheader", "--format=%T", "--jobs=" + job});
+  if (!output) return output.error();
+  if (output->exit_code == 127) return without_slurm("squeue");
+  if (output->exit_code == 0) return output->out.find_first_not_of(" \n") != std::string::npos;
   // the job is no longer in Slurm's records
-  if (error_output->err.find("Invalid job id") != std::string::npos) return false;
-  return Error{ErrorKind::kUnavailable, "Slurm does not answer: " + first_line(error_output->err), "squeue",
+  if (output->err.find("Invalid job id") != std::string::npos) return false;
+  return Error{ErrorKind::kUnavailable, "Slurm does not answer: " + first_line(output->err), "squeue",
                "the job still exists: run the same command again once Slurm answers to collect it"};
 }
 
@@ -76,8 +77,8 @@ struct Waited {
 
 /// Cancels a job; returns whether Slurm confirmed that nothing of it is left.
 bool cancel(const std::string& job) {
-  const auto error_output = cohort::ask({"scancel", job});
-  if (!error_output || error_output->exit_code != 0) return false;
+  const auto output = cohort::run_command({"scancel", job});
+  if (!output || output->exit_code != 0) return false;
   constexpr int kTries = 60;
   for (int tries = 0; tries < kTries; ++tries) {
     const auto alive = is_alive(job);
@@ -94,7 +95,7 @@ Waited wait_for(const std::string& job, const std::function<std::size_t()>& look
     // tolerates a restart of the controller
     constexpr int kTries = 60;
     if (!alive && (++silent >= kTries || alive.error().where != "squeue" ||
-                   alive.error().what.find("not to be found") != std::string::npos))
+                   alive.error().what.find(kNotFound) != std::string::npos))
       return {alive.error(), false};
     if (alive) silent = 0;
     look();
@@ -143,7 +144,7 @@ Result<void> run_locally(const std::vector<std::string>& command, const std::vec
     int number;
     cohort::MemoryFile error_output;
   };
-  const auto most = static_cast<std::size_t>(jobs > 0 ? jobs : processors());
+  const auto max_running = static_cast<std::size_t>(jobs > 0 ? jobs : processors());
   std::vector<Running> running;
   const auto end_all = [&] {
     std::vector<pid_t> ids;
@@ -156,7 +157,7 @@ Result<void> run_locally(const std::vector<std::string>& command, const std::vec
       end_all();
       return Progress::interrupted();
     }
-    while (running.size() < most && next < numbers.size()) {
+    while (running.size() < max_running && next < numbers.size()) {
       cohort::MemoryFile error_output;
       const auto id = cohort::start(with_number(command, numbers[next]), -1, -1, error_output.descriptor());
       if (!id) {
@@ -167,7 +168,7 @@ Result<void> run_locally(const std::vector<std::string>& command, const std::vec
     }
     std::vector<std::pair<int, EndedProcess>> done;
     std::erase_if(running, [&](const Running& one) {
-      cohort::Ended how;
+      cohort::ExitStatus how;
       if (!cohort::has_ended(one.id, how)) return false;
       done.push_back(
           {one.number, {how.exit_code, how.signal, one.error_output.tail(cohort::kRetainedOutput)}});
@@ -189,26 +190,26 @@ Result<void> run_by_slurm(const std::vector<std::string>& command,
     if (waited.gone) fs::remove(note, none);
     if (!waited.how) return waited.how;
   }
-  const std::vector<int> left = numbers();
-  if (left.empty()) return {};
+  const std::vector<int> unfinished = numbers();
+  if (unfinished.empty()) return {};
 
   std::string script = "#!/bin/sh\nexec";
   for (const std::string& word : command) script += " " + quoted(word);
   script += " \"$SLURM_ARRAY_TASK_ID\"\n";
   std::vector<std::string> submit{
       "sbatch", "--parsable", "--job-name=palpate-cohort", "--output=/dev/null",
-      "--array=" + array_of(left) + (options.jobs > 0 ? "%" + std::to_string(options.jobs) : "")};
+      "--array=" + array_of(unfinished) + (options.jobs > 0 ? "%" + std::to_string(options.jobs) : "")};
   submit.insert(submit.end(), options.sbatch.begin(), options.sbatch.end());
-  const auto error_output = cohort::ask(submit, script);
-  if (!error_output) return error_output.error();
-  if (error_output->exit_code == 127) return without_slurm("sbatch");
+  const auto output = cohort::run_command(submit, script);
+  if (!output) return output.error();
+  if (output->exit_code == 127) return without_slurm("sbatch");
   // "12", or "12;cluster"
-  const std::string job = error_output->out.substr(0, error_output->out.find_first_of(";\n"));
-  if (error_output->exit_code != 0 || job.empty() || job.find_first_not_of("0123456789") != job.npos)
-    return Error{ErrorKind::kUnavailable, "Slurm refuses the job: " + first_line(error_output->err), "sbatch",
+  const std::string job = output->out.substr(0, output->out.find_first_of(";\n"));
+  if (output->exit_code != 0 || job.empty() || job.find_first_not_of("0123456789") != job.npos)
+    return Error{ErrorKind::kUnavailable, "Slurm refuses the job: " + first_line(output->err), "sbatch",
                  "--sbatch passes further options to sbatch, such as --sbatch=--partition=NAME"};
   if (auto written = write_file(note, job + "\n"); !written) {
-    (void)cohort::ask({"scancel", job}).ok();
+    (void)cohort::run_command({"scancel", job}).ok();
     return written;
   }
   const Waited waited = wait_for(job, look, progress);

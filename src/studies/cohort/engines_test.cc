@@ -138,6 +138,24 @@ TEST(RunBySlurm, NoteIsKeptUntilTheJobEnds) {
   EXPECT_TRUE(check_no_slurm_job(folder.path()).ok());
 }
 
+TEST(RunBySlurm, AMissingCommandIsReportedWithoutRetries) {
+  const test::TemporaryFolder folder;
+  PlayedSlurm slurm(folder.path());
+  slurm.play("squeue", "exit 127");
+  SlurmOptions options;
+  options.folder = folder.path();
+  int looks = 0;
+  const auto ran = run_by_slurm(
+      {"true"}, [] { return std::vector<int>{1}; }, options,
+      [&] {
+        ++looks;
+        return std::size_t{1};
+      });
+  ASSERT_FALSE(ran);
+  EXPECT_EQ(ran.error().where, "squeue");
+  EXPECT_EQ(looks, 0) << "a retry would look for results first";
+}
+
 TEST(RunBySlurm, RetriesUntilRemoteFilesAppear) {
   const test::TemporaryFolder folder;
   PlayedSlurm slurm(folder.path());

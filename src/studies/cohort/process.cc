@@ -64,7 +64,7 @@ Result<pid_t> start(const std::vector<std::string>& command, int in, int out, in
   ::_exit(127);
 }
 
-bool has_ended(pid_t id, Ended& how) {
+bool has_ended(pid_t id, ExitStatus& how) {
   int status = 0;
   const pid_t received = ::waitpid(id, &status, WNOHANG);
   if (received == 0 || (received < 0 && errno == EINTR)) return false;
@@ -79,7 +79,7 @@ bool has_ended(pid_t id, Ended& how) {
 }
 
 void end_groups(std::vector<pid_t> ids) {
-  Ended how;
+  ExitStatus how;
   const auto sweep = [&] { std::erase_if(ids, [&](pid_t id) { return has_ended(id, how); }); };
   // signal all of them before waiting for any
   for (const pid_t id : ids) ::kill(id, SIGTERM);
@@ -94,12 +94,12 @@ void end_groups(std::vector<pid_t> ids) {
   }
 }
 
-Result<CommandOutput> ask(const std::vector<std::string>& command, const std::string& in) {
+Result<CommandOutput> run_command(const std::vector<std::string>& command, const std::string& in) {
   MemoryFile input, out, err;
   input.write(in);
   const auto id = start(command, input.descriptor(), out.descriptor(), err.descriptor());
   if (!id) return id.error();
-  Ended how;
+  ExitStatus how;
   while (!has_ended(*id, how)) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   constexpr std::size_t kMaxOutput_bytes = 1 << 20;
   return CommandOutput{how.exit_code, out.tail(kMaxOutput_bytes), err.tail(kMaxOutput_bytes)};
@@ -114,7 +114,7 @@ Result<EndedProcess> run_process(const std::vector<std::string>& command, const 
   MemoryFile error_output;
   const auto id = start(command, -1, -1, error_output.descriptor());
   if (!id) return id.error();
-  Ended how;
+  ExitStatus how;
   while (!has_ended(*id, how)) {
     if (progress.stopped()) {
       end_groups({*id});

@@ -17,12 +17,12 @@ namespace palpate::cohort {
 Result<pid_t> start(const std::vector<std::string>& command, int in, int out, int err);
 
 /// Exit status of a process, as by waitpid.
-struct Ended {
+struct ExitStatus {
   int exit_code = 0;  ///< -1 if terminated by a signal
   int signal = 0;
 };
 /// Whether the process has ended; sets `how` if so.
-bool has_ended(pid_t id, Ended& how);
+bool has_ended(pid_t id, ExitStatus& how);
 /// Sends SIGTERM to all processes and waits; after 10 s kills them and their groups.
 void end_groups(std::vector<pid_t> ids);
 
@@ -53,6 +53,6 @@ struct CommandOutput {
 };
 /// Runs a command and waits.
 /// @param in  its standard input
-Result<CommandOutput> ask(const std::vector<std::string>& command, const std::string& in = "");
+Result<CommandOutput> run_command(const std::vector<std::string>& command, const std::string& in = "");
 
 }  // namespace palpate::cohort

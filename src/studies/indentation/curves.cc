@@ -129,11 +129,11 @@ class Reader {
     IndentationCurve curve;
     curve.name = name;
     curve.preset = has(kPreset) ? std::string(by_column[kPreset]) : defaults_.preset;
-    const auto length = [&](Column column, const std::optional<double>& supplied,
+    const auto length = [&](Column column, const std::optional<double>& fallback,
                             double& value) -> Result<bool> {
       if (!has(column) || by_column[column].empty()) {
-        if (supplied) value = *supplied;
-        return supplied.has_value();
+        if (fallback) value = *fallback;
+        return fallback.has_value();
       }
       const auto read = number_of(by_column[column]);
       constexpr double kMax_mm = 1000;

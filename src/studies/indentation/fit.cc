@@ -255,16 +255,17 @@ class Fit {
         if (parameters.find_contact)
           x[static_cast<Eigen::Index>(parameters.first_contact() + c)] = first_contact_mm(used_[c]);
       // the force is proportional to the modulus
-      double with = 0, of = 0;
+      // weighted scalar products: their ratio is the least-squares modulus
+      double measured_by_unit = 0, unit_by_unit = 0;
       for (std::size_t c = 0; c < used_.size(); ++c) {
         const std::vector<double> unit_N = parameters.forces(x, used_[c], c);
         for (std::size_t n = 0; n < unit_N.size(); ++n) {
           const double w = used_[c].weight[n] * used_[c].weight[n];
-          with += w * unit_N[n] * used_[c].force_N[n];
-          of += w * unit_N[n] * unit_N[n];
+          measured_by_unit += w * unit_N[n] * used_[c].force_N[n];
+          unit_by_unit += w * unit_N[n] * unit_N[n];
         }
       }
-      x[0] = std::log(with > 0 && of > 0 ? with / of : 1e-3);
+      x[0] = std::log(measured_by_unit > 0 && unit_by_unit > 0 ? measured_by_unit / unit_by_unit : 1e-3);
       Solution found = solve(parameters, used_, samples_, x);
       if (found.residual_sum_of_squares < best.residual_sum_of_squares || best.x.size() == 0)
         best = std::move(found);

@@ -278,7 +278,7 @@ Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) 
   for (const Beneath& soft :
        {Beneath{"fat-10mm", 0.036, 10}, Beneath{"meniscus-4mm", 0.25, 4}, Beneath{"cartilage-2mm", 0.9, 2}}) {
     if (progress.stopped()) return Progress::interrupted();
-    double off_percent = 0, share_off_percent = 0;
+    double error_percent = 0, share_error_percent = 0;
     std::uint64_t n = 0;
     // grid on which both interfaces are midway between slice centres
     const Eigen::Vector3d spacing_mm(0.36, 0.36, 0.5);
@@ -299,20 +299,21 @@ Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) 
         if (deep_mm < 1 || std::abs(deep_mm - soft.thick_mm) < 0.5) continue;
         const double in_soft_mm = std::min(deep_mm, soft.thick_mm), in_bone_mm = deep_mm - in_soft_mm;
         const double soft_N = soft.soft_N_per_mm * in_soft_mm, bone_N = kBone_N_per_mm * in_bone_mm;
-        off_percent = std::max(off_percent, 100 * std::abs(result.force_N.norm() / (soft_N + bone_N) - 1));
+        error_percent =
+            std::max(error_percent, 100 * std::abs(result.force_N.norm() / (soft_N + bone_N) - 1));
         // surface 0 is label 1
         double reported = 0;
         for (int part = 0; part < result.path_segments; ++part)
           if (result.path[static_cast<std::size_t>(part)].structure == 0)
             reported = result.path[static_cast<std::size_t>(part)].fraction;
-        share_off_percent =
-            std::max(share_off_percent, 100 * std::abs(reported - soft_N / (soft_N + bone_N)));
+        share_error_percent =
+            std::max(share_error_percent, 100 * std::abs(reported - soft_N / (soft_N + bone_N)));
         ++n;
       }
     }
     const std::string path = "contact/layers/" + std::string(soft.name);
-    figures.push_back({path + "/force-off", off_percent, "percent", n, 10});
-    figures.push_back({path + "/share-off", share_off_percent, "percent", n, 10});
+    figures.push_back({path + "/force-off", error_percent, "percent", n, 10});
+    figures.push_back({path + "/share-off", share_error_percent, "percent", n, 10});
   }
   return {};
 }

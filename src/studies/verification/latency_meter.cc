@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <cmath>
 #include <thread>
 
 #include "palpate/base/clock.h"
@@ -37,10 +36,6 @@ LatenessPair pair_at(std::vector<LatenessPair> pairs, double part) {
   return *index;
 }
 
-std::int64_t ns_of(double seconds) {
-  return std::llround(seconds * 1e9);
-}
-
 // The proxy only couples to a tip that has been in free space, so a stroke starts this long before contact.
 constexpr double kLeadIn_s = 0.1;
 
@@ -55,10 +50,10 @@ class Stroke {
 
   // returns false if interrupted
   bool keep_on_for(double seconds, const Progress& progress) {
-    const std::int64_t end_ns = monotonic_ns() + ns_of(seconds);
+    const std::int64_t end_ns = monotonic_ns() + to_ns(seconds);
     while (monotonic_ns() < end_ns) {
       if (progress.stopped()) return false;
-      const std::int64_t at_ns = monotonic_ns() + ns_of(kAhead_s);
+      const std::int64_t at_ns = monotonic_ns() + to_ns(kAhead_s);
       driver_.intend(mapping_.to_device(requested_at(at_ns)), at_ns);
       std::this_thread::sleep_for(kMeterPoll);
     }
@@ -160,8 +155,8 @@ Result<void> Meter::servo_block(double seconds, const Progress& progress) {
 // called on the recorder's thread
 void Meter::observe(const TickRecord& record) {
   if (!counting_) return;
-  compute_.add(ns_of(record.compute_s));
-  servo_block_.add(ns_of(record.lateness_s));
+  compute_.add(to_ns(record.compute_s));
+  servo_block_.add(to_ns(record.lateness_s));
   touching_ += (record.device[0].flags & kFlagContact) != 0;
   ++ticks_;
 }

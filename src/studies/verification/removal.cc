@@ -156,20 +156,20 @@ Result<std::vector<Figure>> removal_figures(const Progress& progress) {
   }
 
   std::vector<Figure> figures;
-  double beyond_N = 0, off_percent = 0, beyond_work_percent = 0;
+  double beyond_N = 0, error_percent = 0, beyond_work_percent = 0;
   std::uint64_t strokes = 0, let_go = 0;
   const auto take = [&](std::size_t block, const BurrStroke& stroke) {
     const Taken used = BurrHand(blocks[block], stroke).run();
     ++strokes;
     let_go += used.is_coupled ? 0 : 1;
     beyond_N = std::max(beyond_N, used.edit_N - used.tick_N);
-    off_percent = std::max(off_percent, 100 * std::abs(used.reckoned_mm3 / used.swept_mm3 - 1));
+    error_percent = std::max(error_percent, 100 * std::abs(used.reckoned_mm3 / used.swept_mm3 - 1));
     const double used_mJ = used.reckoned_mm3 * stroke.energy_mJ_per_mm3;
     beyond_work_percent = std::max(beyond_work_percent, 100 * (used_mJ / used.work_mJ - 1));
     return used.swept_mm3;
   };
   for (const auto& [name, along_mm_s] : {std::pair("drilling", 0.0), std::pair("milling", 12.0)}) {
-    Spread rates, grids;
+    RelativeRange rates, grids;
     for (const double rate_hz : kTickRates_Hz) {
       if (progress.stopped()) return Progress::interrupted();
       rates.add(take(0, {.along_mm_s = along_mm_s, .rate_hz = rate_hz}));
@@ -178,11 +178,11 @@ Result<std::vector<Figure>> removal_figures(const Progress& progress) {
       if (progress.stopped()) return Progress::interrupted();
       grids.add(take(block, {.along_mm_s = along_mm_s}));
     }
-    const std::string of = std::string("removal/") + name;
-    figures.push_back({of + "/between-rates", rates.percent(), "percent", rates.count(), 4});
-    figures.push_back({of + "/between-grids", grids.percent(), "percent", grids.count(), 5});
+    const std::string prefix = std::string("removal/") + name;
+    figures.push_back({prefix + "/between-rates", rates.percent(), "percent", rates.count(), 4});
+    figures.push_back({prefix + "/between-grids", grids.percent(), "percent", grids.count(), 5});
   }
-  figures.push_back({"removal/volume/beside-its-sweeps", off_percent, "percent", strokes, 3});
+  figures.push_back({"removal/volume/beside-its-sweeps", error_percent, "percent", strokes, 3});
   figures.push_back({"removal/energy/beyond-work", beyond_work_percent, "percent", strokes, 0.01});
   figures.push_back({"removal/new-version/step-beyond-ticks", std::max(0.0, beyond_N), "N", strokes, 0.01});
   figures.push_back({"removal/new-version/let-go", static_cast<double>(let_go), "strokes", strokes, 0});

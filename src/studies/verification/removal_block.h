@@ -24,8 +24,8 @@ inline constexpr double kCarvedEvery_s = 0.02;
 /// kInterrupted.
 Result<std::shared_ptr<const Surface>> bone_block(const BlockGrid& on, const Progress& progress);
 
-/// Range of some values relative to their mean.
-class Spread {
+/// Difference of the largest and the smallest of some values, relative to their mean.
+class RelativeRange {
  public:
   void add(double value) {
     least_ = std::min(least_, value);

@@ -214,31 +214,31 @@ Result<double> longest_rest_s(double voxel_mm, unsigned seed, double seconds) {
   return ThinBoneHand(*model, 1000, 0).longest_rest_s(seconds, random);
 }
 
-Result<std::vector<Figure>> thin_bone_figures(const ThinBone& which, const Progress& progress) {
+Result<std::vector<Figure>> thin_bone_figures(const ThinBoneOptions& options, const Progress& progress) {
   std::vector<Figure> figures;
   for (const ThinStructure& structure : thin_structures()) {
-    double off_percent = 0;
+    double error_percent = 0;
     std::uint64_t runs = 0;
     for (const double voxel_mm : {0.2, 0.3, 0.4})
       for (const double turned_rad : {0.0, 0.6}) {
-        if (!which.all && (structure.name != "walls-0.4" && structure.name != "trabecular")) continue;
-        if (!which.all && (voxel_mm != 0.3 || turned_rad == 0)) continue;
+        if (!options.all && (structure.name != "walls-0.4" && structure.name != "trabecular")) continue;
+        if (!options.all && (voxel_mm != 0.3 || turned_rad == 0)) continue;
         auto model = thin_model(structure, voxel_mm, turned_rad, progress);
         if (!model) return model.error();
         for (const double rate_hz : {250.0, 1000.0, 10000.0})
           for (const double along_mm_s : {0.0, 5.0}) {
             if (progress.stopped()) return Progress::interrupted();
-            if (!which.all && (rate_hz != 1000 || along_mm_s == 0)) continue;
+            if (!options.all && (rate_hz != 1000 || along_mm_s == 0)) continue;
             if (rate_hz != 1000 && voxel_mm != 0.3) continue;
-            const Account account = ThinBoneHand(*model, rate_hz, along_mm_s).run(which.cut_s);
+            const Account account = ThinBoneHand(*model, rate_hz, along_mm_s).run(options.cut_s);
             // nothing removed is a burr that rests on the structure without cutting it
             const double off = account.lost_mm3 > 0 ? account.paid_mm3 / account.lost_mm3 - 1 : 1;
-            off_percent = std::max(off_percent, 100 * std::abs(off));
+            error_percent = std::max(error_percent, 100 * std::abs(off));
             ++runs;
           }
       }
     if (runs == 0) continue;
-    figures.push_back({"removal/thin/" + structure.name + "/off-account", off_percent, "percent", runs, 5});
+    figures.push_back({"removal/thin/" + structure.name + "/off-account", error_percent, "percent", runs, 5});
   }
   return figures;
 }

@@ -30,8 +30,8 @@ struct CutterPath {
   CutterHead head;
   std::vector<Point<Patient>> corners;
   double expected_mm3;
-  double max_off_percent;              // limit of the error of the carved surface
-  double max_counted_off_percent = 1;  // limit of the error of RemovedVolume
+  double max_error_percent;              // limit of the error of the carved surface
+  double max_counted_error_percent = 1;  // limit of the error of RemovedVolume
 };
 
 // ball with its centre moving in the surface: half of its swept volume
@@ -172,18 +172,18 @@ struct RemovedOfBlock {
 /// A burr whose tip follows a prescribed path, in bone with negligible cutting resistance.
 class GuidedTip {
  public:
-  GuidedTip(const ExactBlock& block, const CutterPath& guided, double rate_hz)
-      : carved_(block.surface), removed_(block.model), tip_(guided.corners.front()) {
+  GuidedTip(const ExactBlock& block, const CutterPath& path, double rate_hz)
+      : carved_(block.surface), removed_(block.model), tip_(path.corners.front()) {
     constexpr double kEnergy_mJ_per_mm3 = 2, kStiffness_N_per_mm = 2;
     options_.dt_s = 1 / rate_hz;
     options_.friction = false;
     touchable_.surface = carved_.surface();
     touchable_.stiffness_N_per_mm = kStiffness_N_per_mm;
     touchable_.cutting_energy_mJ_per_mm3 = kEnergy_mJ_per_mm3;
-    burr_.radius_mm = guided.head.tip_mm;
-    burr_.end_radius_mm = guided.head.end_mm;
-    burr_.length_mm = guided.head.row_mm;
-    burr_.axis = guided.head.spindle;
+    burr_.radius_mm = path.head.tip_mm;
+    burr_.end_radius_mm = path.head.end_mm;
+    burr_.length_mm = path.head.row_mm;
+    burr_.axis = path.head.spindle;
     burr_.revolutions_per_s = 1000;
   }
 
@@ -264,40 +264,41 @@ class GuidedTip {
 
 }  // namespace
 
-Result<std::vector<Figure>> path_volume_figures(const PathVolumes& which, const Progress& progress) {
+Result<std::vector<Figure>> path_volume_figures(const PathVolumeOptions& options, const Progress& progress) {
   std::vector<ExactBlock> blocks;
   for (const BlockGrid& grid : kBlockGrids) {
     blocks.push_back(exact_block(grid));
-    if (!which.all) break;
+    if (!options.all) break;
   }
   std::vector<Figure> figures;
-  for (const CutterPath& guided : cutter_paths()) {
-    const std::string name = guided.name;
-    if (!which.all && name != "cylinder/across" && name != "cone/drilling") continue;
-    Spread rates, grids;
-    double off_percent = 0, counted_off_percent = 0;
-    const auto off = [&](double mm3) { return 100 * std::abs(mm3 / guided.expected_mm3 - 1); };
-    const auto take = [&](std::size_t block, double rate_hz, Spread& of) {
-      const RemovedOfBlock removed = GuidedTip(blocks[block], guided, rate_hz).run(guided.corners);
-      off_percent = std::max(off_percent, off(removed.surface_mm3));
-      counted_off_percent = std::max(counted_off_percent, off(removed.counted_mm3));
-      of.add(removed.surface_mm3);
+  for (const CutterPath& path : cutter_paths()) {
+    const std::string name = path.name;
+    if (!options.all && name != "cylinder/across" && name != "cone/drilling") continue;
+    RelativeRange rates, grids;
+    double error_percent = 0, counted_error_percent = 0;
+    const auto off = [&](double mm3) { return 100 * std::abs(mm3 / path.expected_mm3 - 1); };
+    const auto take = [&](std::size_t block, double rate_hz, RelativeRange& range) {
+      const RemovedOfBlock removed = GuidedTip(blocks[block], path, rate_hz).run(path.corners);
+      error_percent = std::max(error_percent, off(removed.surface_mm3));
+      counted_error_percent = std::max(counted_error_percent, off(removed.counted_mm3));
+      range.add(removed.surface_mm3);
     };
     for (const double rate_hz : kTickRates_Hz) {
       if (progress.stopped()) return Progress::interrupted();
-      if (which.all || rate_hz == 1000 || rate_hz == 4000) take(0, rate_hz, rates);
+      if (options.all || rate_hz == 1000 || rate_hz == 4000) take(0, rate_hz, rates);
     }
     for (std::size_t block = 0; block < blocks.size(); ++block) {
       if (progress.stopped()) return Progress::interrupted();
-      if (which.all) take(block, 1000, grids);
+      if (options.all) take(block, 1000, grids);
     }
-    const std::string of = "removal/" + name;
-    figures.push_back({of + "/off-geometry", off_percent, "percent", rates.count() + grids.count(),
-                       guided.max_off_percent});
-    figures.push_back({of + "/counted-off-geometry", counted_off_percent, "percent",
-                       rates.count() + grids.count(), guided.max_counted_off_percent});
-    figures.push_back({of + "/between-rates", rates.percent(), "percent", rates.count(), 2});
-    if (which.all) figures.push_back({of + "/between-grids", grids.percent(), "percent", grids.count(), 4});
+    const std::string prefix = "removal/" + name;
+    figures.push_back({prefix + "/off-geometry", error_percent, "percent", rates.count() + grids.count(),
+                       path.max_error_percent});
+    figures.push_back({prefix + "/counted-off-geometry", counted_error_percent, "percent",
+                       rates.count() + grids.count(), path.max_counted_error_percent});
+    figures.push_back({prefix + "/between-rates", rates.percent(), "percent", rates.count(), 2});
+    if (options.all)
+      figures.push_back({prefix + "/between-grids", grids.percent(), "percent", grids.count(), 4});
   }
   return figures;
 }

@@ -92,7 +92,7 @@ struct Plane {
   Vector<Patient> force_N;
 };
 
-double off_percent(double value, double requested) {
+double deviation_percent(double value, double requested) {
   return 100 * std::abs(value / requested - 1);
 }
 
@@ -118,10 +118,10 @@ Result<std::vector<Figure>> friction_figures(int planes, const Progress& progres
       most = std::max(most, plane.ratio());
       plane.lead(-depth_mm, path_mm += step_mm);
     }
-    static_percent = std::max(static_percent, off_percent(most, mu_static));
+    static_percent = std::max(static_percent, deviation_percent(most, mu_static));
     for (int step = 0; step < kSlidden; ++step) {
       plane.lead(-depth_mm, path_mm += kSlide_mm);
-      dynamic_percent = std::max(dynamic_percent, off_percent(plane.ratio(), mu_dynamic));
+      dynamic_percent = std::max(dynamic_percent, deviation_percent(plane.ratio(), mu_dynamic));
     }
   }
   const auto n = static_cast<std::uint64_t>(planes);

@@ -66,9 +66,9 @@ DropoutResult drop_out(const Model& wall, const Dropout& dropout) {
     sensed.age_s = lost ? age_s : 0;
     tick(wall, parameters, {&sensed, 1}, kDropTick_s, state, {&sent, 1}, record);
     if (lost && age_s >= kSilent_s) result.silent = result.silent && sent.force_N == Vector<World>();
-    if (dropout.by != Return::kTick && n >= pressed + dropped) {
+    if (dropout.returning != ReturningForce::kByTick && n >= pressed + dropped) {
       const double requested_N = record.device[0].unclamped_force_N;
-      sent.force_N = up * (dropout.by == Return::kAtOnce ? requested_N : last_N + kMaxKick_N);
+      sent.force_N = up * (dropout.returning == ReturningForce::kAtOnce ? requested_N : last_N + kMaxKick_N);
       // the tip has reversed: the bound excludes sinking by the momentum of the fall
       if (out.dot(plant.true_velocity_mm_s()) > 0) break;
     }
@@ -101,9 +101,9 @@ Result<std::vector<Figure>> dropout_figures(const Progress& progress) {
       if (progress.stopped()) return Progress::interrupted();
       Dropout dropout{device, hand, *stiffness, kDelay_s};
       const DropoutResult lost = drop_out(**wall, dropout);
-      dropout.by = Return::kAtOnce;
+      dropout.returning = ReturningForce::kAtOnce;
       const DropoutResult at_once = drop_out(**wall, dropout);
-      dropout.by = Return::kWithoutKick;
+      dropout.returning = ReturningForce::kWithoutKick;
       const DropoutResult without_kick = drop_out(**wall, dropout);
       // a hand that cannot meet it even in the ideal case is exempt
       const bool can = without_kick.sinking_mm <= kMaxSinking_mm;

@@ -9,13 +9,11 @@
 
 namespace palpate {
 
-/// Source of the force after a fresh pose arrives.
-enum class Return {
-  kTick,
-  /// Bound: the whole force of the wall at once
-  kAtOnce,
-  /// Bound without a kick: the force increases by at most kMaxKick_N per tick
-  kWithoutKick,
+/// Force after the first fresh pose.
+enum class ReturningForce {
+  kByTick,       ///< As the tick computes it
+  kAtOnce,       ///< Ideal: the whole force of the wall at once
+  kWithoutKick,  ///< Ideal: increases by at most kMaxKick_N per tick
 };
 inline constexpr double kMaxKick_N = 0.2;
 
@@ -23,12 +21,12 @@ inline constexpr double kMaxKick_N = 0.2;
 struct Dropout {
   PlantDevice device;
   PlantHand hand;
-  double stiffness_N_per_mm = 1;  ///< As felt at the device
+  double stiffness_N_per_mm = 1;  ///< Rendered at the device
   double delay_s = 0;
   double time_s = 0.02;  ///< Duration without fresh poses
   double press_N = 1;    ///< Force of the hand in addition to the device's Coulomb friction
-  /// Other than kTick: lower bound of the tip's sinking; only sinking_mm is evaluated then
-  Return by = Return::kTick;
+  /// Other than kByTick: only sinking_mm is evaluated, a lower bound for every tick
+  ReturningForce returning = ReturningForce::kByTick;
 };
 
 /// Effect of the interruption.

@@ -8,10 +8,11 @@ namespace palpate {
 namespace {
 
 DropoutResult dropped_out(const std::string& device, const std::string& hand, double time_s,
-                          Return by = Return::kTick) {
+                          ReturningForce returning = ReturningForce::kByTick) {
   static const auto wall = flat_wall();
   PALPATE_CHECK(wall.ok());
-  return drop_out(**wall, {*find_plant_device(device), *find_plant_hand(hand), 1.16, 1e-3, time_s, 1, by});
+  return drop_out(**wall,
+                  {*find_plant_device(device), *find_plant_hand(hand), 1.16, 1e-3, time_s, 1, returning});
 }
 
 TEST(StabilityDropout, AHandThatPressesIsHeldAgainSoonAfterAShortOne) {
@@ -38,10 +39,10 @@ TEST(StabilityDropout, AHandSinksHardlyMoreThanZeroAndNoKickCost) {
     for (const char* hand : {"light-grip", "firm-grip", "whole-arm"}) {
       SCOPED_TRACE(std::string(device) + ", " + hand);
       const double sinking_mm = dropped_out(device, hand, 20e-3).sinking_mm;
-      const double floor_mm = dropped_out(device, hand, 20e-3, Return::kWithoutKick).sinking_mm;
+      const double floor_mm = dropped_out(device, hand, 20e-3, ReturningForce::kWithoutKick).sinking_mm;
       EXPECT_GE(sinking_mm, floor_mm - 1e-9);
       EXPECT_LT(sinking_mm, floor_mm + 0.1);
-      EXPECT_LT(dropped_out(device, hand, 20e-3, Return::kAtOnce).sinking_mm, sinking_mm);
+      EXPECT_LT(dropped_out(device, hand, 20e-3, ReturningForce::kAtOnce).sinking_mm, sinking_mm);
     }
 }
 

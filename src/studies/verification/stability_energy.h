@@ -28,7 +28,8 @@ struct Exploration {
   PlantDevice device;
   PlantHand hand;
   ForceMethod method = ForceMethod::kProxy;
-  double stiffness_N_per_mm = 1;  ///< As felt at the device; for deformable tissue its maximum
+  double stiffness_N_per_mm = 1;  ///< Rendered at the device (the scene's stiffness times the force gain);
+                                  ///< for deformable tissue the maximum
   double delay_s = 0;
   std::optional<double> reported_s = {};  ///< Delay that the tick is informed of; empty: delay_s
   bool controller = true;

@@ -14,7 +14,7 @@ namespace palpate {
 struct PressingDevice {
   PlantDevice device;
   PlantHand hand;
-  double stiffness_N_per_mm = 1;  ///< As felt at the device
+  double stiffness_N_per_mm = 1;  ///< Rendered at the device
   double rate_hz = 1000;          ///< Rate of its clock
   double delay_s = 1e-3;          ///< Latency of the device from a command to its force
 };

@@ -251,10 +251,10 @@ Result<std::vector<Figure>> grip_figures(const Progress& progress) {
                              .stiffness_N_per_mm = *stiffness};
           if (!reported) grip_case.reported_s = 0;
           const GripResult result = hold_wall(**wall, grip_case);
-          const std::string of = path + "/b-" + short_number(damping_N_s_per_m) +
-                                 (skin_N_per_m > 0 ? "/two-masses" : "/one-mass");
-          lengths.push_back({of + "/swing", result.swing_mm, "mm", 1, 2e3 * device.encoder_step_m});
-          times.push_back({of + "/settled", result.settled_s, "s", 1, {}});
+          const std::string prefix = path + "/b-" + short_number(damping_N_s_per_m) +
+                                     (skin_N_per_m > 0 ? "/two-masses" : "/one-mass");
+          lengths.push_back({prefix + "/swing", result.swing_mm, "mm", 1, 2e3 * device.encoder_step_m});
+          times.push_back({prefix + "/settled", result.settled_s, "s", 1, {}});
         }
       GripCase tap = free_tap(device, *stiffness);
       if (!reported) tap.reported_s = 0;

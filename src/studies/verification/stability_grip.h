@@ -25,8 +25,8 @@ Grip grip_of(const PlantHand& hand);
 struct GripCase {
   PlantDevice device;
   Grip grip;
-  double stiffness_N_per_mm = 1;             ///< As felt at the device
-  double viscosity_N_s_per_mm = 0;           ///< Viscosity inside the wall, as felt at the device
+  double stiffness_N_per_mm = 1;             ///< Rendered at the device
+  double viscosity_N_s_per_mm = 0;           ///< Viscosity inside the wall, rendered at the device
   double max_damping_N_s_per_mm = kNoValue;  ///< As in DeviceParameters
   double rate_hz = 1000;
   double delay_s = 1e-3;

@@ -57,24 +57,24 @@ Result<std::shared_ptr<const Model>> no_go_wall(NoGoKind kind, double stiffness_
   return prepared_with_cache(*model, {&method, 1}, progress);
 }
 
-NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& guided, double stiffness_N_per_mm) {
-  SimulatedDevice plant(guided.device, guided.hand, guided.delay_s);
+NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& approach, double stiffness_N_per_mm) {
+  SimulatedDevice plant(approach.device, approach.hand, approach.delay_s);
   const WorkspaceSettings workspace;
   WorkspaceMapping mapping(plant.info(), workspace);
   Parameters parameters;
   parameters.method = model.has(ForceMethod::kProxy) ? ForceMethod::kProxy : ForceMethod::kTrilinear;
   parameters.device[0] = device_parameters(plant.info(), workspace);
-  parameters.device[0].max_stiffness_N_per_mm = guided.stiffness_N_per_mm;
-  parameters.device[0].delay_s = guided.delay_s;
-  parameters.max_force_N = guided.device.peak_force_N;
+  parameters.device[0].max_stiffness_N_per_mm = approach.stiffness_N_per_mm;
+  parameters.device[0].delay_s = approach.delay_s;
+  parameters.max_force_N = approach.device.peak_force_N;
   // the surface of the labels is between two voxels
   const auto& tracked = model.distances.structures();
   const double border_mm = tracked.empty() ? 0 : -tracked[0].tree->nearest({})->distance_mm;
 
   // to the equilibrium of the region's and the hand's springs at this force
-  const double hand_N_per_mm = guided.hand.stiffness_N_per_m * 1e-3;
+  const double hand_N_per_mm = approach.hand.stiffness_N_per_m * 1e-3;
   const double depth_mm =
-      guided.press_N / stiffness_N_per_mm + (guided.press_N + guided.device.coulomb_N) / hand_N_per_mm;
+      approach.press_N / stiffness_N_per_mm + (approach.press_N + approach.device.coulomb_N) / hand_N_per_mm;
   const auto on_device = [&](double x_mm, double y_mm) {
     return mapping.to_device(model.X_WorldPatient * Point<Patient>(x_mm, y_mm, 0));
   };
@@ -82,12 +82,12 @@ NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& guided, do
   const auto height_mm = [&] { return out.dot(plant.true_tip() - on_device(0, 0)); };
   plant.reset(on_device(kStandOff_mm, 0));
 
-  const double dt_s = 1 / guided.rate_hz;
-  const double path_s = (kStandOff_mm + depth_mm) / guided.speed_mm_s;
+  const double dt_s = 1 / approach.rate_hz;
+  const double path_s = (kStandOff_mm + depth_mm) / approach.speed_mm_s;
   const double slides_at_s = kInFirst_s + path_s + kLeant_s,
-               settles_at_s = slides_at_s + (guided.slides ? kAlongFor_s : 0);
-  const auto ticks = std::lround((settles_at_s + kAtRest_s) * guided.rate_hz);
-  const auto last = ticks - std::lround(guided.rate_hz);
+               settles_at_s = slides_at_s + (approach.slides ? kAlongFor_s : 0);
+  const auto ticks = std::lround((settles_at_s + kAtRest_s) * approach.rate_hz);
+  const auto last = ticks - std::lround(approach.rate_hz);
   SessionState state;
   TickRecord record;
   Wrench sent;
@@ -99,8 +99,8 @@ NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& guided, do
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(model, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
     const double advanced_mm =
-        std::clamp((time_s - kInFirst_s) * guided.speed_mm_s, 0.0, kStandOff_mm + depth_mm);
-    const double slid = guided.slides ? std::clamp((time_s - slides_at_s) / kAlongFor_s, 0.0, 1.0) : 0;
+        std::clamp((time_s - kInFirst_s) * approach.speed_mm_s, 0.0, kStandOff_mm + depth_mm);
+    const double slid = approach.slides ? std::clamp((time_s - slides_at_s) / kAlongFor_s, 0.0, 1.0) : 0;
     plant.intend(on_device(kStandOff_mm - advanced_mm, slid * kAlongBorder_mm));
     plant.advance(mapping.to_device(sent), dt_s);
     deepest_mm = std::max(deepest_mm, border_mm - height_mm());
@@ -137,15 +137,15 @@ Result<std::vector<Figure>> no_go_figures(const Progress& progress) {
         for (const PlantHand& hand : known_plant_hands()) {
           if (progress.stopped()) return Progress::interrupted();
           const double stiffness_N_per_mm = std::min(kNoGoStiffness_N_per_mm.max, kFractionOfLimit * *limit);
-          const NoGoResult guided = run_no_go_approach(
+          const NoGoResult result = run_no_go_approach(
               *model, {device, hand, rate_hz, delay_s, *limit, 100, 1, kind == NoGoKind::kTouchable},
               stiffness_N_per_mm);
           const std::string path = std::string("stability/no-go/") + name_of(kind) + "/" + device.name + "/" +
                                    hand.name + "/" + loop_name(rate_hz, delay_s);
           // no limit if the device's maximum force is insufficient
-          const auto limit_mm = guided.clamped ? std::optional<double>() : kMaxPast_mm;
-          past.push_back({path + "/past", guided.past_mm, "mm", 1, limit_mm});
-          swings.push_back({path + "/swing", 1e3 * guided.swing_mm, "um", 1, 2e6 * device.encoder_step_m});
+          const auto limit_mm = result.clamped ? std::optional<double>() : kMaxPast_mm;
+          past.push_back({path + "/past", result.past_mm, "mm", 1, limit_mm});
+          swings.push_back({path + "/swing", 1e3 * result.swing_mm, "um", 1, 2e6 * device.encoder_step_m});
         }
       }
     }

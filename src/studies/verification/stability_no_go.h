@@ -29,7 +29,7 @@ struct NoGoApproach {
   PlantDevice device;
   PlantHand hand;
   double rate_hz = 1000, delay_s = 1e-3;
-  double stiffness_N_per_mm = 1;  ///< As felt at the device, where it limits the region's
+  double stiffness_N_per_mm = 1;  ///< Rendered at the device, if it limits the region's stiffness
   double speed_mm_s = 100;
   double press_N = 1;   ///< Force of the hand at rest, in addition to the device's Coulomb friction
   bool slides = false;  ///< Whether it moves 8 mm along the boundary after a second, and then rests again
@@ -42,8 +42,8 @@ struct NoGoResult {
   double swing_mm = 0;   ///< Peak-to-peak motion of the tip in the last second, at rest
 };
 /// Runs the motion through the real tick.
-/// @param stiffness_N_per_mm  of the spring at the boundary, as felt
-NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& guided, double stiffness_N_per_mm);
+/// @param stiffness_N_per_mm  of the spring at the boundary, rendered at the device
+NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& approach, double stiffness_N_per_mm);
 
 /// Figures at 0.1 m/s against all three kinds, for both devices and every documented hand, at 250 Hz, 1 kHz
 /// and 4 kHz, at the stiffness recommended for a delay of one tick. Errors: kInterrupted.

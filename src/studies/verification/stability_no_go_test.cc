@@ -32,16 +32,16 @@ TEST(StabilityNoGo, AHandGuidedAgainstARegionIsHeldAtItsBorderAndRests) {
           SCOPED_TRACE(std::string(name_of(kind)) + ", " + device.name + ", " + hand.name + ", " +
                        std::to_string(rate_hz));
           if (rate_hz > 1000 && kind != NoGoKind::kStructure) continue;
-          const NoGoResult guided = run_no_go_approach(
+          const NoGoResult result = run_no_go_approach(
               stiff_no_go(kind),
               {device, hand, rate_hz, 1 / rate_hz, kHeld_N_per_mm, 100, 1, kind == NoGoKind::kTouchable},
               kContact_N_per_mm);
           // a Touch cannot stop a whole arm at 0.1 m/s
-          EXPECT_TRUE(guided.past_mm < 0.5 ||
-                      (guided.clamped && device.name == "touch" && hand.name == "whole-arm"))
-              << guided.past_mm << " mm, " << guided.force_N << " N, " << guided.clamped;
-          EXPECT_GT(guided.force_N, 0.9) << "it is met";
-          EXPECT_LE(guided.swing_mm, 2e3 * device.encoder_step_m);
+          EXPECT_TRUE(result.past_mm < 0.5 ||
+                      (result.clamped && device.name == "touch" && hand.name == "whole-arm"))
+              << result.past_mm << " mm, " << result.force_N << " N, " << result.clamped;
+          EXPECT_GT(result.force_N, 0.9) << "it is met";
+          EXPECT_LE(result.swing_mm, 2e3 * device.encoder_step_m);
         }
 }
 
@@ -55,14 +55,14 @@ TEST(StabilityNoGo, TheSlowestLoopHoldsAHandAtTheBorder) {
     for (const NoGoKind kind : {NoGoKind::kPlane, NoGoKind::kStructure, NoGoKind::kTouchable})
       for (const PlantHand& hand : known_plant_hands()) {
         SCOPED_TRACE(std::string(name_of(kind)) + ", " + device.name + ", " + hand.name);
-        const NoGoResult guided = run_no_go_approach(
+        const NoGoResult result = run_no_go_approach(
             stiff_no_go(kind),
             {device, hand, kMinRate_hz, 1 / kMinRate_hz, *limit, 100, 1, kind == NoGoKind::kTouchable},
             0.9 * *limit);
-        EXPECT_LT(guided.past_mm, 0.5);
-        EXPECT_GT(guided.force_N, 0.9) << "it is met";
-        EXPECT_FALSE(guided.clamped);
-        EXPECT_LE(guided.swing_mm, 2e3 * device.encoder_step_m);
+        EXPECT_LT(result.past_mm, 0.5);
+        EXPECT_GT(result.force_N, 0.9) << "it is met";
+        EXPECT_FALSE(result.clamped);
+        EXPECT_LE(result.swing_mm, 2e3 * device.encoder_step_m);
       }
   }
 }

@@ -23,16 +23,16 @@ constexpr double kLayerRoots[] = {0.3, 0.4};
 /// Worst of several cases.
 class WorstCase {
  public:
-  void add(const TissueCase& one) {
-    off_percent_ = std::max(off_percent_, std::abs(one.off_percent));
+  void add(const TissueDeviation& one) {
+    error_percent_ = std::max(error_percent_, std::abs(one.error_percent));
     ++count_;
   }
   Figure figure(std::string name, std::optional<double> limit) const {
-    return {std::move(name), off_percent_, "percent", count_, limit};
+    return {std::move(name), error_percent_, "percent", count_, limit};
   }
 
  private:
-  double off_percent_ = 0;
+  double error_percent_ = 0;
   std::uint64_t count_ = 0;
 };
 
@@ -127,7 +127,7 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   const std::string in = "tissue/relaxation/";
   figures.push_back({in + "pressed/off", pressed.pressed_percent, "percent", samples, 1});
   figures.push_back({in + "held/off", pressed.hold_percent, "percent", samples, 1});
-  figures.push_back({in + "held/left", 100 * pressed.left, "percent", 1, {}});
+  figures.push_back({in + "held/left", 100 * pressed.remaining_fraction, "percent", 1, {}});
   if (progress.stopped()) return Progress::interrupted();
   for (const OscillationError& swung : swing_relaxing(*relaxing, *elastic, kSeries)) {
     char at[32];
@@ -204,8 +204,8 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
 Result<SuiteReport> run_tissue(const Progress& progress) {
   SuiteReport report;
   std::vector<Figure>& figures = report.figures;
-  const auto one = [&](const std::string& name, const TissueCase& found, std::optional<double> limit) {
-    figures.push_back({"tissue/" + name, std::abs(found.off_percent), "percent", 1, limit});
+  const auto one = [&](const std::string& name, const TissueDeviation& found, std::optional<double> limit) {
+    figures.push_back({"tissue/" + name, std::abs(found.error_percent), "percent", 1, limit});
   };
   const auto stopped = [&] { return progress.stopped(); };
 
@@ -259,9 +259,9 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
 
   if (stopped()) return Progress::interrupted();
   const NoduleLoop loop = nodule_loop(32, kNoduleSteps);
-  figures.push_back({"tissue/nodule/work-lost", std::abs(loop.off_percent), "percent", kNoduleSteps, 2});
+  figures.push_back({"tissue/nodule/work-lost", std::abs(loop.error_percent), "percent", kNoduleSteps, 2});
   figures.push_back({"tissue/nodule/work-lost-without-force-aside",
-                     std::abs(loop.off_without_percent),
+                     std::abs(loop.error_without_tangential_percent),
                      "percent",
                      kNoduleSteps,
                      {}});
@@ -272,10 +272,10 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   figures.push_back(stretched.figure("tissue/neo-hookean/stretched", 0.1));
   if (stopped()) return Progress::interrupted();
   const FiniteLayer finite = finite_layer({47, 32, 8}, 0.2);
-  one("neo-hookean/linear-off", {finite.linear_off_percent, 0}, 5);
+  one("neo-hookean/linear-off", {finite.linear_error_percent, 0}, 5);
   figures.push_back(
       {"tissue/neo-hookean/most-squeezed", 100 * (1 - finite.min_volume), "percent", finite.cells, 90});
-  figures.push_back({"tissue/neo-hookean/frame-off", finite.frame_off_percent, "percent", 1, {}});
+  figures.push_back({"tissue/neo-hookean/frame-off", finite.frame_error_percent, "percent", 1, {}});
   figures.push_back({"tissue/neo-hookean/frame-time", finite.frame_ms, "ms", finite.cells, {}});
 
   auto in_tick = tick_figures(TissueLaw::kElastic, kLinearSpeeds, "tissue/tick/", progress, figures);
@@ -288,7 +288,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   if (auto energies = energy_of_tissue(progress, figures); !energies) return energies.error();
   const TissueFrame frame = measure_tissue_frame(kFrames);
   figures.push_back({"tissue/frame/time", frame.frame_ms, "ms", kFrames, {}});
-  figures.push_back({"tissue/frame/compliance-off", frame.off_percent, "percent", kFrames, 2});
+  figures.push_back({"tissue/frame/compliance-off", frame.error_percent, "percent", kFrames, 2});
   figures.push_back({"tissue/kernel/time", frame.kernel_ns, "ns", frame.cells, {}});
   figures.push_back({"tissue/kernel/bandwidth-floor", frame.floor_ns, "ns", frame.cells, {}});
   figures.push_back(

@@ -45,14 +45,15 @@ Eigen::Vector3d node_of(const ElasticLayout& layout, int i, int j, int k, const 
           field.values[layout.node(i, j, k, 2)]};
 }
 
-/// Solution with the surface displacement `given`: error of the worst interior node, and the largest
-/// displacement.
-struct Inside {
-  double off = 0, greatest = 0, squares = 0;
+/// Result of solve_inside(): maximum error of an interior node, and the largest displacement.
+struct InteriorError {
+  double maximum = 0, largest_displacement = 0;
   int iterations = 0;
 };
-template <class Given>
-Inside solve_inside(const ElasticMaterial& material, int cells, const Given& supplied) {
+/// Solves a block whose surface is displaced by `prescribed(x)`, and compares its interior with the same
+/// function.
+template <class Prescribed>
+InteriorError solve_inside(const ElasticMaterial& material, int cells, const Prescribed& prescribed) {
   ElasticGrid grid(
       box_of({cells, cells, cells}), [&](const Point<Patient>&) { return material; }, 1);
   const ElasticLayout& layout = grid.layout();
@@ -60,39 +61,38 @@ Inside solve_inside(const ElasticMaterial& material, int cells, const Given& sup
   for_each_node_of(layout, [&](int i, int j, int k) {
     if (std::min({i, j, k}) > 0 && std::max({i, j, k}) < cells) return;
     grid.constrain(i, j, k, ElasticGrid::kFixed);
-    set_node(layout, i, j, k, supplied(Eigen::Vector3d(i, j, k)), u);
+    set_node(layout, i, j, k, prescribed(Eigen::Vector3d(i, j, k)), u);
   });
   ElasticSolver solver(grid);
-  Inside result;
+  InteriorError result;
   result.iterations = solver.solve(load, u, kMaxTissueIterations, 2e-7).iterations;
   for_each_node_of(layout, [&](int i, int j, int k) {
-    const Eigen::Vector3d right = supplied(Eigen::Vector3d(i, j, k));
-    const double off = (node_of(layout, i, j, k, u) - right).norm();
-    result.off = std::max(result.off, off);
-    result.squares += off * off;
-    result.greatest = std::max(result.greatest, right.norm());
+    const Eigen::Vector3d expected = prescribed(Eigen::Vector3d(i, j, k));
+    result.maximum = std::max(result.maximum, (node_of(layout, i, j, k, u) - expected).norm());
+    result.largest_displacement = std::max(result.largest_displacement, expected.norm());
   });
   return result;
 }
 
 }  // namespace
 
-TissueCase patch_case(int cells, double poissons_ratio) {
+TissueDeviation patch_case(int cells, double poissons_ratio) {
   AccuracyRandom random(18);
   Eigen::Matrix3d slope;
   for (double& one : slope.reshaped()) one = random.between(-0.1, 0.1);
-  const Inside inside = solve_inside(deformable(10, poissons_ratio), cells,
-                                     [&](const Eigen::Vector3d& x) { return Eigen::Vector3d(slope * x); });
-  return {100 * inside.off / inside.greatest, inside.iterations};
+  const InteriorError interior =
+      solve_inside(deformable(10, poissons_ratio), cells,
+                   [&](const Eigen::Vector3d& x) { return Eigen::Vector3d(slope * x); });
+  return {100 * interior.maximum / interior.largest_displacement, interior.iterations};
 }
 
-TissueCase turned_case(int cells) {
+TissueDeviation turned_case(int cells) {
   ElasticGrid grid(
       box_of({cells, cells, cells}), [](const Point<Patient>&) { return deformable(10, 0.45); }, 1);
   const ElasticLayout& layout = grid.layout();
   ElasticSolver solver(grid);
   const Eigen::Vector3d centre = Eigen::Vector3d::Constant(cells / 2.0);
-  // a contribution with the same slopes except for their sign
+  // a rotation for sign 1; for sign -1 the shear with the same slopes except for their signs
   const auto forces = [&](double sign) {
     ElasticField u(layout), force(layout);
     for_each_node_of(layout, [&](int i, int j, int k) {
@@ -107,7 +107,7 @@ TissueCase turned_case(int cells) {
   return {100 * forces(1) / forces(-1), 0};
 }
 
-TissueCase cantilever_case(int cells_high) {
+TissueDeviation cantilever_case(int cells_high) {
   constexpr double kPa = 100, kNu = 0.3, kLoad_N = 1e-3;
   const int high = cells_high, length = 6 * cells_high;
   ElasticGrid grid(
@@ -122,19 +122,19 @@ TissueCase cantilever_case(int cells_high) {
       load.values[layout.node(length, j, k, 2)] = static_cast<float>(kLoad_N * part);
     }
   ElasticSolver solver(grid);
-  TissueCase result;
+  TissueDeviation result;
   result.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
-  const double indentation_mm = node_of(layout, length, high / 2, high / 2, u).z();
+  const double deflection_mm = node_of(layout, length, high / 2, high / 2, u).z();
   const double e = kPa * kN_per_mm2_of_kPa, g = e / (2 * (1 + kNu)), area = high * high,
                inertia = area * area / 12;
   const double shear = 10 * (1 + kNu) / (12 + 11 * kNu);
-  const double right =
+  const double expected =
       kLoad_N * std::pow(length, 3) / (3 * e * inertia) + kLoad_N * length / (shear * g * area);
-  result.off_percent = 100 * (indentation_mm / right - 1);
+  result.error_percent = 100 * (deflection_mm / expected - 1);
   return result;
 }
 
-TissueCase cook_case(int cells_long) {
+TissueDeviation cook_case(int cells_long) {
   // E 1 and F 1 per thickness, in kPa and mN; 48 long, 44 high at the root, 16 at the tip
   const double h = 48.0 / cells_long;
   ElasticGrid grid(
@@ -162,14 +162,14 @@ TissueCase cook_case(int cells_long) {
       }
     }
   ElasticSolver solver(grid);
-  TissueCase result;
+  TissueDeviation result;
   result.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   const double rise = node_of(layout, cells_long, static_cast<int>(std::lround(52 / h)), 0, u).y();
-  result.off_percent = 100 * (rise / 23.96 - 1);
+  result.error_percent = 100 * (rise / 23.96 - 1);
   return result;
 }
 
-TissueCase series_case(double seam_in_cell) {
+TissueDeviation series_case(double seam_in_cell) {
   constexpr int kCells = 8;
   const double seam = 3 + seam_in_cell, nu = 0.4;
   ElasticGrid grid(
@@ -185,7 +185,7 @@ TissueCase series_case(double seam_in_cell) {
     if (k == kCells) u.values[layout.node(i, j, k, 2)] = static_cast<float>(-kPressed_mm);
   });
   ElasticSolver solver(grid);
-  TissueCase result;
+  TissueDeviation result;
   result.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   solver.forces(u, force);
   double pressed_N = 0;
@@ -194,12 +194,12 @@ TissueCase series_case(double seam_in_cell) {
   const auto confined = [&](double kPa) {
     return kPa * kN_per_mm2_of_kPa * (1 - nu) / ((1 + nu) * (1 - 2 * nu));
   };
-  const double right = 9 * kPressed_mm / (seam / confined(5) + (kCells - seam) / confined(50));
-  result.off_percent = 100 * (pressed_N / right - 1);
+  const double expected = 9 * kPressed_mm / (seam / confined(5) + (kCells - seam) / confined(50));
+  result.error_percent = 100 * (pressed_N / expected - 1);
   return result;
 }
 
-TissueCase boussinesq_case(int cells, double poissons_ratio) {
+TissueDeviation boussinesq_case(int cells, double poissons_ratio) {
   constexpr double kPa = 10;
   ElasticGrid grid(
       box_of({cells, cells, cells / 2}),
@@ -210,7 +210,7 @@ TissueCase boussinesq_case(int cells, double poissons_ratio) {
   ElasticSolver solver(grid);
   ElasticField load(layout), u(layout);
   load.values[layout.node(middle, middle, top, 2)] = -1e-3f;
-  TissueCase result;
+  TissueDeviation result;
   result.iterations = solver.solve(load, u, kMaxTissueIterations, kTissueTolerance).iterations;
   double sum = 0;
   int count = 0;
@@ -218,12 +218,12 @@ TissueCase boussinesq_case(int cells, double poissons_ratio) {
     for (int i = 0; i <= cells; ++i) {
       const double r = std::hypot(i - middle, j - middle);
       if (r < 4 || r > 10) continue;
-      const double right =
+      const double expected =
           1e-3 * (1 - poissons_ratio * poissons_ratio) / (std::numbers::pi * kPa * kN_per_mm2_of_kPa * r);
-      sum += -u.values[layout.node(i, j, top, 2)] / right - 1;
+      sum += -u.values[layout.node(i, j, top, 2)] / expected - 1;
       ++count;
     }
-  result.off_percent = 100 * sum / count;
+  result.error_percent = 100 * sum / count;
   return result;
 }
 
@@ -258,12 +258,12 @@ PressedHalfSpace press_half_space(const HalfSpacePress& press, const Vector<Pati
 
 }  // namespace
 
-TissueCase hertz_case(const HalfSpacePress& press) {
+TissueDeviation hertz_case(const HalfSpacePress& press) {
   const PressedHalfSpace pressed = press_half_space(press, {});
   return {100 * (pressed.force_N / pressed.hertz_N - 1), pressed.iterations};
 }
 
-TissueCase ripple_case(const HalfSpacePress& press, int steps) {
+TissueDeviation ripple_case(const HalfSpacePress& press, int steps) {
   const Vector<Patient> outward = press.outward.normalized();
   const Vector<Patient> along(outward.eigen().cross(Eigen::Vector3d(0.3, 1, 0.2)).normalized());
   double smallest = 0, most = 0, sum = 0;
@@ -308,7 +308,7 @@ Eigen::MatrixXd ring_compliance(const ElasticGrid& grid, const std::vector<NodeR
 
 }  // namespace
 
-TissueCase punch_case(int cells, int radius_cells) {
+TissueDeviation punch_case(int cells, int radius_cells) {
   constexpr double kPa = 10, kNu = 0.45, kDepth_mm = 0.1;
   const int middle = cells / 2, top = cells / 2;
   ElasticGrid grid(
@@ -322,11 +322,11 @@ TissueCase punch_case(int cells, int radius_cells) {
   for (const NodeRing& ring : rings) nodes += ring.nodes.size();
   // effective radius: each node represents the area nearest to it
   const double a = std::sqrt(static_cast<double>(nodes) / std::numbers::pi);
-  const double right = 2 * a * kPa * kN_per_mm2_of_kPa * kDepth_mm / (1 - kNu * kNu);
-  return {100 * (force.sum() / right - 1), 0};
+  const double expected = 2 * a * kPa * kN_per_mm2_of_kPa * kDepth_mm / (1 - kNu * kNu);
+  return {100 * (force.sum() / expected - 1), 0};
 }
 
-TissueCase layer_case(int cells_thick, double nu, double depth_ratio) {
+TissueDeviation layer_case(int cells_thick, double nu, double depth_ratio) {
   constexpr double kPa = 10;
   const int thick = cells_thick, wide = 6 * thick, middle = wide / 2;
   ElasticGrid grid(
@@ -349,12 +349,12 @@ TissueCase layer_case(int cells_thick, double nu, double depth_ratio) {
   const double series = 1 - 2 * alpha / kPi * x + 4 * alpha * alpha / (kPi * kPi) * x * x -
                         8 / std::pow(kPi, 3) * (cubed + 4 * kPi * kPi / 15 * beta) * std::pow(x, 3) +
                         16 * alpha / std::pow(kPi, 4) * (cubed + 3 * kPi * kPi / 5 * beta) * std::pow(x, 4);
-  const double right =
+  const double expected =
       4.0 / 3 * kPa * kN_per_mm2_of_kPa / (1 - nu * nu) * std::sqrt(radius) * std::pow(depth, 1.5) * series;
-  return {100 * (force / right - 1), 0};
+  return {100 * (force / expected - 1), 0};
 }
 
-TissueCase stretched_case(double part) {
+TissueDeviation stretched_case(double part) {
   constexpr int kCells = 4;
   constexpr double kPa = 10, kNu = 0.45;
   ElasticGrid grid(
@@ -371,7 +371,7 @@ TissueCase stretched_case(double part) {
   NeoHookeanSettings settings;
   settings.max_steps = 50;
   settings.tolerance = 1e-6;
-  TissueCase result;
+  TissueDeviation result;
   result.iterations = solver.solve_neo_hookean(load, u, settings).iterations;
   solver.neo_hookean_forces(u, force);
   double pulled_N = 0;
@@ -381,8 +381,8 @@ TissueCase stretched_case(double part) {
   // lateral stretch q: mu q + s part q = 0, s = (lambda + mu) (part q2 - 1) - mu; axial: mu part + s q2
   const double mu = kPa * kN_per_mm2_of_kPa / (2 * (1 + kNu)), lambda = 2 * mu * kNu / (1 - 2 * kNu);
   const double s = -mu / part, squared = ((s + mu) / (lambda + mu) + 1) / part;
-  const double right = kCells * kCells * (mu * part + s * squared);
-  result.off_percent = 100 * (pulled_N / right - 1);
+  const double expected = kCells * kCells * (mu * part + s * squared);
+  result.error_percent = 100 * (pulled_N / expected - 1);
   return result;
 }
 
@@ -444,10 +444,11 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
     ElasticField converged = u;
     result.converged = result.converged && solver.solve_neo_hookean(load, converged, exact).converged;
     solver.neo_hookean_forces(converged, force);
-    const double right_N = force_of(force);
+    const double expected_N = force_of(force);
     if (n > 0)
-      result.frame_off_percent = std::max(result.frame_off_percent, 100 * std::abs(in_frame_N / right_N - 1));
-    result.linear_off_percent = 100 * (linear_N * (n + 1) / frames / right_N - 1);
+      result.frame_error_percent =
+          std::max(result.frame_error_percent, 100 * std::abs(in_frame_N / expected_N - 1));
+    result.linear_error_percent = 100 * (linear_N * (n + 1) / frames / expected_N - 1);
   }
   std::nth_element(seconds.begin(), seconds.begin() + frames / 2, seconds.end());
   result.frame_ms = 1e3 * seconds[static_cast<std::size_t>(frames / 2)];
@@ -456,17 +457,17 @@ FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
 
 double convergence_order(int cells) {
   constexpr double kNu = 0.3;
-  const auto off = [&](int n) {
+  const auto relative_error = [&](int n) {
     // a point force outside the block, a third of its edge away
     const Eigen::Vector3d source = Eigen::Vector3d(-0.33, 0.4, 0.6) * n, pull = Eigen::Vector3d(1, 0.5, -0.3);
-    const Inside inside = solve_inside(deformable(10, kNu), n, [&](const Eigen::Vector3d& x) {
+    const InteriorError interior = solve_inside(deformable(10, kNu), n, [&](const Eigen::Vector3d& x) {
       const Eigen::Vector3d displacement = (x - source) / n;
       const double r = displacement.norm();
       return Eigen::Vector3d(((3 - 4 * kNu) * pull + displacement * displacement.dot(pull) / (r * r)) / r);
     });
-    return inside.off / inside.greatest;
+    return interior.maximum / interior.largest_displacement;
   };
-  return std::log2(off(cells) / off(2 * cells));
+  return std::log2(relative_error(cells) / relative_error(2 * cells));
 }
 
 NoduleLoop nodule_loop(int cells, int steps) {
@@ -505,8 +506,8 @@ NoduleLoop nodule_loop(int cells, int steps) {
   // down at the first position, along, up at the last: the work done by the tissue along the path is the loss
   // of its stored energy
   NoduleLoop result;
-  result.off_percent = 100 * (at_first - at_last - along) / at_last;
-  result.off_without_percent = 100 * (at_first - at_last) / at_last;
+  result.error_percent = 100 * (at_first - at_last - along) / at_last;
+  result.error_without_tangential_percent = 100 * (at_first - at_last) / at_last;
   result.stiffer_percent = 100 * (over / side - 1);
   return result;
 }

@@ -12,27 +12,27 @@
 namespace palpate {
 
 /// Deviation from the analytic solution.
-struct TissueCase {
-  double off_percent = 0;
-  int iterations = 0;  ///< Maximum of the solver
+struct TissueDeviation {
+  double error_percent = 0;  ///< Relative to the analytic solution
+  int iterations = 0;        ///< Maximum of the solver
 };
 
 /// Patch test: a block with surface displacement u = A x. Maximum deviation of the interior nodes from A x,
 /// percent of the largest displacement.
-TissueCase patch_case(int cells, double poissons_ratio);
+TissueDeviation patch_case(int cells, double poissons_ratio);
 /// Forces of a block under a small rotation, percent of those under an equal shear.
-TissueCase turned_case(int cells);
+TissueDeviation turned_case(int cells);
 /// Cantilever beam with a length of six times its height: deflection of its tip (Timoshenko, shear
 /// coefficient of Cowper 1966).
-TissueCase cantilever_case(int cells_high);
+TissueDeviation cantilever_case(int cells_high);
 /// Cook's membrane in plane stress, E 1, nu 1/3, F 1: the middle of its tip rises by 23.96. Its oblique edges
 /// cut through cells.
-TissueCase cook_case(int cells_long);
+TissueDeviation cook_case(int cells_long);
 /// Laterally constrained layers of 5 and 50 kPa, compressed between plates; `seam_in_cell` is the position of
 /// their interface within a cell.
-TissueCase series_case(double seam_in_cell);
+TissueDeviation series_case(double seam_in_cell);
 /// Point load on a half-space: mean surface displacement at a distance of 4 to 10 cells (Boussinesq 1885).
-TissueCase boussinesq_case(int cells, double poissons_ratio);
+TissueDeviation boussinesq_case(int cells, double poissons_ratio);
 
 /// A sphere pressed into a half-space, with any normal and any position relative to the grid.
 struct HalfSpacePress {
@@ -43,25 +43,25 @@ struct HalfSpacePress {
   double radius_cells = 1;       ///< Contact radius
 };
 /// Hertz contact: F = 4/3 E / (1 - nu2) sqrt(R) d^1.5.
-TissueCase hertz_case(const HalfSpacePress& press);
+TissueDeviation hertz_case(const HalfSpacePress& press);
 /// Same while sliding over more than a cell in steps: range of the force, percent of its mean.
-TissueCase ripple_case(const HalfSpacePress& press, int steps);
+TissueDeviation ripple_case(const HalfSpacePress& press, int steps);
 
 /// Flat punch with a radius in cells on a half-space: F = 2 a E d / (1 - nu2).
-TissueCase punch_case(int cells, int radius_cells);
+TissueDeviation punch_case(int cells, int radius_cells);
 /// Sphere on a layer bonded to bone (Dimitriadis et al. 2002, any nu).
 /// @param depth_ratio  sqrt(R d) / t; at 0.4 the contact radius is half of the thickness
-TissueCase layer_case(int cells_thick, double poissons_ratio, double depth_ratio);
+TissueDeviation layer_case(int cells_thick, double poissons_ratio, double depth_ratio);
 
 /// Uniaxial compression or extension of a laterally free neo-Hookean block to a fraction of its height: its
 /// force compared with the solution of the two equations.
-TissueCase stretched_case(double part);
+TissueDeviation stretched_case(double part);
 /// Sphere pressed into a layer on bone, by a fraction of its thickness, at the nodes in contact according to
 /// the linear solution: deviation of the linear force from the neo-Hookean one. `frame_ms`: median processor
 /// time of a Newton step with up to 3 iterations, in which the depth increases by a third of a cell;
-/// `frame_off_percent`: maximum error of its force from the second step on.
+/// `frame_error_percent`: maximum error of its force from the second step on.
 struct FiniteLayer {
-  double linear_off_percent = 0, frame_ms = 0, frame_off_percent = 0, min_volume = 1;
+  double linear_error_percent = 0, frame_ms = 0, frame_error_percent = 0, min_volume = 1;
   std::size_t cells = 0;
   bool converged = true;
 };
@@ -74,7 +74,7 @@ double convergence_order(int cells);
 /// Nodule 8 cells wide, 10 times as stiff and 5 cells deep: pressing, sliding over it and lifting on a closed
 /// path. Energy error, percent of the energy put in, with the tangential force and without it.
 struct NoduleLoop {
-  double off_percent = 0, off_without_percent = 0;
+  double error_percent = 0, error_without_tangential_percent = 0;
   double stiffer_percent = 0;  ///< Excess of the force over the nodule relative to the force beside it
 };
 NoduleLoop nodule_loop(int cells, int steps);

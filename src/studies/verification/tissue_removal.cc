@@ -64,7 +64,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
   std::vector<double> follow_s, frame_s;
   double first_N = 0, last_N = 0;
   CutTissue result;
-  const auto off_percent = [](double one, double other) { return 100 * std::abs(one / other - 1); };
+  const auto deviation_percent = [](double one, double other) { return 100 * std::abs(one / other - 1); };
   for (int frame = 0; frame < frames; ++frame) {
     const CutFrame now = cut(frame);
     if (!now.cuts.empty()) carving = carving->with(now.cuts);
@@ -85,7 +85,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
 
     converged = unit;
     solver.solve(load, converged, kTruthIterations, kTruthTolerance);
-    result.lag_percent = std::max(result.lag_percent, off_percent(w, patch.displacement(converged)));
+    result.lag_percent = std::max(result.lag_percent, deviation_percent(w, patch.displacement(converged)));
     // every few frames it is compared with cells that are cut all at once
     constexpr int kWhole = 8;
     if (frame % kWhole == kWhole - 1) {
@@ -96,9 +96,11 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
       there.add(1, load);
       fresh.zero_constrained(converged);
       fresh.solve(load, converged, kTruthIterations, kTruthTolerance);
-      result.behind_percent = std::max(result.behind_percent, off_percent(w, there.displacement(converged)));
+      result.behind_percent =
+          std::max(result.behind_percent, deviation_percent(w, there.displacement(converged)));
     }
-    if (frame > 0) result.change_percent = std::max(result.change_percent, off_percent(force_N, last_N));
+    if (frame > 0)
+      result.change_percent = std::max(result.change_percent, deviation_percent(force_N, last_N));
     if (frame == 0) first_N = force_N;
     last_N = force_N;
     ++result.frames;

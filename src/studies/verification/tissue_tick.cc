@@ -133,11 +133,11 @@ int ticks_between_comparisons(double distance_mm, double speed_mm_s) {
 }
 
 // fraction of a stress that remains after a time
-double left_of(const Relaxation& relaxation, double time_s) {
-  double left = 1;
+double remaining_fraction(const Relaxation& relaxation, double time_s) {
+  double remaining = 1;
   for (const RelaxationTerm& term : relaxation.term)
-    if (term.fraction > 0) left += term.fraction * std::expm1(-time_s / term.time_s);
-  return left;
+    if (term.fraction > 0) remaining += term.fraction * std::expm1(-time_s / term.time_s);
+  return remaining;
 }
 
 }  // namespace
@@ -286,12 +286,12 @@ RelaxationError press_relaxing(const std::shared_ptr<const Model>& relaxing,
     double truth_N = 0;
     for (std::size_t m = 1; m <= n; ++m)
       truth_N += (at_once_N[m] - at_once_N[m - 1]) *
-                 left_of(relaxation, (static_cast<double>(n - m) + 0.5) / kTickRate_hz);
+                 remaining_fraction(relaxation, (static_cast<double>(n - m) + 0.5) / kTickRate_hz);
     if (!(truth_N > 0)) continue;
     const double percent = 100 * std::abs(rendered_N[n] / truth_N - 1);
     double& largest = n < kOfPress ? off.pressed_percent : off.hold_percent;
     largest = std::max(largest, percent);
-    off.left = rendered_N[n] / at_once_N[n];
+    off.remaining_fraction = rendered_N[n] / at_once_N[n];
     ++off.samples;
   }
   return off;
@@ -326,15 +326,15 @@ std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>&
   const std::vector<Eigen::Vector2d> samples = waves(relaxing), at_once = waves(elastic);
   std::vector<OscillationError> all;
   for (std::size_t f = 0; f < std::size(kHz); ++f) {
-    double stored = 1, lost = 0;
+    double storage = 1, loss = 0;  // moduli relative to the instantaneous one
     for (const RelaxationTerm& term : relaxation.term) {
       const double x = 2 * std::numbers::pi * kHz[f] * term.time_s;
-      stored -= term.fraction / (1 + x * x);
-      lost += term.fraction * x / (1 + x * x);
+      storage -= term.fraction / (1 + x * x);
+      loss += term.fraction * x / (1 + x * x);
     }
     const auto angle = [](const Eigen::Vector2d& wave) { return std::atan2(wave.x(), wave.y()); };
-    const double ahead = angle(samples[f]) - angle(at_once[f]), truth = std::atan2(lost, stored);
-    const double size = samples[f].norm() / at_once[f].norm(), true_size = std::hypot(stored, lost);
+    const double ahead = angle(samples[f]) - angle(at_once[f]), truth = std::atan2(loss, storage);
+    const double size = samples[f].norm() / at_once[f].norm(), true_size = std::hypot(storage, loss);
     all.push_back({kHz[f], 100 * std::abs(ahead / truth - 1), 100 * std::abs(size / true_size - 1),
                    ahead * 180 / std::numbers::pi});
   }

@@ -45,8 +45,8 @@ OverNodule over_nodule(const std::shared_ptr<const Model>& nodule, const std::sh
 struct RelaxationError {
   /// Maximum while it is pressed 3 mm deep at 100 mm/s and in the following second
   double pressed_percent = 0;
-  double hold_percent = 0;  ///< Maximum while it is held afterwards
-  double left = 0;          ///< Final fraction of the instantaneous force
+  double hold_percent = 0;        ///< Maximum while it is held afterwards
+  double remaining_fraction = 0;  ///< Final fraction of the instantaneous force
   int samples = 0;
 };
 RelaxationError press_relaxing(const std::shared_ptr<const Model>& relaxing,

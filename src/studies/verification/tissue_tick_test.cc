@@ -67,7 +67,7 @@ TEST_F(TissueTick, RelaxedForceMatchesThePronySeries) {
   EXPECT_GT(off.samples, 100);
   EXPECT_LT(off.pressed_percent, 1);
   EXPECT_LT(off.hold_percent, 1);
-  EXPECT_NEAR(off.left, 0.5, 0.005);
+  EXPECT_NEAR(off.remaining_fraction, 0.5, 0.005);
 }
 
 }  // namespace

@@ -17,8 +17,8 @@ using Unknowns = Vector6d;  // coordinates of tip and pivot
 
 struct Solution {
   Unknowns at;
-  Matrix6d inverse;  // inverse of the normal matrix
-  double least = 0;  // smallest singular value divided by the square root of the number of poses
+  Matrix6d inverse;                    // inverse of the normal matrix
+  double smallest_singular_value = 0;  // divided by the square root of the number of poses
 };
 
 // solves R_i tip - pivot = -p_i in coordinates about the mean of the poses, for good conditioning
@@ -40,7 +40,7 @@ std::optional<Solution> solve(std::span<const Pose> poses, std::span<const std::
   out.inverse = eigen.vectors * eigen.values.cwiseInverse().asDiagonal() * eigen.vectors.transpose();
   out.at = out.inverse * right;
   out.at.tail<3>() += centre;
-  out.least = std::sqrt(smallest);
+  out.smallest_singular_value = std::sqrt(smallest);
   return out;
 }
 
@@ -61,10 +61,11 @@ std::string degrees(double value) {
 }
 
 // RMS angle, degrees, by which the poses rotate the tool's least rotated direction; 0 if the tool rotated
-// about a single axis, which is that direction. solution.least^2 is half of the mean squared angle, because
-// the unit singular vector consists of that direction and its image, each of length sqrt(1/2).
+// about a single axis, which is that direction. solution.smallest_singular_value^2 is half of the mean
+// squared angle, because the unit singular vector consists of that direction and its image, each of length
+// sqrt(1/2).
 double rotation_deg(const Solution& solution) {
-  return solution.least * std::numbers::sqrt2 * 180 / std::numbers::pi;
+  return solution.smallest_singular_value * std::numbers::sqrt2 * 180 / std::numbers::pi;
 }
 
 std::vector<std::size_t> places_of(std::span<const Pose> poses) {
@@ -135,7 +136,7 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
   double deviation = min_median / 1.538 * (1 + 5 / free);
 
   PivotCalibration out;
-  std::vector<std::size_t> stored;
+  std::vector<std::size_t> inliers;
   // reweighting: inliers are determined again from the solution of the inliers until they no longer change
   for (int turn = 0; turn < 20; ++turn) {
     std::vector<std::size_t> now;
@@ -143,25 +144,25 @@ Result<PivotCalibration> calibrate_pivot(std::span<const Pose> poses, const Pivo
       if (residual_mm(poses[n], best) <= options.outlier_deviations * std::numbers::sqrt3 * deviation + 1e-9)
         now.push_back(n);
     if (now.size() < kMinPoses) break;
-    const bool settled = now == stored;
-    stored = std::move(now);
-    const auto solved = solve(poses, stored);
+    const bool settled = now == inliers;
+    inliers = std::move(now);
+    const auto solved = solve(poses, inliers);
     if (!solved || settled) break;
     best = solved->at;
     double squares = 0;
-    for (const std::size_t n : stored) squares += std::pow(residual_mm(poses[n], best), 2);
-    deviation = std::sqrt(squares / (3 * static_cast<double>(stored.size()) - 6));
+    for (const std::size_t n : inliers) squares += std::pow(residual_mm(poses[n], best), 2);
+    deviation = std::sqrt(squares / (3 * static_cast<double>(inliers.size()) - 6));
   }
-  const auto solved = stored.size() < kMinPoses ? std::nullopt : solve(poses, stored);
+  const auto solved = inliers.size() < kMinPoses ? std::nullopt : solve(poses, inliers);
   if (!solved || rotation_deg(*solved) < options.min_turn_deg)
     return refuse("too few of " + std::to_string(poses.size()) + " poses agree on the position of the tip",
                   turn_more);
   out.tip = Point<TrackedTool>(solved->at.head<3>());
   out.pivot = Point<Tracker>(solved->at.tail<3>());
-  out.used = static_cast<int>(stored.size());
+  out.used = static_cast<int>(inliers.size());
   out.turn_deg = rotation_deg(*solved);
   out.is_outlier.assign(poses.size(), true);
-  for (const std::size_t n : stored) out.is_outlier[n] = false;
+  for (const std::size_t n : inliers) out.is_outlier[n] = false;
   double squares = 0;
   for (std::size_t n = 0; n < poses.size(); ++n) {
     out.residuals_mm.push_back(residual_mm(poses[n], solved->at));

@@ -16,10 +16,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const std::string folder = [] {
     std::string pattern = "/dev/shm/palpate-records-fuzzer-XXXXXX";
     if (::mkdtemp(pattern.data()) == nullptr) std::abort();
-    static std::string stored = pattern;
+    static std::string created = pattern;
     std::atexit([] {
       std::error_code ignored;
-      std::filesystem::remove_all(stored, ignored);
+      std::filesystem::remove_all(created, ignored);
     });
     return pattern;
   }();

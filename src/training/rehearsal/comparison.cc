@@ -172,14 +172,14 @@ Result<PlanComparison> compare_recording(const PlanInScene& plan, const Model& m
   if (head.ticks == 0) return Error{ErrorKind::kBadInput, "it has no tick", "", "record a run first"};
   RunMeter run(plan, model, distances, device, head.ticks);
   RemovalFollower removal(model);
-  double observed = 0;
+  double ticks_done = 0;
   const auto read = recording.read(
       [&](const RecordingPart& part) -> Result<void> {
         for (const RecordingEvent& event : part.events) removal.on_event(event);
         for (const TickRecord& tick : part.ticks)
           if (auto valid = run.observe(tick); !valid) return valid;
-        observed += static_cast<double>(part.ticks.size());
-        progress.report("comparing", observed / static_cast<double>(head.ticks));
+        ticks_done += static_cast<double>(part.ticks.size());
+        progress.report("comparing", ticks_done / static_cast<double>(head.ticks));
         return {};
       },
       progress);

@@ -291,9 +291,9 @@ double TaskEvaluator::force_on_step(const TaskStep& step) const {
 // Covers the patches along the path of a touch. Coverage begins retroactively at the first contact point,
 // once the strongest contact has moved by kMinStroke_mm; a stationary press covers nothing.
 void TaskEvaluator::cover_patches(std::size_t step) {
-  const TaskStep& requested = task_.file.steps[step];
+  const TaskStep& definition = task_.file.steps[step];
   const auto counts = [&](const Contact& contact) {
-    return contact.force_N >= kMinTouch_N && is_on_step(contact, requested);
+    return contact.force_N >= kMinTouch_N && is_on_step(contact, definition);
   };
   const Contact* strongest = nullptr;
   for (std::size_t c = 0; c < contact_count_; ++c)
@@ -305,7 +305,7 @@ void TaskEvaluator::cover_patches(std::size_t step) {
     return;
   }
   if (!touch.touching) touch = {true, false, strongest->position_mm};
-  SurfacePatches& patches = task_.regions[requested.region].patches;
+  SurfacePatches& patches = task_.regions[definition.region].patches;
   if (!touch.moving) {
     const Eigen::Vector3d displacement = strongest->position_mm - touch.started_mm;
     if (displacement.norm() < kMinStroke_mm) return;

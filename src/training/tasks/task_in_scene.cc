@@ -181,33 +181,34 @@ Result<TaskInScene> resolve_task(const TaskFile& task, const Model& model, const
   TaskInScene found{task, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
   for (std::size_t n = 0; n < task.regions.size(); ++n) {
     if (progress.stopped()) return Progress::interrupted();
-    const TaskRegion& requested = task.regions[n];
+    const TaskRegion& definition = task.regions[n];
     RegionInScene region;
-    auto labels = labels_of(requested.structures, requested.line);
+    auto labels = labels_of(definition.structures, definition.line);
     if (!labels) return labels.error();
     region.has_label = *std::move(labels);
-    region.radius_mm = requested.radius_mm.value_or(0);
-    if (requested.point) region.centre_mm = requested.point->eigen();
-    if (!requested.structures.empty()) {
+    region.radius_mm = definition.radius_mm.value_or(0);
+    if (definition.point) region.centre_mm = definition.point->eigen();
+    if (!definition.structures.empty()) {
       const auto middle = centroid(*model.labels, region.has_label);
       if (!middle)
         return Error{ErrorKind::kBadInput,
-                     "the structures of region \"" + requested.name + "\" have no voxel",
-                     task.where(requested.line), "give others"};
-      if (requested.landmark)
-        region.centre_mm = farthest(*model.labels, region.has_label, requested.landmark->eigen());
-      if (requested.half) region.planes.push_back({*middle, requested.half->eigen()});
+                     "the structures of region \"" + definition.name + "\" have no voxel",
+                     task.where(definition.line), "give others"};
+      if (definition.landmark)
+        region.centre_mm = farthest(*model.labels, region.has_label, definition.landmark->eigen());
+      if (definition.half) region.planes.push_back({*middle, definition.half->eigen()});
     }
-    if (requested.plane_point)
-      region.planes.push_back({requested.plane_point->eigen(), requested.plane_normal->eigen()});
+    if (definition.plane_point)
+      region.planes.push_back({definition.plane_point->eigen(), definition.plane_normal->eigen()});
     const bool is_covered = std::any_of(task.steps.begin(), task.steps.end(), [&](const TaskStep& step) {
       return step.kind == StepKind::kCover && step.region == n;
     });
     if (is_covered) {
       add_patches(model, region);
       if (region.patches.count() == 0)
-        return Error{ErrorKind::kBadInput, "none of its structures lies in region \"" + requested.name + "\"",
-                     task.where(requested.line), "move its place, or widen its radius"};
+        return Error{ErrorKind::kBadInput,
+                     "none of its structures lies in region \"" + definition.name + "\"",
+                     task.where(definition.line), "move its place, or widen its radius"};
     }
     found.regions.push_back(std::move(region));
   }

@@ -102,8 +102,8 @@ std::span<const PermissionInfo> permission_infos() {
 }
 
 bool is_permitted(Role role, Permission permission, bool has_tasks) {
-  const Grant of = permission_info(permission).grants[static_cast<std::size_t>(role)];
-  return of == Grant::kYes || (of == Grant::kWithoutTasks && !has_tasks);
+  const Grant grant = permission_info(permission).grants[static_cast<std::size_t>(role)];
+  return grant == Grant::kYes || (grant == Grant::kWithoutTasks && !has_tasks);
 }
 
 std::vector<std::string_view> permissions_of(Role role, bool has_tasks, bool stores_runs) {

@@ -49,10 +49,10 @@ void RedactedSteps::observe(const TickRecord& tick) {
   for (std::size_t n = 0; n < steps_.size(); ++n) {
     Step& step = steps_[n];
     if (step.done || (ordered_ && n > 0 && !steps_[n - 1].done)) continue;
-    const bool encountered = is_met(step, tick);
-    step.met_s = encountered && step.was_met ? step.met_s + dt_s : 0;
-    step.was_met = encountered;
-    step.done = encountered && step.met_s >= step.requested.seconds;
+    const bool met = is_met(step, tick);
+    step.met_s = met && step.was_met ? step.met_s + dt_s : 0;
+    step.was_met = met;
+    step.done = met && step.met_s >= step.requested.seconds;
   }
 }
 

@@ -231,10 +231,10 @@ PictureStore::Payload PictureStore::try_render(const PictureKey& key) try {
 bool PictureStore::prepare(const PictureKey& key) {
   if (labels_->geometry().voxel_count() > kMaxVoxels) return false;
   if (key.redaction != nullptr && !redacted_) redacted_.emplace(*key.redaction, host_.scene());
-  const Appearances& of = key.redaction != nullptr ? redacted_->appearances : appearances_;
-  std::vector<StructureAppearance> appearances = of.of_label;
+  const Appearances& defaults = key.redaction != nullptr ? redacted_->appearances : appearances_;
+  std::vector<StructureAppearance> appearances = defaults.of_label;
   for (std::size_t n = 0; n < key.colours.size(); ++n)
-    appearances[of.label_of[n]] = {key.colours[n], key.opacities[n]};
+    appearances[defaults.label_of[n]] = {key.colours[n], key.opacities[n]};
   if (!appearances.empty()) appearances[0].opacity = 0;
   // the deformation of tissue reveals its structure
   const auto labels = key.redaction != nullptr ? redacted_->cuts.of(host_.labels()) : host_.visible_labels();

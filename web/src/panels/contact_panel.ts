@@ -88,11 +88,11 @@ export class ContactPanel {
   }
   /** Draws the structures in contact with parts of the tool, if there are several contacts. */
   private drawContacts(contacts: Contact[]): void {
-    const leans = byId("contacts");
+    const summary = byId("contacts");
     const named = contacts.map(({ label, force }) => `${this.session.nameOf(label)} ${quantity(force, "N")}`);
     const text = contacts.length > 1 ? words.inContactWith(named.join(", ")) : "";
-    write(leans, text);
-    leans.title = text;
+    write(summary, text);
+    summary.title = text;
   }
 
   /** Texts of conditions that withhold or change the force, with the source of a stop and the remedy. */

@@ -23,11 +23,11 @@ export function showLink(session: Session, connection: Connection): void {
   session.onFigures(() => {
     const link = connection.link.value;
     write(byId("link-text"), linkText(session, connection));
-    const said = words.link[link] + (link === "connected" && !session.isFresh.value ? ` · ${words.oldPoses}` : "");
+    const status = words.link[link] + (link === "connected" && !session.isFresh.value ? ` · ${words.oldPoses}` : "");
     // nothing to announce before a pose
-    if (!session.pose.value || said === announced) return;
-    announced = said;
-    announce(said);
+    if (!session.pose.value || status === announced) return;
+    announced = status;
+    announce(status);
   });
 }
 

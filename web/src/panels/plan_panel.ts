@@ -207,9 +207,9 @@ export class PlanPanel {
     const [nearest] = plans.list
       .map((one) => ({ one, far: toTrajectory(one, device.tip) }))
       .sort((a, b) => a.far - b.far);
-    const isDistanceMessage = nearest !== undefined && nearest.far <= NEAR_MM;
-    const beside = isDistanceMessage ? besideTrajectory(nearest.one, device.tip, this.shaft(device)) : null;
-    write(byId("plan-nearest"), isDistanceMessage ? nearest.one.name : words.noTrajectoryNear(quantity(NEAR_MM, "mm")));
+    const isTrajectoryNear = nearest !== undefined && nearest.far <= NEAR_MM;
+    const beside = isTrajectoryNear ? besideTrajectory(nearest.one, device.tip, this.shaft(device)) : null;
+    write(byId("plan-nearest"), isTrajectoryNear ? nearest.one.name : words.noTrajectoryNear(quantity(NEAR_MM, "mm")));
     write(byId("plan-lateral"), beside ? quantity(beside.lateral_mm, "mm") : "–");
     write(byId("plan-left"), beside ? quantity(beside.left_mm, "mm") : "–");
     write(byId("plan-angle"), beside?.angle_deg == null ? "–" : `${digits(beside.angle_deg)}°`);

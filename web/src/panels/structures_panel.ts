@@ -1,4 +1,4 @@
-// Panel of the structures by tissue: controls of each structure's look and of each tissue's contact properties.
+// Panel of the structures by tissue: controls of each structure's appearance and of each tissue's contact properties.
 
 import { effect, untracked } from "@preact/signals-core";
 import type { Rgb, Scene, State, Structure } from "../protocol/messages.js";
@@ -246,7 +246,7 @@ export class StructuresPanel {
   }
 
   /**
-   * Changes looks as an undo step.
+   * Changes appearances as an undo step.
    * @param key  changes with equal key in one gesture are one undo step
    */
   private change(key: string, appearances: Appearance[]): void {
@@ -257,7 +257,7 @@ export class StructuresPanel {
     });
     this.setAppearances(appearances);
   }
-  /** Sets and stores the looks of all structures. Returns true: an undo of looks cannot be refused. */
+  /** Sets and stores the appearances of all structures. Returns true: an undo of appearances cannot be refused. */
   private setAppearances(appearances: Appearance[]): boolean {
     this.alone = null;
     this.session.appearances.value = appearances;
@@ -265,9 +265,9 @@ export class StructuresPanel {
     storeScene<StoredScene>(scene.volume.hash, { looks: storedAppearances(scene, appearances) });
     return true;
   }
-  /** Shows the looks that differ from the displayed ones. */
+  /** Shows the appearances that differ from the displayed ones. */
   private showAppearances(appearances: Appearance[]): void {
-    // looks of another scene, whose list is not built yet
+    // appearances of another scene, whose list is not built yet
     if (appearances.length !== this.controls.length) return;
     appearances.forEach(
       (appearance, index) => appearance !== this.shownAppearances[index] && this.showAppearance(appearance, index),
@@ -282,7 +282,7 @@ export class StructuresPanel {
     controls.colour.value = hex(colour);
     controls.opacity.value = String(opacity);
   }
-  /** Changes the look of one structure. */
+  /** Changes the appearance of one structure. */
   private changeOne(index: number, key: string, appearance: Partial<Appearance>): void {
     this.change(
       `${key} ${index}`,

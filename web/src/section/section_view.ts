@@ -1,5 +1,4 @@
-// Picture of one section, oblique or anatomical: the pose of its plane, progressive drawing, overlays, and the mouse,
-// touch and keyboard input on it.
+// Picture of one section, oblique or anatomical: the pose of its plane, progressive drawing and overlays.
 
 import { signal } from "@preact/signals-core";
 import {
@@ -15,7 +14,6 @@ import {
   orientationLetters,
   rotate,
   scale,
-  spread,
   sub,
   type Anatomical,
   type Hanging,
@@ -25,7 +23,7 @@ import {
 } from "../base/geometry.js";
 import { quantity } from "../words/figures.js";
 import type { History } from "../state/history.js";
-import { drawMeasure, isWhole, type Measure } from "../drawing/measure.js";
+import { drawMeasure } from "../drawing/measure.js";
 import type { Measures } from "./measures_panel.js";
 import {
   drawAge,
@@ -43,13 +41,12 @@ import {
 import { drawNoGoOnPlane, drawNoGoWarning } from "../drawing/no_go_marks.js";
 import { Picture } from "../drawing/picture.js";
 import { drawPlanOnPlane } from "../drawing/plan_marks.js";
-import { MAX_DISTANCE_MM, type PointerDevice } from "../state/pointer.js";
-import { Touching } from "../touch/touching.js";
+import type { PointerDevice } from "../state/pointer.js";
 import type { Session } from "../state/session.js";
+import { SectionInput, zoomed } from "./section_input.js";
 import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
 import type { AnySlicer } from "./slicer.js";
 import { drawStrainLegend } from "../drawing/strain.js";
-import { Flag } from "../protocol/wire.js";
 import { words } from "../words/words.js";
 
 /** Undoable view of a section: `across_mm`, `pan` and `offset_mm` of SectionView. */
@@ -69,8 +66,6 @@ export type Along = "tool" | "force" | "fixed";
 export const ALONG: Along[] = ["tool", "force", "fixed"];
 /** Width of the slice slider at the right edge, which overlays leave free; CSS pixels. */
 const SLIDER_PIXELS = 26;
-/** Displacement of the tip per arrow key press; CSS pixels. */
-const KEY_STEP_PIXELS = 2;
 /** Unit normals of the anatomical planes; patient frame (LPS). */
 const NORMALS: Record<Anatomical, Vec3> = { axial: [0, 0, 1], sagittal: [1, 0, 0], coronal: [0, 1, 0] };
 const SMOOTHING = 0.2; // fraction of the difference to the target normal that one frame removes
@@ -84,26 +79,15 @@ const MIN_STEP = 1e-5;
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
 const MIN_ROWS = 4;
-/** Drag distance of the window tool that doubles the window's width; CSS pixels. */
-const WINDOW_PIXELS = 200;
-
-/** Scale after zooming in by a factor, in mm per CSS pixel; clamped. */
-const zoomed = (mmPerPixel: number, factor: number): number => Math.min(3, Math.max(0.005, mmPerPixel / factor));
-
 export class SectionView {
   readonly picture: Picture;
   readonly along = signal<Along>("tool");
   /** Anatomical plane whose normal the oblique plane's normal is as close to as its direction allows. */
   readonly anatomical = signal<Anatomical>("sagittal");
-  private readonly view = signal<View>({ mmPerPixel: 0.25, pan: [0, 0], offset_mm: 0 });
+  readonly view = signal<View>({ mmPerPixel: 0.25, pan: [0, 0], offset_mm: 0 });
   normal: Vec3 = [1, 0, 0]; // unit normal of the plane, patient frame; smoothed for the oblique plane
   private hanging: Hanging | undefined; // display convention of the previous frame
   private plane: Plane = anatomicalPlane("axial", [0, 0, 0]);
-  private byKeys = false; // the tip is held by a key
-  private readonly touching: Touching;
-  /** Position of the cursor, or target of the keys, while this picture moves the tip; the plane contains it. */
-  private readonly steeredTip = signal<Vec3 | null>(null);
-  private readonly mouse = signal<{ clientX: number; clientY: number } | null>(null); // mouse over this picture
   private drawn = ""; // key of all that the drawn pixels depend on, besides the appearance of the volume
   private drawnAppearance: Session["appearance"]["value"] | null = null;
   private drawn_ms = -Infinity; // time at which the current contents were first drawn
@@ -111,24 +95,18 @@ export class SectionView {
   private sharpTo = Infinity; // number of rows, from the top, that are at full resolution; Infinity: all
   private fitted = NaN; // scale at which the volume was fitted into the picture, until the user changes it
   private size = 0; // shorter side of the picture, CSS pixels; 0: never shown
-  private readonly pointers = new Map<number, [number, number]>(); // pressed pointers: canvas position by id
-  private gesture = 0; // undo group of the current drag
   private readonly chooser = new SliceChooser(
     (slice) => this.moveTo(slice),
     () => (this.history.gesture += 1),
   );
-  private plans = false; // the current press edits a trajectory of the plan
-  /** Measure in progress; its last point follows the mouse. */
-  private readonly measure = signal<Pick<Measure, "kind" | "points"> | null>(null);
-  /** Anchor of the plane while a measure is in progress; null: the session's. */
-  private readonly settlesAt = signal<Vec3 | null>(null);
+  private readonly input: SectionInput;
 
   constructor(
     readonly kind: PlaneKind,
     private readonly session: Session,
     private readonly slicer: AnySlicer,
     private readonly measures: Measures,
-    private readonly pointer: PointerDevice,
+    pointer: PointerDevice,
     private readonly history: History,
   ) {
     this.picture = new Picture(kind);
@@ -138,18 +116,7 @@ export class SectionView {
       (to) => (this.placement = to),
     );
     this.picture.element.append(this.chooser.element);
-    this.touching = new Touching(
-      session,
-      pointer,
-      // an outline next to the cursor
-      (at, stroke) => stroke.outlineNear(this.patientAt(at), this.plane),
-      (at) => this.patientAt(at),
-      () =>
-        this.steeredTip.peek() && this.touching.isTouchable(this.steeredTip.peek()!)
-          ? words.insideThere
-          : words.nothingThere,
-    );
-    this.listen();
+    this.input = new SectionInput(this, session, measures, pointer, history);
   }
 
   /** Shows the whole volume, without pan and offset. */
@@ -167,7 +134,7 @@ export class SectionView {
     this.show({ pan: [0, 0], offset_mm: 0 });
   }
 
-  private show(change: Partial<View>): void {
+  show(change: Partial<View>): void {
     this.view.value = { ...this.view.peek(), ...change };
   }
   /** Undoes the offset from the session's anchor. */
@@ -197,7 +164,7 @@ export class SectionView {
    * @param by       name of the change
    * @param gesture  changes with equal `by` and gesture are one undo step
    */
-  private change(by: string, act: () => void, gesture = this.history.gesture): void {
+  change(by: string, act: () => void, gesture = this.history.gesture): void {
     this.history.change(`${by} ${this.kind}`, act, gesture);
   }
   /** Adapts the scale to a changed size of the picture, so that the extent stays the same. */
@@ -215,8 +182,8 @@ export class SectionView {
   /** Point that the target plane contains; patient frame. */
   private through(): Vec3 {
     return (
-      this.steeredTip.value ??
-      add(this.settlesAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
+      this.input.steeredTip.value ??
+      add(this.input.settlesAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
     );
   }
   /**
@@ -235,7 +202,7 @@ export class SectionView {
     const device = pose?.devices[0];
     const { follow, obliqueNormal } = session.planes.value;
     if (obliqueNormal && !follow) this.normal = obliqueNormal;
-    else if (pose && device && !this.steeredTip.value && !this.settlesAt.value && session.isFresh.value) {
+    else if (pose && device && !this.input.steeredTip.value && !this.input.settlesAt.value && session.isFresh.value) {
       const wanted = NORMALS[this.anatomical.value];
       const fallback = NORMALS[this.anatomical.value === "sagittal" ? "coronal" : "sagittal"];
       let normal: Vec3 | null = null;
@@ -274,13 +241,6 @@ export class SectionView {
       add(scale(this.plane.right, (x - width / 2) * mm), scale(this.plane.down, (y - height / 2) * mm)),
     );
   }
-  /** Point of the plane under the mouse, at the centre of the pixel, where the section is sampled; patient frame. */
-  private readonly pointed = (): Vec3 | null => {
-    const mouse = this.mouse.value;
-    if (!mouse || !this.picture.isShown) return null;
-    const [x, y] = this.picture.at(mouse);
-    return this.patientAt([Math.floor(x) + 0.5, Math.floor(y) + 0.5]);
-  };
   /** Canvas position of the projection of a point on the plane. */
   pixelOf(p: Vec3): [number, number] {
     const { width, height, ratio } = this.picture.frame();
@@ -294,6 +254,10 @@ export class SectionView {
   }
   get shownPlane(): Plane {
     return this.plane;
+  }
+  /** Updates the plane before the next frame. */
+  updatePlane(): void {
+    this.plane = this.currentPlane();
   }
 
   /** Whether the current contents are not yet drawn at full resolution everywhere. */
@@ -314,7 +278,7 @@ export class SectionView {
       this.drawn = "";
       this.clampToVisible();
     }
-    if (this.measure.value && this.measure.value.kind !== session.tool.value) this.dropMeasure();
+    if (this.input.measure.value && this.input.measure.value.kind !== session.tool.value) this.input.dropMeasure();
     this.plane = this.currentPlane();
     this.keepInView();
     const frame = picture.frame();
@@ -387,7 +351,10 @@ export class SectionView {
         if (session.scene.value.device.input === "pointer") drawForceBar(frame, session, device);
       }
     }
-    for (const measure of [...this.measures.list.value, ...(this.measure.value ? [this.measure.value] : [])]) {
+    for (const measure of [
+      ...this.measures.list.value,
+      ...(this.input.measure.value ? [this.input.measure.value] : []),
+    ]) {
       drawMeasure(
         frame,
         measure,
@@ -398,7 +365,7 @@ export class SectionView {
     }
     const { kind, mm: thick_mm } = session.slab.value;
     if (kind !== "none") drawText(words.overSlab[kind](quantity(thick_mm, "mm")), "#eef3f5");
-    if (this.settlesAt.value) drawText(words.settlesMeanwhile, "#8ee28a");
+    if (this.input.settlesAt.value) drawText(words.settlesMeanwhile, "#8ee28a");
     drawLetters(
       frame,
       orientationLetters(this.plane.right, this.plane.down),
@@ -424,8 +391,8 @@ export class SectionView {
     const { first_mm, step_mm } = slicesAlong(session.volumes.value, normal);
     // relative to the target plane: the drawn one is updated in the next frame
     const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
-    if (this.steeredTip.value) this.moveTipThrough(by);
-    else if (this.settlesAt.value) this.settlesAt.value = add(this.settlesAt.value, by);
+    if (this.input.steeredTip.value) this.input.moveTipThrough(by);
+    else if (this.input.settlesAt.value) this.input.settlesAt.value = add(this.input.settlesAt.value, by);
     else this.change("slice", () => session.showPosition(add(session.anchor(), by)));
   }
 
@@ -437,8 +404,8 @@ export class SectionView {
       !tip ||
       !this.session.planes.value.follow ||
       this.session.isPressing.value ||
-      this.pointers.size > 0 ||
-      this.settlesAt.value
+      this.input.isPressed ||
+      this.input.settlesAt.value
     )
       return;
     const { width, height, ratio } = this.picture.frame();
@@ -453,264 +420,16 @@ export class SectionView {
   }
 
   /** Moves along the normal by a number of slices: the tip if it is held here, otherwise the plane. */
-  private step(count: number, by = "keys"): void {
+  step(count: number, by = "keys"): void {
     if (!this.session.volumes.value) return;
     const normal = normalOf(this.plane);
     const shift = scale(normal, count * slicesAlong(this.session.volumes.value, normal).step_mm);
-    if (this.steeredTip.value) this.moveTipThrough(shift);
+    if (this.input.steeredTip.value) this.input.moveTipThrough(shift);
     // the displayed normal may be opposite to the stored one
     else this.change(by, () => this.show({ offset_mm: this.view.peek().offset_mm + dot(shift, this.normal) }));
   }
   /** Zooms in by a factor about the picture's centre. */
-  private zoom(factor: number, by = "keys"): void {
+  zoom(factor: number, by = "keys"): void {
     this.change(by, () => this.show({ mmPerPixel: zoomed(this.view.peek().mmPerPixel, factor) }));
-  }
-
-  private listen(): void {
-    const { session, picture } = this;
-    const surface = picture.surface;
-    surface.addEventListener("contextmenu", (event) => event.preventDefault());
-    surface.addEventListener("pointerdown", (event) => {
-      surface.setPointerCapture(event.pointerId);
-      surface.focus({ preventScroll: true });
-      this.pointers.set(event.pointerId, picture.at(event));
-      if (this.pointers.size === 1) this.gesture = ++this.history.gesture;
-      if (this.pointers.size > 1) {
-        this.dropPlan();
-        return this.release();
-      }
-      if (event.button !== 0) return;
-      if (session.tool.value === "touch" && this.pointer.isAvailable) {
-        this.holdAt(this.patientAt(picture.at(event)));
-        this.touching.press(event, picture.at(event));
-      } else if (session.tool.value === "ruler" || session.tool.value === "angle") {
-        this.addMeasurePoint(this.patientAt(picture.at(event)));
-      } else if (session.tool.value === "plan") {
-        this.plans = true;
-        session.plans.press(this.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
-      }
-    });
-    surface.addEventListener("pointermove", (event) => {
-      const at = picture.at(event);
-      this.mouse.value = { clientX: event.clientX, clientY: event.clientY };
-      session.pointed.value = this.pointed;
-      if (event.shiftKey && this.pointers.size === 0) {
-        this.change("cross", () => session.showPosition(this.patientAt(at)));
-      }
-      const before = this.pointers.get(event.pointerId);
-      if (before) this.change("drag", () => this.drag(event, before, at), this.gesture);
-      else this.moveMeasurePoint(this.patientAt(at));
-    });
-    const up = (event: PointerEvent) => {
-      this.pointers.delete(event.pointerId);
-      this.release();
-      if (this.plans) {
-        this.plans = false;
-        if (event.type === "pointerup")
-          session.plans.release(this.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
-      }
-      const ruler = this.measure.value;
-      if (
-        ruler &&
-        event.type === "pointerup" &&
-        ruler.kind === "ruler" &&
-        length(sub(ruler.points[1]!, ruler.points[0]!)) > 4 * this.view.value.mmPerPixel
-      )
-        this.finishMeasure();
-    };
-    surface.addEventListener("pointerup", up);
-    surface.addEventListener("pointercancel", up);
-    surface.addEventListener("pointerleave", () => {
-      this.mouse.value = null;
-    });
-    surface.addEventListener(
-      "dblclick",
-      () => session.tool.value === "window" && this.change("reset", () => this.reset(), ++this.history.gesture),
-    );
-    surface.addEventListener(
-      "wheel",
-      (event) => {
-        event.preventDefault();
-        // successive wheel events share a gesture and are one undo step
-        if (event.ctrlKey) this.zoom(Math.exp(-event.deltaY / 300), "zoom");
-        else this.step(Math.sign(event.deltaY), "wheel");
-      },
-      { passive: false },
-    );
-    surface.addEventListener("keydown", (event) => {
-      const actions: Record<string, () => void> = {
-        ArrowUp: () => this.step(-1),
-        ArrowDown: () => this.step(1),
-        PageUp: () => this.step(-10),
-        PageDown: () => this.step(10),
-        "+": () => this.zoom(1.2),
-        "=": () => this.zoom(1.2),
-        "-": () => this.zoom(1 / 1.2),
-        Home: () => this.change("reset", () => this.reset()),
-        Escape: () => {
-          this.dropMeasure();
-          session.plans.drop();
-        },
-      };
-      if (this.moveTipByKey(event)) return event.preventDefault();
-      const action = actions[event.key];
-      if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
-      event.preventDefault();
-      // a key press and its repeats are one undo step
-      if (!event.repeat) this.history.gesture += 1;
-      action();
-    });
-    const keyUp = () => this.byKeys && this.release();
-    surface.addEventListener("keyup", keyUp);
-    surface.addEventListener("blur", keyUp);
-  }
-
-  /** Makes a point the target of the tip. */
-  private holdAt(p: Vec3): void {
-    // an offset would take effect again at the release, and a plane that follows the tip would jump
-    if (this.session.planes.value.follow) this.centre();
-    this.steeredTip.value = p;
-  }
-  /** Moves the plane of a held tip by a displacement, and the tip with it, without force. */
-  private moveTipThrough(by: Vec3): void {
-    const steeredTip = this.nearContact(add(this.steeredTip.value!, by));
-    this.steeredTip.value = steeredTip;
-    this.pointer.move({ at: steeredTip, into: null });
-  }
-  /** Limits the distance of a target from a contact, which would follow a farther one with a jump. */
-  private nearContact(to: Vec3): Vec3 {
-    const device = this.session.pose.value?.devices[0];
-    if (!device || !(device.flags & Flag.contact) || device.flags & Flag.inside) return to;
-    const away = sub(to, device.proxy);
-    return add(device.proxy, scale(away, Math.min(1, MAX_DISTANCE_MM / Math.max(length(away), 1e-9))));
-  }
-  /** Abandons the edit of a trajectory by the current press. */
-  private dropPlan(): void {
-    if (!this.plans) return;
-    this.plans = false;
-    this.session.plans.drop();
-  }
-  /** Releases the tip if it is held here. */
-  private release(): void {
-    if (!this.steeredTip.value) return;
-    this.steeredTip.value = null;
-    this.byKeys = false;
-    this.touching.release();
-    this.pointer.release();
-  }
-
-  /**
-   * Moves the tip by an arrow or page key if this viewer has the pointer or may take it; with Shift, along the outline,
-   * with the chosen force. The tip is held until the key is released.
-   * @returns whether the key has moved the tip
-   */
-  private moveTipByKey({ key, shiftKey }: KeyboardEvent): boolean {
-    const { right, down } = this.plane;
-    const directions: Record<string, Vec3> = {
-      ArrowLeft: scale(right, -1),
-      ArrowRight: right,
-      ArrowUp: scale(down, -1),
-      ArrowDown: down,
-      PageUp: scale(normalOf(this.plane), -1),
-      PageDown: normalOf(this.plane),
-    };
-    const direction = directions[key];
-    const tip = this.pointer.position?.at ?? this.session.pose.value?.devices[0]?.tip;
-    const isTouching = this.session.tool.value === "touch" && this.pointer.isAvailable;
-    if (!direction || !tip || !isTouching || this.pointers.size > 0) return false;
-    if (this.byKeys && this.touching.isOn !== shiftKey) this.release();
-    const from = this.steeredTip.value ?? tip;
-    const step_mm = KEY_STEP_PIXELS * this.view.value.mmPerPixel;
-    if (shiftKey) this.strokeTo(add(from, scale(this.touching.stroke?.along(direction) ?? direction, step_mm)));
-    else this.moveFreelyTo(this.nearContact(add(from, scale(direction, step_mm))));
-    this.byKeys = true;
-    return true;
-  }
-  private moveFreelyTo(to: Vec3): void {
-    if (!this.byKeys) this.pointer.hold([], false);
-    this.holdAt(to);
-    this.pointer.move({ at: to, into: null });
-  }
-  /** Strokes to the outline next to a position, from which the next step goes on; the plane contains it at once. */
-  private strokeTo(to: Vec3): void {
-    this.holdAt(to);
-    this.plane = this.currentPlane();
-    this.touching.step(this.pixelOf(to));
-    this.steeredTip.value = this.touching.stroke?.point?.at ?? to;
-  }
-
-  /** Handles the movement of a pressed pointer, from canvas position `before` to `at`. */
-  private drag(event: PointerEvent, before: [number, number], at: [number, number]): void {
-    const { session } = this;
-    const { ratio } = this.picture.frame();
-    const { mmPerPixel, pan } = this.view.value;
-    const panned = (by: number, scale_mm: number): [number, number] => [
-      pan[0] - by * dx * scale_mm,
-      pan[1] - by * dy * scale_mm,
-    ];
-    const [dx, dy] = [(at[0] - before[0]) / ratio, (at[1] - before[1]) / ratio];
-    if (this.pointers.size === 2) {
-      const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
-      const zoomed_mm = zoomed(mmPerPixel, spread(other, before, at));
-      this.show({ mmPerPixel: zoomed_mm, pan: panned(0.5, zoomed_mm) });
-    } else if (this.plans) {
-      session.plans.move(this.patientAt(at));
-    } else if (this.touching.isOn) {
-      this.steeredTip.value = this.patientAt(at);
-      this.touching.drag(event, (each) => this.picture.at(each));
-    } else if (event.buttons & 2) {
-      this.show({ mmPerPixel: zoomed(mmPerPixel, Math.exp(-dy / 150)) });
-    } else if (event.buttons & 4 || session.tool.value === "pan") {
-      this.show({ pan: panned(1, mmPerPixel) });
-    } else if (session.tool.value === "window") {
-      const width = session.window.value.width;
-      session.window.value = {
-        level: session.window.value.level - (dy * width) / WINDOW_PIXELS,
-        width: Math.max(session.minWindowWidth, width * Math.exp(dx / WINDOW_PIXELS)),
-      };
-    } else this.moveMeasurePoint(this.patientAt(at));
-    this.pointers.set(event.pointerId, at);
-  }
-
-  /** Function that gives the distance, in CSS pixels, of a point's projection from a canvas position. */
-  private pixelsFrom([x, y]: [number, number]): (p: Vec3) => number {
-    const { ratio } = this.picture.frame();
-    return (p) => {
-      const [px, py] = this.pixelOf(p);
-      return Math.hypot(px - x, py - y) / ratio;
-    };
-  }
-  /** Moves the point of the measurement in progress that was set last. */
-  private moveMeasurePoint(p: Vec3): void {
-    const measure = this.measure.value;
-    if (measure) this.measure.value = { ...measure, points: [...measure.points.slice(0, -1), p] };
-  }
-  private addMeasurePoint(p: Vec3): void {
-    if (!this.measure.value) {
-      // hold the plane in place, so that it contains every point of the measure
-      this.settlesAt.value = sub(this.plane.centre, scale(this.normal, this.view.value.offset_mm));
-      this.measure.value = { kind: this.session.tool.value as "ruler" | "angle", points: [p, p] };
-      return;
-    }
-    // sets the point that follows the mouse: a touch is not preceded by a hover
-    this.moveMeasurePoint(p);
-    const measure = this.measure.value;
-    if (isWhole(measure)) this.finishMeasure();
-    else this.measure.value = { ...measure, points: [...measure.points, p] };
-  }
-  private finishMeasure(): void {
-    const normal = normalOf(this.plane);
-    const measure = this.measure.value!;
-    this.measures.add({
-      ...measure,
-      plane: this.kind,
-      normal,
-      slice: sliceAt(slicesAlong(this.session.volumes.value!, normal), dot(measure.points[0]!, normal)),
-    });
-    this.dropMeasure();
-  }
-  private dropMeasure(): void {
-    this.measure.value = null;
-    this.settlesAt.value = null;
   }
 }

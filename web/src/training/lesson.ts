@@ -106,10 +106,10 @@ export class Lesson {
       learner = connection.learner.value;
     const isLed = connection.allows("lesson"),
       seesRuns = connection.allows("own_runs") || connection.allows("all_runs");
-    const said =
+    const text =
       role === "learner" ? words.youAreLearner(learner ?? "") : role === "teacher" ? words.youAreTeacher : "";
-    write(byId("who"), said);
-    byId("who").hidden = said === "";
+    write(byId("who"), text);
+    byId("who").hidden = text === "";
     byId("lesson").hidden = !isLed && role !== "learner";
     byId("lesson-led").hidden = !isLed;
     byId("curves-show").hidden = !seesRuns;

@@ -1,40 +1,27 @@
-// Panel of tasks: briefing, progress and results, as measured and reported by palpate.
+// Panel of tasks: briefing and progress, as measured and reported by palpate; debriefing.ts shows the results.
 
 export * as Quiz from "./redaction.js"; // bundled in the same chunk
 import { batch, effect, signal, untracked } from "@preact/signals-core";
-import type {
-  Scene,
-  Debriefing,
-  Task,
-  TaskEvent,
-  TaskForce,
-  TaskMetric,
-  TaskProgress,
-  TaskScope,
-  TaskStep,
-} from "../protocol/messages.js";
+import type { Scene, Debriefing, Task, TaskForce, TaskProgress, TaskScope } from "../protocol/messages.js";
 import { announce } from "../base/announce.js";
 import type { Connection } from "../protocol/connection.js";
 import { byId, element, write } from "../base/dom.js";
-import { digits, quantity } from "../words/figures.js";
-import { Plot } from "../panels/plots.js";
-import { refusalText, type Requests } from "../state/requests.js";
+import { quantity } from "../words/figures.js";
+import type { Requests } from "../state/requests.js";
 import type { Session } from "../state/session.js";
+import { DebriefingPanel } from "./debriefing.js";
+import { seconds, TaskTexts } from "./task_texts.js";
 import { drawPatches, drawPosition, drawRegion, drawPath } from "./training_marks.js";
 import type { VolumeView } from "../volume/volume_view.js";
-import { setMessages, words, type Message } from "../words/words.js";
+import { setMessages, words } from "../words/words.js";
 
 type View = "none" | "briefing" | "running" | "debriefing";
 /** Minimum display time of a warning. */
 const WARNING_MS = 1500;
-const MAX_EVENTS = 60;
 const TOUCHED_N = 0.05;
 
 /** Hides the structures, by label, to be found in a quiz; null: shows them again. */
 export type Hide = (toFind: number[] | null) => void;
-
-const seconds = (s: number): string => `${s.toFixed(1)} s`;
-const percent = (fraction: number): string => `${Math.round(1000 * fraction) / 10} %`;
 
 export class Training {
   view: View = "none";
@@ -46,13 +33,12 @@ export class Training {
   private announcedEvents = 0; // number of events of the run that were announced
   private liveRun = 0;
   private warning = { text: "", until_ms: -Infinity };
-  private plots: Plot[] = [];
   private listed = ""; // key of the displayed list of steps
   private tookFocus = false; // the panel had the focus before the run was stored
-  private shownRun = ""; // key of the displayed results
-  private announcedRun = 0; // number of the run whose result was announced
   private scopedRun = 0; // number of the run for which the scope was set
-  private bars: { said: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
+  private bars: { reading: HTMLElement; bar: HTMLElement; value: HTMLElement }[] = [];
+  private readonly texts: TaskTexts;
+  private readonly results: DebriefingPanel;
 
   constructor(
     private readonly session: Session,
@@ -62,6 +48,8 @@ export class Training {
     private readonly hide: Hide,
     private readonly setScope: (scope: TaskScope) => void,
   ) {
+    this.texts = new TaskTexts(session);
+    this.results = new DebriefingPanel(this.texts);
     byId("task").addEventListener("change", (event) => this.choose((event.target as HTMLSelectElement).value));
     byId("task-begin").addEventListener("click", () => this.begin());
     byId("task-again").addEventListener("click", () => this.begin());
@@ -145,9 +133,8 @@ export class Training {
     this.reportEvents();
   }
   private reset(): void {
-    this.shownRun = "";
-    this.announcedRun = this.scopedRun = this.closedRun.value = this.liveRun = this.announcedEvents = 0;
-    this.plots = [];
+    this.results.reset();
+    this.scopedRun = this.closedRun.value = this.liveRun = this.announcedEvents = 0;
   }
 
   private choose(name: string): void {
@@ -167,100 +154,13 @@ export class Training {
     byId("task-title").focus();
   }
 
-  // ---- texts
-
-  private namesOf(labels: number[]): string {
-    if (this.session.quiz.value) return words.someStructure;
-    const names = labels.map((label) => this.session.nameOf(label));
-    return names.length > 3 ? words.andMore(names.slice(0, 3).join(", "), String(names.length - 3)) : names.join(", ");
-  }
-  private stepText(step: TaskStep): string {
-    const {
-      force_N: [least, most],
-      kind,
-      coverage,
-      seen,
-    } = step;
-    const time = `${step.seconds} s`;
-    if (kind === "cover") return words.stepCover(percent(coverage));
-    if (kind === "remove") return words.stepRemove(percent(coverage));
-    if (kind === "visit") return words.stepVisit(time);
-    const touch =
-      most === null
-        ? words.stepTouchLeast(quantity(least, "N"), time)
-        : words.stepTouch(quantity(least, "N"), quantity(most, "N"), time);
-    return seen ? words.inScope(touch) : touch;
-  }
-  private rules(task: Task): string[] {
-    const band = ([least, most]: [number, number | null]) =>
-      most === null ? words.atLeast(quantity(least, "N")) : words.fromTo(quantity(least, "N"), quantity(most, "N"));
-    return [
-      ...task.forces.flatMap(({ labels, band_N, limit_N }) => [
-        ...(band_N ? [words.ruleBand(this.namesOf(labels), band(band_N))] : []),
-        ...(limit_N === null ? [] : [words.ruleLimit(this.namesOf(labels), quantity(limit_N, "N"))]),
-      ]),
-      ...task.protected.map(({ labels }) => words.ruleProtected(this.namesOf(labels))),
-      ...(task.answer_s === null ? [] : [words.ruleAnswer(`${task.answer_s} s`)]),
-      ...(task.time_limit_s === null ? [] : [words.ruleTime(`${task.time_limit_s} s`)]),
-      task.ends_with_steps ? words.ruleEndsItself : words.ruleEndsByYou,
-      words.ruleRow(String(task.in_a_row)),
-    ];
-  }
-  private eventText(task: Task, { kind, part, force_N }: TaskEvent): string {
-    if (kind === "step_done") return words.stepIsDone(task.steps[part]?.name ?? "");
-    if (kind === "over_limit")
-      return words.wasOver(
-        quantity(force_N, "N"),
-        this.namesOf(task.forces[part]?.labels ?? []),
-        quantity(task.forces[part]?.limit_N ?? 0, "N"),
-      );
-    if (kind === "protected")
-      return words.wasProtected(this.namesOf(task.protected[part]?.labels ?? []), quantity(force_N, "N"));
-    return kind === "unseen" ? words.wasUnseen(quantity(force_N, "N")) : words.taskOver;
-  }
-  private metricName({ name, labels }: TaskMetric): string {
-    const said = (words.metrics as Record<string, string>)[name] ?? name;
-    return labels.length > 0 ? words.ofStructures(said, this.namesOf(labels)) : said;
-  }
-  private metricValue({ name, unit }: TaskMetric, value: number | null): string {
-    if (value === null) return words.noFigure;
-    if (unit !== "1") return `${digits(value)} ${unit}`;
-    return name === "smoothness" || name === "economy" ? digits(value) : percent(value);
-  }
-  private bandText(metric: TaskMetric): string {
-    const { at_least, at_most } = metric;
-    const said = (value: number) => this.metricValue(metric, value);
-    if (at_least !== null && at_most !== null) return words.fromTo(said(at_least), said(at_most));
-    return at_least !== null
-      ? words.atLeast(said(at_least))
-      : at_most !== null
-        ? words.atMost(said(at_most))
-        : words.doesNotCount;
-  }
-
-  /** The first counted metric that is out of its band, as the advice for the next run; empty: all are in band. */
-  private advice(task: Task, result: Debriefing): string {
-    const worst = task.metrics.findIndex(
-      ({ at_least, at_most }, n) => (at_least !== null || at_most !== null) && !result.metrics[n]!.in_band,
-    );
-    if (worst < 0) return "";
-    const metric = task.metrics[worst]!;
-    const open = task.steps.find((_, n) => !result.done[n]);
-    if (metric.name === "steps_done" && open) return words.adviceStep(open.name);
-    return words.advice(
-      this.metricName(metric),
-      this.metricValue(metric, result.metrics[worst]!.value),
-      this.bandText(metric),
-    );
-  }
-
   /** Announces each event once. */
   private reportEvents(): void {
     const { run, task } = this;
     if (!run || !task || run.run !== this.liveRun) return;
     const all = run.events_before + run.events.length;
     const fresh = Math.min(run.events.length, all - this.announcedEvents);
-    if (fresh > 0) for (const event of run.events.slice(-fresh)) announce(this.eventText(task, event));
+    if (fresh > 0) for (const event of run.events.slice(-fresh)) announce(this.texts.eventText(task, event));
     this.announcedEvents = all;
   }
 
@@ -354,14 +254,14 @@ export class Training {
     this.listSteps(task);
     this.showSteps(task);
     if (this.view === "running") this.showRun(task, this.run!);
-    if (this.view === "debriefing") this.showDebriefing(task, this.debriefing!);
+    if (this.view === "debriefing") this.results.show(task, this.debriefing!, this.liveRun);
   }
 
   private listSteps(task: Task): void {
     const listing = [task.name, this.session.quiz.value !== null, words.now].join();
     if (listing === this.listed) return;
     this.listed = listing;
-    byId("task-rules").replaceChildren(...this.rules(task).map((rule) => element("li", {}, rule)));
+    byId("task-rules").replaceChildren(...this.texts.rules(task).map((rule) => element("li", {}, rule)));
     byId("task-steps").replaceChildren(
       ...task.steps.map((step, n) => {
         const where = setMessages(
@@ -379,7 +279,7 @@ export class Training {
             { className: "step" },
             element("span", { className: "name" }, step.name),
             element("span", { className: "state" }),
-            element("span", { className: "quiet" }, this.stepText(step)),
+            element("span", { className: "quiet" }, this.texts.stepText(step)),
             setMessages(
               element("meter", { min: 0, max: 1, value: 0, hidden: true }),
               { label: "stepProgress" },
@@ -396,7 +296,7 @@ export class Training {
   }
   /** Bar of a force with its accepted band and its limit. */
   private barOf({ labels, band_N, limit_N }: TaskForce): {
-    said: HTMLElement;
+    reading: HTMLElement;
     bar: HTMLElement;
     value: HTMLElement;
     row: HTMLElement;
@@ -404,7 +304,11 @@ export class Training {
     const top = 1.25 * Math.max(limit_N ?? 0, band_N?.[1] ?? 0, 1.2 * (band_N?.[0] ?? 0), 0.4);
     const percent = (force: number) => Math.min(100, (100 * force) / top);
     const value = element("span", { className: "value" });
-    const bar = setMessages(element("div", { className: "band" }, value), { label: "forceOn" }, this.namesOf(labels));
+    const bar = setMessages(
+      element("div", { className: "band" }, value),
+      { label: "forceOn" },
+      this.texts.namesOf(labels),
+    );
     for (const [name, now] of [
       ["role", "meter"],
       ["aria-valuemin", "0"],
@@ -424,15 +328,15 @@ export class Training {
       limit.style.left = `${percent(limit_N)}%`;
       bar.append(limit);
     }
-    const said = element("span", { className: "said" });
+    const reading = element("span", { className: "said" });
     return {
-      said,
+      reading,
       bar,
       value,
       row: element(
         "div",
         {},
-        element("div", { className: "of" }, element("span", {}, this.namesOf(labels)), said),
+        element("div", { className: "of" }, element("span", {}, this.texts.namesOf(labels)), reading),
         bar,
       ),
     };
@@ -481,7 +385,7 @@ export class Training {
       run.phase === "keeping" ? words.beingStored : `${words.underWay(seconds(run.time_s))}${remaining}`,
     );
     task.forces.forEach(({ band_N, limit_N }, n) => {
-      const { said, bar, value } = this.bars[n]!;
+      const { reading, bar, value } = this.bars[n]!;
       const force = run.forces_N[n] ?? 0;
       const where =
         limit_N !== null && force > limit_N
@@ -498,18 +402,18 @@ export class Training {
       bar.dataset.where = where;
       bar.setAttribute("aria-valuenow", Math.min(force, Number(bar.dataset.top)).toFixed(2));
       value.style.width = `${Math.min(100, (100 * force) / Number(bar.dataset.top))}%`;
-      write(said, `${quantity(force, "N")} · ${words.inBand[where]}`);
-      bar.setAttribute("aria-valuetext", said.textContent ?? "");
+      write(reading, `${quantity(force, "N")} · ${words.inBand[where]}`);
+      bar.setAttribute("aria-valuetext", reading.textContent ?? "");
     });
   }
   private warningOf(task: Task, run: TaskProgress): string[] {
     const over = task.forces.flatMap(({ labels, limit_N }, n) =>
       limit_N !== null && (run.forces_N[n] ?? 0) > limit_N
-        ? [words.isOver(this.namesOf(labels), quantity(limit_N, "N"))]
+        ? [words.isOver(this.texts.namesOf(labels), quantity(limit_N, "N"))]
         : [],
     );
     const touched = task.protected.flatMap(({ labels, limit_N }, n) =>
-      (run.protected_N[n] ?? 0) > limit_N ? [words.isProtected(this.namesOf(labels))] : [],
+      (run.protected_N[n] ?? 0) > limit_N ? [words.isProtected(this.texts.namesOf(labels))] : [],
     );
     return [
       ...over,
@@ -527,145 +431,9 @@ export class Training {
     write(byId("task-warning"), isShown ? this.warning.text : "");
   }
 
-  private showDebriefing(task: Task, result: Debriefing): void {
-    const listing = [result.run, words.now].join();
-    if (this.shownRun === listing) return;
-    this.shownRun = listing;
-    const isLive = this.liveRun === result.run && this.announcedRun !== result.run;
-    byId("verdict").dataset.inBand = String(result.in_band);
-    const row = words.inARow(String(result.in_a_row), String(task.in_a_row));
-    const verdict = result.in_band ? `✓ ${words.runIn}` : `✗ ${words.runOut}`;
-    write(byId("verdict"), `${verdict} · ${result.in_a_row >= task.in_a_row ? words.passed : row}`);
-    write(
-      byId("verdict-more"),
-      [
-        words.tookAndEnded(seconds(result.time_s), words.endedBy[result.end]),
-        ...(result.missing_s > 0 ? [words.ticksMissing(seconds(result.missing_s))] : []),
-        result.kept !== null
-          ? words.storedAs(String(result.kept))
-          : result.not_stored
-            ? words.notStored(refusalText(result.not_stored))
-            : words.storedNowhere,
-        words.runsSoFar(String(result.runs)),
-        words.ticksOfRun(String(result.first_tick), String(result.last_tick)),
-      ].join(" "),
-    );
-
-    const advice = this.advice(task, result);
-    write(byId("improve"), advice);
-    byId("improve").hidden = advice === "";
-
-    // only results of a run that was observed live are announced
-    if (isLive) announce([byId("verdict").textContent ?? "", ...(advice ? [advice] : [])].join(". "));
-    this.announcedRun = result.run;
-    const heads: Message[] = ["figure", "yours", "expertBand", "ownBest"];
-    byId("figures").replaceChildren(
-      setMessages(element("caption"), { text: "figuresAbout" }),
-      element(
-        "thead",
-        {},
-        element("tr", {}, ...heads.map((head) => setMessages(element("th", { scope: "col" }), { text: head }))),
-      ),
-      element(
-        "tbody",
-        {},
-        ...task.metrics.map((metric, n) => {
-          const { value, in_band, best } = result.metrics[n]!;
-          const counts = metric.at_least !== null || metric.at_most !== null;
-          const verdict = !counts
-            ? []
-            : [
-                element("span", {
-                  className: "verdict",
-                  textContent: in_band ? `✓ ${words.metricIn}` : `✗ ${words.metricOut}`,
-                }),
-              ];
-          const row = element(
-            "tr",
-            {},
-            element("th", { scope: "row" }, this.metricName(metric)),
-            element("td", {}, element("span", {}, this.metricValue(metric, value)), ...verdict),
-            element(
-              "td",
-              {},
-              element("span", {}, this.bandText(metric)),
-              ...(counts ? [element("span", { className: "quiet" }, metric.basis ?? words.notValidated)] : []),
-            ),
-            element("td", {}, best === null ? "–" : this.metricValue(metric, best)),
-          );
-          if (counts) row.dataset.inBand = String(in_band);
-          return row;
-        }),
-      ),
-    );
-    this.plotRun(task, result);
-
-    const events = result.events.slice(0, MAX_EVENTS);
-    const omitted = result.events.length - events.length + result.more_events;
-    byId("run-events").replaceChildren(
-      ...events.map((event) =>
-        element(
-          "li",
-          {},
-          element("span", { className: "mono" }, seconds(event.time_s)),
-          ` ${this.mark(event)} `,
-          this.eventText(task, event),
-        ),
-      ),
-      ...(omitted > 0 ? [element("li", { className: "quiet" }, words.moreEvents(String(omitted)))] : []),
-    );
-    byId("show-coverage-line").hidden = result.patches.length === 0;
-  }
-  private mark({ kind }: TaskEvent): string {
-    return { step_done: "✓", over_limit: "▲", protected: "■", unseen: "◌", ended: "●" }[kind];
-  }
-  /** Plots each force of the task over time, or the total force if there are none. */
-  private plotRun(task: Task, result: Debriefing): void {
-    const shown =
-      task.forces.length > 0
-        ? task.forces
-            .slice(0, 4)
-            .map((force, n) => ({ name: this.namesOf(force.labels), column: 5 + n, part: n, ...force }))
-        : [{ name: words.allTouched, column: 4, part: -1, labels: [], band_N: null, limit_N: null }];
-    const figures = shown.map(({ name }) => {
-      const canvas = setMessages(element("canvas"), { label: "runPlotAbout" }, name);
-      canvas.setAttribute("role", "img");
-      return {
-        canvas,
-        figure: element("figure", {}, element("figcaption", {}, element("span", {}, words.runPlot(name))), canvas),
-      };
-    });
-    byId("run-plots").replaceChildren(...figures.map(({ figure }) => figure));
-    this.plots = shown.map(({ column, part, band_N, limit_N }, n) => {
-      const plot = new Plot(
-        figures[n]!.canvas,
-        ["--force"],
-        Math.max(result.time_s, 0.1),
-        1.2 * Math.max(limit_N ?? 0, band_N?.[1] ?? 0, band_N?.[0] ?? 0, 0.5),
-      );
-      plot.band = band_N && [band_N[0], band_N[1] ?? Infinity];
-      plot.limit = limit_N;
-      plot.marks = result.events
-        .filter(
-          (event) =>
-            event.kind === "step_done" ||
-            (event.kind === "over_limit" && event.part === part) ||
-            event.kind === "protected",
-        )
-        .slice(0, 200)
-        .map((event) => ({
-          time: event.time_s,
-          text: this.mark(event),
-          colour: event.kind === "step_done" ? "--good" : "--alert-text",
-        }));
-      for (const sample of result.samples) plot.push(sample[0]!, [sample[column] ?? 0]);
-      return plot;
-    });
-  }
-
   /** Redraws the plots, whose theme and size may change. */
   private draw(): void {
-    if (this.view === "debriefing") for (const plot of this.plots) plot.draw();
+    if (this.view === "debriefing") this.results.draw();
     if (this.view === "running" && performance.now() > this.warning.until_ms) this.showWarning([]);
   }
 

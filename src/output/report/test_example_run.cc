@@ -1,4 +1,4 @@
-#include "report/example_run.h"
+#include "report/test_example_run.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 // Explores the tests' ball on the real clock, with five edits per second, until it is killed: either pressed
 // by a script, or milled by a burr that a pointer leads around it. Writes one byte to standard output per
 // edit. For killed_session_test.cc.
-#include "session/edited_session.h"
+#include "session/test_edited_session.h"
 
 #include <unistd.h>
 
