@@ -52,7 +52,7 @@ struct RecordingHeader {
   std::string scheduler;          ///< Scheduling of the servo thread; empty on the virtual clock
   double tissue_cell_factor = 1;  ///< Model::tissue_cell_factor; 1 in older files without it
   /// haptic_settings_text() (palpate/servo/settings_tables.h); empty in older files without it
-  std::string feel;
+  std::string haptic_settings;
   RecordedTask task;        ///< Empty in older files without it
   std::string script_text;  ///< Text of the script
   struct Structure {
@@ -148,12 +148,12 @@ class EventLog {
 struct RecordingSummary {
   std::uint64_t ticks = 0;
   std::uint64_t run_hash = 0;  ///< Hash over every tick's state hash, in order
-  /// Number of ticks in which at least one device had the TickFlag of that name; `faded` counts kFlagRamp,
-  /// `passivated` kFlagPassivity and `turns_held` kFlagRotationLimited.
+  /// Number of ticks in which at least one device had the TickFlag of that name; `ramped` counts kFlagRamp,
+  /// `passivated` kFlagPassivity and `rotation_limited` kFlagRotationLimited.
   std::uint64_t clamped = 0, not_finite = 0, outside = 0, paused = 0, rotation_ignored = 0, thermal = 0;
   std::uint64_t slewed = 0, stale = 0, jumped = 0, device_faults = 0, halted = 0, emergency_stopped = 0;
-  std::uint64_t clutched = 0, faded = 0, blended = 0, method_missing = 0;
-  std::uint64_t inside = 0, wedged = 0, ruptured = 0, passivated = 0, turns_held = 0;
+  std::uint64_t clutched = 0, ramped = 0, blended = 0, method_missing = 0;
+  std::uint64_t inside = 0, wedged = 0, ruptured = 0, passivated = 0, rotation_limited = 0;
   std::uint64_t dropped = 0;  ///< Ticks that were computed but lost because the ring was full
   std::uint64_t skipped = 0;  ///< Nominal tick times of the real clock that passed without a tick
   /// Targets that the simulated hand missed, one sentence each. A recording stores at most 1000, the last of

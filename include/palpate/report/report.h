@@ -14,7 +14,7 @@ namespace palpate {
 /// A plan and its comparison with the run (compare_recording).
 struct RehearsedPlan {
   const PlanInScene& plan;
-  const PlanComparison& made;
+  const PlanComparison& comparison;
 };
 
 /// A task and the score of the run (score_recording).

@@ -295,9 +295,9 @@ Result<std::shared_ptr<Model>> make_model(ModelParts parts) {
   return model;
 }
 
-Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparation& preparing,
+Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparation& preparation,
                                         const Progress& progress) {
-  auto ramps = preparing.ramps(
+  auto ramps = preparation.ramps(
       *model.labels, ramp_structures(model, *model.labels),
       {.stiffest_N_per_mm = model.max_stiffness_N_per_mm(), .width_mm = model.ramp_width_mm}, progress);
   if (!ramps) return ramps.error();
@@ -311,11 +311,11 @@ Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparati
 
 Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const Model> model,
                                                          std::span<const ForceMethod> methods,
-                                                         const ModelPreparation& preparing,
+                                                         const ModelPreparation& preparation,
                                                          const Progress& progress) {
   if (methods.empty()) return model;
   if (model->field == nullptr) {
-    auto made = with_ramp_field(*model, preparing, progress);
+    auto made = with_ramp_field(*model, preparation, progress);
     if (!made) return made.error();
     model = std::move(made->model);
   }

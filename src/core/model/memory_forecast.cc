@@ -246,7 +246,7 @@ FieldMemory field_memory(const Model& model, const Estimate& estimate, double ra
 }  // namespace
 
 Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOptions& options,
-                                       const ModelPreparation& preparing, const Progress& progress) {
+                                       const ModelPreparation& preparation, const Progress& progress) {
   Model model;
   model.labels = parts.labels;
   model.tissues = parts.tissues;
@@ -273,7 +273,7 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOp
   const auto of_surfaces = has_surfaces ? touchable_surface_options(model.tools, grid) : SurfaceOptions();
   if (!of_surfaces) return of_surfaces.error();
   if (options.proxy) {
-    const auto groups = surfaces_needed(model, preparing, progress);
+    const auto groups = surfaces_needed(model, preparation, progress);
     if (!groups) return groups.error();
     for (const auto& group : *groups)
       if (group.size() == 1) std::erase(tracked, group.front());
@@ -301,9 +301,9 @@ FieldMemory memory_of_ramp_field(const Model& model) {
   return field_memory(model, estimate, model.ramp_width_mm);
 }
 
-Result<std::uint64_t> memory_of_surfaces(const Model& model, const ModelPreparation& preparing,
+Result<std::uint64_t> memory_of_surfaces(const Model& model, const ModelPreparation& preparation,
                                          const Progress& progress) {
-  const auto groups = surfaces_needed(model, preparing, progress);
+  const auto groups = surfaces_needed(model, preparation, progress);
   if (!groups) return groups.error();
   const Estimate estimate(model.labels->geometry(), label_statistics(*model.labels));
   const auto options = touchable_surface_options(model.tools, model.labels->geometry());

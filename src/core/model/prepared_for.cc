@@ -93,11 +93,11 @@ class SurfacesNeeded {
 
   /// The model's surfaces with their geometry. Errors: those of prepare_outer_surfaces.
   Result<std::vector<ContactSurface>> prepare(const Bricks<LabelId>& labels,
-                                              const ModelPreparation& preparing, const Progress& progress) {
+                                              const ModelPreparation& preparation, const Progress& progress) {
     const std::vector<std::vector<LabelId>> all = groups();
     const auto options = touchable_surface_options(model_.tools, labels.geometry());
     if (!options) return options.error();
-    const auto prepared = preparing.outer_surfaces(labels, all, *options, progress);
+    const auto prepared = preparation.outer_surfaces(labels, all, *options, progress);
     if (!prepared) return prepared.error();
     for (const auto& [together, parts] : parts_)
       for (const Part& part : parts) {
@@ -211,7 +211,7 @@ constexpr double kReportedWithin_mm = 10;
 // structures that a burr must not cut, each with its own surface, whether or not it touches others
 Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
                                                              const std::vector<LabelId>& touchable,
-                                                             const ModelPreparation& preparing,
+                                                             const ModelPreparation& preparation,
                                                              const Progress& progress) {
   std::vector<ProtectedStructure> structures;
   if (!model.has_burr()) return structures;
@@ -224,7 +224,7 @@ Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
   }
   if (structures.empty()) return structures;
   auto surfaces =
-      preparing.outer_surfaces(*model.labels, single_groups, {.reach_mm = kReportedWithin_mm}, progress);
+      preparation.outer_surfaces(*model.labels, single_groups, {.reach_mm = kReportedWithin_mm}, progress);
   if (!surfaces) return surfaces.error();
   for (std::size_t n = 0; n < structures.size(); ++n) structures[n].surface = std::move((*surfaces)[n]);
   return structures;
@@ -233,18 +233,18 @@ Result<std::vector<ProtectedStructure>> protected_structures(const Model& model,
 }  // namespace
 
 Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> model,
-                                                   const ModelPreparation& preparing,
+                                                   const ModelPreparation& preparation,
                                                    const Progress& progress) {
   const std::vector<LabelId> touchable = touchable_structures(*model);
   if (touchable.size() > kMaxSurfaces) return too_many(touchable.size(), 0);
-  const auto touching = preparing.touching_pairs(*model->labels, touchable, progress);
+  const auto touching = preparation.touching_pairs(*model->labels, touchable, progress);
   if (!touching) return touching.error();
   SurfacesNeeded needed(*model, touchable, *touching);
   if (needed.structures() + needed.common() > kMaxSurfaces)
     return too_many(needed.structures(), needed.common());
-  auto surfaces = needed.prepare(*model->labels, preparing, progress);
+  auto surfaces = needed.prepare(*model->labels, preparation, progress);
   if (!surfaces) return surfaces.error();
-  auto protected_ones = protected_structures(*model, touchable, preparing, progress);
+  auto protected_ones = protected_structures(*model, touchable, preparation, progress);
   if (!protected_ones) return protected_ones.error();
   auto next = std::make_shared<Model>(*model);
   next->protected_structures = *std::move(protected_ones);
@@ -265,11 +265,11 @@ void set_strain_stiffening(Model& model) {
 }
 
 Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model,
-                                                          const ModelPreparation& preparing,
+                                                          const ModelPreparation& preparation,
                                                           const Progress& progress) {
   const std::vector<LabelId> touchable = touchable_structures(model);
   if (touchable.size() > kMaxSurfaces) return too_many(touchable.size(), 0);
-  const auto touching = preparing.touching_pairs(*model.labels, touchable, progress);
+  const auto touching = preparation.touching_pairs(*model.labels, touchable, progress);
   if (!touching) return touching.error();
   const SurfacesNeeded needed(model, touchable, *touching);
   if (needed.structures() + needed.common() > kMaxSurfaces)
@@ -279,7 +279,7 @@ Result<std::vector<std::vector<LabelId>>> surfaces_needed(const Model& model,
 
 Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,
-                                                  const ModelPreparation& preparing,
+                                                  const ModelPreparation& preparation,
                                                   const Progress& progress) {
   if (model == nullptr || model->labels == nullptr)
     return Error{ErrorKind::kBadInput, "there is no model to prepare", "model", "make one by make_model()"};
@@ -288,11 +288,11 @@ Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> m
                  "surround the labels with background, as label_bricks() does"};
   std::vector<ForceMethod> direct(methods.begin(), methods.end());
   const bool proxy = std::erase(direct, ForceMethod::kProxy) > 0;
-  auto ready = with_direct_methods(std::move(model), direct, preparing, progress);
+  auto ready = with_direct_methods(std::move(model), direct, preparation, progress);
   if (!ready) return ready;
   if (proxy && !(*ready)->has(ForceMethod::kProxy))
-    ready = with_surfaces(*std::move(ready), preparing, progress);
-  return ready ? with_distances(*std::move(ready), preparing, progress) : ready;
+    ready = with_surfaces(*std::move(ready), preparation, progress);
+  return ready ? with_distances(*std::move(ready), preparation, progress) : ready;
 }
 
 std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go,
@@ -307,7 +307,7 @@ std::vector<LabelId> tracked_structures(const std::vector<NoGoRegion>& no_go,
 }
 
 Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model> model,
-                                                    const ModelPreparation& preparing,
+                                                    const ModelPreparation& preparation,
                                                     const Progress& progress) {
   const std::vector<LabelId> tracked = tracked_structures(model->no_go, model->reported_distances);
   if (tracked.empty() || !model->distances.structures().empty()) return model;
@@ -327,7 +327,7 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
   if (!missing.empty()) {
     const auto options = touchable_surface_options(model->tools, model->labels->geometry());
     if (!options) return options.error();
-    auto made = preparing.outer_surfaces(*model->labels, missing, *options, progress);
+    auto made = preparation.outer_surfaces(*model->labels, missing, *options, progress);
     if (!made) return made.error();
     auto next = made->begin();
     for (auto& surface : surfaces)

@@ -56,7 +56,7 @@ void to_stored(const float* mm, std::size_t length, std::int16_t* steps) {
 }
 
 /// Copies every second value; returns the number copied, which leaves less than a vector.
-std::size_t sample_evenly(const std::int16_t* from, std::size_t count, std::int16_t* used) {
+std::size_t sample_evenly(const std::int16_t* from, std::size_t count, std::int16_t* taken) {
   const hn::ScalableTag<std::int16_t> d;
   const std::size_t lanes = hn::Lanes(d);
   std::size_t n = 0;
@@ -64,7 +64,7 @@ std::size_t sample_evenly(const std::int16_t* from, std::size_t count, std::int1
   for (; n + lanes < count; n += lanes) {
     hn::Vec<decltype(d)> even, odd;
     hn::LoadInterleaved2(d, from + 2 * n, even, odd);
-    hn::StoreU(even, d, used + n);
+    hn::StoreU(even, d, taken + n);
   }
   return n;
 }
@@ -212,9 +212,9 @@ void steps_to_mm(const std::int16_t* steps, std::size_t length, float limit_mm, 
 void mm_to_steps(const float* mm, std::size_t length, std::int16_t* steps) {
   HWY_DYNAMIC_DISPATCH(to_stored)(mm, length, steps);
 }
-void take_every(const std::int16_t* from, std::size_t step, std::size_t count, std::int16_t* used) {
-  std::size_t n = step == 2 ? HWY_DYNAMIC_DISPATCH(sample_evenly)(from, count, used) : 0;
-  for (; n < count; ++n) used[n] = from[n * step];
+void take_every(const std::int16_t* from, std::size_t step, std::size_t count, std::int16_t* taken) {
+  std::size_t n = step == 2 ? HWY_DYNAMIC_DISPATCH(sample_evenly)(from, count, taken) : 0;
+  for (; n < count; ++n) taken[n] = from[n * step];
 }
 bool all_equal(const float* row, std::size_t length) {
   return HWY_DYNAMIC_DISPATCH(equal)(row, length);

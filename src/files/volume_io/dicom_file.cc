@@ -40,7 +40,7 @@ constexpr const char* kExport = "export the series again, as CT or MR images";
 // ---- element values ------------------------------------------------------------------------------
 
 // True if an element's length is plausible for its values: DCMTK allocates whatever the length field says.
-bool is_short(DcmItem& item, const DcmTagKey& tag) {
+bool has_plausible_length(DcmItem& item, const DcmTagKey& tag) {
   constexpr Uint32 kMaxLength_bytes = 1 << 16;
   DcmElement* element = nullptr;
   return item.findAndGetElement(tag, element).good() && element &&
@@ -48,7 +48,7 @@ bool is_short(DcmItem& item, const DcmTagKey& tag) {
 }
 
 std::optional<double> number_of(DcmItem& item, const DcmTagKey& tag, unsigned long at = 0) {
-  if (!is_short(item, tag)) return std::nullopt;
+  if (!has_plausible_length(item, tag)) return std::nullopt;
   Float64 value = 0;
   if (item.findAndGetFloat64(tag, value, at).bad()) {
     // DCMTK does not convert numbers between representations (IS, FL, SL, UL, SS, US)
@@ -75,13 +75,13 @@ std::optional<double> number_of(DcmItem& item, const DcmTagKey& tag, unsigned lo
 
 std::optional<int> count_of(DcmItem& item, const DcmTagKey& tag) {
   Uint16 value = 0;
-  if (!is_short(item, tag) || item.findAndGetUint16(tag, value).bad()) return std::nullopt;
+  if (!has_plausible_length(item, tag) || item.findAndGetUint16(tag, value).bad()) return std::nullopt;
   return value;
 }
 
 std::string text_of(DcmItem& item, const DcmTagKey& tag) {
   OFString value;
-  if (!is_short(item, tag) || item.findAndGetOFStringArray(tag, value).bad()) return "";
+  if (!has_plausible_length(item, tag) || item.findAndGetOFStringArray(tag, value).bad()) return "";
   return std::string(value.c_str(), value.size());
 }
 
@@ -146,7 +146,7 @@ bool is_jpeg2000(E_TransferSyntax syntax) {
 }
 
 // fault if the compression is not supported
-std::optional<Fault> unread_syntax(E_TransferSyntax syntax, const std::string& uid) {
+std::optional<Fault> unsupported_syntax(E_TransferSyntax syntax, const std::string& uid) {
   const auto compressed = [](const std::string& how) {
     return Fault{"is compressed as " + how + ", which is not read", kDecompress};
   };
@@ -239,7 +239,7 @@ std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, cons
   Uint32 large = 0;
   Sint32 large_negative = 0;
   std::uint32_t word = 0;
-  if (!is_short(root, tag)) return std::nullopt;
+  if (!has_plausible_length(root, tag)) return std::nullopt;
   if (root.findAndGetUint16(tag, small).good())
     word = small;
   else if (root.findAndGetSint16(tag, negative).good())
@@ -447,7 +447,7 @@ std::string in_words(Loaded loaded, const std::string& kind) {
 }
 
 // checks that the pixel data are present and complete, as far as possible without decoding
-std::optional<Fault> find_pixels(DcmItem& root, const DicomFrame& frame, std::size_t frames, Loaded loaded) {
+std::optional<Fault> check_pixels(DcmItem& root, const DicomFrame& frame, std::size_t frames, Loaded loaded) {
   constexpr const char* kCopy = "copy the series again";
   if (loaded == Loaded::kCutShort) return Fault{"has its PixelData (7FE0,0010) cut short", kCopy};
   if (loaded == Loaded::kDamaged) return Fault{"is damaged before its PixelData (7FE0,0010) ends", kCopy};
@@ -486,8 +486,9 @@ std::optional<Fault> find_pixels(DcmItem& root, const DicomFrame& frame, std::si
 Result<DicomFile> read_whole(const std::filesystem::path& name, const std::string& syntax_uid) {
   DcmFileFormat file;
   // a file with a compression unknown to DCMTK still has a readable explicit header
-  const auto unknown =
-      syntax_uid.empty() ? std::nullopt : unread_syntax(DcmXfer(syntax_uid.c_str()).getXfer(), syntax_uid);
+  const auto unknown = syntax_uid.empty()
+                           ? std::nullopt
+                           : unsupported_syntax(DcmXfer(syntax_uid.c_str()).getXfer(), syntax_uid);
   const Loaded loaded = load(file, name);
   DcmDataset& root = *file.getDataset();
   // the last element of a truncated file may contain uninitialised memory
@@ -508,7 +509,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   DicomFrame all;
   const std::string modality = text_of(root, DCM_Modality);
   if (std::ranges::find(kModalities, modality) != kModalities.end()) all.modality = modality;
-  std::optional<Fault> fault = unknown ? unknown : unread_syntax(root.getOriginalXfer(), syntax_uid);
+  std::optional<Fault> fault = unknown ? unknown : unsupported_syntax(root.getOriginalXfer(), syntax_uid);
   if (auto bits = read_bits(root, all); bits && !fault) fault = bits;
   if (all.bits_allocated == 1 && !fault) fault = Fault{"has a BitsAllocated (0028,0100) of 1", kSlicer};
 
@@ -519,7 +520,7 @@ Result<DicomFile> read_whole(const std::filesystem::path& name, const std::strin
   const bool countable = declared >= 1 && declared <= kMaxFrames;
   std::size_t count = countable ? static_cast<std::size_t>(declared) : 1;
   if (!countable && !fault) fault = Fault{"has an invalid NumberOfFrames (0028,0008)", kExport};
-  if (auto pixels = find_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
+  if (auto pixels = check_pixels(root, all, count, loaded); pixels && !fault) fault = pixels;
   // limits memory for a frame count without matching pixel data
   if (fault) count = std::min(count, std::max<std::size_t>(own.size(), 1));
   if (!fault) all.lossy = is_lossy(root, root.getOriginalXfer());
@@ -631,7 +632,7 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
   if (loaded != Loaded::kWhole) return bad_input("", in_words(loaded, "DICOM segmentation"), "copy it again");
   DicomSegmentation segmentation;
   DicomFrame all;
-  if (auto fault = unread_syntax(root.getOriginalXfer(), syntax_uid)) return refused(*fault);
+  if (auto fault = unsupported_syntax(root.getOriginalXfer(), syntax_uid)) return refused(*fault);
   if (auto fault = read_bits(root, all)) return refused(*fault);
   using Kind = SegmentCoding::Kind;
   SegmentCoding& coding = segmentation.codings.emplace_back();
@@ -661,7 +662,7 @@ Result<DicomSegmentation> read_segments(const std::filesystem::path& name, const
                         " items of PerFrameFunctionalGroupsSequence (5200,9230) but a different "
                         "NumberOfFrames (0028,0008)",
                     kExport});
-  if (auto fault = find_pixels(root, all, own.size(), loaded)) return refused(*fault);
+  if (auto fault = check_pixels(root, all, own.size(), loaded)) return refused(*fault);
   for (DcmItem* item : items_of(root, DCM_SegmentSequence)) {
     segmentation.segments.push_back(segment_of(*item, text_of(root, DCM_SpecificCharacterSet)));
     DicomSegment& segment = segmentation.segments.back();

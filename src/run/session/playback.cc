@@ -352,7 +352,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     auto ready = prepared_with_cache(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
-    model = solved_as_recorded(*std::move(ready), head.header);
+    model = with_recorded_cell_size(*std::move(ready), head.header);
     return {};
   };
   // a task's patches lie on the rendered surfaces
