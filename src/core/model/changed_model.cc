@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/relaxation_times.h"
 #include "model/surfaces_needed.h"
 #include "palpate/base/hash.h"
 #include "palpate/contact/tissue_values.h"

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <span>
 #include <vector>
 
 #include "palpate/contact/model.h"
@@ -25,9 +24,5 @@ Result<std::shared_ptr<const Model>> with_surfaces(std::shared_ptr<const Model> 
 /// Sets ContactSurface::strain_stiffening of the structures' surfaces to that of their tissues under the
 /// model's law.
 void set_strain_stiffening(Model& model);
-
-/// Relaxation times of the tissues that are deformable under a law. Errors: kBadInput for an invalid series,
-/// or more different times than supported.
-Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, TissueLaw law);
 
 }  // namespace palpate
