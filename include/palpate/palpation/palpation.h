@@ -12,6 +12,7 @@
 #include "palpate/contact/model.h"
 #include "palpate/loading/loading.h"
 #include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/scene/scene.h"
 
 /// Runs scripts, and replays recordings.

@@ -8,7 +8,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/rehearsal/plan_in_scene.h"
 #include "palpate/rehearsal/structure_distance.h"
 

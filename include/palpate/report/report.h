@@ -5,7 +5,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/contact/model.h"
-#include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/rehearsal/comparison.h"
 #include "palpate/tasks/evaluator.h"
 

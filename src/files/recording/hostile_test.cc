@@ -13,6 +13,7 @@
 #include <random>
 
 #include "base/test_seed.h"
+#include "palpate/recording/recorder.h"
 #include "recording/columns.h"
 #include "recording/hdf5_handle.h"
 #include "recording/header_fields.h"

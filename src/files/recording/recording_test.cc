@@ -1,4 +1,6 @@
 #include "palpate/recording/recording.h"
+#include "palpate/recording/recorder.h"
+#include "palpate/recording/recording_source.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "palpate/recording/recording_source.h"
 #include "report/example_run.h"
 
 namespace palpate::report {

@@ -6,6 +6,7 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/palpation/virtual_run.h"
+#include "palpate/recording/recorder.h"
 #include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"
 
