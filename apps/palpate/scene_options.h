@@ -7,6 +7,7 @@
 
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/scene/script.h"
 #include "verb.h"
 
 /// Options, loading and output shared by the verbs that render or display a scene.

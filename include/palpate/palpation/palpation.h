@@ -13,7 +13,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/recording/recording.h"
 #include "palpate/recording/recording_source.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 
 /// Runs scripts, and replays recordings.
 namespace palpate {

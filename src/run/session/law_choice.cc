@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "palpate/base/reason.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/named_values.h"
 
 namespace palpate {
 namespace {

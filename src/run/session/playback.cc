@@ -16,6 +16,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/recorded_model.h"
+#include "palpate/scene/named_values.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/removed_volume.h"
 #include "session/clearance_history.h"
