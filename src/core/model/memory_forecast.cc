@@ -109,17 +109,17 @@ double temporary_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, doub
   const auto around = [&](int a, double voxels) {
     return std::min(body.box[static_cast<std::size_t>(a)], voxels) + 2 * margin_mm / spacing_mm[a];
   };
-  const double observed =
+  const double surroundings_bytes =
       kBorder_bytes * around(0, body.box[0]) * around(1, body.box[1]) * around(2, kSlices);
   const double slices = std::min(body.box[2], 2 * kSlices * threads);
   return slices * body.box[0] * body.box[1] * sizeof(std::int16_t) +
-         std::min(threads * observed, kMaxBorder_bytes);
+         std::min(threads * surroundings_bytes, kMaxBorder_bytes);
 }
 
 // Adds the program itself and the freed memory that malloc retains: measured.
 double with_heap(double bytes) {
-  constexpr double kProgram_bytes = 24 << 20, kMaxStored_bytes = 150 << 20, kStoredFraction = 0.8;
-  return bytes + kProgram_bytes + std::min(kMaxStored_bytes, kStoredFraction * bytes);
+  constexpr double kProgram_bytes = 24 << 20, kMaxRetained_bytes = 150 << 20, kRetainedFraction = 0.8;
+  return bytes + kProgram_bytes + std::min(kMaxRetained_bytes, kRetainedFraction * bytes);
 }
 
 class Estimate {

@@ -119,10 +119,10 @@ void hold(const PositionRows& rows, float clamp_fraction, std::size_t length, st
     const auto own = hn::Min(on_side_of(d, hn::LoadU(d, rows.smooth + x), distance), far);
     const auto clamped = hn::Max(own, hn::Mul(hn::Set(d, clamp_fraction), far));
     const auto preserve = hn::Neg(hn::Min(hn::LoadU(d, rows.preserve + x), hn::LoadU(d, rows.wrong + x)));
-    const auto stored = hn::Add(own, hn::Mul(preserve, hn::Sub(clamped, own)));
+    const auto held = hn::Add(own, hn::Mul(preserve, hn::Sub(clamped, own)));
     // no voxel lies exactly on the surface: its sign is the label
     const auto one = hn::Set(d, 1.0f);
-    const auto steps = hn::Max(one, hn::Mul(stored, hn::Set(d, static_cast<float>(1 / kSurfaceStep_mm))));
+    const auto steps = hn::Max(one, hn::Mul(held, hn::Set(d, static_cast<float>(1 / kSurfaceStep_mm))));
     store_steps(d, on_side_of(d, steps, distance), position + x);
   });
 }

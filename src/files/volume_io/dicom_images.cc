@@ -57,10 +57,10 @@ std::optional<Fault> read_number(const Attributes& attributes, const DcmTagKey& 
   DcmItem& item = attributes.in(DCM_PixelValueTransformationSequence, tag);
   if (text_of(item, tag).empty()) return std::nullopt;
   constexpr double kMaxValue = 1e30;  // leaves some margin to a float's range
-  const auto declared = number_of(item, tag);
-  if (!declared || std::abs(*declared) > kMaxValue)
+  const auto value = number_of(item, tag);
+  if (!value || std::abs(*value) > kMaxValue)
     return Fault{"has a " + in_words(tag) + " that is not a number", kExport};
-  number = *declared;
+  number = *value;
   return std::nullopt;
 }
 
