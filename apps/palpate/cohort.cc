@@ -1,4 +1,7 @@
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/case.h"
+#include "palpate/cohort/cohort_summary.h"
+#include "palpate/cohort/cohort_table.h"
+#include "palpate/cohort/engines.h"
 
 #include <signal.h>
 #include <string.h>

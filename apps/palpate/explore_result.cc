@@ -44,7 +44,7 @@ void print_changed(const RecordingSummary& s, bool pointer) {
   const std::pair<const char*, std::uint64_t> counts[] = {{"clamped", s.clamped},
                                                           {"thermal", s.thermal},
                                                           {"slewed", s.slewed},
-                                                          {"faded", s.faded},
+                                                          {"faded", s.ramped},
                                                           {"blended", s.blended},
                                                           {"paused", s.paused},
                                                           {"clutched", s.clutched},
@@ -60,7 +60,7 @@ void print_changed(const RecordingSummary& s, bool pointer) {
                                                           {"wedged", s.wedged},
                                                           {"ruptured", s.ruptured},
                                                           {"damped", s.passivated},
-                                                          {"turn held", s.turns_held}};
+                                                          {"turn held", s.rotation_limited}};
   std::string text;
   for (const auto& [name, count] : counts)
     if (count > 0) text += (text.empty() ? "" : ", ") + std::string(name) + " " + std::to_string(count);

@@ -9,7 +9,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/output.h"
 #include "palpate/indentation/indentation.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/named_values.h"
 #include "verb.h"
 
 namespace palpate::app {

@@ -183,7 +183,7 @@ Result<DeviceRegistry> known_devices(const DeviceOptions& options,
   registry.add(force_dimension_vendor(force_dimension));
   registry.add(openhaptics_vendor(openhaptics));
   registry.add(spacemouse_vendor());
-  registry.add(tracker_maker(tracked));
+  registry.add(tracker_vendor(tracked));
   for (const std::string& name : names)
     if (name.starts_with(kPluginPrefix) && registry.find(name) == nullptr)
       registry.add(plugin_vendor(

@@ -20,7 +20,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/rendering/rendering.h"
 #include "palpate/report/lint_page.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpate_version.h"
 #include "scene_options.h"

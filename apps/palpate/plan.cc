@@ -198,9 +198,9 @@ std::string at_tick(const RunPoint& point) {
 
 void print_made(const PlanTrajectory& planned, const TrajectoryResult& done) {
   std::printf("trajectory %s\n", printable_name(planned.name).c_str());
-  const bool is_entered = done.entry_made != EntryKind::kNone;
+  const bool is_entered = done.entry_kind != EntryKind::kNone;
   print_figure("entry error", done.entry_error_mm, "mm",
-               is_entered ? std::string(word_of(done.entry_made)) + " " + at_tick(done.entry)
+               is_entered ? std::string(word_of(done.entry_kind)) + " " + at_tick(done.entry)
                           : "the structures were not reached");
   char parts[96];
   std::snprintf(parts, sizeof parts, "%.2f mm across, %.2f mm %s, ", done.lateral_mm, std::abs(done.along_mm),
@@ -229,7 +229,7 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
                 pad_or_truncate("planned", 12).c_str(), pad_or_truncate("taken", 12).c_str(), "left");
     for (std::size_t n = 0; n < made.regions.size(); ++n)
       std::printf("  %s%-12.1f%-12.1f%.1f\n", planned_name(plan.regions[n].name).c_str(),
-                  made.regions[n].planned_mm3, made.regions[n].removed_mm3, made.regions[n].left_mm3());
+                  made.regions[n].planned_mm3, made.regions[n].removed_mm3, made.regions[n].remaining_mm3());
   }
   if (!made.volumes.empty()) {
     std::printf("%s%s%s%s%s\n", pad_or_truncate("by structure, mm3", 27).c_str(),
@@ -237,7 +237,7 @@ void print_comparison(const PlannedScene& scene, const PlanComparison& made) {
                 pad_or_truncate("left", 12).c_str(), "outside the plan");
     for (const StructureVolume& volume : made.volumes)
       std::printf("  %s%-12.1f%-12.1f%-12.1f%.1f\n", planned_name(scene.model->name_of(volume.label)).c_str(),
-                  volume.in_plan.planned_mm3, volume.in_plan.removed_mm3, volume.in_plan.left_mm3(),
+                  volume.in_plan.planned_mm3, volume.in_plan.removed_mm3, volume.in_plan.remaining_mm3(),
                   volume.outside_mm3);
   }
   std::printf("%s%s%s\n", pad_or_truncate("nearest to", 27).c_str(), pad_or_truncate("mm", 12).c_str(),

@@ -25,17 +25,17 @@ Json json_of(const ToleratedValue& figure) {
 Json json_of(const VolumeResult& volume) {
   return {{"planned_mm3", volume.planned_mm3},
           {"removed_mm3", volume.removed_mm3},
-          {"left_mm3", volume.left_mm3()}};
+          {"left_mm3", volume.remaining_mm3()}};
 }
 
 Json json_of(const PlanTrajectory& planned, const TrajectoryResult& done) {
-  const bool is_entered = done.entry_made != EntryKind::kNone;
+  const bool is_entered = done.entry_kind != EntryKind::kNone;
   const bool is_deep = !std::isnan(done.depth_mm), is_near = !std::isnan(done.target_error_mm.value);
   return {{"name", planned.name},
           {"planned_entry_mm", json_of(planned.entry)},
           {"planned_target_mm", json_of(planned.target)},
           {"planned_depth_mm", planned.length_mm()},
-          {"entry_made", word_of(done.entry_made)},
+          {"entry_made", word_of(done.entry_kind)},
           {"entry", is_entered ? json_of(done.entry) : Json(nullptr)},
           {"nearest", is_near ? json_of(done.nearest) : Json(nullptr)},
           {"deepest", is_deep ? json_of(done.deepest) : Json(nullptr)},

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/json/json.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/rehearsal/comparison.h"
 #include "verb.h"
 

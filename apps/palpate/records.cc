@@ -268,7 +268,7 @@ RunRecord record_of(const std::string& learner, const TaskFile& task, const Scor
   // hash of the settings that determine the contact: the model, and the settings stored in the recording
   std::uint64_t settings = kHashSeed;
   hash_word(settings, run.header.model_hash);
-  hash_bytes(settings, run.header.feel.data(), run.header.feel.size());
+  hash_bytes(settings, run.header.haptic_settings.data(), run.header.haptic_settings.size());
   RunRecord record{0,
                    learner,
                    task.title,

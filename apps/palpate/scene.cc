@@ -1,4 +1,6 @@
 #include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
+#include "palpate/scene/tissue_presets.h"
 
 #include <memory>
 

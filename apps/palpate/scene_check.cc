@@ -9,6 +9,7 @@
 #include "palpate/base/printable.h"
 #include "palpate/device/rendered_stiffness.h"
 #include "palpate/loading/loading.h"
+#include "palpate/scene/named_values.h"
 #include "palpate/scene/scene.h"
 #include "palpate/surfaces/ramps.h"
 #include "palpate/volume_io/volume_io.h"

@@ -105,8 +105,8 @@ void print_removed(const std::vector<RemovedFigure>& removed) {
     std::printf("removed %.1f mm3 of %s\n", figure.volume_mm3, figure.structure.c_str());
 }
 
-void print_protected(const std::vector<ProtectedFigure>& spared, const std::string& cutter) {
-  for (const ProtectedFigure& figure : spared) {
+void print_protected(const std::vector<ProtectedFigure>& figures, const std::string& cutter) {
+  for (const ProtectedFigure& figure : figures) {
     const char* name = figure.structure.c_str();
     if (figure.removed_mm3 > 0)
       std::printf("ALARM: %.1f mm3 removed from %s, which is protected\n", figure.removed_mm3, name);

@@ -7,6 +7,7 @@
 
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/scene/script.h"
 #include "verb.h"
 
 /// Options, loading and output shared by the verbs that render or display a scene.
@@ -61,7 +62,7 @@ std::string hold_definition();
 void print_removed(const std::vector<RemovedFigure>& removed);
 /// Prints the protected structures on stdout, one per line.
 /// @param cutter  result of cutter_name for the model
-void print_protected(const std::vector<ProtectedFigure>& spared, const std::string& cutter);
+void print_protected(const std::vector<ProtectedFigure>& figures, const std::string& cutter);
 /// Prints a table on stdout of how each structure was held.
 void print_holds(const std::vector<HoldFigure>& holds);
 

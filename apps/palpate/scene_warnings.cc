@@ -5,6 +5,7 @@
 #include <string>
 
 #include "palpate/base/printable.h"
+#include "palpate/scene/tissue_presets.h"
 
 namespace palpate::app {
 

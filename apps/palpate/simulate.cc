@@ -63,7 +63,7 @@ void print(const SimulationResult& result, const Model& model) {
   print_holds(result.holds);
   print_removed(result.removed);
   if (result.broken_off_mm3 > 0) std::printf("%.1f mm3 of it were cut loose\n", result.broken_off_mm3);
-  print_protected(result.spared, cutter_name(model));
+  print_protected(result.protected_structures, cutter_name(model));
   std::printf("largest force %.3f N of %.3f N allowed; %llu ticks, %llu clamped, %llu not finite\n",
               result.max_force_N, result.limit_N, static_cast<unsigned long long>(result.summary.ticks),
               static_cast<unsigned long long>(result.summary.clamped),

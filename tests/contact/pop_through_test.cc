@@ -9,7 +9,7 @@
 
 #include "base/test_files.h"
 #include "palpate/contact/proxy_path.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 #include "palpate/surfaces/surfaces.h"
 #include "palpate/volume_io/volume_io.h"
 

@@ -85,16 +85,4 @@ Result<void> write_file(const std::filesystem::path& file, std::string_view byte
 /// Error (kOutput) for an errno that occurred while writing `file`, with a remedy.
 Error output_error(const std::filesystem::path& file, int error_number);
 
-/// Folder that abandon_outputs() removes with its contents while this object lives.
-class UnfinishedFolder {
- public:
-  explicit UnfinishedFolder(std::filesystem::path folder);
-  UnfinishedFolder(UnfinishedFolder&& other) noexcept : folder_(std::exchange(other.folder_, {})) {}
-  UnfinishedFolder& operator=(UnfinishedFolder&&) = delete;
-  ~UnfinishedFolder();
-
- private:
-  std::filesystem::path folder_;
-};
-
 }  // namespace palpate

@@ -41,6 +41,18 @@ class OutputClaim {
 /// thread holds the registry at that moment nothing is removed, and the next run on that output does it.
 void abandon_outputs() noexcept;
 
+/// Folder that abandon_outputs() removes with its contents while this object lives.
+class UnfinishedFolder {
+ public:
+  explicit UnfinishedFolder(std::filesystem::path folder);
+  UnfinishedFolder(UnfinishedFolder&& other) noexcept : folder_(std::exchange(other.folder_, {})) {}
+  UnfinishedFolder& operator=(UnfinishedFolder&&) = delete;
+  ~UnfinishedFolder();
+
+ private:
+  std::filesystem::path folder_;
+};
+
 /// Claims a file that a run will write, until the claim is destroyed. Checks that its folder exists and is
 /// writable, that the file is no folder or device, and that no other process is writing it. Call it before
 /// long work, so that a wrong name is reported at once.

@@ -26,12 +26,10 @@ namespace palpate {
 ///
 /// - Only the producer writes tail_, only the consumer writes head_.
 /// - Slots in [head_, tail_) belong to the consumer, the others to the producer. The release store of an
-///   index
-///   transfers slots, the acquire load of it receives them.
+///   index transfers slots, the acquire load of it receives them.
 /// - Each index shares its cache line with its owner's cached copy of the other index, so that most
-///   operations
-///   touch no line that the other thread writes: the other index is reloaded only when the ring appears full
-///   (or empty) by the cached copy. A stale copy is never wrong, only pessimistic.
+///   operations touch no line that the other thread writes: the other index is reloaded only when the ring
+///   appears full (or empty) by the cached copy. A stale copy is never wrong, only pessimistic.
 template <class T>
 class SpscRing {
   static_assert(std::is_trivially_copyable_v<T>);

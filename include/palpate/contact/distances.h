@@ -83,16 +83,16 @@ struct ToolDistance {
   NearestSurfacePoint near;  ///< Nearest point of the surface to `centre`
 };
 /// Closest approach of all parts of a tool; empty if the whole tool is outside and farther than `within_mm`.
-/// On a capsule's axis at most kMaxAlong points are evaluated: both ends and the middle, then the
+/// On a capsule's axis at most kMaxAxisPoints points are evaluated: both ends and the middle, then the
 /// projections of the nearest surface points onto the axis, then bisection of intervals that may contain a
-/// point nearer by more than kAlongSlack_mm (the distance is Lipschitz continuous along the axis). Bounded
+/// point nearer by more than kAxisTolerance_mm (the distance is Lipschitz continuous along the axis). Bounded
 /// work; does not allocate, lock or throw.
 /// @param spheres  tool parts in the operator's pose
 /// @param tip      position of the tip
 std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
                                              const Point<Patient>& tip, double within_mm);
-inline constexpr double kAlongSlack_mm = 0.02;  ///< Tolerance of distance_of_tool() along an axis
-inline constexpr std::size_t kMaxAlong = 16;    ///< Points evaluated per axis
+inline constexpr double kAxisTolerance_mm = 0.02;  ///< Tolerance of distance_of_tool() along an axis
+inline constexpr std::size_t kMaxAxisPoints = 16;  ///< Points evaluated per axis
 
 /// Distance of a structure to a tool.
 struct NearStructure {

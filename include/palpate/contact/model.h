@@ -10,138 +10,20 @@
 #include <string>
 #include <vector>
 
-#include "palpate/base/contact_properties.h"
 #include "palpate/base/force_method.h"
 #include "palpate/contact/contact_settings.h"
 #include "palpate/contact/distances.h"
-#include "palpate/contact/elastic_constants.h"
 #include "palpate/contact/method_settings.h"
 #include "palpate/contact/no_go.h"
 #include "palpate/contact/proxy.h"
-#include "palpate/contact/relaxation.h"
+#include "palpate/contact/tissue.h"
+#include "palpate/contact/tool.h"
 #include "palpate/sampling/sampling.h"
 #include "palpate/volume/bricks.h"
 #include "palpate/volume/volume.h"
 
 /// The model that is rendered, and its force laws as pure functions of state.
 namespace palpate {
-
-/// Effect of a burr on a structure.
-enum class Protection : std::uint8_t {
-  kNone,   ///< The structure is cut like any other
-  kAlarm,  ///< The structure is cut, and the damage is reported, e.g. to a trainee
-  kBlock,  ///< The burr cannot enter the structure or remove any of it
-};
-
-/// Constitutive law of soft tissue under a tool.
-enum class TissueLaw : std::uint8_t {
-  kLayers,   ///< Rigid geometry: each structure resists by its own spring stiffness
-  kElastic,  ///< Tissues with ElasticConstants are linear elastic bodies (docs/concepts/tissue.md)
-  /// Tissues with ElasticConstants are neo-Hookean bodies where the solver finds such a solution, otherwise
-  /// linear elastic.
-  kNeoHookean,
-  /// Forces as in kLayers; tissues with ElasticConstants move visibly as a chain mail
-  /// (palpate/tissue/chain_mail.h).
-  kChainMail,
-  /// As kNeoHookean; tissues with ElasticConstants::stiffening also stiffen exponentially with strain.
-  kExponential,
-};
-/// Whether bodies under this law are solved with large strains.
-constexpr bool is_hyperelastic(TissueLaw law) {
-  return law == TissueLaw::kNeoHookean || law == TissueLaw::kExponential;
-}
-/// Whether tissues with ElasticConstants deform elastically under this law.
-constexpr bool is_elastic(TissueLaw law) {
-  return law == TissueLaw::kElastic || is_hyperelastic(law);
-}
-/// Whether tissues with ElasticConstants move visibly under this law.
-constexpr bool is_moving(TissueLaw law) {
-  return law != TissueLaw::kLayers;
-}
-
-/// Mechanical and visual properties of a tissue that stay the same while it is rendered.
-struct FixedProperties {
-  bool touchable = true;  ///< Whether it can be touched; false: displayed only
-  /// Proxy: normal force above which the tool punctures it; infinite: never.
-  double puncture_N = std::numeric_limits<double>::infinity();
-  bool stays_open = false;  ///< Whether a puncture leaves a permanent hole, passed again without force
-  /// Direct methods: viscous coefficient of the pseudo-friction.
-  double friction_damping_N_s_per_mm = 0.005;
-  /// Direct methods: limit of the tangential force of the preset (as published)
-  double friction_max_N = 0.5;
-  /// Specific cutting energy: work of a burr's motor per volume removed, mJ/mm^3; above 0. The default is
-  /// that of cortical bone under a burr (docs/decisions/0029-removal.md).
-  double cutting_energy_mJ_per_mm3 = 100;
-  Protection protection = Protection::kNone;  ///< Protection from burrs; applies only to touchable tissue
-  /// Elastic constants for the elastic laws; ignored by kLayers. Empty: rigid (bone, a tooth, an implant),
-  /// and soft tissue adheres to it.
-  std::optional<ElasticConstants> elastic;
-  /// Stress relaxation under the elastic laws; `elastic` has the instantaneous constants.
-  Relaxation relaxation;
-  double opacity = 1.0;  ///< Opacity in rendered images, 0 ... 1
-};
-
-/// All properties of a tissue, as set in a scene.
-struct TissueProperties : ContactProperties, FixedProperties {};
-
-/// A group of labels with common properties.
-struct Tissue : TissueProperties {
-  std::string name;
-  Rgb colour;
-  std::vector<int> rests_on;  ///< Indices of tissues that support this one
-};
-
-/// Maximum radius of a tool's sphere or capsule, that of a finger.
-inline constexpr double kMaxToolRadius_mm = 12;
-
-/// A capsule of a tool, for a shaft or a hook: a cylinder with hemispherical ends.
-struct ToolCapsule {
-  Eigen::Vector3d from_mm, to_mm;  ///< End points of the axis in the tip's frame; distinct
-  double radius_mm = 0;
-};
-
-/// Burr settings of a tool (palpate/tissue/removal.h): a rotating head that removes the tissue it touches.
-/// The head is the tool's sphere (a ball), or a row of balls that starts with it.
-struct BurrSettings {
-  double revolutions_per_s = 1000;      ///< Rotation rate while the motor runs; above 0
-  double grip = 0.5;                    ///< As Burr::grip
-  Eigen::Vector3d spindle = {0, 0, 1};  ///< Axis of rotation in the tip's frame; unit
-  int pedal = -1;                       ///< Button of the device that runs the motor while pressed. -1: none
-  /// Burr::length_mm: distance between the first and last centre of the row. 0: a ball.
-  double length_mm = 0;
-  double end_radius_mm = 0;  ///< As Burr::end_radius_mm
-  bool shaver = false;       ///< Whether it is a shaver for soft tissue; affects the name only
-  int flutes = 8;            ///< Number of cutting edges around the head; at least 1
-  bool irrigation = true;    ///< Whether the head is cooled; otherwise the heating of the bone is estimated
-};
-
-/// Geometry of the instrument: spheres and capsules fixed in the tip's frame. A point tool is one sphere of
-/// radius 0 at the origin. Direct methods evaluate the spheres' centres, the proxy uses the whole geometry.
-struct Tool {
-  std::string name = "point";
-  /// Sphere centres in the tip's frame; 1 ... kMaxToolParts.
-  std::vector<Eigen::Vector3d> points_mm{Eigen::Vector3d::Zero()};
-  double radius_mm = 0;               ///< Radius of every sphere
-  std::vector<ToolCapsule> capsules;  ///< Capsules; at most kMaxToolParts together with the spheres
-  /// Burr settings. If set, the tool is a single sphere at the origin, from which the burr's row extends, and
-  /// the removal is rendered by the proxy only.
-  std::optional<BurrSettings> burr;
-
-  /// Whether the burr's motor runs.
-  /// @param switched_on  state of the motor's switch
-  /// @param buttons      button bit mask of the tool's device
-  bool motor_is_on(bool switched_on, std::uint32_t buttons) const {
-    return burr && (switched_on || (burr->pedal >= 0 && (buttons >> burr->pedal & 1u) != 0));
-  }
-};
-inline constexpr int kMaxToolParts = static_cast<int>(kMaxToolSpheres);
-
-/// Shape of the burr: "ball", "cylinder" or "cone". Empty: the tool is not a burr.
-std::string burr_shape(const Tool& tool);
-/// Name of the burr: "burr" or "shaver". Empty: the tool is neither.
-std::string cutter_name(const Tool& tool);
-/// Description such as "burr: a cone of 2.3 mm, 1.2 mm at its tip, 8 mm long". Empty: the tool is no burr.
-std::string burr_description(const Tool& tool);
 
 /// Body side shown by a scan. kBoth: a scan of head or torso, which needs no side mark.
 enum class Side : std::uint8_t { kUnknown, kLeft, kRight, kBoth };
@@ -311,43 +193,6 @@ inline Transform<World, Patient> rotated_object_pose(const Transform<World, Pati
                                                      const Eigen::Quaterniond& rotation) {
   return Transform<World, World>(Rotation<World, World>(rotation), Vector<World>()) * X_WorldPatient;
 }
-
-/// Structure in contact at a point of the field, and the depth below its surface.
-struct ContactSite {
-  LabelId label = 0;  ///< Label of the structure. 0: none within reach
-  /// Index of the label's tissue. -1: none.
-  int tissue = -1;
-  /// Field value at which the structure counts as entered: deep inside it for smoothed labels, at a depth of
-  /// 1 mm for ramps.
-  double level = 0;
-  double depth_mm = 0;  ///< Depth of the tip along the normal; > 0 below the structure's surface, < 0 above
-};
-
-/// Velocity over a sliding time window: sum of displacements over sum of times of the last `window_s` seconds
-/// (MERL c. 1997; 0.01 s), never a one-tick difference. Stored as running sums, so that a push costs the same
-/// at every tick rate.
-class VelocityWindow {
- public:
-  static constexpr int kCapacity = 128;  ///< Entries; 0.01 s at up to 10 kHz with margin
-  void push(const Vector<Patient>& displacement_mm, double dt_s,
-            double window_s = kContactSettings.velocity_window_s);
-  /// Mean velocity in the window, mm/s; zero before the first push.
-  Vector<Patient> velocity_mm_s() const;
-  void clear() { *this = {}; }
-  /// Mixes all pushes since the last clear() into a state hash.
-  void hash_into(std::uint64_t& hash) const;
-
- private:
-  // running sums after a push
-  struct Sum {
-    Vector<Patient> displacement_mm;
-    double time_s = 0;
-  };
-  Sum now_, before_window_;
-  std::array<Sum, kCapacity> sums_;
-  int first_ = 0, count_ = 0;
-  std::uint64_t pushed_ = 0;  // hash of all pushes
-};
 
 /// Viscous force -c v, N. It is scaled by the relative depth, so that it sets in continuously.
 /// @param inside           field value over the tissue's level, clamped to 0 ... 1

@@ -126,11 +126,11 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
 /// Depth by which the C term reduces a sphere's: C F^2 up to F1. Beyond, its derivative with respect to F
 /// falls as F^(-2/3), as slowly as that of the thinnest layer's depth, so that the depth stays monotonic in
 /// F.
-/// @param first_N  F1
-double stiffening_depth_mm(double stiffening_mm_per_N2, double first_N, double force_N);
+/// @param reference_force_N  F1
+double stiffening_depth_mm(double stiffening_mm_per_N2, double reference_force_N, double force_N);
 
 /// Contact of a device's tool with deformable tissue in one tick; input of the interaction with the tools of
-/// other devices (displaced_by_others()).
+/// other devices (neighbour_effect()).
 struct TissueContact {
   double force_N = 0;            ///< Normal force on the tissue; 0: none
   double tangent_N_per_mm = 0;   ///< dF / d depth
@@ -160,8 +160,8 @@ struct NeighbourEffect {
 /// @param device           index of the tool in `tissue_contacts`; its own entry supplies its last
 ///                         tangent stiffness
 /// @param own              its contact; force, tangent and displacement are not read
-NeighbourEffect displaced_by_others(std::span<const TissueContact> tissue_contacts, std::size_t device,
-                                    const TissueContact& own);
+NeighbourEffect neighbour_effect(std::span<const TissueContact> tissue_contacts, std::size_t device,
+                                 const TissueContact& own);
 
 /// Force of a rigid frictionless sphere at a depth d. d0(F) is the depth in a half-space of E* (Sneddon
 /// 1965).

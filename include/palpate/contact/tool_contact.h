@@ -5,8 +5,10 @@
 #include <span>
 
 #include "palpate/base/force_method.h"
+#include "palpate/contact/contact_site.h"
 #include "palpate/contact/model.h"
 #include "palpate/contact/proxy.h"
+#include "palpate/contact/velocity.h"
 #include "palpate/device/device.h"
 #include "palpate/device/device_parameters.h"
 #include "palpate/device/telemetry.h"

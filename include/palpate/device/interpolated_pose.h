@@ -16,11 +16,11 @@ namespace palpate {
 ///
 /// Between two updates tip and orientation are interpolated, never extrapolated, so that the force has no
 /// steps. They lag one interval behind. The first pose, one that follows a pose that has expired, and one
-/// that is set down (DeviceSample) apply at once. A pose stays valid for
-/// validity_s after an update; then its age grows and the output stage removes the force.
+/// that is set down (DeviceSample) apply at once. A pose stays valid for validity_s after an update; then its
+/// age grows and the output stage removes the force.
 class InterpolatedPose {
  public:
-  /// @param tip     initial position, invalid (age unlimited) until the first update
+  /// @param tip         initial position, invalid (age unlimited) until the first update
   /// @param validity_s  time for which a pose stays valid after an update
   explicit InterpolatedPose(const Point<Device>& tip, double validity_s = kValidity_s)
       : validity_ns_(static_cast<std::int64_t>(validity_s * 1e9)), from_{tip}, to_{tip} {}

@@ -58,9 +58,10 @@ class PointerDriver final : public DeviceDriver {
   /// Range of the depth of the tip below the position, device mm. Negative values compensate for a position
   /// below the rendered surface.
   static constexpr double kMinPress_mm = -3, kMaxPress_mm = 15;
-  /// Maximum depth while the rendered force is less than kWithheld of the requested one: there is no surface,
-  /// or the force is withheld, and would return at once from a greater depth.
-  static constexpr double kMaxSearch_mm = 1.5, kWithheld = 0.1;
+  /// Maximum depth while the rendered force is less than kMinForceFraction of the requested one:
+  /// either there is no surface, or the force is withheld; from a greater depth a withheld force would return
+  /// in a larger step.
+  static constexpr double kMaxSearch_mm = 1.5, kMinForceFraction = 0.1;
 
  private:
   // moves the tip of the sample into the surface, for the force that the previous tick has rendered

@@ -79,7 +79,7 @@ struct SweepRecord {
 enum class StrokeAction : std::uint8_t { kUndo, kRedo };
 
 /// Upper limit of Model::tissue_cell_factor.
-inline constexpr double kMaxTissueCoarsening = 2;
+inline constexpr double kMaxTissueCellFactor = 2;
 
 /// Difference of a model version from the one before: a tissue's properties changed, the direct methods'
 /// fields were rebuilt for the current stiffnesses, material was cut away, a stroke was undone or redone, or

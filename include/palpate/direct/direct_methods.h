@@ -8,6 +8,7 @@
 #include "palpate/base/force_method.h"
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
+#include "palpate/contact/contact_site.h"
 #include "palpate/contact/model.h"
 #include "palpate/contact/tool_contact.h"
 #include "palpate/direct/force_field.h"

@@ -22,11 +22,11 @@ struct ModelVersions {
 /// Versions after a ModelChange of any kind. Errors: those of the functions below; kBadInput without a
 /// current version, and for a cut with an unknown device, a radius that is not positive, or a non-finite
 /// position.
-/// @param cuts       cuts to apply; used by kCut only
-/// @param preparing  computes surfaces if a law requires other ones
+/// @param cuts         cuts to apply; used by kCut only
+/// @param preparation  computes surfaces if a law requires other ones
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
                                    std::span<const Cut> cuts = {}, const Progress& progress = {},
-                                   const ModelPreparation& preparing = {});
+                                   const ModelPreparation& preparation = {});
 /// Carving of a model after more cuts. The model must be prepared for the proxy.
 std::shared_ptr<const Carving> carved_by(const Model& current, std::span<const Cut> cuts);
 /// The same, without the fragments that the cuts sever from the body (palpate/tissue/fragments.h). Appends
@@ -37,8 +37,8 @@ std::shared_ptr<const Carving> carved_with_fragments(const Model& current, std::
 ModelChange change_of_stroke(const Model& current, StrokeAction action);
 
 /// Change that selects another constitutive law for soft tissue, as the next version.
-/// @param coarsened  new Model::tissue_cell_factor; 0: unchanged
-ModelChange change_of_law(const Model& current, TissueLaw law, double coarsened = 0);
+/// @param cell_factor  new Model::tissue_cell_factor; 0: unchanged
+ModelChange change_of_law(const Model& current, TissueLaw law, double cell_factor = 0);
 /// Whether soft tissue can use a law. Errors: kBadInput if no touchable tissue has elastic constants; for a
 /// law under which tissue moves, if material was cut without recording fractions of voxels
 /// (Carving::records_fractions); for a change between a law with deformable contact and one without, if there
@@ -50,7 +50,7 @@ bool has_other_surfaces(const Model& current, TissueLaw law);
 /// computed, which takes seconds. Errors: those of check_law and prepared_for; kBadInput for an invalid
 /// relaxation; kInterrupted.
 Result<std::shared_ptr<const Model>> under_law(const Model& current, TissueLaw law,
-                                               const ModelPreparation& preparing = {},
+                                               const ModelPreparation& preparation = {},
                                                const Progress& progress = {});
 /// Next version after a change of law, using a model from under_law() instead of computing it.
 /// @param under  under_law() of `current`

@@ -61,7 +61,7 @@ struct RampFieldResult {
 /// The model with a new field of inward ramps for its tissues, and with no direct method but the trilinear
 /// one. Requires Model::ramp_width_mm > 0. Version and content hash do not change. Errors: those of
 /// prepare_ramps; kInterrupted.
-Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparation& preparing = {},
+Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparation& preparation = {},
                                         const Progress& progress = {});
 
 /// The model prepared for additional direct methods, with their field if it has none yet; the same object if
@@ -69,7 +69,7 @@ Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparati
 /// with_methods() (palpate/direct/direct_methods.h).
 Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const Model> model,
                                                          std::span<const ForceMethod> methods,
-                                                         const ModelPreparation& preparing = {},
+                                                         const ModelPreparation& preparation = {},
                                                          const Progress& progress = {});
 
 /// The model prepared for these methods in addition to its own; the same object if it already is. For a
@@ -82,14 +82,14 @@ Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const M
 /// surfaces than the proxy supports; kInterrupted.
 Result<std::shared_ptr<const Model>> prepared_for(std::shared_ptr<const Model> model,
                                                   std::span<const ForceMethod> methods,
-                                                  const ModelPreparation& preparing = {},
+                                                  const ModelPreparation& preparation = {},
                                                   const Progress& progress = {});
 
 /// Adds only the surfaces and trees for distances and no-go regions; the same object if it has them. Without
 /// them, no-go regions of structures exert no force. Requires that nothing was cut. Errors: those of
 /// prepare_surfaces; kInterrupted.
 Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model> model,
-                                                    const ModelPreparation& preparing = {},
+                                                    const ModelPreparation& preparation = {},
                                                     const Progress& progress = {});
 
 /// Structures that distances and no-go regions need, ascending, without duplicates.

@@ -31,7 +31,8 @@ struct ForecastOptions {
 /// @param parts  labels, tissues, tools and no-go regions; the labels stay in memory
 /// Errors: those of ModelPreparation::touching_pairs; kBadInput for more surfaces than the proxy supports.
 Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOptions& options,
-                                       const ModelPreparation& preparing = {}, const Progress& progress = {});
+                                       const ModelPreparation& preparation = {},
+                                       const Progress& progress = {});
 
 /// Memory of a field of inward ramps in addition to the rest of its model, bytes.
 struct FieldMemory {
@@ -42,7 +43,7 @@ struct FieldMemory {
 FieldMemory memory_of_ramp_field(const Model& model);
 
 /// Peak memory of rebuilding a model's surfaces for the proxy, in addition to its existing ones.
-Result<std::uint64_t> memory_of_surfaces(const Model& model, const ModelPreparation& preparing = {},
+Result<std::uint64_t> memory_of_surfaces(const Model& model, const ModelPreparation& preparation = {},
                                          const Progress& progress = {});
 
 }  // namespace palpate

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-/// Encoding of OpenIGTLink messages (openigtlink.org) with heads of version 1, which clients of every version
-/// read. Lengths in mm.
+/// Encoding of OpenIGTLink messages (openigtlink.org) with headers of version 1, which clients of every
+/// version read. Lengths in mm.
 namespace palpate::igtl {
 
 using MessageBytes = std::vector<std::uint8_t>;

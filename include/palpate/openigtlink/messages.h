@@ -19,8 +19,8 @@
 ///    42   u64       size of the body in bytes
 ///    50   u64       CRC-64 of the body
 ///    58             body; from version 2 on
-///                   u16 size of this extended head (12), u16 and u32 sizes of the metadata head and of the
-///                   metadata, u32 number | content | metadata head: u16 count; for each entry u16 key
+///                   u16 size of this extended header (12), u16 and u32 sizes of the metadata header and of
+///                   the metadata, u32 number | content | metadata header: u16 count; for each entry u16 key
 ///                   size, u16 encoding, u32 value size | metadata
 ///
 /// A pose is 12 float32, the columns of a matrix, or 7: position and quaternion (x y z w). TDATA and QTDATA
@@ -29,7 +29,7 @@
 /// by an identity matrix.
 namespace palpate::igtl {
 
-inline constexpr std::size_t kHead_bytes = 58, kType_bytes = 12, kName_bytes = 20;
+inline constexpr std::size_t kHeader_bytes = 58, kType_bytes = 12, kName_bytes = 20;
 
 /// Pose of a tool, or the report that it was not seen.
 struct PoseMessage {
@@ -40,8 +40,8 @@ struct PoseMessage {
   Eigen::Vector3d at_mm = Eigen::Vector3d::Zero();
 };
 
-/// Head of a message.
-struct Head {
+/// Header of a message.
+struct MessageHeader {
   unsigned version = 1;
   std::string type, name;   ///< Raw bytes up to the first zero
   std::uint64_t stamp = 0;  ///< As in PoseMessage
@@ -55,7 +55,7 @@ class MessageSplitter {
   /// Whether the bodies of messages of a type are buffered.
   using WantsBody = bool (*)(const std::string& type);
   /// Receives each complete message; the body of a type that is not wanted is empty.
-  using OnMessage = std::function<void(const Head&, std::span<const std::uint8_t> body)>;
+  using OnMessage = std::function<void(const MessageHeader&, std::span<const std::uint8_t> body)>;
 
   explicit MessageSplitter(WantsBody wants_body) : wants_body_(wants_body) {}
   /// Errors: kBadInput if the input is not OpenIGTLink; the splitter is then unusable.
@@ -65,8 +65,8 @@ class MessageSplitter {
   Result<void> begin_body();
 
   WantsBody wants_body_;
-  std::vector<std::uint8_t> head_bytes_, body_;
-  Head head_;
+  std::vector<std::uint8_t> header_bytes_, body_;
+  MessageHeader header_;
   std::uint64_t missing_ = 0;  // remaining bytes of the body
   bool is_in_body_ = false, is_buffered_ = false;
 };
@@ -83,7 +83,7 @@ class PoseReader {
   std::uint64_t damaged() const { return damaged_; }
 
  private:
-  void decode(const Head& head, std::span<const std::uint8_t> body, const OnPose& on_pose);
+  void decode(const MessageHeader& header, std::span<const std::uint8_t> body, const OnPose& on_pose);
 
   MessageSplitter messages_;
   std::uint64_t damaged_ = 0;

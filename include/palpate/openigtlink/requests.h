@@ -24,7 +24,7 @@ enum class Request : std::uint8_t {
 /// Decodes the requests in a client's stream.
 class RequestReader {
  public:
-  /// @param name  name in the message's head, raw bytes: of the image, or empty
+  /// @param name  name in the message's header, raw bytes: of the image, or empty
   using OnRequest = std::function<void(Request request, const std::string& name)>;
 
   RequestReader();

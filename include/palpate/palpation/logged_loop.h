@@ -4,6 +4,7 @@
 #include <memory>
 #include <span>
 
+#include "palpate/recording/event_log.h"
 #include "palpate/recording/recording.h"
 #include "palpate/servo/servo_loop.h"
 #include "palpate/tissue/carving.h"

@@ -12,7 +12,8 @@
 #include "palpate/contact/model.h"
 #include "palpate/loading/loading.h"
 #include "palpate/recording/recording.h"
-#include "palpate/scene/scene.h"
+#include "palpate/recording/recording_source.h"
+#include "palpate/scene/script.h"
 
 /// Runs scripts, and replays recordings.
 namespace palpate {
@@ -94,8 +95,8 @@ struct SimulationResult {
   std::vector<TouchFigure> touches;  ///< In the order of the approaches that made contact
   std::vector<HoldFigure> holds;
   std::vector<RemovedFigure> removed;
-  double broken_off_mm3 = 0;            ///< RemovedVolume::broken_off_mm3
-  std::vector<ProtectedFigure> spared;  ///< For every structure that the scene protects
+  double broken_off_mm3 = 0;                          ///< RemovedVolume::broken_off_mm3
+  std::vector<ProtectedFigure> protected_structures;  ///< For every structure that the scene protects
   std::size_t failed_steps = 0;
   double max_force_N = 0;  ///< Largest commanded force
   double limit_N = 0;

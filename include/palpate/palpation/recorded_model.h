@@ -11,7 +11,7 @@ namespace palpate {
 Result<void> check_recorded_model(const RecordingHeader& recording, const Model& model);
 
 /// The model with the recording's soft-tissue cell size (Model::tissue_cell_factor).
-std::shared_ptr<const Model> solved_as_recorded(std::shared_ptr<const Model> model,
-                                                const RecordingHeader& recording);
+std::shared_ptr<const Model> with_recorded_cell_size(std::shared_ptr<const Model> model,
+                                                     const RecordingHeader& recording);
 
 }  // namespace palpate

@@ -5,7 +5,7 @@
 #include "palpate/contact/model.h"
 #include "palpate/device/device.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 
 namespace palpate {
 

@@ -20,9 +20,9 @@ struct PluginSettings {
 /// Driver of devices by a plug-in, which runs in a process of its own: DeviceInfo::Drive::kPulled.
 ///
 ///     servo thread         read request ──► plug-in's process: read()     |  watchdog of that process:
-///     halt()
-///                          ◄── samples                                    |  when a call or the session is
-///       tick               commands ──────► write()                       |  silent for kSilence_s
+///                          ◄── samples                                    |  halt() when a call or the
+///       tick               commands ──────► write()                       |  session is silent for
+///       kSilence_s
 ///
 /// **Fault handling**: a plug-in whose process ends, that gives no sample for kAbandoned_s, or reports one
 /// that is not finite or of another size is given up: samples are marked `fault` from then on, its process

@@ -8,7 +8,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/rehearsal/plan_in_scene.h"
 #include "palpate/rehearsal/structure_distance.h"
 
@@ -36,7 +36,7 @@ enum class EntryKind : std::uint8_t {
   kTouched,  ///< The tip touched the structures without passing through
   kNearest,  ///< The plan names no structures: the point of the path nearest to the planned entry
 };
-const char* word_of(EntryKind made);  ///< Name in reports: "passed", ..., "none"
+const char* word_of(EntryKind kind);  ///< Name in reports: "passed", ..., "none"
 
 /// A tick with the position of the tip.
 struct RunPoint {
@@ -49,7 +49,7 @@ struct RunPoint {
 /// mm outside the structures (without structures: outside the plane through the planned entry, perpendicular
 /// to the trajectory). Of several insertions in a run the one closest to the target is evaluated.
 struct TrajectoryResult {
-  EntryKind entry_made = EntryKind::kNone;
+  EntryKind entry_kind = EntryKind::kNone;
   /// `nearest`: nearest to the target; `deepest`: farthest along the trajectory
   RunPoint entry, nearest, deepest;
   ToleratedValue entry_error_mm;   ///< Distance from the planned to the actual entry point
@@ -77,7 +77,7 @@ struct TrajectoryResult {
 /// Planned and removed volume.
 struct VolumeResult {
   double planned_mm3 = 0, removed_mm3 = 0;
-  double left_mm3() const { return planned_mm3 - removed_mm3; }
+  double remaining_mm3() const { return planned_mm3 - removed_mm3; }
 };
 /// Removal of one structure: planned volume, volume removed within the plan, and volume removed outside it.
 struct StructureVolume {

@@ -31,21 +31,23 @@ std::vector<Arrow> sample_arrows(const ForceField& field, const SectionPlane& pl
 /// Number of arrows along a side of the section, at least one; may be too many to draw.
 double arrows_per_side(double size_mm, double spacing_mm);
 
-struct Stretch {
+/// Straight piece of a contour line, in section coordinates.
+struct ContourSegment {
   Pixel from{}, to{};
 };
+
 /// Field values at the corners of square cells over a section.
 class ValueGrid {
  public:
   ValueGrid(const ForceField& field, const SectionPlane& plane, int cells, const Progress& progress = {});
   /// Contour line of a level by marching squares: one or two segments for every cell that it crosses.
-  std::vector<Stretch> contour(double level) const;
+  std::vector<ContourSegment> contour(double level) const;
 
  private:
   double at(int column, int row) const {
     return values_[static_cast<std::size_t>(row) * (cells_ + 1) + column];
   }
-  void add_cell(int column, int row, double level, std::vector<Stretch>& stretches) const;
+  void add_cell(int column, int row, double level, std::vector<ContourSegment>& segments) const;
 
   int cells_;
   double cell_px_;

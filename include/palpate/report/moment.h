@@ -6,7 +6,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/contact/model.h"
-#include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/rendering/volume_marks.h"
 
 namespace palpate {

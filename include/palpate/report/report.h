@@ -5,7 +5,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/contact/model.h"
-#include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/rehearsal/comparison.h"
 #include "palpate/tasks/evaluator.h"
 
@@ -14,7 +14,7 @@ namespace palpate {
 /// A plan and its comparison with the run (compare_recording).
 struct RehearsedPlan {
   const PlanInScene& plan;
-  const PlanComparison& made;
+  const PlanComparison& comparison;
 };
 
 /// A task and the score of the run (score_recording).

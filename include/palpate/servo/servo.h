@@ -10,6 +10,7 @@
 #include "palpate/contact/oscillation.h"
 #include "palpate/contact/passivity.h"
 #include "palpate/contact/tool_contact.h"
+#include "palpate/contact/velocity.h"
 #include "palpate/device/device.h"
 #include "palpate/device/device_parameters.h"
 #include "palpate/device/settings.h"

@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "palpate/base/progress.h"
-#include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/scene/scene.h"
 #include "palpate/server/viewer_host.h"
 #include "palpate/session/shared_plan.h"

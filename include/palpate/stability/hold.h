@@ -61,7 +61,7 @@ Result<HoldResult> hold_tip(const Model& model, const Hold& hold, const Progress
 /// along the principal direction of the tip with the largest motion, with a band of two encoder steps.
 /// @param tips     at least one, of equal rate, device and hand
 /// @param heading  description of the conditions
-/// Errors: kOutput. Written atomically.
+/// Errors: kOutput; the file then stays as it was.
 Result<void> write_hold_picture(const std::filesystem::path& file, std::span<const HoldResult> tips,
                                 const std::string& heading);
 

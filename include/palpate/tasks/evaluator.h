@@ -12,6 +12,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/tasks/burr_meters.h"
 #include "palpate/tasks/motion.h"
 #include "palpate/tasks/task.h"

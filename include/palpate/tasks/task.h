@@ -55,7 +55,9 @@ struct RegionInScene {
   SurfacePatches patches;     ///< Patches, for regions of kCover steps
 
   bool has(LabelId label) const { return label < has_label.size() && has_label[label]; }
-  bool bounds(const Eigen::Vector3d& position_mm) const;
+  /// Whether a point lies within the sphere, if the region has one, and on the positive side of all planes.
+  /// Labels are not tested.
+  bool contains_point(const Eigen::Vector3d& position_mm) const;
 };
 
 /// A task's plan resolved in a scene before any removal.

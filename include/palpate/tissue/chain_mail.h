@@ -26,10 +26,10 @@ struct Dent {
 bool find_dent(const Model& model, const TickRecord& tick, std::size_t device, Dent& dent);
 
 /// 3D ChainMail (S. Gibson, "3D ChainMail: a fast algorithm for deforming volumetric objects", Symposium on
-/// Interactive 3D Graphics 1997). The nodes of cells are links. Two neighbours along an axis satisfy
+/// Interactive 3D Graphics 1997). The nodes of cells are links. Two neighbours along an axis satisfy,
+/// in cell edges,
 ///
-///     kMinStretch <= spacing along the axis <= kMaxStretch,     |offset along the others| <= kShear     (in
-///     cell edges)
+///     kMinStretch <= spacing along the axis <= kMaxStretch,     |offset along the others| <= kShear
 ///
 /// The tool moves its nodes, the deepest first. Each moved node pulls its neighbours by the least
 /// displacement that restores the bounds, these pull theirs, first in, first out, each at most once per move.

@@ -16,12 +16,12 @@ TissueLaw law_of(const ModelChange& change);
 class LawHistory {
  public:
   /// @param first      law of the model with which the recording begins
-  /// @param coarsened  its Model::tissue_cell_factor
-  explicit LawHistory(TissueLaw first, double coarsened = 1) : laws_{{0, first, coarsened}} {}
+  /// @param cell_factor  its Model::tissue_cell_factor
+  explicit LawHistory(TissueLaw first, double cell_factor = 1) : laws_{{0, first, cell_factor}} {}
   /// Applies a change, in the order of versions; changes of other kinds are ignored.
   void on_event(const ModelChange& change);
   TissueLaw at(std::uint32_t version) const { return from(version).law; }
-  double coarsened_at(std::uint32_t version) const { return from(version).coarsened; }
+  double cell_factor_at(std::uint32_t version) const { return from(version).cell_factor; }
   /// Whether any version has a law for which `is` returns true.
   template <class Is>
   bool any(const Is& is) const {
@@ -32,7 +32,7 @@ class LawHistory {
   struct From {
     std::uint32_t version;  // first version with this law
     TissueLaw law;
-    double coarsened;
+    double cell_factor;
   };
   const From& from(std::uint32_t version) const;
 

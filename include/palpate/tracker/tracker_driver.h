@@ -62,6 +62,6 @@ class TrackerDriver final : public DeviceDriver {
 };
 
 /// Factory for `--device tracker`.
-DeviceVendor tracker_maker(const TrackedToolSettings& settings = {});
+DeviceVendor tracker_vendor(const TrackedToolSettings& settings = {});
 
 }  // namespace palpate

@@ -1,4 +1,5 @@
 #include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 
 #include <cstring>
 #include <memory>

@@ -92,7 +92,7 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   own.at = at;
   own.outward = tool.stretched_mm.normalized();
   own.surface = std::ranges::max_element(tool.contacts, {}, &ProxyContact::multiplier_mm)->surface;
-  const NeighbourEffect others = displaced_by_others(options.tissue_contacts, options.device, own);
+  const NeighbourEffect others = neighbour_effect(options.tissue_contacts, options.device, own);
   own.displaced_mm = others.displaced_mm;
   foot.depth_mm -= others.displaced_mm;
   if (!(foot.depth_mm > 0)) return force;

@@ -44,7 +44,7 @@ struct DeformableForce {
   /// limit.
   double secant_N_per_mm = 0, unclamped_secant_N_per_mm = 0;
   bool relaxed = false;          ///< Whether the relaxation state was advanced by this tick
-  TissueContact tissue_contact;  ///< Contact as input of displaced_by_others() for the other tools
+  TissueContact tissue_contact;  ///< Contact as input of neighbour_effect() for the other tools
 };
 
 /// Force of deformable tissue at the depth of the spring vector.

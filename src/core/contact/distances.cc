@@ -61,7 +61,7 @@ class NearestOfTool {
 
   // bisects the interval with the smallest lower bound until it cannot contain a nearer point
   void sample_between(const ToolSphere& sphere, double whole_mm) {
-    while (count_ < kMaxAlong) {
+    while (count_ < kMaxAxisPoints) {
       const auto min_mm = [&](std::size_t n) {
         const AxisSample &from = samples_[n], &to = samples_[n + 1];
         return 0.5 * (from.distance_mm + to.distance_mm - (to.axis_fraction - from.axis_fraction) * whole_mm);
@@ -69,7 +69,7 @@ class NearestOfTool {
       std::size_t next = 0;
       for (std::size_t n = 1; n + 1 < count_; ++n)
         if (min_mm(n) < min_mm(next)) next = n;
-      if (!(min_mm(next) < nearest_.distance_mm - kAlongSlack_mm)) return;
+      if (!(min_mm(next) < nearest_.distance_mm - kAxisTolerance_mm)) return;
       const double half = 0.5 * (samples_[next + 1].axis_fraction - samples_[next].axis_fraction);
       accumulate(sphere, samples_[next].axis_fraction + half, half * whole_mm);
     }
@@ -101,7 +101,7 @@ class NearestOfTool {
   const SurfaceTree& tree_;
   const Point<Patient> tip_;
   const double within_mm_;
-  std::array<AxisSample, kMaxAlong> samples_{};
+  std::array<AxisSample, kMaxAxisPoints> samples_{};
   std::size_t count_ = 0;
   ToolDistance nearest_;
   bool found_ = false;

@@ -44,10 +44,10 @@ Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Pati
                        double base_per_mm = 0);
 
 /// Mutual compliance of two press points (displacement at one per unit force at the other), times E*, plus
-/// `base_per_mm` because the sphere law
-/// subtracts the base's contribution for the sum of all forces: 1 / (pi r) (1 - x)^2 with x = pi base r / 2,
-/// and 0 from x = 1 on. Press points closer than a radius are partly merged.
-/// @param lateral_mm     lateral distance r
+/// `base_per_mm`, because the sphere law subtracts the base's contribution for the sum of all forces:
+/// 1 / (pi r) (1 - x)^2 with x = pi base r / 2, and 0 from x = 1 on. Press points closer than a radius are
+/// partly merged.
+/// @param lateral_mm   lateral distance r
 /// @param radius_mm    the smaller radius; above 0
 /// @param base_per_mm  as of footprint_of
 double pair_interaction_per_mm(double lateral_mm, double radius_mm, double base_per_mm);

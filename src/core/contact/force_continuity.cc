@@ -58,7 +58,7 @@ double limit_stiffness(double requested, std::optional<double> before, const Vec
 void SlipBudget::spend(std::optional<double> before_N_per_mm, const ProxyForce& now,
                        const SpringMotion& motion) {
   const double changed_N = (now.force_N - motion.last_spring_mm * before_N_per_mm.value_or(0)).norm();
-  left_N -= std::clamp(changed_N - non_slip_change_N(before_N_per_mm, now, motion), 0.0, left_N);
+  remaining_N -= std::clamp(changed_N - non_slip_change_N(before_N_per_mm, now, motion), 0.0, remaining_N);
 }
 
 double ResidualForce::fade(double max_N) {

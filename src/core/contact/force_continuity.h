@@ -80,14 +80,15 @@ double limit_stiffness(double requested, std::optional<double> before, const Vec
 
 /// Slip budget of one tick, spent by the layers from outside to inside.
 struct SlipBudget {
-  double left_N = 0;  ///< Force change that slip may still cause in this tick
+  double remaining_N = 0;  ///< Force change that slip may still cause in this tick
   /// Stiffness by which slip of the current layer's proxy changes the force: sum over this layer and those
   /// within, in the last tick.
   double stiffness_N_per_mm = 0;
 
   /// Maximum slip of the current layer's proxy; infinite if that stiffness is 0.
   double max_slip_mm() const {
-    return stiffness_N_per_mm > 0 ? left_N / stiffness_N_per_mm : std::numeric_limits<double>::infinity();
+    return stiffness_N_per_mm > 0 ? remaining_N / stiffness_N_per_mm
+                                  : std::numeric_limits<double>::infinity();
   }
   /// Subtracts the slip contained in a layer's force change.
   /// @param before_N_per_mm  spring stiffness of the layer in the last tick; empty: unknown

@@ -27,8 +27,8 @@ void TissueContact::hash_into(std::uint64_t& hash) const {
   hash_word(hash, static_cast<std::uint64_t>(surface));
 }
 
-NeighbourEffect displaced_by_others(std::span<const TissueContact> tissue_contacts, std::size_t device,
-                                    const TissueContact& own) {
+NeighbourEffect neighbour_effect(std::span<const TissueContact> tissue_contacts, std::size_t device,
+                                 const TissueContact& own) {
   NeighbourEffect effect;
   for (std::size_t d = 0; d < tissue_contacts.size(); ++d) {
     const TissueContact& other = tissue_contacts[d];

@@ -27,7 +27,7 @@ TissueContact press_at(const Point<Patient>& at, double force_N, double modulus 
 }
 
 NeighbourEffect effect_on_first(const std::array<TissueContact, 2>& presses) {
-  return displaced_by_others(presses, 0, presses[0]);
+  return neighbour_effect(presses, 0, presses[0]);
 }
 
 TEST(NeighbourTools, HalfSpaceDisplacementMatchesBoussinesq) {
@@ -55,7 +55,7 @@ TEST(NeighbourTools, TangentialForceIsTheGradientOfASymmetricCompliance) {
     std::array presses{press_at(at, 0.1, kSoftModulus * (1 + unit(random))), press_at({10, 10, 0}, 0.2)};
     for (TissueContact& press : presses) press.base_per_mm = 0.1 * unit(random);
     const NeighbourEffect effect = effect_on_first(presses);
-    const NeighbourEffect back = displaced_by_others(presses, 1, presses[1]);
+    const NeighbourEffect back = neighbour_effect(presses, 1, presses[1]);
     EXPECT_NEAR(effect.displaced_mm / presses[1].force_N, back.displaced_mm / presses[0].force_N, 1e-12);
     constexpr double kStep_mm = 1e-5;
     for (const Vector<Patient>& axis : {Vector<Patient>(1, 0, 0), Vector<Patient>(0, 1, 0)}) {

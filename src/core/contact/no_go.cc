@@ -27,19 +27,18 @@ struct NearRegion {
   double radius_mm;
 };
 
-using MetRegion = std::optional<NearRegion>;
-
-void retain_nearest(const NearRegion& one, MetRegion& nearest) {
+void retain_nearest(const NearRegion& one, std::optional<NearRegion>& nearest) {
   if (!nearest || one.distance_mm < nearest->distance_mm) nearest = one;
 }
 
-MetRegion nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
-  MetRegion nearest;
+std::optional<NearRegion> nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres,
+                                     const Point<Patient>& tip) {
+  std::optional<NearRegion> nearest;
   for (const ToolSphere& sphere : spheres)
     // with a linearly changing radius the extremum is at one of the ends
-    for (const double part : {0.0, 1.0}) {
-      const Point<Patient> centre = tip + sphere.offset_mm + sphere.axis_mm * part;
-      const double radius_mm = sphere.radius_at_mm(part);
+    for (const double axis_fraction : {0.0, 1.0}) {
+      const Point<Patient> centre = tip + sphere.offset_mm + sphere.axis_mm * axis_fraction;
+      const double radius_mm = sphere.radius_at_mm(axis_fraction);
       retain_nearest({plane.outward.dot(centre - plane.point) - radius_mm, centre, plane.outward, radius_mm},
                      nearest);
     }
@@ -47,7 +46,7 @@ MetRegion nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres
 }
 
 // position on a tapered capsule's axis where the line from the point is perpendicular to its outline
-double nearest_part_of_axis(const ToolSphere& sphere, const Vector<Patient>& to_point) {
+double nearest_axis_fraction(const ToolSphere& sphere, const Vector<Patient>& to_point) {
   const double length2 = sphere.axis_mm.squared_norm();
   if (!(length2 > 0)) return 0;
   const double foot = to_point.dot(sphere.axis_mm) / length2;
@@ -57,14 +56,15 @@ double nearest_part_of_axis(const ToolSphere& sphere, const Vector<Patient>& to_
   return std::clamp(foot + ahead, 0.0, 1.0);
 }
 
-MetRegion nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
-  MetRegion nearest;
+std::optional<NearRegion> nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres,
+                                     const Point<Patient>& tip) {
+  std::optional<NearRegion> nearest;
   for (const ToolSphere& sphere : spheres) {
     const Point<Patient> end = tip + sphere.offset_mm;
-    const double part = nearest_part_of_axis(sphere, ball.centre - end);
-    const Point<Patient> centre = end + sphere.axis_mm * part;
+    const double axis_fraction = nearest_axis_fraction(sphere, ball.centre - end);
+    const Point<Patient> centre = end + sphere.axis_mm * axis_fraction;
     const Vector<Patient> displacement = centre - ball.centre;
-    const double radius_mm = sphere.radius_at_mm(part);
+    const double radius_mm = sphere.radius_at_mm(axis_fraction);
     retain_nearest(
         {displacement.norm() - ball.radius_mm - radius_mm, centre, displacement.normalized(), radius_mm},
         nearest);
@@ -72,8 +72,9 @@ MetRegion nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres
   return nearest;
 }
 
-MetRegion nearest_to(const NoGoStructure& structure, const Distances& distances,
-                     std::span<const ToolSphere> spheres, const Point<Patient>& tip, double within_mm) {
+std::optional<NearRegion> nearest_to(const NoGoStructure& structure, const Distances& distances,
+                                     std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+                                     double within_mm) {
   if (structure.tracked < 0) return {};
   const auto tracked = static_cast<std::size_t>(structure.tracked);
   if (!(distances.lower_bound_mm(tracked, box_of_tool(spheres, tip)) <= within_mm)) return {};
@@ -83,8 +84,8 @@ MetRegion nearest_to(const NoGoStructure& structure, const Distances& distances,
   return NearRegion{near->distance_mm, near->centre, tree.outward(near->centre, near->near), near->radius_mm};
 }
 
-MetRegion nearest_to(const NoGoRegion& region, const Distances& distances,
-                     std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
+std::optional<NearRegion> nearest_to(const NoGoRegion& region, const Distances& distances,
+                                     std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
   if (const auto* plane = std::get_if<NoGoPlane>(&region.shape)) return nearest_to(*plane, spheres, tip);
   if (const auto* ball = std::get_if<NoGoSphere>(&region.shape)) return nearest_to(*ball, spheres, tip);
   return nearest_to(*std::get_if<NoGoStructure>(&region.shape), distances, spheres, tip, region.keep_away_mm);
@@ -237,7 +238,7 @@ NoGoForce no_go_force(std::span<const NoGoRegion> regions, const Distances& dist
   ActiveRegions active;
   for (std::size_t r = 0; r < regions.size(); ++r) {
     const NoGoRegion& region = regions[r];
-    const MetRegion near = nearest_to(region, distances, spheres, tip);
+    const std::optional<NearRegion> near = nearest_to(region, distances, spheres, tip);
     if (!near || !(near->distance_mm < region.keep_away_mm)) continue;
     const double stiffness =
         capped ? std::min(region.stiffness_N_per_mm, kMaxFractionOfLimit * max_stiffness_N_per_mm)

@@ -589,7 +589,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   ContactSprings springs(surfaces, tool_pose.tip, options);
   UpdateWorkspace work;
   SlipBudget slip{options.max_slip_N_per_s * options.dt_s, state.stiffness_N_per_mm};
-  slip.left_N -= state.release.fade(slip.left_N);
+  slip.remaining_N -= state.release.fade(slip.remaining_N);
   state.tip = tool_pose.tip;
   state.stiffness_N_per_mm = 0;
   // Whether the current layer constrains the tool. The outermost layer does until the tool has returned to
@@ -627,7 +627,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
     const ProxySpheres proxy_spheres(spheres, tool_pose.attitude, layer.attitude);
     const bool has_arrived = !advance.lagging && !advance.wedged;
     const ProxyForce force =
-        springs.add({layer, proxy_spheres.spheres(), advance.spring, has_arrived, slip.left_N},
+        springs.add({layer, proxy_spheres.spheres(), advance.spring, has_arrived, slip.remaining_N},
                     state.cache(n).owners, n == 0 ? state.compliance : none, state.relaxation);
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
     layer.catch_up_mm = layer.contact_count == 0 && advance.lagging ? advance.spring.catch_up_mm : 0;

@@ -42,35 +42,35 @@ constexpr std::array kWeights{0.0025163516466441683, 0.029169382162443865, 0.087
 
 }  // namespace
 
-double stiffening_depth_mm(double stiffening_mm_per_N2, double first_N, double force_N) {
-  if (force_N <= first_N) return stiffening_mm_per_N2 * force_N * force_N;
-  const double s = cube_root(force_N), first_s = cube_root(first_N);
-  return stiffening_mm_per_N2 * first_N * first_s * first_s * (6 * s - 5 * first_s);
+double stiffening_depth_mm(double stiffening_mm_per_N2, double reference_force_N, double force_N) {
+  if (force_N <= reference_force_N) return stiffening_mm_per_N2 * force_N * force_N;
+  const double s = cube_root(force_N), first_s = cube_root(reference_force_N);
+  return stiffening_mm_per_N2 * reference_force_N * first_s * first_s * (6 * s - 5 * first_s);
 }
 
 SphereLaw::SphereLaw(const ContactLaw& tissue, double radius_mm)
     : layer_(LayerFactor::under_sphere(tissue.poissons_ratio)),
       b_(tissue.surroundings_mm_per_N),
       c_(tissue.stiffening_mm_per_N2),
-      first_N_(tissue.reference_force_N),
-      first_s_(first_N_ > 0 ? cube_root(first_N_) : 0) {
+      reference_N_(tissue.reference_force_N),
+      reference_s_(reference_N_ > 0 ? cube_root(reference_N_) : 0) {
   const double modulus = tissue.modulus_N_per_mm2,
                radius = std::max(radius_mm, kSoftTissueSettings.min_radius_mm);
   const double root = cube_root(4 * modulus / (3 * radius));
   k_ = 0.75 / modulus * root;
   kappa_ = 1 / (radius * root);
   base_ = b_ < 0 ? -b_ / k_ : 0;
-  if (!(c_ > 0 && first_s_ > 0)) return;
-  const double largest = 0.5 * kMaxStiffened * elastic_compliance_mm_per_N(first_s_) / first_N_;
+  if (!(c_ > 0 && reference_s_ > 0)) return;
+  const double largest = 0.5 * kMaxStiffened * elastic_compliance_mm_per_N(reference_s_) / reference_N_;
   if (c_ <= largest) return;
   c_ = largest;
   is_clamped_ = true;
   // derivative of the clamped C with respect to B; the step's error is of third order
   constexpr double kStep = 1e-4;
-  const double per_N = (elastic_per_surroundings_N((1 + kStep) * first_s_) -
-                        elastic_per_surroundings_N((1 - kStep) * first_s_)) /
-                       (6 * kStep * first_N_);
-  c_per_b_ = 0.5 * kMaxStiffened * per_N / first_N_;
+  const double per_N = (elastic_per_surroundings_N((1 + kStep) * reference_s_) -
+                        elastic_per_surroundings_N((1 - kStep) * reference_s_)) /
+                       (6 * kStep * reference_N_);
+  c_per_b_ = 0.5 * kMaxStiffened * per_N / reference_N_;
 }
 
 SphereLaw::Depth SphereLaw::elastic(double s) const {
@@ -87,12 +87,12 @@ SphereLaw::Depth SphereLaw::at(double s) const {
   Depth depth = elastic(s);
   if (c_ == 0) return depth;
   const double force_N = s * s * s;
-  if (force_N <= first_N_) {
+  if (force_N <= reference_N_) {
     depth.mm -= c_ * force_N * force_N;
     depth.per_s -= 6 * c_ * force_N * s * s;
   } else {
-    const double first = c_ * first_N_ * first_s_ * first_s_;
-    depth.mm -= first * (6 * s - 5 * first_s_);
+    const double first = c_ * reference_N_ * reference_s_ * reference_s_;
+    depth.mm -= first * (6 * s - 5 * reference_s_);
     depth.per_s -= 6 * first;
   }
   return depth;
@@ -128,7 +128,7 @@ double SphereLaw::first_limited(double end, double smallest) const {
   double low = 0, high = end;
   // The compliance decreases monotonically up to F1 if C > 0, and beyond F1 if C < 0; on these intervals it
   // suffices to evaluate the end.
-  const double kink = std::min(first_s_, end);
+  const double kink = std::min(reference_s_, end);
   const auto first_below = [&](double from, double to, int steps) {
     for (int n = 1; n <= steps && to > from; ++n) {
       low = from + (to - from) * (n - 1) / steps;
@@ -182,13 +182,13 @@ SphereLaw::Integrals SphereLaw::integrals(double s) const {
     sum.of_surroundings_N2 = 0.5 * force_N * force_N;
     sum.depth_mJ += b_ * sum.of_surroundings_N2;
   }
-  if (force_N <= first_N_) {
+  if (force_N <= reference_N_) {
     sum.of_stiffening_N3 = force_N * force_N * force_N / 3;
-  } else if (first_N_ > 0) {
-    const double first_4 = first_N_ * first_s_, s_4 = force_N * s;
-    sum.of_stiffening_N3 =
-        first_N_ * first_N_ * first_N_ / 3 +
-        first_N_ * first_s_ * first_s_ * (4.5 * (s_4 - first_4) - 5 * first_s_ * (force_N - first_N_));
+  } else if (reference_N_ > 0) {
+    const double first_4 = reference_N_ * reference_s_, s_4 = force_N * s;
+    sum.of_stiffening_N3 = reference_N_ * reference_N_ * reference_N_ / 3 +
+                           reference_N_ * reference_s_ * reference_s_ *
+                               (4.5 * (s_4 - first_4) - 5 * reference_s_ * (force_N - reference_N_));
   }
   sum.depth_mJ -= c_ * sum.of_stiffening_N3;
   if (is_clamped_) {
@@ -214,8 +214,8 @@ double SphereLaw::per_stiffening_N2(double s) const {
 
 double SphereLaw::per_c_N2(double s) const {
   const double force_N = s * s * s;
-  if (force_N <= first_N_) return force_N * force_N;
-  return first_N_ * first_s_ * first_s_ * (6 * s - 5 * first_s_);
+  if (force_N <= reference_N_) return force_N * force_N;
+  return reference_N_ * reference_s_ * reference_s_ * (6 * s - 5 * reference_s_);
 }
 
 }  // namespace palpate

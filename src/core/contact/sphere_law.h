@@ -46,7 +46,7 @@ class SphereLaw {
   double k_;      ///< Hertz's depth is k s^2
   double base_;   ///< -B / k where B is below 0; times s / P it is the argument of LayerFactor
   double kappa_;  ///< Hertz's contact radius is kappa s sphere radii
-  double first_N_, first_s_;
+  double reference_N_, reference_s_;
   bool is_clamped_ = false;  ///< C is limited, and so depends on B alone
   double c_per_b_ = 0;
 };

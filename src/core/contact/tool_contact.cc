@@ -257,8 +257,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context
   if (context.device_index < tick.tissue_contacts.size()) {
     // evaluated at the last tick's contact point: work by the tool's own displacement is done by its operator
     const TissueContact& before = tick.tissue_contacts[context.device_index];
-    const double now_mm =
-        displaced_by_others(tick.tissue_contacts, context.device_index, before).displaced_mm;
+    const double now_mm = neighbour_effect(tick.tissue_contacts, context.device_index, before).displaced_mm;
     tool.received_mJ = before.force_N * (before.displaced_mm - now_mm) * (gains.force_gain / gains.scale);
   }
   const double stiffness_N_per_mm =

@@ -37,13 +37,13 @@ class Turn {
         attitude_(attitude),
         state_(state),
         path_(path),
-        left_queries_(has_capsules(spheres) ? kToolRotationSettings.max_queries_of_capsules
-                                            : kToolRotationSettings.max_queries) {}
+        remaining_queries_(has_capsules(spheres) ? kToolRotationSettings.max_queries_of_capsules
+                                                 : kToolRotationSettings.max_queries) {}
 
   /// Runs the rotation until the attitude is reached, blocked, or the work limit ends it.
   ToolTurn run() {
     record_pose();
-    for (int leg = 0; leg < kToolRotationSettings.max_legs && left_steps_ > 0; ++leg)
+    for (int leg = 0; leg < kToolRotationSettings.max_legs && remaining_steps_ > 0; ++leg)
       if (!run_leg()) return result_;
     result_.lagging = true;
     return result_;
@@ -76,10 +76,10 @@ class Turn {
     reach_mm_ = pairs.reach_mm() - kProxySettings.substep_mm();
     double done_rad = 0;
     // beyond the work limit, the next tick continues
-    max_queries_ = pairs.queries() + left_queries_;
-    while (left_steps_ > 0 && pairs.queries() < max_queries_ && done_rad < leg_rad &&
+    max_queries_ = pairs.queries() + remaining_queries_;
+    while (remaining_steps_ > 0 && pairs.queries() < max_queries_ && done_rad < leg_rad &&
            reach_mm_ > kProxySettings.outside_mm) {
-      --left_steps_;
+      --remaining_steps_;
       const double step_rad = step(pairs, remaining, start_attitude, done_rad, leg_rad - done_rad);
       if (!(step_rad > 0)) {
         (pairs.queries() < max_queries_ || !has_turned_ ? result_.blocked : result_.lagging) = true;
@@ -88,9 +88,9 @@ class Turn {
       done_rad += step_rad;
       has_turned_ = true;
     }
-    left_queries_ = max_queries_ - pairs.queries();
+    remaining_queries_ = max_queries_ - pairs.queries();
     if (done_rad >= remaining.angle()) return arrive();
-    result_.lagging = done_rad == 0 || left_queries_ <= 0;
+    result_.lagging = done_rad == 0 || remaining_queries_ <= 0;
     return !result_.lagging;
   }
 
@@ -157,9 +157,9 @@ class Turn {
   double farthest_mm_ = 0;                           // maximum of radius_mm_
   double reach_mm_ = 0;  // displacement of any sphere for which the gathered surfaces are complete
   std::array<double, kMaxPairs> clearance_mm_{};
-  int left_steps_ = kToolRotationSettings.max_steps;
-  int left_queries_;     // queries left in this tick after the current leg
-  int max_queries_ = 0;  // query count at which the current leg stops
+  int remaining_steps_ = kToolRotationSettings.max_steps;
+  int remaining_queries_;  // queries left in this tick after the current leg
+  int max_queries_ = 0;    // query count at which the current leg stops
   bool has_turned_ = false;
 };
 

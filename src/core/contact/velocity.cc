@@ -1,5 +1,6 @@
+#include "palpate/contact/velocity.h"
+
 #include "palpate/base/hash.h"
-#include "palpate/contact/model.h"
 
 namespace palpate {
 

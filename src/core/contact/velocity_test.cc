@@ -3,7 +3,7 @@
 #include <random>
 
 #include "palpate/base/hash.h"
-#include "palpate/contact/model.h"
+#include "palpate/contact/velocity.h"
 
 namespace palpate {
 namespace {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/relaxation_times.h"
 #include "model/surfaces_needed.h"
 #include "palpate/base/hash.h"
 #include "palpate/contact/tissue_values.h"
@@ -39,13 +40,13 @@ void hash_after(const Model& current, const ModelChange& change, Model& next) {
 }
 
 Result<std::shared_ptr<const Model>> next_law(const Model& current, const ModelChange& change,
-                                              const ModelPreparation& preparing, const Progress& progress) {
+                                              const ModelPreparation& preparation, const Progress& progress) {
   // a file may contain any value
-  const double coarsened = change.contact.stiffness_N_per_mm;
-  if (coarsened != 0 && !(coarsened >= 1 && coarsened <= kMaxTissueCoarsening))
-    return Error{ErrorKind::kBadInput, "the coarsening factor of the cells is " + std::to_string(coarsened),
+  const double cell_factor = change.contact.stiffness_N_per_mm;
+  if (cell_factor != 0 && !(cell_factor >= 1 && cell_factor <= kMaxTissueCellFactor))
+    return Error{ErrorKind::kBadInput, "the coarsening factor of the cells is " + std::to_string(cell_factor),
                  "", "give a factor from 1 to 2"};
-  auto under = under_law(current, law_of(change), preparing, progress);
+  auto under = under_law(current, law_of(change), preparation, progress);
   if (!under) return under.error();
   return with_law(current, **under, change);
 }
@@ -168,9 +169,9 @@ ModelChange change_of_stroke(const Model& current, StrokeAction action) {
   return {current.version + 1, action == StrokeAction::kUndo ? ModelChange::kUndo : ModelChange::kRedo};
 }
 
-ModelChange change_of_law(const Model& current, TissueLaw law, double coarsened) {
+ModelChange change_of_law(const Model& current, TissueLaw law, double cell_factor) {
   ModelChange change{current.version + 1, ModelChange::kLaw + static_cast<std::uint32_t>(law)};
-  change.contact.stiffness_N_per_mm = coarsened;
+  change.contact.stiffness_N_per_mm = cell_factor;
   return change;
 }
 
@@ -207,7 +208,8 @@ Result<void> check_law(const Model& current, TissueLaw law) {
 }
 
 Result<std::shared_ptr<const Model>> under_law(const Model& current, TissueLaw law,
-                                               const ModelPreparation& preparing, const Progress& progress) {
+                                               const ModelPreparation& preparation,
+                                               const Progress& progress) {
   if (auto fine = check_law(current, law); !fine) return fine.error();
   auto next = std::make_shared<Model>(current);
   next->tissue_law = law;
@@ -218,15 +220,15 @@ Result<std::shared_ptr<const Model>> under_law(const Model& current, TissueLaw l
   auto times = relaxation_times_of(current.tissues, law);
   if (!times) return times.error();
   next->relaxation_times = *times;
-  return with_surfaces(std::move(next), preparing, progress);
+  return with_surfaces(std::move(next), preparation, progress);
 }
 
 std::shared_ptr<const Model> with_law(const Model& current, const Model& under, const ModelChange& change) {
   auto next = std::make_shared<Model>(under);
   next->version = change.version;
   // set by change_of_law()
-  if (const double coarsened = change.contact.stiffness_N_per_mm; coarsened != 0)
-    next->tissue_cell_factor = coarsened;
+  if (const double cell_factor = change.contact.stiffness_N_per_mm; cell_factor != 0)
+    next->tissue_cell_factor = cell_factor;
   hash_after(current, change, *next);
   return next;
 }
@@ -243,7 +245,7 @@ void apply_stroke_change(const ModelChange& change, RemovedVolume& removed) {
 
 Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& change,
                                    std::span<const Cut> cuts, const Progress& progress,
-                                   const ModelPreparation& preparing) {
+                                   const ModelPreparation& preparation) {
   if (auto fine = check_versions(now, cuts); !fine) return fine.error();
   if (change.tissue == ModelChange::kCut) {
     if (!now.current->has(ForceMethod::kProxy))
@@ -256,7 +258,7 @@ Result<ModelVersions> next_version(const ModelVersions& now, const ModelChange& 
     return ModelVersions{carving->applied_to(*now.current), now.prepared};
   }
   if (change.is_of_law()) {
-    auto next = next_law(*now.current, change, preparing, progress);
+    auto next = next_law(*now.current, change, preparation, progress);
     if (!next) return next.error();
     return ModelVersions{*std::move(next), now.prepared};
   }

@@ -264,9 +264,9 @@ TEST(ChangedModel, LawChangeWithinAGroupNeedsNoNewSurfaces) {
   laws.on_event({5, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kNeoHookean), 1.6});
   laws.on_event({3, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kLayers)});
   laws.on_event({7, ModelChange::kLaw + static_cast<std::uint32_t>(TissueLaw::kElastic), 7});
-  EXPECT_EQ(laws.coarsened_at(4), 1.25);
-  EXPECT_EQ(laws.coarsened_at(5), 1.6);
-  EXPECT_EQ(laws.coarsened_at(9), 1.6) << "coarsening above kMaxTissueCoarsening is ignored";
+  EXPECT_EQ(laws.cell_factor_at(4), 1.25);
+  EXPECT_EQ(laws.cell_factor_at(5), 1.6);
+  EXPECT_EQ(laws.cell_factor_at(9), 1.6) << "coarsening above kMaxTissueCellFactor is ignored";
   EXPECT_FALSE(laws.any([](TissueLaw law) { return law == TissueLaw::kLayers; }));
   EXPECT_EQ(laws.at(0), TissueLaw::kElastic);
   EXPECT_EQ(laws.at(4), TissueLaw::kElastic);

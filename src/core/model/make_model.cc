@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "model/check_parts.h"
-#include "model/surfaces_needed.h"
+#include "model/relaxation_times.h"
 #include "palpate/base/hash.h"
 #include "palpate/direct/direct_methods.h"
 #include "palpate/model/ramp_structures.h"
@@ -177,26 +177,6 @@ Result<void> check_elastic(const ModelParts& parts) {
                "give their edge in millimetres, or 0 to derive it from the voxel spacing"};
 }
 
-// relaxation series that are invalid
-Result<void> check_relaxation(const Relaxation& relaxation) {
-  const auto wrong = [](std::string what) {
-    return Error{ErrorKind::kBadInput, std::move(what), "",
-                 "give pairs of a fraction of the modulus, above 0 and with a sum below 1, and a time of "
-                 "0.01 to 1000 s"};
-  };
-  for (const RelaxationTerm& term : relaxation.term) {
-    if (term.fraction == 0 && term.time_s == 0) continue;
-    if (!(term.fraction > 0 && term.fraction < 1))
-      return wrong("a relaxation by " + std::to_string(term.fraction) + " of its modulus");
-    if (!(term.time_s >= kRelaxationTimeRange.min_s && term.time_s <= kRelaxationTimeRange.max_s))
-      return wrong("a relaxation time of " + std::to_string(term.time_s) + " s");
-  }
-  if (!(relaxation.total_fraction() < 1)) return wrong("a relaxation of the whole modulus");
-  if (!relaxation.relaxes() && relaxation.total_fraction() > 0)
-    return wrong("a relaxation whose first term is empty");
-  return {};
-}
-
 // each label's level in the field, 1 for the stiffest tissue
 void set_levels(Model& model) {
   // without touchable tissue the value is irrelevant
@@ -229,24 +209,6 @@ std::shared_ptr<const Field> empty_field(const GridGeometry& grid, bool eight_bi
 }
 
 }  // namespace
-
-Result<RelaxationTimes> relaxation_times_of(std::span<const Tissue> tissues, TissueLaw law) {
-  RelaxationTimes times;
-  if (!is_elastic(law)) return times;
-  for (const Tissue& tissue : tissues) {
-    if (auto fine = check_relaxation(tissue.relaxation); !fine) {
-      Error error = fine.error();
-      error.what = "tissue \"" + tissue.name + "\" has " + error.what;
-      return error;
-    }
-    if (tissue.elastic && tissue.touchable && !times.add(tissue.relaxation))
-      return Error{
-          ErrorKind::kBadInput,
-          "the tissues relax with more than " + std::to_string(kMaxRelaxationTimes) + " different times", "",
-          "give some of them the same `relaxation` times"};
-  }
-  return times;
-}
 
 Result<std::shared_ptr<Model>> make_model(ModelParts parts) {
   if (auto fine = check_parts(parts); !fine) return fine.error();
@@ -295,9 +257,9 @@ Result<std::shared_ptr<Model>> make_model(ModelParts parts) {
   return model;
 }
 
-Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparation& preparing,
+Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparation& preparation,
                                         const Progress& progress) {
-  auto ramps = preparing.ramps(
+  auto ramps = preparation.ramps(
       *model.labels, ramp_structures(model, *model.labels),
       {.stiffest_N_per_mm = model.max_stiffness_N_per_mm(), .width_mm = model.ramp_width_mm}, progress);
   if (!ramps) return ramps.error();
@@ -311,11 +273,11 @@ Result<RampFieldResult> with_ramp_field(const Model& model, const ModelPreparati
 
 Result<std::shared_ptr<const Model>> with_direct_methods(std::shared_ptr<const Model> model,
                                                          std::span<const ForceMethod> methods,
-                                                         const ModelPreparation& preparing,
+                                                         const ModelPreparation& preparation,
                                                          const Progress& progress) {
   if (methods.empty()) return model;
   if (model->field == nullptr) {
-    auto made = with_ramp_field(*model, preparing, progress);
+    auto made = with_ramp_field(*model, preparation, progress);
     if (!made) return made.error();
     model = std::move(made->model);
   }

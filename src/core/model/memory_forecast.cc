@@ -109,17 +109,17 @@ double temporary_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, doub
   const auto around = [&](int a, double voxels) {
     return std::min(body.box[static_cast<std::size_t>(a)], voxels) + 2 * margin_mm / spacing_mm[a];
   };
-  const double observed =
+  const double surroundings_bytes =
       kBorder_bytes * around(0, body.box[0]) * around(1, body.box[1]) * around(2, kSlices);
   const double slices = std::min(body.box[2], 2 * kSlices * threads);
   return slices * body.box[0] * body.box[1] * sizeof(std::int16_t) +
-         std::min(threads * observed, kMaxBorder_bytes);
+         std::min(threads * surroundings_bytes, kMaxBorder_bytes);
 }
 
 // Adds the program itself and the freed memory that malloc retains: measured.
 double with_heap(double bytes) {
-  constexpr double kProgram_bytes = 24 << 20, kMaxStored_bytes = 150 << 20, kStoredFraction = 0.8;
-  return bytes + kProgram_bytes + std::min(kMaxStored_bytes, kStoredFraction * bytes);
+  constexpr double kProgram_bytes = 24 << 20, kMaxRetained_bytes = 150 << 20, kRetainedFraction = 0.8;
+  return bytes + kProgram_bytes + std::min(kMaxRetained_bytes, kRetainedFraction * bytes);
 }
 
 class Estimate {
@@ -246,7 +246,7 @@ FieldMemory field_memory(const Model& model, const Estimate& estimate, double ra
 }  // namespace
 
 Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOptions& options,
-                                       const ModelPreparation& preparing, const Progress& progress) {
+                                       const ModelPreparation& preparation, const Progress& progress) {
   Model model;
   model.labels = parts.labels;
   model.tissues = parts.tissues;
@@ -273,7 +273,7 @@ Result<MemoryForecast> forecast_memory(const ModelParts& parts, const ForecastOp
   const auto of_surfaces = has_surfaces ? touchable_surface_options(model.tools, grid) : SurfaceOptions();
   if (!of_surfaces) return of_surfaces.error();
   if (options.proxy) {
-    const auto groups = surfaces_needed(model, preparing, progress);
+    const auto groups = surfaces_needed(model, preparation, progress);
     if (!groups) return groups.error();
     for (const auto& group : *groups)
       if (group.size() == 1) std::erase(tracked, group.front());
@@ -301,9 +301,9 @@ FieldMemory memory_of_ramp_field(const Model& model) {
   return field_memory(model, estimate, model.ramp_width_mm);
 }
 
-Result<std::uint64_t> memory_of_surfaces(const Model& model, const ModelPreparation& preparing,
+Result<std::uint64_t> memory_of_surfaces(const Model& model, const ModelPreparation& preparation,
                                          const Progress& progress) {
-  const auto groups = surfaces_needed(model, preparing, progress);
+  const auto groups = surfaces_needed(model, preparation, progress);
   if (!groups) return groups.error();
   const Estimate estimate(model.labels->geometry(), label_statistics(*model.labels));
   const auto options = touchable_surface_options(model.tools, model.labels->geometry());

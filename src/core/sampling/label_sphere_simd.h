@@ -35,9 +35,9 @@ struct SmoothKernel {
   int count[3];         ///< Window size: 2 * radius, rounded up
 };
 
-/// Weights of the Gaussian sphere, tabulated over the fraction of x: row r has those of fraction r/intervals
-/// - 1/2 for the voxels -2 ... 2 around the nearest, with two zeros on either side; rows are kStride floats
-///   apart.
+/// Weights of the Gaussian sphere, tabulated over the fraction of x: row r has the weights at the fraction
+/// `r / kIntervals - 1/2` for the voxels -2 ... 2 around the nearest, with two zeros on either side; rows are
+/// kStride floats apart.
 struct GaussianTable {
   static constexpr int kIntervals = 512, kStride = 12;
   const float* rows;  ///< kIntervals + 1 rows

@@ -26,12 +26,12 @@ struct Output {
 /// Steps, in order: faults and stale states zero the output at once; force limit; ramp; slew; force limit
 /// again; decay of a stale state.
 ///
-/// After a fault the force returns by the ramp. After a short dropout a limited slew
-/// suffices; the ramp would leave a pressing hand unsupported for half a second. Only one dropout within the
-/// ramp's duration counts as short: if poses arrive intermittently, it is unknown whether more will follow.
-/// The limit keeps the force's direction and scales the torque by the same factor. It precedes the
-/// ramp, so that fading starts from the force that was rendered, and follows the slew, so that no tick
-/// exceeds it however fast it was lowered.
+/// After a fault the force returns by the ramp. After a short dropout a limited slew suffices; the ramp
+/// would leave a pressing hand unsupported for half a second. Only one dropout within the ramp's duration
+/// counts as short: if poses arrive intermittently, it is unknown whether more will follow. The limit keeps
+/// the force's direction and scales the torque by the same factor. It precedes the ramp, so that fading
+/// starts from the force that was rendered, and follows the slew, so that no tick exceeds it however fast it
+/// was lowered.
 ///
 /// @param max_force_N  the user's limit; not finite or negative counts as 0
 /// @param dt_s         time since the last call; not finite or negative counts as 0

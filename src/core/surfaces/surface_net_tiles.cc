@@ -174,9 +174,10 @@ void NearParts::move_nearest_first() {
   std::swap(part[0], part[least]);
 }
 
-void select_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& stored) {
-  stored.make_room(all.count);
-  stored.count = HWY_DYNAMIC_DISPATCH(filter_parts)(NearPartRows(all), ball, reach_mm, NearPartRows(stored));
+void select_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& selected) {
+  selected.make_room(all.count);
+  selected.count =
+      HWY_DYNAMIC_DISPATCH(filter_parts)(NearPartRows(all), ball, reach_mm, NearPartRows(selected));
 }
 
 void measure_tile(const NetPart* parts, const NetTriangle* triangles, const NearParts& near, NetTile& tile) {

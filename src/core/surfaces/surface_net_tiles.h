@@ -59,7 +59,7 @@ struct VoxelsBall {
 };
 /// Copies those parts whose triangles may be nearest to a point in the ball, at a distance of at most
 /// reach_mm.
-void select_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& stored);
+void select_near(NearParts& all, const VoxelsBall& ball, float reach_mm, NearParts& selected);
 
 /// Size of a tile: voxels whose distances are computed together.
 inline constexpr int kTileWidth = 4, kTileHeight = 2, kTileVoxels = kTileWidth * kTileHeight;

@@ -56,7 +56,7 @@ void to_stored(const float* mm, std::size_t length, std::int16_t* steps) {
 }
 
 /// Copies every second value; returns the number copied, which leaves less than a vector.
-std::size_t sample_evenly(const std::int16_t* from, std::size_t count, std::int16_t* used) {
+std::size_t sample_evenly(const std::int16_t* from, std::size_t count, std::int16_t* taken) {
   const hn::ScalableTag<std::int16_t> d;
   const std::size_t lanes = hn::Lanes(d);
   std::size_t n = 0;
@@ -64,7 +64,7 @@ std::size_t sample_evenly(const std::int16_t* from, std::size_t count, std::int1
   for (; n + lanes < count; n += lanes) {
     hn::Vec<decltype(d)> even, odd;
     hn::LoadInterleaved2(d, from + 2 * n, even, odd);
-    hn::StoreU(even, d, used + n);
+    hn::StoreU(even, d, taken + n);
   }
   return n;
 }
@@ -119,10 +119,10 @@ void hold(const PositionRows& rows, float clamp_fraction, std::size_t length, st
     const auto own = hn::Min(on_side_of(d, hn::LoadU(d, rows.smooth + x), distance), far);
     const auto clamped = hn::Max(own, hn::Mul(hn::Set(d, clamp_fraction), far));
     const auto preserve = hn::Neg(hn::Min(hn::LoadU(d, rows.preserve + x), hn::LoadU(d, rows.wrong + x)));
-    const auto stored = hn::Add(own, hn::Mul(preserve, hn::Sub(clamped, own)));
+    const auto held = hn::Add(own, hn::Mul(preserve, hn::Sub(clamped, own)));
     // no voxel lies exactly on the surface: its sign is the label
     const auto one = hn::Set(d, 1.0f);
-    const auto steps = hn::Max(one, hn::Mul(stored, hn::Set(d, static_cast<float>(1 / kSurfaceStep_mm))));
+    const auto steps = hn::Max(one, hn::Mul(held, hn::Set(d, static_cast<float>(1 / kSurfaceStep_mm))));
     store_steps(d, on_side_of(d, steps, distance), position + x);
   });
 }
@@ -212,9 +212,9 @@ void steps_to_mm(const std::int16_t* steps, std::size_t length, float limit_mm, 
 void mm_to_steps(const float* mm, std::size_t length, std::int16_t* steps) {
   HWY_DYNAMIC_DISPATCH(to_stored)(mm, length, steps);
 }
-void take_every(const std::int16_t* from, std::size_t step, std::size_t count, std::int16_t* used) {
-  std::size_t n = step == 2 ? HWY_DYNAMIC_DISPATCH(sample_evenly)(from, count, used) : 0;
-  for (; n < count; ++n) used[n] = from[n * step];
+void take_every(const std::int16_t* from, std::size_t step, std::size_t count, std::int16_t* taken) {
+  std::size_t n = step == 2 ? HWY_DYNAMIC_DISPATCH(sample_evenly)(from, count, taken) : 0;
+  for (; n < count; ++n) taken[n] = from[n * step];
 }
 bool all_equal(const float* row, std::size_t length) {
   return HWY_DYNAMIC_DISPATCH(equal)(row, length);

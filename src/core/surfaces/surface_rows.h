@@ -12,7 +12,7 @@ void steps_to_mm(const std::int16_t* steps, std::size_t length, float limit_mm, 
 /// Converts mm to steps, rounded to nearest.
 void mm_to_steps(const float* mm, std::size_t length, std::int16_t* steps);
 /// Strided copy: taken[n] = from[n * step].
-void take_every(const std::int16_t* from, std::size_t step, std::size_t count, std::int16_t* used);
+void take_every(const std::int16_t* from, std::size_t step, std::size_t count, std::int16_t* taken);
 /// Whether all values of a row are equal.
 bool all_equal(const float* row, std::size_t length);
 

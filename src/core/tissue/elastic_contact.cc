@@ -122,11 +122,11 @@ PressurePatch::PressurePatch(const ElasticGrid& grid, std::span<const Point<Pati
   spread(grid, in_cells);
 }
 
-void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> requested) {
+void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> positions) {
   const double h = grid.box().cell_mm;
   std::vector<CellSample> samples;
   double modulus = 0, poissons_ratio = 0;
-  for (const Eigen::Vector3d& at : requested) {
+  for (const Eigen::Vector3d& at : positions) {
     CellSample sample;
     if (!find_cell(grid, at, -outward_, kReach, sample)) continue;
     samples.push_back(sample);
@@ -287,15 +287,15 @@ Eigen::VectorXd contact_forces(const Eigen::MatrixXd& compliance, const Eigen::V
         if (pressed[static_cast<std::size_t>(n)]) set.push_back(n);
       if (set.empty()) break;
       const Eigen::MatrixXd part = compliance(set, set);
-      const Eigen::VectorXd requested = part.ldlt().solve(Eigen::VectorXd(depth_mm(set)));
+      const Eigen::VectorXd solution = part.ldlt().solve(Eigen::VectorXd(depth_mm(set)));
       // largest step for which no patch pulls
       double step = 1;
       for (std::size_t n = 0; n < set.size(); ++n)
-        if (requested[static_cast<Eigen::Index>(n)] <= 0)
-          step = std::min(step, force[set[n]] / (force[set[n]] - requested[static_cast<Eigen::Index>(n)]));
+        if (solution[static_cast<Eigen::Index>(n)] <= 0)
+          step = std::min(step, force[set[n]] / (force[set[n]] - solution[static_cast<Eigen::Index>(n)]));
       for (std::size_t n = 0; n < set.size(); ++n) {
         double& f = force[set[n]];
-        f += step * (requested[static_cast<Eigen::Index>(n)] - f);
+        f += step * (solution[static_cast<Eigen::Index>(n)] - f);
         if (step < 1 && f <= 1e-12 * force.maxCoeff()) {
           f = 0;
           pressed[static_cast<std::size_t>(set[n])] = false;

@@ -178,7 +178,7 @@ Result<ElasticGrid> ElasticGrid::of_labels(const Bricks<LabelId>& labels,
   if (*std::min_element(box.cells.begin(), box.cells.end()) < 1)
     return Error{ErrorKind::kBadInput, "the box has no cells", "", "give at least one cell per axis"};
   for (const ElasticMaterial& material : by_label)
-    if (const auto right = check_elastic_material(material); !right.ok()) return right.error();
+    if (const auto valid = check_elastic_material(material); !valid.ok()) return valid.error();
 
   const LabelCells cells(labels.geometry(), by_label, box);
   ElasticGrid made(box);

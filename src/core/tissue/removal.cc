@@ -151,6 +151,131 @@ int innermost_touched(const ProxyState& proxy) {
   return -1;
 }
 
+// Motor work of a tick, estimated from the press force and the cutting front of the previous tick.
+struct MotorWork {
+  MotorWork(const Burr& burr, double dt_s, const BurrState& state)
+      : cuts(burr.revolutions_per_s > 0 && !state.sweeps_full),
+        in_material(cuts && state.front_mm2 > 0 && std::isfinite(state.energy_mJ_per_mm3)),
+        feed_volume(state.front_mm2, burr.max_radius_mm()),
+        mJ_per_N(in_material ? burr.grip * state.edge_mm_per_s * dt_s : 0),
+        pressed_N(state.pressed_N),
+        mJ_per_mm3(state.energy_mJ_per_mm3) {}
+
+  bool cuts, in_material;
+  FeedVolume feed_volume;
+  double mJ_per_N, pressed_N, mJ_per_mm3;
+};
+
+// Sets the inset that the motor's work of this tick allows.
+void update_inset(std::span<const ContactSurface> surfaces, const BurrTool& burr, const MotorWork& motor,
+                  const ProxyState& proxy, BurrState& state) {
+  state.inset_mm = state.penetration_mm;
+  if (motor.in_material) {
+    // the energy debt is worked off first
+    const double spendable_mJ =
+        std::max(0.0, state.unspent_work_mJ + motor.mJ_per_N * motor.pressed_N - state.debt_mJ);
+    const double feed_mm = motor.feed_volume.feed_mm(spendable_mJ / motor.mJ_per_mm3);
+    state.inset_mm =
+        std::min(state.penetration_mm + std::min(feed_mm, kCuttingSettings.max_feed_mm),
+                 std::max(state.penetration_mm, kCuttingSettings.max_inset_fraction * burr->min_radius_mm()));
+  }
+  // a burr that does not cut must be able to leave by the path on which it entered
+  if (!motor.cuts) state.inset_mm = std::max(state.inset_mm, missing_clearance_mm(surfaces, burr, proxy));
+}
+
+// Poses of the layers' proxies before they are advanced.
+struct LayerPoses {
+  explicit LayerPoses(const ProxyState& proxy) {
+    for (int n = 0; n < kMaxLayers; ++n) {
+      pose[static_cast<std::size_t>(n)] = {proxy.layer(n).position, proxy.layer(n).attitude};
+      coupled[static_cast<std::size_t>(n)] = proxy.layer(n).coupled;
+    }
+  }
+
+  std::array<HeadPose, kMaxLayers> pose;
+  std::array<bool, kMaxLayers> coupled{};
+};
+
+// moves the proxies of all layers that have entered a protected structure out of it
+void keep_outside_protected(const BurrTool& burr, const LayerPoses& before, const Point<Patient>& tip,
+                            ProxyState& proxy, ProxyResult& result) {
+  for (std::size_t n = 0; n < before.pose.size(); ++n) {
+    ProxyLayer& layer = proxy.layer(static_cast<int>(n));
+    if (burr->protected_structures.empty() || !layer.coupled || !before.coupled[n]) continue;
+    const HeadPose pose = outside_protected(burr, before.pose[n], {layer.position, layer.attitude});
+    const bool same = pose.at == layer.position && pose.attitude.coeffs() == layer.attitude.coeffs();
+    if (!same) move_to(pose, tip, layer, result.of_layer[n], result);
+  }
+}
+
+// Adds the motor's work of this tick. The proxy does not move for displacements below its resolution: unspent
+// work is accumulated, up to the work that advances the burr by max_feed_mm.
+void accumulate_work(const Burr& burr, const MotorWork& motor, double force_N, BurrState& state) {
+  if (!motor.in_material) return;
+  const double now_N = std::min(force_N, burr.max_press_N);
+  const double done_mJ = motor.mJ_per_N * 0.5 * (motor.pressed_N + now_N);
+  const double work_mJ = done_mJ - pay_debt(done_mJ, state);
+  const double unspent_work_mJ =
+      std::min(state.unspent_work_mJ + work_mJ,
+               motor.mJ_per_mm3 * motor.feed_volume.volume_mm3(kCuttingSettings.max_feed_mm));
+  state.work_mJ += std::max(0.0, unspent_work_mJ - state.unspent_work_mJ);
+  state.unspent_work_mJ = std::max(state.unspent_work_mJ, unspent_work_mJ);
+}
+
+// Cuts the material between the poses of the touched layer's proxy before and after this tick, as far as the
+// motor's work and the capacity for sweeps allow, and limits the displacement of all layers accordingly.
+void cut_along_path(std::span<const ContactSurface> surfaces, const BurrTool& burr, const LayerPoses& before,
+                    const Point<Patient>& tip, ProxyState& proxy, BurrState& state, ProxyResult& result) {
+  const ProxyLayer& layer = proxy.layer(state.layer);
+  const HeadPose from = before.pose[static_cast<std::size_t>(state.layer)],
+                 to{layer.position, layer.attitude};
+  const Vector<Patient> moved = to.at - from.at;
+  const Vector<Patient> turned = burr.head(to.attitude).axis_mm - burr.head(from.attitude).axis_mm;
+  const HeadDisplacement displacement(moved, moved + turned);
+  if (!(displacement.length_mm > kCuttingSettings.at_rest_mm)) return;
+  const HeadPose middle = burr.interpolate(from, to, 0.5);
+  const MaterialSampler between(surfaces, burr, burr.head(middle.attitude), layer, state.layer, middle.at,
+                                state);
+  CuttingFront swept = between.along(displacement);
+  if (!(swept.area_mm2 > 0)) swept = between.thin_contact_front(layer, displacement);
+  const double cost_mJ = swept.area_mm2 * displacement.length_mm * swept.energy_mJ_per_mm3;
+  if (!(swept.area_mm2 > 0 && std::isfinite(cost_mJ))) return;
+  double fraction = std::min(1.0, state.unspent_work_mJ / cost_mJ);
+  const HeadPose there = outside_protected(burr, from, burr.interpolate(from, to, fraction));
+  state.sweeps_full = fraction > 0 && !append_sweep(burr, from, there, state);
+  if (state.sweeps_full) fraction = 0;
+  // all layers represent one burr: none may move ahead of the one that cuts
+  for (std::size_t n = 0; n < before.pose.size(); ++n) {
+    ProxyLayer& layered = proxy.layer(static_cast<int>(n));
+    if (!layered.coupled || layered.contact_count == 0) continue;
+    const HeadPose pose = burr.interpolate(before.pose[n], {layered.position, layered.attitude}, fraction);
+    move_to(outside_protected(burr, before.pose[n], pose), tip, layered, result.of_layer[n], result);
+  }
+  state.removed_mm3 += swept.area_mm2 * displacement.length_mm * fraction;
+  state.unspent_work_mJ -= cost_mJ * fraction;
+  if (fraction > 0) {
+    auto& spent_mJ = state.spent_mJ[static_cast<std::size_t>(state.sweep_count - 1)];
+    spent_mJ[kThin] += cost_mJ * fraction * swept.thin_fraction;
+    spent_mJ[kThick] += cost_mJ * fraction * (1 - swept.thin_fraction);
+  }
+}
+
+// Samples the material ahead of the burr in the direction in which it is pressed, for the next tick.
+void sample_front(std::span<const ContactSurface> surfaces, const BurrTool& burr, const ProxyState& proxy,
+                  const Vector<Patient>& force_N, BurrState& state) {
+  const Vector<Patient> push = force_N * -1.0;
+  if (!(push.norm() > 0)) return;
+  const ProxyLayer& layer = proxy.layer(state.layer);
+  const MaterialSampler ahead(surfaces, burr, burr.head(layer.attitude), layer, state.layer, layer.position,
+                              state);
+  CuttingFront front = ahead.along({push, push});
+  if (!(front.area_mm2 > 0)) front = ahead.edge_contact_front(layer);
+  if (!(front.area_mm2 > 0)) front = ahead.thin_contact_front(layer, {push, push});
+  state.front_mm2 = front.area_mm2;
+  state.edge_mm_per_s = front.edge_mm_per_s;
+  state.energy_mJ_per_mm3 = front.energy_mJ_per_mm3;
+}
+
 }  // namespace
 
 ToolSphere Burr::head(double inset_mm) const {
@@ -200,118 +325,37 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
     state.layer = -1;
     state.sweep_closed = true;
   }
-  // Inset allowed by the motor's work in this tick, estimated from the last tick's press force.
-  const bool cuts = burr.revolutions_per_s > 0 && !state.sweeps_full;
-  const bool in_material = cuts && state.front_mm2 > 0 && std::isfinite(state.energy_mJ_per_mm3);
-  const FeedVolume feed_volume(state.front_mm2, burr.max_radius_mm());
-  const double mJ_per_N = in_material ? burr.grip * state.edge_mm_per_s * options.dt_s : 0;
-  const double pressed_N = state.pressed_N, energy = state.energy_mJ_per_mm3;
-  // the energy debt is worked off first
-  const double spendable_mJ = std::max(0.0, state.unspent_work_mJ + mJ_per_N * pressed_N - state.debt_mJ);
-  state.inset_mm = state.penetration_mm;
-  if (in_material) {
-    const double feed_mm = feed_volume.feed_mm(spendable_mJ / state.energy_mJ_per_mm3);
-    state.inset_mm =
-        std::min(state.penetration_mm + std::min(feed_mm, kCuttingSettings.max_feed_mm),
-                 std::max(state.penetration_mm, kCuttingSettings.max_inset_fraction * burr.min_radius_mm()));
-  }
-  // a burr that does not cut must be able to leave by the path on which it entered
-  if (!cuts) state.inset_mm = std::max(state.inset_mm, missing_clearance_mm(surfaces, burr_tool, proxy));
+  const MotorWork motor(burr, options.dt_s, state);
+  update_inset(surfaces, burr_tool, motor, proxy, state);
   if (!(burr.revolutions_per_s > 0)) state.sweep_closed = true;
 
   const int layer_before = state.layer;
-  std::array<HeadPose, kMaxLayers> before;
-  std::array<bool, kMaxLayers> was_coupled{};
-  for (int n = 0; n < kMaxLayers; ++n) {
-    before[static_cast<std::size_t>(n)] = {proxy.layer(n).position, proxy.layer(n).attitude};
-    was_coupled[static_cast<std::size_t>(n)] = proxy.layer(n).coupled;
-  }
+  const LayerPoses before(proxy);
   const ToolSphere head = burr.head(state.inset_mm);
   // the motor's work limits the displacement, not the slip rate
   ProxyOptions guided = options;
   guided.max_slip_N_per_s = std::numeric_limits<double>::infinity();
-  if (cuts) guided.max_distance_increase = kCuttingSettings.max_distance_increase;
+  if (motor.cuts) guided.max_distance_increase = kCuttingSettings.max_distance_increase;
   ProxyResult result = advance_proxy(surfaces, {&head, 1}, tool_pose, proxy, guided);
-  for (std::size_t n = 0; n < before.size(); ++n) {
-    ProxyLayer& layer = proxy.layer(static_cast<int>(n));
-    if (burr.protected_structures.empty() || !layer.coupled || !was_coupled[n]) continue;
-    const HeadPose pose = outside_protected(burr_tool, before[n], {layer.position, layer.attitude});
-    const bool same = pose.at == layer.position && pose.attitude.coeffs() == layer.attitude.coeffs();
-    if (!same) move_to(pose, tool_pose.tip, layer, result.of_layer[n], result);
-  }
+  keep_outside_protected(burr_tool, before, tool_pose.tip, proxy, result);
   state.penetration_mm = std::min(state.inset_mm, penetration_mm(surfaces, burr_tool, proxy));
   // a burr that has sunk in is in material even without a contact
   const int touched = innermost_touched(proxy);
   if (touched >= 0 || !(state.penetration_mm > 0)) state.layer = touched;
-  const int layer_index = state.layer;
 
   state.front_mm2 = 0;
-  if (layer_index < 0 || !cuts) {
+  if (state.layer < 0 || !motor.cuts) {
     state.pressed_N = std::min(result.force_N.norm(), burr.max_press_N);
     state.unspent_work_mJ = 0;
     return result;
   }
-  // The proxy does not move for displacements below its resolution: unspent work is accumulated, up to the
-  // work that advances the burr by max_feed_mm.
-  if (in_material) {
-    const double now_N = std::min(result.force_N.norm(), burr.max_press_N);
-    const double done_mJ = mJ_per_N * 0.5 * (pressed_N + now_N);
-    const double work_mJ = done_mJ - pay_debt(done_mJ, state);
-    const double unspent_work_mJ = std::min(state.unspent_work_mJ + work_mJ,
-                                            energy * feed_volume.volume_mm3(kCuttingSettings.max_feed_mm));
-    state.work_mJ += std::max(0.0, unspent_work_mJ - state.unspent_work_mJ);
-    state.unspent_work_mJ = std::max(state.unspent_work_mJ, unspent_work_mJ);
-  }
-  const ProxyLayer& layer = proxy.layer(layer_index);
-  const HeadPose from = before[static_cast<std::size_t>(layer_index)], to{layer.position, layer.attitude};
-  const Vector<Patient> moved = to.at - from.at;
-  const Vector<Patient> turned = burr_tool.head(to.attitude).axis_mm - burr_tool.head(from.attitude).axis_mm;
-  const HeadDisplacement displacement(moved, moved + turned);
-  if (layer_before == layer_index && displacement.length_mm > kCuttingSettings.at_rest_mm) {
-    const HeadPose middle = burr_tool.interpolate(from, to, 0.5);
-    const MaterialSampler between(surfaces, burr_tool, burr_tool.head(middle.attitude), layer, layer_index,
-                                  middle.at, state);
-    CuttingFront swept = between.along(displacement);
-    if (!(swept.area_mm2 > 0)) swept = between.thin_contact_front(layer, displacement);
-    const double cost_mJ = swept.area_mm2 * displacement.length_mm * swept.energy_mJ_per_mm3;
-    if (swept.area_mm2 > 0 && std::isfinite(cost_mJ)) {
-      // motion through material is limited by the motor's work and by the capacity for sweeps
-      double fraction = std::min(1.0, state.unspent_work_mJ / cost_mJ);
-      const HeadPose there = outside_protected(burr_tool, from, burr_tool.interpolate(from, to, fraction));
-      state.sweeps_full = fraction > 0 && !append_sweep(burr_tool, from, there, state);
-      if (state.sweeps_full) fraction = 0;
-      // all layers represent one burr: none may move ahead of the one that cuts
-      for (std::size_t n = 0; n < before.size(); ++n) {
-        ProxyLayer& layered = proxy.layer(static_cast<int>(n));
-        if (!layered.coupled || layered.contact_count == 0) continue;
-        const HeadPose pose =
-            burr_tool.interpolate(before[n], {layered.position, layered.attitude}, fraction);
-        move_to(outside_protected(burr_tool, before[n], pose), tool_pose.tip, layered, result.of_layer[n],
-                result);
-      }
-      state.removed_mm3 += swept.area_mm2 * displacement.length_mm * fraction;
-      state.unspent_work_mJ -= cost_mJ * fraction;
-      if (fraction > 0) {
-        auto& spent_mJ = state.spent_mJ[static_cast<std::size_t>(state.sweep_count - 1)];
-        spent_mJ[kThin] += cost_mJ * fraction * swept.thin_fraction;
-        spent_mJ[kThick] += cost_mJ * fraction * (1 - swept.thin_fraction);
-      }
-    }
-  }
+  accumulate_work(burr, motor, result.force_N.norm(), state);
+  if (layer_before == state.layer)
+    cut_along_path(surfaces, burr_tool, before, tool_pose.tip, proxy, state, result);
   state.pressed_N = std::min(result.force_N.norm(), burr.max_press_N);
   state.penetration_mm = std::min(state.inset_mm, penetration_mm(surfaces, burr_tool, proxy));
   if (burr.model != nullptr && burr.model->thin_voxels != nullptr) ++state.thin_ticks;
-
-  const Vector<Patient> push = result.force_N * -1.0;
-  if (!(push.norm() > 0)) return result;
-  const MaterialSampler ahead(surfaces, burr_tool, burr_tool.head(layer.attitude), layer, layer_index,
-                              layer.position, state);
-  CuttingFront front = ahead.along({push, push});
-  if (!(front.area_mm2 > 0)) front = ahead.edge_contact_front(layer);
-  if (!(front.area_mm2 > 0)) front = ahead.thin_contact_front(layer, {push, push});
-  state.front_mm2 = front.area_mm2;
-  state.edge_mm_per_s = front.edge_mm_per_s;
-  state.energy_mJ_per_mm3 = front.energy_mJ_per_mm3;
+  sample_front(surfaces, burr_tool, proxy, result.force_N, state);
   return result;
 }
 

@@ -124,7 +124,7 @@ TEST(SoftTissueSolver, InteractionOfTwoToolsMatchesTheSolution) {
     const std::array presses{press(spot.at + Vector<Patient>(separation_mm, 0, 0)), press(spot.at)};
     const PressurePatch under(*grid, presses[0].at, presses[0].outward, spot.patch_radius_mm);
     const double own_mm = spot.compliance_mm_per_N;
-    EXPECT_NEAR(displaced_by_others(presses, 0, presses[0]).displaced_mm, under.displacement(*field.unit_mm),
+    EXPECT_NEAR(neighbour_effect(presses, 0, presses[0]).displaced_mm, under.displacement(*field.unit_mm),
                 0.06 * own_mm)
         << separation_mm;
   }

@@ -17,9 +17,9 @@ TissueLaw law_of(const ModelChange& change) {
 void LawHistory::on_event(const ModelChange& change) {
   // versions increase for any file content
   if (!change.is_of_law() || change.version < laws_.back().version) return;
-  const double coarsened = change.contact.stiffness_N_per_mm;
-  const bool reports_cells = coarsened >= 1 && coarsened <= kMaxTissueCoarsening;
-  laws_.push_back({change.version, law_of(change), reports_cells ? coarsened : laws_.back().coarsened});
+  const double cell_factor = change.contact.stiffness_N_per_mm;
+  const bool reports_cells = cell_factor >= 1 && cell_factor <= kMaxTissueCellFactor;
+  laws_.push_back({change.version, law_of(change), reports_cells ? cell_factor : laws_.back().cell_factor});
 }
 
 const LawHistory::From& LawHistory::from(std::uint32_t version) const {

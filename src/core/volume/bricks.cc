@@ -315,10 +315,11 @@ void BricksBySlices<T>::add(int slices, const T* voxels) {
     filling_->put_layer(layer_, {0, 0, first}, {dims[0], dims[1], end},
                         buffered_slices_.data() + slice * static_cast<std::size_t>(first - first_));
   }
-  const int stored = std::clamp(first_stored(layer_), first_, end);
-  buffered_slices_.erase(buffered_slices_.begin(),
-                         buffered_slices_.begin() + static_cast<std::ptrdiff_t>(slice) * (stored - first_));
-  first_ = stored;
+  const int first_needed = std::clamp(first_stored(layer_), first_, end);
+  buffered_slices_.erase(
+      buffered_slices_.begin(),
+      buffered_slices_.begin() + static_cast<std::ptrdiff_t>(slice) * (first_needed - first_));
+  first_ = first_needed;
 }
 
 template <class T>

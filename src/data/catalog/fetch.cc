@@ -10,6 +10,7 @@
 #include "catalog/fetch_files.h"
 #include "catalog/local_data.h"
 #include "palpate/base/file.h"
+#include "palpate/base/output.h"
 #include "palpate/catalog/catalog.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/volume_io/volume_io.h"

@@ -121,15 +121,15 @@ std::vector<Caveat> merged_layers(const Model& model) {
 // Memory forecast of the remaining steps. If the model is unsuitable for the proxy, that error is reported by
 // its preparation, not here.
 Result<MemoryForecast> forecast_of(const Scene& scene, const ReadyParts& ready,
-                                   const ModelPreparation& preparing, const Progress& progress) {
+                                   const ModelPreparation& preparation, const Progress& progress) {
   const bool ramps = scene.preparation.method == PreparationMethod::kInwardRamp;
   ForecastOptions options;
   options.proxy = scene.force.method == ForceMethod::kProxy;
   options.field = !options.proxy || !ramps;
-  auto forecast = forecast_memory(ready.parts, options, preparing, progress);
+  auto forecast = forecast_memory(ready.parts, options, preparation, progress);
   if (!forecast && forecast.error().kind == ErrorKind::kBadInput) {
     options.proxy = false;
-    forecast = forecast_memory(ready.parts, options, preparing, progress);
+    forecast = forecast_memory(ready.parts, options, preparation, progress);
   }
   if (!forecast || ramps) return forecast;
   // smoothing: weights, two float volumes, the field
@@ -148,8 +148,8 @@ std::uint64_t bytes_of(const SceneVolumes& volumes) {
 }
 
 Result<SceneMemory> memory_of_parts(const Scene& scene, const ReadyParts& ready, std::uint64_t read,
-                                    const ModelPreparation& preparing, const Progress& progress) {
-  const auto forecast = forecast_of(scene, ready, preparing, progress);
+                                    const ModelPreparation& preparation, const Progress& progress) {
+  const auto forecast = forecast_of(scene, ready, preparation, progress);
   if (!forecast) return forecast.error();
   SceneMemory memory{read, 0, *forecast};
   if (ready.scan) memory.scan = ready.scan->geometry().voxel_count() * sizeof(float);
@@ -193,8 +193,8 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   if (!ready_made) return of_scene(ready_made.error());
   ModelParts& parts = ready_made->parts;
   const GridGeometry grid = parts.labels->geometry();
-  const CachedPreparation preparing;
-  const auto memory = memory_of_parts(scene, *ready_made, read, preparing, progress);
+  const CachedPreparation preparation;
+  const auto memory = memory_of_parts(scene, *ready_made, read, preparation, progress);
   if (!memory) return of_scene(memory.error());
   if (report_memory) report_memory(*memory);
   if (auto allowed = check_memory(memory->model.peak, scene.source); !allowed) return allowed.error();
@@ -215,7 +215,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
   std::shared_ptr<Model> model = *std::move(made);
   const bool is_direct = scene.force.method != ForceMethod::kProxy;
   if (is_direct && model->field == nullptr) {
-    auto ramps = with_ramp_field(*model, preparing, progress);
+    auto ramps = with_ramp_field(*model, preparation, progress);
     if (!ramps) return of_scene(ramps.error());
     warn_of_thin_structures(*ramps, warn);
     model = std::make_shared<Model>(*ramps->model);
@@ -242,7 +242,7 @@ Result<std::shared_ptr<const Model>> build_model(const Scene& scene, SceneVolume
         "unknown");
   // surfaces take seconds and memory, and are only made for the proxy
   if (!is_direct) return std::shared_ptr<const Model>(model);
-  auto ready = prepared_for(model, {&scene.force.method, 1}, preparing, progress);
+  auto ready = prepared_for(model, {&scene.force.method, 1}, preparation, progress);
   if (!ready) return of_scene(ready.error());
   return ready;
 }

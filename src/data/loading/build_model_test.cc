@@ -12,6 +12,7 @@
 #include "palpate/direct/direct_methods.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/scene/tissue_presets.h"
 #include "palpate/volume_io/volume_io.h"
 
 namespace palpate {

@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "loading/test_loading.h"
+#include "palpate/palpation/palpation.h"
+#include "palpate/recording/recording_source.h"
 
 namespace palpate {
 namespace {

@@ -12,7 +12,9 @@
 #include "palpate/contact/soft_contact.h"
 #include "palpate/contact/tool_contact.h"
 #include "palpate/loading/loading.h"
+#include "palpate/scene/new_scene.h"
 #include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 #include "palpate/servo/servo.h"
 #include "palpate/volume_io/volume_io.h"
 

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "palpate/scene/new_scene.h"
 #include "palpate/scene/scene.h"
 
 namespace palpate {

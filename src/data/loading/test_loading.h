@@ -7,6 +7,7 @@
 #include "base/test_files.h"
 #include "contact/test_model.h"
 #include "palpate/loading/loading.h"
+#include "palpate/scene/script.h"
 
 namespace palpate::testing {
 

@@ -4,7 +4,7 @@
 #include <sstream>
 #include <string>
 
-#include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 #include "palpate/volume_io/volume_io.h"
 
 namespace palpate {

@@ -9,7 +9,9 @@
 #include "palpate/base/file.h"
 #include "palpate/scene/plan_file.h"
 #include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 #include "palpate/scene/task_file.h"
+#include "palpate/scene/tissue_presets.h"
 
 namespace palpate {
 namespace {

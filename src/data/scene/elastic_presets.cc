@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 
+#include "palpate/scene/tissue_presets.h"
 #include "scene/keys.h"
 
 namespace palpate {

@@ -1,6 +1,7 @@
 #include "scene/embedded.h"
 
 #include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 
 namespace palpate {
 namespace {

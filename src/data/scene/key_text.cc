@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 
 namespace palpate {
 namespace {

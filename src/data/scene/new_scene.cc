@@ -3,7 +3,10 @@
 #include <map>
 #include <set>
 
+#include "palpate/scene/named_values.h"
+#include "palpate/scene/new_scene.h"
 #include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 #include "scene/keys.h"
 #include "scene/toml_text.h"
 

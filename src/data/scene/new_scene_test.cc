@@ -4,6 +4,8 @@
 #include <random>
 #include <set>
 
+#include "palpate/scene/named_values.h"
+#include "palpate/scene/new_scene.h"
 #include "palpate/scene/scene.h"
 #include "scene/toml_document.h"
 #include "scene/toml_text.h"

@@ -3,7 +3,7 @@
 #include <tuple>
 #include <vector>
 
-#include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 
 namespace palpate {
 namespace {

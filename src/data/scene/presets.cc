@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 #include "scene/elastic_presets.h"
 #include "scene/keys.h"
 

@@ -7,6 +7,7 @@
 
 #include "base/test_files.h"
 #include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 #include "scene/keys.h"
 
 namespace palpate {

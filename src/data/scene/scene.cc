@@ -1,4 +1,8 @@
 #include "palpate/scene/scene.h"
+#include "palpate/scene/named_values.h"
+#include "palpate/scene/new_scene.h"
+#include "palpate/scene/script.h"
+#include "palpate/scene/tissue_presets.h"
 
 #include <algorithm>
 #include <utility>

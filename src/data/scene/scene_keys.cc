@@ -3,6 +3,7 @@
 
 #include "palpate/contact/tissue_values.h"
 #include "palpate/device/settings.h"
+#include "palpate/scene/named_values.h"
 #include "palpate/scene/scene.h"
 #include "palpate/surfaces/ramps.h"
 #include "scene/keys.h"

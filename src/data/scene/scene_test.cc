@@ -7,7 +7,9 @@
 #include <fstream>
 #include <functional>
 
+#include "palpate/scene/new_scene.h"
 #include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 #include "palpate/surfaces/ramps.h"
 #include "scene/keys.h"
 

@@ -1,7 +1,9 @@
 #include <algorithm>
 
 #include "palpate/base/file.h"
+#include "palpate/scene/named_values.h"
 #include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 #include "scene/table_reader.h"
 
 namespace palpate {

@@ -1,6 +1,6 @@
 #include <cstdint>
 
-#include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 
 // any input gives a script whose steps can be run in order, or one error with its line
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,4 +1,5 @@
-#include "palpate/scene/scene.h"
+#include "palpate/scene/named_values.h"
+#include "palpate/scene/script.h"
 #include "scene/keys.h"
 
 namespace palpate {

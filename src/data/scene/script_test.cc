@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 #include "scene/keys.h"
 
 namespace palpate {

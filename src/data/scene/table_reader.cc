@@ -1,4 +1,5 @@
 #include "scene/table_reader.h"
+#include "palpate/scene/script.h"
 
 #include <algorithm>
 #include <cmath>

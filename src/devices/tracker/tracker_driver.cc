@@ -104,7 +104,7 @@ std::optional<Error> TrackerDriver::failure() const {
   return core_->failure();
 }
 
-DeviceVendor tracker_maker(const TrackedToolSettings& settings) {
+DeviceVendor tracker_vendor(const TrackedToolSettings& settings) {
   const auto detect = [address = settings.stream.address] {
     DeviceReport report;
     if (address.host.empty()) {

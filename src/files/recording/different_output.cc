@@ -4,7 +4,7 @@
 #include <cstring>
 #include <span>
 
-#include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "recording/columns.h"
 
 namespace palpate {

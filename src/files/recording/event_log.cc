@@ -1,3 +1,4 @@
+#include "palpate/recording/event_log.h"
 #include "palpate/recording/recording.h"
 
 namespace palpate {

@@ -301,7 +301,7 @@ RecordingHeader read_header(hid_t file, DecompressionBudget& budget) {
   const Handle group = open_group(file, "header");
   visit_header(header, [&](const char* name, auto& value) { read(Attribute(group.get(), name), value); });
   require(header.devices >= 1, "it names 0 devices");
-  require(header.tissue_cell_factor >= 1 && header.tissue_cell_factor <= kMaxTissueCoarsening,
+  require(header.tissue_cell_factor >= 1 && header.tissue_cell_factor <= kMaxTissueCellFactor,
           "the cell size of its soft tissue is invalid");
   const DataSet script(group.get(), "header", "script");
   script.require_shape(0);
@@ -326,7 +326,7 @@ std::optional<RecordingSummary> read_summary(hid_t file, DecompressionBudget& bu
                 [&](const char* name, std::uint64_t& value) { number(name, H5T_STD_U64LE, &value); });
   const DataSet problems(group.get(), "summary", "trouble");
   problems.require_shape(1);
-  require(problems.rows() <= kMaxProblems, "it lists too many troubles");
+  require(problems.rows() <= kMaxProblems, "it lists too many problems");
   problems.require_stored(budget);
   summary.problems = problems.texts(kMaxText);
   return summary;

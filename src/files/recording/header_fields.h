@@ -54,7 +54,7 @@ void visit_header(Header& header, Visit&& visit) {
   visit("devices", header.devices);
   visit("clock", header.clock);
   visit("scheduler", header.scheduler);
-  visit("feel", header.feel);
+  visit("feel", header.haptic_settings);
   visit("tissue_coarsened", header.tissue_cell_factor);
   visit("task", header.task.name);
   visit("task_hash", header.task.hash);
@@ -77,14 +77,14 @@ void visit_flag_counts(Summary& summary, Visit&& visit) {
   visit("halted", summary.halted, kFlagHalted);
   visit("emergency_stopped", summary.emergency_stopped, kFlagEmergencyStop);
   visit("clutched", summary.clutched, kFlagClutched);
-  visit("faded", summary.faded, kFlagRamp);
+  visit("faded", summary.ramped, kFlagRamp);
   visit("blended", summary.blended, kFlagBlend);
   visit("method_missing", summary.method_missing, kFlagMethodMissing);
   visit("inside", summary.inside, kFlagInside);
   visit("wedged", summary.wedged, kFlagWedged);
   visit("ruptured", summary.ruptured, kFlagRuptured);
   visit("passivated", summary.passivated, kFlagPassivity);
-  visit("turns_held", summary.turns_held, kFlagRotationLimited);
+  visit("turns_held", summary.rotation_limited, kFlagRotationLimited);
 }
 
 /// All scalar data sets of the group /summary.

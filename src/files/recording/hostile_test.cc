@@ -13,6 +13,7 @@
 #include <random>
 
 #include "base/test_seed.h"
+#include "palpate/recording/recorder.h"
 #include "recording/columns.h"
 #include "recording/hdf5_handle.h"
 #include "recording/header_fields.h"
@@ -114,7 +115,7 @@ TEST_F(Hostile, ChangedShapesAndTypesAreNamed) {
   EXPECT_THAT(with("summary/ticks", H5T_STD_U64LE, {2}), HasSubstr("another shape"));
   EXPECT_THAT(with("summary/trouble", H5T_STD_U64LE, {2}), HasSubstr("not a text"));
   EXPECT_THAT(with("summary/trouble", string_type(8).get(), {2, 2}), HasSubstr("another shape"));
-  EXPECT_THAT(with("summary/trouble", string_type(8).get(), {1001}), HasSubstr("too many troubles"));
+  EXPECT_THAT(with("summary/trouble", string_type(8).get(), {1001}), HasSubstr("too many problems"));
   EXPECT_THAT(with("summary/trouble", string_type(9000).get(), {1}), HasSubstr("not a text"));
   EXPECT_EQ(with("summary/trouble", string_type(8).get(), {1}), "no error");
   EXPECT_THAT(error_after([](hid_t f) { H5Ldelete(f, "summary/trouble", H5P_DEFAULT); }),
@@ -489,7 +490,7 @@ TEST(Stream, BelievesNoHeader) {
   EXPECT_THAT(error_of([](auto& head) { head.header.structures.resize(70000); }),
               HasSubstr("too many structures"));
   EXPECT_THAT(error_of([](auto& head) { head.summary->problems.resize(1001); }),
-              HasSubstr("too many troubles"));
+              HasSubstr("too many problems"));
   EXPECT_THAT(error_of([](auto& head) { head.summary->problems = {std::string(9000, 'x')}; }),
               HasSubstr("too long"));
   EXPECT_THAT(error_of([](auto& head) { head.methods.resize(257); }), HasSubstr("too many methods"));

@@ -66,9 +66,9 @@ Result<void> read_isolated(const std::filesystem::path& file, std::optional<RowR
   auto received = receive_head(source);
   if (!received) return about(file, received.error());
   const RecordingHead head = *std::move(received);
-  const auto requested = read_head(head);
-  if (!requested) return requested.error();
-  if (!*requested) return {};
+  const auto wants_ticks = read_head(head);
+  if (!wants_ticks) return wants_ticks.error();
+  if (!*wants_ticks) return {};
   bool consumer_failed = false;
   auto done = receive_parts(
       source, head,

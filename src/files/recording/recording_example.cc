@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <string_view>
 
+#include "palpate/recording/recorder.h"
 #include "recording/test_support.h"
 
 namespace {

@@ -2,6 +2,8 @@
 
 #include <memory>
 
+#include "palpate/recording/event_log.h"
+#include "palpate/recording/recorder.h"
 #include "palpate/recording/recording.h"
 #include "recording/commit_file.h"
 

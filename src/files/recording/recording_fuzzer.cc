@@ -15,6 +15,7 @@
 #include <string>
 #include <utility>
 
+#include "palpate/recording/recorder.h"
 #include "recording/columns.h"
 #include "recording/hdf5_handle.h"
 #include "recording/hdf5_reader.h"

@@ -1,4 +1,6 @@
 #include "palpate/recording/recording.h"
+#include "palpate/recording/recorder.h"
+#include "palpate/recording/recording_source.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -384,14 +386,14 @@ TEST(RecordingSummary, CountsEachFlagOfATickOnce) {
       {kFlagHalted, &RecordingSummary::halted},
       {kFlagEmergencyStop, &RecordingSummary::emergency_stopped},
       {kFlagClutched, &RecordingSummary::clutched},
-      {kFlagRamp, &RecordingSummary::faded},
+      {kFlagRamp, &RecordingSummary::ramped},
       {kFlagBlend, &RecordingSummary::blended},
       {kFlagMethodMissing, &RecordingSummary::method_missing},
       {kFlagInside, &RecordingSummary::inside},
       {kFlagWedged, &RecordingSummary::wedged},
       {kFlagRuptured, &RecordingSummary::ruptured},
       {kFlagPassivity, &RecordingSummary::passivated},
-      {kFlagRotationLimited, &RecordingSummary::turns_held}};
+      {kFlagRotationLimited, &RecordingSummary::rotation_limited}};
   for (const auto& [flag, count] : counted) {
     SCOPED_TRACE(flag);
     RecordingSummary summary, expected;
@@ -510,7 +512,7 @@ TEST(Recording, HoldsTheLongestHeaderAndTheEmptiest) {
   for (std::string* text :
        {&longest.palpate_version, &longest.commit, &longest.build_type, &longest.compiler,
         &longest.simd_target, &longest.started_utc, &longest.data_set, &longest.scene_title, &longest.device,
-        &longest.hand, &longest.scheduler, &longest.feel, &longest.task.name, &longest.task.seed})
+        &longest.hand, &longest.scheduler, &longest.haptic_settings, &longest.task.name, &longest.task.seed})
     *text = std::string(8192, 'w');
   longest.script_text = std::string(3'000'000, 's');
   for (int i = 0; i < 500; ++i)

@@ -61,7 +61,7 @@ RecordingSummary receive_summary(Receiver& in) {
   visit_summary(summary, [&](const char*, std::uint64_t& value) { in.get(value); });
   std::uint32_t count = 0;
   in.get(count);
-  if (count > kMaxProblems) in.fail("it lists too many troubles");
+  if (count > kMaxProblems) in.fail("it lists too many problems");
   for (std::uint32_t i = 0; i < count && in.ok(); ++i) in.get(summary.problems.emplace_back(), kMaxText);
   return summary;
 }

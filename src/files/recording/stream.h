@@ -10,6 +10,7 @@
 
 #include "palpate/reader/fields.h"
 #include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 
 /// Protocol from the sandboxed process that opens an HDF5 file to its client. The file may have compromised
 /// the sender, so the receiver validates everything.

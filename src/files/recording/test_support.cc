@@ -221,7 +221,7 @@ RecordingHeader example_header(int devices, double rate_hz) {
   header.devices = devices;
   header.clock = "real";
   header.scheduler = "SCHED_FIFO 80";
-  header.feel = "output.blend_s 0.1\n";
+  header.haptic_settings = "output.blend_s 0.1\n";
   header.task = {"find-the-nodule", 0x0123456789abcdefu, "7"};
   header.script_text = "[[step]]\napproach = \"femur\"\npress_N = 1.5\n";
   header.structures = {{7, "femur", "bone", {221, 200, 170}}, {65535, "knorpel-größe", "", {0, 255, 1}}};
@@ -234,13 +234,18 @@ RecordingSummary example_summary(std::uint64_t ticks) {
   summary.run_hash = 0x8000000000000001u;
   // all counts differ
   std::uint64_t next = 1000;
-  for (std::uint64_t* count :
-       {&summary.clamped,          &summary.not_finite,    &summary.outside,   &summary.paused,
-        &summary.rotation_ignored, &summary.thermal,       &summary.slewed,    &summary.stale,
-        &summary.jumped,           &summary.device_faults, &summary.halted,    &summary.emergency_stopped,
-        &summary.clutched,         &summary.faded,         &summary.blended,   &summary.method_missing,
-        &summary.inside,           &summary.wedged,        &summary.ruptured,  &summary.passivated,
-        &summary.dropped,          &summary.skipped,       &summary.turns_held})
+  for (std::uint64_t* count : {&summary.clamped,          &summary.not_finite,
+                               &summary.outside,          &summary.paused,
+                               &summary.rotation_ignored, &summary.thermal,
+                               &summary.slewed,           &summary.stale,
+                               &summary.jumped,           &summary.device_faults,
+                               &summary.halted,           &summary.emergency_stopped,
+                               &summary.clutched,         &summary.ramped,
+                               &summary.blended,          &summary.method_missing,
+                               &summary.inside,           &summary.wedged,
+                               &summary.ruptured,         &summary.passivated,
+                               &summary.dropped,          &summary.skipped,
+                               &summary.rotation_limited})
     *count = next++;
   summary.problems = {"line 3: asked for 2.00 N, felt 1.40 N", "größer"};
   return summary;
@@ -396,7 +401,7 @@ std::string first_difference(const RecordingHeader& a, const RecordingHeader& b)
   if (a.devices != b.devices) return "devices";
   if (a.clock != b.clock) return "clock";
   if (a.scheduler != b.scheduler) return "scheduler";
-  if (a.feel != b.feel) return "feel";
+  if (a.haptic_settings != b.haptic_settings) return "feel";
   if (a.task != b.task) return "task";
   if (a.script_text != b.script_text) return "script_text";
   const auto same_structure = [](const auto& x, const auto& y) {
@@ -422,14 +427,14 @@ std::string first_difference(const RecordingSummary& a, const RecordingSummary& 
   if (a.halted != b.halted) return "halted";
   if (a.emergency_stopped != b.emergency_stopped) return "emergency_stopped";
   if (a.clutched != b.clutched) return "clutched";
-  if (a.faded != b.faded) return "faded";
+  if (a.ramped != b.ramped) return "faded";
   if (a.blended != b.blended) return "blended";
   if (a.method_missing != b.method_missing) return "method_missing";
   if (a.inside != b.inside) return "inside";
   if (a.wedged != b.wedged) return "wedged";
   if (a.ruptured != b.ruptured) return "ruptured";
   if (a.passivated != b.passivated) return "passivated";
-  if (a.turns_held != b.turns_held) return "turns_held";
+  if (a.rotation_limited != b.rotation_limited) return "turns_held";
   if (a.dropped != b.dropped) return "dropped";
   if (a.skipped != b.skipped) return "skipped";
   if (a.problems != b.problems) return "trouble";

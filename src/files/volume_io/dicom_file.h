@@ -19,8 +19,8 @@
 /// it in a reader process (dicom.h).
 ///
 /// DCMTK links libxml2 and ICU, which take longer to load than the program itself. The code that uses it
-/// (dicom_file.cc) is therefore a library of its own, libpalpate_dicom.so, which is loaded when DICOM is
-/// first needed.
+/// (dicom_file.cc and the readers of dicom_readers.h) is therefore a library of its own, libpalpate_dicom.so,
+/// which is loaded when DICOM is first needed.
 namespace palpate::volume_io {
 
 /// Images of one file. DicomFrame::series of its frames is 0.

@@ -79,10 +79,10 @@ bool send_identifiers(DicomLibrary& library, reader::ParentEnd& parent, const Fo
       continue;
     }
     const bool image = kind->dicom_image;
-    bool declared = !image;
+    bool states_burn_in = !image;
     for (const DicomIdentifier& one : *identifiers)
-      declared = declared || one.what.starts_with("BurnedInAnnotation");
-    put_identifiers(*identifiers, declared, all);
+      states_burn_in = states_burn_in || one.what.starts_with("BurnedInAnnotation");
+    put_identifiers(*identifiers, states_burn_in, all);
   }
   if (!send_end(parent, {})) return false;
   reader::Sender out(parent);

@@ -93,29 +93,33 @@ GridGeometry grid_around(const Eigen::Vector3d& low, const Eigen::Vector3d& high
 // maximum number of meshes in all files: each is compared with those that it overlaps
 constexpr std::size_t kMaxMeshes = 1024;
 
-// @param should_continue  called regularly; false: the parent has gone
-Result<StructureLabels> inspect_meshes(const FoundMeshes& found_meshes, const fs::path& named,
-                                       const GridGeometry* scan,
-                                       const MeshPlacementOptions& placement_options,
-                                       const std::function<bool()>& should_continue, double& fraction) {
-  // survey the points of all files, and the coordinate systems that the files state
-  MeshSurvey survey(scan, placement_options.unit_mm);
-  std::optional<MeshSpace> declared;
+using ShouldContinue = std::function<bool()>;  // called regularly; false: the parent has gone
+
+// survey of all files
+struct SurveyedMeshes {
+  MeshSurvey survey;
+  std::optional<MeshSpace> declared;                          // coordinate system that the files state
+  Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;  // bounding box, in that system
+};
+
+// surveys the points of all files, and the coordinate systems that the files state
+Result<SurveyedMeshes> survey_meshes(const FoundMeshes& found_meshes, const fs::path& named,
+                                     const GridGeometry* scan, const MeshPlacementOptions& options,
+                                     const ShouldContinue& should_continue) {
+  SurveyedMeshes all{MeshSurvey(scan, options.unit_mm), {}};
   bool first = true, alike = true;
   std::size_t meshes = 0;
-  Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
-  const StructureFiles& found = found_meshes.found;
-  for (const fs::path& one : found.files) {
+  for (const fs::path& one : found_meshes.found.files) {
     if (!should_continue()) return bad_input("", "reading was interrupted");
     const auto file = parse_file(one, found_meshes.formats.at(one));
     if (!file) return file.error();
-    alike = alike && (first || declared == file->space);
-    declared = file->space;
+    alike = alike && (first || all.declared == file->space);
+    all.declared = file->space;
     for (const TriangleMesh& mesh : file->meshes) {
-      survey.observe(mesh);
+      all.survey.observe(mesh);
       for (const Eigen::Vector3d& point : mesh.points) {
-        low = first ? point : Eigen::Vector3d(low.cwiseMin(point));
-        high = first ? point : Eigen::Vector3d(high.cwiseMax(point));
+        all.low = first ? point : Eigen::Vector3d(all.low.cwiseMin(point));
+        all.high = first ? point : Eigen::Vector3d(all.high.cwiseMax(point));
         first = false;
       }
     }
@@ -126,42 +130,57 @@ Result<StructureLabels> inspect_meshes(const FoundMeshes& found_meshes, const fs
                      "has " + std::to_string(meshes) + " structures, but at most " +
                          std::to_string(kMaxMeshes) + " can be read",
                      "give fewer of them");
-  if (!alike && !placement_options.space)
+  if (!alike && !options.space)
     return bad_input(named.string(),
                      "holds surfaces with different axes: some LPS, others RAS or unspecified",
                      "export all of them with the same axes, or choose the axes of all with --mesh-space");
-  const auto placed = transform_meshes(survey, placement_options, declared);
-  if (!placed) return Error{ErrorKind::kBadInput, placed.error().what, named.string(), placed.error().remedy};
+  return all;
+}
 
-  StructureLabels labels;
-  GridGeometry grid;
-  if (scan) {
-    grid = *scan;
-  } else {
-    const Eigen::Vector3d a = in_patient(low, placed->space, placed->unit_mm),
-                          b = in_patient(high, placed->space, placed->unit_mm);
-    grid = grid_around(a.cwiseMin(b), a.cwiseMax(b));
-  }
-  const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
+// the scan's grid, or one around the meshes
+GridGeometry mesh_grid(const GridGeometry* scan, const SurveyedMeshes& all,
+                       const TransformedMeshes& placement) {
+  if (scan) return *scan;
+  const Eigen::Vector3d a = in_patient(all.low, placement.space, placement.unit_mm),
+                        b = in_patient(all.high, placement.space, placement.unit_mm);
+  return grid_around(a.cwiseMin(b), a.cwiseMax(b));
+}
+
+// names of meshes that the user should know about, by reason
+struct MeshFindings {
   std::vector<std::string> open, cut, empty, named_in_part;
-  const double fraction_per_file = 1 / static_cast<double>(found.files.size());
-  for (const fs::path& one : found.files) {
-    fraction = fraction_per_file * static_cast<double>(&one - found.files.data());
+};
+
+// transforms a mesh into the patient frame; returns whether it extends beyond the grid
+bool place_mesh(const TransformedMeshes& placement, const GridGeometry& grid, TriangleMesh& mesh) {
+  const auto X_VoxelPatient = grid.X_PatientVoxel().inverse();
+  bool beyond = false;
+  for (Eigen::Vector3d& point : mesh.points) {
+    point = in_patient(point, placement.space, placement.unit_mm);
+    const Eigen::Vector3d voxel = (X_VoxelPatient * Point<Patient>(point)).eigen();
+    for (int a = 0; a < 3; ++a)
+      beyond = beyond || voxel[a] < -1 || voxel[a] > grid.dims[static_cast<std::size_t>(a)];
+  }
+  return beyond;
+}
+
+// voxelises all meshes, one by one, and appends their voxels and names to `labels`
+Result<void> voxelise_meshes(const FoundMeshes& found_meshes, const fs::path& named, const GridGeometry& grid,
+                             const TransformedMeshes& placement, const ShouldContinue& should_continue,
+                             double& fraction, StructureLabels& labels, MeshFindings& findings) {
+  const std::vector<fs::path>& files = found_meshes.found.files;
+  const double fraction_per_file = 1 / static_cast<double>(files.size());
+  for (const fs::path& one : files) {
+    fraction = fraction_per_file * static_cast<double>(&one - files.data());
     auto file = parse_file(one, found_meshes.formats.at(one));
     if (!file) return file.error();
     for (std::size_t n = 0; n < file->meshes.size(); ++n) {
       if (!should_continue()) return bad_input("", "reading was interrupted");
       TriangleMesh& mesh = file->meshes[n];
-      bool beyond = false;
-      for (Eigen::Vector3d& point : mesh.points) {
-        point = in_patient(point, placed->space, placed->unit_mm);
-        const Eigen::Vector3d voxel = (X_VoxelPatient * Point<Patient>(point)).eigen();
-        for (int a = 0; a < 3; ++a)
-          beyond = beyond || voxel[a] < -1 || voxel[a] > grid.dims[static_cast<std::size_t>(a)];
-      }
-      const auto [name, left_out] = name_of_mesh(mesh, n, file->meshes.size(), one,
-                                                 found.files.size() == 1 && one == named, labels.names);
-      if (left_out) named_in_part.push_back(name);
+      const bool beyond = place_mesh(placement, grid, mesh);
+      const auto [name, left_out] =
+          name_of_mesh(mesh, n, file->meshes.size(), one, files.size() == 1 && one == named, labels.names);
+      if (left_out) findings.named_in_part.push_back(name);
       const std::string shown_name = name.empty() ? "its only structure" : name;
       const ClosedMesh closed = closed_mesh(mesh);
       mesh = {};
@@ -169,31 +188,54 @@ Result<StructureLabels> inspect_meshes(const FoundMeshes& found_meshes, const fs
       labels.voxels.push_back(voxels_of_mesh(closed, grid, should_continue));
       labels.names.push_back(name);
       if (closed.open_edges > 0)
-        open.push_back(shown_name + " along " + std::to_string(closed.open_edges) + " edges");
+        findings.open.push_back(shown_name + " along " + std::to_string(closed.open_edges) + " edges");
       if (labels.voxels.back().count() == 0)
-        empty.push_back(shown_name);
+        findings.empty.push_back(shown_name);
       else if (beyond)
-        cut.push_back(shown_name);
+        findings.cut.push_back(shown_name);
     }
   }
+  return {};
+}
 
-  if (auto done = assign_to_layers(labels, grid, named, should_continue); !done) return done.error();
-  labels.file.header.has_geometry = placed->space_is_known;
-  auto& notes = labels.file.notes;
-  notes.insert(notes.end(), found.notes.begin(), found.notes.end());
-  notes.push_back(placed->note);
-  if (!scan)
-    notes.push_back("is voxelised on its own grid of " + as_text(grid.spacing_mm[0]) +
+// @param own_grid  null if the meshes use the scan's grid
+void add_mesh_notes(const MeshFindings& findings, const TransformedMeshes& placement,
+                    const GridGeometry* own_grid, std::vector<std::string>& notes) {
+  notes.push_back(placement.note);
+  if (own_grid)
+    notes.push_back("is voxelised on its own grid of " + as_text(own_grid->spacing_mm[0]) +
                     " mm; given after a scan, it uses the grid of the scan");
   const auto warn_about = [&](const std::string& what, const std::vector<std::string>& names) {
     if (!names.empty()) notes.push_back(what + ": " + names_in_words(names));
   };
   warn_about(
       "is not closed everywhere: a voxel counts as inside if most directions hit the surface from within",
-      open);
-  warn_about("extends beyond the scan and is cut off there", cut);
-  warn_about("has surfaces that contain no voxel centre", empty);
-  if (!named_in_part.empty()) notes.push_back(note_of_left_out(named_in_part));
+      findings.open);
+  warn_about("extends beyond the scan and is cut off there", findings.cut);
+  warn_about("has surfaces that contain no voxel centre", findings.empty);
+  if (!findings.named_in_part.empty()) notes.push_back(note_of_left_out(findings.named_in_part));
+}
+
+Result<StructureLabels> inspect_meshes(const FoundMeshes& found_meshes, const fs::path& named,
+                                       const GridGeometry* scan,
+                                       const MeshPlacementOptions& placement_options,
+                                       const ShouldContinue& should_continue, double& fraction) {
+  const auto all = survey_meshes(found_meshes, named, scan, placement_options, should_continue);
+  if (!all) return all.error();
+  const auto placed = transform_meshes(all->survey, placement_options, all->declared);
+  if (!placed) return Error{ErrorKind::kBadInput, placed.error().what, named.string(), placed.error().remedy};
+  const GridGeometry grid = mesh_grid(scan, *all, *placed);
+  StructureLabels labels;
+  MeshFindings findings;
+  if (auto done =
+          voxelise_meshes(found_meshes, named, grid, *placed, should_continue, fraction, labels, findings);
+      !done)
+    return done.error();
+  if (auto done = assign_to_layers(labels, grid, named, should_continue); !done) return done.error();
+  labels.file.header.has_geometry = placed->space_is_known;
+  auto& notes = labels.file.notes;
+  notes.insert(notes.end(), found_meshes.found.notes.begin(), found_meshes.found.notes.end());
+  add_mesh_notes(findings, *placed, scan ? nullptr : &grid, notes);
   return labels;
 }
 

@@ -57,7 +57,7 @@ ValueGrid::ValueGrid(const ForceField& field, const SectionPlane& plane, int cel
   }
 }
 
-void ValueGrid::add_cell(int column, int row, double level, std::vector<Stretch>& stretches) const {
+void ValueGrid::add_cell(int column, int row, double level, std::vector<ContourSegment>& segments) const {
   constexpr int kCorners[5][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}, {0, 0}};
   std::vector<Pixel> crossings;
   for (int edge = 0; edge < 4; ++edge) {
@@ -71,14 +71,14 @@ void ValueGrid::add_cell(int column, int row, double level, std::vector<Stretch>
   }
   // two crossings, or four at a saddle
   for (std::size_t n = 0; n + 1 < crossings.size(); n += 2)
-    stretches.push_back({crossings[n], crossings[n + 1]});
+    segments.push_back({crossings[n], crossings[n + 1]});
 }
 
-std::vector<Stretch> ValueGrid::contour(double level) const {
-  std::vector<Stretch> stretches;
+std::vector<ContourSegment> ValueGrid::contour(double level) const {
+  std::vector<ContourSegment> segments;
   for (int row = 0; row < cells_; ++row)
-    for (int column = 0; column < cells_; ++column) add_cell(column, row, level, stretches);
-  return stretches;
+    for (int column = 0; column < cells_; ++column) add_cell(column, row, level, segments);
+  return segments;
 }
 
 }  // namespace force_arrows

@@ -141,8 +141,8 @@ std::string draw_contours(const Picture& p, const Progress& progress) {
   std::string svg;
   for (const double level : {0.25, 0.5, 0.75}) {
     std::string data;
-    for (const Stretch& stretch : grid.contour(level))
-      data += "M" + pair(on_page(stretch.from)) + "L" + pair(on_page(stretch.to));
+    for (const ContourSegment& segment : grid.contour(level))
+      data += "M" + pair(on_page(segment.from)) + "L" + pair(on_page(segment.to));
     if (!data.empty()) svg += path(level == 0.5 ? "contour half" : "contour", data);
   }
   return svg;

@@ -238,9 +238,9 @@ TEST(ForceArrows, LinesOfEqualValueAreCirclesRoundABall) {
   const ValueGrid grid(field, plane, 135);
   for (const double level : {0.25, 0.5, 0.75}) {
     double length_mm = 0, radius_mm = 0;
-    for (const Stretch& stretch : grid.contour(level)) {
-      const Vector<Patient> from = plane.at(stretch.from[0], stretch.from[1]) - Point<Patient>();
-      const Vector<Patient> to = plane.at(stretch.to[0], stretch.to[1]) - Point<Patient>();
+    for (const ContourSegment& segment : grid.contour(level)) {
+      const Vector<Patient> from = plane.at(segment.from[0], segment.from[1]) - Point<Patient>();
+      const Vector<Patient> to = plane.at(segment.to[0], segment.to[1]) - Point<Patient>();
       EXPECT_NEAR(field.sample(Point<Patient>(from.eigen())).value, level, 0.02);
       if (radius_mm == 0) radius_mm = from.norm();
       EXPECT_NEAR(from.norm(), radius_mm, 0.05);

@@ -1,4 +1,5 @@
 #include "report/contacts.h"
+#include "palpate/recording/recording_source.h"
 
 #include <gtest/gtest.h>
 

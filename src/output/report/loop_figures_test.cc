@@ -1,4 +1,5 @@
 #include "report/loop_figures.h"
+#include "palpate/recording/recording_source.h"
 
 #include <gtest/gtest.h>
 

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "palpate/recording/recording_source.h"
 #include "report/test_example_run.h"
 
 namespace palpate::report {

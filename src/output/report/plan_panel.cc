@@ -41,7 +41,7 @@ std::string at_time(const RunPoint& point) {
 }
 
 std::string entry_text(const TrajectoryResult& done) {
-  switch (done.entry_made) {
+  switch (done.entry_kind) {
     case EntryKind::kPassed:
       return "passed the surface " + at_time(done.entry);
     case EntryKind::kTouched:
@@ -105,11 +105,11 @@ std::string trajectory_sections(const Run& run, const PlanTrajectory& planned, c
 
 std::string volume_cells(const VolumeResult& volume) {
   return cell(number(volume.planned_mm3, 1)) + cell(number(volume.removed_mm3, 1)) +
-         cell(number(volume.left_mm3(), 1));
+         cell(number(volume.remaining_mm3(), 1));
 }
 
 std::string volume_tables(const Run& run, const RehearsedPlan& rehearsed) {
-  const PlanComparison& comparison = rehearsed.made;
+  const PlanComparison& comparison = rehearsed.comparison;
   const std::string columns = heading_cell("Planned", "mm\u00b3") + heading_cell("Taken", "mm\u00b3") +
                               heading_cell("Left", "mm\u00b3");
   std::string html;
@@ -186,7 +186,7 @@ std::vector<double> clearance_at(const PlanComparison& comparison, std::size_t s
 
 Result<std::string> plan_html(const Run& run, const RehearsedPlan& rehearsed, const Progress& progress) {
   const PlanFile& plan = rehearsed.plan.file;
-  const PlanComparison& comparison = rehearsed.made;
+  const PlanComparison& comparison = rehearsed.comparison;
   std::string html =
       "<section class=\"card\" aria-labelledby=\"plan-title\"><h2 id=\"plan-title\">Plan and result</h2>\n"
       "<p class=\"hint\">" +

@@ -27,7 +27,7 @@ TEST(PlanPanel, ShowsEveryFigureOfTheComparison) {
   EXPECT_THAT(*html, HasSubstr("A &lt;plan&gt;"));
   EXPECT_THAT(*html, HasSubstr("<h3>way &amp; target</h3>"));
   const TrajectoryResult& done = made->trajectories[0];
-  EXPECT_EQ(done.entry_made, EntryKind::kPassed);
+  EXPECT_EQ(done.entry_kind, EntryKind::kPassed);
   EXPECT_FALSE(done.is_within_limit());  // a millimetre off
   EXPECT_THAT(*html, HasSubstr(cell(number(done.entry_error_mm.value, 2)) +
                                cell("at most 0.50, <strong>not kept</strong>")));

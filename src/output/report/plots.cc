@@ -98,7 +98,7 @@ std::string data_json(const Run& run, const RehearsedPlan* rehearsed) {
   if (run.real_clock()) json += ",\"lateness\":[" + json_array(data.series.back(), 1) + "]";
   if (!run.removal.structures.empty()) json += "," + removed_json(run);
   if (!run.layers.series.empty()) json += "," + layers_json(run);
-  if (rehearsed != nullptr) json += "," + clearance_json(run, rehearsed->made);
+  if (rehearsed != nullptr) json += "," + clearance_json(run, rehearsed->comparison);
   json += ",\"contacts\":" + contacts_json(run);
   json += ",\"shown\":" + shown_json(run);
   return json + "}";

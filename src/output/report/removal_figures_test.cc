@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "contact/test_model.h"
+#include "palpate/recording/recording_source.h"
 #include "tissue/test_surfaces.h"
 
 namespace palpate::report {

@@ -1,4 +1,5 @@
 #include "palpate/report/report.h"
+#include "palpate/recording/recorder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -6,6 +6,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/contact/model.h"
 #include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/tissue/tissue_laws.h"
 #include "report/contacts.h"
 #include "report/decimate.h"

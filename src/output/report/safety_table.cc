@@ -59,7 +59,7 @@ constexpr std::array kOthers{
     Row{"Clutched", &RecordingSummary::clutched, Shown::kWhenMet,
         "The clutch was pressed, so that the hand could move without the tip; the force faded out and stayed "
         "off."},
-    Row{"Faded", &RecordingSummary::faded, Shown::kWhenMet,
+    Row{"Faded", &RecordingSummary::ramped, Shown::kWhenMet,
         "The force was fading in, over half a second at the start and after every interruption, or fading "
         "out."},
     Row{"Blended", &RecordingSummary::blended, Shown::kWhenMet,
@@ -75,7 +75,7 @@ constexpr std::array kOthers{
     Row{"Damped", &RecordingSummary::passivated, Shown::kWhenMet,
         "The force would have given the hand more energy than the hand had put in; damping removed the "
         "excess."},
-    Row{"Turn held", &RecordingSummary::turns_held, Shown::kWhenMet,
+    Row{"Turn held", &RecordingSummary::rotation_limited, Shown::kWhenMet,
         "The object turned slower than commanded, to limit its power on the hand to 5 mW."},
     Row{"Method missing", &RecordingSummary::method_missing, Shown::kWhenMet,
         "The model was not prepared for the chosen force method; the trilinear one was used."},

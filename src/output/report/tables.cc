@@ -92,9 +92,9 @@ std::string provenance_html(const Run& run, const std::string& names_from) {
           entry("Seed", std::to_string(header.seed));
   html += entry("Names of structures", names_from);
   html += entry("Model", hex(header.model_hash), true);
-  if (!header.feel.empty()) {
+  if (!header.haptic_settings.empty()) {
     std::uint64_t hash = kHashSeed;
-    hash_bytes(hash, header.feel.data(), header.feel.size());
+    hash_bytes(hash, header.haptic_settings.data(), header.haptic_settings.size());
     html += entry("Contact settings", hex(hash_finish(hash)), true);
   }
   html +=

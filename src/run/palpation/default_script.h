@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "palpate/contact/model.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 #include "palpate/servo/servo.h"
 
 namespace palpate {

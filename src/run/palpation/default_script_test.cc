@@ -9,6 +9,7 @@
 #include "base/test_files.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/scene/new_scene.h"
 #include "palpate/volume_io/volume_io.h"
 
 namespace palpate {

@@ -9,6 +9,8 @@
 #include "base/test_files.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/run_setup.h"
+#include "palpate/scene/named_values.h"
+#include "palpate/scene/new_scene.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpation/force_sweep.h"
 

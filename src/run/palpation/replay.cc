@@ -267,8 +267,8 @@ Result<void> check_recorded_model(const RecordingHeader& recording, const Model&
                    recording.palpate_version + ", commit " + recording.commit};
 }
 
-std::shared_ptr<const Model> solved_as_recorded(std::shared_ptr<const Model> model,
-                                                const RecordingHeader& recording) {
+std::shared_ptr<const Model> with_recorded_cell_size(std::shared_ptr<const Model> model,
+                                                     const RecordingHeader& recording) {
   if (model->tissue_cell_factor == recording.tissue_cell_factor) return model;
   auto coarser = std::make_shared<Model>(*model);
   coarser->tissue_cell_factor = recording.tissue_cell_factor;
@@ -288,7 +288,7 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
     auto with_surfaces = prepared_with_cache(prepared, kProxyAlone, progress);
     if (!with_surfaces && with_surfaces.error().kind == ErrorKind::kInterrupted) return with_surfaces.error();
     if (with_surfaces) prepared = *std::move(with_surfaces);
-    prepared = solved_as_recorded(std::move(prepared), head.header);
+    prepared = with_recorded_cell_size(std::move(prepared), head.header);
   }
   const auto ready = prepared_with_cache(std::move(prepared), *methods, progress);
   if (!ready) return ready.error();
@@ -305,7 +305,8 @@ Result<ReplayResult> replay(const RecordingSource& recording, std::shared_ptr<co
       },
       progress);
   if (replayer.differs()) {
-    const std::string other = head.header.feel.empty() ? "" : first_haptic_difference(head.header.feel);
+    const std::string other =
+        head.header.haptic_settings.empty() ? "" : first_haptic_difference(head.header.haptic_settings);
     if (!other.empty())
       result.difference += "; it was recorded with different settings: " + printable_name(other);
     return result;

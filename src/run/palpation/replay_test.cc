@@ -86,8 +86,8 @@ TEST_F(ReplayTest, NamesTheFirstTickThatDiffers) {
 
 TEST_F(ReplayTest, SettingsThatWereOthersAreNamedWhereItDiffers) {
   const std::string here = haptic_settings_text();
-  EXPECT_EQ(recording_.header.feel, here);
-  recording_.header.feel.replace(here.find("output.ramp_in_s 0.5"), 20, "output.ramp_in_s 0.4");
+  EXPECT_EQ(recording_.header.haptic_settings, here);
+  recording_.header.haptic_settings.replace(here.find("output.ramp_in_s 0.5"), 20, "output.ramp_in_s 0.4");
   // equal outputs, so the different figures had no effect
   const auto same = replay(recording_, loaded_.model);
   ASSERT_TRUE(same.ok());

@@ -140,7 +140,7 @@ RecordingHeader header_of_run(const LoadedScene& loaded, const RunSetup& setup) 
   header.compiler = PALPATE_COMPILER;
   const auto targets = simd_targets();
   header.simd_target = targets.empty() ? "" : targets.front();
-  header.feel = haptic_settings_text();
+  header.haptic_settings = haptic_settings_text();
   header.tissue_cell_factor = setup.model->tissue_cell_factor;
   header.started_utc = utc_now();
   header.data_set = loaded.data_set;

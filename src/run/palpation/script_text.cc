@@ -1,4 +1,5 @@
 #include "palpation/script_text.h"
+#include "palpate/scene/named_values.h"
 
 #include <cstdio>
 

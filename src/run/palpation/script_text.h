@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "palpate/scene/scene.h"
+#include "palpate/scene/script.h"
 
 namespace palpate {
 

@@ -6,6 +6,7 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/palpation/virtual_run.h"
+#include "palpate/recording/recorder.h"
 #include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"
 
@@ -95,7 +96,7 @@ Result<SimulationResult> simulate(const LoadedScene& loaded, const std::optional
   for (const HoldMeter& meter : meters) result.holds.push_back(meter.figure());
   result.removed = removed_figures(model, removed);
   result.broken_off_mm3 = removed.broken_off_mm3();
-  result.spared = protected_figures(model, removed, nearest);
+  result.protected_structures = protected_figures(model, removed, nearest);
   return result;
 }
 

@@ -339,8 +339,8 @@ TEST(BurrScene, InLayersItTellsHowNearTheHeadItselfCame) {
   const auto simulated = simulate(loaded, script, {}, folder / "run.h5");
   ASSERT_TRUE(simulated.ok()) << simulated.error().message();
   EXPECT_EQ(simulated->failed_steps, 0u);
-  ASSERT_EQ(simulated->spared.size(), 1u);
-  EXPECT_NEAR(simulated->spared[0].nearest_mm.value_or(9), 0, 0.1);
+  ASSERT_EQ(simulated->protected_structures.size(), 1u);
+  EXPECT_NEAR(simulated->protected_structures[0].nearest_mm.value_or(9), 0, 0.1);
   const auto recording = read_recording(folder / "run.h5");
   ASSERT_TRUE(recording.ok()) << recording.error().message();
   const auto opened = open_playback(RecordingSource(*recording), loaded.model, Modality::kMr);

@@ -12,6 +12,7 @@
 #include "palpate/base/file.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
+#include "palpate/recording/recorder.h"
 #include "palpate/supervisor/supervisor.h"
 #include "session/live_session.h"
 #include "session/measured_cells.h"

@@ -10,7 +10,7 @@
 
 #include "palpate/device/simulated_device.h"
 #include "palpate/palpation/scripted_hand.h"
-#include "palpate/recording/recording.h"
+#include "palpate/recording/event_log.h"
 #include "palpate/servo/servo_loop.h"
 
 namespace palpate {

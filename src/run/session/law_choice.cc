@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "palpate/base/reason.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/named_values.h"
 
 namespace palpate {
 namespace {
@@ -88,11 +88,11 @@ Result<void> LawChoice::choose(const LiveModel::Lock& lock, TissueLaw law, Reque
     return {};
   }
   if (auto fine = check_law(model, law); !fine) return fine.error();
-  const bool is_measured = !is_elastic(law) || cell_size_of(law).coarsened > 0;
+  const bool is_measured = !is_elastic(law) || cell_size_of(law).cell_factor > 0;
   if (!has_other_surfaces(model, law) && is_measured) {
     auto under = under_law(model, law);
     if (!under) return under.error();
-    switch_to(lock, **under, is_elastic(law) ? cell_size_of(law).coarsened : 0, by);
+    switch_to(lock, **under, is_elastic(law) ? cell_size_of(law).cell_factor : 0, by);
     return {};
   }
   if (auto woken = wake_(lock); !woken) return woken;
@@ -102,9 +102,10 @@ Result<void> LawChoice::choose(const LiveModel::Lock& lock, TissueLaw law, Reque
 }
 
 // switches the current model version to the law of `under`
-void LawChoice::switch_to(const LiveModel::Lock& lock, const Model& under, double coarsened, RequestedBy by) {
+void LawChoice::switch_to(const LiveModel::Lock& lock, const Model& under, double cell_factor,
+                          RequestedBy by) {
   const ModelVersions& now = model_.versions(lock);
-  const ModelChange change = change_of_law(*now.current, under.tissue_law, coarsened);
+  const ModelChange change = change_of_law(*now.current, under.tissue_law, cell_factor);
   if (is_moving(under.tissue_law)) start_solver(lock);
   model_.apply(lock, {with_law(*now.current, under, change), now.prepared}, change, by);
   awaited_.reset();
@@ -142,11 +143,11 @@ void LawChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
   // the request may have been replaced or withdrawn; surfaces built for an older model version do not fit
   if (progress.stopped() || awaited_ != law || model_.versions(lock).current != of) return;
   if (!made) return abandon(lock, made.error());
-  const double coarsened = is_elastic(law) ? made->model->tissue_cell_factor : 0;
-  switch_to(lock, *made->model, coarsened, awaited_by_);
+  const double cell_factor = is_elastic(law) ? made->model->tissue_cell_factor : 0;
+  switch_to(lock, *made->model, cell_factor, awaited_by_);
   if (!is_elastic(law)) return;
-  if (cell_size_of(law).coarsened == 0 && !made->warning.empty()) later_warnings_.push_back(made->warning);
-  cell_size_of(law) = {coarsened, made->warning};
+  if (cell_size_of(law).cell_factor == 0 && !made->warning.empty()) later_warnings_.push_back(made->warning);
+  cell_size_of(law) = {cell_factor, made->warning};
 }
 
 // keeps the current law and reports the error to the requester

@@ -78,12 +78,12 @@ class LawChoice final : public PreparedChoice {
  private:
   // cell size as measured on this machine; factor 0: not measured
   struct CellSize {
-    double coarsened = 0;
+    double cell_factor = 0;
     std::string warning;
   };
   CellSize& cell_size_of(TissueLaw law) { return cell_sizes_[static_cast<std::size_t>(law)]; }
   const CellSize& cell_size_of(TissueLaw law) const { return cell_sizes_[static_cast<std::size_t>(law)]; }
-  void switch_to(const LiveModel::Lock& lock, const Model& under, double coarsened, RequestedBy by);
+  void switch_to(const LiveModel::Lock& lock, const Model& under, double cell_factor, RequestedBy by);
   void abandon(const LiveModel::Lock& lock, Error why);
   void start_solver(const LiveModel::Lock& lock);
 

@@ -7,6 +7,7 @@
 #include "palpate/base/check.h"
 #include "palpate/palpation/logged_loop.h"
 #include "palpate/palpation/plain_vectors.h"
+#include "palpate/scene/named_values.h"
 #include "session/refusal.h"
 #include "session/setting_changes.h"
 #include "session/viewed_scene.h"

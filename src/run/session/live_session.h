@@ -16,6 +16,7 @@
 #include "palpate/device/pointer_driver.h"
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
+#include "palpate/recording/event_log.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
 #include "palpate/server/tick_history.h"

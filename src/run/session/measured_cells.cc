@@ -18,7 +18,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kCoarser[] = {1.25, 1.6, kMaxTissueCoarsening};
+constexpr double kCoarser[] = {1.25, 1.6, kMaxTissueCellFactor};
 
 double processor_time_s() {
   timespec now{};
@@ -105,14 +105,14 @@ MeasuredCells with_measured_cells(std::shared_ptr<const Model> model, std::size_
 
 Result<MeasuredCells> measured_under_law(const Model& model, TissueLaw law, std::size_t devices,
                                          const Progress& progress) {
-  const auto preparing = cached_preparation();
+  const auto preparation = cached_preparation();
   if (has_other_surfaces(model, law)) {
     // the current surfaces stay in memory meanwhile
-    const auto bytes = memory_of_surfaces(displayed_under_law(model, law), *preparing, progress);
+    const auto bytes = memory_of_surfaces(displayed_under_law(model, law), *preparation, progress);
     if (!bytes) return bytes.error();
     if (auto allowed = check_memory(*bytes, "surfaces of soft tissue"); !allowed) return allowed.error();
   }
-  auto under = under_law(model, law, *preparing, progress);
+  auto under = under_law(model, law, *preparation, progress);
   if (!under) return under.error();
   if (!is_elastic(law)) return MeasuredCells{*std::move(under), {}};
   auto whole = std::make_shared<Model>(**under);

@@ -16,6 +16,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/recorded_model.h"
+#include "palpate/scene/named_values.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/removed_volume.h"
 #include "session/clearance_history.h"
@@ -352,7 +353,7 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
     constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
     auto ready = prepared_with_cache(std::move(model), kProxyAlone, progress);
     if (!ready) return ready.error();
-    model = solved_as_recorded(*std::move(ready), head.header);
+    model = with_recorded_cell_size(*std::move(ready), head.header);
     return {};
   };
   // a task's patches lie on the rendered surfaces

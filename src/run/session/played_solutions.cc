@@ -105,9 +105,9 @@ std::shared_ptr<const Model> PlayedSolutions::model_of(std::uint32_t version) {
   const std::size_t by = cuts_.count_at(version);
   const std::vector<std::uint64_t>& undone_to = cuts_.undone_to(version);
   const TissueLaw law = laws_.at(version);
-  const double coarsened = laws_.coarsened_at(version);
+  const double cell_factor = laws_.cell_factor_at(version);
   const auto is_under_law = [&](const Model& model) {
-    return model.tissue_law == law && model.tissue_cell_factor == coarsened;
+    return model.tissue_law == law && model.tissue_cell_factor == cell_factor;
   };
   if (by == cut_by_ && undone_to == undone_to_ && is_under_law(*cut_)) return cut_;
   const bool continues = undone_to == undone_to_ && by > cut_by_;
@@ -127,7 +127,7 @@ std::shared_ptr<const Model> PlayedSolutions::model_of(std::uint32_t version) {
   }
   if (!is_under_law(*made)) {
     auto under = std::make_shared<Model>(displayed_under_law(*made, law));
-    under->tissue_cell_factor = coarsened;
+    under->tissue_cell_factor = cell_factor;
     made = std::move(under);
   }
   cut_ = std::move(made);

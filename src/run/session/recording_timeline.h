@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/server/viewer_host.h"
 
 namespace palpate {

@@ -2,7 +2,7 @@
 
 #include <atomic>
 
-#include "palpate/recording/recording.h"
+#include "palpate/recording/event_log.h"
 #include "palpate/servo/servo_loop.h"
 
 namespace palpate {

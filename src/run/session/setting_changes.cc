@@ -10,7 +10,7 @@
 
 #include "palpate/device/settings.h"
 #include "palpate/palpation/plain_vectors.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/named_values.h"
 
 namespace palpate {
 namespace {

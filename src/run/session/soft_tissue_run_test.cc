@@ -11,6 +11,7 @@
 #include "loading/test_loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/scene/named_values.h"
 #include "palpate/session/explore.h"
 #include "palpate/session/playback.h"
 #include "palpate/tissue/soft_tissue_solver.h"

@@ -50,14 +50,14 @@ void SolutionIndex::take(const Frame& frame, const TickRecord& input, std::uint6
 // model that the solver used in that version; where the outermost surfaces lie does not depend on the law
 const Model& SolutionIndex::model_of(std::uint32_t version) {
   const TissueLaw law = laws_.at(version);
-  const double coarsened = laws_.coarsened_at(version);
+  const double cell_factor = laws_.cell_factor_at(version);
   const auto is_by = [&](const Model& model) {
-    return model.tissue_law == law && model.tissue_cell_factor == coarsened;
+    return model.tissue_law == law && model.tissue_cell_factor == cell_factor;
   };
   if (is_by(*model_)) return *model_;
   if (!other_ || !is_by(*other_)) {
     other_ = displayed_under_law(*model_, law);
-    other_->tissue_cell_factor = coarsened;
+    other_->tissue_cell_factor = cell_factor;
   }
   return *other_;
 }

@@ -8,7 +8,7 @@
 
 #include "palpate/contact/model.h"
 #include "palpate/device/telemetry.h"
-#include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/tissue/soft_tissue_solver.h"
 #include "palpate/tissue/tissue_laws.h"
 

@@ -9,7 +9,7 @@
 #include <mutex>
 #include <optional>
 
-#include "palpate/recording/recording.h"
+#include "palpate/recording/event_log.h"
 #include "palpate/server/viewer_host.h"
 #include "palpate/servo/servo_loop.h"
 #include "palpate/tissue/chain_mail.h"

@@ -8,6 +8,7 @@
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/logged_loop.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/recording/recorder.h"
 #include "palpate/session/playback.h"
 #include "palpate/tissue/carving.h"
 

@@ -3,6 +3,7 @@
 #include "palpate/base/hash.h"
 #include "palpate/contact/colours.h"
 #include "palpate/rendering/rendering.h"
+#include "palpate/scene/named_values.h"
 
 namespace palpate {
 namespace {

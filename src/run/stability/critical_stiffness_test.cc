@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "palpate/contact/model.h"
+#include "palpate/contact/velocity.h"
 #include "stability/critical_stiffness_hold.h"
 
 namespace palpate {

@@ -29,7 +29,7 @@
 #include "base/test_limits.h"
 #include "base/test_seed.h"
 #include "base/test_wait.h"
-#include "palpate/recording/recording.h"
+#include "palpate/recording/recording_source.h"
 #include "palpate/servo/realtime.h"
 #include "supervisor/test_device.h"
 

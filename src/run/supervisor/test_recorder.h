@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "palpate/base/check.h"
+#include "palpate/recording/recorder.h"
 #include "palpate/recording/recording.h"
 #include "palpate/servo/servo_loop.h"
 #include "supervisor/test_device.h"

@@ -3,7 +3,8 @@
 #include "palpate/base/file.h"
 #include "palpate/cache/digest.h"
 #include "palpate/catalog/catalog.h"
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/case.h"
+#include "palpate/cohort/cohort_table.h"
 
 namespace palpate {
 namespace {

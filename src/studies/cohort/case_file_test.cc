@@ -6,7 +6,8 @@
 
 #include "base/test_folder.h"
 #include "palpate/base/file.h"
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/case.h"
+#include "palpate/cohort/cohort_table.h"
 
 namespace palpate {
 namespace {

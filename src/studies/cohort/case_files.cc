@@ -5,7 +5,8 @@
 #include "palpate/base/file.h"
 #include "palpate/base/printable.h"
 #include "palpate/catalog/catalog.h"
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/case.h"
+#include "palpate/cohort/cohort_table.h"
 #include "palpate/scene/scene.h"
 #include "palpate/volume_io/volume_io.h"
 

@@ -2,7 +2,7 @@
 #include <cstdio>
 
 #include "palpate/base/printable.h"
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/case.h"
 #include "palpate/json/json.h"
 
 namespace palpate {

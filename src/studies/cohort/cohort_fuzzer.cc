@@ -1,4 +1,5 @@
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/case.h"
+#include "palpate/cohort/cohort_table.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);

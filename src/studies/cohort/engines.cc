@@ -8,7 +8,7 @@
 #include "palpate/base/file.h"
 #include "palpate/base/for_each_index.h"
 #include "palpate/base/printable.h"
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/engines.h"
 
 namespace palpate {
 namespace {

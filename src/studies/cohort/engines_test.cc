@@ -10,7 +10,7 @@
 
 #include "base/test_folder.h"
 #include "palpate/base/file.h"
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/engines.h"
 
 namespace palpate {
 namespace {

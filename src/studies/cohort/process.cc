@@ -13,7 +13,7 @@
 #include <chrono>
 #include <thread>
 
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/engines.h"
 
 namespace palpate::cohort {
 

@@ -3,7 +3,9 @@
 #include <cstdio>
 
 #include "palpate/base/file.h"
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/case.h"
+#include "palpate/cohort/cohort_table.h"
+#include "palpate/cohort/thickness.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/rendering/volume_picture.h"

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "palpate/base/printable.h"
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/cohort_table.h"
 #include "palpate/device/settings.h"
 #include "palpate/scene/scene.h"
 

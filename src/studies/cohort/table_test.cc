@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/cohort_table.h"
 
 namespace palpate {
 namespace {

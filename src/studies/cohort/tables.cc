@@ -4,7 +4,8 @@
 
 #include "palpate/base/file.h"
 #include "palpate/base/table_field.h"
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/case.h"
+#include "palpate/cohort/cohort_summary.h"
 #include "palpate/json/json.h"
 #include "palpate/report/cohort_page.h"
 

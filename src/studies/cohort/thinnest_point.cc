@@ -2,7 +2,7 @@
 #include <cmath>
 #include <utility>
 
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/thickness.h"
 
 namespace palpate {
 namespace {

@@ -4,7 +4,7 @@
 #include <limits>
 #include <random>
 
-#include "palpate/cohort/cohort.h"
+#include "palpate/cohort/thickness.h"
 
 namespace palpate {
 namespace {

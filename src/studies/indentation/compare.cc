@@ -3,7 +3,7 @@
 
 #include "palpate/base/printable.h"
 #include "palpate/indentation/indentation.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 
 namespace palpate {
 

@@ -2,7 +2,7 @@
 
 #include "indentation/format.h"
 #include "palpate/indentation/indentation.h"
-#include "palpate/scene/scene.h"
+#include "palpate/scene/named_values.h"
 
 namespace palpate {
 namespace {

@@ -5,6 +5,7 @@
 
 #include "palpate/base/clock.h"
 #include "palpate/base/latency_histogram.h"
+#include "palpate/recording/recorder.h"
 #include "palpate/recording/recording.h"
 #include "palpate/servo/empty_loop.h"
 #include "palpate/servo/loop_statistics.h"

@@ -9,6 +9,7 @@
 #include "palpate/contact/proxy_path.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/scene/scene.h"
+#include "palpate/scene/tissue_presets.h"
 #include "palpate/servo/servo.h"
 #include "palpate/surfaces/surfaces.h"
 #include "verification/accuracy_random.h"

@@ -139,8 +139,8 @@ void report_volumes(const PlannedVolumes& planned, const RemovedVolumes& removed
 
 }  // namespace
 
-const char* word_of(EntryKind made) {
-  switch (made) {
+const char* word_of(EntryKind kind) {
+  switch (kind) {
     case EntryKind::kPassed:
       return "passed";
     case EntryKind::kTouched:

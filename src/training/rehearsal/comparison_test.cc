@@ -126,7 +126,7 @@ TEST(ComparePlan, AStraightWayHasItsOffsetAngleAndDepth) {
     ASSERT_TRUE(plan) << plan.error().message();
     for (const double rate_hz : {1000.0, 4000.0}) {
       const TrajectoryResult done = compared(*plan, run_along(path, rate_hz)).trajectories[0];
-      EXPECT_EQ(done.entry_made, EntryKind::kPassed);
+      EXPECT_EQ(done.entry_kind, EntryKind::kPassed);
       EXPECT_NEAR(done.entry_error_mm.value, (lateral - entry).norm(), 0.02);
       EXPECT_EQ(done.entry_error_mm.is_within_limit(), done.entry_error_mm.value <= 2);
       // projection of the target onto the path
@@ -178,7 +178,7 @@ entry_within = 1
   const Point<Patient> beside = Point<Patient>(2, 0, 15);
   const StraightPath path{{{40, 0, 60}, beside - turned * 20, beside + turned * 8, {40, 0, 60}}};
   const TrajectoryResult done = compared(plan, run_along(path)).trajectories[0];
-  EXPECT_EQ(done.entry_made, EntryKind::kNearest);
+  EXPECT_EQ(done.entry_kind, EntryKind::kNearest);
   EXPECT_NEAR(done.entry_error_mm.value, 2 * std::cos(std::atan(0.1)), 0.001);
   EXPECT_FALSE(done.is_within_limit());
   EXPECT_NEAR(done.angle_deg.value, std::atan(0.1) / kDegree, 0.05);
@@ -189,7 +189,7 @@ TEST(ComparePlan, UncutTrajectoryHasNoErrors) {
   const StraightPath path{{{3, 0, 40}, {3, 0, 16}, {3, 0, 40}}};
   Recording run = run_along(path);
   TrajectoryResult done = compared(plan, run).trajectories[0];
-  EXPECT_EQ(done.entry_made, EntryKind::kNone);
+  EXPECT_EQ(done.entry_kind, EntryKind::kNone);
   EXPECT_TRUE(std::isnan(done.entry_error_mm.value));
   EXPECT_TRUE(std::isnan(done.angle_deg.value));
   EXPECT_TRUE(std::isnan(done.depth_mm));
@@ -203,7 +203,7 @@ TEST(ComparePlan, UncutTrajectoryHasNoErrors) {
     tick.device[0].label = testing::kBone;
   }
   done = compared(plan, run).trajectories[0];
-  EXPECT_EQ(done.entry_made, EntryKind::kTouched);
+  EXPECT_EQ(done.entry_kind, EntryKind::kTouched);
   EXPECT_NEAR(done.entry_error_mm.value, std::hypot(3, 1.5), 0.03);
   // half a millimetre of path has no direction
   EXPECT_TRUE(std::isnan(done.angle_deg.value));
@@ -386,7 +386,7 @@ TEST(ComparePlan, VolumesInAndOutsideThePlanAreExact) {
   EXPECT_NEAR(made.volumes[0].in_plan.planned_mm3 / ball_mm3(5), 1, 0.01);
   EXPECT_NEAR(made.volumes[0].in_plan.removed_mm3 / in_mm3, 1, 0.02);
   EXPECT_NEAR(made.volumes[0].outside_mm3 / (ball_mm3(4) - in_mm3), 1, 0.02);
-  EXPECT_NEAR(made.volumes[0].in_plan.left_mm3() / (ball_mm3(5) - in_mm3), 1, 0.02);
+  EXPECT_NEAR(made.volumes[0].in_plan.remaining_mm3() / (ball_mm3(5) - in_mm3), 1, 0.02);
   ASSERT_EQ(made.regions.size(), 1u);
   EXPECT_EQ(made.regions[0].removed_mm3, made.volumes[0].in_plan.removed_mm3);
   EXPECT_EQ(made.regions[0].planned_mm3, made.volumes[0].in_plan.planned_mm3);

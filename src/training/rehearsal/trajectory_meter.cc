@@ -160,7 +160,7 @@ TrajectoryResult TrajectoryMeter::finish(bool reports_orientation) {
   done.angle_deg.allowed = planned_.angle_within_deg;
   done.depth_error_mm.allowed = planned_.depth_within_mm;
   const bool entered = best_.kind != EntryKind::kNone;
-  done.entry_made = best_.kind;
+  done.entry_kind = best_.kind;
   done.nearest = entered ? best_.nearest : nearest_;
   if (last_) {
     const Vector<Patient> off = done.nearest.at - planned_.target;

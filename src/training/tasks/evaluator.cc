@@ -275,7 +275,7 @@ void TaskEvaluator::update_forces(const TickRecord& tick, double dt_s) {
 
 bool TaskEvaluator::is_on_step(const Contact& contact, const TaskStep& step) const {
   const RegionInScene& region = task_.regions[step.region];
-  return region.has(contact.label) && region.bounds(contact.position_mm) &&
+  return region.has(contact.label) && region.contains_point(contact.position_mm) &&
          (contact.is_visible || !step.seen);
 }
 
@@ -351,7 +351,7 @@ void TaskEvaluator::update_steps(const TickRecord& tick, double dt_s) {
     } else {
       const bool condition_holds =
           step.kind == StepKind::kVisit
-              ? tip_known_ && task_.regions[step.region].bounds(tip_mm_)
+              ? tip_known_ && task_.regions[step.region].contains_point(tip_mm_)
               : !belongs_to_completed_touch(step) && force_N >= step.force_N[0] && force_N <= step.force_N[1];
       step_s_[n] = condition_holds ? step_s_[n] + (step_condition_held_[n] ? dt_s : 0) : 0;
       step_condition_held_[n] = condition_holds;

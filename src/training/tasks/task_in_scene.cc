@@ -142,7 +142,7 @@ void add_patches(const Model& model, RegionInScene& region) {
             const double off_mm = surface->distance_mm(Point<Patient>(at));
             if (std::abs(off_mm) < 2) at -= off_mm * surface->outward(Point<Patient>(at)).eigen();
           }
-          if (region.bounds(at)) region.patches.add(at);
+          if (region.contains_point(at)) region.patches.add(at);
         }
       }
     }
@@ -151,7 +151,7 @@ void add_patches(const Model& model, RegionInScene& region) {
 
 }  // namespace
 
-bool RegionInScene::bounds(const Eigen::Vector3d& position_mm) const {
+bool RegionInScene::contains_point(const Eigen::Vector3d& position_mm) const {
   if (centre_mm && !((position_mm - *centre_mm).norm() <= radius_mm)) return false;
   return std::all_of(planes.begin(), planes.end(), [&](const Plane& plane) {
     return (position_mm - plane.point_mm).dot(plane.normal) >= 0;
@@ -162,7 +162,7 @@ RegionView view_of(const RegionInScene& region, const Model& model) {
   if (region.has_label.empty())
     return {region.centre_mm.value_or(Eigen::Vector3d::Zero()), region.radius_mm, Eigen::Vector3d::Zero()};
   return view_of_part(model, region.has_label,
-                      [&](const Eigen::Vector3d& position) { return region.bounds(position); });
+                      [&](const Eigen::Vector3d& position) { return region.contains_point(position); });
 }
 
 RegionView view_of(const RegionInPlan& region, const Model& model) {

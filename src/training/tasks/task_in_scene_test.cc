@@ -60,8 +60,8 @@ TEST(LookUp, APatchIsASquareMillimetreOfSurface) {
 
 TEST(LookUp, PlacesBoundRegions) {
   const auto left = with_region("structures = [\"slab\"]\nhalf = \"left\"");
-  EXPECT_TRUE(left->regions[0].bounds({15, 5, 1}));
-  EXPECT_FALSE(left->regions[0].bounds({5, 5, 1}));
+  EXPECT_TRUE(left->regions[0].contains_point({15, 5, 1}));
+  EXPECT_FALSE(left->regions[0].contains_point({5, 5, 1}));
   const auto end = with_region("structures = [1]\nlandmark = \"left\"\nradius = 4");
   EXPECT_NEAR((*end->regions[0].centre_mm - Eigen::Vector3d(19.75, 5, 1)).norm(), 0, 1e-9);
   EXPECT_LT(end->regions[0].patches.count(), left->regions[0].patches.count());

@@ -86,7 +86,7 @@ class Client {
     (void)::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
   }
   void ask(const char* type, const char* name) {
-    Bytes head(igtl::kHead_bytes, 0);
+    Bytes head(igtl::kHeader_bytes, 0);
     head[1] = 1;
     std::memcpy(head.data() + 2, type, std::strlen(type));
     std::memcpy(head.data() + 14, name, std::strlen(name));
@@ -94,7 +94,7 @@ class Client {
   }
   /// Next message; fails the test after ten seconds without one, or if its checksum is wrong.
   Received next() {
-    const Bytes head = read(igtl::kHead_bytes);
+    const Bytes head = read(igtl::kHeader_bytes);
     if (head.empty()) return {};
     Received out{text(head, 2, 12), text(head, 14, 20), number(head, 0, 2), number(head, 34, 8), {}};
     out.body = read(number(head, 42, 8));

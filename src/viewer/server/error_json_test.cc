@@ -4,7 +4,7 @@
 
 #include <variant>
 
-#include "palpate/scene/scene.h"
+#include "palpate/scene/named_values.h"
 #include "server/request.h"
 #include "server/test_client.h"
 #include "server/test_host.h"

@@ -38,7 +38,7 @@ RegionExtent::RegionExtent(const Bricks<LabelId>& labels, const ViewedTask::Regi
   if (extent.half) planes_.push_back({middle_of_all(), vector_of(*extent.half)});
 }
 
-bool RegionExtent::bounds(const Eigen::Vector3d& position_mm) const {
+bool RegionExtent::contains_point(const Eigen::Vector3d& position_mm) const {
   if (centre_mm_ && !((position_mm - *centre_mm_).norm() <= radius_mm_)) return false;
   return std::ranges::all_of(
       planes_, [&](const Plane& plane) { return (position_mm - plane.point_mm).dot(plane.normal) >= 0; });

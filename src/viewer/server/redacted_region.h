@@ -16,12 +16,12 @@ class RegionExtent {
   RegionExtent(const Bricks<LabelId>& labels, const ViewedTask::Region::Extent& extent);
 
   bool has(LabelId label) const { return has_[label]; }
-  bool bounds(const Eigen::Vector3d& position_mm) const;
+  bool contains_point(const Eigen::Vector3d& position_mm) const;
   /// Calls visit(i, j, k, place) for each voxel of the region.
   template <class Visit>
   void for_each_voxel(const Visit& visit) const {
     for_each_of_labels([&](int i, int j, int k, const Eigen::Vector3d& position_mm) {
-      if (bounds(position_mm)) visit(i, j, k, position_mm);
+      if (contains_point(position_mm)) visit(i, j, k, position_mm);
     });
   }
 

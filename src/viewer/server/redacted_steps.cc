@@ -25,14 +25,14 @@ void RedactedSteps::follow(const ViewedTraining& training) {
 bool RedactedSteps::is_met(const Step& step, const TickRecord& tick) const {
   if (!step.region || step.requested.in_scope_view) return false;
   const std::string_view kind = step.requested.kind;
-  if (kind == "visit") return step.region->bounds(vector_of(tick.device[0].tip_patient_mm));
+  if (kind == "visit") return step.region->contains_point(vector_of(tick.device[0].tip_patient_mm));
   if (kind != "touch") return false;
   double force_N = 0;
   const auto devices = static_cast<std::size_t>(std::clamp(tick.devices, 1, kMaxDevices));
   for (std::size_t d = 0; d < devices; ++d) {
     const DeviceTick& device = tick.device[d];
     if (device.label == 0 || !step.region->has(device.label) ||
-        !step.region->bounds(vector_of(device.proxy_patient_mm)))
+        !step.region->contains_point(vector_of(device.proxy_patient_mm)))
       continue;
     force_N += vector_of(device.force_N).norm();
   }

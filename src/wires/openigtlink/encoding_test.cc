@@ -42,7 +42,7 @@ TEST(Encoding, LongTextsAreCutBetweenCharacters) {
   const MessageBytes bytes = string_message({name}, std::string(70'000, 'x'));
   EXPECT_EQ(bytes[14 + 18], 'a');
   EXPECT_EQ(bytes[14 + 19], 0);
-  EXPECT_EQ(bytes.size(), kHead_bytes + 4 + 65'535);
+  EXPECT_EQ(bytes.size(), kHeader_bytes + 4 + 65'535);
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ constexpr double kMaxPosition_mm = 10'000;
 constexpr std::size_t kTypeAt = 2, kNameAt = 14, kStampAt = 34, kBodyAt = 42, kCrcAt = 50;
 constexpr std::size_t kMatrix_bytes = 48, kQuaternion_bytes = 28;
 // name, type and a zero
-constexpr std::size_t kElementHead_bytes = kName_bytes + 2;
+constexpr std::size_t kElementHeader_bytes = kName_bytes + 2;
 
 constexpr std::array<std::uint64_t, 256> crc_table() {
   constexpr std::uint64_t kPolynomial = 0x42F0E1EBA9EA3693;
@@ -34,13 +34,13 @@ constexpr std::array<std::uint64_t, 256> crc_table() {
   return table;
 }
 
-std::uint64_t whole(Bytes bytes, std::size_t at, std::size_t count) {
+std::uint64_t read_uint(Bytes bytes, std::size_t at, std::size_t count) {
   std::uint64_t value = 0;
   for (std::size_t n = 0; n < count; ++n) value = value << 8 | bytes[at + n];
   return value;
 }
 double real32(Bytes bytes, std::size_t at) {
-  return std::bit_cast<float>(static_cast<std::uint32_t>(whole(bytes, at, 4)));
+  return std::bit_cast<float>(static_cast<std::uint32_t>(read_uint(bytes, at, 4)));
 }
 // up to the first zero
 std::string text(Bytes bytes) {
@@ -52,24 +52,24 @@ bool is_pose(const std::string& type) {
   return type == "TRANSFORM" || type == "POSITION" || type == "TDATA" || type == "QTDATA";
 }
 
-using Words = std::map<std::string, std::string>;
+using Metadata = std::map<std::string, std::string>;
 
 struct Content {
   Bytes poses;
-  Words words;
+  Metadata metadata;
 };
 
 // metadata of version 2 and later; empty: inconsistent lengths
-std::optional<Words> words_of(Bytes heads, Bytes words) {
-  Words out;
-  if (heads.empty()) return out;
-  if (heads.size() < 2) return {};
-  const std::size_t count = whole(heads, 0, 2);
-  if (heads.size() < 2 + 8 * count) return {};
+std::optional<Metadata> parse_metadata(Bytes header, Bytes entries) {
+  Metadata out;
+  if (header.empty()) return out;
+  if (header.size() < 2) return {};
+  const std::size_t count = read_uint(header, 0, 2);
+  if (header.size() < 2 + 8 * count) return {};
   for (std::size_t n = 0, from = 0; n < count; ++n) {
-    const std::size_t key = whole(heads, 2 + 8 * n, 2), value = whole(heads, 6 + 8 * n, 4);
-    if (key > words.size() - from || value > words.size() - from - key) return {};
-    const Bytes key_bytes = words.subspan(from, key), value_bytes = words.subspan(from + key, value);
+    const std::size_t key = read_uint(header, 2 + 8 * n, 2), value = read_uint(header, 6 + 8 * n, 4);
+    if (key > entries.size() - from || value > entries.size() - from - key) return {};
+    const Bytes key_bytes = entries.subspan(from, key), value_bytes = entries.subspan(from + key, value);
     out.emplace(text(key_bytes), text(value_bytes));
     from += key + value;
   }
@@ -78,14 +78,16 @@ std::optional<Words> words_of(Bytes heads, Bytes words) {
 std::optional<Content> content_of(unsigned version, Bytes body) {
   if (version == 1) return Content{body, {}};
   if (body.size() < 12) return {};
-  const std::size_t head = whole(body, 0, 2), words_head = whole(body, 2, 2), words = whole(body, 4, 4);
-  if (head < 12 || head > body.size() || words_head > body.size() - head ||
-      words > body.size() - head - words_head)
+  const std::size_t header_bytes = read_uint(body, 0, 2), metadata_header_bytes = read_uint(body, 2, 2),
+                    metadata_bytes = read_uint(body, 4, 4);
+  if (header_bytes < 12 || header_bytes > body.size() || metadata_header_bytes > body.size() - header_bytes ||
+      metadata_bytes > body.size() - header_bytes - metadata_header_bytes)
     return {};
-  const std::size_t content = body.size() - head - words_head - words;
-  auto found = words_of(body.subspan(head + content, words_head), body.last(words));
+  const std::size_t content = body.size() - header_bytes - metadata_header_bytes - metadata_bytes;
+  auto found =
+      parse_metadata(body.subspan(header_bytes + content, metadata_header_bytes), body.last(metadata_bytes));
   if (!found) return {};
-  return Content{body.subspan(head, content), *std::move(found)};
+  return Content{body.subspan(header_bytes, content), *std::move(found)};
 }
 
 // servers send the identity in place of a missing pose
@@ -116,9 +118,9 @@ void take_quaternion(Bytes bytes, PoseMessage& out) {
 }
 
 // status according to PLUS; without a status a pose is valid
-bool is_declared_visible(const Words& words, const std::string& key) {
-  const auto found = words.find(key);
-  return found == words.end() || found->second == "OK";
+bool is_declared_visible(const Metadata& metadata, const std::string& key) {
+  const auto found = metadata.find(key);
+  return found == metadata.end() || found->second == "OK";
 }
 
 }  // namespace
@@ -133,10 +135,11 @@ std::uint64_t crc64(Bytes bytes) {
 Result<void> MessageSplitter::consume(Bytes bytes, const OnMessage& on_message) {
   while (!bytes.empty()) {
     if (!is_in_body_) {
-      const std::size_t some = std::min(bytes.size(), kHead_bytes - head_bytes_.size());
-      head_bytes_.insert(head_bytes_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(some));
+      const std::size_t some = std::min(bytes.size(), kHeader_bytes - header_bytes_.size());
+      header_bytes_.insert(header_bytes_.end(), bytes.begin(),
+                           bytes.begin() + static_cast<std::ptrdiff_t>(some));
       bytes = bytes.subspan(some);
-      if (head_bytes_.size() < kHead_bytes) return {};
+      if (header_bytes_.size() < kHeader_bytes) return {};
       if (auto begun = begin_body(); !begun) return begun;
     }
     const std::size_t some = std::min<std::uint64_t>(bytes.size(), missing_);
@@ -146,18 +149,19 @@ Result<void> MessageSplitter::consume(Bytes bytes, const OnMessage& on_message) 
     missing_ -= some;
     if (missing_ > 0) return {};
     is_in_body_ = false;
-    head_bytes_.clear();
-    on_message(head_, std::exchange(body_, {}));
+    header_bytes_.clear();
+    on_message(header_, std::exchange(body_, {}));
   }
   return {};
 }
 
 Result<void> MessageSplitter::begin_body() {
-  const Bytes head(head_bytes_);
-  head_ = {static_cast<unsigned>(whole(head, 0, 2)), text(head.subspan(kTypeAt, kType_bytes)),
-           text(head.subspan(kNameAt, kName_bytes)), whole(head, kStampAt, 8), whole(head, kCrcAt, 8)};
-  missing_ = whole(head, kBodyAt, 8);
-  const std::string& type = head_.type;
+  const Bytes header(header_bytes_);
+  header_ = {static_cast<unsigned>(read_uint(header, 0, 2)), text(header.subspan(kTypeAt, kType_bytes)),
+             text(header.subspan(kNameAt, kName_bytes)), read_uint(header, kStampAt, 8),
+             read_uint(header, kCrcAt, 8)};
+  missing_ = read_uint(header, kBodyAt, 8);
+  const std::string& type = header_.type;
   const bool is_type = !type.empty() && std::all_of(type.begin(), type.end(), [](char c) {
     return (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
   });
@@ -167,7 +171,7 @@ Result<void> MessageSplitter::begin_body() {
   const std::uint64_t max_bytes = is_buffered_ ? kMaxBody_bytes
                                   : is_image   ? kMaxImage_bytes
                                                : kMaxOther_bytes;
-  if (head_.version < 1 || head_.version > 3 || !is_type || missing_ > max_bytes)
+  if (header_.version < 1 || header_.version > 3 || !is_type || missing_ > max_bytes)
     return Error{ErrorKind::kBadInput, "does not send OpenIGTLink messages", "",
                  "check that the address is that of a tracking server (PLUS: port 18944)"};
   is_in_body_ = true;
@@ -177,39 +181,40 @@ Result<void> MessageSplitter::begin_body() {
 PoseReader::PoseReader() : messages_(is_pose) {}
 
 Result<void> PoseReader::consume(Bytes bytes, const OnPose& on_pose) {
-  return messages_.consume(bytes, [&](const Head& head, Bytes body) {
-    if (is_pose(head.type)) decode(head, body, on_pose);
+  return messages_.consume(bytes, [&](const MessageHeader& header, Bytes body) {
+    if (is_pose(header.type)) decode(header, body, on_pose);
   });
 }
 
-void PoseReader::decode(const Head& head, Bytes body, const OnPose& on_pose) {
-  const auto content = crc64(body) == head.crc ? content_of(head.version, body) : std::nullopt;
+void PoseReader::decode(const MessageHeader& header, Bytes body, const OnPose& on_pose) {
+  const auto content = crc64(body) == header.crc ? content_of(header.version, body) : std::nullopt;
   if (!content) {
     ++damaged_;
     return;
   }
-  const bool has_matrix = head.type == "TRANSFORM" || head.type == "TDATA";
+  const bool has_matrix = header.type == "TRANSFORM" || header.type == "TDATA";
   const std::size_t pose_bytes = has_matrix ? kMatrix_bytes : kQuaternion_bytes;
   const auto take_numbers = has_matrix ? take_matrix : take_quaternion;
   PoseMessage message;
-  message.stamp = head.stamp;
+  message.stamp = header.stamp;
 
   // a single pose, under the message's own name
-  if (head.type == "TRANSFORM" || head.type == "POSITION") {
+  if (header.type == "TRANSFORM" || header.type == "POSITION") {
     if (content->poses.size() != pose_bytes) {
       ++damaged_;
       return;
     }
-    message.name = head.name;
-    if (const auto whole_name = content->words.find("IGTL_DEVICE_NAME"); whole_name != content->words.end())
+    message.name = header.name;
+    if (const auto whole_name = content->metadata.find("IGTL_DEVICE_NAME");
+        whole_name != content->metadata.end())
       message.name = whole_name->second;
     take_numbers(content->poses, message);
-    message.is_tracked = message.is_tracked && is_declared_visible(content->words, "TransformStatus");
+    message.is_tracked = message.is_tracked && is_declared_visible(content->metadata, "TransformStatus");
     return on_pose(message);
   }
 
   // several poses, each under its own name
-  const std::size_t element = kElementHead_bytes + pose_bytes;
+  const std::size_t element = kElementHeader_bytes + pose_bytes;
   if (content->poses.size() % element != 0) {
     ++damaged_;
     return;
@@ -221,13 +226,13 @@ void PoseReader::decode(const Head& head, Bytes body, const OnPose& on_pose) {
     constexpr std::string_view kStatus = "Status";
     std::string key = message.name + std::string(kStatus);
     if (message.name.size() == kName_bytes)
-      for (const auto& [word, value] : content->words)
+      for (const auto& [word, value] : content->metadata)
         if (word.ends_with(kStatus) && word.size() > key.size() && word.starts_with(message.name)) {
           key = word;
           message.name = word.substr(0, word.size() - kStatus.size());
         }
-    take_numbers(one.subspan(kElementHead_bytes), message);
-    message.is_tracked = message.is_tracked && is_declared_visible(content->words, key);
+    take_numbers(one.subspan(kElementHeader_bytes), message);
+    message.is_tracked = message.is_tracked && is_declared_visible(content->metadata, key);
     on_pose(message);
   }
 }

@@ -4,8 +4,8 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   std::vector<std::uint8_t> bytes(data, data + size);
   for (const bool mended : {false, true}) {
-    if (mended && size >= palpate::igtl::kHead_bytes) {
-      const std::uint64_t crc = palpate::igtl::crc64(std::span(bytes).subspan(palpate::igtl::kHead_bytes));
+    if (mended && size >= palpate::igtl::kHeader_bytes) {
+      const std::uint64_t crc = palpate::igtl::crc64(std::span(bytes).subspan(palpate::igtl::kHeader_bytes));
       for (int n = 0; n < 8; ++n) bytes[50 + n] = static_cast<std::uint8_t>(crc >> (56 - 8 * n));
     }
     std::uint64_t whole = 0, parts = 0;

@@ -194,7 +194,7 @@ TEST(IgtlMessages, SkipsDamagedMessagesAndEndsOnForeignData) {
   test::append_integer(body, 8, ~std::uint64_t{0});
   const MessageWords none;
   MessageBytes lying = message_bytes("TRANSFORM", "Tool", {}, &none);
-  lying.resize(kHead_bytes);
+  lying.resize(kHeader_bytes);
   lying.insert(lying.end(), body.begin(), body.end());
   lying[49] = 12;
   const std::uint64_t crc = crc64(body);
@@ -212,7 +212,7 @@ TEST(IgtlMessages, SkipsDamagedMessagesAndEndsOnForeignData) {
 TEST(IgtlMessages, AWrongLengthEndsItAtOnce) {
   const MessageBytes pose = test::transform_message("Tool", some_pose());
   const auto head_of = [](MessageBytes bytes, std::uint64_t length) {
-    bytes.resize(kHead_bytes);
+    bytes.resize(kHeader_bytes);
     for (std::size_t n = 0; n < 8; ++n) bytes[42 + n] = static_cast<std::uint8_t>(length >> (56 - 8 * n));
     return bytes;
   };
@@ -242,11 +242,11 @@ TEST(IgtlMessages, PoseOutsideTheTrackingRangeIsInvisible) {
 // a STATUS of version 2 with code OK
 TEST(IgtlMessages, GreetingIsACompleteMessage) {
   const auto bytes = greeting();
-  ASSERT_EQ(bytes.size(), kHead_bytes + 12 + 31 + 2);
+  ASSERT_EQ(bytes.size(), kHeader_bytes + 12 + 31 + 2);
   EXPECT_EQ(bytes[1], 2);
   EXPECT_EQ(bytes[49], 45);
   EXPECT_EQ(read(bytes).refused, "");
-  const std::uint64_t crc = crc64(std::span(bytes).subspan(kHead_bytes));
+  const std::uint64_t crc = crc64(std::span(bytes).subspan(kHeader_bytes));
   for (std::size_t n = 0; n < 8; ++n)
     EXPECT_EQ(bytes[50 + n], static_cast<std::uint8_t>(crc >> (56 - 8 * n)));
 }

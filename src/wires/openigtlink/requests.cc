@@ -20,9 +20,10 @@ constexpr std::array<std::pair<std::string_view, Request>, 5> kRequests{
 RequestReader::RequestReader() : messages_([](const std::string&) { return false; }) {}
 
 Result<void> RequestReader::consume(std::span<const std::uint8_t> bytes, const OnRequest& on_request) {
-  return messages_.consume(bytes, [&](const Head& head, std::span<const std::uint8_t>) {
-    const auto found = std::ranges::find(kRequests, head.type, &std::pair<std::string_view, Request>::first);
-    if (found != kRequests.end()) on_request(found->second, head.name);
+  return messages_.consume(bytes, [&](const MessageHeader& header, std::span<const std::uint8_t>) {
+    const auto found =
+        std::ranges::find(kRequests, header.type, &std::pair<std::string_view, Request>::first);
+    if (found != kRequests.end()) on_request(found->second, header.name);
   });
 }
 

@@ -27,7 +27,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return std::pair(fine, requests);
   };
   const auto whole = read(std::max<std::size_t>(bytes.size(), 1));
-  PALPATE_CHECK(whole.second.size() <= bytes.size() / palpate::igtl::kHead_bytes);
+  PALPATE_CHECK(whole.second.size() <= bytes.size() / palpate::igtl::kHeader_bytes);
   for (const auto& [request, name] : whole.second) PALPATE_CHECK(name.size() <= palpate::igtl::kName_bytes);
   PALPATE_CHECK(read(1) == whole && read(1 + data[0]) == whole);
   return 0;

@@ -16,7 +16,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 // a head as in the specification, and a body of zeros
 Bytes message(const std::string& type, const std::string& name, std::uint8_t body_bytes = 0) {
-  Bytes bytes(kHead_bytes + body_bytes, 0);
+  Bytes bytes(kHeader_bytes + body_bytes, 0);
   bytes[1] = 1;
   std::memcpy(bytes.data() + 2, type.data(), type.size());
   std::memcpy(bytes.data() + 14, name.data(), name.size());
@@ -51,7 +51,7 @@ TEST(OpenIgtLinkRequests, AreFoundAmongOtherMessagesInPiecesOfAnyLength) {
 
 TEST(OpenIgtLinkRequests, OtherInputIsRefused) {
   RequestReader reader;
-  EXPECT_EQ(reader.consume(Bytes(kHead_bytes, 0xff), [](Request, const std::string&) {}).error().kind,
+  EXPECT_EQ(reader.consume(Bytes(kHeader_bytes, 0xff), [](Request, const std::string&) {}).error().kind,
             ErrorKind::kBadInput);
 }
 
