@@ -140,7 +140,7 @@ void LawChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
   }();
   lock.lock();
   // the request may have been replaced or withdrawn; surfaces built for an older model version do not fit
-  if (progress.stopped() || awaited_ != law || model_.versions(lock).current != of) return;
+  if (progress.stopped() || awaited_ != law || model_.versions(lock).current != current) return;
   if (!made) return abandon(lock, made.error());
   const double coarsened = is_elastic(law) ? made->model->tissue_cell_factor : 0;
   switch_to(lock, *made->model, coarsened, awaited_by_);
