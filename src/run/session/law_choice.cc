@@ -141,7 +141,7 @@ void LawChoice::prepare(LiveModel::Lock& lock, const Progress& progress) {
   }();
   lock.lock();
   // the request may have been replaced or withdrawn; surfaces built for an older model version do not fit
-  if (progress.stopped() || awaited_ != law || model_.versions(lock).current != of) return;
+  if (progress.stopped() || awaited_ != law || model_.versions(lock).current != current) return;
   if (!made) return abandon(lock, made.error());
   const double cell_factor = is_elastic(law) ? made->model->tissue_cell_factor : 0;
   switch_to(lock, *made->model, cell_factor, awaited_by_);
