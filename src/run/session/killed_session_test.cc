@@ -13,6 +13,7 @@
 #include "base/test_process.h"
 #include "base/test_seed.h"
 #include "loading/test_loading.h"
+#include "palpate/palpation/palpation.h"
 #include "palpate/recording/recording_source.h"
 #include "session/test_edited_session.h"
 
