@@ -23,7 +23,7 @@ const ReadingLimits& reading_limits();
 /// Checks that the process may take more memory. Call it before the allocation; memory already resident
 /// counts.
 /// @param more_bytes  memory to be allocated in addition
-/// @param what  subject of the error: what is to be read or prepared
+/// @param what        subject of the error: what is to be read or prepared
 /// Errors: kBadInput with the memory needed, the memory allowed and how to allow more.
 Result<void> check_memory(std::uint64_t more_bytes, const std::string& what);
 

@@ -14,7 +14,7 @@ namespace palpate {
 /// Replaces the colours of structures by those that the scene gives to their tissues. Other structures keep
 /// theirs.
 /// @param tissue_of_label  as in Model
-/// @param declared           the scene's colour of each tissue; empty: none
+/// @param declared         the scene's colour of each tissue; empty: none
 void apply_tissue_colours(std::vector<Segment>& segments, std::span<const std::int16_t> tissue_of_label,
                           std::span<const std::optional<Rgb>> declared);
 

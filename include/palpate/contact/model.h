@@ -195,7 +195,7 @@ inline Transform<World, Patient> rotated_object_pose(const Transform<World, Pati
 }
 
 /// Viscous force -c v, N. It is scaled by the relative depth, so that it sets in continuously.
-/// @param inside           field value over the tissue's level, clamped to 0 ... 1
+/// @param inside          field value over the tissue's level, clamped to 0 ... 1
 /// @param max_N_s_per_mm  limit of the viscosity
 Vector<Patient> viscous_force(const Tissue& tissue, const Vector<Patient>& velocity_mm_s, double inside,
                               double max_N_s_per_mm = std::numeric_limits<double>::infinity());

@@ -74,7 +74,7 @@ struct NoGoForce {
 /// @param spheres                 tool parts in the operator's pose
 /// @param tip                     position of the tip
 /// @param max_stiffness_N_per_mm  limit in the patient; no region is stiffer than nine tenths of it. 0: no
-/// force
+///                                force
 NoGoForce no_go_force(std::span<const NoGoRegion> regions, const Distances& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity());

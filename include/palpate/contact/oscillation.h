@@ -25,12 +25,12 @@ struct OscillationState {
 /// than 6.7 Hz, has an amplitude of at least OscillationSettings::min_amplitude_mm and a mean speed of 15
 /// mm/s, and its lateral displacement is at most its amplitude. Tapping with a finger is slower, a tremor of
 /// 8 to 12 Hz has a smaller amplitude, and sliding over ribs has a larger lateral displacement.
-/// @param force_N  requested force; zero in free space
-/// @param displacement_mm   displacement of the tip since the last tick, relative to the object; mm of the
-/// device
+/// @param force_N          requested force; zero in free space
+/// @param displacement_mm  displacement of the tip since the last tick, relative to the object; mm of the
+///                         device
 /// @param encoder_step_mm  encoder step
-/// @param dt_s     length of the tick
-/// @param state    detector state, updated; state.extra_delay_s is the estimate
+/// @param dt_s             length of the tick
+/// @param state            detector state, updated; state.extra_delay_s is the estimate
 void detect_oscillation(const Vector<World>& force_N, const Vector<World>& displacement_mm,
                         double encoder_step_mm, double dt_s, OscillationState& state);
 

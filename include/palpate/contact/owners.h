@@ -19,8 +19,8 @@ struct OwnerFraction {
 /// Ownership shares at a point, largest first; their sum is 1.
 class OwnerFractions {
  public:
-  static constexpr std::size_t kCapacity =
-      8;  ///< Maximum number of structures at a point; further ones are ignored
+  /// Maximum number of structures at a point; further ones are ignored.
+  static constexpr std::size_t kCapacity = 8;
   OwnerFractions() = default;
   /// A point owned by one structure alone.
   explicit OwnerFractions(int structure) : count_(1) { fraction_[0] = {structure, 1}; }

@@ -125,10 +125,10 @@ struct ProxyResult : ProxyForce {
 ///   tip and proxy have left it. A structure with stays_open keeps a hole: while all tool parts in contact
 ///   with it fit into its holes, it is passed again without force.
 ///
-/// @param surfaces  at most kMaxSurfaces; the same in every call with one `state`
-/// @param spheres   1 ... kMaxToolSpheres tool parts, in the attitude of `tool_pose`
-/// @param tool_pose      pose of the tool
-/// @param state     state of this tool, updated
+/// @param surfaces   at most kMaxSurfaces; the same in every call with one `state`
+/// @param spheres    1 ... kMaxToolSpheres tool parts, in the attitude of `tool_pose`
+/// @param tool_pose  pose of the tool
+/// @param state      state of this tool, updated
 ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                           const ToolPose& tool_pose, ProxyState& state, const ProxyOptions& options = {});
 
@@ -136,7 +136,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
 /// unchanged: position, sticking and punctures stay. A structure that was punctured and has changed shape
 /// stays punctured. A proxy inside a surface that is new or changed shape is uncoupled, because the side on
 /// which it belongs is unknown.
-/// @param tool_pose    pose of the tool, in whose attitude `spheres` are given
+/// @param tool_pose        pose of the tool, in whose attitude `spheres` are given
 /// @param correspondences  correspondence for each of `surfaces`; empty: unknown, all surfaces are new
 void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
                     const ToolPose& tool_pose, std::span<const SurfaceCorrespondence> correspondences,

@@ -143,9 +143,9 @@ ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& context
 /// Force and contacts of a proxy that has been advanced. Friction is computed by the proxy; viscosity is
 /// viscous_force(), as for the direct methods.
 /// @param posed_tool  tool with which the proxy was advanced
-/// @param proxy     state after the advance
-/// @param result    result of the advance
-/// @param coupling  spring and damper, updated
+/// @param proxy       state after the advance
+/// @param result      result of the advance
+/// @param coupling    spring and damper, updated
 ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context, const PosedTool& posed_tool,
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling);
 

@@ -105,7 +105,7 @@ class SimulatedDevice {
 class SimulatedDriver final : public DeviceDriver {
  public:
   /// @param device  initial state; reset() it to the hand's starting position first
-  /// @param now  clock for motion and sample times; nullptr: CLOCK_MONOTONIC
+  /// @param now     clock for motion and sample times; nullptr: CLOCK_MONOTONIC
   explicit SimulatedDriver(const SimulatedDevice& device, TimeSource now = nullptr);
   ~SimulatedDriver() override;
 

@@ -53,7 +53,7 @@ Vector<Patient> pseudo_friction(const Tissue& tissue, const Vector<Patient>& vel
                                 double max_N_s_per_mm = std::numeric_limits<double>::infinity());
 
 /// Contact by a direct force method: sum over the tool's points.
-/// @param tick  inputs common to all devices
+/// @param tick     inputs common to all devices
 /// @param context  inputs of this device
 ToolContact touch_directly(const TickContext& tick, const DeviceContext& context);
 

@@ -75,7 +75,7 @@ ModelChange current_values(const Model& model, std::size_t tissue);
 /// which a tick requires. It renders the stiffnesses of the fields, scaled down if the stiffest tissue is now
 /// softer, because the limit of what an operator can hold is derived from the stiffest tissue.
 ///
-/// @param current  the current version
+/// @param current   the current version
 /// @param prepared  the version for which the fields were computed
 /// Errors: kBadInput for a version that is not the next, a tissue index out of range, or values outside the
 /// scene's ranges (check_tissue_values), with the scene's key as location.

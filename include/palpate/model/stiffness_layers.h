@@ -22,7 +22,7 @@ inline constexpr double kSameStiffness = 1.05;
 /// Layers of structures that touch (docs/decisions/0018-one-body-in-layers.md), softest first. If there are
 /// more than `largest`, adjacent layers with the least resulting error are merged.
 /// @param stiffnesses  N/mm, above 0, in any order
-/// @param largest         at least 1
+/// @param largest      at least 1
 std::vector<StiffnessRange> stiffness_layers(std::vector<double> stiffnesses, int largest = kMaxLayers);
 
 }  // namespace palpate

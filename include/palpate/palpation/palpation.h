@@ -119,7 +119,7 @@ struct RemainingLabels {
 /// Applies the burrs' cuts of a recording to labels.
 /// @param model   at the beginning of the recording
 /// @param layers  labels from which the model was made, on its grid, so that overlapping segments are
-/// preserved; null: the result has one layer, the model's
+///                preserved; null: the result has one layer, the model's
 /// Errors: those of replay.
 Result<RemainingLabels> remaining_labels(const RecordingSource& recording, const Model& model,
                                          const LabelMap* layers = nullptr, const Progress& progress = {});

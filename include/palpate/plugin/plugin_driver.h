@@ -21,8 +21,7 @@ struct PluginSettings {
 ///
 ///     servo thread         read request ──► plug-in's process: read()     |  watchdog of that process:
 ///                          ◄── samples                                    |  halt() when a call or the
-///       tick               commands ──────► write()                       |  session is silent for
-///       kSilence_s
+///       tick               commands ──────► write()                       |  session takes kSilence_s
 ///
 /// **Fault handling**: a plug-in whose process ends, that gives no sample for kAbandoned_s, or reports one
 /// that is not finite or of another size is given up: samples are marked `fault` from then on, its process

@@ -26,7 +26,7 @@ namespace palpate {
 class EventLog {
  public:
   /// @param apply  carries the command out and returns its event, without the tick; empty if nothing was
-  /// done. If it throws, no event is logged.
+  ///               done. If it throws, no event is logged.
   void append(const std::function<std::optional<RecordingEvent>()>& apply);
   /// Appends the events since the last call to `rows`. Waits for pending announcements, which takes as long
   /// as a change of the loop's parameters or model.

@@ -43,13 +43,13 @@ class RecordingWriter {
 class Recorder {
  public:
   using OnTick = std::function<void(const TickRecord&, std::span<const RecordingEvent>)>;
-  /// @param ring  outlives the recorder, which is its only consumer
-  /// @param file  as for RecordingWriter::create; empty: ticks are counted and passed to `on_tick`, but not
-  /// stored
-  /// @param on_tick   called on the recorder's thread with every tick in order, and with the events that this
-  /// tick is the first to acknowledge, as they are written; may be empty; must not throw. Its time adds to
-  /// that of a write.
-  /// @param log  log of external commands; outlives the recorder, its only consumer; may be null
+  /// @param ring     outlives the recorder, which is its only consumer
+  /// @param file     as for RecordingWriter::create; empty: ticks are counted and passed to `on_tick`, but
+  ///                 not stored
+  /// @param on_tick  called on the recorder's thread with every tick in order, and with the events that this
+  ///                 tick is the first to acknowledge, as they are written; may be empty; must not throw. Its
+  ///                 time adds to that of a write.
+  /// @param log      log of external commands; outlives the recorder, its only consumer; may be null
   /// Errors: those of RecordingWriter::create, kUnavailable if no thread can be created.
   static Result<std::unique_ptr<Recorder>> start(SpscRing<TickRecord>& ring,
                                                  const std::filesystem::path& file,

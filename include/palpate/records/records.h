@@ -98,7 +98,7 @@ std::string csv_rows(const RunRecord& run);
 using MetricTitle = std::function<std::string(std::string_view stored)>;
 /// An xAPI 1.0.3 statement on one line. The same run gives the same id.
 /// @param home_page  IRL of the system that assigns the learners' pseudonyms
-/// @param title_of  names of the metrics in the statement
+/// @param title_of   names of the metrics in the statement
 std::string xapi_statement(const RunRecord& run, const std::string& home_page, const MetricTitle& title_of);
 /// ISO 8601 duration: "PT12.5S"
 std::string iso_duration(double seconds);

@@ -58,7 +58,7 @@ enum class ObliqueView {
 /// directions differ greatly in orientation.
 /// @param direction  any length; zero or not finite: the coronal section's own direction
 /// @param before     previous section of a sequence, from which the rotation starts instead; no direction is
-/// then singular for a smooth motion
+///                   then singular for a smooth motion
 SectionPlane oblique_section(const Point<Patient>& centre, const Vector<Patient>& direction, ObliqueView view,
                              double width_mm, int width_px, int height_px,
                              const SectionPlane* before = nullptr);
@@ -83,7 +83,7 @@ inline constexpr int kMaxAtRestSteps = 16;
 /// position, or background if that is outside the grid.
 /// @param within  voxels of the grid to which displacements are confined
 /// @returns new labels for the smallest box of 8 x 8 x 8 blocks in which anything moves by a tenth of a
-/// voxel; size 0 if nothing does
+///          voxel; size 0 if nothing does
 PatchOf<LabelId> moved_labels(const Bricks<LabelId>& labels, const TissueDisplacement& moved,
                               const VoxelBox& within);
 

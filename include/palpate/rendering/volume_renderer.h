@@ -91,9 +91,9 @@ struct Scratch;
 /// internally. Bit-identical on every SIMD target and for any number of threads.
 class VolumeRenderer {
  public:
-  /// @param appearances    by LabelId; labels beyond it are not drawn
-  /// @param threads  0: one per CPU
-  /// @param scan     shared for the lifetime of the renderer
+  /// @param appearances  by LabelId; labels beyond it are not drawn
+  /// @param threads      0: one per CPU
+  /// @param scan         shared for the lifetime of the renderer
   /// Errors: kInterrupted.
   static Result<VolumeRenderer> make(const Bricks<LabelId>& labels,
                                      std::span<const StructureAppearance> appearances, int threads = 0,
@@ -108,8 +108,8 @@ class VolumeRenderer {
 
   /// @param rgb       3 * width_px * height_px, row 0 at the top
   /// @param depth_mm  width_px * height_px, or empty: distance along its ray, from the eye or, for parallel
-  /// rays, from the plane through the focus, at which a pixel's accumulated opacity exceeds one half;
-  /// infinite if it does not
+  ///                  rays, from the plane through the focus, at which a pixel's accumulated opacity exceeds
+  ///                  one half; infinite if it does not
   void render(const VolumeCamera& camera, const VolumeStyle& style, std::span<std::uint8_t> rgb,
               std::span<float> depth_mm = {});
 

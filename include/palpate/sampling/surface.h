@@ -19,11 +19,11 @@ namespace palpate {
 class Surface {
  public:
   Surface() = default;
-  /// @param position  distance in mm, interpolated trilinearly; its value outside the volume is at most the
-  ///                  true distance there
-  /// @param normal    distance in mm of which only the gradient is used
+  /// @param position      distance in mm, interpolated trilinearly; its value outside the volume is at most
+  ///                      the true distance there
+  /// @param normal        distance in mm of which only the gradient is used
   /// @param max_gradient  maximum slope of the position field anywhere, including its decrease to the value
-  ///                  outside; at least 1, the slope of an exact distance, is used
+  ///                      outside; at least 1, the slope of an exact distance, is used
   Surface(SignedField position, SignedField normal, double max_gradient);
   /// A copy with a box of each field replaced (SignedField::with); the rest is shared. The bounding box used
   /// by is_farther_than() is only enlarged, so is_farther_than() stays conservative.

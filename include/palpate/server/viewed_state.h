@@ -61,8 +61,8 @@ struct ViewedState : Settings {
   std::size_t strokes_to_undo = 0, strokes_to_redo = 0;
   std::map<LabelId, double> removed_mm3;  ///< Volume removed by the sweeps, per structure
   double broken_off_mm3 = 0;              ///< Part of it that was not cut, but cut loose: fragments
-  std::map<LabelId, double>
-      nearest_mm;  ///< Smallest distance to each protected structure (ProtectedDistanceMeter)
+  /// Smallest distance to each protected structure (ProtectedDistanceMeter).
+  std::map<LabelId, double> nearest_mm;
   std::uint32_t model_version = 1;
   std::vector<ContactProperties> tissues;  ///< Current properties of each tissue
   /// Number of the stop in effect (Arming::number), to which a rearm refers; empty: the force is not stopped.

@@ -58,9 +58,9 @@ struct SessionState {
     std::uint32_t proxy_version = 0;       ///< Version of the model whose surfaces the proxy is on
     bool pushed_by_direct_method = false;  ///< A direct method pushed the tip in the previous tick
     CouplingState coupling;
-    TissueContact
-        tissue_contact;  ///< Contact with deformable tissue in the last tick; unset with a single device
-    BurrState burr;      ///< Default-constructed unless the tool is a burr
+    /// Contact with deformable tissue in the last tick; unset with a single device.
+    TissueContact tissue_contact;
+    BurrState burr;  ///< Default-constructed unless the tool is a burr
     BurrRenderingState burr_rendering;
     // last requested wrench after blending, and its initial difference to the wrench of the previous force
     // source, which fades out

@@ -44,7 +44,7 @@ namespace palpate {
 /// The normal is the prepared one where nothing was removed, and that of the new position elsewhere.
 class CarvedSurface {
  public:
-  /// @param original  prepared surface; the axes of its grid must be perpendicular
+  /// @param original            prepared surface; the axes of its grid must be perpendicular
   /// @param protected_surfaces  surfaces of protected structures
   explicit CarvedSurface(std::shared_ptr<const Surface> original,
                          std::vector<std::shared_ptr<const Surface>> protected_surfaces = {});

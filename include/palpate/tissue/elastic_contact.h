@@ -17,8 +17,8 @@ class PressurePatch {
   PressurePatch() = default;
   /// Circular patch on the plane through `at`. Sample points outside all tissue cells are moved inwards to
   /// the first such cell, by at most kReach cells.
-  /// @param outward   unit, out of the tissue
-  /// @param rho_mm    radius, above 0
+  /// @param outward  unit, out of the tissue
+  /// @param rho_mm   radius, above 0
   PressurePatch(const ElasticGrid& grid, const Point<Patient>& at, const Vector<Patient>& outward,
                 double rho_mm);
   /// Patch of arbitrary points with equal shares of the force, for the nodes of a wide contact.
@@ -40,8 +40,8 @@ class PressurePatch {
   /// Constraints that fix the patch without prescribing a pressure distribution: for each column of nodes
   /// along the axis nearest to `outward` and each component, the mean of the column's nodes weighted by their
   /// loads, which is the displacement of the surface between them.
-  /// @param min_load_fraction columns that bear less than this fraction of the most loaded column are left
-  /// free; nodes constrained by the grid belong to no column
+  /// @param min_load_fraction  columns that bear less than this fraction of the most loaded column are left
+  ///                           free; nodes constrained by the grid belong to no column
   ConstrainedMeans columns(double min_load_fraction) const;
 
  private:
@@ -77,8 +77,8 @@ struct SphereContact {
 /// / (rho E*); details below that size are not resolved, and the sphere's actual contact sinks in by 0.75 F /
 /// (a E*) (Johnson 1985, 4.2). Exact on a half space with an exact W. Valid for contact radii up to 3/8 of
 /// the thickness of the deformable tissue.
-/// @param unit_mm   displacements under a force of 1 N: initial guess, replaced by the solution
-/// @param load_N    scratch of the grid's layout
+/// @param unit_mm  displacements under a force of 1 N: initial guess, replaced by the solution
+/// @param load_N   scratch of the grid's layout
 SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const Point<Patient>& at,
                            const Vector<Patient>& outward, double radius_mm, double depth_mm,
                            ElasticField& unit_mm, ElasticField& load_N, int max_iterations, double tolerance);

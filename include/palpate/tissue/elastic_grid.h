@@ -159,7 +159,7 @@ class ElasticGrid {
   /// @param by_label  material per label; label 0 and labels beyond its end are air
   /// @param box       from elastic_box_of() or elsewhere; intended for cells of 1 to 3 times the smallest
   ///                  voxel spacing
-  /// @param removed     removed fraction of every voxel, 0 ... 255 (Carving::removed_fraction); null: none
+  /// @param removed   removed fraction of every voxel, 0 ... 255 (Carving::removed_fraction); null: none
   /// Errors: kBadInput for an invalid material, a cell size not above 0, or a box without cells.
   static Result<ElasticGrid> of_labels(const Bricks<LabelId>& labels,
                                        std::span<const ElasticMaterial> by_label, const ElasticBox& box,

@@ -96,9 +96,10 @@ class ElasticSolver {
   /// those of a new solver for the grid, though the number of iterations may differ, because the eigenvalue
   /// bounds of the smoothers never decrease. Operators are updated in the box of the changed cells only; the
   /// coarsest grid is factorised again.
-  /// @param cells  box passed to set_cells()
+  /// @param cells             box passed to set_cells()
   /// @param topology_changed  return value of set_cells(): whether the set of soft cells or of constrained
-  /// nodes has changed. If true, floating components are searched again, which visits the whole grid
+  ///                          nodes has changed. If true, floating components are searched again, which
+  ///                          visits the whole grid
   void update_cells(const ElasticGrid& grid, const CellBox& cells, bool topology_changed);
   /// Sets the displacements of all constrained components to 0.
   void zero_constrained(ElasticField& displacement_mm) const;

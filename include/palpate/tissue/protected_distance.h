@@ -21,7 +21,7 @@ bool motor_was_on(const Model& model, const TickRecord& tick);
 class ProtectedDistanceMeter {
  public:
   /// @param model  with nothing removed; protected structures prepared (prepared_for() in
-  /// palpate/model/make_model.h)
+  ///               palpate/model/make_model.h)
   explicit ProtectedDistanceMeter(const Model& model);
 
   /// Includes the burr's position in a tick, whether it cut or only touched.

@@ -61,8 +61,8 @@ struct BurrState {
                               ///< the motor is off
   Vector<Patient> sweep_start_axis_mm;  ///< Axis of the head at the start of the last sweep
   double sweep_age_s = 0;               ///< Time since the last sweep began
-  bool sweeps_full =
-      false;  ///< No capacity for more sweeps: the burr does not cut until the surfaces are rebuilt
+  /// No capacity for more sweeps: the burr does not cut until the surfaces are rebuilt.
+  bool sweeps_full = false;
   std::uint64_t first_sweep = 0;  ///< Number of the first sweep stored here, counted from the start
   int sweep_count = 0;            ///< Number of pending sweeps
   std::array<Sweep, kMaxSweeps> sweep;

@@ -52,7 +52,7 @@ struct SolverBox {
 /// Box that the solver will use for a device after a tick, without solving: the current one, or a new one if
 /// the predicted contact is too far from its middle (SolverSettings::max_offset_cells). If no contact is
 /// predicted, the current one.
-/// @param device    tick from which the contact is predicted
+/// @param device  tick from which the contact is predicted
 /// @param before  current box; empty: none, or one made from other labels
 std::optional<SolverBox> next_solver_box(const Model& model, const DeviceTick& device,
                                          const std::optional<SolverBox>& before);

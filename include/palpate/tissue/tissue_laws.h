@@ -15,7 +15,7 @@ TissueLaw law_of(const ModelChange& change);
 /// Constitutive law of soft tissue in each version of a recording's model.
 class LawHistory {
  public:
-  /// @param first      law of the model with which the recording begins
+  /// @param first        law of the model with which the recording begins
   /// @param cell_factor  its Model::tissue_cell_factor
   explicit LawHistory(TissueLaw first, double cell_factor = 1) : laws_{{0, first, cell_factor}} {}
   /// Applies a change, in the order of versions; changes of other kinds are ignored.

@@ -30,7 +30,7 @@ inline constexpr double kMaxSigmaVoxels = 250;
 /// Samples a Gaussian.
 /// @param sigma_voxels  0 ... kMaxSigmaVoxels; 0 gives the kernel {1}
 /// @param reach         largest distance whose weight is returned, voxels; farther weights are dropped after
-/// normalisation, because a row of n voxels uses at most n - 1
+///                      normalisation, because a row of n voxels uses at most n - 1
 AxisKernel sample_gaussian(double sigma_voxels, int reach);
 
 /// Sigma along i, j and k; voxels. Errors: kBadInput if sigma is NaN or out of range, in mm or in voxels.

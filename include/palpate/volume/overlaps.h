@@ -27,7 +27,8 @@ struct SegmentOverlap {
 std::vector<SegmentOverlap> segment_overlaps(const LabelMap& labels);
 
 /// Segments in which each segment is nested, smallest first; indexed by segment id, up to the greatest id of
-/// a nested segment. @param overlaps  segment_overlaps of one label map
+/// a nested segment.
+/// @param overlaps  segment_overlaps of one label map
 std::vector<std::vector<LabelId>> enclosing_segments(std::span<const SegmentOverlap> overlaps);
 
 /// Flattens the layers to one segment id per voxel, independent of the order of layers and segments. Among

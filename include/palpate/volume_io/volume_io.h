@@ -231,16 +231,17 @@ bool resembles_scan(const LabelMap& labels);
 enum class AmbiguousLabels { kReject, kWarn };
 
 /// Reads a segmentation. Voxel values must be integers in 0 ... 65535. DICOM images are rejected.
-/// @param names      a table of label names, see read_label_names. If unset, and if the file itself contains
-///                   no names: a table with the file's own name, otherwise a single .ctbl or .tsv in the same
-///                   folder, provided that no other label map is there and it names nine in ten values. A
-///                   single label without a name is named by the words of its file name that are known to be
-///                   anatomy (structure_in_name). A given table that names none of the labels is an error.
-/// @param scan_grid  grid of the scan, on which the contours of a DICOM structure set are rasterised;
-///                   required for such a file. Surfaces are rasterised on it too, or on a grid of their own
-///                   if null. Other label maps have their own grid.
-/// @param placement_options    values that it leaves unset are those of placement_options()
-/// @param scan       file of the scan, which does not count as another label map in the folder
+/// @param names              a table of label names, see read_label_names. If unset, and if the file itself
+///                           contains no names: a table with the file's own name, otherwise a single .ctbl or
+///                           .tsv in the same folder, provided that no other label map is there and it names
+///                           nine in ten values. A single label without a name is named by the words of its
+///                           file name that are known to be anatomy (structure_in_name). A given table that
+///                           names none of the labels is an error.
+/// @param scan_grid          grid of the scan, on which the contours of a DICOM structure set are rasterised;
+///                           required for such a file. Surfaces are rasterised on it too, or on a grid of
+///                           their own if null. Other label maps have their own grid.
+/// @param placement_options  values that it leaves unset are those of placement_options()
+/// @param scan               file of the scan, which does not count as another label map in the folder
 Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const std::optional<std::filesystem::path>& names = {},
                               const Progress& progress = {}, const Warn& warn = {},

@@ -82,7 +82,7 @@ class Claims {
  public:
   /// Claims a file; returns the path of its lock file.
   /// @param target  path with symbolic links resolved
-  /// @param named  path as the user named it, for errors
+  /// @param named   path as the user named it, for errors
   Result<std::string> take(const std::filesystem::path& target, const std::filesystem::path& named) {
     const std::lock_guard guard(mutex_);
     std::error_code failed;

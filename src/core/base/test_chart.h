@@ -13,8 +13,8 @@ namespace palpate::test {
 /// SVG line chart over a common horizontal axis: tests draw the figures of the documentation.
 class Chart {
  public:
-  /// @param first, last       range of the horizontal axis
-  /// @param largest, smallest range of the vertical axis
+  /// @param first, last        range of the horizontal axis
+  /// @param largest, smallest  range of the vertical axis
   Chart(const std::string& title, const std::string& across, const std::string& up, double first, double last,
         double largest, double smallest = 0)
       : first_(first), last_(last), most_(largest), least_(smallest) {

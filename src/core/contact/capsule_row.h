@@ -31,11 +31,11 @@ struct NearestInRow {
 /// Nearest sphere of a row to a surface. If none is nearer than `cutoff_mm`, distance_mm may be any lower
 /// bound above that. Branch and bound by bisection of the row: along it the distance changes at most by the
 /// surface's maximum slope, and the radius linearly. Does not allocate, lock or throw.
-/// @param centre  centre of the row's first sphere
-/// @param shape   capsule, gives the axis from there
-/// @param steps   row_steps() of the capsule
-/// @param begin   step evaluated first; the last known nearest one saves queries
-/// @param queries   incremented by the number of surface queries
+/// @param centre   centre of the row's first sphere
+/// @param shape    capsule, gives the axis from there
+/// @param steps    row_steps() of the capsule
+/// @param begin    step evaluated first; the last known nearest one saves queries
+/// @param queries  incremented by the number of surface queries
 NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
                             int steps, int begin, double cutoff_mm, int& queries);
 

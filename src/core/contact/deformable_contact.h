@@ -49,7 +49,7 @@ struct DeformableForce {
 
 /// Force of deformable tissue at the depth of the spring vector.
 /// @param pressed     has contacts
-/// @param compliance       blending state of the elastic solutions, updated
+/// @param compliance  blending state of the elastic solutions, updated
 /// @param relaxation  relaxation state, updated if the model has relaxation times
 DeformableForce press(const DeformableContact& pressed, const PressingTool& tool, const ProxyOptions& options,
                       ComplianceState& compliance, RelaxationState& relaxation);

@@ -54,7 +54,7 @@ struct ContactPair {
   };
   /// Clearance with the tip's proxy at `proxy`. For a capsule that is nowhere nearer than `cutoff_mm` the
   /// result may be any lower bound above that.
-  /// @param begin  step at which the search starts
+  /// @param begin    step at which the search starts
   /// @param queries  incremented by the number of surface queries
   Clearance clearance(const Point<Patient>& proxy, double cutoff_mm, int begin, int& queries) const {
     const Point<Patient> centre = proxy + shape.offset_mm;
@@ -142,7 +142,7 @@ class PairSet {
 
 /// Whether no tool part penetrates any surface that the layer's proxy can touch.
 /// @param ignored  surfaces that are ignored
-/// @param at   position of the tip
+/// @param at       position of the tip
 bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
              const SurfaceSet& punctured, const SurfaceSet& ignored, const Point<Patient>& at);
 

@@ -20,7 +20,7 @@ struct ToolTurn {
 /// @param spheres   tool parts in `attitude`
 /// @param attitude  target attitude
 /// @param state     proxy of the layer, updated
-/// @param path       receives the pose after every step; may be null
+/// @param path      receives the pose after every step; may be null
 ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                    const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* path);
 

@@ -16,9 +16,9 @@ struct PointForce {
 };
 
 /// Contact of one point by a direct method.
-/// @param full_force_N     force at field value 1
+/// @param full_force_N    force at field value 1
 /// @param max_N_s_per_mm  limit of the total damping at this point
-/// @param x                position of the point
+/// @param x               position of the point
 PointForce touch(const TickContext& tick, double full_force_N, double max_N_s_per_mm, const Point<Patient>& x,
                  const Vector<Patient>& velocity_mm_s) {
   const ForceField& field = tick.model.force_field(tick.method);

@@ -8,8 +8,8 @@ namespace palpate {
 /// State of a burr before the tick advances it.
 struct BurrSnapshot {
   Point<Patient> at;  ///< Position of the head in the layer in which it cut
-  Vector<Patient>
-      press_direction;   ///< Direction in which the operator pressed the head, unit; zero: no contact
+  /// Direction in which the operator pressed the head, unit; zero: no contact.
+  Vector<Patient> press_direction;
   double front_mm2 = 0;  ///< BurrState::front_mm2
   double pressed_N = 0;  ///< BurrState::pressed_N
   double work_mJ = 0;    ///< BurrState::work_mJ

@@ -3,9 +3,9 @@
 #include <array>
 
 #include "palpate/servo/servo.h"
+
 /// Matches the surfaces of a new model version to those of the one before, so that proxies stay on surfaces
 /// that did not change.
-
 namespace palpate {
 
 /// Correspondence of each surface of a model to a surface of the version before.

@@ -22,7 +22,7 @@ Index3 distance_window(const Eigen::Vector3d& spacing_mm, double reach_mm);
 /// voxels within reach. For a reach of some ten voxels this is faster with SIMD than lower envelopes of
 /// parabolas (Felzenszwalb and Huttenlocher, Distance transforms of sampled functions, Theory of Computing 8,
 /// 2012), with the same result.
-/// @param mask      0 or 1; covers `distance` and distance_window() around it
+/// @param mask  0 or 1; covers `distance` and distance_window() around it
 void signed_distance(const Block<std::uint8_t>& mask, const Eigen::Vector3d& spacing_mm, double reach_mm,
                      Block<float>& distance);
 /// One half of signed_distance(): where the mask is not `other`, the signed distance to the nearest centre

@@ -69,8 +69,9 @@ Result<void> relax_net(SurfaceNet& net, const Span3& known, int threads, const P
 /// start midway between the classes and are relaxed kCarvingRounds times towards the mean of their linked
 /// nodes.
 /// @param original  the originally built net
-/// @param now   net from make_net() of a field with one value per class; its nodes are moved. Nodes of cells
-///              within kCarvingRounds + 1 of the border of now.cells differ from those in a larger net
+/// @param now       net from make_net() of a field with one value per class; its nodes are moved. Nodes of
+///                  cells within kCarvingRounds + 1 of the border of now.cells differ from those in a larger
+///                  net
 void carve_net(const SurfaceNet& original, SurfaceNet& now);
 inline constexpr int kCarvingRounds = 4;
 

@@ -177,7 +177,7 @@ class WholeSurface {
  private:
   /// Runs a stage over a grid, some slices at a time.
   /// @param stage_of  creates the stage that writes to a target
-  /// @param visit      called with each range of slices, in order, when values_ holds it
+  /// @param visit     called with each range of slices, in order, when values_ holds it
   template <class StageOf, class Take>
   Result<void> by_slices(const Span3& all, const StageOf& stage_of, double from, double to,
                          const Take& visit) {

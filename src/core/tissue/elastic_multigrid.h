@@ -92,7 +92,7 @@ class Multigrid {
   /// never decrease.
   void update(const CellBox& changed);
   /// z = V r.
-  /// @param r 0 at constrained nodes
+  /// @param r  0 at constrained nodes
   void cycle(const ElasticValues& r, ElasticValues& z);
 
  private:

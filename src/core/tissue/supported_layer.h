@@ -19,9 +19,9 @@ struct SupportedLayer {
 /// Layer under a contact, measured through the voxels on rays into the tissue: one in the middle of the
 /// contact and eight on its circle. The thickness is their mean. None where a ray meets no rigid structure
 /// within `max_mm`, a cavity, or material whose Young's modulus differs by more than a quarter.
-/// @param labels   labels and what was removed from them
-/// @param at       middle of the contact on the surface
-/// @param outward  unit normal of the surface
+/// @param labels     labels and what was removed from them
+/// @param at         middle of the contact on the surface
+/// @param outward    unit normal of the surface
 /// @param circle_mm  radius of the circle; above 0
 /// @param max_mm     greatest thickness of interest; above 0
 std::optional<SupportedLayer> supported_layer(const CarvedLabels& labels,

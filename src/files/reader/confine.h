@@ -21,8 +21,8 @@ bool can_restrict_system_calls();
 /// - all system calls except those for reading open files, non-executable memory, clocks and exit (seccomp,
 ///   on x86-64 and ARM64): others fail with EPERM.
 /// Without Landlock or seccomp in the kernel, the other restrictions apply.
-/// @param retained_descriptors   descriptors that stay open, including those of `files`
-/// @param files  descriptors of open files
+/// @param retained_descriptors  descriptors that stay open, including those of `files`
+/// @param files                 descriptors of open files
 void confine(int parent, std::span<const int> retained_descriptors, std::span<const int> files);
 
 /// Denies all system calls except those listed at confine(). False if the kernel does not support it.

@@ -52,7 +52,7 @@ Error about(const std::filesystem::path& file, Error error) {
   return error;
 }
 
-/// @param range  as for send_recording
+/// @param range      as for send_recording
 /// @param read_head  returns whether the parts are wanted too
 Result<void> read_isolated(const std::filesystem::path& file, std::optional<RowRange> range,
                            const TakeHead& read_head, const TakePart& read_part,

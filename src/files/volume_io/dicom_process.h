@@ -25,8 +25,8 @@ inline constexpr std::size_t kMaxDicomFiles = 200'000;
 /// Files for a reader process.
 struct FoundFiles {
   std::vector<std::filesystem::path> files;  ///< Ordered by name; the order has no effect
-  std::vector<std::filesystem::path>
-      roots;  ///< Files and folders that the process may open, with their contents
+  /// Files and folders that the process may open, with their contents.
+  std::vector<std::filesystem::path> roots;
   std::vector<std::string> notes;
 };
 

@@ -41,8 +41,8 @@ struct Format {
   Result<VolumeFile> (*inspect)(const std::filesystem::path& file, OtherFiles& others,
                                 const PlacementOptions& placement_options);
   ItkFormat writer;
-  std::span<const std::string_view>
-      write_extensions;  ///< Extensions under which it is written, as a single file.
+  /// Extensions under which it is written, as a single file.
+  std::span<const std::string_view> write_extensions;
 };
 
 /// Format by the extension of a file.
@@ -52,7 +52,7 @@ Result<const Format*> format_of(const std::filesystem::path& file);
 Result<VolumeFile> inspect_file(const Format& format, const std::filesystem::path& file, OtherFiles& others,
                                 const PlacementOptions& placement_options);
 /// Locates the additional file that a reader requests.
-/// @param file  the file that the user named
+/// @param file       the file that the user named
 /// @param requested  request of the reader, which is as untrusted as a header
 /// Errors: missing; not a regular file; outside the folder unless that is allowed.
 Result<std::filesystem::path> find_other_file(const std::filesystem::path& file, const OtherFile& requested);

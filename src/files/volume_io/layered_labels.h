@@ -26,8 +26,9 @@ struct SegmentOverlapPairs {
 };
 
 /// Finds all overlapping pairs of segments.
-/// @param read_slice  (k, take): calls take(voxel of the slice, index) for each voxel that is in a segment
-/// @param should_continue        called regularly; false: the parent has gone, and the rest is skipped
+/// @param read_slice       (k, take): calls take(voxel of the slice, index) for each voxel that is in a
+///                         segment
+/// @param should_continue  called regularly; false: the parent has gone, and the rest is skipped
 template <class ReadSlice, class ShouldContinue>
 Result<SegmentOverlapPairs> find_overlapping_pairs(const GridGeometry& grid, const ReadSlice& read_slice,
                                                    const ShouldContinue& should_continue) {

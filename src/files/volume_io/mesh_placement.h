@@ -58,9 +58,9 @@ struct TransformedMeshes {
 };
 
 /// Chooses coordinate system and unit.
-/// @param survey  survey with the given unit, or with all
-/// @param placement_options   values given by the user
-/// @param declared  value stated by the file
+/// @param survey             survey with the given unit, or with all
+/// @param placement_options  values given by the user
+/// @param declared           value stated by the file
 /// Errors, without `where`: less than half of the points lie within the scan under every interpretation;
 /// several units, or both coordinate systems, fit, so that the user must decide.
 Result<TransformedMeshes> transform_meshes(const MeshSurvey& survey,

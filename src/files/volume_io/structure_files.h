@@ -31,7 +31,7 @@ struct StructureFiles {
   bool is_cut_off = false;                   ///< The folder contains more files than were examined.
 };
 /// @param named              such a file, or a folder, of which the files directly in it count, except hidden
-/// ones
+///                           ones
 /// @param is_structure_file  predicate: a regular file is of this kind
 /// @param kind               name of the kind: "surface"
 StructureFiles find_structure_files(

@@ -15,8 +15,7 @@
 ///   first, one of:
 ///     byte 0    text what, text where, text remedy                                  refusal
 ///     byte 1    fields of a VolumeFile, in the order of send_volume()
-///     byte 2    u8 which, text name                                                  request for another
-///     file
+///     byte 2    u8 which, text name                                                 request for a file
 ///   then, each time that the voxels are requested:
 ///     u32 n     the next slot holds n bytes of values; 0: still reading              repeated
 ///     u32 ~0    then byte 1, or byte 0 and a refusal as above                        end

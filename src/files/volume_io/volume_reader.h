@@ -38,12 +38,12 @@ using VoxelConsumer = std::function<Result<void>(std::uint64_t first, std::span<
 class VolumeReader {
  public:
   /// Parses the header. Errors: missing; not a regular file; unknown format; invalid header.
-  /// @param progress  must outlive this object at the same address
-  /// @param number    number of the volume, if the file or folder is DICOM
-  /// @param grid      grid for contours, which have none of their own; null: those are an error. Used for
-  ///                  surfaces too
-  /// @param placement_options   for surfaces, image stacks and NIfTI
-  /// @param colours   interpretation of colour images
+  /// @param progress           must outlive this object at the same address
+  /// @param number             number of the volume, if the file or folder is DICOM
+  /// @param grid               grid for contours, which have none of their own; null: those are an error.
+  ///                           Used for surfaces too
+  /// @param placement_options  for surfaces, image stacks and NIfTI
+  /// @param colours            interpretation of colour images
   static Result<VolumeReader> open(const std::filesystem::path& file, const Progress& progress,
                                    std::optional<int> number = {}, const GridGeometry* grid = nullptr,
                                    const PlacementOptions& placement_options = {},
