@@ -48,8 +48,9 @@ inline constexpr std::array<ContactProperty, 4> kContactProperties{
       "N/mm",
       "N/mm",
       {0.001, 20},
-      "Force per mm of depth: for inward ramps from the surface on, for a union Gaussian at the surface, "
-      "where it rises most steeply ([scene.md](../guide/scene.md#what-stiffness-means))."},
+      "Force per mm of depth. With inward ramps it applies from the surface on; with a union Gaussian, whose "
+      "slope varies with depth, at the surface, where the field is steepest "
+      "([scene.md](../guide/scene.md#what-stiffness-means))."},
      {&ContactProperties::static_friction,
       "static_friction",
       "static_friction",

@@ -24,8 +24,9 @@ class LayerFactor {
   struct Value {
     double factor, slope;
   };
-  /// Falls from 1 at e = 0; d increases with F for every e. Within 2.5 % of the exact solution for
-  /// indentations up to 55 % of the thickness and for patches up to five thicknesses in radius.
+  /// Decreases from 1 at e = 0, slowly enough for the depth d = d0 H(e) to increase with F at every e. Within
+  /// 2.5 % of the exact solution for indentations up to 55 % of the thickness and for patches up to five
+  /// thicknesses in radius.
   /// @param e  -B F / d0, d0 the half-space's indentation under F; at least 0
   Value at(double e) const {
     const double over = e * e * (p_ + a_ * e), under = 1 + e * (q_ + b_ * e);

@@ -14,8 +14,8 @@
 #include "palpate/direct/force_field.h"
 
 /// The direct force methods: the force follows from a field at the tip, without a proxy
-/// (docs/concepts/methods.md). Only the tick and what prepares or draws these fields depend on this module;
-/// contact by the proxy does not.
+/// (docs/concepts/methods.md). Only the tick, the preparation of models and the rendering of these fields
+/// depend on this module; the proxy does not.
 namespace palpate {
 
 /// Prepares the force field of one direct method. The model must have field, labels, levels, tissues and
@@ -25,7 +25,8 @@ namespace palpate {
 /// sphere method does not suit the voxel size.
 Result<std::shared_ptr<const ForceField>> make_force_field(const Model& model, ForceMethod method);
 
-/// Checks what make_force_field() would check before it computes anything. Errors: its own.
+/// Performs the checks of make_force_field() without computing the field. Errors: those of
+/// make_force_field().
 Result<void> check_force_field(const Model& model, ForceMethod method);
 /// Upper bound of the memory make_force_field() needs besides the model; bytes.
 std::uint64_t memory_of_force_field(const Model& model, ForceMethod method);

@@ -45,9 +45,9 @@ struct ModelParts {
 /// Builds a model from its parts. It still has to be prepared for a force method, by prepared_for(): its
 /// inward ramps are made where a direct method is first prepared. Only a smoothed field, and that of a model
 /// without touchable structures, which is 0 everywhere, are there from the start, with the trilinear method.
-/// Data for display only (scan, side) can be added. Errors: kBadInput for parts that are missing, not finite,
-/// or refer to what is not there, with the name of the member as location; for a ramp width that does not
-/// suit the voxels, a burr less than two voxels across, an elastic constant out of range
+/// Data for display only (scan, side) can be added. Errors: kBadInput for parts that are missing or not
+/// finite and for indices or ids out of range, with the name of the member as location; for a ramp width that
+/// does not suit the voxels, a burr less than two voxels across, an elastic constant out of range
 /// (elastic_constants.h), an invalid relaxation or too many different relaxation times, an invalid cell size,
 /// or an invalid no-go region (check_no_go).
 Result<std::shared_ptr<Model>> make_model(ModelParts parts);

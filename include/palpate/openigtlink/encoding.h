@@ -22,8 +22,8 @@ struct Title {
 /// TRANSFORM: a pose, or a vector as its translation.
 MessageBytes transform_message(const Title& title, const Eigen::Matrix3d& rotation,
                                const Eigen::Vector3d& translation);
-/// STRING in UTF-8, up to 65 535 bytes. Clients by version 1.11 of the protocol's library read beyond the end
-/// of an empty one.
+/// STRING in UTF-8, up to 65 535 bytes. Clients that use version 1.11 of the protocol's library read beyond
+/// the end of an empty string.
 MessageBytes string_message(const Title& title, std::string_view text);
 /// POLYDATA of one line between two points.
 MessageBytes line_message(const Title& title, const Eigen::Vector3d& from_mm, const Eigen::Vector3d& to_mm);

@@ -159,8 +159,8 @@ class ScriptedHand {
   double slid_mm_ = 0;      // distance covered by a slide; length of a milled line
   Point<Patient> contact_;  // contact point of a slide in the previous tick
   Point<World> retreat_start_;
-  // time since the end of the way out was reached; duration of releasing the contact
-  double left_s_ = 0, pressed_s_ = 0;
+  // withdrawal: time since the end of the retreat path was reached; time spent in contact
+  double at_path_end_s_ = 0, in_contact_s_ = 0;
   bool turning_ = false;
   double turned_s_ = 0;
   Eigen::Quaterniond rotation_start_ = Eigen::Quaterniond::Identity();

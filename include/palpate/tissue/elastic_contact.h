@@ -72,11 +72,12 @@ struct SphereContact {
   ElasticSolution solution;        ///< Convergence of the last unit load
 };
 
-/// Force of a sphere at a given depth: d = F W + F (0.75 / a - 0.6 / rho) / E*, a = (3 F R / 4 E*)^(1/3), rho
-/// = max(a, 3 h). The grid carries a pressure patch of radius rho, whose mean depth on a half space is 0.6 F
-/// / (rho E*); details below that size are not resolved, and the sphere's actual contact sinks in by 0.75 F /
-/// (a E*) (Johnson 1985, 4.2). Exact on a half space with an exact W. Valid for contact radii up to 3/8 of
-/// the thickness of the deformable tissue.
+/// Force of a sphere of radius R at a given depth d: d = F W + F (0.75 / a - 0.6 / rho) / E*, with the
+/// contact radius a = (3 F R / 4 E*)^(1/3) and rho = max(a, 3 h), where h is the edge length of a cell. The
+/// grid carries a pressure patch of radius rho, whose mean depth on a half space is 0.6 F / (rho E*); details
+/// below that size are not resolved, and the sphere's actual contact sinks in by 0.75 F / (a E*) (Johnson
+/// 1985, 4.2). Exact on a half space with an exact W. Valid for contact radii up to 3/8 of the thickness of
+/// the deformable tissue.
 /// @param unit_mm  displacements under a force of 1 N: initial guess, replaced by the solution
 /// @param load_N   scratch of the grid's layout
 SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const Point<Patient>& at,

@@ -11,7 +11,7 @@ namespace {
 
 // Footprint of a tool with several parts, or of a capsule lying along tissue, which may have fewer contacts
 // than places that press. The depths are offset so that the deepest equals the spring's length.
-// @param base_per_mm  as of footprint_of
+// @param base_per_mm  as for footprint_of
 Footprint footprint_under(const DeformableContact& pressed, const PressingTool& tool, double base_per_mm) {
   const double per_multiplier = 1 / pressed.multiplier_mm, depth_mm = tool.stretched_mm.norm();
   const Footprint one{depth_mm, pressed.radius_mm * per_multiplier, 0, 1, pressed.arm_mm * per_multiplier};

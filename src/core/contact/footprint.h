@@ -49,7 +49,7 @@ Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Pati
 /// partly merged.
 /// @param lateral_mm   lateral distance r
 /// @param radius_mm    the smaller radius; above 0
-/// @param base_per_mm  as of footprint_of
+/// @param base_per_mm  as for footprint_of
 double pair_interaction_per_mm(double lateral_mm, double radius_mm, double base_per_mm);
 
 /// Press points of a tool: one per sphere; for a capsule a row whose spacing is at least its radius. Depths
@@ -58,8 +58,8 @@ double pair_interaction_per_mm(double lateral_mm, double radius_mm, double base_
 /// @param touched   indices of the surfaces in contact, without duplicates
 /// @param spheres   tool parts
 /// @param tip       position of the tip
-/// @param points    receives the places, in the order of the tool's parts
-/// @returns number of places written
+/// @param points    receives the press points, in the order of the tool's parts
+/// @returns number of press points written
 std::size_t find_press_points(std::span<const ContactSurface> surfaces, std::span<const int> touched,
                               std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                               std::span<FootprintPoint> points);

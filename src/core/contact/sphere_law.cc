@@ -15,8 +15,8 @@ constexpr int kMaxRootSteps = 60, kScannedSteps = 32;
 /// Relative step after which one more step of Newton's method would change nothing.
 constexpr double kNewtonConverged = 1e-6;
 constexpr double kSameRoot = 1e-13;
-/// Upper limit of the fraction by which the C term reduces the compliance at F1. Half the compliance is left
-/// there, and beyond.
+/// Upper limit of the fraction by which the C term reduces the compliance at F1. At least half of the
+/// compliance remains at F1 and above it.
 constexpr double kMaxStiffened = 0.5;
 
 // Ratio P of a sphere's depth in a half-space to that of a paraboloid under the same force, 1 / P, and dP/du.

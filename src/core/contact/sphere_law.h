@@ -43,8 +43,10 @@ class SphereLaw {
 
   LayerFactor layer_;
   double b_, c_;
-  double k_;      ///< Hertz's depth is k s^2
-  double base_;   ///< -B / k where B is below 0; times s / P it is the argument of LayerFactor
+  double k_;  ///< Hertz's depth is k s^2
+  /// -B / k where B is below 0, otherwise 0. The argument of LayerFactor is base_ s / P, with P the ratio of
+  /// the depth in a half-space to that of a paraboloid (sphere_factor()).
+  double base_;
   double kappa_;  ///< Hertz's contact radius is kappa s sphere radii
   double reference_N_, reference_s_;
   bool is_clamped_ = false;  ///< C is limited, and so depends on B alone

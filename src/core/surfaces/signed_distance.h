@@ -25,8 +25,8 @@ Index3 distance_window(const Eigen::Vector3d& spacing_mm, double reach_mm);
 /// @param mask  0 or 1; covers `distance` and distance_window() around it
 void signed_distance(const Block<std::uint8_t>& mask, const Eigen::Vector3d& spacing_mm, double reach_mm,
                      Block<float>& distance);
-/// One half of signed_distance(): where the mask is not `other`, the signed distance to the nearest centre
-/// where it is; elsewhere `distance` is unchanged.
+/// One of the two passes of signed_distance(): writes, at every voxel whose mask differs from `other`, the
+/// signed distance to the nearest voxel centre whose mask equals `other`; the other values are unchanged.
 void distance_to_class(const Block<std::uint8_t>& mask, std::uint8_t other, const Eigen::Vector3d& spacing_mm,
                        double reach_mm, Block<float>& distance);
 

@@ -88,7 +88,9 @@ struct SurfaceStages {
   /// Distance to the net, with the sign of `distance`.
   SurfaceStage position(const NetTriangles& net, const StepsSource& distance,
                         const Target<std::int16_t>& out) const;
-  /// 1 where a position of value `was` may differ after the net changed in cells with corners of 1.
+  /// Marks (1) the voxels whose position may change because the net changed in a cell with a corner marked 1.
+  /// @param corners  marks of the corners of changed cells
+  /// @param was      position before the change
   SurfaceStage stale(const Block<std::uint8_t>& corners, const StepsSource& was,
                      const Target<std::uint8_t>& out) const;
   /// Distance to the net where it is stale, elsewhere the value of `was`.

@@ -34,8 +34,9 @@ void apply_neo_hookean(const Cells& cells, float cell_mm, const float* displacem
 void apply_neo_hookean_tangent(const Cells& cells, float cell_mm, const float* base,
                                const float* displacement, float* force);
 
-/// The same two of a body that stiffens with strain by Fung's exponential law (ElasticConstants::stiffening).
-/// Cells without stiffening are neo-Hookean to the bit.
+/// Forces, and their derivative, of a body that stiffens with strain by Fung's exponential law
+/// (ElasticConstants::stiffening); parameters as for the neo-Hookean functions. Cells without stiffening are
+/// neo-Hookean to the bit.
 void apply_exponential(const Cells& cells, float cell_mm, const float* displacement, float* force,
                        float* volumes);
 void apply_exponential_tangent(const Cells& cells, float cell_mm, const float* base,

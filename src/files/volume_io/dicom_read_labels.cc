@@ -218,7 +218,8 @@ Result<void> send_segments(DicomLibrary& library, const Segments& segments, Voxe
 
 // contours rasterised on the grid of a scan
 struct Structures {
-  std::vector<DicomStructure> declared;  // the structures with closed contours, which have moved to `planes`
+  // structures that had closed contours; `contours` is empty, since `planes` replaces it
+  std::vector<DicomStructure> declared;
   std::vector<StructurePlanes> planes;
   std::vector<int> layers;
   VolumeFile file;

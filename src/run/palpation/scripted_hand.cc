@@ -80,7 +80,7 @@ std::optional<Point<World>> ScriptedHand::next(const TickRecord& tick, double dt
   step_time_s_ += dt_s;
   if (done) {
     ++step_;
-    step_time_s_ = settled_s_ = longest_s_ = slid_mm_ = left_s_ = sum_Ns_ = turned_s_ = 0;
+    step_time_s_ = settled_s_ = longest_s_ = slid_mm_ = at_path_end_s_ = sum_Ns_ = turned_s_ = 0;
     deviation_s_ = over_s_ = stuck_s_ = contact_s_ = 0;
     turning_ = tries_next_site_ = false;
     phase_ = Approach::kPlan;

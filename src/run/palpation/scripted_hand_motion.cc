@@ -107,7 +107,7 @@ void ScriptedHand::begin_withdrawal(const TickRecord& tick) {
     approach_path_.pop_back();
   }
   path_ = approach_path_;
-  target_N_ = left_s_ = stuck_s_ = pressed_s_ = 0;
+  target_N_ = at_path_end_s_ = stuck_s_ = in_contact_s_ = 0;
 }
 
 // Releases the contact first, then retreats along the path at the patient's current pose. True when there is
@@ -120,7 +120,7 @@ bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& tick, double dt
       device.label != 0 && (device.depth_mm > kRelease_mm || lag_mm > tracking_tolerance_mm(tick));
   bool at_its_end = false;
   if (pressed) {
-    pressed_s_ += dt_s;
+    in_contact_s_ += dt_s;
     const auto& n = device.normal_patient;
     const Vector<World> out = X_WorldPatient(tick) * Vector<Patient>(n[0], n[1], n[2]);
     commanded_ += (out != Vector<World>() ? out : -inward_) * (speed_mm_s * dt_s);
@@ -133,8 +133,8 @@ bool ScriptedHand::withdraw(double speed_mm_s, const TickRecord& tick, double dt
       (here - retreat_start_).norm() > kExitPathInSigmas * model_->sigma_mm + kExitPath_mm;
   const bool free = free_space_.reachable(X_WorldPatient(tick).inverse() * here);
   if (ramp_ended && free && filtered_N_ < kFree_N) return true;
-  left_s_ += at_its_end ? dt_s : 0;
-  return left_s_ > kFollow_s || stuck_s_ > kStuck_s || pressed_s_ > kRelease_s;
+  at_path_end_s_ += at_its_end ? dt_s : 0;
+  return at_path_end_s_ > kFollow_s || stuck_s_ > kStuck_s || in_contact_s_ > kRelease_s;
 }
 
 // plans a path to a distance at which the object cannot reach the hand in any rotation; false if there is
