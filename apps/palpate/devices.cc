@@ -14,7 +14,7 @@ namespace {
 // state of a driver; empty if its checks pass and a device is connected
 const char* state_of(const DeviceReport& report) {
   for (const DeviceCheck& check : report.checks)
-    if (!check.fine) return "not ready: palpate doctor shows what is missing";
+    if (!check.passed) return "not ready: palpate doctor shows what is missing";
   return report.connected.empty() ? "nothing is connected" : "";
 }
 

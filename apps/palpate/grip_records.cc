@@ -73,8 +73,8 @@ Result<void> store(const GripTrialFigures& figures) {
 void print_json(const GripTrialFigures& figures) {
   Json json{{"device", figures.device},   {"rate_hz", figures.rate_hz},
             {"delay_s", figures.delay_s}, {"held_N_per_mm", figures.stable_N_per_mm},
-            {"swings_N_per_mm", nullptr}, {"advised_N_per_mm", figures.advised_N_per_mm}};
-  if (figures.swings_N_per_mm) json["swings_N_per_mm"] = *figures.swings_N_per_mm;
+            {"swings_N_per_mm", nullptr}, {"advised_N_per_mm", figures.recommended_N_per_mm}};
+  if (figures.oscillating_N_per_mm) json["swings_N_per_mm"] = *figures.oscillating_N_per_mm;
   std::cout << json.dump(2) << '\n';
 }
 
@@ -82,12 +82,12 @@ void print_text(const GripTrialFigures& figures) {
   std::printf("%s, %.0f updates a second\n", figures.device.c_str(), figures.rate_hz);
   std::printf("from a command to its force   %.2f ms\n", 1e3 * figures.delay_s);
   std::printf("stable at                     %.3g N/mm\n", figures.stable_N_per_mm);
-  if (figures.swings_N_per_mm)
-    std::printf("oscillates at                 %.3g N/mm\n", *figures.swings_N_per_mm);
+  if (figures.oscillating_N_per_mm)
+    std::printf("oscillates at                 %.3g N/mm\n", *figures.oscillating_N_per_mm);
   else
     std::printf("oscillates at                 no stiffness tried\n");
   std::printf("explore limits its stiffness to %.3g N/mm, and to the vendor's limit\n",
-              figures.advised_N_per_mm);
+              figures.recommended_N_per_mm);
 }
 
 }  // namespace

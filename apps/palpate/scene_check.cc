@@ -37,7 +37,7 @@ std::string display_name(const Segment& segment) {
 double max_N_of(const Scene& scene, const TissueSettings& tissue, const GridGeometry& grid) {
   if (!tissue.touchable) return 0;
   if (scene.preparation.method == PreparationMethod::kUnionGaussian)
-    return most_force_N(tissue, scene.preparation.sigma_mm, grid);
+    return max_tissue_force_N(tissue, scene.preparation.sigma_mm, grid);
   double stiffest = 0;
   for (const TissueSettings& other : scene.tissues)
     if (other.touchable) stiffest = std::max(stiffest, other.stiffness_N_per_mm);

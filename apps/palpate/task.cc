@@ -131,14 +131,14 @@ int calibrate(const TaskOptions& options, Console& console) {
                     found.error().remedy.c_str());
     } else {
       const std::string basis =
-          (found->is_enough ? "" : "not validated, too few runs: ") + found->method + ", " +
+          (found->has_enough_runs ? "" : "not validated, too few runs: ") + found->method + ", " +
           std::to_string(options.recordings.size()) + " experts' runs" +
           (options.novices.empty() ? "" : ", " + std::to_string(options.novices.size()) + " novices'");
       const char* key = info.more_is_better ? "at_least" : "at_most";
       row[key] = found->value;
       row["interval"] = found->interval;
       row["method"] = found->method;
-      row["is_enough"] = found->is_enough;
+      row["is_enough"] = found->has_enough_runs;
       if (found->experts_below) row["experts_that_fail"] = *found->experts_below;
       if (found->novices_above) row["novices_that_pass"] = *found->novices_above;
       if (!options.novices.empty()) row["area_under_curve"] = area;

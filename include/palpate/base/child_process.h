@@ -16,14 +16,14 @@ class ChildProcess {
   ChildProcess& operator=(ChildProcess&& other) noexcept;
 
   /// Pidfd of the child, readable (poll) once it has ended; -1 without one.
-  int file() const { return file_; }
+  int pidfd() const { return pidfd_; }
   /// Kills the child with SIGKILL if it is still running, and waits until it has been reaped. Further calls
   /// have no effect.
   void end();
 
  private:
   pid_t id_ = -1;
-  int file_ = -1;
+  int pidfd_ = -1;
 };
 
 }  // namespace palpate

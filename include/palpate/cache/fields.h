@@ -33,17 +33,17 @@ class FieldWriter {
       std::size_t after = at + 1;
       while (after < end && same(values[after], values[at])) ++after;
       if (after - at >= kMinRun) {
-        append_difference(values.subspan(first, at - first));
+        append_literal_run(values.subspan(first, at - first));
         put(static_cast<std::uint32_t>(2 * (after - at) + 1));
         put(values[at]);
         first = after;
       } else if (after - first >= kMaxRun) {
-        append_difference(values.subspan(first, at - first));
+        append_literal_run(values.subspan(first, at - first));
         first = at;
       }
       at = after;
     }
-    append_difference(values.subspan(first));
+    append_literal_run(values.subspan(first));
   }
 
   const std::vector<std::byte>& bytes() const { return bytes_; }
@@ -55,7 +55,7 @@ class FieldWriter {
     return std::memcmp(&a, &b, sizeof a) == 0;
   }
   template <class Plain>
-  void append_difference(std::span<const Plain> values) {
+  void append_literal_run(std::span<const Plain> values) {
     if (values.empty()) return;
     put(static_cast<std::uint32_t>(2 * values.size()));
     put_bytes(values.data(), values.size_bytes());

@@ -60,19 +60,20 @@ struct CaseFile {
 /// All files that the row names and those read together with them: files of a scene, colour tables next to
 /// labels (every .ctbl and .tsv, because a single one is read and several are ignored), data files of
 /// headers.
-std::vector<CaseFile> case_files(const CohortCase& one);
+std::vector<CaseFile> case_files(const CohortCase& cohort_case);
 
 /// SHA-256, in hexadecimal, of the case's row, of the roles, names and contents of case_files, and of the
 /// program. Errors: an unreadable file; interrupted.
 /// @param program  version and commit, and those options that affect results
-Result<std::string> case_key(const CohortCase& one, const std::string& program,
+Result<std::string> case_key(const CohortCase& cohort_case, const std::string& program,
                              const Progress& progress = {});
 
 /// Removes identifying names from a text: paths and names of the case's files, of files named by their
 /// headers and scenes, of other files in their folders, of the folders of the table and the cohort, in the
 /// original spelling and in that of printable_name(); and any other word with a '/' or a file extension.
 /// Common folder names ("data") and names that consist of anatomical terms only are kept.
-std::string without_names(std::string text, const CohortCase& one, const std::filesystem::path& cohort = {});
+std::string without_names(std::string text, const CohortCase& cohort_case,
+                          const std::filesystem::path& cohort = {});
 
 /// Serialises a result for result.json.
 std::string case_json(const CaseResult& result);
@@ -91,10 +92,10 @@ struct CaseOptions {
 /// Reads, checks, palpates and renders a case in this process, and writes result.json, times.json,
 /// picture.png and optionally run.h5 into its folder. A failure of the case is a result as well. Errors:
 /// kOutput, kInterrupted.
-Result<CaseResult> run_case(const CohortCase& one, int number, const std::filesystem::path& cohort,
+Result<CaseResult> run_case(const CohortCase& cohort_case, int number, const std::filesystem::path& cohort,
                             const CaseOptions& options, const Progress& progress = {});
 /// Writes a failed result for a case whose process ended without one.
-Result<void> write_fault(const CohortCase& one, int number, const std::filesystem::path& cohort,
+Result<void> write_fault(const CohortCase& cohort_case, int number, const std::filesystem::path& cohort,
                          const std::string& key, const std::string& fault);
 
 }  // namespace palpate

@@ -158,7 +158,7 @@ class DeviceDriver {
   /// Sends zeros to the devices from now on, regardless of what update() returns. Any thread, at any time,
   /// including while the servo thread hangs: the watchdog calls it.
   virtual void halt() noexcept = 0;
-  /// Ends halt(), and halts received by halt_file() up to the given number. A newer one stays in force, even
+  /// Ends halt(), and halts received by halt_fd() up to the given number. A newer one stays in force, even
   /// if the device receives it first.
   /// @param newest  number of the newest halt to end (Heartbeat::newest_halt); 0: none
   virtual void resume(std::uint64_t newest) noexcept = 0;
@@ -168,7 +168,7 @@ class DeviceDriver {
   /// Heartbeat::kPermanentHalt, and hang-up of all writers, halt permanently. The device reads all pending
   /// numbers before it acts on a command, and exerts no force while the largest number read is above every
   /// number that resume() has ended. Open from construction to destruction.
-  virtual int halt_file() const noexcept { return -1; }
+  virtual int halt_fd() const noexcept { return -1; }
   /// Why a device currently provides no force or no pose, with its remedy, for the user: a lost connection,
   /// an engaged brake. Empty: no problem. Any thread but the servo's; may block briefly.
   virtual std::optional<Error> failure() const { return std::nullopt; }

@@ -14,7 +14,7 @@ namespace palpate {
 /// Result of checking one prerequisite of a driver, without moving or arming anything.
 struct DeviceCheck {
   std::string what;  ///< Prerequisite, e.g. "service at 127.0.0.1:10001"
-  bool fine = false;
+  bool passed = false;
   std::string found;   ///< State found, or exactly what is missing
   std::string remedy;  ///< Remedy for a technician; empty if the check passed
 };

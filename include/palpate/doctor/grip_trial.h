@@ -16,7 +16,7 @@ namespace palpate {
 
 struct GripTrialSettings {
   double rate_hz = 1000;        ///< For devices without their own clock; 250 ... 10000
-  double most_force_N = 1;      ///< Force limit; in 0 ... 1, 0 excluded
+  double max_force_N = 1;       ///< Force limit; in 0 ... 1, 0 excluded
   double first_N_per_mm = 0.1;  ///< Initial stiffness of the spring
   double max_N_per_mm = 5;      ///< Maximum stiffness; at most 5
   double growth = 1.15;         ///< Ratio of successive stiffnesses
@@ -32,9 +32,9 @@ struct GripTrialFigures {
   double delay_s = 0;
   double stable_N_per_mm = 0;  ///< Highest stiffness at which the tip came to rest
   /// Lowest stiffness at which it oscillated; empty: none up to the maximum
-  std::optional<double> swings_N_per_mm;
+  std::optional<double> oscillating_N_per_mm;
   /// kStiffnessMargin times the stiffness of oscillation, or times the highest stiffness tried.
-  double advised_N_per_mm = 0;
+  double recommended_N_per_mm = 0;
 };
 
 /// Trial: half a second at rest, two seconds of light pushes in alternating directions along the device's
@@ -59,7 +59,8 @@ Result<GripTrialFigures> run_grip_trial(DeviceDriver& driver, const GripTrialSet
 /// Keyed by the device's name (DeviceInfo::name) in the spelling of printable_name().
 using GripFiguresByDevice = std::map<std::string, GripTrialFigures>;
 
-/// One line per device, `rate_hz delay_s stable_N_per_mm swings_N_per_mm|- NAME`; comment lines begin with #.
+/// One line per device, `rate_hz delay_s stable_N_per_mm oscillating_N_per_mm|- NAME`; comment lines begin
+/// with #.
 std::string grip_figures_text(const GripFiguresByDevice& hands);
 /// Parses grip_figures_text; CRLF line ends are accepted. Errors: kBadInput with the line: invalid syntax, a
 /// figure outside a trial's range (225 ... 20,000 updates a second, 0 ... 20 ms, 0.001 ... 5 N/mm, held above
@@ -67,8 +68,8 @@ std::string grip_figures_text(const GripFiguresByDevice& hands);
 Result<GripFiguresByDevice> parse_grip_figures(std::string_view text, const std::string& where);
 
 /// Wraps a driver so that its devices report the measured limits: the latency is the larger of the measured
-/// and the declared one, the stiffness the smaller of the advised one and the vendor's. Measurements at a
-/// higher update rate than the session's are ignored, and so are those of a simulated device.
+/// and the declared one, the stiffness the smaller of the recommended one and the vendor's. Measurements
+/// at a higher update rate than the session's are ignored, and so are those of a simulated device.
 std::unique_ptr<DeviceDriver> with_grip_figures(std::unique_ptr<DeviceDriver> driver,
                                                 GripFiguresByDevice hands, double rate_hz);
 

@@ -167,7 +167,7 @@ double largest_spacing_mm(const GridGeometry* labels, const GridGeometry* scan);
 /// of a Gaussian-smoothed step whose slope at the surface equals the stiffness. Without smoothing the ramp is
 /// one voxel wide.
 /// @param grid  grid of the field
-double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid);
+double max_tissue_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid);
 
 /// Label ids of each tissue of the scene, ascending; empty for tissues by threshold. A name refers to every
 /// segment of that name. Errors, with the line of the label: absent label, unless the tissue is optional;

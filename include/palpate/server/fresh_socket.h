@@ -13,14 +13,14 @@ namespace palpate::server {
 /// Failures are ignored: only latency depends on these options, and kernels before Linux 6.15 lack the last
 /// one.
 /// @param buffer_bytes  data that the kernel holds for the peer, sent or not (SO_SNDBUF)
-inline void keep_fresh(int handle, int buffer_bytes) {
+inline void set_low_latency_options(int socket, int buffer_bytes) {
   constexpr int kMaxUnsent_bytes = 2 << 10;
   constexpr int kMaxRetransmission = 44, kMaxRetransmission_ms = 1000;  // TCP_RTO_MAX_MS
   const int on = 1;
-  ::setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-  ::setsockopt(handle, SOL_SOCKET, SO_SNDBUF, &buffer_bytes, sizeof buffer_bytes);
-  ::setsockopt(handle, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kMaxUnsent_bytes, sizeof kMaxUnsent_bytes);
-  ::setsockopt(handle, IPPROTO_TCP, kMaxRetransmission, &kMaxRetransmission_ms, sizeof kMaxRetransmission_ms);
+  ::setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+  ::setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &buffer_bytes, sizeof buffer_bytes);
+  ::setsockopt(socket, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kMaxUnsent_bytes, sizeof kMaxUnsent_bytes);
+  ::setsockopt(socket, IPPROTO_TCP, kMaxRetransmission, &kMaxRetransmission_ms, sizeof kMaxRetransmission_ms);
 }
 
 }  // namespace palpate::server

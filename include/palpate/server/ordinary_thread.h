@@ -7,7 +7,7 @@ namespace palpate::server {
 
 /// Names the calling thread and gives it ordinary priority, whatever it inherited: viewers never compete with
 /// the servo.
-inline void be_ordinary_thread(const char* name) {
+inline void use_ordinary_priority(const char* name) {
   ::pthread_setname_np(::pthread_self(), name);
   const sched_param none{};
   ::pthread_setschedparam(::pthread_self(), SCHED_OTHER, &none);

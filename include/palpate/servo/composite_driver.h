@@ -40,7 +40,7 @@ struct CompositeDriverSettings {
 class CompositeDriver final : public DeviceDriver {
  public:
   /// @param drivers  at least one, with at most kMaxDevices devices in total, all held by this process
-  ///                 (halt_file() < 0); must outlive this object
+  ///                 (halt_fd() < 0); must outlive this object
   CompositeDriver(std::vector<DeviceDriver*> drivers, const CompositeDriverSettings& settings);
   ~CompositeDriver() override;
 

@@ -14,7 +14,7 @@
 ///   session's process                          supervisor                     device's process
 ///     servo thread ── heartbeat, shared ──────► polls each millisecond
 ///     watchdog     ◄── number of halts ────────   │
-///     its death    ── pidfd ──────────────────►  └─ number on its halt file ──► no force
+///     its death    ── pidfd ──────────────────►  └─ number on its halt pipe ──► no force
 ///
 /// A device whose library runs inside the session's process cannot be reached from here: when that process is
 /// gone its handle is closed, and the vendor's own watchdog takes over (docs/reference/device-port.md). A
@@ -26,8 +26,8 @@ struct SupervisorSettings {
   /// Program and arguments that call supervise() with the arguments appended to them.
   std::vector<std::string> command;
   /// Files that receive the number of a halt when the devices have to stop their force
-  /// (DeviceDriver::halt_file()); at most 8.
-  std::vector<int> halt_files;
+  /// (DeviceDriver::halt_fd()); at most 8.
+  std::vector<int> halt_fds;
   /// Whether this process holds a device itself: if neither a tick nor the watchdog has been observed for
   /// half a second, the process is killed.
   bool kill_frozen = false;
@@ -49,7 +49,7 @@ struct SupervisorEvent {
   Kind kind = Kind::kStall;
   std::int64_t last_beat_ns = 0;  ///< End of the last tick; CLOCK_MONOTONIC
   std::int64_t observed_ns = 0;   ///< Time of detection; CLOCK_MONOTONIC
-  /// Time at which every halt file that had room had received the halt; CLOCK_MONOTONIC
+  /// Time at which every halt pipe that had room had received the halt; CLOCK_MONOTONIC
   std::int64_t halted_ns = 0;
 };
 

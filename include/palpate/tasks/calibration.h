@@ -27,7 +27,7 @@ struct CutOff {
   std::optional<double> experts_below, novices_above;
   /// Whether both groups have at least kEnoughRuns runs, so that the interval is meaningful; otherwise "not
   /// validated"
-  bool is_enough = false;
+  bool has_enough_runs = false;
 };
 
 /// Parameters of cut_off().

@@ -64,7 +64,7 @@ class TrackerStream {
   /// Reason why no poses arrive, with its remedy. Empty: poses arrive. Thread-safe.
   std::optional<Error> failure() const;
   /// Names of all transforms received, unique, in alphabetical order, printable; at most 64.
-  std::vector<std::string> heard() const;
+  std::vector<std::string> received_transforms() const;
 
   /// Time without a pose after which a tool is reported as not seen.
   static constexpr double kUnseen_s = 0.5;

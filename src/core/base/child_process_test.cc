@@ -32,17 +32,17 @@ void wait_for_ever() {
 }
 
 bool ended(const ChildProcess& process) {
-  pollfd file{process.file(), POLLIN, 0};
+  pollfd file{process.pidfd(), POLLIN, 0};
   return ::poll(&file, 1, 10'000) == 1;
 }
 
 TEST(ChildProcess, EndTerminatesAndReapsTheChild) {
   const pid_t id = fork_to(wait_for_ever);
   ChildProcess process(id);
-  ASSERT_GE(process.file(), 0);
+  ASSERT_GE(process.pidfd(), 0);
   process.end();
   process.end();
-  EXPECT_EQ(process.file(), -1);
+  EXPECT_EQ(process.pidfd(), -1);
   EXPECT_TRUE(::waitpid(id, nullptr, 0) < 0 && errno == ECHILD);
 }
 
@@ -51,7 +51,7 @@ TEST(ChildProcess, DestructorEndsTheChild) {
   {
     ChildProcess process(id);
     const ChildProcess moved = std::move(process);
-    EXPECT_GE(moved.file(), 0);
+    EXPECT_GE(moved.pidfd(), 0);
   }
   EXPECT_TRUE(::waitpid(id, nullptr, 0) < 0 && errno == ECHILD);
 }
@@ -63,7 +63,7 @@ TEST(ChildProcess, SendsNoSignalToAnEndedChild) {
       if (ignored) ::signal(SIGCHLD, SIG_IGN);
       ChildProcess process(fork_to([] {})), running(fork_to(wait_for_ever));
       if (!test::die_of(SYS_kill)) return;
-      if (process.file() >= 0 && !ended(process)) ::_exit(1);
+      if (process.pidfd() >= 0 && !ended(process)) ::_exit(1);
       process.end();
       running.end();
       if (::waitpid(-1, nullptr, 0) != -1 || errno != ECHILD) ::_exit(1);

@@ -14,7 +14,8 @@ namespace {
 // @param base_per_mm  as for footprint_of
 Footprint footprint_under(const DeformableContact& pressed, const PressingTool& tool, double base_per_mm) {
   const double per_multiplier = 1 / pressed.multiplier_mm, depth_mm = tool.stretched_mm.norm();
-  const Footprint one{depth_mm, pressed.radius_mm * per_multiplier, 0, 1, pressed.arm_mm * per_multiplier};
+  const Footprint one{depth_mm, pressed.weighted_radius_mm2 * per_multiplier, 0, 1,
+                      pressed.weighted_arm_mm2 * per_multiplier};
   if ((tool.spheres.size() == 1 && tool.spheres[0].axis_mm == Vector<Patient>()) || !(depth_mm > 0))
     return one;
   std::array<int, kMaxContacts> touched;
@@ -80,15 +81,15 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   const LocalCompliance spot = frame != nullptr ? frame->spot[options.device] : LocalCompliance{};
   const double per_multiplier = 1 / pressed.multiplier_mm;
   const Point<Patient> at = tool.proxy + foot.arm_mm;
-  ContactLaw tissue =
-      blend_compliance(frame != nullptr ? frame->number : 0, spot, at, pressed.modulus * per_multiplier,
-                       options.dt_s, compliance, pressed.strain_stiffening * per_multiplier);
+  ContactLaw tissue = blend_compliance(frame != nullptr ? frame->number : 0, spot, at,
+                                       pressed.weighted_modulus * per_multiplier, options.dt_s, compliance,
+                                       pressed.weighted_stiffening * per_multiplier);
   tissue.surroundings_mm_per_N += foot.interaction_per_mm / tissue.modulus_N_per_mm2;
   DeformableForce force;
   TissueContact& own = force.tissue_contact;
   own.modulus_N_per_mm2 = tissue.modulus_N_per_mm2;
   own.base_per_mm = base_per_mm;
-  own.radius_mm = std::max(pressed.radius_mm * per_multiplier, kSoftTissueSettings.min_radius_mm);
+  own.radius_mm = std::max(pressed.weighted_radius_mm2 * per_multiplier, kSoftTissueSettings.min_radius_mm);
   own.at = at;
   own.outward = tool.stretched_mm.normalized();
   own.surface = std::ranges::max_element(tool.contacts, {}, &ProxyContact::multiplier_mm)->surface;
@@ -113,11 +114,11 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   };
   if (options.relaxation_times == nullptr) return finish();
   RelaxingContact contact{spot.relaxed, at,
-                          kSoftTissueSettings.dent_radii * pressed.radius_mm * per_multiplier,
+                          kSoftTissueSettings.dent_radii * pressed.weighted_radius_mm2 * per_multiplier,
                           kSoftTissueSettings.blend_s};
   if (!spot.is_known()) {
     contact.fractions = {};
-    contact.fractions.add(pressed.relaxed, per_multiplier);
+    contact.fractions.add(pressed.weighted_relaxed, per_multiplier);
   }
   relax(tissue, contact, foot, max_N_per_mm, options, relaxation, force);
   return finish();

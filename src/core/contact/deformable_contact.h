@@ -9,22 +9,22 @@
 /// Contact of the outermost layer with deformable tissue.
 namespace palpate {
 
-/// Contacts with deformable tissue, averaged into one sphere pressing at one point. Sums are weighted by the
-/// contacts' multipliers.
+/// Contacts with deformable tissue, averaged into one sphere pressing at one point. Members `weighted_...`
+/// are sums weighted by the contacts' multipliers, which press() divides by `multiplier_mm`.
 struct DeformableContact {
   double multiplier_mm = 0;
-  double modulus = 0, strain_stiffening = 0, radius_mm = 0;
-  Vector<Patient> arm_mm;  ///< From the tip
-  RelaxationFractions relaxed;
+  double weighted_modulus = 0, weighted_stiffening = 0, weighted_radius_mm2 = 0;
+  Vector<Patient> weighted_arm_mm2;  ///< From the tip
+  RelaxationFractions weighted_relaxed;
 
   bool any() const { return multiplier_mm > 0; }
   void add(double multiplier, const ContactSurface& structure, const Vector<Patient>& arm, double radius) {
     multiplier_mm += multiplier;
-    modulus += multiplier * structure.plane_strain_modulus_N_per_mm2;
-    strain_stiffening += multiplier * structure.strain_stiffening;
-    radius_mm += multiplier * radius;
-    arm_mm += arm * multiplier;
-    relaxed.add(structure.relaxed, multiplier);
+    weighted_modulus += multiplier * structure.plane_strain_modulus_N_per_mm2;
+    weighted_stiffening += multiplier * structure.strain_stiffening;
+    weighted_radius_mm2 += multiplier * radius;
+    weighted_arm_mm2 += arm * multiplier;
+    weighted_relaxed.add(structure.relaxed, multiplier);
   }
 };
 

@@ -11,7 +11,8 @@ double non_slip_change_N(std::optional<double> before_N_per_mm, const ProxyForce
                          const SpringMotion& motion) {
   constexpr double kUnlimited = std::numeric_limits<double>::infinity();
   if (!before_N_per_mm) return kUnlimited;
-  if (*before_N_per_mm == 0) return now.deformable ? kUnlimited : now.tangent_N_per_mm * motion.catch_up_mm;
+  if (*before_N_per_mm == 0)
+    return now.deformable ? kUnlimited : now.tangent_N_per_mm * motion.tool_since_force_mm;
   if (!std::isfinite(motion.max_change_mm)) return kUnlimited;
   return std::max(*before_N_per_mm, now.tangent_N_per_mm) * motion.tool_mm;
 }
@@ -24,28 +25,28 @@ DisplacementBall limit_displacement(const ProxyLayer& layer, const Vector<Patien
   return {layer.position + tip_moved, tip_moved.norm() + turned_mm + max_slip_mm};
 }
 
-double limit_stretch_mm(const Vector<Patient>& away_mm, double target_mm, const Vector<Patient>& stretched_mm,
-                        double max_change_mm) {
+double limit_stretch_mm(const Vector<Patient>& away_mm, double target_mm,
+                        const Vector<Patient>& last_spring_mm, double max_change_mm) {
   const double length_mm = away_mm.norm();
   // Lengths along the new direction whose spring vector lies in a ball around the last one: the projection
   // of the last vector, plus or minus half of the chord that the direction cuts from the ball.
-  const double before_mm = stretched_mm.dot(away_mm) / length_mm;
-  const double turned_squared = stretched_mm.squared_norm() - before_mm * before_mm;
+  const double before_mm = last_spring_mm.dot(away_mm) / length_mm;
+  const double turned_squared = last_spring_mm.squared_norm() - before_mm * before_mm;
   const double change_mm = std::sqrt(std::max(0.0, max_change_mm * max_change_mm - turned_squared));
   return std::min(std::clamp(target_mm, before_mm - change_mm, before_mm + change_mm), length_mm);
 }
 
-double limit_stiffness(double requested, std::optional<double> before, const Vector<Patient>& stretched_mm,
+double limit_stiffness(double requested, std::optional<double> before, const Vector<Patient>& spring_mm,
                        double slip_N, const SpringMotion& motion) {
-  const double length_mm = stretched_mm.norm();
+  const double length_mm = spring_mm.norm();
   if (!before || !(length_mm > 0)) return requested;
   // a spring that was inactive may already be longer than the tool's displacement explains
-  const double beyond_mm = length_mm - motion.catch_up_mm;
+  const double beyond_mm = length_mm - motion.tool_since_force_mm;
   if (*before == 0) return beyond_mm > 0 ? std::min(requested, slip_N / beyond_mm) : requested;
   if (!std::isfinite(motion.max_change_mm)) return requested;
   // Stiffnesses whose force lies in a ball around the last force; its radius is the last stiffness times
   // max_change_mm. Lengths are relative to the current spring.
-  const double projection = motion.last_spring_mm.dot(stretched_mm) / (length_mm * length_mm);
+  const double projection = motion.last_spring_mm.dot(spring_mm) / (length_mm * length_mm);
   const double transverse_squared =
       motion.last_spring_mm.squared_norm() / (length_mm * length_mm) - projection * projection;
   const double change = motion.max_change_mm / length_mm;

@@ -19,7 +19,7 @@ struct SpringMotion {
   Vector<Patient> last_spring_mm;  ///< Spring vector (tip to proxy) of the last tick
   double tool_mm = 0;  ///< Displacement of the tip in this tick plus the arc of the tool's rotation
   /// tool_mm plus the displacement accumulated while the proxy was catching up at zero force.
-  double catch_up_mm = 0;
+  double tool_since_force_mm = 0;
   /// Upper limit of the spring vector's change in this tick: tool_mm plus the permitted slip.
   double max_change_mm = std::numeric_limits<double>::infinity();
 };
@@ -60,22 +60,23 @@ DisplacementBall limit_displacement(const ProxyLayer& layer, const Vector<Patien
 /// Rate-limited length of the spring: the length nearest to `target_mm` for which the spring vector differs
 /// from that of the last tick by at most max_change_mm. If the direction alone changes by more, the last
 /// length projected onto the new direction.
-/// @param away_mm        vector from the tip to the proxy, the direction of the spring; not 0
-/// @param target_mm      length for the current contacts
-/// @param stretched_mm   spring vector of the last tick, tip to proxy
-/// @param max_change_mm  radius of the displacement limit; finite
+/// @param away_mm         vector from the tip to the proxy, the direction of the spring; not 0
+/// @param target_mm       length for the current contacts
+/// @param last_spring_mm  spring vector of the last tick, tip to proxy
+/// @param max_change_mm   radius of the displacement limit; finite
 /// @return length in mm, at most that of away_mm; 0 or less: the spring is inactive
-double limit_stretch_mm(const Vector<Patient>& away_mm, double target_mm, const Vector<Patient>& stretched_mm,
-                        double max_change_mm);
+double limit_stretch_mm(const Vector<Patient>& away_mm, double target_mm,
+                        const Vector<Patient>& last_spring_mm, double max_change_mm);
 
 /// Rate-limited spring stiffness. The stiffness depends on position and contacts. Its change is limited so
 /// that the force changes by at most the displacement limit times the last stiffness. A spring that was
-/// inactive starts with a stiffness at which its length beyond motion.catch_up_mm causes at most `slip_N`.
-/// @param requested     stiffness of the current contacts, N/mm
-/// @param before        stiffness of the last tick, N/mm; empty: unknown, no limit
-/// @param stretched_mm  current spring vector, tip to proxy
-/// @param slip_N        permitted force change in this tick beyond that caused by the tool's displacement
-double limit_stiffness(double requested, std::optional<double> before, const Vector<Patient>& stretched_mm,
+/// inactive starts with a stiffness at which its length beyond motion.tool_since_force_mm causes at most
+/// `slip_N`.
+/// @param requested  stiffness of the current contacts, N/mm
+/// @param before     stiffness of the last tick, N/mm; empty: unknown, no limit
+/// @param spring_mm  current spring vector, tip to proxy
+/// @param slip_N     permitted force change in this tick beyond that caused by the tool's displacement
+double limit_stiffness(double requested, std::optional<double> before, const Vector<Patient>& spring_mm,
                        double slip_N, const SpringMotion& motion);
 
 /// Slip budget of one tick, spent by the layers from outside to inside.

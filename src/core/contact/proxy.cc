@@ -492,7 +492,7 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
       layer.contact_count == 0 ? to_tip_mm : std::min(to_tip_mm, kProxySettings.max_path_mm);
   const DisplacementBall limit = limit_displacement(layer, tip_moved, turned_mm, max_slip_mm);
   result.spring.tool_mm = tip_moved.norm() + turned_mm;
-  result.spring.catch_up_mm = layer.catch_up_mm + result.spring.tool_mm;
+  result.spring.tool_since_force_mm = layer.catch_up_mm + result.spring.tool_mm;
   result.spring.max_change_mm = limit.radius_mm;
   const bool capsules = has_capsules(spheres);
   const double max_distance_increase = capsules ? std::min(tick.options.max_distance_increase,
@@ -630,7 +630,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
         springs.add({layer, proxy_spheres.spheres(), advance.spring, has_arrived, slip.remaining_N},
                     state.cache(n).owners, n == 0 ? state.compliance : none, state.relaxation);
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
-    layer.catch_up_mm = layer.contact_count == 0 && advance.lagging ? advance.spring.catch_up_mm : 0;
+    layer.catch_up_mm = layer.contact_count == 0 && advance.lagging ? advance.spring.tool_since_force_mm : 0;
     add_layer(n, force, result);
 
     // the layers within may use the slip that this layer has not used

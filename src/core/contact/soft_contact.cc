@@ -32,7 +32,7 @@ SphereLaw::Integrals integrals_of(const ContactLaw& law, double force_N, double 
   if (!(force_N > 0)) return {0, 0, 0};
   const SphereLaw sphere_law(law, radius_mm);
   const double min_mm_per_N = min_compliance_mm_per_N(max_N_per_mm), s = cube_root(force_N);
-  return integrals_to(sphere_law, std::min(s, sphere_law.first_limited(s, min_mm_per_N)), force_N,
+  return integrals_to(sphere_law, std::min(s, sphere_law.first_s_below_compliance(s, min_mm_per_N)), force_N,
                       min_mm_per_N);
 }
 
@@ -163,11 +163,11 @@ SoftContactForce soft_contact_force(const ContactLaw& law, double depth_mm, doub
   if (!(depth_mm > 0)) return force;
   const SphereLaw sphere_law(law, radius_mm);
   const double min_mm_per_N = min_compliance_mm_per_N(max_N_per_mm);
-  double s = sphere_law.root(depth_mm);
+  double s = sphere_law.s_at_depth(depth_mm);
   const double compliance_mm_per_N = sphere_law.compliance_mm_per_N(s);
   // without a C term the compliance is least at the greatest force
   const bool never_limited = law.stiffening_mm_per_N2 == 0 && compliance_mm_per_N >= min_mm_per_N;
-  const double limited_s = never_limited ? s : sphere_law.first_limited(s, min_mm_per_N);
+  const double limited_s = never_limited ? s : sphere_law.first_s_below_compliance(s, min_mm_per_N);
   if (limited_s < s) {
     s = limited_s;
     force.force_N = s * s * s + std::max(0.0, depth_mm - sphere_law.at(s).mm) / min_mm_per_N;

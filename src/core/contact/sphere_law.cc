@@ -98,7 +98,7 @@ SphereLaw::Depth SphereLaw::at(double s) const {
   return depth;
 }
 
-double SphereLaw::root(double depth_mm) const {
+double SphereLaw::s_at_depth(double depth_mm) const {
   double s = std::sqrt(depth_mm / k_);
   if (b_ > 0) {
     s = std::min(s, cube_root(depth_mm / b_));
@@ -120,11 +120,12 @@ double SphereLaw::root(double depth_mm) const {
   return s;
 }
 
-double SphereLaw::first_limited(double end, double smallest) const {
+double SphereLaw::first_s_below_compliance(double end, double min_compliance_mm_per_N) const {
   constexpr double kNever = std::numeric_limits<double>::infinity();
   // lower bound of the compliance on 0 ... end
-  if (elastic_compliance_mm_per_N(end) * (c_ > 0 ? 1 - kMaxStiffened : 1) >= smallest) return kNever;
-  const auto excess = [&](double s) { return at(s).per_s - 3 * s * s * smallest; };
+  if (elastic_compliance_mm_per_N(end) * (c_ > 0 ? 1 - kMaxStiffened : 1) >= min_compliance_mm_per_N)
+    return kNever;
+  const auto excess = [&](double s) { return at(s).per_s - 3 * s * s * min_compliance_mm_per_N; };
   double low = 0, high = end;
   // The compliance decreases monotonically up to F1 if C > 0, and beyond F1 if C < 0; on these intervals it
   // suffices to evaluate the end.

@@ -20,9 +20,9 @@ class SphereLaw {
   Depth at(double s) const;
   double compliance_mm_per_N(double s) const { return at(s).per_s / (3 * s * s); }
   /// s at a depth above 0.
-  double root(double depth_mm) const;
-  /// First s up to `end` at which the compliance is less than `smallest`; infinite: none.
-  double first_limited(double end, double smallest) const;
+  double s_at_depth(double depth_mm) const;
+  /// First s up to `end` at which the compliance is less than `min_compliance_mm_per_N`; infinite: none.
+  double first_s_below_compliance(double end, double min_compliance_mm_per_N) const;
 
   /// Integrals over the force, 0 ... s^3: of the depth, and of its derivatives with respect to B and -C.
   struct Integrals {

@@ -176,7 +176,7 @@ class CompositeDriver::Gatherer final : public ServoFunction {
 CompositeDriver::CompositeDriver(std::vector<DeviceDriver*> drivers, const CompositeDriverSettings& settings)
     : drivers_(std::move(drivers)), settings_(settings) {
   PALPATE_CHECK(!drivers_.empty());
-  for (const DeviceDriver* driver : drivers_) PALPATE_CHECK(driver->halt_file() < 0);
+  for (const DeviceDriver* driver : drivers_) PALPATE_CHECK(driver->halt_fd() < 0);
   arrange();
 }
 

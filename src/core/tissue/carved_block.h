@@ -161,8 +161,8 @@ class CarvedBlock {
       const std::size_t n = read_.offset(i, j, k);
       if (surface_band_[n] != 0) position_[changing_.offset(i, j, k)] = current_[n];
     });
-    const std::vector<char> beside_made = dilate(original_, [](Steps value) { return value < 0; });
-    const Surroundings all{nearby(original_, beside_made), nearby(current_, surface_band_),
+    const std::vector<char> original_band = dilate(original_, [](Steps value) { return value < 0; });
+    const Surroundings all{nearby(original_, original_band), nearby(current_, surface_band_),
                            removed_material()};
     constexpr int kLargest = 16;
     fill_blocks(changing_, kLargest, all);
@@ -251,9 +251,9 @@ class CarvedBlock {
   }
 
   // the selected voxels that are near the surface
-  NearSurfaceVoxels nearby(const std::vector<Steps>& values, const std::vector<char>& of) const {
+  NearSurfaceVoxels nearby(const std::vector<Steps>& values, const std::vector<char>& selected) const {
     const double deepest = -std::min(band_mm_, reach_mm()) / step_mm_;
-    const auto counts = [&](std::size_t n) { return of[n] != 0 && values[n] >= deepest; };
+    const auto counts = [&](std::size_t n) { return selected[n] != 0 && values[n] >= deepest; };
     std::size_t count = 0;
     for (std::size_t n = 0; n < values.size(); ++n) count += counts(n) ? 1 : 0;
     NearSurfaceVoxels nearby(count);
@@ -278,7 +278,7 @@ class CarvedBlock {
   /// Candidates for the values of a block: near the prepared surface, near the current one, and near material
   /// removed since the last version.
   struct Surroundings {
-    NearSurfaceVoxels original, is, removed;
+    NearSurfaceVoxels original, current, removed;
   };
   // empty if no distance in the block can have changed
   std::optional<Surroundings> surroundings(const Surroundings& all, const Box& block) const {
@@ -301,7 +301,7 @@ class CarvedBlock {
     NearSurfaceVoxels removed = all.removed.near(middle, radius, least);
     if (removed.size() == 0 && !was_inside) return std::nullopt;
     const auto reach = static_cast<float>(reach_mm());
-    return Surroundings{all.original.near(middle, radius, reach), all.is.near(middle, radius, reach),
+    return Surroundings{all.original.near(middle, radius, reach), all.current.near(middle, radius, reach),
                         std::move(removed)};
   }
 
@@ -323,7 +323,7 @@ class CarvedBlock {
       Steps& value = position_[changing_.offset(i, j, k)];
       if (value >= far_) return;
       const Eigen::Array3f at = position_mm(i, j, k);
-      int steps = in_steps(around.is.distance_mm(at));
+      int steps = in_steps(around.current.distance_mm(at));
       if (original_[n] >= 0 && steps > original_[n])
         steps = original_[n] + std::max(0, steps - in_steps(around.original.distance_mm(at)));
       value = static_cast<Steps>(std::clamp<int>(steps, current_[n], far_));

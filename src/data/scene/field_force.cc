@@ -18,7 +18,7 @@ double largest_spacing_mm(const GridGeometry* labels, const GridGeometry* scan) 
   return labels ? std::max(field_mm, labels->spacing_mm.maxCoeff()) : field_mm;
 }
 
-double most_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid) {
+double max_tissue_force_N(const TissueSettings& tissue, double sigma_mm, const GridGeometry& grid) {
   return tissue.stiffness_N_per_mm * ramp_mm(sigma_mm, grid);
 }
 

@@ -20,7 +20,7 @@ TEST(MostForce, RisesAtTheSurfaceWithTheStiffness) {
   for (const double stiffness : {0.02, 1.5}) {
     for (const double sigma_mm : {0.5, 1.0, 3.0}) {
       tissue.stiffness_N_per_mm = stiffness;
-      const double max_N = most_force_N(tissue, sigma_mm, grid_of(0.3, 0.3, 0.3));
+      const double max_N = max_tissue_force_N(tissue, sigma_mm, grid_of(0.3, 0.3, 0.3));
       const auto force_N = [&](double depth_mm) {
         return max_N * 0.5 * std::erfc(-depth_mm / (sigma_mm * std::sqrt(2)));
       };
@@ -31,7 +31,7 @@ TEST(MostForce, RisesAtTheSurfaceWithTheStiffness) {
 }
 
 TEST(MostForce, WithoutSmoothingTheRampIsAVoxelWide) {
-  EXPECT_DOUBLE_EQ(most_force_N({}, 0, grid_of(0.4, 0.3, 1)), 0.3);
+  EXPECT_DOUBLE_EQ(max_tissue_force_N({}, 0, grid_of(0.4, 0.3, 1)), 0.3);
 }
 
 TEST(FieldGrid, IsTheFinerOneAndTheLabelsWhereEqual) {

@@ -416,7 +416,7 @@ TEST(ForceDimension, IsLookedForWithoutMovingAnything) {
   EXPECT_EQ(report.connected[1].state, "ready");
   ASSERT_EQ(report.checks.size(), 3u);
   EXPECT_THAT(report.checks[0].found, HasSubstr("version 3.17.6"));
-  for (const DeviceCheck& check : report.checks) EXPECT_EQ(check.remedy.empty(), check.fine) << check.what;
+  for (const DeviceCheck& check : report.checks) EXPECT_EQ(check.remedy.empty(), check.passed) << check.what;
   EXPECT_EQ(fake.device[0].auto_inits, 0);
   EXPECT_EQ(fake.device[0].forces, 0u);
   EXPECT_FALSE(fake.device[0].forces_on);
@@ -425,7 +425,7 @@ TEST(ForceDimension, IsLookedForWithoutMovingAnything) {
   fake.count = 0;
   report = vendor.detect();
   EXPECT_TRUE(report.connected.empty());
-  EXPECT_FALSE(report.checks.back().fine);
+  EXPECT_FALSE(report.checks.back().passed);
   EXPECT_FALSE(report.checks.back().remedy.empty());
 }
 

@@ -211,18 +211,18 @@ TEST(HaplyDriver, IsLookedForWithoutMovingAnything) {
   ASSERT_EQ(report.connected.size(), 1u);
   EXPECT_EQ(report.connected[0].id, "049D");
   EXPECT_EQ(report.connected[0].state, "ready");
-  for (const DeviceCheck& check : report.checks) EXPECT_TRUE(check.fine) << check.what;
+  for (const DeviceCheck& check : report.checks) EXPECT_TRUE(check.passed) << check.what;
   EXPECT_EQ(service.messages(), 0u);
 
   service.calibrated = false;
   report = vendor.detect();
   EXPECT_EQ(report.connected[0].state, "the device is not calibrated");
-  EXPECT_FALSE(report.checks.back().fine);
+  EXPECT_FALSE(report.checks.back().passed);
   EXPECT_FALSE(report.checks.back().remedy.empty());
   service.stop();
   report = vendor.detect();
   ASSERT_EQ(report.checks.size(), 1u);
-  EXPECT_FALSE(report.checks[0].fine);
+  EXPECT_FALSE(report.checks[0].passed);
   EXPECT_TRUE(report.connected.empty());
 }
 

@@ -371,7 +371,7 @@ TEST(OpenHaptics, IsLookedForWithoutMovingAnything) {
   ASSERT_EQ(report.connected.size(), 1u);
   EXPECT_EQ(report.connected[0].id, "Touch no. 4711");
   EXPECT_EQ(report.connected[0].state, "ready");
-  for (const DeviceCheck& check : report.checks) EXPECT_TRUE(check.fine) << check.what;
+  for (const DeviceCheck& check : report.checks) EXPECT_TRUE(check.passed) << check.what;
   EXPECT_FALSE(fake.running);
   EXPECT_FALSE(fake.device[0].force_on);
   EXPECT_EQ(fake.violations, 0) << fake.first_violation.load();
@@ -379,8 +379,8 @@ TEST(OpenHaptics, IsLookedForWithoutMovingAnything) {
   fake.device[0].plugged = false;
   report = vendor.detect();
   EXPECT_TRUE(report.connected.empty());
-  EXPECT_FALSE(report.checks[1].fine);
-  for (const DeviceCheck& check : report.checks) EXPECT_EQ(check.remedy.empty(), check.fine) << check.what;
+  EXPECT_FALSE(report.checks[1].passed);
+  for (const DeviceCheck& check : report.checks) EXPECT_EQ(check.remedy.empty(), check.passed) << check.what;
 }
 
 }  // namespace

@@ -176,8 +176,8 @@ class PluginDriver::Core {
   void halt() noexcept {
     const std::uint64_t number = halts_.fetch_add(1) + 1;
     // a full pipe holds unread halts
-    if (halt_file_ >= 0) [[maybe_unused]]
-      const ssize_t written = ::write(halt_file_, &number, sizeof number);
+    if (halt_fd_ >= 0) [[maybe_unused]]
+      const ssize_t written = ::write(halt_fd_, &number, sizeof number);
   }
   void resume() noexcept { halts_ended_.store(halts_.load()); }
 
@@ -254,7 +254,7 @@ class PluginDriver::Core {
     ::close(std::exchange(halts[0], -1));
     process_ = ChildProcess(process);
     socket_ = sockets[0];
-    halt_file_ = halts[1];
+    halt_fd_ = halts[1];
     return {};
   }
 
@@ -294,7 +294,7 @@ class PluginDriver::Core {
     request.kind = Request::Kind::kClose;
     if (loss_.load() == Loss::kNone && ::send(socket_, &request, sizeof request, MSG_NOSIGNAL) > 0) {
       // it ends by itself where it disconnects in time
-      pollfd ended{process_.file(), POLLIN, 0};
+      pollfd ended{process_.pidfd(), POLLIN, 0};
       if (ended.fd >= 0) ::poll(&ended, 1, kClosePatience_ms);
     }
     if (loss_.load() != Loss::kNone && loss_.load() != Loss::kEnded && !is_ended_) {
@@ -303,15 +303,15 @@ class PluginDriver::Core {
     }
     process_.end();
     ::close(std::exchange(socket_, -1));
-    ::close(std::exchange(halt_file_, -1));
+    ::close(std::exchange(halt_fd_, -1));
     is_open_ = false;
   }
 
   // How the process has ended; empty: it has not.
   std::optional<siginfo_t> ending() const {
     siginfo_t how{};
-    if (process_.file() < 0 ||
-        ::waitid(P_PIDFD, static_cast<id_t>(process_.file()), &how, WEXITED | WNOWAIT | WNOHANG) != 0 ||
+    if (process_.pidfd() < 0 ||
+        ::waitid(P_PIDFD, static_cast<id_t>(process_.pidfd()), &how, WEXITED | WNOWAIT | WNOHANG) != 0 ||
         how.si_pid == 0)
       return {};
     return how;
@@ -335,7 +335,7 @@ class PluginDriver::Core {
     if (is_ended_ || loss_.load() == Loss::kEnded || monotonic_ns() - lost_ns_ < to_ns(kHaltPatience_s))
       return;
     is_ended_ = true;
-    if (process_.file() >= 0) ::syscall(SYS_pidfd_send_signal, process_.file(), SIGKILL, nullptr, 0);
+    if (process_.pidfd() >= 0) ::syscall(SYS_pidfd_send_signal, process_.pidfd(), SIGKILL, nullptr, 0);
   }
 
   void read(std::span<DeviceSample> samples) noexcept {
@@ -399,7 +399,7 @@ class PluginDriver::Core {
   const std::string where_;
   std::vector<DeviceInfo> info_;
   ChildProcess process_;
-  int socket_ = -1, halt_file_ = -1;
+  int socket_ = -1, halt_fd_ = -1;
   bool is_open_ = false;
   std::uint64_t number_ = 0;
   std::int64_t pending_ns_ = 0;   ///< Time of the request that has no reply yet; 0: none

@@ -189,9 +189,9 @@ TEST_F(Plugin, IsExaminedWithoutBeingOpened) {
   use("absent");
   const DeviceReport report = plugin_vendor(settings()).detect();
   ASSERT_EQ(report.checks.size(), 1u);
-  EXPECT_TRUE(report.checks[0].fine) << report.checks[0].found;
+  EXPECT_TRUE(report.checks[0].passed) << report.checks[0].found;
   use("fails");
-  EXPECT_FALSE(plugin_vendor(settings()).detect().checks[0].fine);
+  EXPECT_FALSE(plugin_vendor(settings()).detect().checks[0].passed);
 }
 
 }  // namespace

@@ -205,7 +205,7 @@ TEST_F(SpaceMouse, ReportsMissingPermissions) {
   EXPECT_EQ(spacemouse_vendor(settings_).detect().connected[0].state, "ready");
   std::filesystem::remove_all(folder_.path() / "sys");
   const DeviceReport report = spacemouse_vendor(settings_).detect();
-  EXPECT_FALSE(report.checks[0].fine);
+  EXPECT_FALSE(report.checks[0].passed);
   EXPECT_FALSE(report.checks[0].remedy.empty());
   SpaceMouseDriver none(settings_);
   ASSERT_FALSE(none.open(false).ok());

@@ -118,7 +118,7 @@ DeviceVendor tracker_vendor(const TrackedToolSettings& settings) {
       return report;
     }
     report.checks.push_back({what, true, "sends transforms", ""});
-    for (const std::string& name : stream.heard()) report.connected.push_back({name, "ready"});
+    for (const std::string& name : stream.received_transforms()) report.connected.push_back({name, "ready"});
     return report;
   };
   return {kTracker, "a tracked tool in a registered patient, from a tracker's stream (OpenIGTLink): no force",

@@ -194,12 +194,12 @@ TEST_F(TrackedTip, ReportsMissingToolsAtTheStart) {
   settings_.stream.address.host.clear();
   EXPECT_THAT(refused(), HasSubstr("no tracked tool is given"));
   const auto lost = tracker_vendor().detect();
-  EXPECT_FALSE(lost.checks[0].fine);
+  EXPECT_FALSE(lost.checks[0].passed);
 
   TrackedToolSettings there;
   there.stream.address = {"127.0.0.1", server_.port()};
   const DeviceReport report = tracker_vendor(there).detect();
-  EXPECT_TRUE(report.checks[0].fine);
+  EXPECT_TRUE(report.checks[0].passed);
   ASSERT_EQ(report.connected.size(), 1u);
   EXPECT_EQ(report.connected[0].id, kTool);
 }

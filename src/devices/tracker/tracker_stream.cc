@@ -126,7 +126,7 @@ class TrackerStream::Core {
     return missing_pose("; the connection is retried and resumes by itself");
   }
 
-  std::vector<std::string> heard() const {
+  std::vector<std::string> received_transforms() const {
     const std::lock_guard lock(mutex_);
     std::vector<std::string> names;
     for (const std::string& name : received_names_) names.push_back(printable_name(name));
@@ -334,8 +334,8 @@ Result<void> TrackerStream::open(double patience_s, const Progress& progress) {
 std::optional<Error> TrackerStream::failure() const {
   return core_->failure();
 }
-std::vector<std::string> TrackerStream::heard() const {
-  return core_->heard();
+std::vector<std::string> TrackerStream::received_transforms() const {
+  return core_->received_transforms();
 }
 
 }  // namespace palpate

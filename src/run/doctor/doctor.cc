@@ -60,9 +60,9 @@ void detect_devices(const DeviceRegistry& known, const DoctorSettings& settings,
     const DeviceReport device = vendor.detect();
     bool fine = !device.connected.empty();
     for (const DeviceCheck& check : device.checks) {
-      fine = fine && check.fine;
-      report.lines.push_back({vendor.name, check.what, check.fine ? Finding::kFine : Finding::kMissing,
-                              check.found, check.fine ? "" : check.remedy});
+      fine = fine && check.passed;
+      report.lines.push_back({vendor.name, check.what, check.passed ? Finding::kFine : Finding::kMissing,
+                              check.found, check.passed ? "" : check.remedy});
     }
     any_ready = any_ready || fine;
   }

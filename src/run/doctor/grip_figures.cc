@@ -65,7 +65,7 @@ class DriverWithGripFigures final : public DeviceDriver {
   void run(ServoFunction& servo, ServoClock& clock) noexcept override { driver_->run(servo, clock); }
   void halt() noexcept override { driver_->halt(); }
   void resume(std::uint64_t newest) noexcept override { driver_->resume(newest); }
-  int halt_file() const noexcept override { return driver_->halt_file(); }
+  int halt_fd() const noexcept override { return driver_->halt_fd(); }
   std::optional<Error> failure() const override { return driver_->failure(); }
 
  private:
@@ -77,7 +77,7 @@ class DriverWithGripFigures final : public DeviceDriver {
       if (measured == figures_.end() || info.simulated) continue;
       const double rate_hz = info.drive == DeviceInfo::Drive::kPulled ? rate_hz_ : info.rate_hz.value_or(0);
       if (rate_hz < kRatePlay * measured->second.rate_hz) continue;
-      const double advised = measured->second.advised_N_per_mm;
+      const double advised = measured->second.recommended_N_per_mm;
       info.delay_s = std::max(measured->second.delay_s, info.delay_s.value_or(0));
       info.stiffness_N_per_mm = std::min(advised, info.stiffness_N_per_mm.value_or(advised));
     }
@@ -100,8 +100,9 @@ std::string grip_figures_text(const GripFiguresByDevice& hands) {
     std::snprintf(line, sizeof line, "%.6g %.6f %.6g ", figures.rate_hz, figures.delay_s,
                   figures.stable_N_per_mm);
     text += line;
-    if (figures.swings_N_per_mm) std::snprintf(line, sizeof line, "%.6g ", *figures.swings_N_per_mm);
-    text += (figures.swings_N_per_mm ? line : "- ") + printable_name(name) + "\n";
+    if (figures.oscillating_N_per_mm)
+      std::snprintf(line, sizeof line, "%.6g ", *figures.oscillating_N_per_mm);
+    text += (figures.oscillating_N_per_mm ? line : "- ") + printable_name(name) + "\n";
   }
   return text;
 }

@@ -20,7 +20,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const auto& [name, figures] : *hands) {
     must(!name.empty() && name == figures.device && palpate::printable_name(name) == name);
     must(figures.delay_s >= 0 && figures.delay_s <= 0.02);
-    must(figures.advised_N_per_mm > 0 && figures.advised_N_per_mm <= 3);
+    must(figures.recommended_N_per_mm > 0 && figures.recommended_N_per_mm <= 3);
   }
   // round trip
   const auto again = palpate::parse_grip_figures(palpate::grip_figures_text(*hands), "held");

@@ -116,7 +116,7 @@ void await_end(const std::atomic<bool>& removed, Heartbeat* heartbeat) {
 
 Result<GripTrialFigures> run_grip_trial(DeviceDriver& driver, const GripTrialSettings& settings,
                                         const Progress& progress) {
-  PALPATE_CHECK(settings.most_force_N > 0 && settings.most_force_N <= 1 && settings.rate_hz >= 250 &&
+  PALPATE_CHECK(settings.max_force_N > 0 && settings.max_force_N <= 1 && settings.rate_hz >= 250 &&
                 settings.rate_hz <= 10000 && settings.first_N_per_mm > 0 && settings.growth > 1 &&
                 settings.max_N_per_mm >= settings.first_N_per_mm &&
                 settings.max_N_per_mm <= kMaxSpring_N_per_mm);

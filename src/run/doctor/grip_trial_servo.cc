@@ -71,8 +71,8 @@ void GripTrial::update(std::span<const DeviceSample> samples, std::span<DeviceCo
   ended_at_s_ = time_s;
   if (!requested.allFinite()) end(EndReason::kNotFinite);
   if (ended_.load() != EndReason::kNone) return;
-  if (const double size = requested.norm(); size > settings_.most_force_N)
-    requested *= settings_.most_force_N / size;
+  if (const double size = requested.norm(); size > settings_.max_force_N)
+    requested *= settings_.max_force_N / size;
   if (time_s >= kRest_s && time_s < kRest_s + kPushed_s && pushed_.size() < pushed_.capacity())
     pushed_.push_back({time_s, 1e-3 * sample.tip.x(), requested.x()});
   commands[0].force_N = Vector<Device>(requested);
@@ -145,7 +145,7 @@ Eigen::Vector3d GripTrial::push(double time_s) {
     left_s -= length_s;
     sign = -sign;
   }
-  return {sign * std::min(kPush_N, settings_.most_force_N), 0, 0};
+  return {sign * std::min(kPush_N, settings_.max_force_N), 0, 0};
 }
 
 Eigen::Vector3d GripTrial::spring(const Eigen::Vector3d& tip_mm, double time_s) {
@@ -177,7 +177,7 @@ void GripTrial::judge() {
   if (late_most_mm_ > threshold_mm_ && late > kPersistentRatio * early) {
     // no stiffness was found stable
     if (stable_N_per_mm_ == 0) return end(EndReason::kOscillated);
-    swings_N_per_mm_ = stiffness_N_per_mm_;
+    oscillating_N_per_mm_ = stiffness_N_per_mm_;
     return end(EndReason::kDone);
   }
   stable_N_per_mm_ = stiffness_N_per_mm_;
@@ -194,8 +194,8 @@ std::optional<GripTrialFigures> GripTrial::figures() const {
   figures.rate_hz = ended_at_s_ > 0 ? static_cast<double>(ticks_) / ended_at_s_ : 0;
   figures.delay_s = *delay_s;
   figures.stable_N_per_mm = stable_N_per_mm_;
-  figures.swings_N_per_mm = swings_N_per_mm_;
-  figures.advised_N_per_mm = kStiffnessMargin * swings_N_per_mm_.value_or(stable_N_per_mm_);
+  figures.oscillating_N_per_mm = oscillating_N_per_mm_;
+  figures.recommended_N_per_mm = kStiffnessMargin * oscillating_N_per_mm_.value_or(stable_N_per_mm_);
   return figures;
 }
 

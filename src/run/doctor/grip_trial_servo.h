@@ -93,7 +93,7 @@ class GripTrial final : public ServoFunction {
   std::uint64_t rested_ = 0;
   std::vector<PushedTick> pushed_;
   double stiffness_N_per_mm_, stable_N_per_mm_ = 0, spring_started_s_ = kRest_s + kPushed_s + kSettle_s;
-  std::optional<double> swings_N_per_mm_;
+  std::optional<double> oscillating_N_per_mm_;
   // mean squared and maximum deviation of the tip in the third and the fourth quarter of a spring's interval
   double early_mm2_ = 0, late_mm2_ = 0, late_most_mm_ = 0;
   std::uint64_t early_ = 0, late_ = 0;

@@ -67,9 +67,9 @@ TEST_P(GripTrials, AreDistinguishedByDelayAndStiffness) {
   EXPECT_NEAR(figures.rate_hz, 1000, 1);
   EXPECT_LE(largest_N, 1 + 1e-12);
   EXPECT_GT(figures.stable_N_per_mm, 0.09);
-  if (figures.swings_N_per_mm) {
-    EXPECT_NEAR(*figures.swings_N_per_mm / figures.stable_N_per_mm, 1.15, 1e-9) << "the next one";
-    EXPECT_NEAR(figures.advised_N_per_mm, kStiffnessMargin * *figures.swings_N_per_mm, 1e-12);
+  if (figures.oscillating_N_per_mm) {
+    EXPECT_NEAR(*figures.oscillating_N_per_mm / figures.stable_N_per_mm, 1.15, 1e-9) << "the next one";
+    EXPECT_NEAR(figures.recommended_N_per_mm, kStiffnessMargin * *figures.oscillating_N_per_mm, 1e-12);
   }
 }
 
@@ -79,7 +79,7 @@ TEST(GripTrialOfDevice, ALongerDelayHoldsLess) {
   const double none = at(0), some = at(0.004), much = at(0.012);
   EXPECT_GT(none, some);
   EXPECT_GT(some, much);
-  EXPECT_TRUE(tried("premium-1.5", "light-grip", 0.012).swings_N_per_mm);
+  EXPECT_TRUE(tried("premium-1.5", "light-grip", 0.012).oscillating_N_per_mm);
 }
 
 TEST(GripTrialOfDevice, NothingIsPushedWhereSomethingIsWrong) {
@@ -309,10 +309,10 @@ TEST(GripTrialOfDevice, IsStoredAsText) {
   EXPECT_EQ(touch.rate_hz, 1000);
   EXPECT_EQ(touch.delay_s, 0.0025);
   EXPECT_EQ(touch.stable_N_per_mm, 0.8);
-  EXPECT_EQ(touch.swings_N_per_mm, 0.92);
-  EXPECT_NEAR(touch.advised_N_per_mm, 0.552, 1e-12);
-  EXPECT_FALSE(read->at("omega.3").swings_N_per_mm);
-  EXPECT_NEAR(read->at("omega.3").advised_N_per_mm, 1.2, 1e-12);
+  EXPECT_EQ(touch.oscillating_N_per_mm, 0.92);
+  EXPECT_NEAR(touch.recommended_N_per_mm, 0.552, 1e-12);
+  EXPECT_FALSE(read->at("omega.3").oscillating_N_per_mm);
+  EXPECT_NEAR(read->at("omega.3").recommended_N_per_mm, 1.2, 1e-12);
   for (const char* bad :
        {"1000 0.002 1 1.1", "x 0.002 1 1.1 A", "1000 -1 1 1.1 A", "1000 0.002 nan - A", "1000 0.002 1e9 - A",
         "1000 1 1 - A", "1000 0.002 1 + A", " ", "1000 0 1 - A\n1000 0 1 - A", "200 0.002 1 1.1 A",

@@ -280,9 +280,9 @@ Result<std::unique_ptr<Supervisor>> supervisor_of(const ExploreOptions& options,
   settings.command = options.supervisor;
   settings.event_log_fd = log.number();
   settings.realtime = options.loop.realtime;
-  if (driver.halt_file() >= 0) settings.halt_files.push_back(driver.halt_file());
+  if (driver.halt_fd() >= 0) settings.halt_fds.push_back(driver.halt_fd());
   const auto devices = driver.devices();
-  settings.kill_frozen = settings.halt_files.empty() && !std::ranges::all_of(devices, &DeviceInfo::simulated);
+  settings.kill_frozen = settings.halt_fds.empty() && !std::ranges::all_of(devices, &DeviceInfo::simulated);
   return Supervisor::start(settings);
 }
 

@@ -155,7 +155,7 @@ class Supervision {
     const std::int64_t now_ns = monotonic_ns();
     if (block_.ended.load(std::memory_order_acquire)) return false;
     if (removed) {
-      // if a halt file is full, closing it signals the halt: no writer is left
+      // if a halt pipe is full, closing it signals the halt: no writer is left
       publish_halt(Heartbeat::kPermanentHalt);
       note(SupervisorEvent::Kind::kDeath, now_ns, monotonic_ns());
       return false;
@@ -250,7 +250,7 @@ int supervise(const std::vector<std::string>& arguments) {
     return 2;
   }
   const auto [halt_files, kill_frozen, record, realtime, session] = *numbers;
-  // a full or broken halt file must neither block nor terminate this process
+  // a full or broken halt pipe must neither block nor terminate this process
   ::signal(SIGPIPE, SIG_IGN);
   for (int n = 0; n < halt_files; ++n)
     ::fcntl(kFirstHaltFile + n, F_SETFL, ::fcntl(kFirstHaltFile + n, F_GETFL) | O_NONBLOCK);

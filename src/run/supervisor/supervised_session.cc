@@ -103,19 +103,19 @@ bool obey(char order, testing::TestDeviceDriver& driver) {
   return true;
 }
 
-// @param halt_file  -1: the supervisor gets none, as if the device were inside this process
-int run(int memory_file, int halt_file, int event_log_fd, bool kill_frozen,
+// @param halt_fd  -1: the supervisor gets none, as if the device were inside this process
+int run(int memory_file, int halt_fd, int event_log_fd, bool kill_frozen,
         const std::filesystem::path& recording) {
   void* room =
       ::mmap(nullptr, sizeof(testing::TestDeviceMemory), PROT_READ | PROT_WRITE, MAP_SHARED, memory_file, 0);
   PALPATE_CHECK(room != MAP_FAILED);
   auto& memory = *static_cast<testing::TestDeviceMemory*>(room);
-  testing::TestDeviceDriver driver(memory, halt_file, Point<Device>(testing::kBoneRadius_mm, 0, 0));
+  testing::TestDeviceDriver driver(memory, halt_fd, Point<Device>(testing::kBoneRadius_mm, 0, 0));
   SupervisorSettings supervised{.command = {"/proc/self/exe", "supervise"},
-                                .halt_files = {},
+                                .halt_fds = {},
                                 .kill_frozen = kill_frozen,
                                 .event_log_fd = event_log_fd};
-  if (halt_file >= 0) supervised.halt_files.push_back(halt_file);
+  if (halt_fd >= 0) supervised.halt_fds.push_back(halt_fd);
   auto supervisor = Supervisor::start(supervised);
   PALPATE_CHECK(supervisor.ok());
   Model model = testing::ball_model({1, 1, 1});

@@ -60,8 +60,8 @@ class SupervisorProcess final : public Supervisor {
 
   Heartbeat& heartbeat() noexcept override { return block_.heartbeat; }
   bool is_running() const noexcept override {
-    pollfd ended{process_.file(), POLLIN, 0};
-    return process_.file() >= 0 && ::poll(&ended, 1, 0) == 0;
+    pollfd ended{process_.pidfd(), POLLIN, 0};
+    return process_.pidfd() >= 0 && ::poll(&ended, 1, 0) == 0;
   }
   Result<void> restart() override {
     if (is_running()) return {};
@@ -82,9 +82,9 @@ class SupervisorProcess final : public Supervisor {
 
 // a running supervisor polls once a millisecond and exits; a frozen one or another program is not waited for
 void SupervisorProcess::end() {
-  pollfd ended{process_.file(), POLLIN, 0};
+  pollfd ended{process_.pidfd(), POLLIN, 0};
   const int patience_ms = block_.watching.load() ? 1000 : 0;
-  if (process_.file() >= 0) ::poll(&ended, 1, patience_ms);
+  if (process_.pidfd() >= 0) ::poll(&ended, 1, patience_ms);
   process_.end();
   block_.watching.store(false);
 }
@@ -101,7 +101,7 @@ Result<void> SupervisorProcess::begin() {
     return files.back().number() >= 0;
   };
   bool copied = copy(block_file_.number()) && copy(session.number());
-  for (const int file : settings_.halt_files) copied = copied && copy(file);
+  for (const int file : settings_.halt_fds) copied = copied && copy(file);
   const bool record = settings_.event_log_fd >= 0;
   if (record) copied = copied && copy(settings_.event_log_fd);
   if (!copied) return refused("cannot duplicate its file descriptors");
@@ -122,7 +122,7 @@ Result<void> SupervisorProcess::begin() {
   ::posix_spawnattr_setsigmask(&attributes, &none);
 
   std::vector<std::string> words = settings_.command;
-  words.push_back(std::to_string(settings_.halt_files.size()));
+  words.push_back(std::to_string(settings_.halt_fds.size()));
   words.emplace_back(settings_.kill_frozen ? "1" : "0");
   words.emplace_back(record ? "1" : "0");
   words.emplace_back(settings_.realtime ? "1" : "0");
@@ -141,9 +141,9 @@ Result<void> SupervisorProcess::begin() {
   // free these descriptors for the following one
   files.clear();
   process_ = ChildProcess(process);
-  if (process_.file() < 0) return refused("cannot open a descriptor of its process");
+  if (process_.pidfd() < 0) return refused("cannot open a descriptor of its process");
 
-  pollfd ended{process_.file(), POLLIN, 0};
+  pollfd ended{process_.pidfd(), POLLIN, 0};
   for (int waited = 0; waited < kPatience_ms; ++waited) {
     if (block_.watching.load(std::memory_order_acquire)) return {};
     if (::poll(&ended, 1, 1) > 0) break;
@@ -155,7 +155,7 @@ Result<void> SupervisorProcess::begin() {
 }  // namespace
 
 Result<std::unique_ptr<Supervisor>> Supervisor::start(const SupervisorSettings& settings) {
-  PALPATE_CHECK(!settings.command.empty() && settings.halt_files.size() <= kMaxHaltFiles);
+  PALPATE_CHECK(!settings.command.empty() && settings.halt_fds.size() <= kMaxHaltFiles);
   File file(::memfd_create("palpate-supervisor", MFD_CLOEXEC));
   if (file.number() < 0 || ::ftruncate(file.number(), sizeof(SharedBlock)) != 0)
     return refused("cannot create shared memory");

@@ -89,9 +89,9 @@ class Pressing {
                1);
       for (const int file : {halt[1], record[1]}) ::fcntl(file, F_SETFD, 0);
       const std::string memory = std::to_string(memory_file_),
-                        halt_file = std::to_string(device_elsewhere ? halt[1] : -1),
+                        halt_fd = std::to_string(device_elsewhere ? halt[1] : -1),
                         records = std::to_string(record[1]);
-      ::execl(PALPATE_SUPERVISED_SESSION, PALPATE_SUPERVISED_SESSION, memory.c_str(), halt_file.c_str(),
+      ::execl(PALPATE_SUPERVISED_SESSION, PALPATE_SUPERVISED_SESSION, memory.c_str(), halt_fd.c_str(),
               records.c_str(), kill_frozen ? "1" : "0", recording.c_str(), nullptr);
       ::_exit(127);
     }
@@ -154,7 +154,7 @@ class Pressing {
       if (!line.empty()) lines.push_back(line);
     return lines;
   }
-  /// Number of unread halts in the halt file.
+  /// Number of unread halts in the halt pipe.
   int unread_halts() const {
     int bytes = 0;
     PALPATE_CHECK(::ioctl(halts_, FIONREAD, &bytes) == 0);
@@ -173,7 +173,7 @@ class Pressing {
     }
     return false;
   }
-  /// Fills the halt file with numbers that halt nothing, until the device reads them.
+  /// Fills the halt pipe with numbers that halt nothing, until the device reads them.
   void fill_halt_file() const {
     const int file = ::open(("/proc/self/fd/" + std::to_string(halts_)).c_str(), O_WRONLY | O_NONBLOCK);
     constexpr std::uint64_t kNone = 0;
@@ -668,8 +668,7 @@ TEST(Supervisor, KeysAndSignalsThatEndProgramsDoNotEndIt) {
 }
 
 TEST(Supervisor, ReportsItsDeathAndRestarts) {
-  auto supervisor =
-      Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
+  auto supervisor = Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_fds = {}});
   ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
   EXPECT_TRUE((*supervisor)->is_running());
   EXPECT_FALSE((*supervisor)->scheduler().empty());
@@ -685,7 +684,7 @@ TEST(Supervisor, ReplacementReportsAnOngoingHalt) {
   int halt[2];
   ASSERT_EQ(::pipe2(halt, O_CLOEXEC), 0);
   auto supervisor =
-      Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {halt[1]}});
+      Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_fds = {halt[1]}});
   ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
   const auto reported = [&] {
     std::uint64_t number = 0;
@@ -712,7 +711,7 @@ TEST(Supervisor, TheNextSessionsNumbersAreAboveTheLastOnes) {
   std::uint64_t last = 0;
   for (int session = 0; session < 3; ++session) {
     const auto supervisor =
-        Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
+        Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_fds = {}});
     ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
     Heartbeat& heartbeat = (*supervisor)->heartbeat();
     EXPECT_GT(heartbeat.newest_halt, last);
@@ -723,7 +722,7 @@ TEST(Supervisor, TheNextSessionsNumbersAreAboveTheLastOnes) {
 
 TEST(Supervisor, DoesNotRequestRealTimeSchedulingUnlessAsked) {
   const auto supervisor = Supervisor::start(
-      {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .realtime = false});
+      {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_fds = {}, .realtime = false});
   ASSERT_TRUE(supervisor.ok()) << supervisor.error().message();
   EXPECT_NE((*supervisor)->scheduler().find("not requested"), std::string::npos)
       << (*supervisor)->scheduler();
@@ -763,7 +762,7 @@ TEST(Supervisor, FullEventLogHasNoPartialLine) {
   if (session == 0) {
     ::dup2(over[1], STDERR_FILENO);
     const auto supervisor = Supervisor::start(
-        {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}, .event_log_fd = record});
+        {.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_fds = {}, .event_log_fd = record});
     if (!supervisor.ok()) ::_exit(1);
     // space for part of a line
     rlimit full{};
@@ -792,7 +791,7 @@ TEST(Supervisor, IsNotKilledByAProcessIdThatMayHaveBeenReused) {
     // children are reaped automatically, so the process ID is free as soon as the process has ended
     ::signal(SIGCHLD, SIG_IGN);
     auto supervisor =
-        Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
+        Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_fds = {}});
     if (!supervisor.ok()) ::_exit(1);
     *watching = supervisor_of(::getpid());
     // a supervisor that does not exit
@@ -808,7 +807,7 @@ TEST(Supervisor, ReportsForkFailure) {
   testing::Child child([] {
     if (!test::forbid_processes()) return;
     const auto supervisor =
-        Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_files = {}});
+        Supervisor::start({.command = {PALPATE_SUPERVISED_SESSION, "supervise"}, .halt_fds = {}});
     const bool reported = !supervisor.ok() && supervisor.error().kind == ErrorKind::kUnavailable &&
                           supervisor.error().what.find("no supervisor") != std::string::npos &&
                           supervisor.error().remedy.find("ulimit -u") != std::string::npos;
@@ -819,7 +818,7 @@ TEST(Supervisor, ReportsForkFailure) {
 
 TEST(Supervisor, RejectsAProgramThatDoesNotSupervise) {
   for (const char* program : {"/no/such/program", "/bin/true"}) {
-    const auto supervisor = Supervisor::start({.command = {program}, .halt_files = {}});
+    const auto supervisor = Supervisor::start({.command = {program}, .halt_fds = {}});
     ASSERT_FALSE(supervisor.ok()) << program;
     EXPECT_EQ(supervisor.error().kind, ErrorKind::kUnavailable);
     EXPECT_NE(supervisor.error().message().find(program), std::string::npos) << supervisor.error().message();

@@ -53,8 +53,8 @@ struct TestDeviceMemory {
 /// Driver with a constant tip inside the tissue.
 class TestDeviceDriver final : public DeviceDriver {
  public:
-  TestDeviceDriver(TestDeviceMemory& memory, int halt_file, const Point<Device>& tip)
-      : memory_(memory), halt_file_(halt_file), tip_(tip) {
+  TestDeviceDriver(TestDeviceMemory& memory, int halt_fd, const Point<Device>& tip)
+      : memory_(memory), halt_fd_(halt_fd), tip_(tip) {
     info_.name = "test device";
     info_.peak_force_N = 3;
     // stiffer than any tissue here, so that no conservative bound reduces the stiffness
@@ -90,7 +90,7 @@ class TestDeviceDriver final : public DeviceDriver {
     memory_.ended_halts = std::max(memory_.ended_halts.load(), newest);
     memory_.halted = false;
   }
-  int halt_file() const noexcept override { return halt_file_; }
+  int halt_fd() const noexcept override { return halt_fd_; }
 
   /// Suspends the ticking thread at an arbitrary instruction until `frozen` is false.
   void freeze() {
@@ -113,13 +113,13 @@ class TestDeviceDriver final : public DeviceDriver {
   // not a signal by which a test ends processes
   static inline const int kFreeze = SIGRTMIN + 1;
   TestDeviceMemory& memory_;
-  const int halt_file_;
+  const int halt_fd_;
   const Point<Device> tip_;
   DeviceInfo info_;
   std::atomic<pthread_t> ticking_{};
 };
 
-/// Protocol of a device's halt file. The order in which halts and ends arrive does not matter.
+/// Protocol of a device's halt pipe. The order in which halts and ends arrive does not matter.
 class HaltFile {
  public:
   explicit HaltFile(int file) : file_{file, POLLIN, 0} {}
@@ -145,7 +145,7 @@ class HaltFile {
 };
 
 /// Main loop of the device, at 4 kHz, until it is killed.
-/// @param halted  read end of the driver's halt file
+/// @param halted  read end of the driver's halt pipe
 [[noreturn]] inline void be_test_device(TestDeviceMemory& memory, int halted) {
   // scheduled like a device's own electronics
   make_this_thread_realtime({.fifo = true,

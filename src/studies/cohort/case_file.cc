@@ -34,20 +34,21 @@ Result<std::vector<CohortCase>> load_cohort_table(const fs::path& file) {
   return cases;
 }
 
-Result<std::string> case_key(const CohortCase& one, const std::string& program, const Progress& progress) {
+Result<std::string> case_key(const CohortCase& cohort_case, const std::string& program,
+                             const Progress& progress) {
   // format version of results; increment when their contents change
   cache::Key key("cohort case", 3);
   key.put(program);
-  key.put(find_entry(one.target).ok() ? one.target : "");
-  key.put(one.segmentation.has_value());
-  key.put(one.names.has_value());
-  key.put(one.volume.value_or(-1));
-  key.put(one.method ? static_cast<int>(*one.method) : -1);
-  key.put(one.max_force_N.value_or(-1));
-  key.put(one.rate_hz.value_or(-1));
-  key.put(one.seed.has_value());
-  key.put(one.seed.value_or(0));
-  for (const auto& [role, file] : case_files(one)) {
+  key.put(find_entry(cohort_case.target).ok() ? cohort_case.target : "");
+  key.put(cohort_case.segmentation.has_value());
+  key.put(cohort_case.names.has_value());
+  key.put(cohort_case.volume.value_or(-1));
+  key.put(cohort_case.method ? static_cast<int>(*cohort_case.method) : -1);
+  key.put(cohort_case.max_force_N.value_or(-1));
+  key.put(cohort_case.rate_hz.value_or(-1));
+  key.put(cohort_case.seed.has_value());
+  key.put(cohort_case.seed.value_or(0));
+  for (const auto& [role, file] : case_files(cohort_case)) {
     if (progress.stopped()) return Progress::interrupted();
     key.put(role);
     if (file.empty()) continue;

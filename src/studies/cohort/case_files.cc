@@ -291,13 +291,13 @@ bool is_path(std::string_view word) {
 
 }  // namespace
 
-std::vector<CaseFile> case_files(const CohortCase& one) {
-  return files_of(one).files;
+std::vector<CaseFile> case_files(const CohortCase& cohort_case) {
+  return files_of(cohort_case).files;
 }
 
-std::string without_names(std::string text, const CohortCase& one, const fs::path& cohort) {
+std::string without_names(std::string text, const CohortCase& cohort_case, const fs::path& cohort) {
   // longest first, because a path contains the name of its file
-  auto names = names_of(one, cohort);
+  auto names = names_of(cohort_case, cohort);
   std::ranges::sort(
       names, [](const auto& a, const auto& b) { return a.size() != b.size() ? a.size() > b.size() : a < b; });
   for (const std::string& name : names)

@@ -105,11 +105,11 @@ Result<void> make_folder(const fs::path& folder) {
 
 }  // namespace
 
-Result<void> write_fault(const CohortCase& one, int number, const fs::path& cohort, const std::string& key,
-                         const std::string& fault) {
+Result<void> write_fault(const CohortCase& cohort_case, int number, const fs::path& cohort,
+                         const std::string& key, const std::string& fault) {
   CaseResult result;
   result.key = key;
-  result.fault = without_names(fault, one, cohort);
+  result.fault = without_names(fault, cohort_case, cohort);
   const fs::path folder = case_folder(cohort, number);
   if (auto made = make_folder(folder); !made) return made;
   std::error_code none;
@@ -117,7 +117,7 @@ Result<void> write_fault(const CohortCase& one, int number, const fs::path& coho
   return write_file(folder / "result.json", case_json(result));
 }
 
-Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& cohort,
+Result<CaseResult> run_case(const CohortCase& cohort_case, int number, const fs::path& cohort,
                             const CaseOptions& options, const Progress& progress) {
   const fs::path folder = case_folder(cohort, number);
   if (auto made = make_folder(folder); !made) return made.error();
@@ -128,26 +128,27 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
 
   CaseResult result;
   CaseTimes times;
-  const auto key = case_key(one, options.program, progress);
+  const auto key = case_key(cohort_case, options.program, progress);
   // without a key the case is retried in every run
   if (key)
     result.key = *key;
   else if (key.error().kind == ErrorKind::kInterrupted)
     return key.error();
   const Warn warn = [&](const std::string& text) {
-    result.notes.push_back(without_names(text, one, cohort));
+    result.notes.push_back(without_names(text, cohort_case, cohort));
   };
   // without the file's name: the row identifies the case
   const auto failed = [&](const Error& error) -> Result<void> {
     if (error.kind == ErrorKind::kInterrupted || error.kind == ErrorKind::kOutput) return error;
-    result.fault = without_names(error.what, one, cohort);
+    result.fault = without_names(error.what, cohort_case, cohort);
     return {};
   };
 
   const auto work = [&]() -> Result<void> {
     Clock clock;
-    const auto loaded =
-        load_scene_or_data_set({one.target, one.segmentation, one.names, one.volume}, progress, warn);
+    const auto loaded = load_scene_or_data_set(
+        {cohort_case.target, cohort_case.segmentation, cohort_case.names, cohort_case.volume}, progress,
+        warn);
     times.read_s = clock.lap();
     if (!loaded) return failed(loaded.error());
     const Model& model = *loaded->model;
@@ -172,16 +173,16 @@ Result<CaseResult> run_case(const CohortCase& one, int number, const fs::path& c
 
     if (auto touchable = require_touchable_tissue(*loaded); !touchable) return failed(touchable.error());
     std::optional<Script> script;
-    if (one.script) {
-      auto read = load_script(*one.script);
+    if (cohort_case.script) {
+      auto read = load_script(*cohort_case.script);
       if (!read) return failed(read.error());
       script = *std::move(read);
     }
     SimulationOptions simulation;
-    simulation.max_force_N = one.max_force_N;
-    simulation.seed = one.seed;
-    simulation.rate_hz = one.rate_hz;
-    simulation.method = one.method;
+    simulation.max_force_N = cohort_case.max_force_N;
+    simulation.seed = cohort_case.seed;
+    simulation.rate_hz = cohort_case.rate_hz;
+    simulation.method = cohort_case.method;
     const auto run =
         simulate(*loaded, script, simulation, options.recording ? folder / "run.h5" : fs::path(), progress);
     times.palpate_s = clock.lap();

@@ -88,7 +88,7 @@ Result<CutOff> cut_off(std::span<const double> experts, std::span<const double> 
   }
   CutOff found;
   found.value = from(good, bad);
-  found.is_enough = good.size() >= kEnoughRuns && (bad.empty() || bad.size() >= kEnoughRuns);
+  found.has_enough_runs = good.size() >= kEnoughRuns && (bad.empty() || bad.size() >= kEnoughRuns);
   found.method = bad.empty()
                      ? "what " + std::to_string(static_cast<int>(std::lround(100 * options.fraction))) +
                            " % of the experts' runs reach"

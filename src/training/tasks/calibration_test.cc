@@ -40,7 +40,7 @@ TEST(CutOff, ExpertCutOffIsAQuantile) {
   EXPECT_NEAR(cut_off(values, {}, true)->value, 10, 1e-9);
   EXPECT_LT(most->interval[0], 90);
   EXPECT_GT(most->interval[1], 90);
-  EXPECT_TRUE(most->is_enough);
+  EXPECT_TRUE(most->has_enough_runs);
   // the same seed gives the same interval
   EXPECT_EQ(cut_off(values, {}, false)->interval, most->interval);
 }
@@ -82,7 +82,7 @@ TEST(CutOff, ReportsMissingCutOffs) {
   const std::vector<double> unknown{1, 2, std::numeric_limits<double>::quiet_NaN()};
   EXPECT_THAT(cut_off(unknown, {}, false).error().what, HasSubstr("no value"));
   EXPECT_THAT(cut_off(higher, five, false).error().what, HasSubstr("no worse"));
-  EXPECT_FALSE(cut_off(five, {}, false)->is_enough);
+  EXPECT_FALSE(cut_off(five, {}, false)->has_enough_runs);
   // groups without spread
   const std::vector<double> same{3, 3, 3}, others{4, 4, 4};
   EXPECT_EQ(cut_off(same, others, false)->value, 3.5);

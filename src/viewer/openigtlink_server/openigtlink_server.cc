@@ -120,7 +120,7 @@ class Server final : public OpenIgtLinkServer {
 
  private:
   void run() {
-    server::be_ordinary_thread("openigtlink");
+    server::use_ordinary_priority("openigtlink");
     auto next = Clock::now();
     while (!ended_) {
       // without memory or threads the clients are disconnected, and the session continues
@@ -177,7 +177,7 @@ class Server final : public OpenIgtLinkServer {
       log(peer + " is refused: " + std::to_string(kMaxClients) + " clients are connected");
       return;
     }
-    server::keep_fresh(socket.get(), kSendBuffer_bytes);
+    server::set_low_latency_options(socket.get(), kSendBuffer_bytes);
     Client& client = clients_.emplace_back();
     client.socket = std::move(socket);
     client.peer = std::move(peer);
@@ -322,7 +322,7 @@ class Server final : public OpenIgtLinkServer {
     clients_.splice(clients_.end(), served);
     next_labels_ = now + (before ? kBoxPeriod : kLabelsPeriod);
     encoding_ = std::async(std::launch::async, [labels, before] {
-      server::be_ordinary_thread("openigtlink-img");
+      server::use_ordinary_priority("openigtlink-img");
       return PublishedSession::labels(*labels, before.get());
     });
   }

@@ -75,7 +75,7 @@ class Publisher final : public Ros2Publisher {
 
  private:
   void run() {
-    server::be_ordinary_thread("ros2");
+    server::use_ordinary_priority("ros2");
     const bool has_virtual_time = host_.playback() != nullptr;
     auto next_tick = Clock::now(), next_diagnosis = next_tick;
     bool is_scene_published = false;

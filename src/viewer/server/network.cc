@@ -204,7 +204,7 @@ class BeastWebSocket : public WebSocket, public std::enable_shared_from_this<Bea
       : stream_(std::move(stream)), socket_(*stream_), request_(std::move(request)) {}
 
   void accept(std::function<void()> on_control, std::function<void(bool)> then) override {
-    keep_fresh(stream_->socket().native_handle(), kSendBuffer_bytes);
+    set_low_latency_options(stream_->socket().native_handle(), kSendBuffer_bytes);
     // time limits are enforced by the hub's periodic check
     socket_.set_option(websocket::stream_base::timeout{websocket::stream_base::none(),
                                                        websocket::stream_base::none(), false});

@@ -9,7 +9,7 @@ namespace palpate::server {
 
 PayloadStore::PayloadStore(Generator make) : make_(std::move(make)) {
   thread_ = std::thread([this] {
-    be_ordinary_thread("viewer-volumes");
+    use_ordinary_priority("viewer-volumes");
     work();
   });
 }

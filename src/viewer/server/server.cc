@@ -98,7 +98,7 @@ class Server : public ViewerServer {
   }
 
   void run() {
-    be_ordinary_thread("viewers");
+    use_ordinary_priority("viewers");
     // an exception from one connection's handler (out of memory) ends that handler only
     while (!loop_->is_stopped()) try {
         loop_->run();

@@ -163,7 +163,7 @@ PictureStore::Appearances::Appearances(const ViewedScene& scene) {
 PictureStore::PictureStore(const ViewerHost& host)
     : host_(host), appearances_(host.scene()), labels_(host.scene().labels) {
   thread_ = std::thread([this] {
-    be_ordinary_thread("viewer-pictures");
+    use_ordinary_priority("viewer-pictures");
     // helper threads inherit the priority
     ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
     work();
