@@ -30,17 +30,17 @@ Tagged from_array(const std::array<double, 3>& v) {
   return {v[0], v[1], v[2]};
 }
 
-// point on a surface of the outermost layer, with the outward unit normal
-struct SurfacePoint {
+// predicted contact point on a surface of the outermost layer, with the outward unit normal
+struct PredictedContact {
   Point<Patient> at;
   Vector<Patient> outward;
 };
 
 // Nearest point on the surfaces of the outermost layer, if it is within reach_mm. The sampled distance is not
 // exact away from the surface, so the point is projected along the normal several times.
-std::optional<SurfacePoint> project_to_surface(const Model& model, const Point<Patient>& near) {
+std::optional<PredictedContact> project_to_surface(const Model& model, const Point<Patient>& near) {
   constexpr int kSteps = 3;
-  SurfacePoint found{near, {}};
+  PredictedContact found{near, {}};
   for (int step = 0; step < kSteps; ++step) {
     const Surface* nearest = nullptr;
     double distance_mm = kSolverSettings.reach_mm;
@@ -62,7 +62,7 @@ std::optional<SurfacePoint> project_to_surface(const Model& model, const Point<P
 
 // contact point predicted lead_frames ahead of the tick: displaced along the surface while in contact,
 // otherwise nearest to the predicted tip
-std::optional<SurfacePoint> expected_contact(const Model& model, const DeviceTick& device) {
+std::optional<PredictedContact> expected_contact(const Model& model, const DeviceTick& device) {
   const auto tip = from_array<Point<Patient>>(device.tip_patient_mm);
   Vector<Patient> displacement = from_array<Vector<Patient>>(device.velocity_patient_mm_s) *
                                  (kSolverSettings.lead_frames * kSolverFrame_s);
@@ -104,7 +104,7 @@ double to_face_mm(const ElasticBox& box, const Point<Patient>& at, const Vector<
 // Corrects the compliance for a rigid structure below the box. The springs at the box's faces assume a
 // half-space of tissue there.
 void add_deep_base_compliance(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
-                              const ElasticBox& box, const SurfacePoint& contact, LocalCompliance& spot) {
+                              const ElasticBox& box, const PredictedContact& contact, LocalCompliance& spot) {
   const double depth_in_box_mm = to_face_mm(box, contact.at, -contact.outward);
   const double per_mm = mean_inverse_base_depth_per_mm(labels, by_label, contact.at, contact.outward,
                                                        depth_in_box_mm, kSolverSettings.max_base_depth_mm);
@@ -119,7 +119,7 @@ bool presses(const DeviceTick& device) {
 
 // Depth predicted lead_frames ahead of the tick, mm; not above 0: no contact. Only the increase is limited to
 // max_lead_mm.
-double expected_depth_mm(const DeviceTick& device, const SurfacePoint& contact, double radius_mm) {
+double expected_depth_mm(const DeviceTick& device, const PredictedContact& contact, double radius_mm) {
   const Vector<Patient> contact_to_tip = from_array<Point<Patient>>(device.tip_patient_mm) - contact.at;
   const double predicted_increase_mm =
       -from_array<Vector<Patient>>(device.velocity_patient_mm_s).dot(contact.outward) *
