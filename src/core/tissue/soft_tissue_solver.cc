@@ -4,77 +4,20 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
-#include "palpate/base/cube_root.h"
 #include "palpate/contact/bonded_layer.h"
 #include "palpate/contact/tool_contact.h"
-#include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/elastic_contact.h"
-#include "palpate/tissue/elastic_solver.h"
-#include "tissue/elastic_multigrid.h"
-#include "tissue/relaxation_weights.h"
+#include "tissue/contact_prediction.h"
 #include "tissue/solver_box.h"
+#include "tissue/solver_region.h"
 #include "tissue/supported_layer.h"
 
 namespace palpate {
 namespace {
-
-/// Residual (ElasticSolution::residual) at which linear solves stop before their maximum number of
-/// iterations.
-constexpr double kTolerance = 1e-4;
-
-template <class Tagged>
-Tagged from_array(const std::array<double, 3>& v) {
-  return {v[0], v[1], v[2]};
-}
-
-// predicted contact point on a surface of the outermost layer, with the outward unit normal
-struct PredictedContact {
-  Point<Patient> at;
-  Vector<Patient> outward;
-};
-
-// Nearest point on the surfaces of the outermost layer, if it is within reach_mm. The sampled distance is not
-// exact away from the surface, so the point is projected along the normal several times.
-std::optional<PredictedContact> project_to_surface(const Model& model, const Point<Patient>& near) {
-  constexpr int kSteps = 3;
-  PredictedContact found{near, {}};
-  for (int step = 0; step < kSteps; ++step) {
-    const Surface* nearest = nullptr;
-    double distance_mm = kSolverSettings.reach_mm;
-    for (const ContactSurface& surface : model.surfaces) {
-      if (surface.surface == nullptr || surface.layer != 0 || surface.covered_by >= 0) continue;
-      if (surface.surface->is_farther_than(found.at, std::abs(distance_mm))) continue;
-      const double mm = surface.surface->distance_mm(found.at);
-      if (mm >= surface.surface->outside_mm() || std::abs(mm) >= std::abs(distance_mm)) continue;
-      distance_mm = mm;
-      nearest = surface.surface.get();
-    }
-    if (nearest == nullptr) return std::nullopt;
-    found.outward = nearest->outward(found.at);
-    if (found.outward == Vector<Patient>()) return std::nullopt;
-    found.at = found.at - found.outward * distance_mm;
-  }
-  return found;
-}
-
-// contact point predicted lead_frames ahead of the tick: displaced along the surface while in contact,
-// otherwise nearest to the predicted tip
-std::optional<PredictedContact> expected_contact(const Model& model, const DeviceTick& device) {
-  const auto tip = from_array<Point<Patient>>(device.tip_patient_mm);
-  Vector<Patient> displacement = from_array<Vector<Patient>>(device.velocity_patient_mm_s) *
-                                 (kSolverSettings.lead_frames * kSolverFrame_s);
-  if (!tip.all_finite() || !displacement.all_finite()) return std::nullopt;
-  if (displacement.norm() > kSolverSettings.max_lead_mm)
-    displacement = displacement.normalized() * kSolverSettings.max_lead_mm;
-  if (device.contact_label[0] == 0) return project_to_surface(model, tip + displacement);
-  const auto normal = from_array<Vector<Patient>>(device.normal_patient);
-  const Point<Patient> position(device.contact_patient_mm[0], device.contact_patient_mm[1],
-                                device.contact_patient_mm[2]);
-  return project_to_surface(model, position + (displacement - normal * displacement.dot(normal)));
-}
 
 // Blends the compliance of a spot's surroundings towards that of a thin layer on a rigid base. The weight of
 // the layer's value falls from 1 to 0 as its thickness rises from thin_layer_cells to resolved_layer_cells.
@@ -113,35 +56,6 @@ void add_deep_base_compliance(const CarvedLabels& labels, std::span<const Elasti
         layer_base_mm_per_N(1 / per_mm, spot.modulus_N_per_mm2, spot.poissons_ratio);
 }
 
-bool presses(const DeviceTick& device) {
-  return device.contact_label[0] != 0 && device.depth_mm > 0;
-}
-
-// Depth predicted lead_frames ahead of the tick, mm; not above 0: no contact. Only the increase is limited to
-// max_lead_mm.
-double expected_depth_mm(const DeviceTick& device, const PredictedContact& contact, double radius_mm) {
-  const Vector<Patient> contact_to_tip = from_array<Point<Patient>>(device.tip_patient_mm) - contact.at;
-  const double predicted_increase_mm =
-      -from_array<Vector<Patient>>(device.velocity_patient_mm_s).dot(contact.outward) *
-      kSolverSettings.lead_frames * kSolverFrame_s;
-  const double current_depth_mm =
-      presses(device) ? device.depth_mm : radius_mm - contact_to_tip.dot(contact.outward);
-  return current_depth_mm + std::min(predicted_increase_mm, kSolverSettings.max_lead_mm);
-}
-
-// Contact radius at a predicted depth d. Without contact sqrt(R d) (Hertz). In contact the radius of the
-// current force, (3 F R / (4 E*))^(1/3), times sqrt(d / current depth), but at most sqrt(R d): the
-// displacement of the surroundings is part of the depth but does not enlarge the contact.
-// @param force_N  SoftTissueSolver::displacing_force_N
-double radius_at_depth_mm(const DeviceTick& device, double force_N, double depth_mm, double radius_mm,
-                          double modulus_N_per_mm2) {
-  if (!(depth_mm > 0)) return 0;
-  const double hertz_mm = std::sqrt(radius_mm * depth_mm);
-  if (!presses(device)) return hertz_mm;
-  const double contact_radius_mm = cube_root(0.75 * force_N * radius_mm / modulus_N_per_mm2);
-  return std::min(contact_radius_mm * std::sqrt(depth_mm / device.depth_mm), hertz_mm);
-}
-
 }  // namespace
 
 std::uint64_t ticks_of_solver_frame(double rate_hz) {
@@ -175,238 +89,6 @@ std::optional<SolverBox> next_solver_box(const Model& model, const DeviceTick& d
   const Eigen::Vector3d centre = solver_box_centre(model, contact->at, contact->outward);
   if (before && box_covers(model, before->first_cell, centre)) return before;
   return SolverBox{first_cell_around(model, centre), contact->at};
-}
-
-/// Neo-Hookean body around a device's tool (docs/decisions/archive/0039-neo-hookean-in-the-tick.md).
-///
-/// u1: displacement of the linear body under 1 N on the patch; W = J u1 its mean displacement there, J the
-/// patch's row of the contact Jacobian (PressurePatch); f(u): nodal forces of the neo-Hookean body.
-///
-/// The surface under the patch is constrained to s u1, the displacement of the linear body under a force s
-/// (PressurePatch::columns). All other nodes equilibrate. A displacement is prescribed, because the pressure
-/// of the patch as a dead load would pinch the tissue. For small strains the solution is the linear one,
-/// u = s u1.
-///
-/// With E(s) the energy of the body, the patch bears the force F = E'(s) / W at a displacement of s W.
-/// E'(s) = u1 . f(u), summed over all nodes. A deviation e from equilibrium has zero means under the patch,
-/// J e = 0. Because K u1 = J^T, u1 . K e = J e = 0 as well, so that e changes F only to second order.
-///
-/// Moving the patch along the surface changes J, thereby u1. At a constant s, E then changes by s (dJ) y,
-/// where K y = f(u). The law's tangential force, F^2 / 2 grad W - F^3 / 3 grad C, is minus the change of E at
-/// a constant depth s W, i.e. -(s (dJ) y - F s grad W). With (dJ) u1 = grad W / 2 it follows that
-///
-///     F^3 / 3 grad C = F (F - s) / 2 grad W + s (dJ) (y - F u1)
-struct SoftTissueSolver::NeoHookeanBody {
-  ElasticField correction_mm;       ///< u - s u1; its means under the patch are 0
-  ElasticField excess_response_mm;  ///< y - F u1: response of the linear body to the excess forces
-  ElasticField u_mm, force_N;       ///< Scratch
-  double indentation_mm = 0;        ///< Displacement of the patch, s W, in the last frame; 0: none
-  /// Upper limit of indentation_mm as a fraction of the patch's radius: reduced when a solution fails, raised
-  /// again after each success.
-  double max_indentation_ratio = kSolverSettings.max_indentation;
-  double depth_mm = 0;  ///< Predicted depth of the tool in the last frame; 0: no contact
-  /// Depth of a tool at rest at which a solution failed. While the tool stays there, max_indentation_ratio is
-  /// not raised. 0: none.
-  double failed_depth_mm = 0;
-  double stiffening_mm_per_N2 = 0, reference_force_N = 0;  ///< Last published C and F (LocalCompliance)
-
-  explicit NeoHookeanBody(const ElasticLayout& layout)
-      : correction_mm(layout), excess_response_mm(layout), u_mm(layout), force_N(layout) {}
-  // discards the solution; max_indentation_ratio and depth_mm are retained
-  void reset() {
-    for (ElasticField* field : {&correction_mm, &excess_response_mm})
-      std::fill(field->values.begin(), field->values.end(), 0.0f);
-    indentation_mm = stiffening_mm_per_N2 = reference_force_N = failed_depth_mm = 0;
-  }
-};
-
-/// Box of cells around a device's tool, with its solver and the state from which the next frame starts. The
-/// caller prepares a new region's solver.
-struct SoftTissueSolver::Region {
-  std::vector<ElasticMaterial> by_label;  ///< Materials that the cells were made with
-  SolverBox box;
-  CarvedCells cells;
-  ElasticSolver solver;
-  /// u1, the displacements under 1 N on the patch, and the patch's nodal forces.
-  ElasticField unit_mm, load_N;
-  std::optional<RelaxationWeights> relaxation_weights;  ///< Unset: no tissue relaxes or stiffens
-  double modulus = 0;                                   ///< Contact modulus under the patch in the last frame
-  double radius_mm = 0;                                 ///< Radius of the tool in the last frame
-  /// max_deformable_stiffness_N_per_mm() in the last frame
-  double max_N_per_mm = std::numeric_limits<double>::infinity();
-  bool needs_first_solve = true;                ///< The next solve counts as the first one in this box
-  std::unique_ptr<NeoHookeanBody> neo_hookean;  ///< null: the law is linear
-
-  /// @param before  region that this one replaces, whose solution is reused where both overlap; may be null
-  Region(const Model& model, std::vector<ElasticMaterial> materials, const SolverBox& where,
-         const Region* before)
-      : by_label(std::move(materials)),
-        box(where),
-        cells(solver_box_cells(model, by_label, where)),
-        solver(ElasticSolver::unprepared([&]() -> const ElasticGrid& {
-          if (before != nullptr && before->was_made_from(cells.labels(), by_label))
-            cells.copy_overlap(before->cells, cell_offset_to(*before));
-          return cells.grid();
-        }())),
-        unit_mm(cells.grid().layout()),
-        load_N(cells.grid().layout()) {
-    if (is_hyperelastic(model.tissue_law)) neo_hookean = std::make_unique<NeoHookeanBody>(grid().layout());
-    if (before != nullptr) copy_overlap(*before);
-    if (RelaxationWeights::is_needed_for(model))
-      relaxation_weights.emplace(model, cells.labels(), cells.grid());
-  }
-
-  const ElasticGrid& grid() const { return cells.grid(); }
-  // whether the cells were made from these labels (before removal) and materials
-  bool was_made_from(const CarvedLabels& labels, const std::vector<ElasticMaterial>& materials) const {
-    return labels.original == cells.labels().original && by_label == materials;
-  }
-  // whether the region can be used for a model: its labels, materials, law and relaxation are unchanged
-  bool was_made_from(const Model& model, const CarvedLabels& labels,
-                     const std::vector<ElasticMaterial>& materials) const {
-    return was_made_from(labels, materials) &&
-           (neo_hookean != nullptr) == is_hyperelastic(model.tissue_law) &&
-           relaxation_weights.has_value() == RelaxationWeights::is_needed_for(model) &&
-           (!relaxation_weights || relaxation_weights->was_made_from(model));
-  }
-  // whether all cells have reached the state that corresponds to the removal in `labels`
-  bool is_up_to_date(const CarvedLabels& labels) const {
-    return labels.removed_fraction == cells.labels().removed_fraction && cells.changing_cells().empty();
-  }
-
-  // offset that added to a cell's index in this box gives its index in the box of `other`
-  std::array<int, 3> cell_offset_to(const Region& other) const {
-    const auto &here = box.first_cell, &there = other.box.first_cell;
-    return {here[0] - there[0], here[1] - there[1], here[2] - there[2]};
-  }
-  // copies the solution where both boxes overlap, as initial guess
-  void copy_overlap(const Region& before) {
-    if (before.grid().layout().cells != grid().layout().cells) return;
-    copy_overlap(before, before.unit_mm, unit_mm);
-    if (neo_hookean == nullptr || before.neo_hookean == nullptr) return;
-    copy_overlap(before, before.neo_hookean->correction_mm, neo_hookean->correction_mm);
-    copy_overlap(before, before.neo_hookean->excess_response_mm, neo_hookean->excess_response_mm);
-    neo_hookean->indentation_mm = before.neo_hookean->indentation_mm;
-    neo_hookean->max_indentation_ratio = before.neo_hookean->max_indentation_ratio;
-    neo_hookean->stiffening_mm_per_N2 = before.neo_hookean->stiffening_mm_per_N2;
-    neo_hookean->reference_force_N = before.neo_hookean->reference_force_N;
-  }
-  void copy_overlap(const Region& before, const ElasticField& from, ElasticField& to) {
-    const ElasticLayout& layout = grid().layout();
-    const auto& all = layout.cells;
-    const std::array<int, 3> offset = cell_offset_to(before);
-    for (int k = 0; k <= all[2]; ++k)
-      for (int j = 0; j <= all[1]; ++j)
-        for (int i = 0; i <= all[0]; ++i) {
-          const int a = i + offset[0], b = j + offset[1], c = k + offset[2];
-          if (a < 0 || b < 0 || c < 0 || a > all[0] || b > all[1] || c > all[2]) continue;
-          for (int axis = 0; axis < 3; ++axis)
-            to.values[layout.node(i, j, k, axis)] = from.values[layout.node(a, b, c, axis)];
-        }
-    solver.zero_constrained(to);
-  }
-  // updates cells and solver after material was removed or restored since the last frame
-  void follow(const CarvedLabels& labels) {
-    if (cells.follow(labels, solver).empty()) return;
-    solver.zero_constrained(unit_mm);
-    if (neo_hookean == nullptr) return;
-    solver.zero_constrained(neo_hookean->correction_mm);
-    solver.zero_constrained(neo_hookean->excess_response_mm);
-  }
-
-  /// Solves the neo-Hookean body at the tool's predicted depth, and adds F, C and grad C to the spot of the
-  /// linear solution.
-  /// @param is_first_solve  whether this is the first solve in the box, with more iterations
-  void solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool is_first_solve,
-                         LocalCompliance& spot);
-};
-
-void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, double depth_mm,
-                                                 bool is_first_solve, LocalCompliance& spot) {
-  constexpr double kReductionAfterFailure = 0.7;  // factor of the attempted indentation ratio
-  constexpr double kGrowthAfterSuccess = 1.1;     // factor of max_indentation_ratio
-  constexpr double kMaxExtrapolation = 2;         // maximum ratio of the displacements of consecutive frames
-  constexpr double kAtRestTolerance = 0.05;       // relative change of depth below which the tool is at rest
-  NeoHookeanBody& body = *neo_hookean;
-  const auto is_as_deep = [&](double mm) { return std::abs(depth_mm - mm) <= kAtRestTolerance * mm; };
-  const bool at_rest = body.depth_mm > 0 && is_as_deep(body.depth_mm);
-  body.depth_mm = std::max(depth_mm, 0.0);
-  if (body.failed_depth_mm > 0 && !is_as_deep(body.failed_depth_mm)) body.failed_depth_mm = 0;
-  const ConstrainedMeans surface = patch.columns(kSolverSettings.min_load_fraction);
-
-  // displacement of the patch at the predicted depth, by the last published contact law
-  const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
-  ContactLaw tissue;
-  tissue.surroundings_mm_per_N = spot.surroundings_mm_per_N;
-  tissue.poissons_ratio = spot.poissons_ratio;
-  tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
-  tissue.stiffening_mm_per_N2 = body.stiffening_mm_per_N2;
-  tissue.reference_force_N = body.reference_force_N;
-  const double expected_N = soft_contact_force(tissue, depth_mm, radius_mm).force_N;
-  const double expected_mm =
-      w * expected_N - stiffening_depth_mm(body.stiffening_mm_per_N2, body.reference_force_N, expected_N);
-  const double indentation_mm =
-      std::clamp(expected_mm, kSolverSettings.min_indentation * rho_mm, body.max_indentation_ratio * rho_mm);
-  const double s = indentation_mm / w;
-
-  // initial guess: the previous correction, which grows with the square of the displacement
-  const double growth =
-      body.indentation_mm > 0 ? std::min(indentation_mm / body.indentation_mm, kMaxExtrapolation) : 0;
-  const auto correction_scale = static_cast<float>(growth * growth), load_scale = static_cast<float>(s);
-  for (float& value : body.excess_response_mm.values) value *= correction_scale;
-  for (float& value : body.correction_mm.values) value *= correction_scale;
-  surface.project_out(body.correction_mm.values);
-  for (std::size_t n = 0; n < body.u_mm.values.size(); ++n)
-    body.u_mm.values[n] = load_scale * unit_mm.values[n] + body.correction_mm.values[n];
-
-  // load_N is the patch's load of 1 N, here scaled to s. Columns that bear less than min_load_fraction are
-  // not constrained; the load acts at their nodes alone.
-  for (float& value : load_N.values) value *= load_scale;
-  NeoHookeanSettings settings;
-  settings.max_steps = kSolverSettings.finite_steps;
-  settings.max_iterations =
-      is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.finite_iterations;
-  settings.min_volume = kSolverSettings.min_volume;
-  const NeoHookeanSolution solution = solver.solve_neo_hookean(load_N, body.u_mm, settings, surface);
-  solver.neo_hookean_forces(body.u_mm, body.force_N);
-  const double force_N = internal::elastic::dot(unit_mm.values, body.force_N.values) / w;
-  const double relative_stiffening = (force_N - s) / force_N;
-  if (!(solution.min_volume >= kSolverSettings.min_volume) || solution.line_search_failed ||
-      !(std::abs(relative_stiffening) <= kSoftTissueSettings.max_stiffening) || !(force_N > 0)) {
-    const double reduced_ratio =
-        std::max(kReductionAfterFailure * indentation_mm / rho_mm, kSolverSettings.min_indentation);
-    if (at_rest && body.reference_force_N > 0) {
-      // The previous result stays in effect, and no greater displacement is attempted until the tool moves:
-      // otherwise the force on a resting tool would oscillate with every attempt.
-      spot.reference_force_N = body.reference_force_N;
-      spot.stiffening_mm_per_N2 = body.stiffening_mm_per_N2;
-      body.indentation_mm = indentation_mm;
-      body.failed_depth_mm = depth_mm;
-    } else {
-      // falls back to the linear law; the next attempt is shallower and starts from the linear solution
-      body.reset();
-    }
-    body.max_indentation_ratio = reduced_ratio;
-    return;
-  }
-  for (std::size_t n = 0; n < body.u_mm.values.size(); ++n)
-    body.correction_mm.values[n] = body.u_mm.values[n] - load_scale * unit_mm.values[n];
-  body.indentation_mm = indentation_mm;
-  if (body.failed_depth_mm == 0)
-    body.max_indentation_ratio =
-        std::min(kGrowthAfterSuccess * body.max_indentation_ratio, kSolverSettings.max_indentation);
-
-  // K (y - F u1) = f(u) - F J^T: the response to the forces that exceed those of the linear body under F
-  patch.add(-force_N, body.force_N);
-  solver.solve(body.force_N, body.excess_response_mm,
-               is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.tangential_iterations,
-               kTolerance);
-  spot.reference_force_N = body.reference_force_N = force_N;
-  spot.stiffening_mm_per_N2 = body.stiffening_mm_per_N2 = w * relative_stiffening / force_N;
-  spot.stiffening_gradient = (spot.gradient_per_N * (0.5 * force_N * (force_N - s)) +
-                              patch.gradient_along_surface(body.excess_response_mm) * s) *
-                             (3 / (force_N * force_N * force_N));
-  if (!spot.stiffening_gradient.all_finite()) spot.stiffening_gradient = {};
 }
 
 /// Frame between two steps, and its state for the current device.
@@ -550,7 +232,7 @@ bool SoftTissueSolver::begin_spot(FrameInProgress& now) {
   now.patch.add(1, region.load_N);
   region.solver.begin_solve(
       region.load_N, region.unit_mm,
-      now.is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.iterations, kTolerance);
+      now.is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.iterations, kLinearTolerance);
   return true;
 }
 
