@@ -8,6 +8,7 @@
 #include "palpate/base/check.h"
 #include "palpate/tissue/tissue_settings.h"
 #include "tissue/carved_block.h"
+#include "tissue/swept_voxels.h"
 
 namespace palpate {
 namespace {
