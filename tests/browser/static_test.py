@@ -1,4 +1,5 @@
-"""Opens the page without a server in headless Chromium: palpate runs in a worker, a press is felt, and nothing leaves the origin.
+"""Opens the page without a server in headless Chromium: palpate runs in a worker, a press is felt, own files are read in the
+page, and nothing leaves the origin.
 
 usage: static_test.py FOLDER [PICTURE]
 
@@ -6,11 +7,14 @@ FOLDER is what `make web` writes. It is served from a path below the root by a s
 receives a screenshot. Exit code 77 (a skip) where there is no browser or no folder, except in CI, where that is a failure.
 """
 
+import base64
 import functools
+import gzip
 import http.server
 import json
 import os
 import pathlib
+import struct
 import sys
 import tempfile
 import threading
@@ -39,6 +43,49 @@ return { middle: sum.map((x) => x / count), label: scene.structures[wanted].labe
 """
 
 
+# drops files, of [name, bytes in base64], on the page
+DROP = """
+const transfer = new DataTransfer();
+for (const [name, text] of arguments[0])
+  transfer.items.add(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
+document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
+"""
+READY = ("window.palpateViewer && palpateViewer.isLoaded && palpateViewer.state && palpateViewer.state.pointer && "
+         "palpateViewer.isVolumeSharp")
+
+
+def ball(voxels, radius):
+    """Bytes of a ball in a cube of voxels: 1 inside, 0 outside."""
+    middle = (voxels - 1) / 2
+    return bytes((i - middle) ** 2 + (j - middle) ** 2 + (k - middle) ** 2 <= radius ** 2
+                 for k in range(voxels) for j in range(voxels) for i in range(voxels))
+
+
+def nifti_ball(voxels=40, radius=14):
+    """A NIfTI-1 of a ball of label 1, voxels of 1.5 mm."""
+    header = bytearray(352)
+    struct.pack_into("<i", header, 0, 348)
+    struct.pack_into("<8h", header, 40, 3, voxels, voxels, voxels, 1, 1, 1, 1)
+    struct.pack_into("<hh", header, 70, 2, 8)
+    struct.pack_into("<8f", header, 76, *[1.5] * 8)
+    struct.pack_into("<f", header, 108, 352)
+    header[123] = 2
+    struct.pack_into("<hh", header, 252, 0, 1)
+    struct.pack_into("<12f", header, 280, -1.5, 0, 0, 0, 0, -1.5, 0, 0, 0, 0, 1.5, 0)
+    header[344:348] = b"n+1\0"
+    return gzip.compress(bytes(header) + ball(voxels, radius))
+
+
+def nrrd_balls(voxels=40):
+    """A .seg.nrrd of two segments, one within the other, each in its layer."""
+    layers = zip(ball(voxels, 16), ball(voxels, 8))
+    header = (f"NRRD0004\ntype: uint8\ndimension: 4\nspace: LPS\nsizes: 2 {voxels} {voxels} {voxels}\n"
+              "space directions: none (1.5,0,0) (0,1.5,0) (0,0,1.5)\nkinds: list domain domain domain\nencoding: gzip\n"
+              "space origin: (0,0,0)\nSegment0_Name:=femur\nSegment0_Layer:=0\nSegment0_LabelValue:=1\n"
+              "Segment1_Name:=tumour\nSegment1_Layer:=1\nSegment1_LabelValue:=1\n\n")
+    return header.encode() + gzip.compress(bytes(value for pair in layers for value in pair))
+
+
 class Static(http.server.SimpleHTTPRequestHandler):
     """Serves the folder at /a/folder/ only."""
 
@@ -61,10 +108,11 @@ class InBrowser(unittest.TestCase):
         cls.log = os.path.join(tempfile.mkdtemp(prefix="palpate-static-"), "net.json")
         browser.ARGUMENTS.append("--log-net-log=" + cls.log)
         cls.page = browser.Browser().__enter__()
+        cls.addClassCleanup(lambda: cls.page and cls.page.__exit__())
 
     def requested(self):
         """URLs that the page and its workers requested; ends the browser, which completes its log of the network."""
-        self.page.__exit__()
+        type(self).page = self.page.__exit__()
         events = [event.get("params", {}) for event in json.loads(pathlib.Path(self.log).read_text())["events"]]
         # the browser's own requests have no origin
         return {params["url"] for params in events if "url" in params and params.get("initiator") == self.origin}
@@ -81,12 +129,79 @@ class InBrowser(unittest.TestCase):
         self.page.wait(f"palpateViewer.pose.devices[0].label === {place['label']} && "
                        "Math.hypot(...palpateViewer.pose.devices[0].force) > 0")
 
-    def test_a_press_is_felt_and_nothing_leaves_the_origin(self):
+    def start(self):
         self.page.post("/url", {"url": self.origin + "/a/folder/"})
         self.page.wait("document.querySelector('#scenes button')")
+
+    def drop(self, **files):
+        """Drops files, whose names have __ for a dot."""
+        self.page.run(DROP, [[name.replace("__", "."), base64.b64encode(content).decode()] for name, content in files.items()])
+
+    def refusal(self):
+        """What the page says about files that it refuses, beside the choice that it offers again."""
+        self.page.wait("document.querySelector('#scenes button') && document.getElementById('cover-text').textContent.includes('could not')")
+        return self.page.run("return document.getElementById('cover-text').textContent")
+
+    def test_1_a_dropped_nifti_is_felt(self):
+        self.start()
+        self.assertIn("Nothing is uploaded", self.page.run("return document.getElementById('scenes').textContent"))
+        # its only structure is named by its file
+        self.drop(femur__nii__gz=nifti_ball())
+        self.page.wait(READY)
+        self.press("femur")
+        self.page.pointer({"type": "pointerUp", "button": 0})
+
+    def test_2_a_dropped_segmentation_of_layers_is_felt(self):
+        self.start()
+        self.drop(case__seg__nrrd=nrrd_balls())
+        self.page.wait(READY)
+        names = self.page.run("return palpateViewer.scene.structures.map((one) => one.name)")
+        self.assertEqual(["femur", "tumour"], sorted(name for name in names if name))
+        self.press("femur")
+        self.page.pointer({"type": "pointerUp", "button": 0})
+
+    def test_3_what_is_refused_is_explained_and_the_page_goes_on(self):
+        self.start()
+        self.drop(femur__nii__gz=nifti_ball()[:-500])
+        self.assertIn("femur.nii.gz: the voxel data end after", self.refusal())
+        self.drop(picture__png=b"\x89PNG\r\n\x1a\n" + bytes(50))
+        self.assertIn("picture.png: is a picture", self.refusal())
+        self.drop(a__nrrd=b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 800 800 800\nencoding: gzip\n\n" + bytes(600_000))
+        refusal = self.refusal()
+        self.assertIn("512000000 voxels", refusal)
+        self.assertIn("MiB", refusal)
+        self.drop(a__nii__gz=nifti_ball(), b__nii__gz=nifti_ball(), c__nii__gz=nifti_ball())
+        self.assertIn("third of 3 volumes", self.refusal())
+        # structures without a name that is known all feel alike
+        self.drop(case__nii__gz=nifti_ball())
+        self.page.wait(READY)
+        self.assertIn("feel alike", self.page.run("return document.getElementById('caveats').textContent"))
+
+    def test_4_files_are_picked_and_a_table_names_them(self):
+        knee = next((file for root in os.environ.get("PALPATE_DATA", "").split(":") if root
+                     for file in pathlib.Path(root).glob("knee_dess/*label.nrrd")), None)
+        self.start()
+        if knee is None:
+            with tempfile.TemporaryDirectory() as folder:
+                files = pathlib.Path(folder, "case.nii.gz"), pathlib.Path(folder, "case.tsv")
+                files[0].write_bytes(nifti_ball())
+                files[1].write_text("value\tname\n1\tpatella\n")
+                self.page.type("#own-files", "\n".join(map(str, files)))
+                self.page.wait(READY)
+        else:
+            begun = time.monotonic()
+            self.page.type("#own-files", f"{knee}\n{knee.with_name('labels.tsv')}")
+            self.page.wait(READY)
+        self.press("patella")
+        if knee:
+            print(f"from the choice of {knee.name} to the first touch {time.monotonic() - begun:.1f} s, load {os.getloadavg()[0]:.1f}")
+        self.page.pointer({"type": "pointerUp", "button": 0})
+
+    def test_5_a_press_is_felt_and_nothing_leaves_the_origin(self):
+        self.start()
         begun = time.monotonic()
         self.page.click("#scenes button")
-        self.page.wait("window.palpateViewer && palpateViewer.isLoaded && palpateViewer.state && palpateViewer.state.pointer && palpateViewer.isVolumeSharp")
+        self.page.wait(READY)
         self.press("patella")
         touched_s = time.monotonic() - begun
         ticks, before = self.page.run("return palpateViewer.pose.tick"), time.monotonic()

@@ -1,6 +1,8 @@
 """Compares the forces of palpate.wasm with those of libpalpate, tick by tick.
 
-usage: forces_test.py PALPATE.WASM [SCENE]
+usage: forces_test.py PALPATE.WASM [SCENE [FOLDER]]
+
+SCENE is a file in FOLDER if that is given.
 
 A tip presses the scene from eight sides: it approaches, slides over what it meets, and leaves. libpalpate leads it by its
 forces; palpate.wasm, in Node, gets the same poses. PYTHONPATH and PALPATE_LIBRARY name the Python package and the library.
@@ -63,10 +65,10 @@ def path(session):
     return np.array(tips), np.array(forces)
 
 
-def main():
-    module, scene = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "knee-phantom:spacing=1.5"
+def compare(module, scene, folder=None):
+    """Prints a comparison along the path. Returns the largest difference of a force component; N."""
     begun = time.perf_counter()
-    model = palpate.load(scene)
+    model = palpate.load(Path(folder, scene) if folder else scene)
     native_model_s = time.perf_counter() - begun
     tips, _ = path(palpate.Session(model, frame="world"))
 
@@ -84,11 +86,11 @@ def main():
         c.check(c.lib.plp_session_run(session._handle, c.address(poses), len(tips), DT_S, c.address(wrenches), None))
         native_s = min(native_s, time.process_time() - begun)
 
-    with tempfile.TemporaryDirectory() as folder:
-        files = Path(folder, "poses"), Path(folder, "wrenches")
+    with tempfile.TemporaryDirectory() as results:
+        files = Path(results, "poses"), Path(results, "wrenches")
         poses.tofile(files[0])
         node = Path(__file__).with_name("run_poses.mjs")
-        run = subprocess.run(["node", "--no-warnings", node, module, scene, *files], check=True, capture_output=True, text=True)
+        run = subprocess.run(["node", "--no-warnings", node, module, scene, *files, folder or results], check=True, capture_output=True, text=True)
         figures = json.loads(run.stdout)
         other = np.fromfile(files[1], c.WRENCH)
 
@@ -100,7 +102,14 @@ def main():
           f"ratio {figures['ticks_s'] / native_s:.2f}")
     print(f"model {native_model_s:.2f} s native (with the cache), {figures['model_s']:.2f} s WebAssembly, {figures['memory_MiB']:.0f} MiB")
     assert touching.sum() > 1000, "the path touches too little to compare anything"
-    assert difference.max() <= LIMIT_N, f"forces differ by {difference.max()} N"
+    return difference.max()
+
+
+def main():
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    difference_N = compare(Path(sys.argv[1]), *(sys.argv[2:] or ["knee-phantom:spacing=1.5"]))
+    assert difference_N <= LIMIT_N, f"forces differ by {difference_N} N"
 
 
 if __name__ == "__main__":

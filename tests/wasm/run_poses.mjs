@@ -1,20 +1,20 @@
 // Runs poses through a session of palpate.wasm.
 //
-// usage: run_poses.mjs PALPATE.WASM SCENE POSES WRENCHES
+// usage: run_poses.mjs PALPATE.WASM SCENE POSES WRENCHES FOLDER
 //
-// POSES has structs plp_pose, WRENCHES gets as many plp_wrench. Prints the seconds that the model took, the
+// A SCENE that is a file lies in FOLDER. POSES has structs plp_pose, WRENCHES gets as many plp_wrench. Prints the seconds that the model took, the
 // least processor time of the ticks in five passes, and the hash of the run.
 
 import { readFileSync, writeFileSync } from "node:fs";
 import { WASI } from "node:wasi";
 
-const [file, scene, posesFile, wrenchesFile] = process.argv.slice(2);
+const [file, scene, posesFile, wrenchesFile, folder] = process.argv.slice(2);
 const kPose_bytes = 80,
   kWrench_bytes = 56;
-const wasi = new WASI({ version: "preview1" });
+const wasi = new WASI({ version: "preview1", preopens: { "/": folder } });
 const { instance } = await WebAssembly.instantiate(readFileSync(file), {
   ...wasi.getImportObject(),
-  palpate: { send: () => {}, close: () => {} }, // of a session with a page
+  palpate: { send: () => {}, close: () => {}, progress: () => {} }, // of a session with a page
 });
 wasi.initialize(instance);
 const palpate = instance.exports;

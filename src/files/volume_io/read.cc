@@ -146,8 +146,9 @@ class LabelSink {
         layer = file_.layers_first ? n % layers : n / voxels;
         voxel = file_.layers_first ? n / layers : n % voxels;
       }
-      layers_[layer][voxel] = label;
-      present_[layer][label] = 1;
+      const auto in_layer = static_cast<std::size_t>(layer);
+      layers_[in_layer][static_cast<std::size_t>(voxel)] = label;
+      present_[in_layer][label] = 1;
     });
     if (wrong) return not_a_label(*wrong);
     // a 32-bit scan may have any number of them
@@ -186,7 +187,7 @@ class LabelSink {
       const std::uint64_t before = file_.layers_first ? 0 : layer * voxels;
       const std::uint64_t here =
           file_.layers_first ? (values + layers - 1) / layers : values - std::min(values, before);
-      grow_to(layers_[layer], std::min(here, voxels));
+      grow_to(layers_[static_cast<std::size_t>(layer)], std::min(here, voxels));
     }
   }
   // most voxels equal their predecessor
@@ -440,8 +441,9 @@ Result<ScanValues> unpack_scan(VolumeReader& reader, const std::filesystem::path
       using T = decltype(type);
       grow_to(voxels, first + bytes.size() / sizeof(T));
       for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
-        voxels[n] = scaled ? static_cast<float>(source.slope * static_cast<double>(stored) + source.intercept)
-                           : static_cast<float>(stored);
+        voxels[static_cast<std::size_t>(n)] =
+            scaled ? static_cast<float>(source.slope * static_cast<double>(stored) + source.intercept)
+                   : static_cast<float>(stored);
       });
     });
     return Result<void>();
