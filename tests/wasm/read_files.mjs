@@ -6,8 +6,34 @@
 // model's { hash, dims, spacing, direction, origin, labels, scan }, the last two as SHA-256.
 
 import { createHash } from "node:crypto";
-import { readFileSync } from "node:fs";
-import { WASI } from "node:wasi";
+import { closeSync, openSync, readdirSync, readFileSync, readSync, statSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+
+// the page's functions of WASI: Node 20's own crash in a garbage collection while memory grows
+const require = createRequire(new URL("../../web/package.json", import.meta.url));
+const source = readFileSync(new URL("../../web/src/worker/wasi.ts", import.meta.url), "utf8");
+const { code } = await require("esbuild").transform(source, { loader: "ts", format: "esm" });
+const { wasi } = await import("data:text/javascript;base64," + Buffer.from(code).toString("base64"));
+
+const folderOf = (path) =>
+  new Map(
+    readdirSync(path)
+      .filter((name) => statSync(join(path, name)).isFile())
+      .map((name) => [
+        name,
+        {
+          size: statSync(join(path, name)).size,
+          read(at, count) {
+            const opened = openSync(join(path, name));
+            const bytes = new Uint8Array(count);
+            const received = readSync(opened, bytes, 0, count, at);
+            closeSync(opened);
+            return bytes.subarray(0, received);
+          },
+        },
+      ]),
+  );
 
 const [file, list] = process.argv.slice(2);
 const module = await WebAssembly.compile(readFileSync(file));
@@ -15,13 +41,18 @@ const module = await WebAssembly.compile(readFileSync(file));
 const kInfo_bytes = 312;
 
 async function load([folder, scene, segmentation]) {
-  const wasi = new WASI({ version: "preview1", preopens: { "/": folder } });
+  const files = folderOf(folder);
+  let palpate;
   const instance = await WebAssembly.instantiate(module, {
-    ...wasi.getImportObject(),
+    wasi_snapshot_preview1: wasi(
+      () => palpate.memory,
+      (text) => (stderr = text),
+      () => files,
+    ),
     palpate: { send: () => {}, close: () => {}, progress: () => {} },
   });
-  wasi.initialize(instance);
-  const palpate = instance.exports;
+  palpate = instance.exports;
+  palpate._initialize();
   const bytes = () => new Uint8Array(palpate.memory.buffer);
   const view = () => new DataView(palpate.memory.buffer);
   const text = (value) => {
@@ -63,13 +94,14 @@ async function load([folder, scene, segmentation]) {
   };
 }
 
+let stderr = ""; // last text of palpate, which explains a trap
 const results = [];
 for (const one of JSON.parse(readFileSync(list, "utf8"))) {
   const begun = performance.now();
   try {
     results.push(await load(one));
   } catch (error) {
-    results.push({ trap: String(error) });
+    results.push({ trap: `${error}: ${stderr}` });
   }
   results.at(-1).seconds = (performance.now() - begun) / 1000;
 }

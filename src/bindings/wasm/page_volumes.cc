@@ -27,8 +27,8 @@ namespace palpate {
 namespace volume_io {
 namespace {
 
-// Estimate of the peak memory of a session on a label map: the layers while they are read, the surfaces, and
-// the page's copy.
+// Estimate of the peak memory of a session per voxel of its label map. The shared knee of 24 million voxels
+// takes 11.2 bytes per voxel (docs/decisions/0087-webassembly.md).
 constexpr std::uint64_t kSession_bytes_per_voxel = 12;
 
 constexpr const char* kOnAComputer =

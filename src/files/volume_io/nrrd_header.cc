@@ -282,13 +282,13 @@ class Parser {
                    "add 'space: left-posterior-superior', if that is what they are in");
       return parse_axes_without_space();
     }
-    if (*dimension != header_.axes.size())
-      return bad("its space has " + std::to_string(*dimension) + " dimensions, but its voxels have " +
-                 std::to_string(header_.axes.size()));
     if (field("spacings") != nullptr)
       return bad("states both spacings and a space", "keep the space directions, and remove the spacings");
     if (text != nullptr)
       if (auto parsed = parse_directions(*text, *dimension); !parsed) return parsed;
+    if (*dimension != header_.axes.size())
+      return bad("its space has " + std::to_string(*dimension) + " dimensions, but its voxels have " +
+                 std::to_string(header_.axes.size()));
     if (origin != nullptr) {
       const auto point = parse_vectors(*origin);
       if (!point || point->size() != 1 || (point->front() && point->front()->size() != *dimension))
