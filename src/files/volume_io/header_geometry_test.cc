@@ -117,6 +117,19 @@ TEST_F(HeaderGeometry, NrrdEqualsItk) {
   }
 }
 
+// ITK negates the first axis instead, and mirrors the patient.
+TEST_F(HeaderGeometry, SecondAxisOfLeftAnteriorSuperiorIsNegated) {
+  for (const std::string space : {"left-anterior-superior", "LAS"}) {
+    const auto place = ours_of(write_text(
+        folder_ / "a.nrrd", nrrd_of(3, "space: " + space + "\n") +
+                                "space directions: (2,0,0) (0,3,0) (0,0,4)\nspace origin: (5,6,7)\n\n"));
+    ASSERT_TRUE(place) << place.error().message();
+    EXPECT_EQ(place->spacing_mm, Eigen::Vector3d(2, 3, 4));
+    EXPECT_EQ(place->origin, Point<Patient>(5, -6, 7));
+    EXPECT_EQ(Eigen::Matrix3d(place->direction), Eigen::Matrix3d(Eigen::Vector3d(1, -1, 1).asDiagonal()));
+  }
+}
+
 TEST_F(HeaderGeometry, NrrdWithoutDirectionsEqualsItk) {
   for (const std::string& text :
        {nrrd_of(3, ""), nrrd_of(2, ""), nrrd_of(3, "space: LPS\n"), nrrd_of(3, "space dimension: 3\n"),

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 #include <string_view>
 
 #include "volume_io/headers.h"
@@ -30,6 +31,20 @@ std::string unescaped(std::string_view text) {
   return plain;
 }
 
+// fields of the format's definition (Gordon Kindlmann, teem.sourceforge.net/nrrd/format.html), without spaces
+bool is_nrrd_field(std::string_view name) {
+  static const std::set<std::string_view> kFields{
+      "axismaxs",         "axismins",    "blocksize",  "byteskip",
+      "centerings",       "centers",     "content",    "datafile",
+      "dimension",        "encoding",    "endian",     "kinds",
+      "labels",           "lineskip",    "max",        "min",
+      "measurementframe", "number",      "oldmax",     "oldmin",
+      "sampleunits",      "sizes",       "space",      "spacedimension",
+      "spacedirections",  "spaceorigin", "spaceunits", "spacings",
+      "thicknesses",      "type",        "units"};
+  return kFields.contains(name);
+}
+
 Result<HeaderFields> split_lines(std::string_view bytes, const std::string& source) {
   HeaderFields lines;
   std::string_view remaining = bytes;
@@ -54,6 +69,10 @@ Result<HeaderFields> split_lines(std::string_view bytes, const std::string& sour
     // "space origin" and "spaceorigin" are both common
     std::string name = lower_case(trimmed(line.substr(0, colon)));
     std::erase(name, ' ');
+    // a misspelt field would be lost, and with it the place of the volume
+    if (!is_nrrd_field(name))
+      return bad_input(where, "has a field that NRRD does not define",
+                       "correct its name, or write := after it");
     if (!lines.fields.emplace(name, std::string(trimmed(line.substr(colon + 1)))).second)
       return bad_input(where, "repeats a field of its header");
   }

@@ -127,6 +127,8 @@ TEST(NrrdHeader, RejectsInvalidHeaders) {
                                  kGoodNrrd + "data file: a%03d.raw 1 9 1\n",
                                  kGoodNrrd + "type: short\n",
                                  kGoodNrrd + "no colon\n",
+                                 nrrd_with("space directions:", "space directionz:"),
+                                 nrrd_with("space origin:", "spce origin:"),
                                  kGoodNrrd + "byte skip: x\n",
                                  kGoodNrrd + "line skip: -1\n"}) {
     const auto header = parse_nrrd_header(bad, "x.nrrd");
