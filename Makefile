@@ -52,6 +52,8 @@ test-web: web
 	@tools/build_program palpate_c
 	@PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=bindings/python PALPATE_LIBRARY=build/release/src/bindings/c/libpalpate.so \
 	  /usr/bin/python3 tests/wasm/forces_test.py web/dist-static/assets/palpate.wasm
+	@PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=bindings/python PALPATE_LIBRARY=build/release/src/bindings/c/libpalpate.so \
+	  /usr/bin/python3 tests/wasm/files_test.py web/dist-static/assets/palpate.wasm
 	@/usr/bin/python3 tests/browser/static_test.py web/dist-static
 
 format:

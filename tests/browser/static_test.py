@@ -1,5 +1,6 @@
 """Opens the page without a server in headless Chromium: palpate runs in a worker, presses are felt, soft tissue deforms, a burr
-removes bone, and nothing leaves the origin. Prints the rate of ticks and the lengths of the worker's steps.
+removes bone, own files are read in the page, and nothing leaves the origin. Prints the rate of ticks and the lengths of the
+worker's steps.
 
 usage: static_test.py FOLDER [PICTURE]
 
@@ -7,11 +8,15 @@ FOLDER is what `make web` writes. It is served from a path below the root by a s
 receives a screenshot. Exit code 77 (a skip) where there is no browser or no folder, except in CI, where that is a failure.
 """
 
+import base64
 import functools
+import gzip
 import http.server
 import json
 import os
 import pathlib
+import random
+import struct
 import sys
 import tempfile
 import threading
@@ -51,7 +56,7 @@ PROBE = """
     let steps = [];
     const palpate_step = () => {
       const begin = performance.now(), more = instance.exports.palpate_step();
-      steps.push([begin, performance.now()]);
+      steps.push([begin, performance.now(), instance.exports.memory.buffer.byteLength]);
       if (steps.length === 100) channel.postMessage(steps.splice(0));
       return more;
     };
@@ -59,6 +64,51 @@ PROBE = """
   };
 }
 """
+# drops files, of [name, bytes in base64], on the page
+DROP = """
+const transfer = new DataTransfer();
+for (const [name, text] of arguments[0])
+  transfer.items.add(new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
+document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, bubbles: true, cancelable: true }));
+"""
+READY = ("window.palpateViewer && palpateViewer.isLoaded && palpateViewer.state && palpateViewer.state.pointer && "
+         "palpateViewer.isVolumeSharp")
+REFUSED = "document.querySelector('#scenes button') && document.getElementById('cover-text').textContent.includes('could not')"
+SEED = int(os.environ.get("PALPATE_TEST_SEED", "20261130"))
+# number of randomly damaged files that are dropped
+MUTATIONS = int(os.environ.get("PALPATE_MUTATIONS", "300"))
+
+
+def ball(voxels, radius):
+    """Bytes of a ball in a cube of voxels: 1 inside, 0 outside."""
+    middle = (voxels - 1) / 2
+    return bytes((i - middle) ** 2 + (j - middle) ** 2 + (k - middle) ** 2 <= radius ** 2
+                 for k in range(voxels) for j in range(voxels) for i in range(voxels))
+
+
+def nifti_ball(voxels=40, radius=14):
+    """A NIfTI-1 of a ball of label 1, voxels of 1.5 mm."""
+    header = bytearray(352)
+    struct.pack_into("<i", header, 0, 348)
+    struct.pack_into("<8h", header, 40, 3, voxels, voxels, voxels, 1, 1, 1, 1)
+    struct.pack_into("<hh", header, 70, 2, 8)
+    struct.pack_into("<8f", header, 76, *[1.5] * 8)
+    struct.pack_into("<f", header, 108, 352)
+    header[123] = 2
+    struct.pack_into("<hh", header, 252, 0, 1)
+    struct.pack_into("<12f", header, 280, -1.5, 0, 0, 0, 0, -1.5, 0, 0, 0, 0, 1.5, 0)
+    header[344:348] = b"n+1\0"
+    return gzip.compress(bytes(header) + ball(voxels, radius))
+
+
+def nrrd_balls(voxels=40):
+    """A .seg.nrrd of two segments, one within the other, each in its layer."""
+    layers = zip(ball(voxels, 16), ball(voxels, 8))
+    header = (f"NRRD0004\ntype: uint8\ndimension: 4\nspace: LPS\nsizes: 2 {voxels} {voxels} {voxels}\n"
+              "space directions: none (1.5,0,0) (0,1.5,0) (0,0,1.5)\nkinds: list domain domain domain\nencoding: gzip\n"
+              "space origin: (0,0,0)\nSegment0_Name:=femur\nSegment0_Layer:=0\nSegment0_LabelValue:=1\n"
+              "Segment1_Name:=tumour\nSegment1_Layer:=1\nSegment1_LabelValue:=1\n\n")
+    return header.encode() + gzip.compress(bytes(value for pair in layers for value in pair))
 
 
 class Static(http.server.SimpleHTTPRequestHandler):
@@ -102,7 +152,7 @@ class InBrowser(unittest.TestCase):
         return time.monotonic() - begun
 
     def wait_until_ready(self):
-        self.page.wait("window.palpateViewer && palpateViewer.isLoaded && palpateViewer.state && palpateViewer.state.pointer && palpateViewer.isVolumeSharp")
+        self.page.wait(READY)
         self.page.run("window.steps = []; new BroadcastChannel('palpate-steps').onmessage = ({ data }) => steps.push(...data)")
 
     def check_requests(self):
@@ -141,16 +191,117 @@ class InBrowser(unittest.TestCase):
         rate_hz = (self.page.run("return palpateViewer.pose.tick") - ticks) / (time.monotonic() - begun)
         steps = self.page.run("return steps.splice(0)")
         intervals = sorted(after[0] - before[0] for before, after in zip(steps, steps[1:]))
-        lengths = sorted(end - begin for begin, end in steps)
+        lengths = sorted(end - begin for begin, end, _ in steps)
         at = lambda of, part: of[min(len(of) - 1, int(part * len(of)))]  # noqa: E731
         print(f"{what}: {rate_hz:.0f} ticks/s; between steps {at(intervals, 0.5):.1f} ms in the median, p99 {at(intervals, 0.99):.1f}, "
               f"at most {intervals[-1]:.1f}; a step takes p99 {at(lengths, 0.99):.1f} ms, at most {lengths[-1]:.1f}")
         self.assertGreater(rate_hz, MIN_RATE_HZ)
         return rate_hz
 
-    def test_a_press_is_felt_and_nothing_leaves_the_origin(self):
+    def start(self):
         self.page.post("/url", {"url": self.origin + "/a/folder/"})
         self.page.wait("document.querySelector('#scenes button')")
+
+    def drop(self, **files):
+        """Drops files, whose names have __ for a dot."""
+        self.page.run(DROP, [[name.replace("__", "."), base64.b64encode(content).decode()] for name, content in files.items()])
+
+    def refusal(self):
+        """What the page says about files that it refuses, beside the choice that it offers again."""
+        self.page.wait(REFUSED)
+        return self.page.run("return document.getElementById('cover-text').textContent")
+
+    def test_a_dropped_nifti_is_felt(self):
+        self.start()
+        self.assertIn("Nothing is uploaded", self.page.run("return document.getElementById('scenes').textContent"))
+        # its only structure is named by its file
+        self.drop(femur__nii__gz=nifti_ball())
+        self.wait_until_ready()
+        self.press("femur")
+        self.check_requests()
+
+    def test_a_dropped_segmentation_of_layers_is_felt(self):
+        self.start()
+        self.drop(case__seg__nrrd=nrrd_balls())
+        self.page.wait(READY)
+        names = self.page.run("return palpateViewer.scene.structures.map((one) => one.name)")
+        self.assertEqual(["femur", "tumour"], sorted(name for name in names if name))
+        self.press("femur")
+
+    def test_what_is_refused_is_explained_and_the_page_goes_on(self):
+        self.start()
+        self.drop(femur__nii__gz=nifti_ball()[:-500])
+        self.assertIn("femur.nii.gz: the voxel data end after", self.refusal())
+        self.drop(picture__png=b"\x89PNG\r\n\x1a\n" + bytes(50))
+        self.assertIn("picture.png: is a picture", self.refusal())
+        self.drop(a__nrrd=b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 800 800 800\nencoding: gzip\n\n" + bytes(600_000))
+        refusal = self.refusal()
+        self.assertIn("512000000 voxels", refusal)
+        self.assertIn("MiB", refusal)
+        self.drop(a__nii__gz=nifti_ball(), b__nii__gz=nifti_ball(), c__nii__gz=nifti_ball())
+        self.assertIn("third of 3 volumes", self.refusal())
+        # structures without a name that is known all feel alike
+        self.drop(case__nii__gz=nifti_ball())
+        self.page.wait(READY)
+        self.assertIn("feel alike", self.page.run("return document.getElementById('caveats').textContent"))
+
+    def test_files_are_picked_and_a_table_names_them(self):
+        self.start()
+        with tempfile.TemporaryDirectory() as folder:
+            files = pathlib.Path(folder, "case.nii.gz"), pathlib.Path(folder, "case.tsv")
+            files[0].write_bytes(nifti_ball())
+            files[1].write_text("value\tname\n1\tpatella\n")
+            self.page.type("#own-files", "\n".join(map(str, files)))
+            self.wait_until_ready()
+        self.press("patella")
+        self.check_requests()
+
+    def test_the_shared_knee_is_felt(self):
+        knees = [file for root in os.environ.get("PALPATE_DATA", "").split(":") if root
+                 for file in pathlib.Path(root).glob("knee_dess/*label.nrrd")]
+        for knee in knees:
+            self.start()
+            begun = time.monotonic()
+            self.page.type("#own-files", f"{knee}\n{knee.with_name('labels.tsv')}")
+            self.page.wait(READY)
+            self.wait_until_ready()
+            self.press("patella")
+            print(f"from the choice of {knee.name} to the first touch {time.monotonic() - begun:.1f} s, load {os.getloadavg()[0]:.1f}")
+            self.measured("pressing the shared knee")
+            self.page.wait("steps.length")
+            print(f"memory of the worker {self.page.run('return steps.at(-1)[2]') / 2 ** 20:.0f} MiB")
+            self.check_requests()
+
+    def test_damaged_files_get_one_message_each_and_the_page_goes_on(self):
+        print(f"PALPATE_TEST_SEED={SEED}")
+        numbers = random.Random(SEED)
+        whole = {"a.nii.gz": nifti_ball(16, 5), "a.nii": gzip.decompress(nifti_ball(16, 5)), "a.seg.nrrd": nrrd_balls(16)}
+        messages, opened = {}, 0
+        self.start()
+        for _ in range(MUTATIONS):
+            name = numbers.choice(sorted(whole))
+            content = bytearray(whole[name])
+            # most of the damage is in the header, where it is not only a different voxel
+            for _ in range(numbers.randint(1, 8)):
+                content[numbers.randrange(min(len(content), numbers.choice((60, 400, len(content)))))] = numbers.randrange(256)
+            if numbers.random() < 0.3:
+                del content[numbers.randrange(len(content)):]
+            self.page.run(DROP, [[name, base64.b64encode(content).decode()]])
+            self.page.wait(f"({READY}) || ({REFUSED})")
+            if self.page.run(f"return !!({READY})"):
+                opened += 1
+                self.start()
+                continue
+            message = self.page.run("return document.getElementById('cover-text').textContent")
+            messages[message] = messages.get(message, 0) + 1
+            for trap in ("unreachable", "out of bounds", "bug:"):
+                self.assertNotIn(trap, message)
+        print(f"{MUTATIONS} damaged files: {opened} opened, {sum(messages.values())} refused with {len(messages)} messages")
+        self.assertGreater(len(messages), 10)
+        self.check_requests()
+
+    def test_a_press_is_felt_and_nothing_leaves_the_origin(self):
+        self.start()
         begun = time.monotonic()
         self.page.click("#scenes button")
         self.wait_until_ready()

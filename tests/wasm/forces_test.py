@@ -64,10 +64,10 @@ def path(session, sides, press_N):
     return np.array(tips), np.array(forces)
 
 
-def compare(module, scene, sides, press_N, passes, soft):
-    """Compares one scene; `soft` solves deforming tissue, in the ticks of both."""
+def compare(module, scene, sides, press_N, passes, soft, folder=None):
+    """Compares one scene, a file in `folder` if that is given; `soft` solves deforming tissue, in the ticks of both."""
     begun = time.perf_counter()
-    model = palpate.load(scene)
+    model = palpate.load(Path(folder, scene) if folder else scene)
     native_model_s = time.perf_counter() - begun
     tips, _ = path(palpate.Session(model, frame="world", solve_soft_tissue=soft), sides, press_N)
 
@@ -85,12 +85,12 @@ def compare(module, scene, sides, press_N, passes, soft):
         c.check(c.lib.plp_session_run(session._handle, c.address(poses), len(tips), DT_S, c.address(wrenches), None))
         native_s = min(native_s, time.process_time() - begun)
 
-    with tempfile.TemporaryDirectory() as folder:
-        files = Path(folder, "poses"), Path(folder, "wrenches")
+    with tempfile.TemporaryDirectory() as results:
+        files = Path(results, "poses"), Path(results, "wrenches")
         poses.tofile(files[0])
         node = Path(__file__).with_name("run_poses.mjs")
-        run = subprocess.run(["node", "--no-warnings", node, module, scene, *files, str(passes), str(int(soft))], check=True,
-                             capture_output=True, text=True)
+        run = subprocess.run(["node", "--no-warnings", node, module, scene, *files, str(passes), str(int(soft)), folder or results],
+                             check=True, capture_output=True, text=True)
         figures = json.loads(run.stdout)
         other = np.fromfile(files[1], c.WRENCH)
 

@@ -1,23 +1,23 @@
 // Runs poses through a session of palpate.wasm.
 //
-// usage: run_poses.mjs PALPATE.WASM SCENE POSES WRENCHES PASSES SOFT
+// usage: run_poses.mjs PALPATE.WASM SCENE POSES WRENCHES PASSES SOFT FOLDER
 //
-// POSES has structs plp_pose, WRENCHES gets as many plp_wrench. SOFT is 1 to solve deforming tissue in the ticks,
-// else 0. Prints the seconds that the model took, the least processor time of the ticks in PASSES passes, and the
-// hash of the run.
+// A SCENE that is a file lies in FOLDER. POSES has structs plp_pose, WRENCHES gets as many plp_wrench. SOFT is 1 to
+// solve deforming tissue in the ticks, else 0. Prints the seconds that the model took, the least processor time of the
+// ticks in PASSES passes, and the hash of the run.
 
 import { readFileSync, writeFileSync } from "node:fs";
 import { WASI } from "node:wasi";
 
-const [file, scene, posesFile, wrenchesFile, passes, soft] = process.argv.slice(2);
+const [file, scene, posesFile, wrenchesFile, passes, soft, folder] = process.argv.slice(2);
 const kPose_bytes = 80,
   kWrench_bytes = 56,
   kOptions_bytes = 80,
   kSolveSoftTissue = 28; // offset of plp_session_options::solve_soft_tissue
-const wasi = new WASI({ version: "preview1" });
+const wasi = new WASI({ version: "preview1", preopens: { "/": folder } });
 const { instance } = await WebAssembly.instantiate(readFileSync(file), {
   ...wasi.getImportObject(),
-  palpate: { send: () => {}, close: () => {} }, // of a session with a page
+  palpate: { send: () => {}, close: () => {}, progress: () => {} }, // of a session with a page
 });
 wasi.initialize(instance);
 const palpate = instance.exports;

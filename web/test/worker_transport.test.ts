@@ -21,6 +21,10 @@ class FakeWorker {
   onmessage: ((event: { data: FromWorker }) => void) | null = null;
   postMessage(message: ToWorker): void {
     this.had.push(message);
+    if (message.type === "openFiles") {
+      this.say({ type: "progress", stage: "reading", share: 0.5 });
+      this.say({ type: "opened", problem: message.own.files.length ? "" : "no file was given" });
+    }
     if (message.type === "open") this.say({ type: "opened", problem: message.scene === "bad" ? "no such scene" : "" });
   }
   say(data: FromWorker): void {
@@ -37,6 +41,20 @@ async function opened(): Promise<{ worker: FakeWorker; transport: WorkerTranspor
 test("a scene that cannot be opened is an error with its reason", async () => {
   const worker = new FakeWorker();
   await assert.rejects(WorkerTransport.open(worker as unknown as Worker, "bad"), /no such scene/);
+});
+
+test("files of the user are opened with reports of progress", async () => {
+  const worker = new FakeWorker();
+  const stages: [string, number][] = [];
+  const file = { name: "knee.nrrd" } as File;
+  const own = { files: [file], contents: "labels" } as const;
+  await WorkerTransport.open(worker as unknown as Worker, { ...own, files: [...own.files] }, (...stage) =>
+    stages.push(stage),
+  );
+  assert.deepEqual(worker.had, [{ type: "openFiles", own }]);
+  assert.deepEqual(stages, [["reading", 0.5]]);
+  const none = WorkerTransport.open(worker as unknown as Worker, { files: [], contents: "values" });
+  await assert.rejects(none, /no file was given/);
 });
 
 test("each request gets its own answer", async () => {

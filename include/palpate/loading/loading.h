@@ -90,6 +90,8 @@ struct SceneSource {
   std::optional<std::filesystem::path> segmentation = {};
   std::optional<std::filesystem::path> names = {};  ///< Table with names for the labels of the volumes
   std::optional<int> volume = {};                   ///< Number of the scan in a DICOM folder with several
+  std::optional<TissueLaw> law = {};                ///< Law of a proposed scene; empty: as in NewSceneInput
+  bool touch_unknown = false;                       ///< For a proposed scene, as in NewSceneInput
 };
 /// Determines scan and segmentation of a source of volumes: their order, the number of the volume, and
 /// whether the segmentation was made on the scan. Errors: those of identify_scan_and_labels and find_study.

@@ -13,18 +13,29 @@
 
 #include "loading/read_scene.h"
 #include "palpate/base/check.h"
+#include "palpate/base/reading.h"
 #include "palpate/base/spsc_ring.h"
 #include "palpate/device/device_parameters.h"
 #include "palpate/device/pointer_driver.h"
+#include "palpate/volume_io/volume_io.h"
 #include "server/hub.h"
 #include "server/site.h"
 #include "server/viewer.h"
 #include "session/live_session.h"
 #include "session/measured_cells.h"
 #include "session/session_statistics.h"
+#include "wasm/page_files.h"
 #include "wasm/worker_loop.h"
 
 #define PALPATE_EXPORT extern "C" __attribute__((visibility("default")))
+
+// functions of the worker's JavaScript
+extern "C" {
+/// @param share  part of the stage that is done, 0 ... 1
+__attribute__((import_module("palpate"), import_name("progress"))) void palpate_progress(const char* stage,
+                                                                                         std::size_t length,
+                                                                                         double share);
+}
 
 namespace palpate::wasm {
 namespace {
@@ -40,7 +51,8 @@ constexpr std::string_view kHost = "localhost:80";
 /// Session with its loop and its viewer, in the order in which they are built.
 class WorkerSession {
  public:
-  static Result<std::unique_ptr<WorkerSession>> open(const std::string& scene);
+  /// @param progress  reports while files are read and the scene is prepared
+  static Result<std::unique_ptr<WorkerSession>> open(const SceneSource& source, const Progress& progress);
   WorkerSession(const LoadedScene& loaded, MeasuredCells measured);
 
   Result<void> begin();
@@ -92,13 +104,15 @@ MeasuredCells cells_for_browser(std::shared_ptr<const Model> model) {
   return with_measured_cells(std::move(model), 1, kMaxTissueFrame_s);
 }
 
-Result<std::unique_ptr<WorkerSession>> WorkerSession::open(const std::string& scene) {
-  auto loaded = load_scene_or_data_set({scene});
+Result<std::unique_ptr<WorkerSession>> WorkerSession::open(const SceneSource& source,
+                                                           const Progress& progress) {
+  auto loaded = load_scene_or_data_set(source, progress);
   if (!loaded) return loaded.error();
   if (auto touchable = has_touchable_tissue(*loaded->model); !touchable)
-    return Error{ErrorKind::kBadInput, "has no tissue that can be touched", scene, ""};
+    return Error{ErrorKind::kBadInput, "has no tissue that can be touched", source.target,
+                 "name its structures after tissues (femur, liver, ...) in the file or in a table"};
   constexpr ForceMethod kProxyAlone[] = {ForceMethod::kProxy};
-  auto ready = prepared_with_cache(loaded->model, kProxyAlone);
+  auto ready = prepared_with_cache(loaded->model, kProxyAlone, progress);
   if (!ready) return ready.error();
   auto session = std::make_unique<WorkerSession>(*loaded, cells_for_browser(*std::move(ready)));
   if (auto begun = session->begin(); !begun) return begun.error();
@@ -203,6 +217,17 @@ std::unique_ptr<WorkerSession> session;
 std::string problem;
 std::shared_ptr<const std::string> answered;
 
+bool open_session(const Result<SceneSource>& source) {
+  session.reset();
+  const Progress progress(
+      [](std::string_view stage, double share) { palpate_progress(stage.data(), stage.size(), share); },
+      nullptr);
+  auto opened = source ? WorkerSession::open(*source, progress) : source.error();
+  problem = opened ? std::string() : opened.error().message();
+  if (opened) session = *std::move(opened);
+  return session != nullptr;
+}
+
 }  // namespace
 }  // namespace palpate::wasm
 
@@ -211,11 +236,22 @@ using palpate::wasm::session;
 /// Opens a session on a phantom, in place of an earlier one. Returns false if it cannot be opened;
 /// palpate_problem() says why.
 PALPATE_EXPORT bool palpate_open(const char* scene, std::size_t length) {
-  session.reset();
-  auto opened = palpate::wasm::WorkerSession::open({scene, length});
-  palpate::wasm::problem = opened ? std::string() : opened.error().message();
-  if (opened) session = *std::move(opened);
-  return session != nullptr;
+  return palpate::wasm::open_session(palpate::SceneSource{std::string(scene, length)});
+}
+
+/// Opens a session on files of the current folder, otherwise as palpate_open().
+/// @param names    their names, one a line
+/// @param read_as  a volume on its own is 0: what its values say; 1: a label map; 2: a scan
+PALPATE_EXPORT bool palpate_open_files(const char* names, std::size_t length, int read_as) {
+  palpate::set_read_as(read_as == 1   ? palpate::ReadAs::kLabels
+                       : read_as == 2 ? palpate::ReadAs::kScan
+                                      : palpate::ReadAs::kByContent);
+  return palpate::wasm::open_session(palpate::wasm::source_of_files({names, length}));
+}
+
+/// Limits the memory that the page may take; bytes.
+PALPATE_EXPORT void palpate_limit_memory(double bytes) {
+  palpate::set_reading_limits({.max_memory_bytes = static_cast<std::uint64_t>(bytes), .follow_links = false});
 }
 
 PALPATE_EXPORT const char* palpate_problem() {

@@ -107,9 +107,9 @@ Error names_without_labels(const std::string& where) {
 }
 
 // reads a scan, a label map or a study of both, with the scene proposed for it
-Result<ReadScene> read_with_proposal(const Study& study, const std::optional<std::filesystem::path>& names,
-                                     const Progress& progress, const Warn& warn,
-                                     std::optional<PreparationMethod> preparation) {
+Result<ReadScene> read_with_proposal(const Study& study, const SceneSource& source, const Progress& progress,
+                                     const Warn& warn, std::optional<PreparationMethod> preparation) {
+  const std::optional<std::filesystem::path>& names = source.names;
   FileVolumes files;
   SceneVolumes& volumes = files.volumes;
   NewSceneInput input;
@@ -144,9 +144,18 @@ Result<ReadScene> read_with_proposal(const Study& study, const std::optional<std
   input.names = names ? names : files.names_table;
   input.names_from = files.names_from;
   input.scan_volume = volumes.scan.get();
+  input.law = source.law;
+  input.touch_unknown = source.touch_unknown;
   auto proposed = propose_scene(input);
   if (!proposed) return proposed.error();
   prepare_by(preparation, proposed->scene.preparation);
+  const auto is_unknown = [](const TissueSettings& tissue) {
+    return tissue.touchable && tissue.preset.empty();
+  };
+  if (volumes.labels && std::ranges::any_of(proposed->scene.tissues, is_unknown))
+    volumes.caveats.push_back({CaveatKind::kForce,
+                               "no name of the label map is known, so all structures feel alike: name them "
+                               "after tissues, in a table"});
   if (!evidence.empty())
     proposed->note += "\nit was taken as " + std::string(volumes.labels ? "labels" : "a scan") + " because " +
                       evidence +
@@ -187,7 +196,7 @@ Result<ReadScene> read_scene_or_data_set(const SceneSource& source, const Progre
   if (names_volumes(source)) {
     const auto study = study_of(source, progress);
     if (!study) return study.error();
-    return read_with_proposal(*study, source.names, progress, warn, preparation);
+    return read_with_proposal(*study, source, progress, warn, preparation);
   }
   if (source.segmentation)
     return Error{ErrorKind::kUsage, "a segmentation needs a scan", what,

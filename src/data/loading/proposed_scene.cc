@@ -15,10 +15,13 @@ std::string touchable_part_of_labels(const Scene& scene, const LabelMap& labels)
   for (const TissueSettings& tissue : scene.tissues) {
     if (!tissue.touchable) continue;
     touchable += tissue.labels.size();
-    presets += (presets.empty() ? "" : ", ") + tissue.preset;
+    if (!tissue.preset.empty()) presets += (presets.empty() ? "" : ", ") + tissue.preset;
   }
   const std::size_t all = labels.segments.size();
   if (touchable == 0) return "shown only, because no label name matches a tissue";
+  if (presets.empty())
+    return std::to_string(touchable) + " of " + std::to_string(all) +
+           " structures felt, all alike, because no label name matches a tissue";
   if (all == 1) return "felt as " + presets;
   return (touchable == all ? "all " : std::to_string(touchable) + " of ") + std::to_string(all) +
          " structures felt (" + presets + ")";

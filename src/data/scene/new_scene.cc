@@ -35,7 +35,11 @@ struct Group {
   std::string name;
   std::vector<const Segment*> segments;
   std::vector<PresetMatch> matches;  ///< Match of each segment's name
+  bool is_touched_unknown = false;   ///< No name suggests a tissue, and touch_unknown is set
 };
+
+/// Stiffness of a structure of which nothing is known, N/mm.
+constexpr const char* kUnknownStiffness = "1.0";
 
 /// Returns a name that no tissue of the scene has.
 std::string unused_name(const Segment& segment, std::set<std::string>& taken_names) {
@@ -47,7 +51,7 @@ std::string unused_name(const Segment& segment, std::set<std::string>& taken_nam
   return name;
 }
 
-std::vector<Group> group_structures(const LabelMap& labels) {
+std::vector<Group> group_structures(const LabelMap& labels, bool touch_unknown) {
   // one tissue per preset, in the order of the presets
   std::vector<Group> groups;
   Group others{nullptr, "other structures", {}, {}};
@@ -60,6 +64,7 @@ std::vector<Group> group_structures(const LabelMap& labels) {
     group.matches.push_back(match);
   }
   std::erase_if(groups, [](const Group& group) { return group.segments.empty(); });
+  const bool none_known = groups.empty();
 
   // the others individually, or in one tissue
   std::set<std::string> taken_names;
@@ -73,6 +78,11 @@ std::vector<Group> group_structures(const LabelMap& labels) {
   } else {
     groups.push_back(std::move(others));
   }
+  // a known name without a preset is of air, of a fluid, or of contents whose stiffness nobody published
+  if (touch_unknown && none_known)
+    for (Group& group : groups)
+      group.is_touched_unknown =
+          std::ranges::all_of(group.matches, [](const PresetMatch& m) { return m.term.empty(); });
   return groups;
 }
 
@@ -167,13 +177,18 @@ std::string tissue_text(const Group& group, const std::vector<Group>& groups,
     if (law == TissueLaw::kExponential && values.elastic && values.elastic->stiffening > 0)
       text += ", stiffening " + number_text(values.elastic->stiffening);
     text += "\n" + source_of_preset(group);
+  } else if (group.is_touched_unknown) {
+    text += "# no name of the label map is known: all structures feel alike\n";
   } else {
     text += reason_for_no_preset(group);
   }
   std::vector<std::string> labels;
   for (const Segment* segment : group.segments) labels.push_back(written_label(*segment, uses));
   text += "labels = " + list_text(labels) + "\n";
-  if (!group.preset) text += "touchable = false\n";
+  if (group.is_touched_unknown)
+    text += std::string("stiffness = ") + kUnknownStiffness + "\n";
+  else if (!group.preset)
+    text += "touchable = false\n";
   if (embedded && is_translucent_organ(group)) text += "opacity = 1  # seen through the embedding\n";
   if (const std::string support = support_of(group, groups); !support.empty())
     text += "rests_on = [\"" + support + "\"]\n";
@@ -380,7 +395,7 @@ Result<std::string> new_scene_text(const NewSceneInput& input, const fs::path& f
     }
     std::map<std::string, int> uses;
     for (const Segment& segment : input.label_map->segments) ++uses[segment.name];
-    const std::vector<Group> groups = group_structures(*input.label_map);
+    const std::vector<Group> groups = group_structures(*input.label_map, input.touch_unknown);
     law = law_for(input, groups);
     for (const Group& group : groups) text += tissue_text(group, groups, uses, law, input.embed);
     if (input.embed) {

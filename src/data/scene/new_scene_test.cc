@@ -57,6 +57,25 @@ TEST(NewScene, GroupsStructuresBySuggestedPreset) {
   EXPECT_EQ(scene.tissues[5].name, "implant");
 }
 
+TEST(NewScene, StructuresOfUnknownNamesAreTouchableOnlyIfAskedForAndNoneIsKnown) {
+  const LabelMap unknown = make_map({"", "part A", "lateral ventricle"});
+  const Scene shown = new_scene({.labels = "/cases/a.nrrd", .label_map = &unknown});
+  for (const TissueSettings& tissue : shown.tissues) EXPECT_FALSE(tissue.touchable) << tissue.name;
+  const Scene felt = new_scene({.labels = "/cases/a.nrrd", .label_map = &unknown, .touch_unknown = true});
+  ASSERT_EQ(felt.tissues.size(), 3u);
+  EXPECT_TRUE(felt.tissues[0].touchable);
+  EXPECT_EQ(felt.tissues[0].stiffness_N_per_mm, 1);
+  EXPECT_TRUE(felt.tissues[1].touchable);
+  EXPECT_EQ(felt.tissues[1].name, "part A");
+  EXPECT_FALSE(felt.tissues[2].touchable) << "a fluid";
+
+  const LabelMap known = make_map({"part A", "femur"});
+  const Scene bone = new_scene({.labels = "/cases/a.nrrd", .label_map = &known, .touch_unknown = true});
+  ASSERT_EQ(bone.tissues.size(), 2u);
+  EXPECT_TRUE(bone.tissues[0].touchable);
+  EXPECT_FALSE(bone.tissues[1].touchable);
+}
+
 TEST(NewScene, ReportsTheTermThatSuggestsAPreset) {
   const LabelMap map = make_map({"sterno_thyroid_left", "sterno_thyroid_right", "thyroid_gland",
                                  "kidney_cyst_left", "hip_implant", "stomach", "masseter_left"});

@@ -101,6 +101,12 @@ Result<std::filesystem::path> partner(const std::filesystem::path& file, const s
 
 }  // namespace
 
+void name_format(const Format& format, VolumeFile& volume) {
+  const bool is_slicer = volume.header.has_segments && format.writer == ItkFormat::kNrrd;
+  volume.header.format = is_slicer ? "Slicer segmentation (NRRD)" : format.name;
+  volume.header.component_type = name_of(volume.voxels.component);
+}
+
 bool has_extension(const std::filesystem::path& file, std::string_view ending) {
   const std::string name = lower_case(file.filename().string());
   return name.size() > ending.size() && std::string_view(name).substr(name.size() - ending.size()) == ending;
@@ -175,20 +181,6 @@ Result<VolumeFile> inspect_file(const Format& format, const std::filesystem::pat
   if (!kind || kind->readable_format == format.name) return volume;
   return bad_input(file.string(), "is " + kind->what + ", not " + format.name + " as its name says",
                    kind->remedy);
-}
-
-Result<GridGeometry> itk_geometry(ItkFormat format, const std::filesystem::path& file,
-                                  const std::array<int, 3>& dims) {
-  const auto grid = itk_read_grid(format, file);
-  if (!grid) return grid.error();
-  if (grid->dims != dims) return bad_input(file.string(), "the sizes in its header are inconsistent");
-  GridGeometry geometry;
-  geometry.dims = dims;
-  geometry.spacing_mm = Eigen::Vector3d(grid->spacing_mm.data());
-  geometry.origin = Point<Patient>(Eigen::Vector3d(grid->origin_mm.data()));
-  for (std::size_t a = 0; a < 3; ++a)
-    geometry.direction.col(static_cast<int>(a)) = Eigen::Vector3d(grid->columns[a].data());
-  return checked(geometry, file.string());
 }
 
 }  // namespace palpate::volume_io

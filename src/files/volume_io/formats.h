@@ -59,6 +59,9 @@ Result<std::filesystem::path> find_other_file(const std::filesystem::path& file,
 /// Error for a path that does not exist or is a folder; nullopt otherwise.
 std::optional<Error> not_a_file(const std::filesystem::path& file);
 
+/// Sets the names of format and type, which no inspect function sets.
+void name_format(const Format& format, VolumeFile& volume);
+
 bool has_extension(const std::filesystem::path& file, std::string_view ending);
 
 /// Returns the first `bytes` decompressed bytes of a gzip file, or fewer.
@@ -73,10 +76,5 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& file, OtherFiles& 
                                  const PlacementOptions& placement_options);
 Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFiles& others,
                                      const PlacementOptions& placement_options);
-
-/// Geometry as read by ITK, validated. Errors: ITK reads dimensions other than `dims`, which are those of
-/// palpate's own parser.
-Result<GridGeometry> itk_geometry(ItkFormat format, const std::filesystem::path& file,
-                                  const std::array<int, 3>& dims);
 
 }  // namespace palpate::volume_io

@@ -1,12 +1,14 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
 #include <string_view>
 
 #include "volume_io/voxel_source.h"
 
 /// Parsers of the headers of NRRD, MetaImage and NIfTI, without ITK: sizes, type and location of the voxels,
-/// and whatever must be validated before a library that trusts its input reads the geometry. The bytes are
-/// untrusted. `source` names them in errors.
+/// and their place in the patient, which equals to the last bit what ITK 5.2 reads (header_geometry_test.cc).
+/// The bytes are untrusted. `source` names them in errors.
 namespace palpate::volume_io {
 
 /// Maximum size of a header at the beginning of a file; bytes.
@@ -14,6 +16,15 @@ constexpr std::size_t kMaxHeaderBytes = std::size_t{1} << 24;
 
 /// Key and text of 3D Slicer's segment fields, such as "Segment0_Name".
 using SegmentFieldPairs = std::vector<std::pair<std::string, std::string>>;
+
+/// Place of a volume's first three axes in the patient, LPS; axes that it lacks keep these values.
+struct HeaderGeometry {
+  Eigen::Vector3d spacing_mm = Eigen::Vector3d::Ones(), origin_mm = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d direction = Eigen::Matrix3d::Identity();  ///< Column a: direction of axis a.
+};
+/// Grid of a header's geometry, validated by checked().
+Result<GridGeometry> grid_of(const HeaderGeometry& geometry, const std::array<int, 3>& dims,
+                             const std::string& source);
 
 /// See http://teem.sourceforge.net/nrrd/format.html.
 struct NrrdHeader {
@@ -24,6 +35,7 @@ struct NrrdHeader {
   std::string data_file;        ///< Empty: the voxels follow the header.
   int line_skip = 0;
   bool has_geometry = false;
+  HeaderGeometry geometry;
   VoxelSource voxels;  ///< Without the file; its offset is the end of the header.
   SegmentFieldPairs segment_fields;
 };
@@ -34,6 +46,7 @@ struct MetaImageHeader {
   std::vector<std::int64_t> axes;
   std::string data_file;  ///< Empty: the voxels follow the header.
   bool has_geometry = false;
+  HeaderGeometry geometry;
   VoxelSource voxels;  ///< Without the file; its offset is the end of the header.
 };
 Result<MetaImageHeader> parse_metaimage_header(std::string_view bytes, const std::string& source);
@@ -44,8 +57,9 @@ struct NiftiHeader {
   bool has_geometry = false;
   bool has_detached_data = false;  ///< The voxels are in a file of their own (.img).
   /// Voxel index to RAS mm: the sform, or the qform if that is requested; in a NIfTI-2 without an sform, from
-  /// its qform or voxel sizes. Unset: left to ITK.
+  /// its qform or voxel sizes. Unset: a NIfTI-1 without an sform, whose place is `geometry`.
   std::optional<Eigen::Matrix<double, 3, 4>> affine;
+  HeaderGeometry geometry;  ///< If there is no `affine`: by the qform or the voxel sizes, in 32 bits as ITK.
   /// The transform that is not used, if the file has both and none was requested.
   std::optional<Eigen::Matrix<double, 3, 4>> other_affine;
   ValueMeaning meaning = ValueMeaning::kUnspecified;  ///< By its intent code.

@@ -35,20 +35,6 @@ std::string reason(const std::exception& exception) {
   return last.substr(0, 200);
 }
 
-// a volume with fewer than three axes lies in the plane of the first axes
-ItkGrid grid_of(const itk::ImageIOBase& io) {
-  ItkGrid grid;
-  const unsigned axes = std::min(io.GetNumberOfDimensions(), 3u);
-  for (unsigned a = 0; a < axes; ++a) {
-    grid.dims[a] = static_cast<int>(io.GetDimensions(a));
-    grid.spacing_mm[a] = io.GetSpacing(a);
-    grid.origin_mm[a] = io.GetOrigin(a);
-    const std::vector<double> column = io.GetDirection(a);
-    for (unsigned r = 0; r < axes; ++r) grid.columns[a][r] = column[r];
-  }
-  return grid;
-}
-
 itk::CommonEnums::IOComponent itk_component(Component component) {
   using Itk = itk::CommonEnums::IOComponent;
   switch (component) {
@@ -83,17 +69,6 @@ itk::ImageIORegion whole(const itk::ImageIOBase& io) {
 }
 
 }  // namespace
-
-Result<ItkGrid> itk_read_grid(ItkFormat format, const std::filesystem::path& file) {
-  try {
-    const auto io = create(format);
-    io->SetFileName(file.string());
-    io->ReadImageInformation();
-    return grid_of(*io);
-  } catch (const std::exception& exception) {
-    return Error{ErrorKind::kBadInput, "its header cannot be used: " + reason(exception), file.string(), ""};
-  }
-}
 
 Result<void> itk_write(ItkFormat format, const std::filesystem::path& file, const ItkImage& image) {
   const ItkSection section;

@@ -10,8 +10,8 @@
 #include "palpate/base/result.h"
 #include "volume_io/component.h"
 
-/// Interface to ITK's image IO objects, used without pipelines. Plain data only, because ITK includes its own
-/// copy of Eigen, which must not be mixed with palpate's in one translation unit.
+/// Writing of volumes by ITK's image IO objects, used without pipelines. Plain data only, because ITK
+/// includes its own copy of Eigen, which must not be mixed with palpate's in one translation unit.
 namespace palpate::volume_io {
 
 enum class ItkFormat { kNrrd, kNifti, kMetaImage };
@@ -23,17 +23,12 @@ struct ItkGrid {
   std::array<std::array<double, 3>, 3> columns{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 };
 
-/// Serialises every use of ITK in this process, and the start of processes that will use it: a child would
-/// inherit a lock of ITK's held by another thread.
+/// Serialises every use of ITK in this process.
 class ItkSection {
  private:
   static inline std::mutex mutex_;
   std::lock_guard<std::mutex> lock_{mutex_};
 };
-
-/// Geometry of a file as read by ITK, after its header has passed palpate's own validation. Reads no voxels.
-/// For a reader process (volume_reader.h): it does not lock an ItkSection.
-Result<ItkGrid> itk_read_grid(ItkFormat format, const std::filesystem::path& file);
 
 /// Volume to write: voxels on a grid with `components` interleaved values each.
 struct ItkImage {

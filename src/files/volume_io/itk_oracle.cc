@@ -4,6 +4,7 @@
 #include <itkNiftiImageIO.h>
 #include <itkNrrdImageIO.h>
 
+#include <algorithm>
 #include <cstring>
 
 namespace palpate::testing {
@@ -22,14 +23,40 @@ std::vector<double> values(const std::vector<char>& bytes) {
   return result;
 }
 
+itk::ImageIOBase::Pointer create(volume_io::ItkFormat format) {
+  // ITK would print warnings to stderr
+  itk::Object::SetGlobalWarningDisplay(false);
+  if (format == volume_io::ItkFormat::kNrrd) return itk::NrrdImageIO::New().GetPointer();
+  if (format == volume_io::ItkFormat::kNifti) return itk::NiftiImageIO::New().GetPointer();
+  return itk::MetaImageIO::New().GetPointer();
+}
+
 }  // namespace
+
+std::optional<volume_io::ItkGrid> itk_grid_of(volume_io::ItkFormat format,
+                                              const std::filesystem::path& file) {
+  const auto io = create(format);
+  try {
+    io->SetFileName(file.string());
+    io->ReadImageInformation();
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
+  volume_io::ItkGrid grid;
+  const unsigned axes = std::min(io->GetNumberOfDimensions(), 3u);
+  for (unsigned a = 0; a < axes; ++a) {
+    grid.dims[a] = static_cast<int>(io->GetDimensions(a));
+    grid.spacing_mm[a] = io->GetSpacing(a);
+    grid.origin_mm[a] = io->GetOrigin(a);
+    const std::vector<double> column = io->GetDirection(a);
+    for (unsigned r = 0; r < axes; ++r) grid.columns[a][r] = column[r];
+  }
+  return grid;
+}
 
 std::optional<std::vector<double>> itk_voxels(volume_io::ItkFormat format,
                                               const std::filesystem::path& file) {
-  itk::ImageIOBase::Pointer io;
-  if (format == volume_io::ItkFormat::kNrrd) io = itk::NrrdImageIO::New().GetPointer();
-  if (format == volume_io::ItkFormat::kNifti) io = itk::NiftiImageIO::New().GetPointer();
-  if (format == volume_io::ItkFormat::kMetaImage) io = itk::MetaImageIO::New().GetPointer();
+  const auto io = create(format);
   std::vector<char> bytes;
   try {
     io->SetFileName(file.string());

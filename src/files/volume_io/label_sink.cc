@@ -36,7 +36,7 @@ void LabelSink::grow(std::uint64_t values) {
     const std::uint64_t before = file_.layers_first ? 0 : layer * voxels;
     const std::uint64_t here =
         file_.layers_first ? (values + layers - 1) / layers : values - std::min(values, before);
-    grow_to(layers_[layer], std::min(here, voxels));
+    grow_to(layers_[static_cast<std::size_t>(layer)], std::min(here, voxels));
   }
 }
 

@@ -46,7 +46,8 @@ class LabelSink {
         layer = file_.layers_first ? n % layers : n / voxels;
         voxel = file_.layers_first ? n / layers : n % voxels;
       }
-      layers_[layer][voxel] = label;
+      const auto in_layer = static_cast<std::size_t>(layer);
+      layers_[in_layer][static_cast<std::size_t>(voxel)] = label;
       present_[layer][label] = 1;
     });
     if (wrong) return label_error(*wrong);

@@ -22,7 +22,7 @@ Result<VolumeFile> inspect_metaimage(const std::filesystem::path& file, OtherFil
     if (!data) return data.error();
     volume.voxels.file = *data;
   }
-  const auto geometry = itk_geometry(ItkFormat::kMetaImage, file, *dims);
+  const auto geometry = grid_of(header->geometry, *dims, source);
   if (!geometry) return geometry.error();
   volume.header.geometry = *geometry;
   volume.header.has_geometry = header->has_geometry;

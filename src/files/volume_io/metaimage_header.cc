@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -85,19 +86,33 @@ Result<std::vector<std::int64_t>> parse_axes(const MetaFields& fields, const std
   return axes;
 }
 
-Result<bool> check_geometry(const MetaFields& fields, std::size_t axes, const std::string& source) {
+// Returns whether the header states directions.
+Result<bool> read_meta_geometry(const MetaFields& fields, std::size_t axes, const std::string& source,
+                                HeaderGeometry& geometry) {
+  const std::size_t used = std::min<std::size_t>(3, axes);
   if (const std::string* text = field(fields, {"ElementSpacing", "ElementSize"})) {
     const auto spacing = parse_numbers(*text, axes);
     if (!spacing) return bad_input(source, "its spacing is not one finite number for each axis");
     for (const double s : *spacing)
       if (s <= 0) return bad_input(source, "its spacing is not positive");
+    for (std::size_t a = 0; a < used; ++a) geometry.spacing_mm[static_cast<int>(a)] = (*spacing)[a];
   }
   const std::string* matrix = field(fields, {"TransformMatrix", "Rotation", "Orientation"});
-  if (matrix != nullptr && !parse_numbers(*matrix, axes * axes))
-    return bad_input(source, "its TransformMatrix is not " + std::to_string(axes * axes) + " finite numbers");
+  if (matrix != nullptr) {
+    const auto numbers = parse_numbers(*matrix, axes * axes);
+    if (!numbers)
+      return bad_input(source,
+                       "its TransformMatrix is not " + std::to_string(axes * axes) + " finite numbers");
+    for (std::size_t a = 0; a < used; ++a)
+      for (std::size_t r = 0; r < used; ++r)
+        geometry.direction(static_cast<int>(r), static_cast<int>(a)) = (*numbers)[a * axes + r];
+  }
   const std::string* origin = field(fields, {"Offset", "Position", "Origin"});
-  if (origin != nullptr && !parse_numbers(*origin, axes))
-    return bad_input(source, "its Offset is not one finite number for each axis");
+  if (origin != nullptr) {
+    const auto numbers = parse_numbers(*origin, axes);
+    if (!numbers) return bad_input(source, "its Offset is not one finite number for each axis");
+    for (std::size_t a = 0; a < used; ++a) geometry.origin_mm[static_cast<int>(a)] = (*numbers)[a];
+  }
   return matrix != nullptr && axes >= 3;
 }
 
@@ -137,10 +152,10 @@ Result<MetaImageHeader> parse_metaimage_header(std::string_view bytes, const std
   const auto& [fields, end] = *lines;
   auto axes = parse_axes(fields, source);
   if (!axes) return axes.error();
-  const auto has_geometry = check_geometry(fields, axes->size(), source);
-  if (!has_geometry) return has_geometry.error();
 
   MetaImageHeader header;
+  const auto has_geometry = read_meta_geometry(fields, axes->size(), source, header.geometry);
+  if (!has_geometry) return has_geometry.error();
   header.axes = std::move(*axes);
   header.has_geometry = *has_geometry;
   if (auto read = read_voxel_fields(fields, source, header); !read) return read.error();

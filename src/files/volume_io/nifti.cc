@@ -112,9 +112,9 @@ Result<VolumeFile> inspect_nifti(const std::filesystem::path& named, OtherFiles&
 
   // If there is an sform, palpate uses it for the geometry, as nibabel, FSL and FreeSurfer do, unless the
   // qform was requested. ITK would take voxel sizes from pixdim even if the sform contradicts them, and
-  // prefer the qform in that case. ITK only reads the geometry of NIfTI-1 files without an sform.
+  // prefer the qform in that case.
   const auto geometry = header->affine ? checked(from_affine(*header->affine, *dims), source)
-                                       : itk_geometry(ItkFormat::kNifti, file, *dims);
+                                       : grid_of(header->geometry, *dims, source);
   if (!geometry) return geometry.error();
   volume.header.geometry = *geometry;
   volume.header.has_geometry = header->has_geometry;

@@ -164,6 +164,44 @@ Eigen::Matrix<double, 3, 4> from_voxel_sizes(const Fields& f) {
   return affine;
 }
 
+// Geometry of a NIfTI-1 by its qform or voxel sizes as ITK reads it: with numbers of 32 bits, by
+// nifti_quatern_to_mat44() of the standard's nifti1_io.c.
+HeaderGeometry geometry_in_32_bits(const Fields& f) {
+  HeaderGeometry geometry;
+  for (int a = 0; a < 3; ++a) geometry.spacing_mm[a] = f.pixdim[a + 1];
+  if (f.qform_code <= 0) return geometry;
+  double b = f.quaternion[0], c = f.quaternion[1], d = f.quaternion[2];
+  double a = 1 - (b * b + c * c + d * d);
+  constexpr double kHalfTurn = 1e-7;
+  if (a < kHalfTurn) {
+    const double scale = 1 / std::sqrt(b * b + c * c + d * d);
+    b *= scale;
+    c *= scale;
+    d *= scale;
+    a = 0;
+  } else {
+    a = std::sqrt(a);
+  }
+  const double x = f.pixdim[1], y = f.pixdim[2], z = f.pixdim[0] < 0 ? -f.pixdim[3] : f.pixdim[3];
+  const double exact[3][3] = {
+      {(a * a + b * b - c * c - d * d) * x, 2 * (b * c + a * d) * x, 2 * (b * d - a * c) * x},
+      {2 * (b * c - a * d) * y, (a * a + c * c - b * b - d * d) * y, 2 * (c * d + a * b) * y},
+      {2 * (b * d + a * c) * z, 2 * (c * d - a * b) * z, (a * a + d * d - c * c - b * b) * z}};
+  // volatile: g++ 12 at -O3 keeps the digits that a float does not have
+  volatile float columns[3][3];
+  for (int axis = 0; axis < 3; ++axis)
+    for (int r = 0; r < 3; ++r) columns[axis][r] = static_cast<float>(exact[axis][r]);
+  for (int axis = 0; axis < 3; ++axis) {
+    // RAS to LPS
+    Eigen::Vector3d column;
+    for (int r = 0; r < 3; ++r) column[r] = (r < 2 ? -1.0 : 1.0) * static_cast<double>(columns[axis][r]);
+    const double length = std::sqrt(column[0] * column[0] + column[1] * column[1] + column[2] * column[2]);
+    for (int r = 0; r < 3; ++r) geometry.direction(r, axis) = column[r] / length;
+  }
+  for (int r = 0; r < 3; ++r) geometry.origin_mm[r] = (r < 2 ? -1.0 : 1.0) * f.qoffset[r];
+  return geometry;
+}
+
 Result<void> read_geometry(const Fields& f, bool is_nifti2, std::optional<NiftiForm> form,
                            const std::string& source, NiftiHeader& header) {
   header.has_geometry = f.qform_code > 0 || f.sform_code > 0;
@@ -201,9 +239,11 @@ Result<void> read_geometry(const Fields& f, bool is_nifti2, std::optional<NiftiF
   }
   if (f.qform_code > 0 && !(finite(f.quaternion) && finite(f.qoffset)))
     return bad_input(source, "its qform contains a non-finite value", "copy it from the original scan");
-  // ITK handles NIfTI-1 without an sform, and does not read NIfTI-2
+  // ITK does not read NIfTI-2
   if (is_nifti2 || f.sform_code > 0)
     header.affine = f.qform_code > 0 ? from_qform(sized) : from_voxel_sizes(sized);
+  else
+    header.geometry = geometry_in_32_bits(sized);
   return {};
 }
 

@@ -8,10 +8,10 @@ namespace {
 // offset after `lines` line ends
 Result<std::uint64_t> skip_lines(const std::filesystem::path& file, std::uint64_t offset, int lines) {
   if (lines == 0) return offset;
-  const auto bytes = read_front(file, Encoding::kRaw, offset + kMaxHeaderBytes);
+  const auto bytes = read_front(file, Encoding::kRaw, static_cast<std::size_t>(offset) + kMaxHeaderBytes);
   if (!bytes) return bytes.error();
   for (; lines > 0; --lines) {
-    const auto end = bytes->find('\n', offset);
+    const auto end = bytes->find('\n', static_cast<std::size_t>(offset));
     if (end == std::string::npos)
       return bad_input(file.string(), "has fewer lines than its line skip", "is the file complete?");
     offset = end + 1;
@@ -67,7 +67,7 @@ Result<VolumeFile> inspect_nrrd(const std::filesystem::path& file, OtherFiles& o
   if (auto fits = check_negative_byte_skip(volume.voxels, *dims, header->layers, source); !fits)
     return fits.error();
 
-  const auto geometry = itk_geometry(ItkFormat::kNrrd, file, *dims);
+  const auto geometry = grid_of(header->geometry, *dims, source);
   if (!geometry) return geometry.error();
   volume.header.geometry = *geometry;
   volume.header.layers = header->layers;

@@ -1,7 +1,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <set>
 #include <string_view>
 
 #include "volume_io/headers.h"
@@ -29,6 +31,20 @@ std::string unescaped(std::string_view text) {
   return plain;
 }
 
+// fields of the format's definition (Gordon Kindlmann, teem.sourceforge.net/nrrd/format.html), without spaces
+bool is_nrrd_field(std::string_view name) {
+  static const std::set<std::string_view> kFields{
+      "axismaxs",         "axismins",    "blocksize",  "byteskip",
+      "centerings",       "centers",     "content",    "datafile",
+      "dimension",        "encoding",    "endian",     "kinds",
+      "labels",           "lineskip",    "max",        "min",
+      "measurementframe", "number",      "oldmax",     "oldmin",
+      "sampleunits",      "sizes",       "space",      "spacedimension",
+      "spacedirections",  "spaceorigin", "spaceunits", "spacings",
+      "thicknesses",      "type",        "units"};
+  return kFields.contains(name);
+}
+
 Result<HeaderFields> split_lines(std::string_view bytes, const std::string& source) {
   HeaderFields lines;
   std::string_view remaining = bytes;
@@ -53,6 +69,10 @@ Result<HeaderFields> split_lines(std::string_view bytes, const std::string& sour
     // "space origin" and "spaceorigin" are both common
     std::string name = lower_case(trimmed(line.substr(0, colon)));
     std::erase(name, ' ');
+    // a misspelt field would be lost, and with it the place of the volume
+    if (!is_nrrd_field(name))
+      return bad_input(where, "has a field that NRRD does not define",
+                       "correct its name, or write := after it");
     if (!lines.fields.emplace(name, std::string(trimmed(line.substr(colon + 1)))).second)
       return bad_input(where, "repeats a field of its header");
   }
@@ -226,34 +246,167 @@ class Parser {
     return check_directions();
   }
 
+  // dimension of the space that the header names; 0: it names none
+  Result<std::size_t> parse_space() {
+    const std::string* name = field("space");
+    const std::string* dimension = field("spacedimension");
+    if (name != nullptr && dimension != nullptr) return bad("states both a space and a space dimension");
+    if (dimension != nullptr) {
+      const auto count = parse_number<std::uint8_t>(*dimension);
+      if (!count || *count == 0 || *count > 8) return bad("its space dimension is not a number in 1 ... 8");
+      return std::size_t{*count};
+    }
+    if (name == nullptr) return std::size_t{0};
+    space_ = lower_case(*name);
+    std::erase_if(space_, [](char c) { return c == '-' || c == ' '; });
+    static const std::map<std::string_view, std::size_t> kDimensions{{"rightanteriorsuperior", 3},
+                                                                     {"ras", 3},
+                                                                     {"leftanteriorsuperior", 3},
+                                                                     {"las", 3},
+                                                                     {"leftposteriorsuperior", 3},
+                                                                     {"lps", 3},
+                                                                     {"scannerxyz", 3},
+                                                                     {"3drighthanded", 3},
+                                                                     {"3dlefthanded", 3},
+                                                                     {"rast", 4},
+                                                                     {"rightanteriorsuperiortime", 4},
+                                                                     {"last", 4},
+                                                                     {"leftanteriorsuperiortime", 4},
+                                                                     {"lpst", 4},
+                                                                     {"leftposteriorsuperiortime", 4},
+                                                                     {"scannerxyztime", 4},
+                                                                     {"3drighthandedtime", 4},
+                                                                     {"3dlefthandedtime", 4}};
+    const auto known = kDimensions.find(space_);
+    if (known == kDimensions.end())
+      return bad("its space '" + name->substr(0, 40) + "' is none of NRRD", "use left-posterior-superior");
+    return known->second;
+  }
+
+  // sign of each axis of the header's space in LPS
+  Eigen::Vector3d to_lps() const {
+    if (space_ == "ras" || space_ == "rightanteriorsuperior") return {-1, -1, 1};
+    if (space_ == "las" || space_ == "leftanteriorsuperior") return {1, -1, 1};
+    return Eigen::Vector3d::Ones();
+  }
+
   Result<void> check_directions() {
+    const auto dimension = parse_space();
+    if (!dimension) return dimension.error();
     const std::string* text = field("spacedirections");
-    if (text == nullptr) return {};
-    const auto vectors = parse_vectors(*text);
+    const std::string* origin = field("spaceorigin");
+    if (*dimension == 0) {
+      if (text != nullptr || origin != nullptr)
+        return bad("states space directions or a space origin, but not in which space",
+                   "add 'space: left-posterior-superior', if that is what they are in");
+      return parse_axes_without_space();
+    }
+    if (field("spacings") != nullptr)
+      return bad("states both spacings and a space", "keep the space directions, and remove the spacings");
+    if (text != nullptr)
+      if (auto parsed = parse_directions(*text, *dimension); !parsed) return parsed;
+    if (*dimension != header_.axes.size())
+      return bad("its space has " + std::to_string(*dimension) + " dimensions, but its voxels have " +
+                 std::to_string(header_.axes.size()));
+    if (origin != nullptr) {
+      const auto point = parse_vectors(*origin);
+      if (!point || point->size() != 1 || (point->front() && point->front()->size() != *dimension))
+        return bad("its space origin is not one finite point");
+      if (point->front())
+        for (std::size_t a = 0; a < std::min<std::size_t>(3, *dimension); ++a)
+          header_.geometry.origin_mm[static_cast<int>(a)] =
+              to_lps()[static_cast<int>(a)] * (*point->front())[a];
+    }
+    header_.has_geometry =
+        text != nullptr && *dimension == 3 &&
+        (space_ == "leftposteriorsuperior" || space_ == "lps" || space_ == "ras" ||
+         space_ == "rightanteriorsuperior" || space_ == "las" || space_ == "leftanteriorsuperior");
+    return {};
+  }
+
+  Result<void> parse_directions(const std::string& text, std::size_t dimension) {
+    const auto vectors = parse_vectors(text);
     if (!vectors || vectors->size() != header_.axes.size() + header_.has_layer_axis)
       return bad("its space directions are not one finite vector for each axis");
-    std::size_t length = 0;
+    int axis = 0;
     for (std::size_t a = 0; a < vectors->size(); ++a) {
-      const bool spatial = !(header_.has_layer_axis && a == layer_axis_index_);
-      if (spatial && !(*vectors)[a])
+      const AxisVector& vector = (*vectors)[a];
+      const bool is_spatial = !(header_.has_layer_axis && a == layer_axis_index_);
+      if (!vector && !is_spatial) continue;
+      if (!vector)
         return bad("axis " + std::to_string(a + 1) + " has no space direction",
                    "give one volume of three axes that all have one");
-      if ((*vectors)[a]) length = (*vectors)[a]->size();
+      if (vector->size() != dimension)
+        return bad("the space direction of axis " + std::to_string(a + 1) + " has " +
+                   std::to_string(vector->size()) + " numbers, but its space has " +
+                   std::to_string(dimension) + " dimensions");
+      if (!is_spatial) continue;
+      // in the order of teem's arithmetic, for the same rounding
+      double square = 0;
+      for (const double number : *vector) square += number * number;
+      const double length = std::sqrt(square), scale = 1.0 / length;
+      if (axis < 3) {
+        header_.geometry.spacing_mm[axis] = length;
+        for (std::size_t r = 0; r < std::min<std::size_t>(3, dimension); ++r)
+          header_.geometry.direction(static_cast<int>(r), axis) =
+              to_lps()[static_cast<int>(r)] * (scale * (*vector)[r]);
+        ++axis;
+      }
     }
-    for (const AxisVector& vector : *vectors)
-      if (vector && vector->size() != length) return bad("its space directions differ in length");
-    if (length != header_.axes.size())
-      return bad("its space has " + std::to_string(length) + " dimensions, but its voxels have " +
-                 std::to_string(header_.axes.size()));
-    if (const std::string* origin = field("spaceorigin")) {
-      const auto point = parse_vectors(*origin);
-      if (!point || point->size() != 1 || !point->front() || point->front()->size() != length)
-        return bad("its space origin is not one finite point");
+    return {};
+  }
+
+  // numbers of a field with one for each axis, without the layer axis; NaN where there is none
+  Result<std::vector<double>> axis_numbers(const char* name, const char* shown) const {
+    std::vector<double> numbers;
+    if (const std::string* text = field(name)) {
+      const auto parts = split_spaces(*text);
+      if (parts.size() != header_.axes.size() + header_.has_layer_axis)
+        return bad(std::string("its ") + shown + " do not agree with its dimension");
+      for (std::size_t a = 0; a < parts.size(); ++a) {
+        if (header_.has_layer_axis && a == layer_axis_index_) continue;
+        const auto number = parse_number<double>(parts[a]);
+        if (!number) return bad(std::string("its ") + shown + " are not a number for each axis");
+        numbers.push_back(*number);
+      }
     }
-    const std::string space = field("space") != nullptr ? lower_case(*field("space")) : "";
-    header_.has_geometry = length == 3 && (space == "left-posterior-superior" || space == "lps" ||
-                                           space == "right-anterior-superior" || space == "ras" ||
-                                           space == "left-anterior-superior" || space == "las");
+    numbers.resize(header_.axes.size(), std::numeric_limits<double>::quiet_NaN());
+    return numbers;
+  }
+
+  // Geometry by spacings and the positions at which the axes begin, whose directions are taken as LPS. Where
+  // the spacings are not stated, they are 1 mm as in ITK, which derives the origin from the ends of the axes.
+  Result<void> parse_axes_without_space() {
+    const auto spacings = axis_numbers("spacings", "spacings"),
+               begins = axis_numbers("axismins", "axis mins"), ends = axis_numbers("axismaxs", "axis maxs");
+    if (!spacings) return spacings.error();
+    if (!begins) return begins.error();
+    if (!ends) return ends.error();
+    const auto is_unknown = [](double number) { return std::isnan(number); };
+    // ITK would drop all positions, or read NaN, depending on which one is missing
+    if (!std::ranges::all_of(*begins, is_unknown) && std::ranges::any_of(*begins, is_unknown))
+      return bad("its axis mins are known for some axes only", "state all of them, or none");
+    const auto is_infinite = [](double number) { return std::isinf(number); };
+    if (std::ranges::any_of(*begins, is_infinite) || std::ranges::any_of(*ends, is_infinite))
+      return bad("its axis mins or axis maxs are not finite numbers");
+    const std::size_t count = std::min<std::size_t>(3, header_.axes.size());
+    for (std::size_t a = 0; a < count; ++a)
+      if (std::isfinite((*spacings)[a])) header_.geometry.spacing_mm[static_cast<int>(a)] = (*spacings)[a];
+    const bool has_spacings = std::ranges::none_of(*spacings, is_unknown);
+    if (std::ranges::any_of(*begins, is_unknown) || (!has_spacings && std::ranges::any_of(*ends, is_unknown)))
+      return {};
+    // an axis begins at the border of its first voxel, unless its values are stated to lie at nodes
+    std::vector<std::string_view> centers;
+    for (const char* name : {"centers", "centerings"})
+      if (const std::string* text = field(name)) centers = split_spaces(*text);
+    if (header_.has_layer_axis && layer_axis_index_ < centers.size())
+      centers.erase(centers.begin() + static_cast<std::ptrdiff_t>(layer_axis_index_));
+    for (std::size_t a = 0; a < count; ++a) {
+      const bool at_nodes = a < centers.size() && lower_case(centers[a]) == "node";
+      const double voxel_mm =
+          has_spacings ? (*spacings)[a] : ((*ends)[a] - (*begins)[a]) / static_cast<double>(header_.axes[a]);
+      header_.geometry.origin_mm[static_cast<int>(a)] = (*begins)[a] + (at_nodes ? 0 : voxel_mm / 2);
+    }
     return {};
   }
 
@@ -311,6 +464,7 @@ class Parser {
   const std::string& source_;
   NrrdHeader header_;
   std::size_t layer_axis_index_ = 0;
+  std::string space_;  // in lower case, without hyphens
 };
 
 }  // namespace

@@ -86,9 +86,13 @@ TEST(NrrdHeader, CountsANegativeByteSkipFromTheEnd) {
 }
 
 TEST(NrrdHeader, WithoutDirectionsOrAPatientSpaceItHasNoGeometry) {
-  EXPECT_FALSE(
-      parse_nrrd_header(nrrd_with("space directions: (1,0,0) (0,1,0) (0,0,1)", "spacings: 1 1 2"), "x")
-          ->has_geometry);
+  std::string spaced = nrrd_with("space directions: (1,0,0) (0,1,0) (0,0,1)", "spacings: 1 1 2");
+  EXPECT_FALSE(parse_nrrd_header(spaced, "x")) << "spacings and a space contradict each other";
+  for (const std::string line : {"space: left-posterior-superior\n", "space origin: (0,0,0)\n"})
+    spaced.erase(spaced.find(line), line.size());
+  const auto header = parse_nrrd_header(spaced, "x");
+  ASSERT_TRUE(header) << header.error().message();
+  EXPECT_FALSE(header->has_geometry);
   EXPECT_FALSE(parse_nrrd_header(nrrd_with("left-posterior-superior", "3D-right-handed"), "x")->has_geometry);
   EXPECT_TRUE(parse_nrrd_header(nrrd_with("left-posterior-superior", "RAS"), "x")->has_geometry);
 }
@@ -123,6 +127,8 @@ TEST(NrrdHeader, RejectsInvalidHeaders) {
                                  kGoodNrrd + "data file: a%03d.raw 1 9 1\n",
                                  kGoodNrrd + "type: short\n",
                                  kGoodNrrd + "no colon\n",
+                                 nrrd_with("space directions:", "space directionz:"),
+                                 nrrd_with("space origin:", "spce origin:"),
                                  kGoodNrrd + "byte skip: x\n",
                                  kGoodNrrd + "line skip: -1\n"}) {
     const auto header = parse_nrrd_header(bad, "x.nrrd");

@@ -268,8 +268,9 @@ Result<ScanValues> unpack_scan(VolumeReader& reader, const std::filesystem::path
       using T = decltype(type);
       grow_to(voxels, first + bytes.size() / sizeof(T));
       for_each_value<T>(first, bytes, [&](std::uint64_t n, T stored) {
-        voxels[n] = scaled ? static_cast<float>(source.slope * static_cast<double>(stored) + source.intercept)
-                           : static_cast<float>(stored);
+        voxels[static_cast<std::size_t>(n)] =
+            scaled ? static_cast<float>(source.slope * static_cast<double>(stored) + source.intercept)
+                   : static_cast<float>(stored);
       });
     });
     return Result<void>();

@@ -45,13 +45,6 @@ Result<std::unique_ptr<reader::ReaderProcess>> start(const std::vector<InputFile
   return start_reader(descriptors, shared_bytes, progress, work);
 }
 
-// names of format and type, which the message does not contain
-void name_format(const Format& format, VolumeFile& volume) {
-  const bool is_slicer = volume.header.has_segments && format.writer == ItkFormat::kNrrd;
-  volume.header.format = is_slicer ? "Slicer segmentation (NRRD)" : format.name;
-  volume.header.component_type = name_of(volume.voxels.component);
-}
-
 // adds the slice at which reading DICOM failed
 Error at_slice(Error error, const VolumeFile& file, std::uint64_t values) {
   const GridGeometry& grid = file.header.geometry;
@@ -99,7 +92,6 @@ Result<std::unique_ptr<reader::ReaderProcess>> start_reader(std::span<const int>
   job.shared_bytes = shared_bytes;
   job.death_error = "is damaged: its reader fails to read it";
   job.timeout_error = "is damaged: its reader does not finish";
-  const ItkSection section;
   return reader::ReaderProcess::start(job, work, progress);
 }
 

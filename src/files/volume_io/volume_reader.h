@@ -14,7 +14,7 @@
 #include "volume_io/voxel_source.h"
 #include "volume_io/voxel_stream.h"
 
-/// Reads a volume by a confined process (reader_process.h): palpate and ITK parse the header, zlib and libbz2
+/// Reads a volume by a confined process (reader_process.h): palpate parses the header, zlib and libbz2
 /// decompress the voxels. The parent receives the header's fields and the stored values (volume_message.h),
 /// which it copies piece by piece from shared memory: the volume is held in memory once.
 ///

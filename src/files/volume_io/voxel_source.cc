@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "palpate/base/reading.h"
+#include "volume_io/headers.h"
 
 namespace palpate::volume_io {
 
@@ -70,6 +71,16 @@ Result<GridGeometry> checked(const GridGeometry& geometry, const std::string& so
     return bad_input(source, "its axes lie in one plane and span no volume",
                      "repair its directions from the scan");
   return geometry;
+}
+
+Result<GridGeometry> grid_of(const HeaderGeometry& geometry, const std::array<int, 3>& dims,
+                             const std::string& source) {
+  GridGeometry grid;
+  grid.dims = dims;
+  grid.spacing_mm = geometry.spacing_mm;
+  grid.origin = Point<Patient>(geometry.origin_mm);
+  grid.direction = geometry.direction;
+  return checked(grid, source);
 }
 
 Result<std::filesystem::path> data_file_beside(const std::filesystem::path& header, const std::string& name) {

@@ -1,152 +1,20 @@
 #include "volume_io/voxel_stream.h"
 
-#include <bzlib.h>
-#include <zlib.h>
-
 #include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cstring>
 #include <memory>
 
-#include "palpate/base/file.h"
 #include "palpate/base/reading.h"
+#include "volume_io/byte_stream.h"
 
 namespace palpate::volume_io {
 namespace {
 
-// sequential reads of a file from an offset on
-class FileBytes {
- public:
-  Result<void> open(const std::filesystem::path& file, std::uint64_t offset) {
-    auto opened = InputFile::open(file);
-    if (!opened) return opened.error();
-    file_ = *std::move(opened);
-    at_ = offset;
-    return {};
-  }
-  // returns fewer bytes than requested only at the end or after a read error
-  std::size_t read(std::span<std::byte> out) {
-    const auto received = file_->read_at(at_, out);
-    if (!received) return 0;
-    at_ += *received;
-    return *received;
-  }
-
- private:
-  std::optional<InputFile> file_;
-  std::uint64_t at_ = 0;
-};
-
-// decoded bytes in order
-class ByteStream {
- public:
-  virtual ~ByteStream() = default;
-  /// Fills `out`; fewer bytes mean the end of the data, and fault() is set if they ended abnormally.
-  virtual std::size_t read(std::span<std::byte> out) = 0;
-  const std::string& fault() const { return fault_; }
-  FileBytes& file() { return file_; }
-
- protected:
-  FileBytes file_;
-  std::string fault_;
-};
-
 class RawStream : public ByteStream {
  public:
   std::size_t read(std::span<std::byte> out) override { return file_.read(out); }
-};
-
-constexpr std::size_t kPiece = 1 << 16;
-
-class DeflateStream : public ByteStream {
- public:
-  DeflateStream() {
-    constexpr int kGzipOrZlib = 15 + 32;
-    good_ = inflateInit2(&z_, kGzipOrZlib) == Z_OK;
-    if (!good_) fault_ = "cannot be decompressed";
-  }
-  ~DeflateStream() override { inflateEnd(&z_); }
-
-  std::size_t read(std::span<std::byte> out) override {
-    std::size_t used = 0;
-    while (good_ && used < out.size()) {
-      if (z_.avail_in == 0 && !refill()) break;
-      const auto available = static_cast<uInt>(std::min<std::size_t>(out.size() - used, 1u << 30));
-      z_.next_out = reinterpret_cast<Bytef*>(out.data() + used);
-      z_.avail_out = available;
-      const int status = inflate(&z_, Z_NO_FLUSH);
-      used += available - z_.avail_out;
-      if (status == Z_STREAM_END)
-        good_ = next_member();
-      else if (status != Z_OK && status != Z_BUF_ERROR)
-        stop(std::string("the compressed data are damaged") +
-             (z_.msg ? std::string(" (") + z_.msg + ")" : ""));
-    }
-    return used;
-  }
-
- private:
-  void stop(std::string fault) {
-    good_ = false;
-    fault_ = std::move(fault);
-  }
-  bool refill() {
-    const std::size_t received = file_.read(std::as_writable_bytes(std::span(in_)));
-    z_.next_in = in_;
-    z_.avail_in = static_cast<uInt>(received);
-    if (received == 0) stop("the compressed data end early");
-    return received != 0;
-  }
-  // gzip members may be concatenated; other bytes after the end are ignored
-  bool next_member() {
-    if (z_.avail_in < 2) {
-      std::memmove(in_, z_.next_in, z_.avail_in);
-      const std::size_t retained = z_.avail_in;
-      z_.next_in = in_;
-      z_.avail_in += static_cast<uInt>(file_.read(std::as_writable_bytes(std::span(in_).subspan(retained))));
-    }
-    return z_.avail_in >= 2 && z_.next_in[0] == 0x1f && z_.next_in[1] == 0x8b && inflateReset(&z_) == Z_OK;
-  }
-
-  z_stream z_{};
-  bool good_ = false;
-  Bytef in_[kPiece];
-};
-
-class Bzip2Stream : public ByteStream {
- public:
-  Bzip2Stream() { good_ = BZ2_bzDecompressInit(&z_, 0, 0) == BZ_OK; }
-  ~Bzip2Stream() override { BZ2_bzDecompressEnd(&z_); }
-
-  std::size_t read(std::span<std::byte> out) override {
-    std::size_t used = 0;
-    while (good_ && used < out.size()) {
-      if (z_.avail_in == 0) {
-        z_.next_in = in_;
-        z_.avail_in = static_cast<unsigned>(file_.read(std::as_writable_bytes(std::span(in_))));
-        if (z_.avail_in == 0) {
-          good_ = false;
-          fault_ = "the compressed data end early";
-          break;
-        }
-      }
-      const auto available = static_cast<unsigned>(std::min<std::size_t>(out.size() - used, 1u << 30));
-      z_.next_out = reinterpret_cast<char*>(out.data() + used);
-      z_.avail_out = available;
-      const int status = BZ2_bzDecompress(&z_);
-      used += available - z_.avail_out;
-      if (status == BZ_OK) continue;
-      good_ = false;
-      if (status != BZ_STREAM_END) fault_ = "the compressed data are damaged";
-    }
-    return used;
-  }
-
- private:
-  bz_stream z_{};
-  bool good_ = false;
-  char in_[kPiece];
 };
 
 // text, read character by character
@@ -164,7 +32,7 @@ class TextStream : public ByteStream {
   static bool is_space(int c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
 
  private:
-  char in_[kPiece];
+  char in_[kStreamPiece];
   std::size_t at_ = 0, held_ = 0;
 };
 
@@ -245,9 +113,9 @@ class HexStream : public TextStream {
 std::unique_ptr<ByteStream> stream_for(const VoxelSource& source) {
   switch (source.encoding) {
     case Encoding::kDeflate:
-      return std::make_unique<DeflateStream>();
+      return deflate_stream();
     case Encoding::kBzip2:
-      return std::make_unique<Bzip2Stream>();
+      return bzip2_stream();
     case Encoding::kText:
       return std::make_unique<NumberStream>(source.component);
     case Encoding::kHex:
@@ -289,7 +157,7 @@ struct Positioned {
 
 std::uint64_t pass_over(ByteStream& stream, std::uint64_t bytes, VoxelSink& sink) {
   constexpr std::uint64_t kWord = std::uint64_t{1} << 24;
-  std::vector<std::byte> dump(kPiece);
+  std::vector<std::byte> dump(kStreamPiece);
   std::uint64_t passed = 0;
   while (passed < bytes) {
     if (passed % kWord == 0) sink.still_reading();

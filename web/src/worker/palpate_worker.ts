@@ -1,8 +1,9 @@
 // Entry point of the worker that runs palpate.wasm: a session, with this page as its viewer
 // (src/bindings/wasm/worker.cc).
 
-import type { FromWorker, ToWorker } from "./messages.js";
-import { wasi } from "./wasi.js";
+import { CONTENTS, type FromWorker, type OwnFiles, type ToWorker } from "./messages.js";
+import { folderOf } from "./own_files.js";
+import { wasi, type Folder } from "./wasi.js";
 
 interface Palpate {
   memory: WebAssembly.Memory;
@@ -10,6 +11,8 @@ interface Palpate {
   malloc(bytes: number): number;
   free(at: number): void;
   palpate_open(text: number, length: number): number;
+  palpate_open_files(names: number, length: number, readAs: number): number;
+  palpate_limit_memory(bytes: number): void;
   palpate_problem(): number;
   palpate_get(text: number, length: number): number;
   palpate_body(): number;
@@ -36,6 +39,7 @@ const say = (message: FromWorker, transfer: Transferable[] = []) => page.postMes
 const next = new MessageChannel();
 
 let palpate!: Palpate;
+let folder: Folder = new Map();
 let socket = 0; // number of the page's connection
 let lastText = ""; // last text on stderr, which explains a trap
 
@@ -56,13 +60,31 @@ function withText<T>(text: string, call: (at: number, length: number) => T): T {
   }
 }
 
+/** Memory that the session may take: half of the device's, which browsers state up to 8 GiB or not at all. */
+function memoryLimit_bytes(): number {
+  const device_GiB = (navigator as { deviceMemory?: number }).deviceMemory ?? 4;
+  return (Math.min(4, Math.max(1, device_GiB / 2)) - 1 / 16) * 2 ** 30;
+}
+
+let reported = { stage: "", share: -1, at_ms: 0 };
+/** Tells the page about each stage and each of its hundredths, at most every 50 ms. */
+function report(stage: string, share: number): void {
+  const at_ms = performance.now();
+  if (stage === reported.stage && (share - reported.share < 0.01 || at_ms - reported.at_ms < 50)) return;
+  reported = { stage, share, at_ms };
+  say({ type: "progress", stage, share });
+}
+
 async function load(): Promise<void> {
   const imports = {
     wasi_snapshot_preview1: wasi(
       () => palpate.memory,
       (text) => (lastText = text.trim()),
+      () => folder,
     ),
     palpate: {
+      progress: (at: number, length: number, share: number) =>
+        report(new TextDecoder().decode(copy(at, length)), share),
       send: (at: number, length: number, isBinary: number) => {
         const data = copy(at, length);
         if (isBinary) say({ type: "received", socket, data }, [data]);
@@ -76,6 +98,13 @@ async function load(): Promise<void> {
   const { instance } = await WebAssembly.instantiate(await (await fetched).arrayBuffer(), imports);
   palpate = instance.exports as unknown as Palpate;
   palpate._initialize();
+  palpate.palpate_limit_memory(memoryLimit_bytes());
+}
+
+function openFiles({ files, contents }: OwnFiles): boolean {
+  folder = folderOf(files);
+  const readAs = CONTENTS.indexOf(contents);
+  return withText([...folder.keys()].join("\n"), (at, length) => palpate.palpate_open_files(at, length, readAs) !== 0);
 }
 
 function step(): void {
@@ -99,8 +128,12 @@ function alive(call: () => void): void {
 
 function handle(message: ToWorker): void {
   switch (message.type) {
-    case "open": {
-      const isOpen = withText(message.scene, (at, length) => palpate.palpate_open(at, length));
+    case "open":
+    case "openFiles": {
+      const isOpen =
+        message.type === "open"
+          ? withText(message.scene, (at, length) => palpate.palpate_open(at, length) !== 0)
+          : openFiles(message.own);
       say({ type: "opened", problem: isOpen ? "" : textAt(palpate.palpate_problem()) });
       if (isOpen) step();
       break;

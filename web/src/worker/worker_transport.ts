@@ -1,7 +1,7 @@
 // The page's transport to a worker of its own, in place of a server.
 
 import type { Socket, Transport } from "../protocol/transport.js";
-import type { FromWorker, ToWorker } from "./messages.js";
+import type { FromWorker, OwnFiles, ToWorker } from "./messages.js";
 
 /** Close code of a connection that ended without a closing handshake (RFC 6455, 7.4.1). */
 const ABNORMAL_CLOSURE = 1006;
@@ -15,19 +15,27 @@ export class WorkerTransport implements Transport {
   private died: Error | null = null;
   private opened!: { done(): void; failed(error: Error): void };
 
-  private constructor(private readonly worker: Worker) {
+  private constructor(
+    private readonly worker: Worker,
+    private readonly onProgress: (stage: string, share: number) => void,
+  ) {
     worker.onmessage = ({ data }: MessageEvent<FromWorker>) => this.handle(data);
     worker.onerror = (event) => this.end(new Error(event.message));
   }
 
   /**
-   * Starts a session on a scene.
+   * Starts a session on a scene by its name, or on files of the user.
+   * @param onProgress  called while it is opened, with the stage and the part of it that is done
    * @throws Error with the reason if it cannot be opened
    */
-  static async open(worker: Worker, scene: string): Promise<WorkerTransport> {
-    const transport = new WorkerTransport(worker);
+  static async open(
+    worker: Worker,
+    scene: string | OwnFiles,
+    onProgress: (stage: string, share: number) => void = () => {},
+  ): Promise<WorkerTransport> {
+    const transport = new WorkerTransport(worker, onProgress);
     const isOpen = new Promise<void>((done, failed) => (transport.opened = { done, failed }));
-    transport.say({ type: "open", scene });
+    transport.say(typeof scene === "string" ? { type: "open", scene } : { type: "openFiles", own: scene });
     await isOpen;
     return transport;
   }
@@ -62,6 +70,9 @@ export class WorkerTransport implements Transport {
 
   private handle(message: FromWorker): void {
     switch (message.type) {
+      case "progress":
+        this.onProgress(message.stage, message.share);
+        break;
       case "opened":
         if (message.problem) this.opened.failed(new Error(message.problem));
         else this.opened.done();
