@@ -486,9 +486,8 @@ NoduleLoop nodule_loop(int cells, int steps) {
     return press_sphere(grid, solver, Point<Patient>(x, cells / 2.0 + 0.3, top), up, kRadius_mm, depth_mm,
                         unit, load, kMaxTissueIterations, 1e-5);
   };
-  // work of indentation and retraction at a position, by four-point Gauss-Legendre quadrature in d^(5/2)
+  // energy stored by a press to kDepth_mm at a position: the force integrated over depth by the midpoint rule
   const auto energy = [&](double x) {
-    // W is independent of the depth while the contact is narrow, so the integrand is a single function
     double sum = 0;
     constexpr int kDepths = 24;
     for (int n = 0; n < kDepths; ++n) sum += press(x, kDepth_mm * (n + 0.5) / kDepths).force_N;

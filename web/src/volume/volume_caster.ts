@@ -14,8 +14,8 @@ import { BACKGROUND, type Cut, type View } from "./view.js";
 /** Texture unit of the coverage; the displacement has unit 4. */
 const COVERS = 5;
 /**
- * Maximum number of texels whose coverage is recomputed on a change of looks, which takes some milliseconds. Fields
- * without a graphics card are below it, except at full resolution.
+ * Maximum number of texels whose coverage is recomputed on a change of appearances, which takes some milliseconds.
+ * Fields without a graphics card are below it, except at full resolution.
  */
 const QUICK_TEXELS = 2e6;
 /** Number of samples of a surface's surroundings, and their distance. */
@@ -30,8 +30,8 @@ const glsl = (x: number): string => (Number.isInteger(x) ? `${x}.0` : String(x))
 //
 // Variants. SCAN: the scan around the structures. THIN: translucent structures. EYE: perspective. FINE: smooth
 // surfaces, in 1.5 times the time. CUT: clipping. GRAIN: the scan on cut faces. DISPLACED: deformation. ROUGH: pictures
-// that are replaced soon, in 1/8 of the time: coverage is one lookup in a filtered texture for the current looks
-// (`covers`), and a surface has the colour of one texel.
+// that are replaced soon, in 1/8 of the time: coverage is one lookup in a filtered texture for the current
+// appearances (`covers`), and a surface has the colour of one texel.
 const FRAGMENT = `precision highp float;
 precision highp int;
 precision highp sampler3D;
@@ -84,7 +84,7 @@ const float FAINT = 0.02;
 const vec2 SOLID = vec2(1.0, 0.0);
 
 #if CUT
-int row = 0;                 // row of looks
+int row = 0;                 // row of appearances
 #else
 const int row = 0;
 #endif
@@ -414,8 +414,8 @@ export class Caster {
   private texelFromPatient: Affine = [];
   private appearances = new Uint8Array(1024);
   private gloss = new Uint8Array(256);
-  private skipsValid = false; // the texture of skips is valid for the current looks and field
-  private coversValid = false; // the texture of coverage is valid for the current looks and field
+  private skipsValid = false; // the texture of skips is valid for the current appearances and field
+  private coversValid = false; // the texture of coverage is valid for the current appearances and field
   private window: Vec3 = [0, 1, 0];
   private target: WebGLFramebuffer | null = null; // framebuffer of colours and depths
   private readonly attached: WebGLRenderbuffer[] = [];
@@ -528,7 +528,7 @@ export class Caster {
     return gl.getError() === gl.NO_ERROR;
   }
 
-  /** Whether coverage can be recomputed for each change of looks. */
+  /** Whether coverage can be recomputed for each change of appearances. */
   private get isQuick(): boolean {
     return this.field!.texels.length <= TEXEL_BYTES * QUICK_TEXELS;
   }
