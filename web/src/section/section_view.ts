@@ -168,7 +168,7 @@ export class SectionView {
     this.history.change(`${by} ${this.kind}`, act, gesture);
   }
   /** Adapts the scale to a changed size of the picture, so that the extent stays the same. */
-  private clampToVisible(): void {
+  private preserveExtent(): void {
     const { clientWidth, clientHeight } = this.picture.surface;
     const size = Math.min(clientWidth, clientHeight);
     const { mmPerPixel, pan, offset_mm } = this.view.peek();
@@ -276,7 +276,7 @@ export class SectionView {
     if (resized) {
       // another size clears a canvas, even if it is that of the previous picture
       this.drawn = "";
-      this.clampToVisible();
+      this.preserveExtent();
     }
     if (this.input.measure.value && this.input.measure.value.kind !== session.tool.value) this.input.dropMeasure();
     this.plane = this.currentPlane();

@@ -11,7 +11,7 @@ export interface TrajectoryDeviation {
   angle_deg: number | null; // angle between the trajectory and the shaft, from handle to tip; null: unknown
 }
 /** @param shaft  unit direction from tip to handle; null: no shaft, or unknown orientation */
-export function besideTrajectory(
+export function deviationFrom(
   { entry_mm, target_mm }: Trajectory,
   tip: Vec3,
   shaft: Vec3 | null,

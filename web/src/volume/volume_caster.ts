@@ -281,11 +281,11 @@ void main() {
     bool isSurface = false;
     while (!isSurface && t < end && clear > 0.02) {
       // next sample near a surface
-      bool isDistanceMessage = false;
+      bool isNearSurface = false;
       vec3 at = vec3(0.0);
       uvec4 texel = uvec4(0u);
       before = now;
-      while (!isDistanceMessage && t < end) {
+      while (!isNearSurface && t < end) {
         at = origin + t * into;
 #if CUT
         row = t < cut ? 1 : 0;
@@ -306,7 +306,7 @@ void main() {
         texel = texelFetch(field, here, 0);
         vec2 rough = coverageOf(texel);
 #endif
-        isDistanceMessage = rough.x + rough.y > FAINT;
+        isNearSurface = rough.x + rough.y > FAINT;
         float step = pace;
         // to the end of the empty cube of blocks
         vec3 least = (vec3(block) - (skip - 1.0)) * ${BLOCK}.0 - 0.5, most = (vec3(block) + skip) * ${BLOCK}.0 - 0.5;
@@ -329,12 +329,12 @@ void main() {
         shown += clear * dense * 0.8 * value;
         clear *= 1.0 - dense;
 #endif
-        before = isDistanceMessage ? before : vec2(0.0);
-        last = isDistanceMessage ? last : t;
-        t = isDistanceMessage ? t : t + step;
+        before = isNearSurface ? before : vec2(0.0);
+        last = isNearSurface ? last : t;
+        t = isNearSurface ? t : t + step;
       }
       // nothing between empty space and this sample
-      now = isDistanceMessage ? coverage(at) : vec2(0.0);
+      now = isNearSurface ? coverage(at) : vec2(0.0);
       isSurface = now.x >= SURFACE;
 #if THIN
       isSurface = isSurface || (before.y < SURFACE && now.y >= SURFACE);
