@@ -41,12 +41,12 @@ struct SlurmOptions {
 /// Runs the cases as one array job of Slurm, with the case numbers as task ids, and waits for it. If a job of
 /// an earlier call is still running for this folder it is awaited first, and `numbers` is evaluated
 /// afterwards. On interruption the job is cancelled; "slurm-job" remains unless the job is gone by then.
-/// @param numbers  cases that are not done; called when the job is submitted
-/// @param look     called periodically; returns the number of cases without a result
+/// @param numbers        cases that are not done; called when the job is submitted
+/// @param count_missing  called periodically; returns the number of cases without a result
 /// Errors: kUnavailable, with Slurm's message, if Slurm is missing, does not respond or rejects the job.
 Result<void> run_by_slurm(const std::vector<std::string>& command,
                           const std::function<std::vector<int>()>& numbers, const SlurmOptions& options,
-                          const std::function<std::size_t()>& look, const Progress& progress = {});
+                          const std::function<std::size_t()>& count_missing, const Progress& progress = {});
 /// Error if a Slurm job is still running in the cohort's folder, or if its state cannot be determined. The
 /// job file of a finished job is removed.
 Result<void> check_no_slurm_job(const std::filesystem::path& cohort);

@@ -88,7 +88,8 @@ bool cancel(const std::string& job) {
   return false;
 }
 
-Waited wait_for(const std::string& job, const std::function<std::size_t()>& look, const Progress& progress) {
+Waited wait_for(const std::string& job, const std::function<std::size_t()>& count_missing,
+                const Progress& progress) {
   int silent = 0;
   while (true) {
     const auto alive = is_alive(job);
@@ -98,7 +99,7 @@ Waited wait_for(const std::string& job, const std::function<std::size_t()>& look
                    alive.error().what.find(kNotFound) != std::string::npos))
       return {alive.error(), false};
     if (alive) silent = 0;
-    look();
+    count_missing();
     if (alive && !*alive) return {{}, true};
     for (int n = 0; n < 10; ++n) {
       if (progress.stopped()) return {Progress::interrupted(), cancel(job)};
@@ -182,11 +183,11 @@ Result<void> run_locally(const std::vector<std::string>& command, const std::vec
 
 Result<void> run_by_slurm(const std::vector<std::string>& command,
                           const std::function<std::vector<int>()>& numbers, const SlurmOptions& options,
-                          const std::function<std::size_t()>& look, const Progress& progress) {
+                          const std::function<std::size_t()>& count_missing, const Progress& progress) {
   const fs::path note = options.folder / "slurm-job";
   std::error_code none;
   if (const auto earlier = noted_job(note)) {
-    const Waited waited = wait_for(*earlier, look, progress);
+    const Waited waited = wait_for(*earlier, count_missing, progress);
     if (waited.gone) fs::remove(note, none);
     if (!waited.how) return waited.how;
   }
@@ -212,13 +213,13 @@ Result<void> run_by_slurm(const std::vector<std::string>& command,
     (void)cohort::run_command({"scancel", job}).ok();
     return written;
   }
-  const Waited waited = wait_for(job, look, progress);
+  const Waited waited = wait_for(job, count_missing, progress);
   // the file of a job that may still be running is kept
   if (waited.gone) fs::remove(note, none);
   if (!waited.how) return waited.how;
   // results written by other machines become visible once the file system refreshes its cached directory
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(options.late_s);
-  while (look() > 0 && std::chrono::steady_clock::now() < end) {
+  while (count_missing() > 0 && std::chrono::steady_clock::now() < end) {
     if (progress.stopped()) return Progress::interrupted();
     std::this_thread::sleep_for(500ms);
   }
