@@ -196,6 +196,54 @@ class Playback final : public PlaybackHost {
   std::unique_ptr<PlayedSolutions> solutions_;  // null: no tissue deforms
 };
 
+/// Contents of a recording that its playback looks up, collected in one pass.
+struct PlaybackIndex {
+  PlaybackIndex(const RecordingHead& head, const Model& model) : line(head), nearest(model), edits(model) {}
+
+  RecordingTimeline line;
+  ClearanceHistory nearest;
+  RecordedEdits edits;
+  TickRecord first;
+  std::vector<double> begins_s;  // time of the first tick of each block
+};
+
+/// @param solutions  null: no tissue deforms at the beginning
+/// @param played     null: the recording is not shown as a run of a task
+Result<void> scan_recording(const RecordingSource& recording, const Progress& progress,
+                            SolutionIndex* solutions, PlayedTask* played, PlaybackIndex& index) {
+  const std::uint64_t ticks = recording.head().ticks;
+  std::uint64_t row = 0;
+  return recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        progress.report("scanning the recording", static_cast<double>(row) / static_cast<double>(ticks));
+        index.line.observe(part);
+        index.nearest.observe(part.ticks, part.events);
+        for (const RecordingEvent& event : part.events) index.edits.on_event(event);
+        if (solutions) solutions->observe(part, row);
+        if (played)
+          if (auto valid = played->observe(part); !valid) return valid;
+        for (const TickRecord& tick : part.ticks) {
+          if (row == 0) index.first = tick;
+          if (row++ % TickBlocks::kTicks == 0) index.begins_s.push_back(tick.time_s);
+        }
+        return {};
+      },
+      progress);
+}
+
+/// Indexes only the solutions, for a recording that switches to an elastic law later.
+Result<void> scan_solutions(const RecordingSource& recording, const Progress& progress,
+                            SolutionIndex& solutions) {
+  std::uint64_t row = 0;
+  return recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        solutions.observe(part, row);
+        row += part.ticks.size();
+        return {};
+      },
+      progress);
+}
+
 }  // namespace
 
 Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
@@ -230,53 +278,28 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
     played = std::make_unique<PlayedTask>(*task, *std::move(in_scene), *model);
   }
 
-  RecordingTimeline line(head);
-  ClearanceHistory nearest(*model);
-  TickRecord first;
-  std::vector<double> begins_s;
-  RecordedEdits edits(*model);
+  PlaybackIndex index(head, *model);
   const bool deforms_first = is_elastic(model->tissue_law);
   auto solutions = std::make_unique<SolutionIndex>(*model);
-  std::uint64_t row = 0;
-  const auto read = recording.read(
-      [&](const RecordingPart& part) -> Result<void> {
-        progress.report("scanning the recording", static_cast<double>(row) / static_cast<double>(head.ticks));
-        line.observe(part);
-        nearest.observe(part.ticks, part.events);
-        for (const RecordingEvent& event : part.events) edits.on_event(event);
-        if (deforms_first) solutions->observe(part, row);
-        if (played)
-          if (auto valid = played->observe(part); !valid) return valid;
-        for (const TickRecord& tick : part.ticks) {
-          if (row == 0) first = tick;
-          if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);
-        }
-        return {};
-      },
-      progress);
-  if (!read) return read.error();
+  if (auto scanned =
+          scan_recording(recording, progress, deforms_first ? solutions.get() : nullptr, played.get(), index);
+      !scanned)
+    return scanned.error();
   // the recording switches to an elastic law later: scan it again, with the surfaces that this needs
-  if (!deforms_first && edits.laws.any(is_elastic)) {
+  if (!deforms_first && index.edits.laws.any(is_elastic)) {
     if (auto ready = with_surfaces(); !ready) return ready.error();
     solutions = std::make_unique<SolutionIndex>(*model);
-    row = 0;
-    const auto found = recording.read(
-        [&](const RecordingPart& part) -> Result<void> {
-          solutions->observe(part, row);
-          row += part.ticks.size();
-          return {};
-        },
-        progress);
-    if (!found) return found.error();
+    if (auto found = scan_solutions(recording, progress, *solutions); !found) return found.error();
   }
   if (played)
     if (auto any = played->finish(head.summary.has_value()); !any) return any.error();
   progress.report("scanning the recording", 1);
 
-  if (auto reckoned = compute_removed_volumes(*model, progress, edits); !reckoned) return reckoned.error();
+  if (auto reckoned = compute_removed_volumes(*model, progress, index.edits); !reckoned)
+    return reckoned.error();
 
   ViewedScene scene = viewed_scene(*model, static_cast<std::size_t>(head.header.devices), modality);
-  scene.recording = line.take();
+  scene.recording = index.line.take();
   scene.device_name = head.header.device.empty() ? "recorded" : head.header.device;
   scene.input = "recording";
   if (played) scene.tasks = {played->task()};
@@ -284,12 +307,13 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   for (const RecordingHead::AppliedMethod& used : head.methods)
     if (used.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[used.method].name);
   for (const auto& law : kTissueLaws)
-    if (check_law(*model, law.value) || edits.laws.any([&](TissueLaw any) { return any == law.value; }))
+    if (check_law(*model, law.value) || index.edits.laws.any([&](TissueLaw any) { return any == law.value; }))
       scene.laws.emplace_back(law.name);
   try {
     return std::unique_ptr<PlaybackHost>(std::make_unique<Playback>(
-        std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
-        std::move(edits), std::move(nearest), std::move(*solutions), std::move(played), std::move(plan)));
+        std::move(recording), std::move(model), std::move(scene), index.first, std::move(index.begins_s),
+        std::move(index.edits), std::move(index.nearest), std::move(*solutions), std::move(played),
+        std::move(plan)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "cannot start a thread to read the recording", "",
                  "close other programs"};
