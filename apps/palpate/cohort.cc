@@ -38,7 +38,7 @@ struct CohortOptions {
   bool recordings = false;
   // for the processes that this verb starts
   int number = 0;
-  bool inside = false;
+  bool in_this_process = false;  // run the case in this process instead of a child process
   std::vector<std::string> passed,
       passed_to_verb;      // options of the program and of the verb that are passed on
   std::string results_by;  // passed options that change results
@@ -83,7 +83,7 @@ Result<std::vector<std::string>> command_of(const CohortOptions& options) {
   if (options.script) command.insert(command.end(), {"--script", fs::absolute(*options.script).string()});
   command.insert(command.end(), options.passed_to_verb.begin(), options.passed_to_verb.end());
   if (options.recordings) command.push_back("--recordings");
-  if (options.inside) command.push_back("--inside");
+  if (options.in_this_process) command.push_back("--inside");
   command.push_back("--case");
   return command;
 }
@@ -119,7 +119,7 @@ int run_single_case(const CohortOptions& options, Console& console) {
     return console.fail({ErrorKind::kUsage, "no such case", "--case", ""});
   const CohortCase& one = (*cases)[static_cast<std::size_t>(options.number - 1)];
   const Progress progress = console.progress();
-  if (options.inside) {
+  if (options.in_this_process) {
     const auto result =
         run_case(one, options.number, options.folder, {program_key(options), options.recordings}, progress);
     return result ? kExitOk : console.fail(result.error());
@@ -136,9 +136,9 @@ int run_single_case(const CohortOptions& options, Console& console) {
   // another job has finished the case in the meantime
   if (key && is_done(options, options.number, *key)) return kExitOk;
   fs::remove(result, failed);
-  CohortOptions inside = options;
-  inside.inside = true;
-  auto command = command_of(inside);
+  CohortOptions child_options = options;
+  child_options.in_this_process = true;
+  auto command = command_of(child_options);
   if (!command) return console.fail(command.error());
   command->push_back(std::to_string(options.number));
   const auto ended = run_process(*command, progress);
@@ -404,7 +404,7 @@ void add_cohort(CLI::App& app, Run& run) {
   verb->add_flag("--recordings", options->recordings, "Keep the recording of each case, run.h5");
   add_content_options(*verb);
   verb->add_option("--case", options->number)->check(whole_between(1, kMaxCases))->group("");
-  verb->add_flag("--inside", options->inside)->group("");
+  verb->add_flag("--inside", options->in_this_process)->group("");
   verb->footer(
       "Examples:\n"
       "  palpate cohort cases.tsv -o results\n"

@@ -54,7 +54,7 @@ struct ExploreArguments {
 };
 
 // claims the output files: the recording and the log of the supervisor
-Result<std::vector<OutputClaim>> check(const ExploreArguments& options) {
+Result<std::vector<OutputClaim>> check_and_claim_outputs(const ExploreArguments& options) {
   if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
   if (std::ranges::find(options.devices, kPointer) != options.devices.end() && options.no_viewer)
     return Error{ErrorKind::kUsage,
@@ -244,7 +244,7 @@ int explore_target(ExploreArguments options, Console& console) {
   auto known = known_devices(options.about_devices, options.navigation, options.devices);
   if (!known) return console.fail(known.error());
   options.known = *std::move(known);
-  const auto claimed = check(options);
+  const auto claimed = check_and_claim_outputs(options);
   if (!claimed) return console.fail(claimed.error());
   if (const auto stored = check_learners(options, console); !stored) return console.fail(stored.error());
   const Progress progress = console.progress();

@@ -1,14 +1,37 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "palpate/records/records.h"
+#include "palpate/report/learners_page.h"
 #include "palpate/session/training.h"
 #include "scoring.h"
 
 namespace palpate::app {
+
+/// File of records: the requested one, or the default if `requested` is empty. Errors: kUsage without a
+/// default.
+Result<std::filesystem::path> records_file(const std::filesystem::path& requested);
+
+/// Passes each selected run with its metrics to `visit`. @return number of runs
+Result<std::size_t> each_run(Records& records, const RunFilter& filter,
+                             const std::function<void(const RunRecord&)>& visit);
+
+/// Page about a set of runs.
+class PageOfRuns {
+ public:
+  void visit(const RunRecord& run);
+  std::string html();
+
+ private:
+  std::map<std::pair<std::string, std::string>, LearnersPage::Task> tasks_;  // by title and hash
+};
 
 /// Entry of the records for a scored run.
 RunRecord record_of(const std::string& learner, const TaskFile& task, const ScoredRun& run);

@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { aboutAxis, add, dot, length, rotate, scale, sub, type Vec3 } from "../src/base/geometry.js";
 import { History } from "../src/state/history.js";
-import { besideTrajectory, breachesOf, planText, shaftOf, toTrajectory } from "../src/state/plan.js";
+import { breachesOf, deviationFrom, planText, shaftOf, toTrajectory } from "../src/state/plan.js";
 import { PlanStore } from "../src/state/plan_store.js";
 
 const trajectory = (entry_mm: Vec3, target_mm: Vec3, name = "hole"): Trajectory => ({
@@ -35,13 +35,13 @@ test("distance, depth and shaft angle of a tip at trajectories of any direction"
     const [x, y, z, tilt] = [20 * random(), 20 * random(), 60 * random(), Math.PI * (random() + 0.5)];
     const one = trajectory(placed([0, 0, 0]), placed([0, 0, 20]));
     // shaft from tip to handle, tilted against the trajectory's axis
-    const beside = besideTrajectory(one, placed([x, y, z]), scale(rotate(q, [Math.sin(tilt), 0, Math.cos(tilt)]), -1));
-    near(beside.lateral_mm, Math.hypot(x, y), 1e-6);
-    near(beside.left_mm, 20 - z, 1e-6);
-    near(beside.angle_deg!, (180 * tilt) / Math.PI, 1e-6);
+    const deviation = deviationFrom(one, placed([x, y, z]), scale(rotate(q, [Math.sin(tilt), 0, Math.cos(tilt)]), -1));
+    near(deviation.lateral_mm, Math.hypot(x, y), 1e-6);
+    near(deviation.left_mm, 20 - z, 1e-6);
+    near(deviation.angle_deg!, (180 * tilt) / Math.PI, 1e-6);
     near(toTrajectory(one, placed([x, y, z])), Math.hypot(x, y, z < 0 ? z : z > 20 ? z - 20 : 0), 1e-6);
   }
-  assert.equal(besideTrajectory(trajectory([0, 0, 0], [0, 0, 1]), [0, 0, 0], null).angle_deg, null);
+  assert.equal(deviationFrom(trajectory([0, 0, 0], [0, 0, 1]), [0, 0, 0], null).angle_deg, null);
 });
 
 test("the shaft of a tool is its longest part, from tip to handle", () => {

@@ -32,10 +32,10 @@ struct GapSpan {
   }
 };
 
-/// Scans successive rows of voxels along one axis for gaps of at most `most` voxels.
+/// Scans successive rows of voxels along one axis for gaps of at most `max_gap` voxels.
 class GapScan {
  public:
-  GapScan(int lines, int largest) : last_(static_cast<std::size_t>(lines)), most_(largest) { restart(); }
+  GapScan(int lines, int max_gap) : last_(static_cast<std::size_t>(lines)), max_gap_(max_gap) { restart(); }
 
   void restart() { std::ranges::fill(last_, Last{}); }
 
@@ -46,7 +46,7 @@ class GapScan {
       if (value == 0) continue;
       Last& last = last_[i];
       const int gap = position - last.position - 1;
-      if (gap > 0 && gap <= most_ && last.value != 0) visit(static_cast<int>(i), gap, last.value, value);
+      if (gap > 0 && gap <= max_gap_ && last.value != 0) visit(static_cast<int>(i), gap, last.value, value);
       last = {position, value};
     }
   }
@@ -57,7 +57,7 @@ class GapScan {
     LabelId value = 0;
   };
   std::vector<Last> last_;
-  int most_;
+  int max_gap_;
 };
 
 /// Length in voxels of the longest free run that is narrower than the tool.

@@ -9,7 +9,7 @@
 namespace palpate::dhd {
 
 /// Remedy if the library is not found.
-inline constexpr const char* kGet =
+inline constexpr const char* kMissingLibraryRemedy =
     "get Force Dimension's SDK from forcedimension.com/software/sdk and copy libdrd.so.3 to /usr/local/lib, "
     "or name the file: --library force-dimension=FILE";
 

@@ -17,7 +17,8 @@ DeviceReport detect_dhd(const ForceDimensionSettings& settings) {
   DeviceReport report;
   std::vector<UsbDevice> plugged = usb_devices(kForceDimensionUsb);
   std::ranges::copy(usb_devices(kFtdiUsb, kFalconUsb), std::back_inserter(plugged));
-  const auto file = find_vendor_library(settings.library, "Force Dimension's library", dhd::kGet);
+  const auto file =
+      find_vendor_library(settings.library, "Force Dimension's library", dhd::kMissingLibraryRemedy);
   const auto library = file ? dhd::load(*file) : Result<dhd::Library>(file.error());
   if (!library) {
     report.checks.push_back(

@@ -111,7 +111,8 @@ class ForceDimensionDriver::Core {
   Result<void> open(bool may_move) {
     if (finder_.joinable()) return {};
     if (!library_) {
-      const auto file = find_vendor_library(settings_.library, "Force Dimension's library", dhd::kGet);
+      const auto file =
+          find_vendor_library(settings_.library, "Force Dimension's library", dhd::kMissingLibraryRemedy);
       if (!file) return file.error();
       auto loaded = dhd::load(*file);
       if (!loaded) return loaded.error();

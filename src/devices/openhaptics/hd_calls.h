@@ -9,7 +9,7 @@
 namespace palpate::hd {
 
 /// Remedy if the library is not found.
-inline constexpr const char* kGet =
+inline constexpr const char* kMissingLibraryRemedy =
     "get OpenHaptics and the device's driver from 3D Systems and install both, or name the file: --library "
     "touch=FILE";
 

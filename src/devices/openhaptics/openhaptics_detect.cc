@@ -44,7 +44,7 @@ std::vector<DeviceCheck> port_checks() {
 
 DeviceReport detect_hd(const OpenHapticsSettings& settings) {
   DeviceReport report;
-  const auto file = find_vendor_library(settings.library, "OpenHaptics", hd::kGet);
+  const auto file = find_vendor_library(settings.library, "OpenHaptics", hd::kMissingLibraryRemedy);
   const auto library = file ? hd::load(*file) : Result<hd::Library>(file.error());
   if (!library) {
     report.checks.push_back({"OpenHaptics' library", false, library.error().what, library.error().remedy});

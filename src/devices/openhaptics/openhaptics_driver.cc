@@ -107,7 +107,7 @@ class OpenHapticsDriver::Core {
   Result<void> open() {
     if (finder_.joinable()) return {};
     if (!library_) {
-      const auto file = find_vendor_library(settings_.library, "OpenHaptics", hd::kGet);
+      const auto file = find_vendor_library(settings_.library, "OpenHaptics", hd::kMissingLibraryRemedy);
       if (!file) return file.error();
       auto loaded = hd::load(*file);
       if (!loaded) return loaded.error();
@@ -134,7 +134,7 @@ class OpenHapticsDriver::Core {
     }
     try {
       finder_ = std::thread([this] {
-        stop_and_begin_anew();
+        run_finder();
         is_finder_done_.store(true);
       });
     } catch (const std::system_error& error) {
@@ -533,7 +533,7 @@ class OpenHapticsDriver::Core {
   }
 
   // ---- the finder's thread
-  void stop_and_begin_anew() {
+  void run_finder() {
     auto next = std::chrono::steady_clock::now();
     while (!end_.load() && !abandoned_.load()) {
       std::this_thread::sleep_for(kFindPoll);

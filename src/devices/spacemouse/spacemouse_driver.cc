@@ -79,7 +79,7 @@ Result<FoundMouse> choose_mouse(const SpaceMouseSettings& settings) {
   return readable == found.end() ? found.front() : *readable;
 }
 
-Error may_not(const FoundMouse& mouse) {
+Error access_denied(const FoundMouse& mouse) {
   return {ErrorKind::kUnavailable, "this account may not read " + printable_name(mouse.file.string()),
           "spacemouse", udev_remedy()};
 }
@@ -132,7 +132,7 @@ class SpaceMouseDriver::Core {
     if (!mouse) return mouse.error();
     file_ = ::open(mouse->file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (file_ < 0) {
-      if (errno == EACCES || errno == EPERM) return may_not(*mouse);
+      if (errno == EACCES || errno == EPERM) return access_denied(*mouse);
       return Error{ErrorKind::kUnavailable, std::string("cannot be opened: ") + std::strerror(errno),
                    printable_name(mouse->file.string()), "reconnect the SpaceMouse"};
     }
@@ -155,7 +155,7 @@ class SpaceMouseDriver::Core {
       const std::int64_t now_ns = monotonic_ns();
       const double passed_s = std::min(1e-9 * static_cast<double>(now_ns - last_ns), kMaxStep_s);
       last_ns = now_ns;
-      resume(passed_s, now_ns);
+      advance_tip(passed_s, now_ns);
       servo.update({&sample_, 1}, {&none, 1});
     }
   }
@@ -168,7 +168,7 @@ class SpaceMouseDriver::Core {
 
  private:
   // ---- the servo's thread
-  void resume(double passed_s, std::int64_t now_ns) {
+  void advance_tip(double passed_s, std::int64_t now_ns) {
     sample_.fault = lost_.load();
     if (sample_.fault) return;
     sample_.taken_ns = now_ns;
@@ -217,7 +217,7 @@ class SpaceMouseDriver::Core {
   void take(const input_event& event) {
     // the kernel's buffer overflowed: a lost release would keep the tip moving
     if (event.type == EV_SYN && event.code == SYN_DROPPED) {
-      let_go();
+      clear_input();
       is_dropped_ = true;
     }
     if (event.type == EV_SYN && event.code == SYN_REPORT) is_dropped_ = false;
@@ -234,14 +234,14 @@ class SpaceMouseDriver::Core {
     deflection_[axis->ours].store(axis->sign * std::clamp(event.value / kMaxDeflection, -1.0, 1.0));
   }
 
-  void let_go() {
+  void clear_input() {
     for (auto& axis : deflection_) axis.store(0);
     buttons_.store(0);
   }
 
   void lose() {
     lost_.store(true);
-    let_go();
+    clear_input();
     is_dropped_ = false;
     ::close(file_);
     file_ = -1;
@@ -288,7 +288,7 @@ DeviceVendor spacemouse_vendor(const SpaceMouseSettings& settings) {
       report.checks.push_back({"SpaceMouse", false, mouse.error().what, mouse.error().remedy});
       return report;
     }
-    const std::string state = mouse->may_read ? "ready" : may_not(*mouse).what;
+    const std::string state = mouse->may_read ? "ready" : access_denied(*mouse).what;
     report.connected.push_back({mouse->name, state});
     report.checks.push_back({mouse->name, mouse->may_read, state, mouse->may_read ? "" : udev_remedy()});
     return report;

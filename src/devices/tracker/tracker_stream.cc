@@ -149,7 +149,7 @@ class TrackerStream::Core {
                    std::move(remedy)};
     };
     const std::int64_t now_ns = monotonic_ns();
-    if (!is_connected_) return unavailable(why_not_, why_not_cure_ + continues);
+    if (!is_connected_) return unavailable(disconnect_reason_, disconnect_remedy_ + continues);
     if (now_ns - pose_ns_ <= kUnseen_ns) return std::nullopt;
     if (received_names_.empty())
       return unavailable("sends no transforms",
@@ -188,8 +188,8 @@ class TrackerStream::Core {
   void not_connected(std::string why, std::string remedy) {
     const std::lock_guard lock(mutex_);
     is_connected_ = false;
-    why_not_ = std::move(why);
-    why_not_cure_ = std::move(remedy);
+    disconnect_reason_ = std::move(why);
+    disconnect_remedy_ = std::move(remedy);
   }
 
   // ---- on the stream's own thread
@@ -316,8 +316,8 @@ class TrackerStream::Core {
   mutable std::mutex mutex_;
   // guarded by mutex_
   bool is_connected_ = false;
-  std::string why_not_ = "is not connected yet",
-              why_not_cure_ = "check the address, and whether the tracking server is running";
+  std::string disconnect_reason_ = "is not connected yet",
+              disconnect_remedy_ = "check the address, and whether the tracking server is running";
   std::set<std::string> received_names_;
   Observed tool_, reference_;
   std::int64_t pose_ns_ = 0;  // time of the last pose passed on; 0: none yet

@@ -151,15 +151,15 @@ AccumulatedLine line_of(internal::volume_picture::Line& line, int width, bool is
   return gathered;
 }
 
-MixingBuffers mixing_room(std::vector<float>& floats, LitBlockCache& lit, int row_voxels) {
-  const std::size_t room = static_cast<std::size_t>(row_voxels) +
-                           2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
-  floats.resize(4 * internal::volume_picture::kMaxRows * room);
+MixingBuffers mixing_buffers(std::vector<float>& floats, LitBlockCache& lit, int row_voxels) {
+  const std::size_t row_floats = static_cast<std::size_t>(row_voxels) +
+                                 2 * static_cast<std::size_t>(internal::volume_picture::kRowPadding);
+  floats.resize(4 * internal::volume_picture::kMaxRows * row_floats);
   MixingBuffers rows{};
   rows.lit = &lit;
   float* next = floats.data();
   for (auto& pair : rows.pair)
-    for (float*& channel : pair) channel = next, next += room;
+    for (float*& channel : pair) channel = next, next += row_floats;
   return rows;
 }
 
@@ -286,15 +286,16 @@ class RegionPass {
       const int first = group * kMaxLines, count = std::min(kMaxLines, view_.height - first);
       std::array<AccumulatedLine, kMaxLines> lines{};
       for (int n = 0; n < count; ++n) {
-        auto& room = scratch_.lines[static_cast<std::size_t>(worker * kMaxLines + n)];
-        lines[static_cast<std::size_t>(n)] = line_of(room, view_.width, ranges_.is_clipped(), has_depth());
+        auto& line_buffers = scratch_.lines[static_cast<std::size_t>(worker * kMaxLines + n)];
+        lines[static_cast<std::size_t>(n)] =
+            line_of(line_buffers, view_.width, ranges_.is_clipped(), has_depth());
         ranges_.find(first + n, lines[static_cast<std::size_t>(n)]);
       }
       accumulate_lines(rows_, view_.planes.data(), static_cast<int>(view_.planes.size()), first, count,
                        view_.width, lines.data(),
-                       mixing_room(scratch_.mixing[static_cast<std::size_t>(worker)],
-                                   scratch_.lit[static_cast<std::size_t>(worker)],
-                                   rows_.blocks * internal::volume_picture::kBlock));
+                       mixing_buffers(scratch_.mixing[static_cast<std::size_t>(worker)],
+                                      scratch_.lit[static_cast<std::size_t>(worker)],
+                                      rows_.blocks * internal::volume_picture::kBlock));
       for (int n = 0; n < count; ++n) {
         const AccumulatedLine& line = lines[static_cast<std::size_t>(n)];
         const std::size_t at = stride_ * static_cast<std::size_t>(first + n);

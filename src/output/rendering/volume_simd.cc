@@ -394,7 +394,7 @@ HWY_INLINE BlockRange visited_blocks(const AccumulatedLine& line, const SamplePl
 
 /// Samples pixels begin ... end - 1, in whole chunks, of the lines with open chunks there.
 HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines, const SamplePlane& plane,
-                                 float number, int begin, int end, const MixingBuffers& room) {
+                                 float number, int begin, int end, const MixingBuffers& buffers) {
   // beyond these blocks the row is empty, and pixels farther out read its padding
   const int origin = blocks_around(plane, begin, begin).first;
   // only visible parts are mixed, since much of the surroundings is occluded
@@ -407,11 +407,12 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
   }
   const float* const* mixed[kMaxRows];
   for (int n = 0; n < lines.row_count; ++n)
-    mixed[n] = prefetch_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, *room.lit) ? room.pair[n]
-                                                                                             : nullptr;
+    mixed[n] = prefetch_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, *buffers.lit)
+                   ? buffers.pair[n]
+                   : nullptr;
   for (int n = 0; n < lines.row_count; ++n)
     if (mixed[n] != nullptr)
-      mix_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, origin, *room.lit, room.pair[n]);
+      mix_pair(rows, lines.rows[n], of_row[n].first, of_row[n].end, origin, *buffers.lit, buffers.pair[n]);
   const auto step = static_cast<float>(plane.x_per_u);
   const bool close = step <= kClose;
   for (int n = 0; n < lines.line_count; ++n) {
@@ -438,7 +439,7 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
 
 HWY_NOINLINE void accumulate_lines_on_plane(const RowsView& rows, const LinesOnPlane& lines,
                                             const SamplePlane& plane, float number, int width,
-                                            const MixingBuffers& room) {
+                                            const MixingBuffers& buffers) {
   const auto there = [&](int w) {
     std::uint64_t any = 0;
     for (int n = 0; n < lines.row_count; ++n)
@@ -468,7 +469,7 @@ HWY_NOINLINE void accumulate_lines_on_plane(const RowsView& rows, const LinesOnP
     const int last = to < 0 ? 0 : to < width ? static_cast<int>(to) / kChunk + 1 : chunks;
     while ((c = next_bit(c, last, open)) < last) {
       const int stop = next_bit(c, last, not_open);
-      sample_stretch(rows, lines, plane, number, c * kChunk, stop * kChunk, room);
+      sample_stretch(rows, lines, plane, number, c * kChunk, stop * kChunk, buffers);
       c = stop;
     }
     if (last > next) next = last;
@@ -478,7 +479,7 @@ HWY_NOINLINE void accumulate_lines_on_plane(const RowsView& rows, const LinesOnP
 /// Processes the open ones among lines v ... v + count - 1 on a plane.
 HWY_NOINLINE void accumulate_plane(const RowsView& rows, const SamplePlane& plane, float number, int v,
                                    int count, int width, const AccumulatedLine* lines, const bool* is_open,
-                                   const MixingBuffers& room) {
+                                   const MixingBuffers& buffers) {
   LinesOnPlane near;
   for (int n = 0; n < count; ++n) {
     const double y = plane.y_per_v * (v + n) + plane.y_0;
@@ -486,7 +487,7 @@ HWY_NOINLINE void accumulate_plane(const RowsView& rows, const SamplePlane& plan
     const int below = static_cast<int>(y + 1) - 1;
     if (near.line_count > 0 && below + 1 - near.first >= kMaxRows) {
       // lines so far apart that they share few rows are processed separately
-      accumulate_lines_on_plane(rows, near, plane, number, width, room);
+      accumulate_lines_on_plane(rows, near, plane, number, width, buffers);
       near.line_count = near.row_count = 0;
     }
     if (near.line_count == 0) near.first = below;
@@ -496,17 +497,17 @@ HWY_NOINLINE void accumulate_plane(const RowsView& rows, const SamplePlane& plan
     for (; near.first + near.row_count <= below + 1; ++near.row_count)
       find_pair(rows, plane, near.first + near.row_count, near.rows[near.row_count]);
   }
-  if (near.line_count > 0) accumulate_lines_on_plane(rows, near, plane, number, width, room);
+  if (near.line_count > 0) accumulate_lines_on_plane(rows, near, plane, number, width, buffers);
 }
 
 void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
-                      int width, const AccumulatedLine* lines, const MixingBuffers& room) {
+                      int width, const AccumulatedLine* lines, const MixingBuffers& buffers) {
   const int words = ((width + kChunk - 1) / kChunk + 63) / 64;
   bool is_open[kMaxLines];
   for (int n = 0; n < count; ++n) is_open[n] = true;
   int since = 0;
   for (int p = 0; p < plane_count; ++p) {
-    accumulate_plane(rows, planes[p], static_cast<float>(p), v, count, width, lines, is_open, room);
+    accumulate_plane(rows, planes[p], static_cast<float>(p), v, count, width, lines, is_open, buffers);
     // checked rarely, since a whole line is seldom opaque and the check costs time
     if (++since < 16) continue;
     since = 0;
@@ -577,7 +578,7 @@ struct RayPosition {
   float x_part, y_part;  ///< Fractions beyond them
 };
 
-HWY_INLINE RayPosition place_at(const RowsView& rows, float x, float y) {
+HWY_INLINE RayPosition ray_position(const RowsView& rows, float x, float y) {
   RayPosition ray_position;
   // inside the grid, coordinates are above -1
   ray_position.x = static_cast<int>(x + 1) - 1;
@@ -722,7 +723,7 @@ HWY_INLINE void trace_ray(const RowsView& rows, const CubesView& cubes, const Sa
     while (p < stop) {
       const auto plane = static_cast<float>(p);
       const float x = ray.x + ray.x_per_plane * plane, y = ray.y + ray.y_per_plane * plane;
-      const RayPosition at = place_at(rows, x, y);
+      const RayPosition at = ray_position(rows, x, y);
       const int cell[3] = {at.x + 1, at.y + 1, planes[p].slice + 1};
       std::ptrdiff_t index = 0;
       int bit = 0;
@@ -886,8 +887,8 @@ HWY_EXPORT(warp_row);
 HWY_EXPORT(trace_rays);
 
 void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
-                      int width, const AccumulatedLine* lines, const MixingBuffers& room) {
-  HWY_DYNAMIC_DISPATCH(accumulate_lines)(rows, planes, plane_count, v, count, width, lines, room);
+                      int width, const AccumulatedLine* lines, const MixingBuffers& buffers) {
+  HWY_DYNAMIC_DISPATCH(accumulate_lines)(rows, planes, plane_count, v, count, width, lines, buffers);
 }
 void pack_line(const AccumulatedLine& line, int width, const float* background, std::uint32_t* packed) {
   HWY_DYNAMIC_DISPATCH(pack_line)(line, width, background, packed);

@@ -111,7 +111,7 @@ struct MixingBuffers {
 /// plane, because neighbouring lines use the same blocks.
 /// @param width  pixels
 void accumulate_lines(const RowsView& rows, const SamplePlane* planes, int plane_count, int v, int count,
-                      int width, const AccumulatedLine* lines, const MixingBuffers& room);
+                      int width, const AccumulatedLine* lines, const MixingBuffers& buffers);
 
 /// Packs intermediate pixels: red, green and blue in 10 bits each. Whole chunks.
 void pack_line(const AccumulatedLine& line, int width, const float* background, std::uint32_t* packed);

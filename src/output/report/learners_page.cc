@@ -62,14 +62,14 @@ std::string band_text(const LearnersPage::Metric& metric) {
 /// Scales of a curve's plot.
 struct Axes {
   std::size_t runs = 1;
-  double least = 0, most = 1;
+  double min = 0, max = 1;
 
   std::string x(std::size_t run) const {
     const double fraction = runs > 1 ? static_cast<double>(run) / static_cast<double>(runs - 1) : 0.5;
     return number(kLeft + fraction * (kWide - kLeft - kRight), 1);
   }
   double height(double value) const {
-    const double fraction = std::clamp((value - least) / (most - least), 0.0, 1.0);
+    const double fraction = std::clamp((value - min) / (max - min), 0.0, 1.0);
     return kTop + (1 - fraction) * (kHigh - kTop - kBottom);
   }
   std::string y(double value) const { return number(height(value), 1); }
@@ -77,11 +77,11 @@ struct Axes {
 
 Axes axes_of(const LearnersPage::Metric& metric, const std::vector<std::vector<double>>& curves) {
   Axes axes;
-  double smallest = std::numeric_limits<double>::infinity(), most = -smallest;
+  double min_value = std::numeric_limits<double>::infinity(), max_value = -min_value;
   const auto include = [&](double value) {
     if (!std::isfinite(value)) return;
-    smallest = std::min(smallest, value);
-    most = std::max(most, value);
+    min_value = std::min(min_value, value);
+    max_value = std::max(max_value, value);
   };
   for (const std::vector<double>& curve : curves) {
     axes.runs = std::max(axes.runs, curve.size());
@@ -89,11 +89,12 @@ Axes axes_of(const LearnersPage::Metric& metric, const std::vector<std::vector<d
   }
   if (metric.at_least) include(*metric.at_least);
   if (metric.at_most) include(*metric.at_most);
-  if (!(smallest <= most)) return axes;
-  const double room = most > smallest ? 0.06 * (most - smallest) : std::max(0.5 * std::abs(most), 0.5);
+  if (!(min_value <= max_value)) return axes;
+  const double room =
+      max_value > min_value ? 0.06 * (max_value - min_value) : std::max(0.5 * std::abs(max_value), 0.5);
   // the axis of non-negative values does not extend below 0
-  axes.least = smallest >= 0 ? std::max(0.0, smallest - room) : smallest - room;
-  axes.most = most + room;
+  axes.min = min_value >= 0 ? std::max(0.0, min_value - room) : min_value - room;
+  axes.max = max_value + room;
   return axes;
 }
 
@@ -153,8 +154,8 @@ std::string curve_html(const LearnersPage::Task& task, std::size_t m) {
   for (const std::vector<double>& curve : curves) svg += line_html(axes, curve, "learner");
   svg += line_html(axes, median, "median");
   svg += "<text class=\"end\" x=\"" + number(kLeft - 4, 0) + "\" y=\"" + number(kTop + 8, 0) + "\">" +
-         three_digits(axes.most) + "</text><text class=\"end\" x=\"" + number(kLeft - 4, 0) + "\" y=\"" +
-         number(kHigh - kBottom, 0) + "\">" + three_digits(axes.least) + "</text><text x=\"" +
+         three_digits(axes.max) + "</text><text class=\"end\" x=\"" + number(kLeft - 4, 0) + "\" y=\"" +
+         number(kHigh - kBottom, 0) + "\">" + three_digits(axes.min) + "</text><text x=\"" +
          number(kLeft, 0) + "\" y=\"" + number(kHigh - 6, 0) + "\">run 1</text><text class=\"end\" x=\"" +
          number(kWide - kRight, 0) + "\" y=\"" + number(kHigh - 6, 0) + "\">" +
          (axes.runs > 1 ? std::to_string(axes.runs) : "") + "</text></svg>";

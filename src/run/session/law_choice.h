@@ -36,13 +36,13 @@ class LawChoice final : public PreparedChoice {
   using Wake = std::function<Result<void>(const LiveModel::Lock& lock)>;
 
   /// @param model, loop     outlive this object
-  /// @param solve           of TissueFrames
+  /// @param solve           begins or solves a frame, as TissueFrames::Solve
   /// @param coarser_tissue  warning about the law that the session begins with; see coarser_tissue()
   LawChoice(LiveModel& model, SessionLoop& loop, std::size_t devices, Prepare prepare,
             TissueFrames::Solve solve, Wake wake, const std::string& coarser_tissue);
   ~LawChoice() override { end(); }
 
-  /// Starts the solver if the model's tissue moves. Needs a loop.
+  /// Starts the solver if the model's law displaces tissue. Needs a loop.
   /// @param threads  whether solvers have threads; otherwise the caller solves by run_step()
   void begin(bool threads);
   /// Ends the solver; none is started any more.

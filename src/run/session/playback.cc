@@ -1,12 +1,9 @@
 #include "palpate/session/playback.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <iterator>
-#include <map>
 #include <mutex>
-#include <span>
 #include <system_error>
 #include <utility>
 
@@ -17,13 +14,14 @@
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/recorded_model.h"
 #include "palpate/scene/named_values.h"
-#include "palpate/tissue/carving.h"
-#include "palpate/tissue/removed_volume.h"
 #include "session/clearance_history.h"
+#include "session/cut_labels.h"
 #include "session/cut_list.h"
 #include "session/deformed_labels.h"
+#include "session/playback_position.h"
 #include "session/played_solutions.h"
 #include "session/played_task.h"
+#include "session/recorded_edits.h"
 #include "session/recording_timeline.h"
 #include "session/solution_index.h"
 #include "session/tick_blocks.h"
@@ -32,147 +30,12 @@
 namespace palpate {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-/// Playback position in a recording. Not thread-safe.
-class PlaybackPosition {
- public:
-  PlaybackPosition(double begin_s, double end_s) : begin_s_(begin_s), end_s_(end_s), from_s_(begin_s) {}
-
-  double now_s() {
-    if (!playing_) return from_s_;
-    const double passed_s = std::chrono::duration<double>(Clock::now() - since_).count();
-    const double now_s = from_s_ + speed_ * passed_s;
-    if (now_s > begin_s_ && now_s < end_s_) return now_s;
-    // playback stops at either end
-    if (speed_ > 0 ? now_s >= end_s_ : now_s <= begin_s_) set_position(speed_ > 0 ? end_s_ : begin_s_, false);
-    return std::clamp(now_s, begin_s_, end_s_);
-  }
-  bool playing() {
-    (void)now_s();
-    return playing_;
-  }
-  double speed() const { return speed_; }
-  /// Position at which playback began, or at which it is paused.
-  double from_s() const { return from_s_; }
-
-  void follow(const PlayRequest& request) {
-    double at_s = std::clamp(request.at_s.value_or(now_s()), begin_s_, end_s_);
-    speed_ = request.speed.value_or(speed_);
-    const bool plays = request.playing.value_or(playing_);
-    const double end_s = speed_ > 0 ? end_s_ : begin_s_;
-    if (request.playing == true && !request.at_s && at_s == end_s) at_s = speed_ > 0 ? begin_s_ : end_s_;
-    set_position(at_s, plays);
-  }
-  void stop() { set_position(now_s(), false); }
-
- private:
-  void set_position(double at_s, bool plays) {
-    from_s_ = at_s;
-    since_ = Clock::now();
-    playing_ = plays;
-  }
-
-  const double begin_s_, end_s_;
-  double from_s_, speed_ = 1;
-  Clock::time_point since_ = Clock::now();
-  bool playing_ = false;
-};
-
-/// Changes of the model during the recording.
-struct Edits {
-  explicit Edits(const Model& model) : laws(model.tissue_law, model.tissue_cell_factor) {}
-
-  std::vector<ModelChange> tissues;
-  LawHistory laws;
-  CutList cuts;
-  // removed volume per structure in mm3, for each version that removed or restored something; ascending
-  // versions
-  struct RemovedAtVersion {
-    std::uint32_t version = 0;
-    std::map<LabelId, double> removed_mm3;
-    double broken_off_mm3 = 0;
-  };
-  std::vector<RemovedAtVersion> removed;
-  std::uint32_t last_version = 0;
-
-  void on_event(const RecordingEvent& event);
-};
-// an hour of uninterrupted milling; later sweeps are not shown
-constexpr std::size_t kMaxSweeps = 1'000'000;
-
-void Edits::on_event(const RecordingEvent& event) {
-  const bool is_sweep = event.kind == RecordingEvent::Kind::kSweep;
-  if (!is_sweep && event.kind != RecordingEvent::Kind::kModel) return;
-  // versions ascend, whatever an untrusted file contains
-  last_version = std::max(last_version, event.number);
-  const bool is_shown = cuts.sweeps().size() < kMaxSweeps && cuts.changes().size() < kMaxSweeps;
-  if (is_sweep && is_shown) cuts.add(last_version, event.sweep);
-  if (is_sweep) return;
-  if (event.change.is_of_tissue()) tissues.push_back(event.change);
-  laws.on_event(event.change);
-  if (event.change.is_of_stroke() && is_shown)
-    cuts.add(last_version,
-             event.change.tissue == ModelChange::kUndo ? StrokeAction::kUndo : StrokeAction::kRedo);
-}
-
-/// Computes the removed volume of every version in one pass, so that any position can be looked up.
-/// Errors: kInterrupted.
-Result<void> compute_removed_volumes(const Model& model, const Progress& progress, Edits& edits) {
-  RemovedVolume removed(model);
-  const std::span<const SweepRecord> sweeps = edits.cuts.sweeps();
-  const std::span<const std::uint32_t> versions = edits.cuts.versions();
-  const std::span<const CutList::Change> changes = edits.cuts.changes();
-  auto change = changes.begin();
-  for (std::size_t n = 0;; ++n) {
-    for (; change != changes.end() && change->sweeps == n; ++change) {
-      change->action == StrokeAction::kUndo ? removed.undo() : removed.redo();
-      edits.removed.push_back({change->version, removed.by_label_mm3(), removed.broken_off_mm3()});
-    }
-    if (n == sweeps.size()) return {};
-    const Cut cut = cut_of(sweeps[n]);
-    removed.add({&cut, 1});
-    if (n + 1 < sweeps.size() && versions[n + 1] == versions[n]) continue;
-    if (progress.stopped()) return Progress::interrupted();
-    progress.report("computing the removed volume",
-                    static_cast<double>(n + 1) / static_cast<double>(sweeps.size()));
-    edits.removed.push_back({versions[n], removed.by_label_mm3(), removed.broken_off_mm3()});
-  }
-}
-
-/// Labels of a model minus the swept volume, at one position of the recording after another; extends the
-/// previous result if possible.
-class CutLabels {
- public:
-  std::shared_ptr<const Bricks<LabelId>> by(const Model& model, std::vector<SweepRecord> sweeps) {
-    const bool continues =
-        sweeps.size() >= sweeps_.size() && std::equal(sweeps_.begin(), sweeps_.end(), sweeps.begin());
-    if (!continues || carving_ == nullptr) {
-      carving_ = std::make_shared<const Carving>(model);
-      labels_ = model.labels;
-      sweeps_.clear();
-    }
-    if (sweeps.size() == sweeps_.size()) return labels_;
-    std::vector<Cut> more;
-    std::transform(sweeps.begin() + static_cast<std::ptrdiff_t>(sweeps_.size()), sweeps.end(),
-                   std::back_inserter(more), cut_of);
-    carving_ = carving_->with(more);
-    labels_ = carving_->applied_to(model)->labels;
-    sweeps_ = std::move(sweeps);
-    return labels_;
-  }
-
- private:
-  std::vector<SweepRecord> sweeps_;  ///< Sweeps applied to carving_
-  std::shared_ptr<const Carving> carving_;
-  std::shared_ptr<const Bricks<LabelId>> labels_;
-};
-
 class Playback final : public PlaybackHost {
  public:
   Playback(RecordingSource recording, std::shared_ptr<const Model> model, ViewedScene scene,
-           const TickRecord& first, std::vector<double> begins_s, Edits edits, ClearanceHistory nearest,
-           SolutionIndex solutions, std::unique_ptr<const PlayedTask> task, std::shared_ptr<SharedPlan> plan)
+           const TickRecord& first, std::vector<double> begins_s, RecordedEdits edits,
+           ClearanceHistory nearest, SolutionIndex solutions, std::unique_ptr<const PlayedTask> task,
+           std::shared_ptr<SharedPlan> plan)
       : header_(recording.head().header),
         model_(std::move(model)),
         scene_(std::move(scene)),
@@ -250,8 +113,8 @@ class Playback final : public PlaybackHost {
     state.sweeps = edits_.cuts.count_at(shown_.model_version);
     state.undone_to = edits_.cuts.undone_to(shown_.model_version);
     // last version that removed material, up to the one shown
-    const auto later =
-        std::ranges::upper_bound(edits_.removed, shown_.model_version, {}, &Edits::RemovedAtVersion::version);
+    const auto later = std::ranges::upper_bound(edits_.removed, shown_.model_version, {},
+                                                &RecordedEdits::RemovedAtVersion::version);
     if (later != edits_.removed.begin()) {
       state.removed_mm3 = std::prev(later)->removed_mm3;
       state.broken_off_mm3 = std::prev(later)->broken_off_mm3;
@@ -318,7 +181,7 @@ class Playback final : public PlaybackHost {
   const RecordingHeader header_;
   const std::shared_ptr<const Model> model_;
   const ViewedScene scene_;
-  const Edits edits_;
+  const RecordedEdits edits_;
   mutable DeformedLabels visible_labels_;
   mutable std::mutex cut_mutex_;
   mutable CutLabels cut_;
@@ -332,6 +195,54 @@ class Playback final : public PlaybackHost {
   mutable TickBlocks blocks_;
   std::unique_ptr<PlayedSolutions> solutions_;  // null: no tissue deforms
 };
+
+/// Contents of a recording that its playback looks up, collected in one pass.
+struct PlaybackIndex {
+  PlaybackIndex(const RecordingHead& head, const Model& model) : line(head), nearest(model), edits(model) {}
+
+  RecordingTimeline line;
+  ClearanceHistory nearest;
+  RecordedEdits edits;
+  TickRecord first;
+  std::vector<double> begins_s;  // time of the first tick of each block
+};
+
+/// @param solutions  null: no tissue deforms at the beginning
+/// @param played     null: the recording is not shown as a run of a task
+Result<void> scan_recording(const RecordingSource& recording, const Progress& progress,
+                            SolutionIndex* solutions, PlayedTask* played, PlaybackIndex& index) {
+  const std::uint64_t ticks = recording.head().ticks;
+  std::uint64_t row = 0;
+  return recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        progress.report("scanning the recording", static_cast<double>(row) / static_cast<double>(ticks));
+        index.line.observe(part);
+        index.nearest.observe(part.ticks, part.events);
+        for (const RecordingEvent& event : part.events) index.edits.on_event(event);
+        if (solutions) solutions->observe(part, row);
+        if (played)
+          if (auto valid = played->observe(part); !valid) return valid;
+        for (const TickRecord& tick : part.ticks) {
+          if (row == 0) index.first = tick;
+          if (row++ % TickBlocks::kTicks == 0) index.begins_s.push_back(tick.time_s);
+        }
+        return {};
+      },
+      progress);
+}
+
+/// Indexes only the solutions, for a recording that switches to an elastic law later.
+Result<void> scan_solutions(const RecordingSource& recording, const Progress& progress,
+                            SolutionIndex& solutions) {
+  std::uint64_t row = 0;
+  return recording.read(
+      [&](const RecordingPart& part) -> Result<void> {
+        solutions.observe(part, row);
+        row += part.ticks.size();
+        return {};
+      },
+      progress);
+}
 
 }  // namespace
 
@@ -367,53 +278,28 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
     played = std::make_unique<PlayedTask>(*task, *std::move(in_scene), *model);
   }
 
-  RecordingTimeline line(head);
-  ClearanceHistory nearest(*model);
-  TickRecord first;
-  std::vector<double> begins_s;
-  Edits edits(*model);
+  PlaybackIndex index(head, *model);
   const bool deforms_first = is_elastic(model->tissue_law);
   auto solutions = std::make_unique<SolutionIndex>(*model);
-  std::uint64_t row = 0;
-  const auto read = recording.read(
-      [&](const RecordingPart& part) -> Result<void> {
-        progress.report("scanning the recording", static_cast<double>(row) / static_cast<double>(head.ticks));
-        line.observe(part);
-        nearest.observe(part.ticks, part.events);
-        for (const RecordingEvent& event : part.events) edits.on_event(event);
-        if (deforms_first) solutions->observe(part, row);
-        if (played)
-          if (auto valid = played->observe(part); !valid) return valid;
-        for (const TickRecord& tick : part.ticks) {
-          if (row == 0) first = tick;
-          if (row++ % TickBlocks::kTicks == 0) begins_s.push_back(tick.time_s);
-        }
-        return {};
-      },
-      progress);
-  if (!read) return read.error();
+  if (auto scanned =
+          scan_recording(recording, progress, deforms_first ? solutions.get() : nullptr, played.get(), index);
+      !scanned)
+    return scanned.error();
   // the recording switches to an elastic law later: scan it again, with the surfaces that this needs
-  if (!deforms_first && edits.laws.any(is_elastic)) {
+  if (!deforms_first && index.edits.laws.any(is_elastic)) {
     if (auto ready = with_surfaces(); !ready) return ready.error();
     solutions = std::make_unique<SolutionIndex>(*model);
-    row = 0;
-    const auto found = recording.read(
-        [&](const RecordingPart& part) -> Result<void> {
-          solutions->observe(part, row);
-          row += part.ticks.size();
-          return {};
-        },
-        progress);
-    if (!found) return found.error();
+    if (auto found = scan_solutions(recording, progress, *solutions); !found) return found.error();
   }
   if (played)
     if (auto any = played->finish(head.summary.has_value()); !any) return any.error();
   progress.report("scanning the recording", 1);
 
-  if (auto reckoned = compute_removed_volumes(*model, progress, edits); !reckoned) return reckoned.error();
+  if (auto reckoned = compute_removed_volumes(*model, progress, index.edits); !reckoned)
+    return reckoned.error();
 
   ViewedScene scene = viewed_scene(*model, static_cast<std::size_t>(head.header.devices), modality);
-  scene.recording = line.take();
+  scene.recording = index.line.take();
   scene.device_name = head.header.device.empty() ? "recorded" : head.header.device;
   scene.input = "recording";
   if (played) scene.tasks = {played->task()};
@@ -421,12 +307,13 @@ Result<std::unique_ptr<PlaybackHost>> open_playback(RecordingSource recording,
   for (const RecordingHead::AppliedMethod& used : head.methods)
     if (used.method < kForceMethods.size()) scene.methods.emplace_back(kForceMethods[used.method].name);
   for (const auto& law : kTissueLaws)
-    if (check_law(*model, law.value) || edits.laws.any([&](TissueLaw any) { return any == law.value; }))
+    if (check_law(*model, law.value) || index.edits.laws.any([&](TissueLaw any) { return any == law.value; }))
       scene.laws.emplace_back(law.name);
   try {
     return std::unique_ptr<PlaybackHost>(std::make_unique<Playback>(
-        std::move(recording), std::move(model), std::move(scene), first, std::move(begins_s),
-        std::move(edits), std::move(nearest), std::move(*solutions), std::move(played), std::move(plan)));
+        std::move(recording), std::move(model), std::move(scene), index.first, std::move(index.begins_s),
+        std::move(index.edits), std::move(index.nearest), std::move(*solutions), std::move(played),
+        std::move(plan)));
   } catch (const std::system_error&) {
     return Error{ErrorKind::kUnavailable, "cannot start a thread to read the recording", "",
                  "close other programs"};

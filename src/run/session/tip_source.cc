@@ -15,7 +15,7 @@ class ScriptSource final : public TipSource {
   ScriptSource(const RunSetup& setup, ScriptedHand hand, bool repeat)
       : model_(setup.model),
         workspace_(setup.workspace),
-        plant_(setup.script.device),
+        device_name_(setup.script.device),
         requested_(hand.requested()),
         planned_(std::move(hand)),
         driver_(resting_at(setup, planned_->start())),
@@ -23,7 +23,7 @@ class ScriptSource final : public TipSource {
 
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "script"; }
-  std::string devices() const override { return plant_; }
+  std::string devices() const override { return device_name_; }
   std::vector<HoldRequest> requested() const override { return requested_; }
   Result<void> begin(ServoLoop& loop, EventLog& log, ScriptEdits edits) override {
     hand_.emplace(*std::move(planned_), workspace_, driver_, loop, log, std::move(edits), repeat_);
@@ -48,7 +48,7 @@ class ScriptSource final : public TipSource {
   // the hand refers to this model for its lifetime, even if the session switches to another version
   const std::shared_ptr<const Model> model_;
   const WorkspaceSettings workspace_;
-  const std::string plant_;
+  const std::string device_name_;
   const std::vector<HoldRequest> requested_;
   std::optional<ScriptedHand> planned_;
   SimulatedDriver driver_;

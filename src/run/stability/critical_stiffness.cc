@@ -91,8 +91,8 @@ LoopConstants constants_of(const PlantDevice& device, double rate_hz, double del
           delay_s};
 }
 
-/// Recommended stiffness of loops, of the last few in memory and of all in the cache folder: a search
-/// simulates minutes of holds. From any thread.
+/// Cache of recommended stiffnesses by loop constants, because a search simulates minutes of holds: the last
+/// few in memory, all of them in the cache folder. Thread-safe.
 class Recommendations {
  public:
   std::optional<double> find(const LoopConstants& loop) {

@@ -97,125 +97,173 @@ NearestOutside nearest_outside(const std::array<int, 3>& dims, const Eigen::Vect
   return nearest;
 }
 
-std::optional<ThinSpot> minimum_thickness(const Volume<LabelId>& labels, const SegmentStatistics& structure) {
-  const GridGeometry& grid = labels.geometry();
-  // bounding box of the structure, extended by a voxel within the volume
-  std::array<int, 3> low, dims;
-  for (std::size_t a = 0; a < 3; ++a) {
-    low[a] = std::max(0, structure.box_min[a] - 1);
-    dims[a] = std::min(grid.dims[a] - 1, structure.box_max[a] + 1) - low[a] + 1;
-  }
-  const auto offset = [&](int i, int j, int k) {
-    return (static_cast<std::size_t>(k) * static_cast<std::size_t>(dims[1]) + static_cast<std::size_t>(j)) *
-               static_cast<std::size_t>(dims[0]) +
-           static_cast<std::size_t>(i);
-  };
-  const std::size_t count = offset(0, 0, dims[2]);
-  // 32-bit indices suffice for any label volume that fits into memory
-  if (count == 0 || count > 0x7fffffff) return std::nullopt;
-  std::vector<std::uint8_t> outside(count);
-  for (int k = 0; k < dims[2]; ++k)
-    for (int j = 0; j < dims[1]; ++j)
-      for (int i = 0; i < dims[0]; ++i)
-        outside[offset(i, j, k)] = labels.at(low[0] + i, low[1] + j, low[2] + k) != structure.id;
-  const NearestOutside nearest = nearest_outside(dims, grid.spacing_mm, outside);
+namespace {
 
-  const auto at = [&](std::size_t n) -> Eigen::Vector3d {
-    const auto row = static_cast<std::size_t>(dims[0]), slice = row * static_cast<std::size_t>(dims[1]);
-    return Eigen::Vector3d(static_cast<double>(n % row),
-                           static_cast<double>(n / row % static_cast<std::size_t>(dims[1])),
-                           static_cast<double>(n / slice))
-        .cwiseProduct(grid.spacing_mm);
-  };
+/// Medial surface of a structure in its bounding box, extended by a voxel within the volume.
+class MedialSurface {
+ public:
+  /// Point of the medial surface.
   struct Middle {
     float thickness_mm;
     std::uint32_t voxel;
   };
+
+  /// @param labels  outlives this object
+  MedialSurface(const Volume<LabelId>& labels, const SegmentStatistics& structure);
+
+  /// Finds the points, in ascending order of thickness; none if the box is empty or too large for 32-bit
+  /// indices.
+  std::vector<Middle> collect();
+  /// Voxel within the box.
+  std::array<int, 3> position_of(std::uint32_t voxel) const;
+  /// First voxel of the box.
+  const std::array<int, 3>& low() const { return low_; }
+  /// Whether a point is within a voxel of an inscribed ball whose radius exceeds its own by a voxel: it then
+  /// is a protrusion of that thicker part. Only nearby voxels are tested.
+  bool is_protrusion(double thickness_mm, const std::array<int, 3>& here) const;
+  /// Whether the medial surface ends near a point of it.
+  bool is_rim(const std::array<int, 3>& here) const;
+
+ private:
+  std::size_t offset(int i, int j, int k) const {
+    return (static_cast<std::size_t>(k) * static_cast<std::size_t>(dims_[1]) + static_cast<std::size_t>(j)) *
+               static_cast<std::size_t>(dims_[0]) +
+           static_cast<std::size_t>(i);
+  }
+  Eigen::Vector3d at(std::size_t n) const;
+
+  const Volume<LabelId>& labels_;
+  const GridGeometry& grid_;
+  const LabelId id_;
+  std::array<int, 3> low_, dims_;
+  std::vector<std::uint8_t> outside_, is_middle_;
+  NearestOutside nearest_;
+};
+
+MedialSurface::MedialSurface(const Volume<LabelId>& labels, const SegmentStatistics& structure)
+    : labels_(labels), grid_(labels.geometry()), id_(structure.id) {
+  for (std::size_t a = 0; a < 3; ++a) {
+    low_[a] = std::max(0, structure.box_min[a] - 1);
+    dims_[a] = std::min(grid_.dims[a] - 1, structure.box_max[a] + 1) - low_[a] + 1;
+  }
+}
+
+Eigen::Vector3d MedialSurface::at(std::size_t n) const {
+  const auto row = static_cast<std::size_t>(dims_[0]), slice = row * static_cast<std::size_t>(dims_[1]);
+  return Eigen::Vector3d(static_cast<double>(n % row),
+                         static_cast<double>(n / row % static_cast<std::size_t>(dims_[1])),
+                         static_cast<double>(n / slice))
+      .cwiseProduct(grid_.spacing_mm);
+}
+
+std::array<int, 3> MedialSurface::position_of(std::uint32_t voxel) const {
+  const std::size_t n = voxel;
+  const auto row = static_cast<std::size_t>(dims_[0]), rows = static_cast<std::size_t>(dims_[1]);
+  return {static_cast<int>(n % row), static_cast<int>(n / row % rows), static_cast<int>(n / (row * rows))};
+}
+
+std::vector<MedialSurface::Middle> MedialSurface::collect() {
+  const std::size_t count = offset(0, 0, dims_[2]);
+  // 32-bit indices suffice for any label volume that fits into memory
+  if (count == 0 || count > 0x7fffffff) return {};
+  outside_.resize(count);
+  is_middle_.resize(count);
+  for (int k = 0; k < dims_[2]; ++k)
+    for (int j = 0; j < dims_[1]; ++j)
+      for (int i = 0; i < dims_[0]; ++i)
+        outside_[offset(i, j, k)] = labels_.at(low_[0] + i, low_[1] + j, low_[2] + k) != id_;
+  nearest_ = nearest_outside(dims_, grid_.spacing_mm, outside_);
+
   std::vector<Middle> middle;
-  std::vector<std::uint8_t> is_middle(count);
   const std::array<std::size_t, 3> stride{1, offset(0, 1, 0), offset(0, 0, 1)};
   constexpr double kApart = -0.6428;  // cosine of 130 degrees
-  for (int k = 0; k < dims[2]; ++k)
-    for (int j = 0; j < dims[1]; ++j)
-      for (int i = 0; i < dims[0]; ++i) {
+  for (int k = 0; k < dims_[2]; ++k)
+    for (int j = 0; j < dims_[1]; ++j)
+      for (int i = 0; i < dims_[0]; ++i) {
         const std::size_t n = offset(i, j, k);
-        if (outside[n] || nearest.index[n] < 0) continue;
+        if (outside_[n] || nearest_.index[n] < 0) continue;
         const std::array<int, 3> here{i, j, k};
         for (std::size_t a = 0; a < 3; ++a) {
-          if (here[a] + 1 >= dims[a]) continue;
-          if (outside[n + stride[a]]) {
+          if (here[a] + 1 >= dims_[a]) continue;
+          if (outside_[n + stride[a]]) {
             // thickness of one voxel
-            if (here[a] == 0 || !outside[n - stride[a]]) continue;
-            middle.push_back({static_cast<float>(grid.spacing_mm[static_cast<Eigen::Index>(a)]),
+            if (here[a] == 0 || !outside_[n - stride[a]]) continue;
+            middle.push_back({static_cast<float>(grid_.spacing_mm[static_cast<Eigen::Index>(a)]),
                               static_cast<std::uint32_t>(n)});
-            is_middle[n] = 1;
+            is_middle_[n] = 1;
             continue;
           }
-          const Eigen::Vector3d from = at(static_cast<std::size_t>(nearest.index[n])),
-                                to = at(static_cast<std::size_t>(nearest.index[n + stride[a]]));
+          const Eigen::Vector3d from = at(static_cast<std::size_t>(nearest_.index[n])),
+                                to = at(static_cast<std::size_t>(nearest_.index[n + stride[a]]));
           const Eigen::Vector3d one = from - at(n), other = to - at(n + stride[a]);
           if (!(one.dot(other) <= kApart * one.norm() * other.norm())) continue;
           // distance between the two outside voxel centres, minus half a voxel on each side, along the
           // connecting line
           const Eigen::Vector3d across = to - from;
           const double length = across.norm();
-          const double voxel = (across / length).cwiseAbs().dot(grid.spacing_mm);
+          const double voxel = (across / length).cwiseAbs().dot(grid_.spacing_mm);
           middle.push_back({static_cast<float>(length - voxel), static_cast<std::uint32_t>(n)});
-          is_middle[n] = is_middle[n + stride[a]] = 1;
+          is_middle_[n] = is_middle_[n + stride[a]] = 1;
         }
       }
   std::ranges::sort(middle, [](const Middle& a, const Middle& b) {
     return a.thickness_mm != b.thickness_mm ? a.thickness_mm < b.thickness_mm : a.voxel < b.voxel;
   });
-  // Whether a point is within a voxel of an inscribed ball whose radius exceeds its own by a voxel: it then
-  // is a protrusion of that thicker part. Only nearby voxels are tested.
-  const double longest_mm = grid.spacing_mm.maxCoeff();
-  const auto stands_out = [&](double thickness_mm, const std::array<int, 3>& here) {
-    constexpr int kBelow = 4;
-    // from the medial surface to the outside voxel centres, as for the balls
-    const double own_mm = 0.5 * (thickness_mm + longest_mm);
-    const auto from = [&](std::size_t a) { return std::max(0, here[a] - kBelow); };
-    const auto to = [&](std::size_t a) { return std::min(dims[a] - 1, here[a] + kBelow); };
-    for (int k = from(2); k <= to(2); ++k)
-      for (int j = from(1); j <= to(1); ++j)
-        for (int i = from(0); i <= to(0); ++i) {
-          const std::size_t other = offset(i, j, k);
-          if (outside[other] || nearest.index[other] < 0) continue;
-          const double radius_mm = std::sqrt(nearest.squared_mm2[other]);
-          if (radius_mm < own_mm + 0.99 * longest_mm) continue;
-          const Eigen::Vector3d off =
-              Eigen::Vector3d(i - here[0], j - here[1], k - here[2]).cwiseProduct(grid.spacing_mm);
-          if (off.norm() < radius_mm + longest_mm) return true;
-        }
-    return false;
-  };
+  return middle;
+}
+
+bool MedialSurface::is_protrusion(double thickness_mm, const std::array<int, 3>& here) const {
+  const double longest_mm = grid_.spacing_mm.maxCoeff();
+  constexpr int kBelow = 4;
+  // from the medial surface to the outside voxel centres, as for the balls
+  const double own_mm = 0.5 * (thickness_mm + longest_mm);
+  const auto from = [&](std::size_t a) { return std::max(0, here[a] - kBelow); };
+  const auto to = [&](std::size_t a) { return std::min(dims_[a] - 1, here[a] + kBelow); };
+  for (int k = from(2); k <= to(2); ++k)
+    for (int j = from(1); j <= to(1); ++j)
+      for (int i = from(0); i <= to(0); ++i) {
+        const std::size_t other = offset(i, j, k);
+        if (outside_[other] || nearest_.index[other] < 0) continue;
+        const double radius_mm = std::sqrt(nearest_.squared_mm2[other]);
+        if (radius_mm < own_mm + 0.99 * longest_mm) continue;
+        const Eigen::Vector3d off =
+            Eigen::Vector3d(i - here[0], j - here[1], k - here[2]).cwiseProduct(grid_.spacing_mm);
+        if (off.norm() < radius_mm + longest_mm) return true;
+      }
+  return false;
+}
+
+bool MedialSurface::is_rim(const std::array<int, 3>& here) const {
   std::array<int, 3> reach;
   for (std::size_t a = 0; a < 3; ++a)
-    reach[a] = static_cast<int>(kRim_mm / grid.spacing_mm[static_cast<Eigen::Index>(a)]);
-  for (const Middle& one : middle) {
-    const std::size_t n = one.voxel;
-    const auto row = static_cast<std::size_t>(dims[0]), rows = static_cast<std::size_t>(dims[1]);
-    const std::array<int, 3> here{static_cast<int>(n % row), static_cast<int>(n / row % rows),
-                                  static_cast<int>(n / (row * rows))};
-    if (stands_out(one.thickness_mm, here)) continue;
-    // centroid of the neighbouring medial voxels: at a rim it is off to one side
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    std::size_t voxels = 0;
-    for (int k = std::max(0, here[2] - reach[2]); k <= std::min(dims[2] - 1, here[2] + reach[2]); ++k)
-      for (int j = std::max(0, here[1] - reach[1]); j <= std::min(dims[1] - 1, here[1] + reach[1]); ++j)
-        for (int i = std::max(0, here[0] - reach[0]); i <= std::min(dims[0] - 1, here[0] + reach[0]); ++i) {
-          if (!is_middle[offset(i, j, k)]) continue;
-          const Eigen::Vector3d off =
-              Eigen::Vector3d(i - here[0], j - here[1], k - here[2]).cwiseProduct(grid.spacing_mm);
-          if (off.squaredNorm() > kRim_mm * kRim_mm) continue;
-          sum += off;
-          ++voxels;
-        }
-    // for half a disc the centroid is at 0.42 of the radius
-    constexpr double kOneSided = 0.25;
-    if (sum.norm() > kOneSided * kRim_mm * static_cast<double>(voxels)) continue;
+    reach[a] = static_cast<int>(kRim_mm / grid_.spacing_mm[static_cast<Eigen::Index>(a)]);
+  // centroid of the neighbouring medial voxels: at a rim it is off to one side
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  std::size_t voxels = 0;
+  for (int k = std::max(0, here[2] - reach[2]); k <= std::min(dims_[2] - 1, here[2] + reach[2]); ++k)
+    for (int j = std::max(0, here[1] - reach[1]); j <= std::min(dims_[1] - 1, here[1] + reach[1]); ++j)
+      for (int i = std::max(0, here[0] - reach[0]); i <= std::min(dims_[0] - 1, here[0] + reach[0]); ++i) {
+        if (!is_middle_[offset(i, j, k)]) continue;
+        const Eigen::Vector3d off =
+            Eigen::Vector3d(i - here[0], j - here[1], k - here[2]).cwiseProduct(grid_.spacing_mm);
+        if (off.squaredNorm() > kRim_mm * kRim_mm) continue;
+        sum += off;
+        ++voxels;
+      }
+  // for half a disc the centroid is at 0.42 of the radius
+  constexpr double kOneSided = 0.25;
+  return sum.norm() > kOneSided * kRim_mm * static_cast<double>(voxels);
+}
+
+}  // namespace
+
+std::optional<ThinSpot> minimum_thickness(const Volume<LabelId>& labels, const SegmentStatistics& structure) {
+  MedialSurface surface(labels, structure);
+  for (const MedialSurface::Middle& one : surface.collect()) {
+    const std::array<int, 3> here = surface.position_of(one.voxel), low = surface.low();
+    if (surface.is_protrusion(one.thickness_mm, here) || surface.is_rim(here)) continue;
     const Eigen::Vector3d index(low[0] + here[0], low[1] + here[1], low[2] + here[2]);
-    return ThinSpot{one.thickness_mm, grid.X_PatientVoxel() * Point<Voxel>(index)};
+    return ThinSpot{one.thickness_mm, labels.geometry().X_PatientVoxel() * Point<Voxel>(index)};
   }
   return std::nullopt;
 }

@@ -254,8 +254,8 @@ class Fit {
       for (std::size_t c = 0; c < used_.size(); ++c)
         if (parameters.find_contact)
           x[static_cast<Eigen::Index>(parameters.first_contact() + c)] = first_contact_mm(used_[c]);
-      // the force is proportional to the modulus
-      // weighted scalar products: their ratio is the least-squares modulus
+      // the force is proportional to the modulus: the ratio of these weighted scalar products is the
+      // least-squares modulus
       double measured_by_unit = 0, unit_by_unit = 0;
       for (std::size_t c = 0; c < used_.size(); ++c) {
         const std::vector<double> unit_N = parameters.forces(x, used_[c], c);

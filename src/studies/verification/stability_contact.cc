@@ -25,10 +25,10 @@ constexpr double kLowered_mm = 0.05;  // per tick
 // sticking tip: the friction cone has a radius of 1.6 mm at this depth
 constexpr double kStickStatic = 0.8, kStickDynamic = 0.7, kStickDepth_mm = 2;
 constexpr double kTremor_mm = 0.05, kTremor_hz[] = {9.5, 8};
-constexpr int kPlanesATremor = 4;
+constexpr int kPlanesPerTremor = 4;
 // alternating rotation, commanded to the tick ten times a second; moves the contact by at most 0.5 mm
 constexpr double kTurn_rad = 0.03, kTurn_s = 2;
-constexpr int kTicksATurn = 100;
+constexpr int kTicksPerTurn = 100;
 constexpr double kFace_mm = 16.5;  // position of the plates' outer face
 // presses
 constexpr double kMax_N = 8.5, kMaxStep_mm = 0.5, kWidest_mm = 3, kEvery_mm = 0.01, kTouch_N = 0.05;
@@ -184,7 +184,7 @@ void turn(const Model& plates, AccuracyRandom& random, long ticks, Drift& drift)
   const Point<Patient> begun = state.device[0].proxy.position;
   for (long n = 0; n < ticks; ++n) {
     const double time_s = static_cast<double>(n) * kDt_s;
-    if (n % kTicksATurn == 0)
+    if (n % kTicksPerTurn == 0)
       parameters.rotation_target =
           Eigen::AngleAxisd(kTurn_rad * std::sin(2 * std::numbers::pi * time_s / kTurn_s), axis);
     const auto [along_mm, across_mm] = tremor_mm(time_s);
@@ -218,7 +218,7 @@ Result<std::vector<Figure>> drift_figures(const ContactEffort& effort, const Pro
     counts.push_back({path + "/loose", static_cast<double>(drift.loose), "ticks", n, 0});
     return {};
   };
-  const int planes = (effort.planes + kPlanesATremor - 1) / kPlanesATremor;
+  const int planes = (effort.planes + kPlanesPerTremor - 1) / kPlanesPerTremor;
   const auto trembling = add("trembling", planes, [&](Drift& drift) { tremble(random, ticks, drift); });
   if (!trembling) return trembling.error();
   const auto turning =

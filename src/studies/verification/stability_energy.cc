@@ -236,7 +236,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   EnergyBalance result;
   std::shared_ptr<const Model> model = std::make_shared<const Model>(ball);
   VirtualClockSoftTissueSolver virtual_solver(exploration.rate_hz);
-  const long ticks_a_cut = std::lround(kCutEvery_s * exploration.rate_hz);
+  const long ticks_per_cut = std::lround(kCutEvery_s * exploration.rate_hz);
   std::vector<double> positions_mm, forces_N;  // normal to the plane
   double energy_mJ = 0;
   long touching = 0, damped = 0;
@@ -245,10 +245,10 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   Vector<World> acted;
   const long ticks = std::lround(exploration.time_s * exploration.rate_hz);
   const long ticks_to_stop = std::lround(exploration.motor_stops_s * exploration.rate_hz);
-  const long ticks_a_turning = std::lround(kTurning_s * exploration.rate_hz);
+  const long ticks_per_rotation = std::lround(kTurning_s * exploration.rate_hz);
   double dt_s = 1 / exploration.rate_hz;
   for (long n = 0; n < ticks; ++n) {
-    if (exploration.turning && n % ticks_a_turning == 0)
+    if (exploration.turning && n % ticks_per_rotation == 0)
       parameters.rotation_target = Eigen::Quaterniond(Eigen::AngleAxisd(
                                        between(random, 0, kMaxObjectTurn_rad), any_direction(random))) *
                                    parameters.rotation_target;
@@ -256,7 +256,7 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
       parameters.motor = false;
       pressing_hand.press_deeper(ball.tools[0].radius_mm - state.device[0].proxy.position.x());
     }
-    if (exploration.cuts && n % ticks_a_cut == 0)
+    if (exploration.cuts && n % ticks_per_cut == 0)
       if (const auto cuts = finished_cuts(state.device[0].burr, 0); !cuts.empty())
         model = carved_by(*model, cuts)->applied_to(*model);
     if (deforms_by_itself && virtual_solver.advance(*model, n > 0 ? &record : nullptr))

@@ -98,7 +98,7 @@ Result<void> removal_figures(const Progress& progress, std::vector<Figure>& figu
     figures.push_back({at + std::string("lag"), cut.lag_percent, "percent", cut.frames, 0.1});
     figures.push_back({at + std::string("behind"), cut.behind_percent, "percent", cut.frames, {}});
     figures.push_back({at + std::string("change"), cut.change_percent, "percent", cut.frames, max_change});
-    figures.push_back({at + std::string("follow-time"), cut.follow_ms, "ms", cut.frames, {}});
+    figures.push_back({at + std::string("follow-time"), cut.update_ms, "ms", cut.frames, {}});
     figures.push_back({at + std::string("frame-time"), cut.frame_ms, "ms", cut.frames, {}});
   };
   for (const double speed : {10.0, 40.0}) {
@@ -132,8 +132,8 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
   for (const OscillationError& swung : swing_relaxing(*relaxing, *elastic, kSeries)) {
     char at[32];
     std::snprintf(at, sizeof at, "swung/%.0f-Hz/", swung.hz);
-    figures.push_back({in + at + "angle-off", swung.angle_percent, "percent", 1, 1});
-    figures.push_back({in + at + "size-off", swung.size_percent, "percent", 1, 1});
+    figures.push_back({in + at + "angle-off", swung.phase_error_percent, "percent", 1, 1});
+    figures.push_back({in + at + "size-off", swung.magnitude_error_percent, "percent", 1, 1});
   }
   if (progress.stopped()) return Progress::interrupted();
   figures.push_back({in + "slid-over-nodule/work-given-out",
@@ -268,7 +268,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
   figures.push_back({"tissue/nodule/stiffer", loop.stiffer_percent, "percent", 1, {}});
 
   WorstCase stretched;
-  for (const double part : {0.6, 0.8, 1.3}) stretched.add(stretched_case(part));
+  for (const double height_ratio : {0.6, 0.8, 1.3}) stretched.add(stretched_case(height_ratio));
   figures.push_back(stretched.figure("tissue/neo-hookean/stretched", 0.1));
   if (stopped()) return Progress::interrupted();
   const FiniteLayer finite = finite_layer({47, 32, 8}, 0.2);

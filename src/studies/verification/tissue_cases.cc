@@ -266,14 +266,14 @@ TissueDeviation hertz_case(const HalfSpacePress& press) {
 TissueDeviation ripple_case(const HalfSpacePress& press, int steps) {
   const Vector<Patient> outward = press.outward.normalized();
   const Vector<Patient> along(outward.eigen().cross(Eigen::Vector3d(0.3, 1, 0.2)).normalized());
-  double smallest = 0, most = 0, sum = 0;
+  double min_N = 0, max_N = 0, sum_N = 0;
   for (int n = 0; n < steps; ++n) {
-    const double force = press_half_space(press, along * (1.4 * n / steps)).force_N;
-    smallest = n == 0 ? force : std::min(smallest, force);
-    most = std::max(most, force);
-    sum += force;
+    const double force_N = press_half_space(press, along * (1.4 * n / steps)).force_N;
+    min_N = n == 0 ? force_N : std::min(min_N, force_N);
+    max_N = std::max(max_N, force_N);
+    sum_N += force_N;
   }
-  return {100 * (most - smallest) * steps / sum, 0};
+  return {100 * (max_N - min_N) * steps / sum_N, 0};
 }
 
 namespace {
@@ -354,7 +354,7 @@ TissueDeviation layer_case(int cells_thick, double nu, double depth_ratio) {
   return {100 * (force / expected - 1), 0};
 }
 
-TissueDeviation stretched_case(double part) {
+TissueDeviation stretched_case(double height_ratio) {
   constexpr int kCells = 4;
   constexpr double kPa = 10, kNu = 0.45;
   ElasticGrid grid(
@@ -365,7 +365,7 @@ TissueDeviation stretched_case(double part) {
     if (i == 0) grid.constrain(i, j, k, ElasticGrid::kFixedX);
     if (j == 0) grid.constrain(i, j, k, ElasticGrid::kFixedY);
     if (k % kCells == 0) grid.constrain(i, j, k, ElasticGrid::kFixedZ);
-    u.values[layout.node(i, j, k, 2)] = static_cast<float>((part - 1) * k);
+    u.values[layout.node(i, j, k, 2)] = static_cast<float>((height_ratio - 1) * k);
   });
   ElasticSolver solver(grid);
   NeoHookeanSettings settings;
@@ -378,18 +378,19 @@ TissueDeviation stretched_case(double part) {
   for (int j = 0; j <= kCells; ++j)
     for (int i = 0; i <= kCells; ++i) pulled_N += force.values[layout.node(i, j, kCells, 2)];
 
-  // lateral stretch q: mu q + s part q = 0, s = (lambda + mu) (part q2 - 1) - mu; axial: mu part + s q2
+  // lateral stretch q at the height ratio h: mu q + s h q = 0, s = (lambda + mu) (h q2 - 1) - mu; axial
+  // stress: mu h + s q2
   const double mu = kPa * kN_per_mm2_of_kPa / (2 * (1 + kNu)), lambda = 2 * mu * kNu / (1 - 2 * kNu);
-  const double s = -mu / part, squared = ((s + mu) / (lambda + mu) + 1) / part;
-  const double expected = kCells * kCells * (mu * part + s * squared);
+  const double s = -mu / height_ratio, squared = ((s + mu) / (lambda + mu) + 1) / height_ratio;
+  const double expected = kCells * kCells * (mu * height_ratio + s * squared);
   result.error_percent = 100 * (pulled_N / expected - 1);
   return result;
 }
 
-FiniteLayer finite_layer(std::array<int, 3> cells, double part) {
+FiniteLayer finite_layer(std::array<int, 3> cells, double depth_ratio) {
   constexpr double kPa = 10, kNu = 0.45, kFrame_mm = 1.0 / 3;
   const int middle_x = cells[0] / 2, middle_y = cells[1] / 2, thick = cells[2];
-  const double depth = part * thick, radius = thick;
+  const double depth = depth_ratio * thick, radius = thick;
   ElasticGrid grid(
       box_of(cells), [&](const Point<Patient>&) { return deformable(kPa, kNu); }, 1);
   const ElasticLayout& layout = grid.layout();
@@ -486,9 +487,8 @@ NoduleLoop nodule_loop(int cells, int steps) {
     return press_sphere(grid, solver, Point<Patient>(x, cells / 2.0 + 0.3, top), up, kRadius_mm, depth_mm,
                         unit, load, kMaxTissueIterations, 1e-5);
   };
-  // work of indentation and retraction at a position, by four-point Gauss-Legendre quadrature in d^(5/2)
+  // energy stored by a press to kDepth_mm at a position: the force integrated over depth by the midpoint rule
   const auto energy = [&](double x) {
-    // W is independent of the depth while the contact is narrow, so the integrand is a single function
     double sum = 0;
     constexpr int kDepths = 24;
     for (int n = 0; n < kDepths; ++n) sum += press(x, kDepth_mm * (n + 0.5) / kDepths).force_N;

@@ -55,7 +55,7 @@ TissueDeviation layer_case(int cells_thick, double poissons_ratio, double depth_
 
 /// Uniaxial compression or extension of a laterally free neo-Hookean block to a fraction of its height: its
 /// force compared with the solution of the two equations.
-TissueDeviation stretched_case(double part);
+TissueDeviation stretched_case(double height_ratio);
 /// Sphere pressed into a layer on bone, by a fraction of its thickness, at the nodes in contact according to
 /// the linear solution: deviation of the linear force from the neo-Hookean one. `frame_ms`: median processor
 /// time of a Newton step with up to 3 iterations, in which the depth increases by a third of a cell;
@@ -65,7 +65,7 @@ struct FiniteLayer {
   std::size_t cells = 0;
   bool converged = true;
 };
-FiniteLayer finite_layer(std::array<int, 3> cells, double part);
+FiniteLayer finite_layer(std::array<int, 3> cells, double depth_ratio);
 
 /// Convergence order: interior error for the field of a point force outside the block (Kelvin), prescribed on
 /// the block's surface, from blocks with `cells` and twice as many cells along an axis.

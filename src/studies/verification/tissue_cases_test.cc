@@ -69,7 +69,8 @@ TEST(TissueCases, WorkOverANoduleIsGivenBack) {
 }
 
 TEST(TissueCases, ANeoHookeanBlockIsStretched) {
-  for (const double part : {0.6, 1.4}) EXPECT_LE(std::abs(stretched_case(part).error_percent), 0.1) << part;
+  for (const double height_ratio : {0.6, 1.4})
+    EXPECT_LE(std::abs(stretched_case(height_ratio).error_percent), 0.1) << height_ratio;
 }
 
 TEST(TissueCases, LinearIsNeoHookeanToAFifthOfTheThickness) {

@@ -61,7 +61,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
   ElasticSolver solver(cells.grid());
   const ElasticLayout& layout = cells.grid().layout();
   ElasticField unit(layout), converged(layout), load(layout);
-  std::vector<double> follow_s, frame_s;
+  std::vector<double> update_s, frame_s;
   double first_N = 0, last_N = 0;
   CutTissue result;
   const auto deviation_percent = [](double one, double other) { return 100 * std::abs(one / other - 1); };
@@ -77,7 +77,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
     patch.add(1, load);
     solver.solve(load, unit, frame == 0 ? kTruthIterations : kSolverSettings.iterations, kTruthTolerance);
     if (frame > 0) {
-      follow_s.push_back(followed - begin);
+      update_s.push_back(followed - begin);
       frame_s.push_back(tissue_thread_seconds() - begin);
     }
     const double w = patch.displacement(unit);
@@ -106,7 +106,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
     ++result.frames;
   }
   result.force_changed_percent = 100 * (last_N / first_N - 1);
-  result.follow_ms = median_ms(follow_s);
+  result.update_ms = median_ms(update_s);
   result.frame_ms = median_ms(frame_s);
   return result;
 }

@@ -19,7 +19,7 @@ struct CutTissue {
   double change_percent = 0;
   double force_changed_percent = 0;  ///< Change from first to last
   /// Median processor times: of updating the cells, and of the whole frame
-  double follow_ms = 0, frame_ms = 0;
+  double update_ms = 0, frame_ms = 0;
   std::uint64_t frames = 0;
 };
 /// A ball of 4 mm mills a groove 3 mm deep past the contact; its edge is 2.5 mm from the contact's centre.

@@ -105,18 +105,18 @@ class TissueComparison {
     if (ticks_++ % every_ != 0 || tick.device[0].contact_label[0] == 0) return;
     const double truth_N = truth_.at(tick);
     // normal component, as in the converged solution
-    const double off_N = std::abs(-tick.device[0].contact_N[0] + truth_N);
-    off_.peak_N = std::max(off_.peak_N, truth_N);
-    largest_N_ = std::max(largest_N_, off_N);
-    sum_N_ += off_N;
-    ++off_.samples;
+    const double error_N = std::abs(-tick.device[0].contact_N[0] + truth_N);
+    error_.peak_N = std::max(error_.peak_N, truth_N);
+    largest_N_ = std::max(largest_N_, error_N);
+    sum_N_ += error_N;
+    ++error_.samples;
   }
-  TickError off() const {
-    TickError off = off_;
-    if (off.samples == 0) return off;
-    off.largest_percent = 100 * largest_N_ / off.peak_N;
-    off.mean_percent = 100 * sum_N_ / off.samples / off.peak_N;
-    return off;
+  TickError error() const {
+    TickError error = error_;
+    if (error.samples == 0) return error;
+    error.largest_percent = 100 * largest_N_ / error.peak_N;
+    error.mean_percent = 100 * sum_N_ / error.samples / error.peak_N;
+    return error;
   }
 
  private:
@@ -124,7 +124,7 @@ class TissueComparison {
   const int every_;
   int ticks_ = 0;
   double largest_N_ = 0, sum_N_ = 0;
-  TickError off_;
+  TickError error_;
 };
 
 // interval that gives some twenty comparisons along a path
@@ -195,7 +195,7 @@ TickError press_tissue(const std::shared_ptr<const Model>& model, double speed_m
   tip.begin_at({x_mm, 0, kTissueTool_mm + kBeginAbove_mm});
   tip.lead({x_mm, 0, kTissueTool_mm - kDepth_mm}, speed_mm_s,
            [&](const TickRecord& tick) { comparison.observe(tick); });
-  return comparison.off();
+  return comparison.error();
 }
 
 TickError slide_on_tissue(const std::shared_ptr<const Model>& model, double speed_mm_s) {
@@ -207,7 +207,7 @@ TickError slide_on_tissue(const std::shared_ptr<const Model>& model, double spee
   tip.wait(0.1);
   tip.lead({kFar_mm, 0, kTissueTool_mm - kDepth_mm}, speed_mm_s,
            [&](const TickRecord& tick) { comparison.observe(tick); });
-  return comparison.off();
+  return comparison.error();
 }
 
 double change_at_rest_N(const std::shared_ptr<const Model>& model) {
@@ -279,22 +279,22 @@ RelaxationError press_relaxing(const std::shared_ptr<const Model>& relaxing,
     tip.wait(held_s, observe);
     return forces;
   };
-  const std::vector<double> rendered_N = forces_N(relaxing), at_once_N = forces_N(elastic);
-  RelaxationError off;
+  const std::vector<double> rendered_N = forces_N(relaxing), elastic_N = forces_N(elastic);
+  RelaxationError error;
   for (std::size_t n = kEvery; n < rendered_N.size(); n += kEvery) {
     // the change of the force is assumed to be uniform within its tick, i.e. at its middle
     double truth_N = 0;
     for (std::size_t m = 1; m <= n; ++m)
-      truth_N += (at_once_N[m] - at_once_N[m - 1]) *
+      truth_N += (elastic_N[m] - elastic_N[m - 1]) *
                  remaining_fraction(relaxation, (static_cast<double>(n - m) + 0.5) / kTickRate_hz);
     if (!(truth_N > 0)) continue;
     const double percent = 100 * std::abs(rendered_N[n] / truth_N - 1);
-    double& largest = n < kOfPress ? off.pressed_percent : off.hold_percent;
+    double& largest = n < kOfPress ? error.pressed_percent : error.hold_percent;
     largest = std::max(largest, percent);
-    off.remaining_fraction = rendered_N[n] / at_once_N[n];
-    ++off.samples;
+    error.remaining_fraction = rendered_N[n] / elastic_N[n];
+    ++error.samples;
   }
-  return off;
+  return error;
 }
 
 std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>& relaxing,
@@ -323,7 +323,7 @@ std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>&
     }
     return sums;
   };
-  const std::vector<Eigen::Vector2d> samples = waves(relaxing), at_once = waves(elastic);
+  const std::vector<Eigen::Vector2d> samples = waves(relaxing), elastic_samples = waves(elastic);
   std::vector<OscillationError> all;
   for (std::size_t f = 0; f < std::size(kHz); ++f) {
     double storage = 1, loss = 0;  // moduli relative to the instantaneous one
@@ -333,8 +333,8 @@ std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>&
       loss += term.fraction * x / (1 + x * x);
     }
     const auto angle = [](const Eigen::Vector2d& wave) { return std::atan2(wave.x(), wave.y()); };
-    const double ahead = angle(samples[f]) - angle(at_once[f]), truth = std::atan2(loss, storage);
-    const double size = samples[f].norm() / at_once[f].norm(), true_size = std::hypot(storage, loss);
+    const double ahead = angle(samples[f]) - angle(elastic_samples[f]), truth = std::atan2(loss, storage);
+    const double size = samples[f].norm() / elastic_samples[f].norm(), true_size = std::hypot(storage, loss);
     all.push_back({kHz[f], 100 * std::abs(ahead / truth - 1), 100 * std::abs(size / true_size - 1),
                    ahead * 180 / std::numbers::pi});
   }

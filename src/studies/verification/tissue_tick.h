@@ -56,7 +56,7 @@ RelaxationError press_relaxing(const std::shared_ptr<const Model>& relaxing,
 /// block without relaxation, compared with those of the Prony series; percent.
 struct OscillationError {
   double hz = 0;
-  double angle_percent = 0, size_percent = 0;
+  double phase_error_percent = 0, magnitude_error_percent = 0;
   double angle_deg = 0;
 };
 std::vector<OscillationError> swing_relaxing(const std::shared_ptr<const Model>& relaxing,

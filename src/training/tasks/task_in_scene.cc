@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::array<std::array<int, 3>, 6> kFaces{
     {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
-/// Calls visit(i, j, k, place) for every voxel of the given labels.
+/// Calls visit(i, j, k, position_mm) for every voxel of the given labels.
 template <class Visit>
 void for_each_voxel(const Bricks<LabelId>& labels, const std::vector<bool>& has, const Visit& visit) {
   const auto X = labels.geometry().X_PatientVoxel();

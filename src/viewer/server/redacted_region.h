@@ -17,7 +17,7 @@ class RegionExtent {
 
   bool has(LabelId label) const { return has_[label]; }
   bool contains_point(const Eigen::Vector3d& position_mm) const;
-  /// Calls visit(i, j, k, place) for each voxel of the region.
+  /// Calls visit(i, j, k, position_mm) for each voxel of the region.
   template <class Visit>
   void for_each_voxel(const Visit& visit) const {
     for_each_of_labels([&](int i, int j, int k, const Eigen::Vector3d& position_mm) {

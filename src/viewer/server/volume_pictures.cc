@@ -266,11 +266,11 @@ PictureStore::Payload PictureStore::render(const PictureKey& key) {
   style.clip = key.clip;
   renderer_->render(camera, style, rgb_, depth_mm_);
 
-  double smallest = std::numeric_limits<double>::infinity(), most = -smallest;
+  double min_depth = std::numeric_limits<double>::infinity(), max_depth = -min_depth;
   for (const float depth : depth_mm_)
     if (std::isfinite(depth))
-      smallest = std::min<double>(smallest, depth), most = std::max<double>(most, depth);
-  if (!(most >= smallest)) smallest = most = 0;
+      min_depth = std::min<double>(min_depth, depth), max_depth = std::max<double>(max_depth, depth);
+  if (!(max_depth >= min_depth)) min_depth = max_depth = 0;
   constexpr double kDepthSteps = 65535;
 
   const std::vector<std::uint8_t>& structure_indices =
@@ -281,7 +281,7 @@ PictureStore::Payload PictureStore::render(const PictureKey& key) {
   const Point<Patient> eye =
       camera.is_parallel() ? Point<Patient>() : camera.focus - camera.into() * camera.eye_mm;
   const double h = grid.min_spacing_mm();
-  const auto place_at = [&](int column, int row, double depth) -> std::uint8_t {
+  const auto structure_index_at = [&](int column, int row, double depth) -> std::uint8_t {
     const Point<Patient> pixel = camera.at(column, row);
     const Vector<Patient> direction = camera.is_parallel() ? camera.into() : (pixel - eye).normalized();
     for (const double behind : {0.4, 1.0, 0.0, 1.8, 3.0}) {
@@ -316,8 +316,8 @@ PictureStore::Payload PictureStore::render(const PictureKey& key) {
   head.unsigned_integer(std::uint16_t{0});
   head.unsigned_integer(static_cast<std::uint16_t>(camera.width_px));
   head.unsigned_integer(static_cast<std::uint16_t>(camera.height_px));
-  head.real32(smallest);
-  head.real32(most - smallest);
+  head.real32(min_depth);
+  head.real32(max_depth - min_depth);
   head.unsigned_integer(std::uint32_t{0});
   std::copy(rgb_.begin(), rgb_.end(), payload->begin() + kHead_bytes);
   WireWriter depths(payload->data() + kHead_bytes + 3 * pixels);
@@ -327,9 +327,10 @@ PictureStore::Payload PictureStore::render(const PictureKey& key) {
     for (int column = 0; column < camera.width_px; ++column, ++n) {
       const double depth = depth_mm_[n];
       const bool is_met = std::isfinite(depth);
-      const double fraction = is_met && most > smallest ? (depth - smallest) / (most - smallest) : 0;
+      const double fraction =
+          is_met && max_depth > min_depth ? (depth - min_depth) / (max_depth - min_depth) : 0;
       depths.unsigned_integer(static_cast<std::uint16_t>(std::lround(kDepthSteps * fraction)));
-      structures[n] = is_met ? static_cast<char>(place_at(column, row, depth)) : '\0';
+      structures[n] = is_met ? static_cast<char>(structure_index_at(column, row, depth)) : '\0';
     }
   return payload;
 }

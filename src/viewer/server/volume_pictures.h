@@ -29,7 +29,7 @@ struct PictureKey {
   /// Redaction to be applied, always the same object; outlives the store; null: none
   const Redaction* redaction = nullptr;
 };
-/// Parses a query as specified in docs/reference/viewer-http.md, `view=...&appearances=...&cut=...`; empty if
+/// Parses a query as specified in docs/reference/viewer-http.md, `view=...&looks=...&cut=...`; empty if
 /// malformed.
 std::optional<PictureKey> parse_picture_query(std::string_view query, std::size_t structures);
 

@@ -207,25 +207,34 @@ function stadium(
   context.stroke();
 }
 
-/** Draws the tool at its proxy, the device's position, the line between them, and the force. */
-export function drawTool(frame: Frame, session: Session, device: DevicePose, projection: Projection): void {
+/** Draws the device's position, faint, and the line from the tool to it; nothing if the tool covers it. */
+function drawDevicePosition(frame: Frame, tool: [number, number], hand: [number, number]): void {
+  const { ratio } = frame;
+  if (Math.hypot(hand[0] - tool[0], hand[1] - tool[1]) <= 2 * ratio) return;
+  line(frame, tool, hand, 3, "rgba(6, 9, 11, 0.6)");
+  line(frame, tool, hand, 1.2, "rgba(238, 243, 245, 0.75)", [3, 3]);
+  ring(frame, hand, 3.5 * ratio, 3, "rgba(6, 9, 11, 0.6)");
+  ring(frame, hand, 3.5 * ratio, 1.3, "rgba(238, 243, 245, 0.75)");
+}
+
+/**
+ * Draws the capsules, the instrument and the tip at the proxy, and a shadow on the surface in contact.
+ * @param tool    pixel of the tip
+ * @param radius  of the tip, pixels
+ */
+function drawToolShape(
+  frame: Frame,
+  session: Session,
+  device: DevicePose,
+  projection: Projection,
+  tool: [number, number],
+  radius: number,
+): void {
   const { context, ratio } = frame;
   const pose = session.pose.value!;
   const shown = session.toolAt(device);
   const { radius_mm: tip_mm, capsules } = session.toolOf(device);
-  const [tool, hand] = [projection.pixel(shown), projection.pixel(device.tip)];
-  const radius = Math.max(5 * ratio, tip_mm * projection.pixelsPerMm(shown));
   const colour = session.isFresh.value ? TOOL : GREY;
-  context.save();
-  context.globalAlpha = 0.35 + 0.65 * projection.clearness(shown);
-
-  // device position, faint
-  if (Math.hypot(hand[0] - tool[0], hand[1] - tool[1]) > 2 * ratio) {
-    line(frame, tool, hand, 3, "rgba(6, 9, 11, 0.6)");
-    line(frame, tool, hand, 1.2, "rgba(238, 243, 245, 0.75)", [3, 3]);
-    ring(frame, hand, 3.5 * ratio, 3, "rgba(6, 9, 11, 0.6)");
-    ring(frame, hand, 3.5 * ratio, 1.3, "rgba(238, 243, 245, 0.75)");
-  }
   const isSeen = projection.hasBodies === true && projection.clearness(shown) > 0.5;
   if (isSeen && device.flags & Flag.contact && !(device.flags & Flag.inside)) {
     const foot = add(shown, scale(device.normal, -tip_mm));
@@ -257,62 +266,90 @@ export function drawTool(frame: Frame, session: Session, device: DevicePose, pro
     ring(frame, tool, radius, 4.5, "rgba(6, 9, 11, 0.75)");
     ring(frame, tool, radius, 2, colour, projection.clearness(shown) < 0.5 ? [4, 3] : []);
   }
+}
 
-  // force on the hand
+/**
+ * Draws the force on the hand as an arrow with its magnitude; nothing below MIN_FORCE_N.
+ * @param tool    pixel of the tip
+ * @param radius  of the tip, pixels
+ */
+function drawForce(
+  frame: Frame,
+  session: Session,
+  device: DevicePose,
+  projection: Projection,
+  tool: [number, number],
+  radius: number,
+): void {
+  const { context, ratio } = frame;
+  const pose = session.pose.value!;
   const force_N = length(device.force);
-  if (force_N > MIN_FORCE_N) {
-    const unit = session.toPatient(pose, scale(device.force, 1 / force_N));
-    const fraction = Math.min(1, force_N / Math.max(device.forceLimit, 0.1));
-    const [dx, dy] = projection.direction(unit);
-    const long = (16 + 74 * fraction) * ratio;
-    const tip: [number, number] = [tool[0] + dx * (long + radius), tool[1] + dy * (long + radius)];
-    const from: [number, number] = [tool[0] + dx * radius, tool[1] + dy * radius];
-    const shownLength = Math.hypot(tip[0] - from[0], tip[1] - from[1]);
-    const arrow = session.isFresh.value ? FORCE : GREY;
-    if (shownLength > 5 * ratio) {
-      const [ux, uy] = [(tip[0] - from[0]) / shownLength, (tip[1] - from[1]) / shownLength];
-      const head = Math.min(10 * ratio, 0.6 * shownLength);
-      for (const [thick, stroke] of [
-        [5.5, "rgba(6, 9, 11, 0.75)"],
-        [2.6, arrow],
-      ] as const) {
-        line(frame, from, [tip[0] - ux * head * 0.7, tip[1] - uy * head * 0.7], thick, stroke);
-      }
-      context.beginPath();
-      context.moveTo(...tip);
-      context.lineTo(tip[0] - ux * head - uy * head * 0.5, tip[1] - uy * head + ux * head * 0.5);
-      context.lineTo(tip[0] - ux * head + uy * head * 0.5, tip[1] - uy * head - ux * head * 0.5);
-      context.closePath();
-      context.lineWidth = 2 * ratio;
-      context.strokeStyle = "rgba(6, 9, 11, 0.75)";
-      context.stroke();
-      context.fillStyle = arrow;
-      context.fill();
-    } else {
-      // force along the viewing direction
-      context.beginPath();
-      context.arc(tool[0], tool[1], 2.6 * ratio, 0, 2 * Math.PI);
-      context.fillStyle = arrow;
-      context.fill();
+  if (!(force_N > MIN_FORCE_N)) return;
+  const unit = session.toPatient(pose, scale(device.force, 1 / force_N));
+  const fraction = Math.min(1, force_N / Math.max(device.forceLimit, 0.1));
+  const [dx, dy] = projection.direction(unit);
+  const long = (16 + 74 * fraction) * ratio;
+  const tip: [number, number] = [tool[0] + dx * (long + radius), tool[1] + dy * (long + radius)];
+  const from: [number, number] = [tool[0] + dx * radius, tool[1] + dy * radius];
+  const shownLength = Math.hypot(tip[0] - from[0], tip[1] - from[1]);
+  const arrow = session.isFresh.value ? FORCE : GREY;
+  if (shownLength > 5 * ratio) {
+    const [ux, uy] = [(tip[0] - from[0]) / shownLength, (tip[1] - from[1]) / shownLength];
+    const head = Math.min(10 * ratio, 0.6 * shownLength);
+    for (const [thick, stroke] of [
+      [5.5, "rgba(6, 9, 11, 0.75)"],
+      [2.6, arrow],
+    ] as const) {
+      line(frame, from, [tip[0] - ux * head * 0.7, tip[1] - uy * head * 0.7], thick, stroke);
     }
-    // magnitude: beyond the arrow's head, or next to the tool if the force is end-on; clamped to the picture
-    const isLong = shownLength > 5 * ratio;
-    const [wx, wy] = isLong
-      ? [tip[0] + dx * 26 * ratio, tip[1] + dy * 14 * ratio]
-      : [tool[0] + radius + 28 * ratio, tool[1]];
-    const within = (at: number, most: number, margin: number) =>
-      Math.min(most - margin * ratio, Math.max(margin * ratio, at));
-    text(
-      frame,
-      quantity(force_N, "N"),
-      within(wx, frame.width, 26),
-      within(wy, frame.height, 12),
-      12,
-      arrow,
-      "center",
-      "middle",
-    );
+    context.beginPath();
+    context.moveTo(...tip);
+    context.lineTo(tip[0] - ux * head - uy * head * 0.5, tip[1] - uy * head + ux * head * 0.5);
+    context.lineTo(tip[0] - ux * head + uy * head * 0.5, tip[1] - uy * head - ux * head * 0.5);
+    context.closePath();
+    context.lineWidth = 2 * ratio;
+    context.strokeStyle = "rgba(6, 9, 11, 0.75)";
+    context.stroke();
+    context.fillStyle = arrow;
+    context.fill();
+  } else {
+    // force along the viewing direction
+    context.beginPath();
+    context.arc(tool[0], tool[1], 2.6 * ratio, 0, 2 * Math.PI);
+    context.fillStyle = arrow;
+    context.fill();
   }
+  // magnitude: beyond the arrow's head, or next to the tool if the force is end-on; clamped to the picture
+  const isLong = shownLength > 5 * ratio;
+  const [wx, wy] = isLong
+    ? [tip[0] + dx * 26 * ratio, tip[1] + dy * 14 * ratio]
+    : [tool[0] + radius + 28 * ratio, tool[1]];
+  const within = (at: number, most: number, margin: number) =>
+    Math.min(most - margin * ratio, Math.max(margin * ratio, at));
+  text(
+    frame,
+    quantity(force_N, "N"),
+    within(wx, frame.width, 26),
+    within(wy, frame.height, 12),
+    12,
+    arrow,
+    "center",
+    "middle",
+  );
+}
+
+/** Draws the tool at its proxy, the device's position, the line between them, and the force. */
+export function drawTool(frame: Frame, session: Session, device: DevicePose, projection: Projection): void {
+  const { context, ratio } = frame;
+  const shown = session.toolAt(device);
+  const { radius_mm: tip_mm } = session.toolOf(device);
+  const [tool, hand] = [projection.pixel(shown), projection.pixel(device.tip)];
+  const radius = Math.max(5 * ratio, tip_mm * projection.pixelsPerMm(shown));
+  context.save();
+  context.globalAlpha = 0.35 + 0.65 * projection.clearness(shown);
+  drawDevicePosition(frame, tool, hand);
+  drawToolShape(frame, session, device, projection, tool, radius);
+  drawForce(frame, session, device, projection, tool, radius);
   context.restore();
 }
 

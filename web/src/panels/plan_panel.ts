@@ -8,7 +8,7 @@ import { download, fileStem } from "../base/download.js";
 import { digits, quantity } from "../words/figures.js";
 import { rotate, type Vec3 } from "../base/geometry.js";
 import type { Connection } from "../protocol/connection.js";
-import { besideTrajectory, breachesOf, planText, shaftOf, toTrajectory } from "../state/plan.js";
+import { breachesOf, deviationFrom, planText, shaftOf, toTrajectory } from "../state/plan.js";
 import type { End, PlanStore } from "../state/plan_store.js";
 import type { Session } from "../state/session.js";
 import type { DevicePose } from "../protocol/wire.js";
@@ -22,8 +22,8 @@ export class PlanPanel {
   private shown = ""; // key of the list's contents
   private spoken = ""; // breach announced last
   private wasThere = false; // whether a plan existed at the last update
-  private firstTurn = "";
-  private tellsTurn = false;
+  private firstOrientation = "";
+  private reportsOrientation = false;
 
   /** @param moveTo  moves all planes to a position */
   constructor(
@@ -52,7 +52,7 @@ export class PlanPanel {
     effect(() => this.show());
     // another connection may have another device
     effect(() => {
-      if (connection.link.value === "connected") [this.firstTurn, this.tellsTurn] = ["", false];
+      if (connection.link.value === "connected") [this.firstOrientation, this.reportsOrientation] = ["", false];
     });
     effect(() => this.watchOrientation(session.pose.value?.devices[0]));
     session.onFigures(() => this.draw());
@@ -64,9 +64,9 @@ export class PlanPanel {
   /** Detects orientation sensors: a device without them reports a constant orientation. */
   private watchOrientation(device: DevicePose | undefined): void {
     if (!device) return;
-    const turn = device.orientation.join();
-    this.firstTurn ||= turn;
-    this.tellsTurn ||= turn !== this.firstTurn;
+    const orientation = device.orientation.join();
+    this.firstOrientation ||= orientation;
+    this.reportsOrientation ||= orientation !== this.firstOrientation;
   }
 
   // ---- list
@@ -196,7 +196,7 @@ export class PlanPanel {
 
   private shaft(device: DevicePose): Vec3 | null {
     const { session } = this;
-    const shaft = this.tellsTurn ? shaftOf(session.toolOf(device)) : null;
+    const shaft = this.reportsOrientation ? shaftOf(session.toolOf(device)) : null;
     return shaft && session.toPatient(session.pose.value!, rotate(device.orientation, shaft));
   }
   private draw(): void {
@@ -208,11 +208,11 @@ export class PlanPanel {
       .map((one) => ({ one, far: toTrajectory(one, device.tip) }))
       .sort((a, b) => a.far - b.far);
     const isTrajectoryNear = nearest !== undefined && nearest.far <= NEAR_MM;
-    const beside = isTrajectoryNear ? besideTrajectory(nearest.one, device.tip, this.shaft(device)) : null;
+    const deviation = isTrajectoryNear ? deviationFrom(nearest.one, device.tip, this.shaft(device)) : null;
     write(byId("plan-nearest"), isTrajectoryNear ? nearest.one.name : words.noTrajectoryNear(quantity(NEAR_MM, "mm")));
-    write(byId("plan-lateral"), beside ? quantity(beside.lateral_mm, "mm") : "–");
-    write(byId("plan-left"), beside ? quantity(beside.left_mm, "mm") : "–");
-    write(byId("plan-angle"), beside?.angle_deg == null ? "–" : `${digits(beside.angle_deg)}°`);
+    write(byId("plan-lateral"), deviation ? quantity(deviation.lateral_mm, "mm") : "–");
+    write(byId("plan-left"), deviation ? quantity(deviation.left_mm, "mm") : "–");
+    write(byId("plan-angle"), deviation?.angle_deg == null ? "–" : `${digits(deviation.angle_deg)}°`);
 
     // structures that are closer than planned
     const breaches = breachesOf(plan, session.nearTo(device));

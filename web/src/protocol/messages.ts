@@ -46,7 +46,7 @@ export interface Tissue extends ContactProperties {
   protection: "none" | "alarm" | "keep"; // against a burr: "alarm" reports cuts, "keep" prevents them
   colour: Rgb;
   opacity: number;
-  rests_on: number[]; // labels of supporting structures
+  rests_on: number[]; // indices in Scene.tissues of the tissues that support this one
 }
 
 /**

@@ -36,6 +36,7 @@ import {
   drawTrail,
   text,
   touchedText,
+  type Frame,
   type Projection,
 } from "../drawing/overlay.js";
 import { drawNoGoOnPlane, drawNoGoWarning } from "../drawing/no_go_marks.js";
@@ -168,7 +169,7 @@ export class SectionView {
     this.history.change(`${by} ${this.kind}`, act, gesture);
   }
   /** Adapts the scale to a changed size of the picture, so that the extent stays the same. */
-  private clampToVisible(): void {
+  private preserveExtent(): void {
     const { clientWidth, clientHeight } = this.picture.surface;
     const size = Math.min(clientWidth, clientHeight);
     const { mmPerPixel, pan, offset_mm } = this.view.peek();
@@ -276,7 +277,7 @@ export class SectionView {
     if (resized) {
       // another size clears a canvas, even if it is that of the previous picture
       this.drawn = "";
-      this.clampToVisible();
+      this.preserveExtent();
     }
     if (this.input.measure.value && this.input.measure.value.kind !== session.tool.value) this.input.dropMeasure();
     this.plane = this.currentPlane();
@@ -284,6 +285,22 @@ export class SectionView {
     const frame = picture.frame();
     const mm = this.view.value.mmPerPixel / frame.ratio;
 
+    this.refine(now, max_ms, frame, mm);
+    this.drawOverlays(frame, mm);
+    const normal = normalOf(this.plane);
+    const slices = slicesAlong(session.volumes.value, normal);
+    this.chooser.show(sliceAt(slices, dot(this.plane.centre, normal)), slices.count);
+  }
+  /**
+   * Draws the section's pixels, if they have changed or can be refined: at first coarsely if time is short, then band
+   * by band at full resolution.
+   * @param max_ms  as for draw()
+   * @param mm      per pixel of the frame
+   */
+  private refine(now: number, max_ms: number, frame: Frame, mm: number): void {
+    const { session, picture } = this;
+    const { value: volumes } = session.volumes;
+    if (!volumes) return;
     // everything that determines the section's pixels, except the appearance of the volume
     const key = JSON.stringify([
       this.plane,
@@ -295,7 +312,7 @@ export class SectionView {
       session.slab.value,
       frame.width,
       frame.height,
-      session.volumes.value.hash,
+      volumes.hash,
     ]);
     const style = {
       window: session.storedWindow(),
@@ -325,7 +342,13 @@ export class SectionView {
       this.slicer.draw(picture.base, this.plane, mm, style, { reduction: 1, from: this.sharpTo, to });
       this.sharpTo = to;
     }
-
+  }
+  /** @param mm  per pixel of the frame */
+  private drawOverlays(frame: Frame, mm: number): void {
+    const { session } = this;
+    const { value: volumes } = session.volumes;
+    const { value: scene } = session.scene;
+    if (!volumes || !scene) return;
     frame.context.clearRect(0, 0, frame.width, frame.height);
     const projection: Projection = {
       pixel: (p) => this.pixelOf(p),
@@ -348,7 +371,7 @@ export class SectionView {
       for (const each of session.drawn) drawTool(frame, session, each, projection);
       if (this.kind === "oblique") {
         drawText(touchedText(session, device), session.isFresh.value ? "#eef3f5" : "#a4adb3");
-        if (session.scene.value.device.input === "pointer") drawForceBar(frame, session, device);
+        if (scene.device.input === "pointer") drawForceBar(frame, session, device);
       }
     }
     for (const measure of [
@@ -358,7 +381,7 @@ export class SectionView {
       drawMeasure(
         frame,
         measure,
-        0.5 * session.volumes.value.voxelSize,
+        0.5 * volumes.voxelSize,
         (p) => this.pixelOf(p),
         (p) => this.farness_mm(p),
       );
@@ -369,18 +392,15 @@ export class SectionView {
     drawLetters(
       frame,
       orientationLetters(this.plane.right, this.plane.down),
-      session.scene.value.oriented,
+      scene.oriented,
       this.kind === "oblique",
       SLIDER_PIXELS,
     );
     drawScale(frame, mm);
     if (session.strain.value) drawStrainLegend(frame, session.isDeformed.value);
-    drawSide(frame, session.scene.value, SLIDER_PIXELS);
+    drawSide(frame, scene, SLIDER_PIXELS);
     drawNoGoWarning(frame, session, top);
     drawAge(frame, session);
-    const normal = normalOf(this.plane);
-    const slices = slicesAlong(session.volumes.value, normal);
-    this.chooser.show(sliceAt(slices, dot(this.plane.centre, normal)), slices.count);
   }
 
   /** Moves to a slice, from 1: the tip if it is held here, otherwise the planes, which then stop following it. */

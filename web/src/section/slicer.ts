@@ -165,7 +165,7 @@ export class Slicer {
   private marked_ms = 0;
   took_ms = 0; // time from the latest completed mark to the end of drawing, ms
   /** Latest drawing time per pixel and sample, of planes and slabs. Software WebGL draws synchronously. */
-  private readonly place_ms: { plane: number; slab: number | null } = { plane: 0, slab: null };
+  private readonly sample_ms: { plane: number; slab: number | null } = { plane: 0, slab: null };
   private readonly extension: WEBGL_lose_context | null;
 
   /** @throws Error if the browser has no WebGL 2 */
@@ -402,9 +402,9 @@ export class Slicer {
   }
   /** Estimated drawing time of a picture, by the latest time per sample. */
   cost_msOf(plane: Plane, slab: Slab, pixels: number): number {
-    const { place_ms } = this;
-    if (!this.volumes || slab.kind === "none") return place_ms.plane * pixels;
-    return (place_ms.slab ?? place_ms.plane) * samplesThrough(this.through(plane, slab.mm), FINE) * pixels;
+    const { sample_ms } = this;
+    if (!this.volumes || slab.kind === "none") return sample_ms.plane * pixels;
+    return (sample_ms.slab ?? sample_ms.plane) * samplesThrough(this.through(plane, slab.mm), FINE) * pixels;
   }
 
   /** Draws a band of a plane into a context; without volumes, clears it. */
@@ -474,7 +474,7 @@ export class Slicer {
       width * reduction,
       rows * reduction,
     );
-    this.place_ms[kind === "none" ? "plane" : "slab"] = (performance.now() - began_ms) / (width * rows * sampleCount);
+    this.sample_ms[kind === "none" ? "plane" : "slab"] = (performance.now() - began_ms) / (width * rows * sampleCount);
   }
 }
 

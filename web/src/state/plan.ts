@@ -11,11 +11,7 @@ export interface TrajectoryDeviation {
   angle_deg: number | null; // angle between the trajectory and the shaft, from handle to tip; null: unknown
 }
 /** @param shaft  unit direction from tip to handle; null: no shaft, or unknown orientation */
-export function besideTrajectory(
-  { entry_mm, target_mm }: Trajectory,
-  tip: Vec3,
-  shaft: Vec3 | null,
-): TrajectoryDeviation {
+export function deviationFrom({ entry_mm, target_mm }: Trajectory, tip: Vec3, shaft: Vec3 | null): TrajectoryDeviation {
   const axis = normalize(sub(target_mm, entry_mm));
   const left_mm = dot(sub(target_mm, tip), axis);
   const lateral_mm = length(sub(add(tip, scale(axis, left_mm)), target_mm));

@@ -5,8 +5,8 @@ import type { Vec3 } from "../base/geometry.js";
 import { MAX_STRUCTURES, type Volumes } from "../protocol/scene.js";
 
 /**
- * Box of voxels before and after the replacement. In pictures that palpate renders from the original voxels, `values`
- * get the look of `as`, the most frequent replacement.
+ * Box of voxels before and after the replacement. In pictures that palpate renders from the original voxels, structures
+ * whose value is in `values` have the appearance of `as`, the most frequent replacement.
  */
 export interface Redacted {
   lo: Vec3;
