@@ -312,15 +312,9 @@ std::string out_of_reach(const TaskFile& task, double limit_N) {
   return "";
 }
 
-}  // namespace
-
-Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Script>& script,
-                              const ExploreOptions& options, const std::filesystem::path& recording,
-                              const Progress& progress,
-                              const std::function<void(const ExploreStatus&)>& status) {
-  if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
-  if (script)
-    if (auto possible = check_script(*script); !possible) return possible.error();
+/// Settings and model of a session, with the surfaces that its method needs.
+Result<RunSetup> prepare_run(const LoadedScene& loaded, const std::optional<Script>& script,
+                             const ExploreOptions& options, const Progress& progress) {
   // a simulated hand needs touchable tissue; a viewer may look around and move the tip without
   const bool is_touchable = has_touchable_tissue(*loaded.model),
              scripted = options.devices[0] == kSimulatedHand;
@@ -332,6 +326,33 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
       scripted ? set_up_run(loaded, script, run, progress) : set_up_guided_run(loaded, run, progress);
   if (!setup) return setup.error();
   if (auto ready = with_surfaces(setup->model, progress); !ready) return ready.error();
+  return setup;
+}
+
+/// Starts the training of a session; null without tasks. Adds warnings to `setup`.
+Result<std::unique_ptr<Training>> start_training(const TrainingOptions& options, std::size_t devices,
+                                                 const Progress& progress, RunSetup& setup) {
+  if (options.tasks.empty()) return std::unique_ptr<Training>();
+  auto training = Training::start(options, *setup.model, devices, progress);
+  if (!training) return training.error();
+  if (options.requires_all_tasks)
+    for (const OfferedTask& task : options.tasks)
+      if (std::string out = out_of_reach(task.file, setup.limit_N); !out.empty())
+        setup.problems.push_back(std::move(out));
+  return training;
+}
+
+}  // namespace
+
+Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Script>& script,
+                              const ExploreOptions& options, const std::filesystem::path& recording,
+                              const Progress& progress,
+                              const std::function<void(const ExploreStatus&)>& status) {
+  if (auto possible = check_devices(options.devices, options.known); !possible) return possible.error();
+  if (script)
+    if (auto possible = check_script(*script); !possible) return possible.error();
+  auto setup = prepare_run(loaded, script, options, progress);
+  if (!setup) return setup.error();
   std::string conservative_bounds;
   auto tip = tip_source_for(*setup, options, progress, conservative_bounds);
   if (!tip) return tip.error();
@@ -340,17 +361,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   if (!with_cells.warning.empty()) setup->problems.push_back(with_cells.warning);
   if (progress.stopped()) return Progress::interrupted();
 
-  std::unique_ptr<Training> training;
-  if (!options.training.tasks.empty()) {
-    auto started =
-        Training::start(options.training, *setup->model, (*tip)->driver().devices().size(), progress);
-    if (!started) return started.error();
-    training = *std::move(started);
-    if (options.training.requires_all_tasks)
-      for (const OfferedTask& task : options.training.tasks)
-        if (std::string out = out_of_reach(task.file, setup->limit_N); !out.empty())
-          setup->problems.push_back(std::move(out));
-  }
+  auto started = start_training(options.training, (*tip)->driver().devices().size(), progress, *setup);
+  if (!started) return started.error();
+  const std::unique_ptr<Training> training = *std::move(started);
   // the viewer server may fail to start, so it comes before any force is rendered
   LiveSession live(session_parts(*setup, loaded.scene, **tip, options, !recording.empty(), training.get(),
                                  with_cells.warning));
