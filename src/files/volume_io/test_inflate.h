@@ -19,7 +19,7 @@ struct Decoded {
 
 /// @param most   maximum number of decoded bytes
 /// @param piece  number of compressed bytes that the source gives at a time, and of decoded bytes read at a
-/// time
+///               time
 inline Decoded decoded(std::string_view packed, std::size_t most, std::size_t piece = std::size_t{1} << 16) {
   volume_io::Inflater inflater([&](std::span<std::byte> out) {
     const std::size_t count = std::min({packed.size(), out.size(), piece});
