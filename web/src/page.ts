@@ -144,7 +144,7 @@ export class Page {
       volume,
       voxels: this.voxels,
       token: () => loading.token,
-      rotateView: ({ optics_deg, back_mm }) => void scope.get().then((view) => view?.standAs(optics_deg, back_mm)),
+      setUpScope: ({ optics_deg, back_mm }) => void scope.get().then((view) => view?.setUp(optics_deg, back_mm)),
       showPosition: (position) => this.showPosition("place", position),
     });
     this.captures = new CaptureButtons(session, this.pictures, () => this.isRedrawn);

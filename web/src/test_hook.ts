@@ -85,7 +85,7 @@ export function openToTests(page: Page): void {
     /** Projection of a position into a section, canvas pixels, and its distance from the section's plane, mm. */
     pixelOf(kind: string, p: Vec3) {
       const [x, y] = section(kind).pixelOf(p);
-      return { x, y, off_mm: section(kind).farness_mm(p) };
+      return { x, y, off_mm: section(kind).distance_mm(p) };
     },
     patientAt: (kind: string, x: number, y: number) => section(kind).patientAt([x, y]),
     plane(kind: string) {
@@ -216,7 +216,7 @@ export function openToTests(page: Page): void {
         ),
       );
     },
-    met: (width: number, height: number, mmPerPixel: number) => volume.met(width, height, mmPerPixel),
+    met: (width: number, height: number, mmPerPixel: number) => volume.hitMask(width, height, mmPerPixel),
     silhouette: (width: number, height: number, mmPerPixel: number) => volume.silhouette(width, height, mmPerPixel),
     /** Picture that "Screenshot" saves, as a data URL. */
     async screenshot() {

@@ -39,16 +39,16 @@ export function shownAt(far_mm: number, within_mm: number): { strength: number; 
   return { strength: 0.45 - (0.3 * far_mm) / MAX_DISTANCE_MM, off: ` · ${words.offThisPlane(quantity(far_mm, "mm"))}` };
 }
 
-/** @param farness_mm  distance of a point from the section's plane */
+/** @param distance_mm  distance of a point from the section's plane */
 export function drawMeasure(
   frame: Frame,
   measure: Pick<Measure, "kind" | "points">,
   within_mm: number,
   pixel: (p: Vec3) => [number, number],
-  farness_mm: (p: Vec3) => number,
+  distance_mm: (p: Vec3) => number,
 ): void {
   const { context, ratio } = frame;
-  const shown = shownAt(Math.max(...measure.points.map(farness_mm)), within_mm);
+  const shown = shownAt(Math.max(...measure.points.map(distance_mm)), within_mm);
   if (!shown) return;
   const at = measure.points.map(pixel);
   context.save();

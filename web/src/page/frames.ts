@@ -27,7 +27,7 @@ const SECTIONS_MS = 32,
   SECTIONS_BESIDE_MS = 16;
 const FIGURES_MS = 100;
 
-export interface Drawn {
+export interface FramesContext {
   session: Session;
   connection: Connection;
   slicer: AnySlicer;
@@ -51,7 +51,7 @@ export class Frames {
   private drawn_ms = -Infinity;
   private figures_ms = -Infinity;
 
-  constructor(private readonly drawn: Drawn) {}
+  constructor(private readonly context: FramesContext) {}
 
   begin(): void {
     const frame = (now: number) => {
@@ -63,7 +63,7 @@ export class Frames {
 
   /** Draws pictures and figures immediately, with sections at full resolution. */
   drawNow(): void {
-    const { volume, scope, session } = this.drawn;
+    const { volume, scope, session } = this.context;
     this.drawSections(Infinity);
     volume.draw(performance.now());
     scope.now?.draw(performance.now());
@@ -75,7 +75,7 @@ export class Frames {
    * @param max_ms  maximum time to block the page
    */
   private drawSections(max_ms: number): void {
-    const { session, slicer, sections } = this.drawn;
+    const { session, slicer, sections } = this.context;
     this.drawing.run(() => {
       const appearance = session.appearance.value;
       if (this.appearance !== appearance && session.volumes.value) {
@@ -90,7 +90,7 @@ export class Frames {
   }
 
   private frame(now: number): void {
-    const { session, connection, slicer, renderer, volume, scope, voxels } = this.drawn;
+    const { session, connection, slicer, renderer, volume, scope, voxels } = this.context;
     session.isFresh.value = connection.isFresh();
     session.age_ms.value = connection.age_ms();
     voxels.showDeformation();
@@ -111,13 +111,13 @@ export class Frames {
     volume.draw(now, slicer.isSoftware ? this.leastFrame_ms / 2 : 0);
     scope.now?.draw(now);
     this.drawSectionsIfDue();
-    this.drawn.onFrame();
+    this.context.onFrame();
     if (now - this.figures_ms <= FIGURES_MS) return;
     this.figures_ms = now;
     session.updateFigures(now);
   }
   private drawSectionsIfDue(): void {
-    const { session, slicer, renderer, sections, onFirstSection } = this.drawn;
+    const { session, slicer, renderer, sections, onFirstSection } = this.context;
     const isDue = this.drawing.isDue || sections.some(({ isCoarse }) => isCoarse);
     // drawing would block while the volume's shader is compiled
     if (!isDue || !session.volumes.value || renderer.isCompiling) return;

@@ -104,18 +104,18 @@ export class Graphics {
   private text(): string {
     const { sections, volume } = this.condition;
     const failed = this.failed.value;
-    const areSectionsTaken = sections.value !== "fine",
-      isVolumeTaken = volume.value !== "fine" && failed === "no";
-    const taken =
-      areSectionsTaken && isVolumeTaken
+    const areSectionsLost = sections.value !== "fine",
+      isVolumeLost = volume.value !== "fine" && failed === "no";
+    const lostText =
+      areSectionsLost && isVolumeLost
         ? words.lostBoth
-        : areSectionsTaken
+        : areSectionsLost
           ? words.lostSections
-          : isVolumeTaken
+          : isVolumeLost
             ? words.lostVolume
             : null;
     const all = [
-      ...(taken === null ? [] : [taken, this.hasTimedOut.value ? words.remedyLost : words.lostRecovery]),
+      ...(lostText === null ? [] : [lostText, this.hasTimedOut.value ? words.remedyLost : words.lostRecovery]),
       ...(failed === "no" ? [] : [words.failedVolume, failed === "once" ? words.failedRecovery : words.remedyFailed]),
     ];
     return all.length === 0 ? "" : [...all, words.lostScope].join(" ");

@@ -11,7 +11,7 @@ import type { VolumeView } from "../volume/volume_view.js";
 import { Part } from "../words/part.js";
 import type { VoxelChanges } from "./voxels.js";
 
-export interface Uses {
+export interface PanelsContext {
   session: Session;
   connection: Connection;
   requests: Requests;
@@ -19,38 +19,38 @@ export interface Uses {
   voxels: VoxelChanges;
   token(): string | null;
   /** Sets up the view of a scope for a task. */
-  rotateView(scope: TaskScope): void;
+  setUpScope(scope: TaskScope): void;
   /** Moves the planes to a position, patient frame. */
   showPosition(position: Vec3): void;
 }
 
 export class Panels {
   readonly timeline = new Part("recording", async () => {
-    const { session, connection, requests } = this.uses;
+    const { session, connection, requests } = this.context;
     return new (await import("../panels/timeline.js")).Timeline(session, connection, requests);
   });
   readonly training = new Part("training", async () => {
-    const { session, connection, requests, volume, voxels, rotateView } = this.uses;
+    const { session, connection, requests, volume, voxels, setUpScope } = this.context;
     const { Training, Quiz } = await import("../training/training.js");
-    return new Training(session, connection, requests, volume, (toFind) => voxels.hide(toFind, Quiz), rotateView);
+    return new Training(session, connection, requests, volume, (toFind) => voxels.hide(toFind, Quiz), setUpScope);
   });
   readonly lesson = new Part("lesson", async () => {
-    const { session, connection, requests, token } = this.uses;
+    const { session, connection, requests, token } = this.context;
     return new (await import("../training/lesson.js")).Lesson(session, connection, requests, token);
   });
   readonly near = new Part("near", async () => {
-    const { session, connection } = this.uses;
+    const { session, connection } = this.context;
     return new (await import("../panels/near_panel.js")).NearPanel(session, connection);
   });
   readonly plan = new Part("plan", async () => {
-    const { session, connection, showPosition } = this.uses;
+    const { session, connection, showPosition } = this.context;
     return new (await import("../panels/plan_panel.js")).PlanPanel(session, connection, showPosition);
   });
 
-  constructor(private readonly uses: Uses) {
+  constructor(private readonly context: PanelsContext) {
     byId("plan-card").addEventListener("toggle", () => void this.plan.get());
     effect(() => {
-      if (uses.session.plans.drawn.length > 0) void this.plan.get();
+      if (context.session.plans.drawn.length > 0) void this.plan.get();
     });
   }
 

@@ -29,11 +29,11 @@ export class SectionInput {
   private readonly mouse = signal<{ clientX: number; clientY: number } | null>(null); // mouse over this picture
   private readonly pointers = new Map<number, [number, number]>(); // pressed pointers: canvas position by id
   private gesture = 0; // undo group of the current drag
-  private plans = false; // the current press edits a trajectory of the plan
+  private isPlanning = false; // the current press edits a trajectory of the plan
   /** Measure in progress; its last point follows the mouse. */
   readonly measure = signal<Pick<Measure, "kind" | "points"> | null>(null);
   /** Anchor of the plane while a measure is in progress; null: the session's. */
-  readonly settlesAt = signal<Vec3 | null>(null);
+  readonly measureAnchor = signal<Vec3 | null>(null);
 
   constructor(
     private readonly section: SectionView,
@@ -89,7 +89,7 @@ export class SectionInput {
       } else if (session.tool.value === "ruler" || session.tool.value === "angle") {
         this.addMeasurePoint(this.section.patientAt(picture.at(event)));
       } else if (session.tool.value === "plan") {
-        this.plans = true;
+        this.isPlanning = true;
         session.plans.press(this.section.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
       }
     });
@@ -107,8 +107,8 @@ export class SectionInput {
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
       this.release();
-      if (this.plans) {
-        this.plans = false;
+      if (this.isPlanning) {
+        this.isPlanning = false;
         if (event.type === "pointerup")
           session.plans.release(this.section.patientAt(picture.at(event)), this.pixelsFrom(picture.at(event)));
       }
@@ -191,8 +191,8 @@ export class SectionInput {
   }
   /** Abandons the edit of a trajectory by the current press. */
   private dropPlan(): void {
-    if (!this.plans) return;
-    this.plans = false;
+    if (!this.isPlanning) return;
+    this.isPlanning = false;
     this.session.plans.drop();
   }
   /** Releases the tip if it is held here. */
@@ -258,7 +258,7 @@ export class SectionInput {
       const other = [...this.pointers].find(([id]) => id !== event.pointerId)![1];
       const zoomed_mm = zoomed(mmPerPixel, spread(other, before, at));
       this.section.show({ mmPerPixel: zoomed_mm, pan: panned(0.5, zoomed_mm) });
-    } else if (this.plans) {
+    } else if (this.isPlanning) {
       session.plans.move(this.section.patientAt(at));
     } else if (this.touching.isOn) {
       this.steeredTip.value = this.section.patientAt(at);
@@ -293,7 +293,7 @@ export class SectionInput {
   private addMeasurePoint(p: Vec3): void {
     if (!this.measure.value) {
       // hold the plane in place, so that it contains every point of the measure
-      this.settlesAt.value = sub(
+      this.measureAnchor.value = sub(
         this.section.shownPlane.centre,
         scale(this.section.normal, this.section.view.value.offset_mm),
       );
@@ -319,6 +319,6 @@ export class SectionInput {
   }
   dropMeasure(): void {
     this.measure.value = null;
-    this.settlesAt.value = null;
+    this.measureAnchor.value = null;
   }
 }

@@ -184,7 +184,7 @@ export class SectionView {
   private through(): Vec3 {
     return (
       this.input.steeredTip.value ??
-      add(this.input.settlesAt.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
+      add(this.input.measureAnchor.value ?? this.session.anchor(), scale(this.normal, this.view.value.offset_mm))
     );
   }
   /**
@@ -203,7 +203,13 @@ export class SectionView {
     const device = pose?.devices[0];
     const { follow, obliqueNormal } = session.planes.value;
     if (obliqueNormal && !follow) this.normal = obliqueNormal;
-    else if (pose && device && !this.input.steeredTip.value && !this.input.settlesAt.value && session.isFresh.value) {
+    else if (
+      pose &&
+      device &&
+      !this.input.steeredTip.value &&
+      !this.input.measureAnchor.value &&
+      session.isFresh.value
+    ) {
       const wanted = NORMALS[this.anatomical.value];
       const fallback = NORMALS[this.anatomical.value === "sagittal" ? "coronal" : "sagittal"];
       let normal: Vec3 | null = null;
@@ -250,7 +256,7 @@ export class SectionView {
     return [width / 2 + dot(d, this.plane.right) / mm, height / 2 + dot(d, this.plane.down) / mm];
   }
   /** Distance of a point from the plane. */
-  farness_mm(p: Vec3): number {
+  distance_mm(p: Vec3): number {
     return Math.abs(dot(sub(p, this.plane.centre), normalOf(this.plane)));
   }
   get shownPlane(): Plane {
@@ -354,7 +360,7 @@ export class SectionView {
       pixel: (p) => this.pixelOf(p),
       direction: (v) => [dot(v, this.plane.right), dot(v, this.plane.down)],
       pixelsPerMm: () => 1 / mm,
-      clearness: (p) => Math.max(0.15, 1 - this.farness_mm(p) / 12),
+      clearness: (p) => Math.max(0.15, 1 - this.distance_mm(p) / 12),
     };
     drawNoGoOnPlane(frame, session, { plane: this.plane, pixel: (p) => this.pixelOf(p), mmPerPixel: mm });
     drawPlanOnPlane(frame, session.plans, this.plane, (p) => this.pixelOf(p));
@@ -383,12 +389,12 @@ export class SectionView {
         measure,
         0.5 * volumes.voxelSize,
         (p) => this.pixelOf(p),
-        (p) => this.farness_mm(p),
+        (p) => this.distance_mm(p),
       );
     }
     const { kind, mm: thick_mm } = session.slab.value;
     if (kind !== "none") drawText(words.overSlab[kind](quantity(thick_mm, "mm")), "#eef3f5");
-    if (this.input.settlesAt.value) drawText(words.settlesMeanwhile, "#8ee28a");
+    if (this.input.measureAnchor.value) drawText(words.heldWhileMeasuring, "#8ee28a");
     drawLetters(
       frame,
       orientationLetters(this.plane.right, this.plane.down),
@@ -412,7 +418,7 @@ export class SectionView {
     // relative to the target plane: the drawn one is updated in the next frame
     const by = scale(normal, first_mm + (slice - 1) * step_mm - dot(this.through(), normal));
     if (this.input.steeredTip.value) this.input.moveTipThrough(by);
-    else if (this.input.settlesAt.value) this.input.settlesAt.value = add(this.input.settlesAt.value, by);
+    else if (this.input.measureAnchor.value) this.input.measureAnchor.value = add(this.input.measureAnchor.value, by);
     else this.change("slice", () => session.showPosition(add(session.anchor(), by)));
   }
 
@@ -425,7 +431,7 @@ export class SectionView {
       !this.session.planes.value.follow ||
       this.session.isPressing.value ||
       this.input.isPressed ||
-      this.input.settlesAt.value
+      this.input.measureAnchor.value
     )
       return;
     const { width, height, ratio } = this.picture.frame();

@@ -1,4 +1,5 @@
-// Grid of texels for ray casting: each has the two most frequent structures and their shares, independent of looks.
+// Grid of texels for ray casting: each has the two most frequent structures and their shares, independent of
+// appearances.
 // Shares are smoothed over one texel in each direction: a surface, the isosurface of coverage 1/2, is then smooth and
 // has a gradient for shading. A texel is a voxel, or a block of `factor` voxels.
 
@@ -115,7 +116,7 @@ export class Field {
   put(piece: Piece): void {
     this.smooth(piece);
     if (piece.scan) this.mean(piece, piece.scan);
-    this.lookInto(piece.lo, piece.size);
+    this.updatePresent(piece.lo, piece.size);
   }
 
   /** Voxels of a texel within a piece: index of the first one, and number along each axis. */
@@ -263,7 +264,7 @@ export class Field {
   }
 
   /** Updates `present` for the blocks that a box of texels intersects. */
-  private lookInto(lo: Vec3, size: Vec3): void {
+  private updatePresent(lo: Vec3, size: Vec3): void {
     const { blocks, dims, texels, present } = this;
     const [first, last] = [lo.map((n) => n >> 3), lo.map((n, axis) => (n + size[axis]! - 1) >> 3)];
     for (let bz = first[2]!; bz <= last[2]!; bz++) {

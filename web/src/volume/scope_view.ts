@@ -152,7 +152,7 @@ export class ScopeView {
   }
 
   /** Sets up the scope of a task, on the shaft of the default device. */
-  standAs(optics_deg: number, back_mm: number): void {
+  setUp(optics_deg: number, back_mm: number): void {
     this.change("task", () => this.setTo({ tool: null, optics_deg, back_mm, post_deg: 0, free: null }));
   }
 

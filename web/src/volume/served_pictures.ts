@@ -107,7 +107,8 @@ class ServedPictures {
     this.isDrawing = true;
     for (let asked = this.queue.shift(); asked; asked = this.queue.shift()) {
       // drops a request that gives way if a newer one is queued
-      const drawn = asked.isDeformed && this.queue.length > 0 ? null : await this.picture(asked.view).catch(() => null);
+      const drawn =
+        asked.isPreemptible && this.queue.length > 0 ? null : await this.picture(asked.view).catch(() => null);
       if (drawn) this.work.pictures += 1;
       else if (this.queue.length === 0) await new Promise((later) => setTimeout(later, AGAIN_MS));
       this.post(

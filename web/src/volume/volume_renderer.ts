@@ -323,20 +323,20 @@ export class VolumeRenderer {
 
   /**
    * Requests a picture.
-   * @param isDeformed  the picture is dropped if another one is requested before it is complete
+   * @param isPreemptible  the picture is dropped if another one is requested before it is complete
    * @returns null if it was dropped or the context was lost
    */
-  draw(view: View, isDeformed: boolean): Promise<Drawn | null> {
+  draw(view: View, isPreemptible: boolean): Promise<Drawn | null> {
     const id = this.nextId++;
     if (this.isDead) return Promise.resolve(null);
     return new Promise((done) => {
       const isDrawn = (drawn: Drawn | null) => {
-        if (isDeformed) this.preemptible -= 1;
+        if (isPreemptible) this.preemptible -= 1;
         done(drawn);
       };
-      if (isDeformed) this.preemptible += 1;
+      if (isPreemptible) this.preemptible += 1;
       this.drawings.set(id, { view, done: isDrawn });
-      this.post({ type: "draw", id, view, isDeformed });
+      this.post({ type: "draw", id, view, isPreemptible });
     });
   }
 

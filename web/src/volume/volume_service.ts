@@ -19,7 +19,7 @@ export type Asked =
   | { type: "putDisplacement"; lo: Vec3; size: Vec3; mm: Float32Array }
   | { type: "looks"; rgba: Uint8Array<ArrayBuffer>; gloss: Uint8Array<ArrayBuffer> }
   | { type: "haze"; window: [number, number]; strength: number }
-  | { type: "draw"; id: number; view: View; isDeformed: boolean } // isDeformed: dropped if a newer one is queued
+  | { type: "draw"; id: number; view: View; isPreemptible: boolean } // isPreemptible: dropped if a newer one is queued
   | { type: "restore" }
   | { type: "lose"; restores: boolean };
 
@@ -167,9 +167,9 @@ class Service {
     this.post({ type: "compiled" });
   }
 
-  private async picture({ id, view, isDeformed }: Extract<Asked, { type: "draw" }>): Promise<void> {
+  private async picture({ id, view, isPreemptible }: Extract<Asked, { type: "draw" }>): Promise<void> {
     const { caster } = this;
-    const isVoid = () => caster.isLost || !this.field || (isDeformed && this.queue.length > 0);
+    const isVoid = () => caster.isLost || !this.field || (isPreemptible && this.queue.length > 0);
     const kind = view.isFine ? "fine" : "coarse";
     let cost_ms = 0;
     let from = 0;

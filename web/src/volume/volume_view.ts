@@ -78,16 +78,16 @@ export class VolumeView {
   drawMarks: (frame: Frame, seen: Projection & InVolume) => void = () => {};
   private readonly live: LivePicture<Camera>;
   private ground: SurfaceBelowTool | null = null;
-  private over_ms = -Infinity; // time of the latest drawing of the tool
+  private overlayDrawn_ms = -Infinity; // time of the latest drawing of the tool
   private size = 0; // shorter side of the picture, CSS pixels; 0: never shown
   private rotation: Quaternion | null = null; // target of the rotation by the current drag; null: none
   private rotationSent: Quaternion | null = null;
   private gesture = 0; // undo group of rotations and camera movements
   private corners: Vec3[] = []; // corners of the object's box, patient frame
   private fitted = NaN; // scale at which the object was fitted into the picture, until the user changes it
-  private isOpen = false; // the camera has been placed, by default or by the user
+  private isCameraPlaced = false; // the camera has been placed, by default or by the user
   private readonly touching: Touching;
-  private plans = false; // the current press creates or moves a trajectory
+  private isPlanning = false; // the current press creates or moves a trajectory
   private readonly pointers = new Map<number, [number, number]>();
 
   constructor(
@@ -135,7 +135,7 @@ export class VolumeView {
 
   sceneChanged(): void {
     this.camera.setWorldFromPatient(this.session.scene.value!.world_from_patient);
-    this.isOpen = false;
+    this.isCameraPlaced = false;
     this.ground = new SurfaceBelowTool(this.session.volumes.value!, MAX_HEIGHT_MM);
     this.corners = this.session.volumes.value!.objectCorners;
     this.load();
@@ -176,25 +176,25 @@ export class VolumeView {
    * @param outward  unit direction towards the camera; [0, 0, 0]: current direction
    * @param isNoted  the change is an undo step
    */
-  focusOn(structure: Vec3, radius_mm: number, outward: Vec3, isNoted: boolean): void {
+  focusOn(centre: Vec3, radius_mm: number, outward: Vec3, isNoted: boolean): void {
     const { camera, session } = this;
     if (!session.volumes.value) return;
     const move = () => {
       if (session.pose.value) camera.setRotation(session.pose.value.rotation);
       camera.alignView(outward);
-      camera.focus = camera.toWorld(structure);
+      camera.focus = camera.toWorld(centre);
       this.across_mm = Math.min(0.7 * session.volumes.value!.size, Math.max(5 * radius_mm, 60));
     };
     if (isNoted) return this.moveCamera(move);
     move();
-    this.isOpen = true;
+    this.isCameraPlaced = true;
   }
   /**
    * Changes the camera, undoably.
    * @param gesture  changes with equal `by` and gesture are one undo step
    */
   private moveCamera(move: () => void, gesture = ++this.history.gesture, by = "camera"): void {
-    this.isOpen = true;
+    this.isCameraPlaced = true;
     this.history.change(by, move, gesture);
   }
 
@@ -206,7 +206,7 @@ export class VolumeView {
     return { right, up, focus, across_mm };
   }
   set placement({ right, up, focus, across_mm }: CameraPlacement) {
-    this.isOpen = true;
+    this.isCameraPlaced = true;
     Object.assign(this.camera, { right, up, focus });
     this.across_mm = across_mm;
   }
@@ -216,7 +216,7 @@ export class VolumeView {
    * @param min_ms  minimum interval between drawings of the tool
    */
   draw(now: number, min_ms = 0): void {
-    if (this.ask(now) && (min_ms === 0 || now - this.over_ms > min_ms)) this.drawOver();
+    if (this.ask(now) && (min_ms === 0 || now - this.overlayDrawn_ms > min_ms)) this.drawOver();
   }
   /**
    * Requests a picture if needed.
@@ -227,7 +227,7 @@ export class VolumeView {
     const resized = picture.fit();
     if (!picture.isShown || !session.volumes.value || !session.scene.value) return false;
     if (resized) {
-      this.over_ms = -Infinity;
+      this.overlayDrawn_ms = -Infinity;
       this.live.show();
       // keeps the extent when the picture's size changes
       const size = Math.min(picture.surface.clientWidth, picture.surface.clientHeight);
@@ -237,9 +237,9 @@ export class VolumeView {
       this.size = size;
     }
     if (session.pose.value) camera.setRotation(session.pose.value.rotation);
-    if (session.pose.value && !this.isOpen) {
+    if (session.pose.value && !this.isCameraPlaced) {
       // initial placement, as soon as the object's rotation is known
-      this.isOpen = true;
+      this.isCameraPlaced = true;
       this.reset();
     }
     const frame = picture.frame();
@@ -347,7 +347,7 @@ export class VolumeView {
   }
 
   private drawOver(): void {
-    this.over_ms = performance.now();
+    this.overlayDrawn_ms = performance.now();
     const { session } = this;
     const frame = this.picture.frame();
     const projection = this.projection();
@@ -405,7 +405,7 @@ export class VolumeView {
     return this.renderer.pixels({ ...(await this.viewAt(width, height, mmPerPixel)), isFine });
   }
   /** Mask of a picture's pixels: 1 where a press would hit a solid. */
-  async met(width: number, height: number, mmPerPixel: number): Promise<number[]> {
+  async hitMask(width: number, height: number, mmPerPixel: number): Promise<number[]> {
     const { bitmap, found } = await this.renderer.drawn({
       ...(await this.viewAt(width, height, mmPerPixel)),
       isFine: true,
@@ -491,11 +491,11 @@ export class VolumeView {
         this.touching.press(event, picture.at(event));
       } else if (session.tool.value === "plan" && event.button === 0 && this.pointers.size === 1) {
         const at = this.shownUnder(picture.at(event));
-        this.plans = at !== null;
+        this.isPlanning = at !== null;
         if (at) session.plans.press(at, this.pixelsFrom(picture.at(event)));
       } else if (this.pointers.size > 1) {
-        if (this.plans) session.plans.drop();
-        this.plans = false;
+        if (this.isPlanning) session.plans.drop();
+        this.isPlanning = false;
         this.touching.release();
       }
     });
@@ -511,7 +511,7 @@ export class VolumeView {
           this.camera.zoom(spread(other, before, at));
           this.camera.pan(dx / 2, dy / 2);
         }, this.gesture);
-      } else if (this.plans) {
+      } else if (this.isPlanning) {
         const surfaceAt = this.shownUnder(at);
         if (surfaceAt) session.plans.move(surfaceAt);
       } else if (this.touching.isOn) this.touching.drag(event, (each) => picture.at(each));
@@ -525,8 +525,8 @@ export class VolumeView {
     const up = (event: PointerEvent) => {
       this.pointers.delete(event.pointerId);
       this.touching.release();
-      if (this.plans) {
-        this.plans = false;
+      if (this.isPlanning) {
+        this.isPlanning = false;
         const at = event.type === "pointerup" ? this.shownUnder(picture.at(event)) : null;
         if (at) session.plans.release(at, this.pixelsFrom(picture.at(event)));
       }

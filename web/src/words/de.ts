@@ -168,7 +168,7 @@ export const de: Words = {
   lifted: "abgehoben: keine Oberfläche unter dem Zeiger",
   setDown: "unter dem Zeiger aufgesetzt: die Spitze konnte nicht folgen",
   releasedByPause: "losgelassen, weil diese Seite verdeckt war oder eine halbe Sekunde nicht lief: neu drücken",
-  settlesMeanwhile: "gehalten während der Messung (Esc bricht ab)",
+  heldWhileMeasuring: "gehalten während der Messung (Esc bricht ab)",
   offThisPlane: (distance) => `${distance} von dieser Ebene`,
   oldData: (age) => `Daten ${age} alt`,
   figureOf: (value, most) => `${value} von ${most}`,

@@ -165,7 +165,7 @@ export const en = {
   lifted: "lifted: no surface under the cursor",
   setDown: "set down under the cursor: the tip could not follow",
   releasedByPause: "released, because this page was hidden or did not run for half a second: press again",
-  settlesMeanwhile: "held while measuring (Esc cancels)",
+  heldWhileMeasuring: "held while measuring (Esc cancels)",
   offThisPlane: (distance: string) => `${distance} from this plane`,
   oldData: (age: string) => `Data ${age} old`,
   figureOf: (value: string, most: string) => `${value} of ${most}`,
