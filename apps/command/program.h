@@ -35,7 +35,7 @@ struct GlobalOption {
   bool is_passed_on;     ///< Passed on to the processes that `palpate cohort` starts
   bool changes_results;  ///< Affects how files are read, so results made without it are not reused
 };
-/// All of them but help and version; run() checks that the parser has the same.
+/// All global options except --help and --version; run() checks that the parser has the same ones.
 inline constexpr std::array kGlobalOptions{
     GlobalOption{"--quiet", false, false, false},      GlobalOption{"--memory", true, true, false},
     GlobalOption{"--follow-links", false, true, true}, GlobalOption{"--mesh-space", true, true, true},

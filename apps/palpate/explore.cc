@@ -337,7 +337,7 @@ void add_options(CLI::App* verb, ExploreArguments& options) {
       "-t,--task", options.task,
       "Task to train, scored live: a file or the name of a task (palpate task "
       "list); default: the page offers the tasks made for the scene, unless the session is published "
-      "by OpenIGTLink");
+      "by OpenIGTLink or to ROS 2");
   verb->add_option("--learner", options.learner, "Pseudonym of the learner whose runs are recorded")
       ->check(CLI::Validator(
           [](const std::string& name) { return name.empty() ? "the pseudonym must not be empty" : ""; }, ""));

@@ -31,7 +31,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// every tool that a scene may have can be examined for
+// the check accepts the tool radius of any scene
 static_assert(kMaxLintToolRadius_mm == kMaxToolRadius_mm);
 
 struct LintVerbOptions {

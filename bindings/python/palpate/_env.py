@@ -27,8 +27,8 @@ class Box:
 
     Attributes:
         low, high: bounds of each element.
-        shape: of the array, without the axis of the environments.
-        dtype: of its elements.
+        shape: shape of the array, without the environment axis.
+        dtype: type of its elements.
     """
 
     low: float
@@ -43,7 +43,7 @@ class Box:
 
 
 def _slerp(start: np.ndarray, end: np.ndarray, fractions: np.ndarray) -> np.ndarray:
-    """Unit quaternions between two, shape (n, 4)."""
+    """Interpolates between two unit quaternions at n fractions, shape (n, 4)."""
     cosine = float(start @ end)
     if cosine < 0:
         end, cosine = -end, -cosine
@@ -220,8 +220,8 @@ class Env:
         """Applies an action for one control step.
 
         Args:
-            action: of shape action_space.shape, with `envs` one for each environment. An environment whose episode has ended
-                starts a new episode and ignores the action.
+            action: array of shape action_space.shape; with `envs`, one such row per environment. An environment whose
+                episode has ended starts a new episode and ignores the action.
 
         Returns:
             (observation, reward, terminated, truncated, info); info has "max_force", the largest force within the step, N, and

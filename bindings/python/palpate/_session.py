@@ -33,7 +33,7 @@ class Session:
 
     Args:
         model: model in contact.
-        frame: of tips, orientations and forces: "patient" (LPS) or "world".
+        frame: frame of tips, orientations and forces: "patient" (LPS) or "world".
         method: force method that the model is prepared for; None: the model's.
         settings: devices=1, friction=True, viscosity=True, passivity=True, solve_soft_tissue=False, max_force=3 (N),
             max_torque=0 (N mm, 0: none), max_stiffness=inf (N/mm), continuous_force (N), position_step (mm), slew=2000 (N/s).
@@ -174,11 +174,11 @@ class Loop:
 
     Args:
         model: model in contact.
-        frame: of the poses: "patient" (LPS) or "world".
+        frame: frame of the poses: "patient" (LPS) or "world".
         method: as for Session.
         rate: ticks a second, 250 ... 10000.
         realtime: request real-time scheduling and locked memory; if refused, it ticks without them.
-        settings: as for Session, of one device.
+        settings: settings of Session, for a single device.
 
     The loop stops at the end of a `with` block, on stop(), or when the object is destroyed.
     """

@@ -185,7 +185,7 @@ namespace Palpate
             for (int n = 0; n < wrenches.Length; ++n) wrenches[n].Size = (uint)Marshal.SizeOf(typeof(Wrench));
         }
 
-        /// <summary>A pose for each device, not turned.</summary>
+        /// <summary>A pose for each device, with the identity orientation.</summary>
         public Pose[] NewPoses()
         {
             var poses = new Pose[wrenches.Length];
@@ -237,7 +237,7 @@ namespace Palpate
     {
         public static Vector MmFromUnity(float x, float y, float z) { return new Vector(1e3 * x, 1e3 * z, 1e3 * y); }
 
-        /// <summary>Of a direction or force: x, y, z in Unity.</summary>
+        /// <summary>Converts a direction or force from World to Unity's axes; the unit stays.</summary>
         public static Vector ToUnity(Vector world) { return new Vector(world.X, world.Z, world.Y); }
 
         /// <summary>Swapping two axes mirrors the frame, so that the vector part changes its sign.</summary>

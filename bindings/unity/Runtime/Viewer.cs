@@ -109,7 +109,7 @@ namespace Palpate
         byte[] buffer = new byte[1 << 16];
 
         /// <param name="address">"ws://127.0.0.1:8480/ws", or "wss://..." of another machine</param>
-        /// <param name="token">of that machine; null: none is needed</param>
+        /// <param name="token">access token of the session; null: none is needed</param>
         /// <param name="bundlesEachSecond">1 to 120</param>
         public Viewer(string address, string token = null, int bundlesEachSecond = 60)
         {

@@ -186,7 +186,8 @@ struct Model {
 /// Collective name of the model's burrs, e.g. "burr or shaver". Empty: there is none.
 std::string cutter_name(const Model& model);
 
-/// The pose described at Model::X_WorldPatient for a grid.
+/// Pose of a supine patient viewed from the feet, with the centre of the grid at World's origin
+/// (Model::X_WorldPatient).
 Transform<World, Patient> supine_from_feet(const GridGeometry& grid);
 /// Pose of the patient while the object is rotated by `rotation` about the world's origin.
 inline Transform<World, Patient> rotated_object_pose(const Transform<World, Patient>& X_WorldPatient,

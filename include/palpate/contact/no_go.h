@@ -65,9 +65,10 @@ struct NoGoForce {
 /// If several regions are active, a virtual proxy connects the tip to their springs: the force is that of a
 /// spring of `max_stiffness_N_per_mm` from the tip to the position u that minimises the total energy of this
 /// spring and the regions' springs (Moreau envelope of the regions' energy). The stiffness in any direction
-/// is then at most that limit, however many regions overlap, and a single region keeps its own stiffness,
-/// because its spring is made stiffer by what the series connection removes. Each region is linearised at the
-/// tool; for planes the force has a potential, for curved regions approximately.
+/// is then at most that limit, however many regions overlap. A region active alone keeps its own stiffness K:
+/// its spring has the stiffness K L / (L - K), L being the limit, which in series with the spring to the tip
+/// gives K. Each region is linearised at the tool; for planes the force has a potential, for curved regions
+/// approximately.
 ///
 /// At most kMaxActiveNoGo regions act at a time, the deepest. Stateless; bounded work; does not allocate,
 /// lock or throw.

@@ -32,8 +32,9 @@ inline Eigen::Vector3d view_direction_of(const ScopeOptics& optics) {
   return {0, std::sin(lean), -std::cos(lean)};
 }
 
-/// Attitude of a scope whose camera looks along a direction. Of all such attitudes, the one whose shaft comes
-/// from as near as possible to the direction `upper`; any if the two are parallel.
+/// Attitude of a scope whose camera looks along a direction. Among the attitudes with that viewing direction,
+/// the one whose shaft direction (the tool's z axis, from the tip to the handle) is closest to `upper`; an
+/// arbitrary one if view_direction and upper are parallel.
 /// @param view_direction, upper  directions in World; not zero
 inline Eigen::Quaterniond attitude_looking_along(const ScopeOptics& optics,
                                                  const Vector<World>& view_direction,

@@ -74,7 +74,7 @@ class SoftTissueSolver {
   /// @param tick   most recent tick
   const ComplianceFrame& solve(const Model& model, const TickRecord& tick);
   /// Begins the next frame, which step() solves with the result of solve(). The previous one is complete.
-  /// frame() has the number of the new one at once, and its spots once it is complete.
+  /// frame() has the new frame's number at once, and its local compliances once the frame is complete.
   /// @param model  outlives the frame
   void begin_frame(const Model& model, const TickRecord& tick);
   /// Advances the frame begun last by one step, which takes about as long as one iteration of its linear
@@ -92,12 +92,12 @@ class SoftTissueSolver {
   /// @param boxes  boxes of the devices, from device 0 on; an empty entry: no box
   void resume(const Model& model, std::uint32_t frame, std::span<const std::optional<SolverBox>> boxes);
 
-  /// Resumes as if `frame` frames had been solved, without boxes and with all spots unknown. For use after
-  /// solve() or resume() has thrown, which leaves the solver in an unspecified state.
+  /// Resumes as if `frame` frames had been solved, without boxes and with every local compliance
+  /// unknown. For use after solve() or resume() has thrown, which leaves the solver in an unspecified state.
   void restart(std::uint32_t frame) noexcept;
 
   /// Displacement field of the linear solution in the last frame. Valid until the next frame.
-  /// @returns false if the device has no box or its spot is unknown; `field` is then unchanged
+  /// @returns false if the device has no box or its local compliance is unknown; `field` is then unchanged
   bool field_of(std::size_t device, UnitDisplacementField& field) const;
   /// Force by which the displacement field is scaled in a tick, N: the contact force or, in relaxing tissue,
   /// the instantaneous (unrelaxed) force at the tool's depth, because the force decays while the displacement

@@ -45,7 +45,7 @@ constexpr int kPort = 80;
 // processor time that a frame of the tissue solver may take: the rest of the time between two frames is left
 // to ticks and messages
 constexpr double kMaxTissueFrame_s = 0.5 * kSolverFrame_s;
-// name by which the page's requests call the worker
+// Host field of the page's requests
 constexpr std::string_view kHost = "localhost:80";
 
 /// Session with its loop and its viewer, in the order in which they are built.
@@ -241,7 +241,7 @@ PALPATE_EXPORT bool palpate_open(const char* scene, std::size_t length) {
 
 /// Opens a session on files of the current folder, otherwise as palpate_open().
 /// @param names    their names, one a line
-/// @param read_as  a volume on its own is 0: what its values say; 1: a label map; 2: a scan
+/// @param read_as  interpretation of a single volume; 0: by its values, 1: label map, 2: scan
 PALPATE_EXPORT bool palpate_open_files(const char* names, std::size_t length, int read_as) {
   palpate::set_read_as(read_as == 1   ? palpate::ReadAs::kLabels
                        : read_as == 2 ? palpate::ReadAs::kScan

@@ -187,7 +187,7 @@ OwnerFractions Owners::at(const Point<Patient>& x) const {
   const auto add = [&](std::int16_t structure, double weight) {
     std::size_t n = 0;
     while (n < fractions.count_ && fractions.fraction_[n].structure != structure) ++n;
-    // more structures than that do not meet in tissue
+    // structures beyond the capacity are ignored
     if (n == OwnerFractions::kCapacity) return;
     if (n == fractions.count_) fractions.fraction_[fractions.count_++] = {structure, 0};
     fractions.fraction_[n].fraction += weight;

@@ -221,8 +221,9 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context
       std::min(model.method_settings.coupling_damping_N_s_per_mm, max_N_s_per_mm);
   // inner layers are not filtered: their force starts from zero depth anyway
   const ProxyForce& outermost = result.of_layer[0];
-  const double part = coupling_force_ratio(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling),
-               reduction = 1 - part;
+  const double force_ratio =
+                   coupling_force_ratio(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling),
+               reduction = 1 - force_ratio;
   ToolContact tool;
   std::size_t contacts = 0;
   for (int n = 0; n < kMaxLayers; ++n) {
@@ -232,8 +233,8 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context
     const ProxySpheres turned(posed_tool.spheres(), posed_tool.pose().attitude, layer.attitude);
     const double layer_N_per_mm =
         result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.stretch_fraction;
-    const LayerContacts force{layer, proxy.cache(n).owners, n == 0 ? layer_N_per_mm * part : layer_N_per_mm,
-                              turned.spheres()};
+    const LayerContacts force{layer, proxy.cache(n).owners,
+                              n == 0 ? layer_N_per_mm * force_ratio : layer_N_per_mm, turned.spheres()};
     contacts += append_contacts(model, force, std::span(tool.contacts).subspan(contacts));
   }
   tool.strongest = strongest_of(model, proxy, tool.contacts[0], context.tip, result,

@@ -35,8 +35,8 @@ struct LabelStatistics {
                            std::numeric_limits<int>::max()};
     std::array<int, 3> high{-1, -1, -1};
   };
-  std::vector<double> voxels = std::vector<double>(65536, 0);
-  std::vector<Box> box = std::vector<Box>(65536);
+  std::vector<double> voxels = std::vector<double>(kLabelValues, 0);
+  std::vector<Box> box = std::vector<Box>(kLabelValues);
   std::map<std::pair<LabelId, LabelId>, double> faces_mm2;  // key: the smaller label first
 
   void observe(LabelId label, int i, int count, int j, int k) {
@@ -128,8 +128,8 @@ class Estimate {
       : grid_(grid), statistics_(std::move(statistics)) {}
 
   Body body(const std::vector<LabelId>& structures, double margin_mm) const {
-    std::vector<bool> in(65536, false);
-    for (const LabelId label : structures) in[label] = true;
+    std::vector<bool> is_member(kLabelValues, false);
+    for (const LabelId label : structures) is_member[label] = true;
     Body body;
     LabelStatistics::Box box;
     for (const LabelId label : structures) {
@@ -140,7 +140,7 @@ class Estimate {
       }
     }
     for (const auto& [pair, area] : statistics_.faces_mm2)
-      if (in[pair.first] != in[pair.second]) body.surface_mm2 += area / kFacesPerSurface;
+      if (is_member[pair.first] != is_member[pair.second]) body.surface_mm2 += area / kFacesPerSurface;
     for (std::size_t a = 0; a < 3; ++a)
       body.box[a] =
           std::max(0, box.high[a] - box.low[a] + 1) + 2 * margin_mm / grid_.spacing_mm[static_cast<int>(a)];

@@ -94,7 +94,7 @@ class PositionReader {
 
 // ---- pieces of a brick
 
-/// Cuts cells into pieces and computes the bounding disc of each.
+/// Cuts cells into pieces and computes the bounding cylinder of each.
 class PieceMaker {
  public:
   explicit PieceMaker(const SignedField& field)
@@ -108,9 +108,9 @@ class PieceMaker {
 
   /// @param voxel  first voxel of the cell in its brick
   /// @param first  voxel coordinates of that voxel
-  /// @param discs  the pieces are appended
+  /// @param piece_bounds  the bounds of the pieces are appended
   void add(const std::int16_t* voxel, const Eigen::Vector3d& first,
-           std::vector<BoundingCylinder>& discs) const {
+           std::vector<BoundingCylinder>& piece_bounds) const {
     std::array<double, 8> corner_mm;
     for (std::size_t n = 0; n < 8; ++n)
       corner_mm[n] =
@@ -122,12 +122,12 @@ class PieceMaker {
     for (int k = 0; k < parts_[2]; ++k)
       for (int j = 0; j < parts_[1]; ++j)
         for (int i = 0; i < parts_[0]; ++i)
-          add_piece(cell, Eigen::Array3d(i, j, k) * size, size, first, discs);
+          add_piece(cell, Eigen::Array3d(i, j, k) * size, size, first, piece_bounds);
   }
 
  private:
   void add_piece(const CellOfSurface& cell, const Eigen::Array3d& low, const Eigen::Array3d& size,
-                 const Eigen::Vector3d& first, std::vector<BoundingCylinder>& discs) const {
+                 const Eigen::Vector3d& first, std::vector<BoundingCylinder>& piece_bounds) const {
     std::array<double, 8> corner_mm;
     Eigen::Vector3d slope;
     const auto corner = [&](std::size_t n) -> Eigen::Vector3d {
@@ -160,14 +160,14 @@ class PieceMaker {
     const Eigen::Vector3d at_mm = X * (first + centre) + X_PatientVoxel_.translation();
     const auto [half_mm, radius_mm] = extent_of_piece(cell, centre, slope, normal, corner, corner_mm);
     constexpr double kRounding_mm = 2e-4;
-    BoundingCylinder disc;
+    BoundingCylinder bounds;
     for (int axis = 0; axis < 3; ++axis) {
-      disc.middle[static_cast<std::size_t>(axis)] = static_cast<float>(at_mm[axis]);
-      disc.normal[static_cast<std::size_t>(axis)] = static_cast<float>(normal[axis]);
+      bounds.middle[static_cast<std::size_t>(axis)] = static_cast<float>(at_mm[axis]);
+      bounds.normal[static_cast<std::size_t>(axis)] = static_cast<float>(normal[axis]);
     }
-    disc.half_mm = static_cast<float>(half_mm + kRounding_mm);
-    disc.radius_mm = static_cast<float>(radius_mm + kRounding_mm);
-    discs.push_back(disc);
+    bounds.half_mm = static_cast<float>(half_mm + kRounding_mm);
+    bounds.radius_mm = static_cast<float>(radius_mm + kRounding_mm);
+    piece_bounds.push_back(bounds);
   }
 
   // Half height of a piece's surface along the normal at a point of it, and its radius across. The deviation
@@ -241,21 +241,23 @@ class PieceMaker {
 
 // ---- the tree
 
-/// Bounds of a disc along a direction, and perpendicular to it.
+/// Extent of a bounding cylinder along a direction, and perpendicular to it.
 struct Extent {
   double low, high, lateral;
 };
-Extent extent_of(const BoundingCylinder& disc, const Eigen::Vector3d& from, const Eigen::Vector3d& along) {
-  const Eigen::Vector3d displacement = Eigen::Vector3d(disc.middle[0], disc.middle[1], disc.middle[2]) - from;
+Extent extent_of(const BoundingCylinder& bounds, const Eigen::Vector3d& from, const Eigen::Vector3d& along) {
+  const Eigen::Vector3d displacement =
+      Eigen::Vector3d(bounds.middle[0], bounds.middle[1], bounds.middle[2]) - from;
   const double mm = displacement.dot(along);
-  const double cosine =
-      std::min(1.0, std::abs(along.dot(Eigen::Vector3d(disc.normal[0], disc.normal[1], disc.normal[2]))));
+  const double cosine = std::min(
+      1.0, std::abs(along.dot(Eigen::Vector3d(bounds.normal[0], bounds.normal[1], bounds.normal[2]))));
   const double sine = std::sqrt(1 - cosine * cosine);
-  const double reach = disc.half_mm * cosine + disc.radius_mm * sine;
-  return {mm - reach, mm + reach, (displacement - along * mm).norm() + disc.half_mm * sine + disc.radius_mm};
+  const double reach = bounds.half_mm * cosine + bounds.radius_mm * sine;
+  return {mm - reach, mm + reach,
+          (displacement - along * mm).norm() + bounds.half_mm * sine + bounds.radius_mm};
 }
 
-// bounding disc of leaves, with the mean of their normals as axis
+// bounding cylinder of leaves, with the mean of their normals as axis
 BoundingCylinder around(std::span<const TreeNode> leaves) {
   Eigen::Array3f low = Eigen::Array3f::Constant(std::numeric_limits<float>::infinity()), high = -low;
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
@@ -277,14 +279,14 @@ BoundingCylinder around(std::span<const TreeNode> leaves) {
   }
   centre += normal * (0.5 * (smallest + most));
   constexpr double kRounding_mm = 2e-4;
-  BoundingCylinder disc;
+  BoundingCylinder bounds;
   for (int axis = 0; axis < 3; ++axis) {
-    disc.middle[static_cast<std::size_t>(axis)] = static_cast<float>(centre[axis]);
-    disc.normal[static_cast<std::size_t>(axis)] = static_cast<float>(normal[axis]);
+    bounds.middle[static_cast<std::size_t>(axis)] = static_cast<float>(centre[axis]);
+    bounds.normal[static_cast<std::size_t>(axis)] = static_cast<float>(normal[axis]);
   }
-  disc.half_mm = static_cast<float>(0.5 * (most - smallest) + kRounding_mm);
-  disc.radius_mm = static_cast<float>(lateral + kRounding_mm);
-  return disc;
+  bounds.half_mm = static_cast<float>(0.5 * (most - smallest) + kRounding_mm);
+  bounds.radius_mm = static_cast<float>(lateral + kRounding_mm);
+  return bounds;
 }
 
 // builds a subtree at `at` by median splits along the axis of largest spread
@@ -323,8 +325,8 @@ std::vector<TreeNode> tree_of(std::vector<TreeNode> leaves) {
 }
 
 // tree of a brick's pieces; null if the surface does not cross it
-std::shared_ptr<const BrickTree> discs_of(const SignedField& field, const PieceMaker& make,
-                                          std::size_t number, const std::array<int, 3>& brick) {
+std::shared_ptr<const BrickTree> brick_tree_of(const SignedField& field, const PieceMaker& make,
+                                               std::size_t number, const std::array<int, 3>& brick) {
   const Bricks<std::int16_t>& bricks = field.bricks();
   if (bricks.is_uniform(number)) return nullptr;
   const std::int16_t* const voxels = bricks.brick(number);
@@ -335,34 +337,34 @@ std::shared_ptr<const BrickTree> discs_of(const SignedField& field, const PieceM
     begin[axis] = std::max(0, -1 - low[axis]);
     end[axis] = std::min(TreeLayout::kCells, bricks.geometry().dims[axis] - low[axis]);
   }
-  std::vector<BoundingCylinder> discs;
+  std::vector<BoundingCylinder> piece_bounds;
   for (int k = begin[2]; k < end[2]; ++k)
     for (int j = begin[1]; j < end[1]; ++j)
       for (int i = begin[0]; i < end[0]; ++i)
         make.add(voxels + (TreeLayout::kBefore + i) + (TreeLayout::kBefore + j) * TreeLayout::kRow +
                      (TreeLayout::kBefore + k) * TreeLayout::kSlice,
-                 Eigen::Vector3d(low[0] + i, low[1] + j, low[2] + k), discs);
-  if (discs.empty()) return nullptr;
+                 Eigen::Vector3d(low[0] + i, low[1] + j, low[2] + k), piece_bounds);
+  if (piece_bounds.empty()) return nullptr;
   std::vector<TreeNode> leaves;
-  leaves.reserve(discs.size());
-  for (const BoundingCylinder& disc : discs) leaves.push_back({disc, -1});
+  leaves.reserve(piece_bounds.size());
+  for (const BoundingCylinder& bounds : piece_bounds) leaves.push_back({bounds, -1});
   return std::make_shared<const BrickTree>(BrickTree{tree_of(std::move(leaves))});
 }
 
 // ---- queries
 
-// lower bound of the distance to any point of a disc
-double min_mm(const BoundingCylinder& disc, const Eigen::Vector3d& x) {
-  const double e[3] = {x[0] - disc.middle[0], x[1] - disc.middle[1], x[2] - disc.middle[2]};
-  const double along = e[0] * disc.normal[0] + e[1] * disc.normal[1] + e[2] * disc.normal[2];
+// lower bound of the distance to any point of a bounding cylinder
+double min_mm(const BoundingCylinder& bounds, const Eigen::Vector3d& x) {
+  const double e[3] = {x[0] - bounds.middle[0], x[1] - bounds.middle[1], x[2] - bounds.middle[2]};
+  const double along = e[0] * bounds.normal[0] + e[1] * bounds.normal[1] + e[2] * bounds.normal[2];
   const double lateral2 = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] - along * along;
-  const double above = std::max(0.0, std::abs(along) - disc.half_mm);
-  const double beside = std::sqrt(std::max(0.0, lateral2)) - disc.radius_mm;
+  const double above = std::max(0.0, std::abs(along) - bounds.half_mm);
+  const double beside = std::sqrt(std::max(0.0, lateral2)) - bounds.radius_mm;
   return beside > 0 ? std::sqrt(above * above + beside * beside) : above;
 }
 
-Eigen::Vector3d middle_of(const BoundingCylinder& disc) {
-  return {disc.middle[0], disc.middle[1], disc.middle[2]};
+Eigen::Vector3d middle_of(const BoundingCylinder& bounds) {
+  return {bounds.middle[0], bounds.middle[1], bounds.middle[2]};
 }
 
 // projects a point onto the surface by Newton's method; false if that fails
@@ -459,15 +461,15 @@ void SurfaceTree::update_bricks(const SurfaceTree* before) {
       for (int a = 0; a < counts[0]; ++a, ++number) {
         const bool known =
             before != nullptr && before->surface_->position().bricks().brick(number) == bricks.brick(number);
-        if (!known) bricks_[number] = discs_of(position, make, number, {a, b, c});
+        if (!known) bricks_[number] = brick_tree_of(position, make, number, {a, b, c});
         const auto& brick = bricks_[number];
         if (brick == nullptr) continue;
-        const BoundingCylinder& disc = brick->nodes.front().bounds;
-        leaves.push_back({disc, ~static_cast<std::int32_t>(top_leaves_.size())});
+        const BoundingCylinder& bounds = brick->nodes.front().bounds;
+        leaves.push_back({bounds, ~static_cast<std::int32_t>(top_leaves_.size())});
         top_leaves_.push_back(brick.get());
         pieces_ += (brick->nodes.size() + 1) / 2;
         for (int axis = 0; axis < 3; ++axis) {
-          const Extent extent = extent_of(disc, Eigen::Vector3d::Zero(), Eigen::Vector3d::Unit(axis));
+          const Extent extent = extent_of(bounds, Eigen::Vector3d::Zero(), Eigen::Vector3d::Unit(axis));
           low_[axis] = std::min(low_[axis], extent.low);
           high_[axis] = std::max(high_[axis], extent.high);
         }

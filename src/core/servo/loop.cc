@@ -289,7 +289,8 @@ void Loop::publish_sweeps(std::size_t devices) noexcept {
   }
 }
 
-// readers of these can never block the loop
+// publishes the record through snapshot() and ring(), whose readers never block the loop, and the contact
+// state for rearm()
 void Loop::publish() noexcept {
   // devices are the record's last member: copy only those in use
   const std::size_t bytes =

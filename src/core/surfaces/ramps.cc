@@ -75,7 +75,7 @@ Result<void> check(const std::vector<RampStructure>& structures, const RampOptio
 
 /// Index of the structure of each label, -1 for none.
 std::vector<int> index_by_label(const std::vector<RampStructure>& structures) {
-  std::vector<int> index(65536, -1);
+  std::vector<int> index(kLabelValues, -1);
   for (std::size_t s = 0; s < structures.size(); ++s) index[structures[s].label] = static_cast<int>(s);
   return index;
 }

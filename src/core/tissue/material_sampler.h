@@ -15,7 +15,9 @@ namespace palpate {
 /// Whether a surface's bounds prove that no centre of the head's balls is within `within_mm`
 bool is_certainly_beyond(const Surface& surface, const ToolSphere& head, const Point<Patient>& at,
                          double within_mm);
-/// Whether no ball of the head, treated as if all had the first one's radius, is closer than `mm`
+/// Whether the lower bound of the distance field proves for every ball of the head that the distance of its
+/// centre, minus the excess of its radius over the first ball's, is at least `mm`. Conservative: may be false
+/// where that holds.
 bool is_farther(const Surface& surface, const ToolSphere& head, const Point<Patient>& at, double mm);
 
 /// Material directly in front of a burr, projected along its displacement.

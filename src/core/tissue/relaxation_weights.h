@@ -17,7 +17,7 @@ class RelaxationWeights {
   static bool is_needed_for(const Model& model);
 
   /// Assigns each cell to the tissue at its centre or, if that is not deformable, at one of its corners.
-  /// @param model  to which they matter
+  /// @param model  one for which is_needed_for() is true
   RelaxationWeights(const Model& model, const CarvedLabels& labels, const ElasticGrid& grid);
 
   struct Means {
@@ -44,7 +44,8 @@ class RelaxationWeights {
   static TissueKey of(const Model& model, const Tissue& tissue);
 
   std::vector<TissueKey> by_tissue_;
-  std::vector<Means> distinct_means_;        // distinct ones; the first is none
+  // distinct values over the cells; entry kNone has neither relaxation nor stiffening
+  std::vector<Means> distinct_means_;
   std::vector<std::uint8_t> means_of_cell_;  // index into distinct_means_ by cell of the layout
   bool is_uniform_ = true;                   // all deformable cells have the same kind
   std::uint8_t first_ = kNone;               // the first such cell's kind

@@ -39,10 +39,10 @@ bool is_structure(const std::string& text) {
 std::optional<std::variant<std::string, Eigen::Vector3d>> read_position(const TableReader& reader,
                                                                         std::string_view key,
                                                                         Problems& problems) {
-  auto key_position = reader.key_position(key);
-  if (!key_position) return std::nullopt;
-  const auto* name = std::get_if<std::string>(&*key_position);
-  if (!name || is_structure(*name)) return key_position;
+  auto position = reader.position(key);
+  if (!position) return std::nullopt;
+  const auto* name = std::get_if<std::string>(&*position);
+  if (!name || is_structure(*name)) return position;
   problems.add(reader.line(key), std::string(key) + " = \"" + *name + "\" is not a label number",
                "a label number is written \"#1\" ... \"#65535\"");
   return std::nullopt;
@@ -50,16 +50,15 @@ std::optional<std::variant<std::string, Eigen::Vector3d>> read_position(const Ta
 
 ScriptStep read_approach(const TableReader& reader, Problems& problems) {
   ApproachStep step;
-  if (const auto key_position = read_position(reader, "approach", problems)) {
-    if (const auto* name = std::get_if<std::string>(&*key_position)) step.structure = *name;
-    if (const auto* point = std::get_if<Eigen::Vector3d>(&*key_position)) step.point = Point<Patient>(*point);
+  if (const auto position = read_position(reader, "approach", problems)) {
+    if (const auto* name = std::get_if<std::string>(&*position)) step.structure = *name;
+    if (const auto* point = std::get_if<Eigen::Vector3d>(&*position)) step.point = Point<Patient>(*point);
   }
   if (const auto landmark = reader.choice("landmark"))
     step.landmark = Vector<Patient>(vector_of(*landmark, kPatientDirections));
-  if (const auto key_position = read_position(reader, "nearest", problems)) {
-    if (const auto* name = std::get_if<std::string>(&*key_position)) step.nearest = *name;
-    if (const auto* point = std::get_if<Eigen::Vector3d>(&*key_position))
-      step.nearest = Point<Patient>(*point);
+  if (const auto position = read_position(reader, "nearest", problems)) {
+    if (const auto* name = std::get_if<std::string>(&*position)) step.nearest = *name;
+    if (const auto* point = std::get_if<Eigen::Vector3d>(&*position)) step.nearest = Point<Patient>(*point);
   }
   if (step.landmark && step.nearest.index() != 0)
     problems.add(reader.line("nearest"), "an approach with both landmark and nearest",
@@ -135,7 +134,7 @@ ScriptStep read_law(const TableReader& reader, Problems&) {
 
 ScriptStep read_scope(const TableReader& reader, Problems& problems) {
   ScopeStep step;
-  if (const auto at = reader.key_position("scope")) {
+  if (const auto at = reader.position("scope")) {
     const auto* name = std::get_if<std::string>(&*at);
     if (name && *name != "probe")
       problems.add(reader.line("scope"), "a scope cannot look at \"" + *name + "\"",

@@ -349,8 +349,7 @@ std::optional<std::vector<std::array<double, 2>>> TableReader::terms(std::string
   return terms;
 }
 
-std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::key_position(
-    std::string_view key) const {
+std::optional<std::variant<std::string, Eigen::Vector3d>> TableReader::position(std::string_view key) const {
   const KeySpec* spec = nullptr;
   const TomlValue* value = find(key, KeyType::kPosition, &spec);
   if (!value) return std::nullopt;

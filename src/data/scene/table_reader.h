@@ -66,7 +66,7 @@ class TableReader {
   /// Terms as written; finite.
   std::optional<std::vector<std::array<double, 2>>> terms(std::string_view key) const;
   /// Name of a structure, or a point.
-  std::optional<std::variant<std::string, Eigen::Vector3d>> key_position(std::string_view key) const;
+  std::optional<std::variant<std::string, Eigen::Vector3d>> position(std::string_view key) const;
   /// One of the choices, or a vector.
   std::optional<std::variant<std::string, Eigen::Vector3d>> direction(std::string_view key) const;
   const TomlTable* table(std::string_view key) const;  ///< Nested table; null: absent

@@ -125,7 +125,7 @@ class ForceDimensionDriver::Core {
     infos_.clear();
     for (std::size_t d = 0; d < count_; ++d) infos_.push_back(units_[d].info);
     try {
-      finder_ = std::thread([this] { search_lost_devices(); });
+      finder_ = std::thread([this] { run_finder(); });
     } catch (const std::system_error& error) {
       close_all();
       return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(),
@@ -413,7 +413,7 @@ class ForceDimensionDriver::Core {
     const bool fine = !halted && !unit.sample.fault && unit.sample.taken_ns != 0;
     // a zero command precedes enabling the motors
     const bool enables = fine && !unit.force_on;
-    if (!set_force(unit, fine && !enables ? command : DeviceCommand{})) return unheard(unit);
+    if (!set_force(unit, fine && !enables ? command : DeviceCommand{})) return on_rejected_command(unit);
     unit.unheard_since_ns = 0;
     if (enables) switch_on(unit);
   }
@@ -430,7 +430,7 @@ class ForceDimensionDriver::Core {
   }
 
   // a device that rejects commands keeps the last force, so its motors are disabled
-  void unheard(DhdUnit& unit) {
+  void on_rejected_command(DhdUnit& unit) {
     // only once: if the operator enables them, that has to be observed first
     if (unit.motors_on) switch_off(unit);
     unit.force_on = false;
@@ -446,14 +446,14 @@ class ForceDimensionDriver::Core {
   }
 
   // ---- the finder's thread
-  void search_lost_devices() {
+  void run_finder() {
     auto next = std::chrono::steady_clock::now();
     while (!end_.load()) {
       std::this_thread::sleep_for(kFindPoll);
       if (std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
       for (std::size_t d = 0; d < count_; ++d)
-        if (units_[d].state.load() == DhdUnit::State::kLost) detect(units_[d]);
+        if (units_[d].state.load() == DhdUnit::State::kLost) reopen(units_[d]);
     }
   }
 
@@ -469,7 +469,7 @@ class ForceDimensionDriver::Core {
     return id;
   }
 
-  void detect(DhdUnit& unit) {
+  void reopen(DhdUnit& unit) {
     if (const char id = reclaim_id(unit); id != kNoDevice) {
       library_->dhdStop(id);
       dhd::close_device(*library_, id);

@@ -62,7 +62,7 @@ class HaplyDriver::Core {
   Result<void> open() {
     if (finder_.joinable()) return {};
     ids_.clear();
-    wanted_.store(false);
+    search_requested_.store(false);
     auto result = haply::connect_to_service(settings_);
     if (const auto* none = std::get_if<NotFound>(&result)) return none->error;
     Found* const found = std::get_if<Found>(&result);
@@ -85,7 +85,7 @@ class HaplyDriver::Core {
     if (!round_trip_s) return haply::error_for(failure_.load(), "haply");
     describe(inventory, 1 / std::max(*round_trip_s, 1 / settings_.max_rate_hz));
     try {
-      finder_ = std::thread([this] { detect_service(); });
+      finder_ = std::thread([this] { run_finder(); });
     } catch (const std::system_error& error) {
       return Error{ErrorKind::kUnavailable, std::string("cannot start a thread: ") + error.what(), "haply",
                    "close other programs, or raise the process limit (ulimit -u)"};
@@ -229,7 +229,7 @@ class HaplyDriver::Core {
     note(why);
     connection_.reset();
     for (std::size_t d = 0; d < count_; ++d) samples_[d].fault = true;
-    wanted_.store(true);
+    search_requested_.store(true);
     return false;
   }
 
@@ -303,19 +303,19 @@ class HaplyDriver::Core {
   void note(Failure failure) { failure_.store(failure); }
 
   // ---- the finder's thread
-  void detect_service() {
+  void run_finder() {
     auto next = std::chrono::steady_clock::now();
     while (!end_.load()) {
       std::this_thread::sleep_for(kFindPoll);
-      if (!wanted_.load()) listen_to_events();
-      if (!wanted_.load() || std::chrono::steady_clock::now() < next) continue;
+      if (!search_requested_.load()) listen_to_events();
+      if (!search_requested_.load() || std::chrono::steady_clock::now() < next) continue;
       next = std::chrono::steady_clock::now() + kFindEvery;
       auto found = haply::connect_to_service(settings_);
       if (const auto* none = std::get_if<NotFound>(&found)) {
         note(none->why);
         continue;
       }
-      wanted_.store(false);
+      search_requested_.store(false);
       delete found_.exchange(new Found(std::move(std::get<Found>(found))));
     }
   }
@@ -356,7 +356,7 @@ class HaplyDriver::Core {
   std::int64_t sent_ns_ = 0, last_message_ns_ = 0, drained_ns_ = 0;
   SenderPace pace_;
 
-  std::atomic<bool> halted_{false}, wanted_{false}, end_{false};
+  std::atomic<bool> halted_{false}, search_requested_{false}, end_{false};
   std::atomic<Failure> failure_{Failure::kNone};
   std::atomic<Found*> found_{nullptr};
   std::atomic<bool> has_events_{false};

@@ -94,7 +94,7 @@ class OpenHapticsDriver::Core {
   bool end() {
     if (!finder_.joinable()) return true;
     end_.store(true);
-    if (came_in_time([&] { return is_finder_done_.load(); })) {
+    if (wait_or_abandon([&] { return is_finder_done_.load(); })) {
       finder_.join();
     } else {
       finder_.detach();
@@ -150,7 +150,7 @@ class OpenHapticsDriver::Core {
     servo_ = &servo;
     commands_ = {};
     stopping_.store(false);
-    zeros_.store(0);
+    zero_frames_.store(0);
     if (link_.load() == Link::kConnected) start(Owner::kVendor);
     while (!clock.stopped()) {
       std::this_thread::sleep_for(kOwnPeriod);
@@ -179,7 +179,7 @@ class OpenHapticsDriver::Core {
     const HdFailure now = failure_.load();
     if (now == HdFailure::kNone) return std::nullopt;
     return hd::error_for(
-        now, infos_.empty() ? "touch" : infos_[std::min(troubled_.load(), infos_.size() - 1)].name);
+        now, infos_.empty() ? "touch" : infos_[std::min(failing_device_.load(), infos_.size() - 1)].name);
   }
 
  private:
@@ -347,9 +347,9 @@ class OpenHapticsDriver::Core {
     if (link_.load() == Link::kConnected || link_.load() == Link::kAwaitingFrame) {
       link_.store(Link::kConnected);
       const std::int64_t until_ns = monotonic_ns() + kLastZero_ns;
-      while (zeros_.load() < 2 && monotonic_ns() < until_ns) std::this_thread::sleep_for(kOwnPeriod);
-      stop_.store(true);
-      came_in_time([&] { return !running_.load(); });
+      while (zero_frames_.load() < 2 && monotonic_ns() < until_ns) std::this_thread::sleep_for(kOwnPeriod);
+      scheduler_stop_requested_.store(true);
+      wait_or_abandon([&] { return !running_.load(); });
     }
     // later frames bypass the servo; one that is in it is waited for without a timeout
     while (in_servo_.load()) std::this_thread::sleep_for(kOwnPeriod);
@@ -357,7 +357,7 @@ class OpenHapticsDriver::Core {
 
   /// Waits for a condition that depends on the library. After a timeout its threads are abandoned.
   template <class Condition>
-  bool came_in_time(Condition&& condition) {
+  bool wait_or_abandon(Condition&& condition) {
     const std::int64_t until_ns = monotonic_ns() + kLastCall_ns;
     while (!condition() && !abandoned_.load()) {
       if (monotonic_ns() > until_ns) abandoned_.store(true);
@@ -377,7 +377,7 @@ class OpenHapticsDriver::Core {
     force_on_.store(false);
   }
   void note(HdFailure failure, std::size_t device) {
-    troubled_.store(device);
+    failing_device_.store(device);
     failure_.store(failure);
   }
 
@@ -422,7 +422,7 @@ class OpenHapticsDriver::Core {
     }
     note(units_[worst].failure, worst);
     if (was_off && !halted_.load() && !stopping) switch_on();
-    if (stopping) zeros_.fetch_add(1);
+    if (stopping) zero_frames_.fetch_add(1);
     last_frame_ns_.store(monotonic_ns());
     if (units_[worst].failure == HdFailure::kLost) failed_.store(true);
     owner_.store(units_[worst].failure == HdFailure::kLost ? Owner::kOwn : Owner::kVendor);
@@ -441,7 +441,7 @@ class OpenHapticsDriver::Core {
     for (std::size_t d = 0; d < count_; ++d) end_frame(units_[d], nullptr);
     if (const unsigned error = hd::drain(*library_); error != hd::kNoError && !hd::is_warning(error))
       failed_.store(true);
-    if (stopping_.load()) zeros_.fetch_add(1);
+    if (stopping_.load()) zero_frames_.fetch_add(1);
     last_frame_ns_.store(monotonic_ns());
     has_framed_.store(true);
   }
@@ -537,8 +537,8 @@ class OpenHapticsDriver::Core {
     auto next = std::chrono::steady_clock::now();
     while (!end_.load() && !abandoned_.load()) {
       std::this_thread::sleep_for(kFindPoll);
-      if (stop_.exchange(false)) {
-        if (zeros_.load() < 2) switch_off();
+      if (scheduler_stop_requested_.exchange(false)) {
+        if (zero_frames_.load() < 2) switch_off();
         stop_scheduler();
       }
       if (link_.load() != Link::kLost || std::chrono::steady_clock::now() < next) continue;
@@ -592,12 +592,12 @@ class OpenHapticsDriver::Core {
   std::atomic<Owner> owner_{Owner::kOwn};
   std::atomic<Link> link_{Link::kConnected};
   std::atomic<bool> halted_{false}, stopping_{false}, force_on_{false}, failed_{false}, running_{false},
-      has_framed_{false}, inside_{false}, in_servo_{false}, abandoned_{false}, stop_{false}, end_{false},
-      is_finder_done_{false};
-  std::atomic<int> zeros_{0};
+      has_framed_{false}, inside_{false}, in_servo_{false}, abandoned_{false},
+      scheduler_stop_requested_{false}, end_{false}, is_finder_done_{false};
+  std::atomic<int> zero_frames_{0};
   std::atomic<std::int64_t> last_frame_ns_{0};
   std::atomic<HdFailure> failure_{HdFailure::kNone};
-  std::atomic<std::size_t> troubled_{0};
+  std::atomic<std::size_t> failing_device_{0};
   std::thread finder_;
 };
 

@@ -32,7 +32,7 @@
 namespace palpate {
 namespace plugin {
 
-/// Why a plug-in was given up.
+/// Reason why a plug-in was abandoned.
 enum class Loss : std::uint8_t { kNone, kEnded, kSilent, kNotFinite, kSize };
 
 }  // namespace plugin
@@ -266,7 +266,7 @@ class PluginDriver::Core {
     const int ready = ::poll(&answer, 1, patience_ms);
     const auto failed = [&](const std::string& what) {
       const Error error{ErrorKind::kUnavailable, what, where_,
-                        "docs/guide/plug-ins.md has what a plug-in must do"};
+                        "docs/guide/plug-ins.md lists the requirements of a plug-in"};
       close();
       return error;
     };
@@ -307,7 +307,7 @@ class PluginDriver::Core {
     is_open_ = false;
   }
 
-  // How the process has ended; empty: it has not.
+  // Exit status of the process; empty: it is running.
   std::optional<siginfo_t> ending() const {
     siginfo_t how{};
     if (process_.pidfd() < 0 ||

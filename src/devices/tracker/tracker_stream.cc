@@ -111,7 +111,7 @@ class TrackerStream::Core {
     }
     const auto patience_ns = std::llround(patience_s * 1e9);
     std::int64_t until_ns = monotonic_ns() + patience_ns;
-    for (bool was_connected = false; !has_what_is_awaited();) {
+    for (bool was_connected = false; !is_ready();) {
       if (progress.stopped()) return Progress::interrupted();
       if (monotonic_ns() > until_ns)
         if (auto missing = missing_pose("")) return *std::move(missing);
@@ -181,7 +181,7 @@ class TrackerStream::Core {
     const std::lock_guard lock(mutex_);
     return is_connected_;
   }
-  bool has_what_is_awaited() const {
+  bool is_ready() const {
     const std::lock_guard lock(mutex_);
     return is_connected_ && (settings_.transform.empty() ? !received_names_.empty() : pose_ns_ > 0);
   }

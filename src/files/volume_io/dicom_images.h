@@ -16,8 +16,10 @@ std::optional<Fault> unsupported_syntax(E_TransferSyntax syntax, const std::stri
 std::optional<Fault> read_bits(DcmItem& root, DicomFrame& frame);
 /// Value of a word's stored bits, sign-extended if it is signed.
 std::int64_t stored_value(std::uint64_t word, const DicomFrame& frame);
-/// Padding value, as a word that may be written as signed or unsigned, which old files confuse. If the word
-/// has more bits than are stored, the padding mark uses them too.
+/// Value of a padding element, accepted as a signed or an unsigned number, because old files confuse the two.
+/// If the frame's values are signed, it is sign-extended from bits_allocated instead of bits_stored, because
+/// padding may use bits above the stored ones. nullopt if the element is missing or has an implausible
+/// length.
 std::optional<std::int64_t> padding_of(DcmItem& root, const DcmTagKey& tag, const DicomFrame& frame);
 /// Lossy compression, as far as the attributes or the first frame reveal it.
 bool is_lossy(DcmItem& root, E_TransferSyntax syntax);

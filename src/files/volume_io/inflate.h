@@ -38,7 +38,8 @@ class Inflater {
     std::array<std::uint16_t, kMaxSymbols> symbol;  ///< Symbols ordered by their code.
     int longest;                                    ///< Length of the longest code; 0: there is none.
 
-    /// @param incomplete_allowed  zlib allows a single code of one bit, where not all of a code is used
+    /// @param incomplete_allowed  whether a code of a single symbol, one bit long, is valid, as it is in zlib
+    ///                            for literals and distances
     /// Returns false for lengths that form no code.
     bool assign(std::span<const std::uint8_t> lengths, bool incomplete_allowed);
   };

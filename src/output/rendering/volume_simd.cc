@@ -245,19 +245,18 @@ struct MixedLine {
 constexpr float kClose = 0.999f;
 
 /// Samples a chunk's pixels that are not opaque.
-/// @param ray_position  position of the first one in the mixed row
+/// @param row_x  coordinate of the chunk's first pixel along the mixed row, voxels
 /// @returns whether all pixels are opaque now
 template <bool kIsClose>
-HWY_NOINLINE bool receive_samples(const AccumulatedLine& line, const MixedLine& mixed, int at,
-                                  float ray_position, float step, float plane) {
+HWY_NOINLINE bool sample_chunk(const AccumulatedLine& line, const MixedLine& mixed, int at, float row_x,
+                               float step, float plane) {
   const DF d;
   const DI di;
   const auto scale = hn::Set(d, 1 / kDepthSteps), near_weight = hn::Set(d, mixed.near_weight),
              far_weight = hn::Set(d, mixed.far_weight);
   auto any = hn::FirstN(d, 0);
   for (int n = 0; n < kChunk; n += lanes()) {
-    const VF x =
-        hn::Add(hn::Set(d, ray_position), hn::Mul(hn::Iota(d, static_cast<float>(n)), hn::Set(d, step)));
+    const VF x = hn::Add(hn::Set(d, row_x), hn::Mul(hn::Iota(d, static_cast<float>(n)), hn::Set(d, step)));
     const VI low = hn::ConvertTo(di, x);
     const VF part = hn::Sub(x, hn::ConvertTo(d, low));
     const int first = static_cast<int>(hn::GetLane(low));
@@ -429,9 +428,9 @@ HWY_NOINLINE void sample_stretch(const RowsView& rows, const LinesOnPlane& lines
     for (int chunk = next_bit(begin / kChunk, end / kChunk, open); chunk < end / kChunk;
          chunk = next_bit(chunk + 1, end / kChunk, open)) {
       const int u = chunk * kChunk;
-      const auto ray_position = static_cast<float>(plane.x_per_u * u + plane.x_0 - origin * kBlock);
-      const bool is_done = close ? receive_samples<true>(line, between, u, ray_position, step, number)
-                                 : receive_samples<false>(line, between, u, ray_position, step, number);
+      const auto row_x = static_cast<float>(plane.x_per_u * u + plane.x_0 - origin * kBlock);
+      const bool is_done = close ? sample_chunk<true>(line, between, u, row_x, step, number)
+                                 : sample_chunk<false>(line, between, u, row_x, step, number);
       if (is_done) line.unfinished[chunk / 64] &= ~(std::uint64_t{1} << (chunk % 64));
     }
   }
@@ -579,15 +578,15 @@ struct RayPosition {
 };
 
 HWY_INLINE RayPosition ray_position(const RowsView& rows, float x, float y) {
-  RayPosition ray_position;
+  RayPosition position;
   // inside the grid, coordinates are above -1
-  ray_position.x = static_cast<int>(x + 1) - 1;
+  position.x = static_cast<int>(x + 1) - 1;
   // x + 1 may be rounded up to the border
-  if (ray_position.x >= rows.count[0]) ray_position.x = rows.count[0] - 1;
-  ray_position.x_part = x - static_cast<float>(ray_position.x);
-  ray_position.y = static_cast<int>(y + 1) - 1;
-  ray_position.y_part = y - static_cast<float>(ray_position.y);
-  return ray_position;
+  if (position.x >= rows.count[0]) position.x = rows.count[0] - 1;
+  position.x_part = x - static_cast<float>(position.x);
+  position.y = static_cast<int>(y + 1) - 1;
+  position.y_part = y - static_cast<float>(position.y);
+  return position;
 }
 
 /// The eight voxels around a position on a ray: two in each of four rows, in one block or two adjacent ones.

@@ -29,7 +29,7 @@ constexpr double kFinestStep_mm = 1e-4, kCoarsestStep_mm = 0.2;
 GripTrial::GripTrial(const GripTrialSettings& settings, double rate_hz, double step_mm, TimeSource now)
     : settings_(settings),
       now_(now),
-      made_ns_(now()),
+      constructed_ns_(now()),
       step_mm_(std::isfinite(step_mm) ? std::clamp(step_mm, kFinestStep_mm, kCoarsestStep_mm)
                                       : kCoarsestStep_mm),
       threshold_mm_(std::max(kMinSwing_steps * step_mm_, kMin_mm)),
@@ -49,23 +49,24 @@ void GripTrial::update(std::span<const DeviceSample> samples, std::span<DeviceCo
   if (ended_.load() != EndReason::kNone) return;
   // no sample yet
   if (!begun_.load() && (sample.fault || sample.taken_ns == 0)) {
-    if (1e-9 * static_cast<double>(now_ns - made_ns_) > kBegin_s) end(EndReason::kNotReady);
+    if (1e-9 * static_cast<double>(now_ns - constructed_ns_) > kBegin_s) end(EndReason::kNotReady);
     return;
   }
   if (sample.fault) return end(EndReason::kFault);
   if (!sample.tip.all_finite()) return end(EndReason::kNotFinite);
-  if (const EndReason odd = odd_time(sample, now_ns, before_ns); odd != EndReason::kNone) return end(odd);
+  if (const EndReason odd = check_timestamps(sample, now_ns, before_ns); odd != EndReason::kNone)
+    return end(odd);
   const Eigen::Vector3d& tip_mm = sample.tip.eigen();
   if (!begun_.load()) {
     started_ns_ = last_sampled_ns_ = sample.taken_ns;
-    slow_mm_ = tip_mm;
+    filtered_tip_mm_ = tip_mm;
     begun_.store(true);
   }
   const double time_s = 1e-9 * static_cast<double>(sample.taken_ns - started_ns_);
   const double passed_s = 1e-9 * static_cast<double>(sample.taken_ns - last_sampled_ns_);
   Eigen::Vector3d requested = force(sample, time_s);
   if (too_fast(sample.taken_ns, tip_mm)) end(EndReason::kTooFast);
-  slow_mm_ += (tip_mm - slow_mm_) * std::min(1.0, passed_s / kLowPass_s);
+  filtered_tip_mm_ += (tip_mm - filtered_tip_mm_) * std::min(1.0, passed_s / kLowPass_s);
   last_sampled_ns_ = sample.taken_ns;
   ++ticks_;
   ended_at_s_ = time_s;
@@ -79,13 +80,14 @@ void GripTrial::update(std::span<const DeviceSample> samples, std::span<DeviceCo
 }
 
 // checks the time stamps of the sample and of the tick
-GripTrial::EndReason GripTrial::odd_time(const DeviceSample& sample, std::int64_t now_ns,
-                                         std::int64_t before_ns) const {
+GripTrial::EndReason GripTrial::check_timestamps(const DeviceSample& sample, std::int64_t now_ns,
+                                                 std::int64_t before_ns) const {
   const double age_s = 1e-9 * static_cast<double>(now_ns - sample.taken_ns);
   if (age_s > kMaxAge_s) return EndReason::kStaleSample;
   if (age_s < -kFuture_s) return EndReason::kBadTimestamps;
   if (!begun_.load())
-    return 1e-9 * static_cast<double>(now_ns - made_ns_) > kBegin_s ? EndReason::kNotReady : EndReason::kNone;
+    return 1e-9 * static_cast<double>(now_ns - constructed_ns_) > kBegin_s ? EndReason::kNotReady
+                                                                           : EndReason::kNone;
   // also checked here, because the watchdog itself may be late
   if (now_ns - before_ns > kLate_ns) return EndReason::kLate;
   return sample.taken_ns < last_sampled_ns_ ? EndReason::kBadTimestamps : EndReason::kNone;
@@ -129,7 +131,7 @@ Eigen::Vector3d GripTrial::force(const DeviceSample& sample, double time_s) {
   if (time_s < kRest_s + kPushed_s) return push(time_s - kRest_s);
   if (time_s >= kRest_s + kPushed_s + kSettle_s) return spring(tip_mm, time_s);
   // motion left by the pushes must not count as an oscillation of the first spring
-  rest_mm_ = slow_mm_;
+  rest_mm_ = filtered_tip_mm_;
   return Eigen::Vector3d::Zero();
 }
 
@@ -155,16 +157,16 @@ Eigen::Vector3d GripTrial::spring(const Eigen::Vector3d& tip_mm, double time_s) 
     if (ended_.load() != EndReason::kNone) return Eigen::Vector3d::Zero();
     spring_started_s_ = time_s;
     // follow the slow drift of the hand
-    rest_mm_ = slow_mm_;
+    rest_mm_ = filtered_tip_mm_;
   }
-  const double swing_mm = (tip_mm - slow_mm_).norm();
+  const double swing_mm = (tip_mm - filtered_tip_mm_).norm();
   if (within_s >= 0.5 * kSpring_s && within_s < 0.75 * kSpring_s) {
     early_mm2_ += swing_mm * swing_mm;
     ++early_;
   } else if (within_s >= 0.75 * kSpring_s && within_s < kSpring_s) {
     late_mm2_ += swing_mm * swing_mm;
     ++late_;
-    late_most_mm_ = std::max(late_most_mm_, swing_mm);
+    late_max_mm_ = std::max(late_max_mm_, swing_mm);
   }
   Eigen::Vector3d requested = -stiffness_N_per_mm_ * (tip_mm - rest_mm_);
   if (within_s < kKnock_s) requested.x() += kKnock_N;
@@ -174,7 +176,7 @@ Eigen::Vector3d GripTrial::spring(const Eigen::Vector3d& tip_mm, double time_s) 
 void GripTrial::judge() {
   const double early = early_ > 0 ? std::sqrt(early_mm2_ / static_cast<double>(early_)) : 0;
   const double late = late_ > 0 ? std::sqrt(late_mm2_ / static_cast<double>(late_)) : 0;
-  if (late_most_mm_ > threshold_mm_ && late > kPersistentRatio * early) {
+  if (late_max_mm_ > threshold_mm_ && late > kPersistentRatio * early) {
     // no stiffness was found stable
     if (stable_N_per_mm_ == 0) return end(EndReason::kOscillated);
     oscillating_N_per_mm_ = stiffness_N_per_mm_;
@@ -183,7 +185,7 @@ void GripTrial::judge() {
   stable_N_per_mm_ = stiffness_N_per_mm_;
   if (stiffness_N_per_mm_ >= settings_.max_N_per_mm) return end(EndReason::kDone);
   stiffness_N_per_mm_ = std::min(settings_.max_N_per_mm, stiffness_N_per_mm_ * settings_.growth);
-  early_mm2_ = late_mm2_ = late_most_mm_ = 0;
+  early_mm2_ = late_mm2_ = late_max_mm_ = 0;
   early_ = late_ = 0;
 }
 

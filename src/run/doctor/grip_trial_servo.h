@@ -72,7 +72,7 @@ class GripTrial final : public ServoFunction {
     Eigen::Vector3d tip_mm;
   };
   bool too_fast(std::int64_t taken_ns, const Eigen::Vector3d& tip_mm);
-  EndReason odd_time(const DeviceSample& sample, std::int64_t now_ns, std::int64_t before_ns) const;
+  EndReason check_timestamps(const DeviceSample& sample, std::int64_t now_ns, std::int64_t before_ns) const;
   Eigen::Vector3d force(const DeviceSample& sample, double time_s);
   Eigen::Vector3d push(double time_s);
   Eigen::Vector3d spring(const Eigen::Vector3d& tip_mm, double time_s);
@@ -80,12 +80,12 @@ class GripTrial final : public ServoFunction {
 
   const GripTrialSettings settings_;
   const TimeSource now_;
-  const std::int64_t made_ns_;
+  const std::int64_t constructed_ns_;
   const double step_mm_, threshold_mm_;
   std::int64_t started_ns_ = 0, last_sampled_ns_ = 0;
   std::uint64_t ticks_ = 0;
   double ended_at_s_ = 0;
-  Eigen::Vector3d rest_mm_ = Eigen::Vector3d::Zero(), slow_mm_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rest_mm_ = Eigen::Vector3d::Zero(), filtered_tip_mm_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d first_rest_mm_ = Eigen::Vector3d::Zero();
   // ring buffer of tip positions
   std::array<Sample, 128> samples_;
@@ -95,7 +95,7 @@ class GripTrial final : public ServoFunction {
   double stiffness_N_per_mm_, stable_N_per_mm_ = 0, spring_started_s_ = kRest_s + kPushed_s + kSettle_s;
   std::optional<double> oscillating_N_per_mm_;
   // mean squared and maximum deviation of the tip in the third and the fourth quarter of a spring's interval
-  double early_mm2_ = 0, late_mm2_ = 0, late_most_mm_ = 0;
+  double early_mm2_ = 0, late_mm2_ = 0, late_max_mm_ = 0;
   std::uint64_t early_ = 0, late_ = 0;
   std::atomic<EndReason> ended_{EndReason::kNone};
   std::atomic<std::int64_t> last_update_ns_{0};

@@ -58,7 +58,7 @@ struct Shown {
 class SupervisorKeeper {
  public:
   explicit SupervisorKeeper(const Session& session) : session_(session) {}
-  void read_status() {
+  void restart_if_dead() {
     if (session_.supervisor == nullptr || session_.supervisor->is_running()) return;
     if ((session_.loop.snapshot().switches & kSwitchEmergencyStop) == 0) session_.live.stop_unsupervised();
     if (Clock::now() < next_try_) return;
@@ -173,7 +173,7 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
     result.stopped_by_user = progress.stopped() || session.live.is_over();
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
-    supervisor.read_status();
+    supervisor.restart_if_dead();
     if (options.request) carry_out(options.request(), session, shown);
     session.live.follow_script();
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;

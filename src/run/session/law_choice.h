@@ -58,7 +58,6 @@ class LawChoice final : public PreparedChoice {
   /// Model version to which the script's last choice led; 0: it failed; empty: it is being prepared.
   std::optional<std::uint32_t> script_version() const;
 
-  bool is_awaited(const LiveModel::Lock& /*held*/) const { return awaited_.has_value(); }
   /// Fills in the current law, the awaited one, and why the last choice failed or the current law cannot be
   /// solved.
   void describe(const LiveModel::Lock& lock, ViewedState& state) const;

@@ -242,7 +242,7 @@ Result<RequestOutcome> LiveSession::set(const SettingsRequest& request) {
   const Parameters now = loop->parameters();
   if (auto fine = check(lock, request, now); !fine) return fine.error();
   const SettingsRequest changed = changes_of(request, now, model_.current(lock).tissue_law,
-                                             law_.is_awaited(lock), method_.is_awaited(lock));
+                                             law_.is_pending(lock), method_.is_pending(lock));
   const std::string what = consent_text(changed, now);
   if (!what.empty() && needs_consent(could_increase_force(changed, now)))
     return request_consent(changed, what);

@@ -25,8 +25,8 @@ namespace palpate {
 class MethodChoice final : public PreparedChoice {
  public:
   /// Generates fields for changed stiffnesses. May throw.
-  using NewFields = std::function<Result<std::shared_ptr<const Model>>(const Model& model, const Model& made,
-                                                                       const Progress& progress)>;
+  using NewFields = std::function<Result<std::shared_ptr<const Model>>(
+      const Model& current, const Model& prepared, const Progress& progress)>;
   /// Prepares a model for further methods. May throw.
   using MoreMethods = std::function<Result<std::shared_ptr<const Model>>(
       std::shared_ptr<const Model> model, std::span<const ForceMethod> methods, const Progress& progress)>;
@@ -49,7 +49,6 @@ class MethodChoice final : public PreparedChoice {
   /// Prepares the direct method that a script has selected, if its fields are missing. Does not block.
   void follow_script();
 
-  bool is_awaited(const LiveModel::Lock& /*held*/) const { return awaited_.has_value(); }
   /// Method that becomes active once its preparation is finished.
   std::optional<ForceMethod> awaited() const;
   /// Why the method requested last is not active.

@@ -10,9 +10,9 @@ namespace palpate {
 namespace {
 
 /// Samples a field for display.
-/// @param times  factor by which `unit_mm` is scaled
+/// @param scale  factor by which `unit_mm` is scaled
 std::shared_ptr<ViewedDeformation> viewed_field(const ElasticBox& box, const ElasticLayout& layout,
-                                                const ElasticField& unit_mm, double times) {
+                                                const ElasticField& unit_mm, double scale) {
   // every second node suffices, since the displacement is smooth
   constexpr int kEvery = 2;
   auto viewed = std::make_shared<ViewedDeformation>();
@@ -32,7 +32,7 @@ std::shared_ptr<ViewedDeformation> viewed_field(const ElasticBox& box, const Ela
         Eigen::Vector3d unit;
         for (int c = 0; c < 3; ++c)
           unit[c] = unit_mm.values[layout.node(kEvery * i, kEvery * j, kEvery * k, c)];
-        const Eigen::Vector3d moved = box.axes * unit * times;
+        const Eigen::Vector3d moved = box.axes * unit * scale;
         for (int c = 0; c < 3; ++c) viewed->moved_mm.push_back(static_cast<float>(moved[c]));
       }
   return viewed;
@@ -107,11 +107,11 @@ void TissueFrames::begin_frame() {
   publish_unsolved();
   const TickRecord tick = loop_.snapshot();
   // no tick since the last one
-  if (tick.state_hash == 0 || (any_ && tick.tick <= last_input_)) return;
+  if (tick.state_hash == 0 || (has_input_ && tick.tick <= last_input_)) return;
   // a replay solves with the model of the tick
   std::shared_ptr<const Model> model = model_();
   if (model->version != tick.model_version) return;
-  any_ = true;
+  has_input_ = true;
   last_input_ = tick.tick;
   if (!is_moving(model->tissue_law)) {
     rest();

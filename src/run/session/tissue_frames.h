@@ -80,7 +80,7 @@ class TissueFrames {
   std::uint32_t published_ = 0;  // number of the last frame passed to the loop
   std::optional<ChainMailTissue> mail_{std::in_place};
   std::uint32_t mail_frame_ = 0;
-  bool any_ = false;
+  bool has_input_ = false;
   std::uint64_t last_input_ = 0;
   std::atomic<bool> is_out_of_memory_{false};
   std::atomic<int> failures_{0};

@@ -9,8 +9,8 @@ namespace {
 
 constexpr float kFar = 1e30f;
 
-/// One row of the separable transform: lower envelope of parabolas with their vertices at the voxels.
-/// @param row  scratch of three times the row's length
+/// One pass of the separable distance transform along a row: lower envelope of parabolas with their vertices
+/// at the voxels.
 struct Envelope {
   std::vector<int> position;
   std::vector<double> until;

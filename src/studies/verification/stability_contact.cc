@@ -131,7 +131,7 @@ Result<std::vector<Figure>> friction_figures(int planes, const Progress& progres
       {"stability/friction/dynamic/worst", dynamic_percent, "percent", n * kSlidden, kFrictionLimit_percent}};
 }
 
-// displacement of the tip in two directions at a time; starts at zero
+// tremor: displacement of the tip along two axes; zero at time 0
 std::array<double, 2> tremor_mm(double time_s) {
   return {kTremor_mm * std::sin(2 * std::numbers::pi * kTremor_hz[0] * time_s),
           kTremor_mm * std::sin(2 * std::numbers::pi * kTremor_hz[1] * time_s)};
@@ -147,7 +147,7 @@ struct Drift {
   }
 };
 
-// on a plane at rest
+// sticking contact on a plane at rest, with a trembling tip
 void tremble(AccuracyRandom& random, long ticks, Drift& drift) {
   Plane plane(random);
   plane.contact.static_friction = kStickStatic;
@@ -161,7 +161,7 @@ void tremble(AccuracyRandom& random, long ticks, Drift& drift) {
   }
 }
 
-// on an object that rotates about an axis while the tip trembles in world coordinates
+// sticking contact on an object that rotates about an axis, with a tip that trembles in world coordinates
 void turn(const Model& plates, AccuracyRandom& random, long ticks, Drift& drift) {
   Parameters parameters;
   parameters.method = ForceMethod::kProxy;
