@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <functional>
@@ -132,7 +133,9 @@ class Ages final : public ServoFunction {
     if (sample.fault || sample.taken_ns == last_ns_) return;
     last_ns_ = sample.taken_ns;
     const double declared_ms = 1e-6 * static_cast<double>(sample.taken_ns % FakeInverseService::kEra_ns);
-    max_ms = std::max(max_ms.load(), declared_ms - sample.tip.z());
+    // the encoded time begins again at the end of each era
+    constexpr double kEra_ms = 1e-6 * static_cast<double>(FakeInverseService::kEra_ns);
+    max_ms = std::max(max_ms.load(), std::remainder(declared_ms - sample.tip.z(), kEra_ms));
     ++fresh;
   }
   std::atomic<int> updates{0}, fresh{0};

@@ -1,8 +1,20 @@
 // Mouse, touch and keyboard input on the picture of a section: moving the tip, measures, plans, pan, zoom and window.
 
-import { signal } from "@preact/signals-core";
-import { add, dot, length, normalOf, scale, spread, sub, type Vec3 } from "../base/geometry.js";
+import { type Signal, signal } from "@preact/signals-core";
+import {
+  add,
+  dot,
+  length,
+  normalOf,
+  type Plane,
+  type PlaneKind,
+  scale,
+  spread,
+  sub,
+  type Vec3,
+} from "../base/geometry.js";
 import { isWhole, type Measure } from "../drawing/measure.js";
+import type { Picture } from "../drawing/picture.js";
 import { Flag } from "../protocol/wire.js";
 import type { History } from "../state/history.js";
 import { MAX_DISTANCE_MM, type PointerDevice } from "../state/pointer.js";
@@ -10,7 +22,6 @@ import type { Session } from "../state/session.js";
 import { Touching } from "../touch/touching.js";
 import { words } from "../words/words.js";
 import type { Measures } from "./measures_panel.js";
-import type { SectionView } from "./section_view.js";
 import { sliceAt, slicesAlong } from "./slices.js";
 
 /** Displacement of the tip per arrow key press; CSS pixels. */
@@ -20,6 +31,31 @@ const WINDOW_PIXELS = 200;
 
 /** Scale after zooming in by a factor, in mm per CSS pixel; clamped. */
 export const zoomed = (mmPerPixel: number, factor: number): number => Math.min(3, Math.max(0.005, mmPerPixel / factor));
+
+/** Placement of a section's picture. */
+export interface View {
+  mmPerPixel: number; // mm per CSS pixel
+  pan: [number, number]; // displacement of the picture's centre to the right and down, mm
+  offset_mm: number; // offset of the plane from the session's anchor, along its normal
+}
+
+/** Section that the input moves: SectionView. */
+export interface MovableSection {
+  readonly kind: PlaneKind;
+  readonly picture: Picture;
+  readonly view: Signal<View>;
+  readonly normal: Vec3;
+  readonly shownPlane: Plane;
+  patientAt(pixel: [number, number]): Vec3;
+  pixelOf(p: Vec3): [number, number];
+  show(change: Partial<View>): void;
+  reset(): void;
+  centre(): void;
+  change(by: string, act: () => void, gesture?: number): void;
+  updatePlane(): void;
+  step(count: number, by?: string): void;
+  zoom(factor: number, by?: string): void;
+}
 
 export class SectionInput {
   private byKeys = false; // the tip is held by a key
@@ -36,7 +72,7 @@ export class SectionInput {
   readonly measureAnchor = signal<Vec3 | null>(null);
 
   constructor(
-    private readonly section: SectionView,
+    private readonly section: MovableSection,
     private readonly session: Session,
     private readonly measures: Measures,
     private readonly pointer: PointerDevice,

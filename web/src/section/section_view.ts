@@ -44,7 +44,7 @@ import { Picture } from "../drawing/picture.js";
 import { drawPlanOnPlane } from "../drawing/plan_marks.js";
 import type { PointerDevice } from "../state/pointer.js";
 import type { Session } from "../state/session.js";
-import { SectionInput, zoomed } from "./section_input.js";
+import { type MovableSection, SectionInput, type View, zoomed } from "./section_input.js";
 import { sliceAt, SliceChooser, slicesAlong } from "./slices.js";
 import type { AnySlicer } from "./slicer.js";
 import { drawStrainLegend } from "../drawing/strain.js";
@@ -55,12 +55,6 @@ export interface SectionPlacement {
   across_mm: number;
   pan: [number, number];
   offset_mm: number;
-}
-/** Placement of a section's picture. */
-interface View {
-  mmPerPixel: number; // mm per CSS pixel
-  pan: [number, number]; // displacement of the picture's centre to the right and down, mm
-  offset_mm: number; // offset of the plane from the session's anchor, along its normal
 }
 /** Direction that the oblique plane contains: tool axis or force. "fixed": none, it is an anatomical plane. */
 export type Along = "tool" | "force" | "fixed";
@@ -80,7 +74,7 @@ const MIN_STEP = 1e-5;
 const STILL_AFTER_MS = 250;
 const COARSEST = 4;
 const MIN_ROWS = 4;
-export class SectionView {
+export class SectionView implements MovableSection {
   readonly picture: Picture;
   readonly along = signal<Along>("tool");
   /** Anatomical plane whose normal the oblique plane's normal is as close to as its direction allows. */
