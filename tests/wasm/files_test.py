@@ -241,6 +241,15 @@ def natively(folder, scene, segmentation):
             "direction": model.direction.ravel().tolist(), "origin": model.origin.tolist(), "labels": sha(model.labels()), "scan": scan}
 
 
+def is_equal(ours, other):
+    """Whether all is equal to the bit, but for the last bits of a position: WebAssembly has mathematical functions of its own."""
+    place = ("spacing", "direction", "origin")
+    unequal = {key for key in {**ours, **other} if ours.get(key) != other.get(key)}
+    if unequal - {*place, "hash"} or unequal == {"hash"}:
+        return False
+    return all(np.allclose(ours[key], other[key], rtol=1e-14, atol=1e-14) for key in place if key in unequal)
+
+
 def main():
     module = Path(sys.argv[1])
     print(f"PALPATE_TEST_SEED={SEED}")
@@ -255,11 +264,11 @@ def main():
         for one, other in zip(files, others, strict=True):
             name, ours = "/".join(filter(None, one[1:])), natively(*one)
             seconds, memory = other.pop("seconds"), other.pop("memory_MiB", 0)
-            # a page has less memory, and says so before it looks at the rest
-            if "problem" in ours and "this page may take" in other.get("problem", ""):
+            # a page has less memory, and says so before it looks at the rest; it has no decoder of bzip2
+            if ("problem" in ours and "this page may take" in other.get("problem", "")) or "compressed by bzip2" in other.get("problem", ""):
                 refused += 1
                 continue
-            if other != ours:
+            if not is_equal(ours, other):
                 keys = [key for key in {**ours, **other} if ours.get(key) != other.get(key)]
                 different.append(f"{name}: " + "; ".join(f"{key}: {ours.get(key)} | {other.get(key)}" for key in keys))
             read, refused = read + ("hash" in ours), refused + ("problem" in ours)

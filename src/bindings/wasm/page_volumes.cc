@@ -70,12 +70,6 @@ class InflateStream final : public ByteStream {
   Inflater inflater_{[this](std::span<std::byte> in) { return file_.read(in); }};
 };
 
-class NoBzip2Stream final : public ByteStream {
- public:
-  NoBzip2Stream() { fault_ = "they are compressed by bzip2, which a page does not read: save it with gzip"; }
-  std::size_t read(std::span<std::byte> /*out*/) override { return 0; }
-};
-
 // hands pieces to a consumer; after its error the rest is dropped
 class ConsumerSink final : public VoxelSink {
  public:
@@ -111,7 +105,7 @@ std::unique_ptr<ByteStream> deflate_stream() {
 }
 
 std::unique_ptr<ByteStream> bzip2_stream() {
-  return std::make_unique<NoBzip2Stream>();
+  return nullptr;
 }
 
 std::string unpacked_front(const std::filesystem::path& file, std::size_t bytes) {

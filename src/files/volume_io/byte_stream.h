@@ -54,7 +54,7 @@ class ByteStream {
 
 /// Stream of a gzip or zlib file: by zlib (compressed_streams.cc), in a browser by inflate.h.
 std::unique_ptr<ByteStream> deflate_stream();
-/// Stream of a bzip2 file; in a browser one that is refused.
+/// Stream of a bzip2 file; null in a browser, where there is no decoder.
 std::unique_ptr<ByteStream> bzip2_stream();
 
 }  // namespace palpate::volume_io

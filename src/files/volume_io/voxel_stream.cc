@@ -110,6 +110,7 @@ class HexStream : public TextStream {
   }
 };
 
+// null for bzip2 in a browser
 std::unique_ptr<ByteStream> stream_for(const VoxelSource& source) {
   switch (source.encoding) {
     case Encoding::kDeflate:
@@ -171,6 +172,9 @@ std::uint64_t pass_over(ByteStream& stream, std::uint64_t bytes, VoxelSink& sink
 
 Result<std::unique_ptr<ByteStream>> open_stream(const VoxelSource& source) {
   auto stream = stream_for(source);
+  if (stream == nullptr)
+    return bad_input(source.file.string(), "its voxels are compressed by bzip2, which a page does not read",
+                     "save it with gzip");
   if (auto opened = stream->file().open(source.file, source.offset); !opened) return opened.error();
   return stream;
 }
