@@ -33,7 +33,6 @@ import { Connection, type Link } from "./protocol/connection.js";
 import type { Scene, State } from "./protocol/messages.js";
 import { PROTOCOL } from "./protocol/wire.js";
 import { Measures } from "./section/measures_panel.js";
-import { addObliqueHead } from "./section/oblique_head.js";
 import { SectionView } from "./section/section_view.js";
 import type { AnySlicer } from "./section/slicer.js";
 import { History } from "./state/history.js";
@@ -86,6 +85,7 @@ export class Page {
   readonly deferredPanels = new Part("later", async () => {
     const { session, requests, history, permissions, volume, sections } = this;
     const parts = await import("./panels/deferred_panels.js");
+    parts.addObliqueHead(sections[0]!, session, history);
     parts.showTracked(session);
     parts.showPress(session, permissions);
     new parts.HapticsPanel(session, this.connection, requests, permissions);
@@ -127,7 +127,6 @@ export class Page {
     byId("pictures").append(...this.pictures.map((picture) => picture.element));
     addVolumeHead(volume);
     addVolumeControls(volume, history, sections);
-    addObliqueHead(sections[0]!, session, history);
 
     this.voxels = new VoxelChanges(session, slicer, renderer, volume);
     new Graphics(session, slicer, renderer, () => {

@@ -1,5 +1,6 @@
 // Panels loaded after the first section has been drawn (one chunk).
 
+export { addObliqueHead } from "../section/oblique_head.js";
 export { Bookmarks } from "./bookmarks.js";
 export { BurrControls } from "./burr_controls.js";
 export { DisplayPanel } from "./display_panel.js";
