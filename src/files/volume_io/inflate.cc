@@ -288,8 +288,12 @@ bool Inflater::read_codes() {
   for (std::size_t n = 0; n < all;) {
     const int symbol = decode(code);
     if (symbol == -1) return ends_early();
-    // an empty code, which zlib reports by the end of block that it lacks
-    if (symbol < 0) return stop("invalid code -- missing end-of-block");
+    // zlib reads each bit of an empty code as the length 0, and reports the missing end of block afterwards
+    if (symbol < 0) {
+      (void)take(1);
+      ++n;
+      continue;
+    }
     if (symbol < 16) {
       lengths[n++] = static_cast<std::uint8_t>(symbol);
       continue;
