@@ -198,6 +198,8 @@ bool Inflater::begin_member() {
     if (header[0] >> 4 > 7) return stop("invalid window size");
     constexpr std::uint8_t kNeedsDictionary = 0x20;
     if (header[1] & kNeedsDictionary) {
+      // the dictionary's checksum
+      if (!fill(32)) return ends_early();
       fault_ = "the compressed data are damaged";
       return false;
     }
