@@ -214,7 +214,7 @@ TEST_F(Viewed, LawTakesEffectWhenItsSurfacesAreReady) {
   EXPECT_EQ(law_of(changes().back()), TissueLaw::kElastic);
   // the solver thread runs, and the tick renders its solution
   ASSERT_TRUE(soon([&] { return latest().solver_frame > 3 && live_->deformation(0) != nullptr; }));
-  EXPECT_GT(sent_N(latest()), 0.01);
+  EXPECT_TRUE(soon([&] { return sent_N(latest()) > 0.01; })) << sent_N(latest());
   EXPECT_EQ(latest().device[0].flags & kFlagInside, 0u);
 
   // the other elastic law has the same surfaces, but its cell size has not been measured yet
@@ -364,11 +364,13 @@ TEST_F(Viewed, ProxySessionBuildsTheFieldOnDemand) {
     const ForceMethod method = *find_force_method(direct);
     ASSERT_TRUE(soon([&] { return latest().method == index_of(method); })) << direct;
     EXPECT_FALSE(live_->state().method_failure) << direct;
+    // on a loaded machine a late tick fades the force in again
     EXPECT_TRUE(soon([&] {
       const TickRecord now = latest();
-      return (now.device[0].flags & (kFlagBlend | kFlagMethodMissing)) == 0;
-    })) << direct;
-    EXPECT_NEAR(sent_N(latest()), by_proxy_N, 0.25 * by_proxy_N) << direct;
+      return (now.device[0].flags & (kFlagBlend | kFlagMethodMissing)) == 0 &&
+             std::abs(sent_N(now) - by_proxy_N) < 0.25 * by_proxy_N;
+    })) << direct
+        << ": " << sent_N(latest()) << " N, by the proxy " << by_proxy_N << " N";
   }
   EXPECT_TRUE(changes().empty()) << "a prepared method is no other model";
   for (const TickRecord& tick : ticks()) EXPECT_EQ(tick.device[0].flags & kFlagMethodMissing, 0u);
