@@ -151,8 +151,8 @@ ViewersReport watch(const Options& options, const Ports& ports, bool troubled) {
   report.age_p50_ms = quantile(observed.ages_ms, 0.5);
   report.age_p99_ms = quantile(observed.ages_ms, 0.99);
   for (const auto& viewer : tick_viewers) {
-    report.ticks += viewer->seen().ticks;
-    report.lost_ticks += viewer->seen().lost_ticks;
+    report.ticks += viewer->received().ticks;
+    report.lost_ticks += viewer->received().lost_ticks;
   }
   Received by_ros2, by_openigtlink;
   for (const Received& one : nodes) by_ros2.add(one);

@@ -73,8 +73,8 @@ void ViewerClient::read_until(std::int64_t until_ns) {
     if (pose.size() >= kBundleHead_bytes && pose.compare(0, 4, "PLPB") == 0) {
       std::uint32_t count;
       std::memcpy(&count, pose.data() + kCountAt, sizeof count);
-      std::memcpy(&observed_.lost_ticks, pose.data() + kLostAt, sizeof observed_.lost_ticks);
-      observed_.ticks += count;
+      std::memcpy(&received_.lost_ticks, pose.data() + kLostAt, sizeof received_.lost_ticks);
+      received_.ticks += count;
     }
     if (pose.size() < kPoseHead_bytes || pose.compare(0, 4, "PLPT") != 0) continue;
     std::uint64_t sequence;
