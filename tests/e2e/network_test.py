@@ -103,7 +103,7 @@ class NetworkTest(published.NetworkCase):
         canary_files.nrrd_with_canary(labels, (n, n, n), ball)
         values = (100 * v + x * 7919 % 31 for x, v in enumerate(ball))
         canary_files.nifti_with_canary(scan, (n, n, n), b"".join(struct.pack("<h", value) for value in values))
-        self.succeed("scene", "new", scan, labels, "-o", scene, by=cli.spawn)
+        self.succeed("scene", "new", scan, labels, "-o", scene, runner=cli.spawn)
         text = scene.read_text().replace("touchable = false", "touchable = true")
         scene.write_text(f'title = "{canary}"\n' + re.sub("(?m)^title = .*$", "", text))
         record = self.folder / "packets"

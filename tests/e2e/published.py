@@ -231,7 +231,7 @@ class NetworkCase(cli.PalpateTest):
     def tokens(self):
         """A file of tokens, and the one that permits viewing."""
         path = self.folder / "tokens"
-        self.succeed("token", "-o", path, by=cli.spawn)
+        self.succeed("token", "-o", path, runner=cli.spawn)
         return path, re.search(r"^view (\S+)", path.read_text(), re.MULTILINE).group(1)
 
     def receiving(self, *receivers):
