@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "palpate/volume_io/volume_io.h"
-#include "volume_io/formats.h"
-#include "volume_io/label_text.h"
+#include "volume_io/formats/formats.h"
+#include "volume_io/labels/label_text.h"
 #include "volume_io/volume_reader.h"
 
 namespace palpate::wasm {

@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "palpate/base/reading.h"
-#include "volume_io/dicom.h"
-#include "volume_io/formats.h"
-#include "volume_io/label_table.h"
-#include "volume_io/masks.h"
-#include "volume_io/meshes.h"
+#include "volume_io/dicom/dicom.h"
+#include "volume_io/formats/formats.h"
+#include "volume_io/labels/label_table.h"
+#include "volume_io/labels/masks.h"
+#include "volume_io/mesh/meshes.h"
 #include "volume_io/read_options.h"
 #include "volume_io/volume_reader.h"
 #include "volume_io/voxel_stream.h"

@@ -5,7 +5,7 @@
 
 #include "base/test_files.h"
 #include "palpate/volume_io/volume_io.h"
-#include "volume_io/itk_oracle.h"
+#include "volume_io/formats/itk_oracle.h"
 
 /// Shared data sets as described by their README, and ITK's own reader as a reference for every voxel.
 namespace palpate {

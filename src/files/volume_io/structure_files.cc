@@ -12,8 +12,8 @@
 
 #include "palpate/base/file.h"
 #include "palpate/base/reading.h"
-#include "volume_io/label_names.h"
-#include "volume_io/layered_labels.h"
+#include "volume_io/labels/label_names.h"
+#include "volume_io/labels/layered_labels.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/volume_reader.h"
 

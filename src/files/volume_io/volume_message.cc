@@ -5,7 +5,7 @@
 #include <optional>
 #include <utility>
 
-#include "volume_io/headers.h"
+#include "volume_io/formats/headers.h"
 
 namespace palpate::volume_io {
 namespace {

@@ -7,11 +7,11 @@
 #include <utility>
 #include <variant>
 
-#include "volume_io/dicom.h"
-#include "volume_io/dicom_volumes.h"
-#include "volume_io/formats.h"
-#include "volume_io/masks.h"
-#include "volume_io/meshes.h"
+#include "volume_io/dicom/dicom.h"
+#include "volume_io/dicom/dicom_volumes.h"
+#include "volume_io/formats/formats.h"
+#include "volume_io/labels/masks.h"
+#include "volume_io/mesh/meshes.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/voxel_stream.h"
 

@@ -9,7 +9,7 @@
 
 #include "palpate/base/file.h"
 #include "palpate/reader/reader_process.h"
-#include "volume_io/image_stack.h"
+#include "volume_io/image/image_stack.h"
 #include "volume_io/volume_message.h"
 #include "volume_io/voxel_source.h"
 #include "volume_io/voxel_stream.h"

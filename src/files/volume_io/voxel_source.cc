@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "palpate/base/reading.h"
-#include "volume_io/headers.h"
+#include "volume_io/formats/headers.h"
 
 namespace palpate::volume_io {
 

@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "palpate/base/reading.h"
-#include "volume_io/byte_stream.h"
+#include "volume_io/streams/byte_stream.h"
 
 namespace palpate::volume_io {
 namespace {

@@ -5,7 +5,7 @@
 #include <new>
 
 #include "palpate/base/file.h"
-#include "volume_io/formats.h"
+#include "volume_io/formats/formats.h"
 #include "volume_io/volume_reader.h"
 
 namespace palpate {

@@ -1,0 +1,34 @@
+#include <dlfcn.h>
+
+#include <string>
+
+#include "volume_io/dicom/dicom_file.h"
+
+namespace palpate::volume_io {
+namespace {
+
+constexpr const char* kDicomLibrary = "libpalpate_dicom.so";
+
+Result<DicomLibrary*> open_dicom_library() {
+  const auto missing = [] {
+    const char* why = ::dlerror();
+    return Error{ErrorKind::kUnavailable,
+                 "DICOM cannot be read: " + std::string(why ? why : "its library is of another version"), "",
+                 std::string("install palpate again, with ") + kDicomLibrary + " and DCMTK (libdcmtk17)"};
+  };
+  void* library = ::dlopen(kDicomLibrary, RTLD_NOW | RTLD_LOCAL);
+  if (!library) return missing();
+  const auto files =
+      reinterpret_cast<decltype(&palpate_dicom_files)>(::dlsym(library, "palpate_dicom_files"));
+  if (!files) return missing();
+  return files();
+}
+
+}  // namespace
+
+Result<DicomLibrary*> load_dicom_files() {
+  static const Result<DicomLibrary*> files = open_dicom_library();
+  return files;
+}
+
+}  // namespace palpate::volume_io
