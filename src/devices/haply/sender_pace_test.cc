@@ -11,10 +11,10 @@ constexpr std::int64_t kMillisecond_ns = 1'000'000;
 class ObservedPace {
  public:
   /// @param count  number of unsolicited states per millisecond
-  void observe(int count, int milliseconds) {
-    for (int n = 0; n < milliseconds; ++n) pace_.observe(count, now_ns_ += kMillisecond_ns);
+  void observe(int count, int duration_ms) {
+    for (int n = 0; n < duration_ms; ++n) pace_.observe(count, now_ns_ += kMillisecond_ns);
   }
-  void stall(int milliseconds) { now_ns_ += milliseconds * kMillisecond_ns; }
+  void stall(int duration_ms) { now_ns_ += duration_ms * kMillisecond_ns; }
   bool may_be_queued() const { return pace_.may_be_queued(); }
 
  private:
