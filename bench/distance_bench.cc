@@ -39,7 +39,7 @@ Costs costs_of(std::vector<std::int64_t> ns) {
 }
 
 // queries of a tick, once at every position
-void measure(const char* what, const Distances& distances, const std::vector<Point<Patient>>& positions,
+void measure(const char* what, const DistanceTrees& distances, const std::vector<Point<Patient>>& positions,
              nlohmann::json& json) {
   const std::vector<ToolSphere> point{ToolSphere{}};
   std::vector<std::int64_t> ticks;
@@ -78,7 +78,7 @@ void measure(const char* what, const Distances& distances, const std::vector<Poi
 }
 
 // balls of 4 to 15 mm at random positions in a body, each on a separate grid
-Distances crowd(std::size_t count) {
+DistanceTrees crowd(std::size_t count) {
   std::mt19937 random(kSeed);
   std::uniform_real_distribution<double> coordinate(-150, 150), radius(4, 15);
   std::vector<TrackedStructure> structures;
@@ -167,7 +167,7 @@ void measure_vtk(const SurfaceTree& tree, const std::vector<Point<Patient>>& pos
 
 int run(double spacing_mm, int count, const std::string& file) {
   nlohmann::json json;
-  const Distances many = crowd(250);
+  const DistanceTrees many = crowd(250);
   measure("crowd", many, places_in(Eigen::Array3d::Constant(-150), Eigen::Array3d::Constant(150), count),
           json);
 
@@ -191,7 +191,7 @@ int run(double spacing_mm, int count, const std::string& file) {
     if (tree->pieces() > structures[largest].tree->pieces()) largest = structures.size() - 1;
   }
   std::printf("trees of the knee: %.0f ms\n", static_cast<double>(now_ns() - begun) * 1e-6);
-  const Distances distances(std::move(structures), kReach_mm);
+  const DistanceTrees distances(std::move(structures), kReach_mm);
   const auto points = places_in(low, high, count);
   measure("knee", distances, points, json);
   measure_vtk(*distances.structures()[largest].tree, points, json);

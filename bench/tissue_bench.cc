@@ -241,7 +241,8 @@ class CornerTip {
     parameters_.method = ForceMethod::kProxy;
     parameters_.max_force_N = parameters_.device[0].limits.peak_force_N = 10;
     parameters_.compliance.number = 1;
-    parameters_.compliance.spot[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
+    parameters_.compliance.local_compliance[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0),
+                                                  0.0125, 3};
     run(1000);
   }
   void run(int ticks) {
@@ -286,11 +287,11 @@ nlohmann::json ticks(int rounds) {
   PALPATE_CHECK(spring.ok() && deformable.ok());
   ComplianceFrame frame;
   frame.number = 1;
-  frame.spot[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
+  frame.local_compliance[0] = {Point<Patient>(0, 0, 0), 14, Vector<Patient>(0.02, 0, 0), 0.0125, 3};
   ComplianceFrame finite = frame;
-  finite.spot[0].reference_force_N = 0.15;
-  finite.spot[0].stiffening_mm_per_N2 = 2;
-  finite.spot[0].stiffening_gradient = Vector<Patient>(1, 0, 0);
+  finite.local_compliance[0].reference_force_N = 0.15;
+  finite.local_compliance[0].stiffening_mm_per_N2 = 2;
+  finite.local_compliance[0].stiffening_gradient = Vector<Patient>(1, 0, 0);
   const ToolSphere sphere{{}, 3};
   // four lying shafts with six contacts each
   std::vector<ToolSphere> shafts;

@@ -42,14 +42,14 @@ struct ToolBox {
 ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& tip);
 
 /// Structures with distance trees. Immutable value; with() shares the unchanged parts.
-class Distances {
+class DistanceTrees {
  public:
-  Distances() = default;
+  DistanceTrees() = default;
   /// @param structures  each with a tree
   /// @param reach_mm    maximum reported distance; above 0
-  Distances(std::vector<TrackedStructure> structures, double reach_mm);
+  DistanceTrees(std::vector<TrackedStructure> structures, double reach_mm);
   /// A copy in which one structure has a new version of its surface.
-  Distances with(std::size_t structure, std::shared_ptr<const Surface> surface) const;
+  DistanceTrees with(std::size_t structure, std::shared_ptr<const Surface> surface) const;
 
   const std::vector<TrackedStructure>& structures() const { return structures_; }
   double reach_mm() const { return reach_mm_; }
@@ -99,10 +99,10 @@ struct NearStructure {
   LabelId label = 0;  ///< 0: none
   double distance_mm = 0;
 };
-/// Reported structures within Distances::reach_mm of a tool, nearest first, up to the capacity; unused
+/// Reported structures within DistanceTrees::reach_mm of a tool, nearest first, up to the capacity; unused
 /// entries have label 0. The work depends on the number of structures nearby. Does not allocate, lock or
 /// throw.
-std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& distances,
+std::array<NearStructure, kMaxNearReported> nearest_structures(const DistanceTrees& distances,
                                                                std::span<const ToolSphere> spheres,
                                                                const Point<Patient>& tip);
 

@@ -102,7 +102,7 @@ struct Model {
   /// Regions that the tool is pushed out of; at most kMaxNoGo.
   std::vector<NoGoRegion> no_go;
   /// Distance trees of the structures in reported_distances and no_go. Empty: not prepared, or no structures.
-  Distances distances;
+  DistanceTrees distance_trees;
   /// Tissue removed from the surfaces (palpate/tissue/carving.h). null: nothing was removed.
   std::shared_ptr<const Carving> carving;
   MethodSettings method_settings;

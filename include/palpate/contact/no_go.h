@@ -19,7 +19,7 @@ namespace palpate {
 struct NoGoStructure {
   /// Label of the structure.
   LabelId label = 0;
-  int tracked = -1;  ///< Index into Distances::structures(). -1: not prepared, no force
+  int tracked = -1;  ///< Index into DistanceTrees::structures(). -1: not prepared, no force
 };
 /// Half-space behind a plane.
 struct NoGoPlane {
@@ -76,7 +76,7 @@ struct NoGoForce {
 /// @param tip                     position of the tip
 /// @param max_stiffness_N_per_mm  limit in the patient; no region is stiffer than nine tenths of it. 0: no
 ///                                force
-NoGoForce no_go_force(std::span<const NoGoRegion> regions, const Distances& distances,
+NoGoForce no_go_force(std::span<const NoGoRegion> regions, const DistanceTrees& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity());
 inline constexpr std::size_t kMaxActiveNoGo = 8;  ///< Maximum number of regions that act at a time

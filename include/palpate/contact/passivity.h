@@ -29,7 +29,7 @@ struct PassivityInput {
   Vector<World> displacement_mm;
   double stored_mJ = 0;  ///< Elastic energy that the contact stores now, an upper limit; infinite: unknown
   double stiffness_N_per_mm = 0;  ///< Contact stiffness at the device
-  double step_mm = 0;             ///< Encoder step; 0: unknown, that of a coarse encoder is assumed
+  double encoder_step_mm = 0;     ///< Encoder step; 0: unknown, that of a coarse encoder is assumed
   double dt_s = 0;
   double pending_N_s = 0;  ///< Impulse along the force that was sent and has not acted yet
   double delay_s = 0;      ///< Assumed delay from a command to its force

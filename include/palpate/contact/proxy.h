@@ -8,6 +8,7 @@
 #include "palpate/contact/contact_settings.h"
 #include "palpate/contact/contact_surface.h"
 #include "palpate/contact/holes.h"
+#include "palpate/contact/neighbour_tools.h"
 #include "palpate/contact/proxy_state.h"
 #include "palpate/contact/soft_contact.h"
 #include "palpate/contact/tool_shape.h"

@@ -18,7 +18,7 @@ struct ReboundState {
 /// Inputs of limit_rebound_N() for one tick.
 struct ReboundInput {
   double acting_force_N = 0;   ///< Force that acted since the last tick, along the requested force
-  double along_mm = 0;         ///< Displacement of the tip since then, outward
+  double displacement_mm = 0;  ///< Displacement of the tip since then, outward
   double speed_mm_s = 0;       ///< Mean speed of the last 10 ms, outward
   double encoder_step_mm = 0;  ///< Encoder step
   double pending_N_s = 0;      ///< Impulse along the force that was sent and has not acted yet

@@ -60,7 +60,7 @@ struct LocalCompliance {
 /// point.
 struct ComplianceFrame {
   std::uint32_t number = 0;  ///< Frame number, from 1. 0: none yet
-  std::array<LocalCompliance, kMaxDevices> spot;
+  std::array<LocalCompliance, kMaxDevices> local_compliance;
 
   /// Equal for equal frames in every build.
   std::uint64_t hash() const;
@@ -106,20 +106,20 @@ struct SoftContactForce {
   Vector<Patient> tangential_force_N;
 };
 
-/// Contact law at the point for which a spot was solved.
-/// @param spot  known
-ContactLaw contact_law_of(const LocalCompliance& spot);
+/// Contact law at the point for which the local compliance was solved.
+/// @param local  known
+ContactLaw contact_law_of(const LocalCompliance& local);
 /// Contact law at a point in this tick: the frame's values, extrapolated along the surface by their gradients
 /// and blended with those of the previous frame. An elastic half-space if no frame is known.
 /// @param frame              number of the newest frame; blending starts when it differs from the one in
 ///                           `state`
-/// @param spot               entry of this device in that frame
+/// @param local              entry of this device in that frame
 /// @param at                 contact point on the undeformed surface
 /// @param modulus_N_per_mm2  E* of the tissue there, used unless the frame has a value; above 0
 /// @param dt_s               length of the tick
 /// @param state              blending state, updated
 /// @param strain_stiffening  exponent b of the tissue there, used unless the frame is known
-ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, const Point<Patient>& at,
+ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& local, const Point<Patient>& at,
                             double modulus_N_per_mm2, double dt_s, ComplianceState& state,
                             double strain_stiffening = 0);
 
@@ -128,40 +128,6 @@ ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, co
 /// F.
 /// @param reference_force_N  F1
 double stiffening_depth_mm(double stiffening_mm_per_N2, double reference_force_N, double force_N);
-
-/// Contact of a device's tool with deformable tissue in one tick; input of the interaction with the tools of
-/// other devices (neighbour_effect()).
-struct TissueContact {
-  double force_N = 0;            ///< Normal force on the tissue; 0: none
-  double tangent_N_per_mm = 0;   ///< dF / d depth
-  double displaced_mm = 0;       ///< Depth by which the other tools lowered the surface under this one
-  double modulus_N_per_mm2 = 0;  ///< E* of the tissue; 0: no contact
-  double base_per_mm = 0;        ///< -B E* of tissue on a rigid base; 0: a half-space, or softer
-  double radius_mm = 0;          ///< Radius of the pressing sphere
-  Point<Patient> at;             ///< Point of action on the undeformed surface
-  Vector<Patient> outward;       ///< Direction of the force on the tool; unit
-  int surface = -1;              ///< Index of the touched surface
-
-  bool is_known() const { return modulus_N_per_mm2 > 0; }
-  void hash_into(std::uint64_t& hash) const;
-};
-
-/// Effect of the other tools on one tool.
-struct NeighbourEffect {
-  double displaced_mm = 0;      ///< Depth by which they lower the undeformed surface under it
-  Vector<Patient> force_per_N;  ///< Tangential force on it per unit of its own normal force
-};
-/// Superposition of the point forces of other tools (Boussinesq 1885): on a half-space each lowers the
-/// surface by F / (pi E* r) at a distance r, less on a layer (pair_interaction_per_mm() in footprint.h). Only
-/// tools on the same surface count, by the cosine between their normals. The mutual compliance is symmetric
-/// in both tools, and limited so that their common stiffness matrix stays positive definite. The tangential
-/// force makes the superposition conservative: each tool is pushed towards the dent of the other.
-/// @param tissue_contacts  contacts of all devices in the last tick
-/// @param device           index of the tool in `tissue_contacts`; its own entry supplies its last
-///                         tangent stiffness
-/// @param own              its contact; force, tangent and displacement are not read
-NeighbourEffect neighbour_effect(std::span<const TissueContact> tissue_contacts, std::size_t device,
-                                 const TissueContact& own);
 
 /// Force of a rigid frictionless sphere at a depth d. d0(F) is the depth in a half-space of E* (Sneddon
 /// 1965).

@@ -7,6 +7,7 @@
 #include "palpate/base/force_method.h"
 #include "palpate/contact/contact_site.h"
 #include "palpate/contact/model.h"
+#include "palpate/contact/neighbour_tools.h"
 #include "palpate/contact/proxy.h"
 #include "palpate/contact/velocity.h"
 #include "palpate/device/device.h"

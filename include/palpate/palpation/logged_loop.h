@@ -4,6 +4,7 @@
 #include <memory>
 #include <span>
 
+#include "palpate/device/model_change.h"
 #include "palpate/recording/event_log.h"
 #include "palpate/recording/recording.h"
 #include "palpate/servo/servo_loop.h"
@@ -37,7 +38,8 @@ RecordingEvent solution_event(const ComplianceFrame& frame, std::uint64_t input_
 /// Passes a tissue solution to the loop, logged.
 void set_solution_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
                          std::uint64_t input_tick);
-/// Passes a frame without any known spot to the loop, in place of one that could not be solved; logged.
+/// Passes a frame without any known local compliance to the loop, in place of one that could not be solved;
+/// logged.
 void set_unsolved_logged(ServoLoop& loop, EventLog& log, const ComplianceFrame& frame,
                          std::uint64_t input_tick);
 /// ServoLoop::emergency_stop(), logged. The stop is carried out even if there is no memory for the event.

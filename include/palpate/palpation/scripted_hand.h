@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "palpate/device/device.h"
+#include "palpate/device/model_change.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/palpation/free_path.h"

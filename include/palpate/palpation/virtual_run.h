@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
+#include "palpate/device/model_change.h"
 #include "palpate/palpation/run_setup.h"
 #include "palpate/palpation/scope_hand.h"
 #include "palpate/palpation/scripted_hand.h"

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "palpate/device/model_change.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/volume/volume.h"
 

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "palpate/device/model_change.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/recording/recording.h"
 #include "palpate/tissue/removed_volume.h"

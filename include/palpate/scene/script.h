@@ -14,7 +14,7 @@
 #include "palpate/base/result.h"
 #include "palpate/contact/model.h"
 #include "palpate/contact/scope.h"
-#include "palpate/device/telemetry.h"
+#include "palpate/device/model_change.h"
 #include "palpate/geometry/geometry.h"
 
 /// The palpation script (TOML): its contents and parser. Unknown keys and values out of range are errors with

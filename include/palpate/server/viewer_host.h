@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/device/sweep_record.h"
 #include "palpate/server/viewed_plan.h"
 #include "palpate/server/viewed_scene.h"
 #include "palpate/server/viewed_state.h"

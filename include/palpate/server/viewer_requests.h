@@ -6,8 +6,8 @@
 #include <string>
 
 #include "palpate/base/result.h"
+#include "palpate/device/model_change.h"
 #include "palpate/device/settings.h"
-#include "palpate/device/telemetry.h"
 
 /// Requests of viewers, and their outcomes.
 namespace palpate {

@@ -7,6 +7,7 @@
 
 #include "palpate/contact/acting_force.h"
 #include "palpate/contact/model.h"
+#include "palpate/contact/neighbour_tools.h"
 #include "palpate/contact/oscillation.h"
 #include "palpate/contact/passivity.h"
 #include "palpate/contact/tool_contact.h"

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/base/heartbeat.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/device/workspace.h"
 #include "palpate/servo/servo.h"
 

@@ -30,9 +30,10 @@ struct Hold {
   double delay_s = 1e-3;  ///< Delay from a command to its force, 0 ... SimulatedDevice::kMaxDelay_s
   double force_gain = 1;  ///< Factor on every stiffness
   Point<Patient> from;    ///< Start of the hand's motion
-  Point<Patient> at;      ///< Target, reached at constant speed in kLead_s and held for kHeld_s
+  Point<Patient> at;  ///< Target, reached at constant speed in kHoldApproach_s and held for kHoldDuration_s
 };
-inline constexpr double kLead_s = 1, kHeld_s = 2;
+/// Duration of the hand's motion to the target, and of the hold
+inline constexpr double kHoldApproach_s = 1, kHoldDuration_s = 2;
 inline constexpr double kLowestHold_hz = 250, kHighestHold_hz = 10000;
 
 /// Result of a hold.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/contact/model.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/tissue/cutting_energy.h"
 #include "palpate/tissue/stroke_history.h"
@@ -161,7 +162,7 @@ class Carving {
   std::vector<std::shared_ptr<const Surface>> original_surfaces_;
   std::size_t tracked_surfaces_ = 0;      // number of original_surfaces_ that are surfaces of the model
   std::vector<int> original_of_tracked_;  // index into original_surfaces_ for each structure of
-                                          // Model::distances; -1: not cut
+                                          // Model::distance_trees; -1: not cut
   std::shared_ptr<const Bricks<LabelId>> original_labels_;
   std::vector<bool> is_cuttable_;                            // by label
   CuttingEnergy cutting_energy_;                             // by original label

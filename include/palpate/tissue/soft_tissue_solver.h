@@ -109,8 +109,8 @@ class SoftTissueSolver {
   struct Region;
   struct FrameInProgress;
   bool place_region(FrameInProgress& now);
-  bool begin_spot(FrameInProgress& now);
-  void finish_spot(FrameInProgress& now);
+  bool begin_patch_solve(FrameInProgress& now);
+  void finish_patch_solve(FrameInProgress& now);
 
   ComplianceFrame frame_;
   std::unique_ptr<FrameInProgress> in_progress_;

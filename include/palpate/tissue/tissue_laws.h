@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/contact/model.h"
-#include "palpate/device/telemetry.h"
+#include "palpate/device/model_change.h"
 
 namespace palpate {
 

@@ -84,7 +84,7 @@ struct RowPiece {
 };
 
 template <class T>
-class BricksBySlices;
+class BricksBuilder;
 
 /// Voxels on a grid, in bricks that versions share. Immutable: `with` makes a version that differs in a box
 /// and shares every other brick with the version it was made from. A brick of a single value is stored once
@@ -183,7 +183,7 @@ class Bricks : public BrickLayout {
     std::size_t count = 0;
   };
 
-  friend BricksBySlices<T>;
+  friend BricksBuilder<T>;
   class Filling;
   struct Unfilled {};
   /// Sizes the table for the grid; all bricks are still null.
@@ -218,10 +218,10 @@ class Bricks : public BrickLayout {
 /// Builds Bricks from slices in order, without holding the whole volume: a layer of bricks is built as soon
 /// as its slices have arrived. The result is bit-identical to one built from the whole volume.
 template <class T>
-class BricksBySlices {
+class BricksBuilder {
  public:
-  BricksBySlices(const GridGeometry& grid, T outside);
-  ~BricksBySlices();
+  BricksBuilder(const GridGeometry& grid, T outside);
+  ~BricksBuilder();
 
   /// Appends slices.
   /// @param voxels  all voxels of these slices, i fastest
@@ -247,10 +247,10 @@ extern template class Bricks<std::uint8_t>;
 extern template class Bricks<std::uint16_t>;
 extern template class Bricks<std::int16_t>;
 extern template class Bricks<float>;
-extern template class BricksBySlices<std::uint8_t>;
-extern template class BricksBySlices<std::uint16_t>;
-extern template class BricksBySlices<std::int16_t>;
-extern template class BricksBySlices<float>;
+extern template class BricksBuilder<std::uint8_t>;
+extern template class BricksBuilder<std::uint16_t>;
+extern template class BricksBuilder<std::int16_t>;
+extern template class BricksBuilder<float>;
 
 /// Bounding box of the voxels that may differ between two versions of one volume, from the bricks that they
 /// do not share; size 0 if they share all bricks.

@@ -79,7 +79,7 @@ Result<LabelBricks> read_slices(const plp_labels& labels, const GridGeometry& gr
   std::vector<LabelId> slice(static_cast<std::size_t>(grid.dims[0]) * static_cast<std::size_t>(grid.dims[1]));
   LabelBricks read;
   read.present.assign(std::numeric_limits<LabelId>::max() + std::size_t{1}, false);
-  BricksBySlices<LabelId> bricks(grid, 0);
+  BricksBuilder<LabelId> bricks(grid, 0);
   for (int k = 0; k < grid.dims[2]; ++k) {
     if (!reader.read(k, slice, read.present))
       return Error{ErrorKind::kBadInput, "slice " + std::to_string(k) + " has a value that is no label",

@@ -9,6 +9,7 @@
 #include "contact/penetration_path.h"
 #include "contact/puncture.h"
 #include "contact/uninitialised_array.h"
+#include "palpate/contact/neighbour_tools.h"
 #include "palpate/contact/proxy.h"
 
 /// Force stage of the proxy: a virtual spring from the tip to each layer's proxy.

@@ -78,10 +78,11 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
   Footprint foot = footprint_under(pressed, tool, base_per_mm);
   const double length_mm = tool.stretched_mm.norm();
   const ComplianceFrame* const frame = options.compliance;
-  const LocalCompliance spot = frame != nullptr ? frame->spot[options.device] : LocalCompliance{};
+  const LocalCompliance local =
+      frame != nullptr ? frame->local_compliance[options.device] : LocalCompliance{};
   const double per_multiplier = 1 / pressed.multiplier_mm;
   const Point<Patient> at = tool.proxy + foot.arm_mm;
-  ContactLaw tissue = blend_compliance(frame != nullptr ? frame->number : 0, spot, at,
+  ContactLaw tissue = blend_compliance(frame != nullptr ? frame->number : 0, local, at,
                                        pressed.weighted_modulus * per_multiplier, options.dt_s, compliance,
                                        pressed.weighted_stiffening * per_multiplier);
   tissue.surroundings_mm_per_N += foot.interaction_per_mm / tissue.modulus_N_per_mm2;
@@ -113,10 +114,10 @@ DeformableForce press(const DeformableContact& pressed, const PressingTool& tool
     return force;
   };
   if (options.relaxation_times == nullptr) return finish();
-  RelaxingContact contact{spot.relaxed, at,
+  RelaxingContact contact{local.relaxed, at,
                           kSoftTissueSettings.dent_radii * pressed.weighted_radius_mm2 * per_multiplier,
                           kSoftTissueSettings.blend_s};
-  if (!spot.is_known()) {
+  if (!local.is_known()) {
     contact.fractions = {};
     contact.fractions.add(pressed.weighted_relaxed, per_multiplier);
   }

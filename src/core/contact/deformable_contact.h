@@ -2,6 +2,7 @@
 
 #include <span>
 
+#include "palpate/contact/neighbour_tools.h"
 #include "palpate/contact/proxy.h"
 #include "palpate/contact/relaxation.h"
 #include "palpate/contact/soft_contact.h"

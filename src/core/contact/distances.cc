@@ -109,12 +109,12 @@ class NearestOfTool {
 
 }  // namespace
 
-Distances::Box Distances::box_of(const SurfaceTree& tree) {
+DistanceTrees::Box DistanceTrees::box_of(const SurfaceTree& tree) {
   const Eigen::Array3d &low = tree.low(), &high = tree.high();
   return {low[0], low[1], low[2], high[0], high[1], high[2]};
 }
 
-Distances::Distances(std::vector<TrackedStructure> structures, double reach_mm)
+DistanceTrees::DistanceTrees(std::vector<TrackedStructure> structures, double reach_mm)
     : structures_(std::move(structures)), reach_mm_(reach_mm) {
   for (const TrackedStructure& structure : structures_) {
     PALPATE_CHECK(structure.tree != nullptr);
@@ -122,8 +122,8 @@ Distances::Distances(std::vector<TrackedStructure> structures, double reach_mm)
   }
 }
 
-Distances Distances::with(std::size_t structure, std::shared_ptr<const Surface> surface) const {
-  Distances now = *this;
+DistanceTrees DistanceTrees::with(std::size_t structure, std::shared_ptr<const Surface> surface) const {
+  DistanceTrees now = *this;
   auto& tree = now.structures_[structure].tree;
   tree = std::make_shared<const SurfaceTree>(tree->with(std::move(surface)));
   now.boxes_[structure] = box_of(*tree);
@@ -150,7 +150,7 @@ ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& t
   return box;
 }
 
-std::array<NearStructure, kMaxNearReported> nearest_structures(const Distances& distances,
+std::array<NearStructure, kMaxNearReported> nearest_structures(const DistanceTrees& distances,
                                                                std::span<const ToolSphere> spheres,
                                                                const Point<Patient>& tip) {
   std::array<NearStructure, kMaxNearReported> nearest;

@@ -224,7 +224,7 @@ TEST(Distances, ToolDistanceIsThatOfItsNearestPart) {
 }
 
 // small balls on a circle, each a structure
-Distances many_balls(int count, double reach_mm) {
+DistanceTrees many_balls(int count, double reach_mm) {
   std::vector<TrackedStructure> structures;
   for (int n = 0; n < count; ++n) {
     const double turn = 2 * std::acos(-1.0) * n / count;
@@ -240,7 +240,7 @@ Distances many_balls(int count, double reach_mm) {
 }
 
 TEST(Distances, ReportedDistancesAreTheNearestInOrder) {
-  const Distances distances = many_balls(60, 20);
+  const DistanceTrees distances = many_balls(60, 20);
   const std::vector<ToolSphere> point{{}};
   std::mt19937 random(test::test_seed());
   std::uniform_real_distribution<double> any(-60, 60), up(-10, 10);

@@ -1,10 +1,11 @@
+#include "palpate/contact/neighbour_tools.h"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "contact/footprint.h"
 #include "palpate/base/hash.h"
-#include "palpate/contact/soft_contact.h"
 
 namespace palpate {
 namespace {

@@ -1,3 +1,5 @@
+#include "palpate/contact/neighbour_tools.h"
+
 #include <gtest/gtest.h>
 
 #include <array>

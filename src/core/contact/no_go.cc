@@ -72,7 +72,7 @@ std::optional<NearRegion> nearest_to(const NoGoSphere& ball, std::span<const Too
   return nearest;
 }
 
-std::optional<NearRegion> nearest_to(const NoGoStructure& structure, const Distances& distances,
+std::optional<NearRegion> nearest_to(const NoGoStructure& structure, const DistanceTrees& distances,
                                      std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                                      double within_mm) {
   if (structure.tracked < 0) return {};
@@ -84,7 +84,7 @@ std::optional<NearRegion> nearest_to(const NoGoStructure& structure, const Dista
   return NearRegion{near->distance_mm, near->centre, tree.outward(near->centre, near->near), near->radius_mm};
 }
 
-std::optional<NearRegion> nearest_to(const NoGoRegion& region, const Distances& distances,
+std::optional<NearRegion> nearest_to(const NoGoRegion& region, const DistanceTrees& distances,
                                      std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
   if (const auto* plane = std::get_if<NoGoPlane>(&region.shape)) return nearest_to(*plane, spheres, tip);
   if (const auto* ball = std::get_if<NoGoSphere>(&region.shape)) return nearest_to(*ball, spheres, tip);
@@ -226,7 +226,7 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
   return {};
 }
 
-NoGoForce no_go_force(std::span<const NoGoRegion> regions, const Distances& distances,
+NoGoForce no_go_force(std::span<const NoGoRegion> regions, const DistanceTrees& distances,
                       std::span<const ToolSphere> spheres, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm) {
   // a series spring needs a region softer than the limit: at equality its own stiffness would be infinite

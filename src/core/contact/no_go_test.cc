@@ -23,12 +23,12 @@ NoGoRegion plane_region(const Vector<Patient>& outward, double keep_away_mm, dou
 }
 
 NoGoForce pushed(const std::vector<NoGoRegion>& regions, const Point<Patient>& tip, double largest = 2,
-                 const Distances& distances = {}, const std::vector<ToolSphere>& tool = kPointTool) {
+                 const DistanceTrees& distances = {}, const std::vector<ToolSphere>& tool = kPointTool) {
   return no_go_force(regions, distances, tool, tip, largest);
 }
 
 // a ball of 6 mm radius as a structure that is not felt
-Distances ball_structure() {
+DistanceTrees ball_structure() {
   const auto surface =
       make_contact_surface(
           cube_grid(9, {0.36, 0.36, 0.7}), [](const Eigen::Vector3d& p) { return p.norm() - 6; }, 4)
@@ -49,7 +49,7 @@ TEST(NoGo, ForceIsStiffnessTimesDepthAndZeroOutside) {
     EXPECT_NEAR(force.stiffness_N_per_mm, 0.8, 1e-12);
   }
   // a spherical region and a structure of the same shape
-  const Distances distances = ball_structure();
+  const DistanceTrees distances = ball_structure();
   const std::vector<NoGoRegion> ball{{"ball", NoGoSphere{{}, 6}, 1, 0.5}};
   const std::vector<NoGoRegion> structure{{"structure", NoGoStructure{7, 0}, 1, 0.5}};
   for (const double r : {8.0, 6.5, 5.0, 2.0}) {

@@ -193,7 +193,7 @@ TEST(Passivity, UnknownEncoderStepIsTreatedAsCoarse) {
   const PassivityInput input{push,        push.norm(),         push,     {0.08, 0, 0},
                              kUnknown_mJ, kStiffness_N_per_mm, kStep_mm, kDt_s};
   PassivityInput blind = input;
-  blind.step_mm = kNoValue;
+  blind.encoder_step_mm = kNoValue;
   EXPECT_GT(control_passivity(input, true, known).damping_N_s_per_m, 0) << "more than two steps";
   EXPECT_EQ(control_passivity(blind, true, unknown).damping_N_s_per_m, 0) << "perhaps one";
 }

@@ -21,7 +21,7 @@ double limit_rebound_N(const ReboundInput& input, ReboundState& state) {
   state.impulse_integral_N_s2 += (state.impulse_N_s + 0.5 * input.acting_force_N * input.dt_s) * input.dt_s;
   state.impulse_N_s += input.acting_force_N * input.dt_s;
   state.time_s += input.dt_s;
-  state.depth_mm -= input.along_mm;
+  state.depth_mm -= input.displacement_mm;
 
   // lag behind unhindered motion, fitted against the double integral of the force
   const double lag_mm = state.impact_mm_s * state.time_s - state.depth_mm;

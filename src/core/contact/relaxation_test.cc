@@ -403,7 +403,8 @@ TEST(ProxyOnRelaxingTissue, EmptySeriesEqualsNoSeriesBitwise) {
   without.relaxation_times = nullptr;
   ComplianceFrame frame;
   frame.number = 1;
-  frame.spot[0] = {Point<Patient>(0, 0, 0), 16, Vector<Patient>(-0.3, 0.1, 0), kModulus_N_per_mm2, 3};
+  frame.local_compliance[0] = {Point<Patient>(0, 0, 0), 16, Vector<Patient>(-0.3, 0.1, 0), kModulus_N_per_mm2,
+                               3};
   floor.run.compliance = without.compliance = &frame;
   for (int n = 0; n < 400; ++n) {
     const Point<Patient> tip(0.01 * n, 0.002 * n, 4 - 4 * std::sin(0.03 * n));
@@ -419,9 +420,9 @@ TEST(ProxyOnRelaxingTissue, FrameReportsTheRelaxingFraction) {
   RelaxingFloor floor(kTwoTerms);
   ComplianceFrame frame;
   frame.number = 1;
-  frame.spot[0] = {Point<Patient>(0, 0, 0), 16, {}, kModulus_N_per_mm2, 3};
+  frame.local_compliance[0] = {Point<Patient>(0, 0, 0), 16, {}, kModulus_N_per_mm2, 3};
   // half of the displacement is in non-relaxing tissue
-  frame.spot[0].relaxed.add(kTwoTerms, floor.times, 0.5);
+  frame.local_compliance[0].relaxed.add(kTwoTerms, floor.times, 0.5);
   floor.run.compliance = &frame;
   floor.run.lead({0, 0, 5}, {0, 0, 1}, 0.4);
   const double at_once_N =
@@ -433,10 +434,10 @@ TEST(ProxyOnRelaxingTissue, FrameReportsTheRelaxingFraction) {
 TEST(ComplianceFrame, HashCoversRelaxationOnlyWherePresent) {
   ComplianceFrame frame;
   const std::uint64_t none = frame.hash();
-  frame.spot[1].relaxed.of_time[3] = 0.25;
+  frame.local_compliance[1].relaxed.of_time[3] = 0.25;
   const std::uint64_t one = frame.hash();
   EXPECT_NE(one, none);
-  std::swap(frame.spot[1].relaxed.of_time[3], frame.spot[1].relaxed.of_time[4]);
+  std::swap(frame.local_compliance[1].relaxed.of_time[3], frame.local_compliance[1].relaxed.of_time[4]);
   EXPECT_NE(frame.hash(), one);
 }
 

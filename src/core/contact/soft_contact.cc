@@ -41,7 +41,7 @@ SphereLaw::Integrals integrals_of(const ContactLaw& law, double force_N, double 
 std::uint64_t ComplianceFrame::hash() const {
   std::uint64_t hash = kHashSeed;
   hash_word(hash, number);
-  for (const LocalCompliance& one : spot) {
+  for (const LocalCompliance& one : local_compliance) {
     for (int axis = 0; axis < 3; ++axis) {
       hash_double(hash, one.at[axis]);
       hash_double(hash, one.gradient_per_N[axis]);
@@ -84,44 +84,44 @@ void ComplianceState::hash_into(std::uint64_t& hash) const {
     hash_double(hash, value);
 }
 
-ContactLaw contact_law_of(const LocalCompliance& spot) {
-  ContactLaw law{spot.surroundings_mm_per_N, spot.gradient_per_N * spot.surroundings_per_compliance,
-                 spot.modulus_N_per_mm2};
-  law.poissons_ratio = spot.poissons_ratio;
-  law.strain_stiffening = spot.strain_stiffening;
-  if (!spot.has_neo_hookean()) return law;
-  law.stiffening_mm_per_N2 = spot.stiffening_mm_per_N2;
-  law.stiffening_gradient = spot.stiffening_gradient;
-  law.reference_force_N = spot.reference_force_N;
+ContactLaw contact_law_of(const LocalCompliance& local) {
+  ContactLaw law{local.surroundings_mm_per_N, local.gradient_per_N * local.surroundings_per_compliance,
+                 local.modulus_N_per_mm2};
+  law.poissons_ratio = local.poissons_ratio;
+  law.strain_stiffening = local.strain_stiffening;
+  if (!local.has_neo_hookean()) return law;
+  law.stiffening_mm_per_N2 = local.stiffening_mm_per_N2;
+  law.stiffening_gradient = local.stiffening_gradient;
+  law.reference_force_N = local.reference_force_N;
   return law;
 }
 
-ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& spot, const Point<Patient>& at,
+ContactLaw blend_compliance(std::uint32_t frame, const LocalCompliance& local, const Point<Patient>& at,
                             double modulus_N_per_mm2, double dt_s, ComplianceState& state,
                             double strain_stiffening) {
   ContactLaw law;
   law.modulus_N_per_mm2 = modulus_N_per_mm2;
-  law.strain_stiffening = spot.is_known() ? spot.strain_stiffening : strain_stiffening;
-  if (spot.is_known()) {
-    const double solved_mm_per_N = spot.compliance_mm_per_N;
-    const double extrapolated_mm_per_N = solved_mm_per_N + spot.gradient_per_N.dot(at - spot.at);
+  law.strain_stiffening = local.is_known() ? local.strain_stiffening : strain_stiffening;
+  if (local.is_known()) {
+    const double solved_mm_per_N = local.compliance_mm_per_N;
+    const double extrapolated_mm_per_N = solved_mm_per_N + local.gradient_per_N.dot(at - local.at);
     const double clamped_mm_per_N =
         std::clamp(extrapolated_mm_per_N, kSoftTissueSettings.min_extrapolation * solved_mm_per_N,
                    kSoftTissueSettings.max_extrapolation * solved_mm_per_N);
-    const double per_compliance = spot.surroundings_per_compliance;
+    const double per_compliance = local.surroundings_per_compliance;
     law.surroundings_mm_per_N =
-        spot.surroundings_mm_per_N + per_compliance * (clamped_mm_per_N - solved_mm_per_N);
-    if (clamped_mm_per_N == extrapolated_mm_per_N) law.gradient_per_N = spot.gradient_per_N * per_compliance;
-    law.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
-    law.poissons_ratio = spot.poissons_ratio;
-    if (spot.has_neo_hookean()) {
-      const double solved = spot.stiffening_mm_per_N2,
-                   extrapolated = solved + spot.stiffening_gradient.dot(at - spot.at);
-      const double largest = kSoftTissueSettings.max_stiffening * solved_mm_per_N / spot.reference_force_N;
+        local.surroundings_mm_per_N + per_compliance * (clamped_mm_per_N - solved_mm_per_N);
+    if (clamped_mm_per_N == extrapolated_mm_per_N) law.gradient_per_N = local.gradient_per_N * per_compliance;
+    law.modulus_N_per_mm2 = local.modulus_N_per_mm2;
+    law.poissons_ratio = local.poissons_ratio;
+    if (local.has_neo_hookean()) {
+      const double solved = local.stiffening_mm_per_N2,
+                   extrapolated = solved + local.stiffening_gradient.dot(at - local.at);
+      const double largest = kSoftTissueSettings.max_stiffening * solved_mm_per_N / local.reference_force_N;
       law.stiffening_mm_per_N2 =
           std::clamp(extrapolated, std::min(-largest, solved), std::max(largest, solved));
-      law.reference_force_N = spot.reference_force_N;
-      if (law.stiffening_mm_per_N2 == extrapolated) law.stiffening_gradient = spot.stiffening_gradient;
+      law.reference_force_N = local.reference_force_N;
+      if (law.stiffening_mm_per_N2 == extrapolated) law.stiffening_gradient = local.stiffening_gradient;
     }
   }
   // a new contact has no previous values to blend with

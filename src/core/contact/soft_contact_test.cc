@@ -203,8 +203,8 @@ TEST(SoftContactForce, IsMonotonicInDepth) {
 ComplianceFrame frame_of(std::uint32_t number, double compliance, const Vector<Patient>& slope = {}) {
   ComplianceFrame frame;
   frame.number = number;
-  frame.spot[0] = {Point<Patient>(0, 0, 0), compliance, slope, kModulus, 3};
-  frame.spot[0].compute_surroundings();
+  frame.local_compliance[0] = {Point<Patient>(0, 0, 0), compliance, slope, kModulus, 3};
+  frame.local_compliance[0].compute_surroundings();
   return frame;
 }
 
@@ -221,11 +221,11 @@ TEST(SoftTissueHaptics, ExtrapolatesAFrameAlongTheSurfaceOverALimitedDistance) {
   const double half_space = 0.6 / (3 * kModulus);
   const auto beyond_at = [&](double x) {
     ComplianceState state;
-    return blend_compliance(1, frame.spot[0], {x, 0, 0}, 1, 0.001, state);
+    return blend_compliance(1, frame.local_compliance[0], {x, 0, 0}, 1, 0.001, state);
   };
   EXPECT_NEAR(beyond_at(0).surroundings_mm_per_N, 20 - half_space, 1e-12);
   EXPECT_NEAR(beyond_at(2).surroundings_mm_per_N, 21 - half_space, 1e-12);
-  EXPECT_EQ(beyond_at(2).gradient_per_N, frame.spot[0].gradient_per_N);
+  EXPECT_EQ(beyond_at(2).gradient_per_N, frame.local_compliance[0].gradient_per_N);
   // where the extrapolation is clamped there is no tangential force either
   EXPECT_NEAR(beyond_at(200).surroundings_mm_per_N, 40 - half_space, 1e-12);
   EXPECT_NEAR(beyond_at(-200).surroundings_mm_per_N, 10 - half_space, 1e-12);
@@ -237,7 +237,8 @@ TEST(SoftTissueHaptics, NewFrameBlendsInWithoutAForceStep) {
   const ComplianceFrame first = frame_of(1, 12), second = frame_of(2, 20), none{3, {}};
   const auto force_N = [&](const ComplianceFrame& frame) {
     return soft_contact_force(
-               blend_compliance(frame.number, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state), 4, 3)
+               blend_compliance(frame.number, frame.local_compliance[0], {0, 0, 0}, kModulus, 0.001, state),
+               4, 3)
         .force_N;
   };
   const double stiff_N = force_N(first);
@@ -252,7 +253,8 @@ TEST(SoftTissueHaptics, NewFrameBlendsInWithoutAForceStep) {
   ComplianceState fresh;
   EXPECT_NEAR(
       before_N,
-      soft_contact_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
+      soft_contact_force(blend_compliance(2, second.local_compliance[0], {}, kModulus, 0.001, fresh), 4, 3)
+          .force_N,
       1e-12);
   // no frame known: back to a half-space, blended as slowly
   EXPECT_NEAR(force_N(none), before_N, 0.1 * before_N);
@@ -260,16 +262,17 @@ TEST(SoftTissueHaptics, NewFrameBlendsInWithoutAForceStep) {
   state = {};
   EXPECT_NEAR(
       force_N(second),
-      soft_contact_force(blend_compliance(2, second.spot[0], {}, kModulus, 0.001, fresh), 4, 3).force_N,
+      soft_contact_force(blend_compliance(2, second.local_compliance[0], {}, kModulus, 0.001, fresh), 4, 3)
+          .force_N,
       1e-12);
 }
 
 TEST(SoftTissueHaptics, RemainingFrameNeverMakesTheModulusNegative) {
   // from a known soft spot to unknown tissue, first stiff and then, before the blending ends, soft
   ComplianceFrame known = frame_of(1, 16, {});
-  known.spot[0].modulus_N_per_mm2 = 0.01;
+  known.local_compliance[0].modulus_N_per_mm2 = 0.01;
   ComplianceState state;
-  blend_compliance(1, known.spot[0], {}, 0.01, 0.001, state);
+  blend_compliance(1, known.local_compliance[0], {}, 0.01, 0.001, state);
   blend_compliance(2, LocalCompliance{}, {}, 0.2, 0.001, state);
   for (int n = 0; n < 14; ++n) {
     const ContactLaw tissue = blend_compliance(2, LocalCompliance{}, {}, 0.03, 0.001, state);
@@ -283,30 +286,35 @@ TEST(SoftTissueHaptics, RemainingFrameNeverMakesTheModulusNegative) {
 TEST(SoftTissueHaptics, NeoHookeanTermBlendsInWithoutAForceStep) {
   ComplianceFrame frame = frame_of(1, 12);
   const std::uint64_t linear = frame.hash();
-  frame.spot[0].stiffening_mm_per_N2 = 8;
-  frame.spot[0].stiffening_gradient = {1, 0, 0};
+  frame.local_compliance[0].stiffening_mm_per_N2 = 8;
+  frame.local_compliance[0].stiffening_gradient = {1, 0, 0};
   ComplianceState state;
   // without reference_force_N there is no neo-Hookean term
-  EXPECT_EQ(blend_compliance(1, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state).stiffening_mm_per_N2, 0);
+  EXPECT_EQ(
+      blend_compliance(1, frame.local_compliance[0], {0, 0, 0}, kModulus, 0.001, state).stiffening_mm_per_N2,
+      0);
   EXPECT_EQ(frame.hash(), linear);
   frame.number = 2;
-  frame.spot[0].reference_force_N = 0.2;
+  frame.local_compliance[0].reference_force_N = 0.2;
   ComplianceFrame other = frame;
-  other.spot[0].stiffening_gradient = {0, 1, 0};
+  other.local_compliance[0].stiffening_gradient = {0, 1, 0};
   EXPECT_NE(frame.hash(), other.hash());
   double before = 0;
   for (int n = 0; n < 15; ++n) {
-    const ContactLaw tissue = blend_compliance(2, frame.spot[0], {0, 0, 0}, kModulus, 0.001, state);
+    const ContactLaw tissue =
+        blend_compliance(2, frame.local_compliance[0], {0, 0, 0}, kModulus, 0.001, state);
     EXPECT_GT(tissue.stiffening_mm_per_N2, before);
     EXPECT_LT(tissue.stiffening_mm_per_N2 - before, 0.1 * 8);
     before = tissue.stiffening_mm_per_N2;
   }
   for (const double x : {0.5, 100.0}) {
     ComplianceState fresh;
-    const ContactLaw tissue = blend_compliance(2, frame.spot[0], {x, 0, 0}, kModulus, 0.001, fresh);
+    const ContactLaw tissue =
+        blend_compliance(2, frame.local_compliance[0], {x, 0, 0}, kModulus, 0.001, fresh);
     const double largest = kSoftTissueSettings.max_stiffening * 12 / 0.2;
     EXPECT_EQ(tissue.stiffening_mm_per_N2, std::min(8 + x, largest));
-    EXPECT_EQ(tissue.stiffening_gradient, x < 1 ? frame.spot[0].stiffening_gradient : Vector<Patient>());
+    EXPECT_EQ(tissue.stiffening_gradient,
+              x < 1 ? frame.local_compliance[0].stiffening_gradient : Vector<Patient>());
   }
 }
 

@@ -136,18 +136,18 @@ TEST(StrainStiffening, ClosedPathOverVaryingTissueDoesNoWork) {
 }
 
 TEST(StrainStiffening, FramesBlendWithoutAForceStep) {
-  LocalCompliance spot;
-  spot.compliance_mm_per_N = 20;
-  spot.modulus_N_per_mm2 = kHalfSpaceModulus;
-  spot.patch_radius_mm = 3;
-  spot.strain_stiffening = 5;
+  LocalCompliance local;
+  local.compliance_mm_per_N = 20;
+  local.modulus_N_per_mm2 = kHalfSpaceModulus;
+  local.patch_radius_mm = 3;
+  local.strain_stiffening = 5;
   ComplianceState state;
   const auto force_N = [&](std::uint32_t frame) {
-    return soft_contact_force(blend_compliance(frame, spot, {}, kHalfSpaceModulus, 0.001, state), 2, 3)
+    return soft_contact_force(blend_compliance(frame, local, {}, kHalfSpaceModulus, 0.001, state), 2, 3)
         .force_N;
   };
   double before_N = force_N(1);
-  spot.strain_stiffening = 50;
+  local.strain_stiffening = 50;
   for (int n = 0; n < 16; ++n) {
     const double now_N = force_N(2);
     EXPECT_GT(now_N, before_N);
@@ -157,14 +157,14 @@ TEST(StrainStiffening, FramesBlendWithoutAForceStep) {
   ComplianceState fresh;
   EXPECT_NEAR(
       before_N,
-      soft_contact_force(blend_compliance(2, spot, {}, kHalfSpaceModulus, 0.001, fresh), 2, 3).force_N,
+      soft_contact_force(blend_compliance(2, local, {}, kHalfSpaceModulus, 0.001, fresh), 2, 3).force_N,
       1e-12);
   // without a frame: that of the tissue itself
   ComplianceState unknown;
   EXPECT_EQ(blend_compliance(0, {}, {}, kHalfSpaceModulus, 0.001, unknown, 7).strain_stiffening, 7);
   ComplianceFrame a, b;
-  a.spot[0] = b.spot[0] = spot;
-  b.spot[0].strain_stiffening = 49;
+  a.local_compliance[0] = b.local_compliance[0] = local;
+  b.local_compliance[0].strain_stiffening = 49;
   EXPECT_NE(a.hash(), b.hash());
 }
 

@@ -43,7 +43,7 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
                                                     const ModelPreparation& preparation,
                                                     const Progress& progress) {
   const std::vector<LabelId> tracked = tracked_structures(model->no_go, model->reported_distances);
-  if (tracked.empty() || !model->distances.structures().empty()) return model;
+  if (tracked.empty() || !model->distance_trees.structures().empty()) return model;
   PALPATE_CHECK(model->carving == nullptr);
 
   // reuses the proxy's surfaces where they exist, builds others for structures that touch or are not
@@ -79,7 +79,7 @@ Result<std::shared_ptr<const Model>> with_distances(std::shared_ptr<const Model>
   });
   if (!done) return Progress::interrupted();
   auto more = std::make_shared<Model>(*model);
-  more->distances = Distances(std::move(structures), model->reported_distances.reach_mm);
+  more->distance_trees = DistanceTrees(std::move(structures), model->reported_distances.reach_mm);
   for (NoGoRegion& region : more->no_go)
     if (auto* structure = std::get_if<NoGoStructure>(&region.shape))
       structure->tracked = static_cast<int>(

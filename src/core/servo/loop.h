@@ -12,6 +12,7 @@
 #include "palpate/base/mailbox.h"
 #include "palpate/base/snapshot.h"
 #include "palpate/base/spsc_ring.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/servo/realtime.h"
 #include "palpate/servo/servo_loop.h"
 #include "servo/late_ticks.h"

@@ -130,7 +130,7 @@ Model crowded_model() {
   for (std::size_t n = kFirst; n < kFirst + kTracked; ++n)
     tracked.push_back(
         {static_cast<LabelId>(n + 1), std::make_shared<const SurfaceTree>(model.surfaces[n].surface), true});
-  model.distances = {std::move(tracked), 30};
+  model.distance_trees = {std::move(tracked), 30};
   model.no_go = {{"structure", NoGoStructure{4, 0}, 2, 1},
                  {"plane", NoGoPlane{{0, 0, -10}, {0, 0, 1}}, 5, 3},
                  {"ball", NoGoSphere{{20, 0, 0}, 4}, 3, 0.5}};
@@ -175,12 +175,13 @@ class Exercise {
       if (n % 16 == 0) {
         ComplianceFrame& frame = parameters_.compliance;
         ++frame.number;
-        frame.spot[0] = {Point<Patient>(18, 0, 0), n % 160 == 0 ? 0 : 10.0 + n % 5, {0.1, 0, 0.2}, 0.02, 3};
-        frame.spot[0].relaxed.of_time = {0.2, 0.001 * (n % 200)};
+        frame.local_compliance[0] = {
+            Point<Patient>(18, 0, 0), n % 160 == 0 ? 0 : 10.0 + n % 5, {0.1, 0, 0.2}, 0.02, 3};
+        frame.local_compliance[0].relaxed.of_time = {0.2, 0.001 * (n % 200)};
       }
       // in one tick of eight, because they take longer than everything else
       if (n % 8 < 2) {
-        std::swap(model_.distances, distances_);
+        std::swap(model_.distance_trees, distances_);
         std::swap(model_.no_go, no_go_);
       }
       tick(model_, parameters_, devices_, 1e-3, state_, wrenches_, record_);
@@ -209,7 +210,7 @@ class Exercise {
       near_many_ = 0;
   Model model_ = crowded_model();
   /// Data that the model does not contain at present.
-  Distances distances_ = std::move(model_.distances);
+  DistanceTrees distances_ = std::move(model_.distance_trees);
   std::vector<NoGoRegion> no_go_ = std::move(model_.no_go);
   Parameters parameters_;
   SessionState state_;

@@ -73,19 +73,19 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
 void add_no_go_force(const TickContext& tick, const DeviceContext& context, ToolContact& contact,
                      DeviceTick& out) {
   const Model& model = tick.model;
-  if (model.no_go.empty() && model.distances.structures().empty()) return;
+  if (model.no_go.empty() && model.distance_trees.structures().empty()) return;
   PosedTool posed_tool(tick, context);
   if (const auto burr = burr_of(tick, context, {})) posed_tool.set_first(burr->head(0));
 
   // structures near the tool
-  const auto near = nearest_structures(model.distances, posed_tool.spheres(), context.tip);
+  const auto near = nearest_structures(model.distance_trees, posed_tool.spheres(), context.tip);
   for (std::size_t n = 0; n < near.size(); ++n) {
     out.near_label[n] = near[n].label;
     out.near_mm[n] = near[n].distance_mm;
   }
 
   // force of the no-go regions
-  const NoGoForce push = no_go_force(model.no_go, model.distances, posed_tool.spheres(), context.tip,
+  const NoGoForce push = no_go_force(model.no_go, model.distance_trees, posed_tool.spheres(), context.tip,
                                      context.max_stiffness_N_per_mm());
   if (push.region < 0) return;
   out.flags |= kFlagNoGo;

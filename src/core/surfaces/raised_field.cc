@@ -54,7 +54,7 @@ void RaisedField::raise(int k, const Span3& box, const std::uint16_t* values) {
 }
 
 Bricks<std::uint16_t> RaisedField::take() {
-  BricksBySlices<std::uint16_t> bricks(grid_, 0);
+  BricksBuilder<std::uint16_t> bricks(grid_, 0);
   const int row = grid_.dims[0];
   std::vector<std::uint16_t> slice(static_cast<std::size_t>(row) * static_cast<std::size_t>(grid_.dims[1]));
   for (int k = 0; k < grid_.dims[2]; ++k) {

@@ -76,7 +76,7 @@ Result<Bricks<std::int16_t>> set_position(const Bricks<LabelId>& labels, const s
   const double inside_mm = inside_reach_mm(options), outside_mm = outside_reach_mm(options);
   const Index3 window = distance_window(grid.spacing_mm, inside_mm);
   const PieceMargins margins{filter.reach(), window};
-  BricksBySlices<std::int16_t> position(grid, 0);
+  BricksBuilder<std::int16_t> position(grid, 0);
   const int slices = slices_at_a_time(span, margins, options.threads);
   Span3 part = span;
   for (int k = span.low[2]; k < span.high[2]; k = part.high[2]) {

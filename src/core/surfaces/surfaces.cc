@@ -202,7 +202,7 @@ class WholeSurface {
   template <class StageOf>
   Result<void> make_bricks(const GridGeometry& grid, double outside_mm, const StageOf& stage_of, double from,
                            double to, Bricks<std::int16_t>& made) {
-    BricksBySlices<std::int16_t> bricks(grid, internal::to_steps(outside_mm));
+    BricksBuilder<std::int16_t> bricks(grid, internal::to_steps(outside_mm));
     const auto done = by_slices(full_span(grid), stage_of, from, to,
                                 [&](const Span3& part) { bricks.add(part.size(2), values_.data()); });
     if (!done) return done;

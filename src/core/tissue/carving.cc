@@ -92,7 +92,7 @@ Carving::Carving(const Model& model)
   }
   tracked_surfaces_ = original_surfaces_.size();
   // distances are measured to the remaining material
-  for (const TrackedStructure& tracked : model.distances.structures()) {
+  for (const TrackedStructure& tracked : model.distance_trees.structures()) {
     const auto& surface = tracked.tree->surface();
     const auto end = original_surfaces_.begin() + static_cast<std::ptrdiff_t>(tracked_surfaces_);
     const auto same = std::find(original_surfaces_.begin(), end, surface);
@@ -229,7 +229,7 @@ std::uint64_t Carving::content_hash(std::uint64_t uncut) const {
 
 std::shared_ptr<const Model> Carving::applied_to(const Model& model) const {
   PALPATE_CHECK(model.surfaces.size() == tracked_surfaces_ &&
-                model.distances.structures().size() == original_of_tracked_.size());
+                model.distance_trees.structures().size() == original_of_tracked_.size());
   auto next = std::make_shared<Model>(model);
   ++next->version;
   ++next->edits;
@@ -247,8 +247,8 @@ std::shared_ptr<const Model> Carving::applied_to(const Model& model) const {
     const auto s = static_cast<std::size_t>(original_of_tracked_[n]);
     const CarvedSurface* const carved = remaining_.surfaces[s].get();
     const auto& surface = carved != nullptr ? carved->surface() : original_surfaces_[s];
-    if (next->distances.structures()[n].tree->surface() != surface)
-      next->distances = next->distances.with(n, surface);
+    if (next->distance_trees.structures()[n].tree->surface() != surface)
+      next->distance_trees = next->distance_trees.with(n, surface);
   }
   next->labels = remaining_.labels;
   next->carving = std::make_shared<const Carving>(*this);

@@ -111,12 +111,12 @@ TEST(Carving, DistancesAreToTheRemainingMaterial) {
     return std::make_shared<const SurfaceTree>(surface);
   };
   const double outer_mm = kBoneRadius_mm + kShell_mm;
-  model.distances = {{{kBone, tree(model.surfaces[0].surface), true},
-                      {kCartilage, tree(own(outer_mm)), true},
-                      {kFat, tree(own(22)), true}},
-                     20};
+  model.distance_trees = {{{kBone, tree(model.surfaces[0].surface), true},
+                           {kCartilage, tree(own(outer_mm)), true},
+                           {kFat, tree(own(22)), true}},
+                          20};
   const auto at = [](const Model& current, std::size_t structure, double z) {
-    return current.distances.structures()[structure].tree->nearest({-6, 0, z})->distance_mm;
+    return current.distance_trees.structures()[structure].tree->nearest({-6, 0, z})->distance_mm;
   };
   const auto none = std::make_shared<const Carving>(model);
   const auto carving = none->with(groove(2, -6));
@@ -126,7 +126,8 @@ TEST(Carving, DistancesAreToTheRemainingMaterial) {
   EXPECT_NEAR(at(model, 1, z), std::hypot(6, z) - outer_mm, 0.05);
   EXPECT_NEAR(at(*cut, 1, z), 2, 0.3);
   EXPECT_GT(at(*cut, 0, z), at(model, 0, z) - 0.05) << "of the bone little is gone";
-  EXPECT_EQ(cut->distances.structures()[2].tree, model.distances.structures()[2].tree) << "not felt, not cut";
+  EXPECT_EQ(cut->distance_trees.structures()[2].tree, model.distance_trees.structures()[2].tree)
+      << "not felt, not cut";
   const auto back = carving->undone()->applied_to(*cut);
   for (std::size_t s = 0; s < 3; ++s) EXPECT_EQ(at(*back, s, z), at(model, s, z)) << s;
 }

@@ -92,13 +92,13 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
     ElasticSolver(grid).solve(load_N, unit_mm, kMaxIterations, kConverged);
     double force_N = pressed_N;
     if (RelaxationWeights::is_needed_for(model)) {
-      LocalCompliance spot;
-      spot.compliance_mm_per_N = patch.displacement(unit_mm);
-      spot.modulus_N_per_mm2 = patch.contact_modulus();
-      spot.patch_radius_mm = rho_mm;
-      spot.poissons_ratio = patch.poissons_ratio();
-      spot.compute_surroundings();
-      force_N = instantaneous_force_N(record.device[d], contact_law_of(spot), press.radius_mm,
+      LocalCompliance local;
+      local.compliance_mm_per_N = patch.displacement(unit_mm);
+      local.modulus_N_per_mm2 = patch.contact_modulus();
+      local.patch_radius_mm = rho_mm;
+      local.poissons_ratio = patch.poissons_ratio();
+      local.compute_surroundings();
+      force_N = instantaneous_force_N(record.device[d], contact_law_of(local), press.radius_mm,
                                       max_deformable_stiffness_N_per_mm(model));
     }
     parts_.emplace_back(grid, unit_mm, force_N);

@@ -28,19 +28,19 @@ TEST(DisplacedTissue, DisplacementMatchesTheCompliance) {
   ASSERT_FALSE(deformed.is_at_rest());
   SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_with(0, 0, kForce_N));
-  const LocalCompliance& spot = solver.frame().spot[0];
+  const LocalCompliance& local = solver.frame().local_compliance[0];
   // mean under the patch, weighted by its pressure
   double sum = 0, weights = 0;
   constexpr int kSteps = 20;
   for (int a = -kSteps; a <= kSteps; ++a)
     for (int b = -kSteps; b <= kSteps; ++b) {
-      const double x = spot.patch_radius_mm * a / kSteps, y = spot.patch_radius_mm * b / kSteps;
-      const double inside = 1 - (x * x + y * y) / (spot.patch_radius_mm * spot.patch_radius_mm);
+      const double x = local.patch_radius_mm * a / kSteps, y = local.patch_radius_mm * b / kSteps;
+      const double inside = 1 - (x * x + y * y) / (local.patch_radius_mm * local.patch_radius_mm);
       if (!(inside > 0)) continue;
       sum -= std::sqrt(inside) * deformed.displacement_mm({x, y, 0}).z();
       weights += std::sqrt(inside);
     }
-  EXPECT_NEAR(sum / weights / (kForce_N * spot.compliance_mm_per_N), 1, 0.02);
+  EXPECT_NEAR(sum / weights / (kForce_N * local.compliance_mm_per_N), 1, 0.02);
   // proportional to the force
   const DisplacedTissue twice(*model, pressed_with(0, 0, 2 * kForce_N));
   const Point<Patient> deep(3, -2, -6);

@@ -30,7 +30,7 @@ std::shared_ptr<Model> relaxing_block(const Relaxation& block, const Relaxation&
 LocalCompliance settled(const Model& model, const TickRecord& record) {
   SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(model, record);
-  return solver.frame().spot[0];
+  return solver.frame().local_compliance[0];
 }
 
 // u K u equals the sum over the cells
@@ -75,9 +75,9 @@ TEST(RelaxationWeights, EnergiesMatchTheSolverStiffness) {
 
 TEST(RelaxationWeights, UniformRelaxationIsIndependentOfTheLoad) {
   const auto model = relaxing_block(kOfBlock, kOfBlock);
-  const LocalCompliance spot = settled(*model, pressed_at(0, 0));
-  EXPECT_NEAR(spot.relaxed.of_time[0], 0.4, 1e-9);
-  EXPECT_EQ(spot.relaxed.of_time[1], 0);
+  const LocalCompliance local = settled(*model, pressed_at(0, 0));
+  EXPECT_NEAR(local.relaxed.of_time[0], 0.4, 1e-9);
+  EXPECT_EQ(local.relaxed.of_time[1], 0);
 }
 
 // share: relative change of W with the tissue's modulus
@@ -115,7 +115,7 @@ TEST(SoftTissueSolver, UpdatesWhenTheRelaxationChanges) {
   solver.solve(*relaxing_block(kOfBlock, kOfBlock), pressed_at(0, 0));
   auto other = std::make_shared<Model>(*relaxing_block(kOfBlock, kOfBlock));
   other->tissues[0].relaxation.term[0].fraction = other->tissues[1].relaxation.term[0].fraction = 0.1;
-  EXPECT_NEAR(solver.solve(*other, pressed_at(0, 0)).spot[0].relaxed.of_time[0], 0.1, 1e-9);
+  EXPECT_NEAR(solver.solve(*other, pressed_at(0, 0)).local_compliance[0].relaxed.of_time[0], 0.1, 1e-9);
 }
 
 }  // namespace

@@ -19,17 +19,17 @@
 namespace palpate {
 namespace {
 
-// Blends the compliance of a spot's surroundings towards that of a thin layer on a rigid base. The weight of
+// Blends the compliance of the surroundings towards that of a thin layer on a rigid base. The weight of
 // the layer's value falls from 1 to 0 as its thickness rises from thin_layer_cells to resolved_layer_cells.
-void blend_with_thin_layer(const SupportedLayer& layer, double cell_mm, LocalCompliance& spot) {
+void blend_with_thin_layer(const SupportedLayer& layer, double cell_mm, LocalCompliance& local) {
   const double at_layer_mm_per_N =
-      layer_base_mm_per_N(layer.thickness_mm, spot.modulus_N_per_mm2, spot.poissons_ratio);
+      layer_base_mm_per_N(layer.thickness_mm, local.modulus_N_per_mm2, local.poissons_ratio);
   const double resolved =
       std::clamp((layer.thickness_mm / cell_mm - kSolverSettings.thin_layer_cells) /
                      (kSolverSettings.resolved_layer_cells - kSolverSettings.thin_layer_cells),
                  0.0, 1.0);
-  spot.surroundings_mm_per_N = (1 - resolved) * at_layer_mm_per_N + resolved * spot.surroundings_mm_per_N;
-  spot.surroundings_per_compliance *= resolved;
+  local.surroundings_mm_per_N = (1 - resolved) * at_layer_mm_per_N + resolved * local.surroundings_mm_per_N;
+  local.surroundings_per_compliance *= resolved;
 }
 
 // Distance from a point in the box to its faces along a unit direction.
@@ -47,13 +47,14 @@ double to_face_mm(const ElasticBox& box, const Point<Patient>& at, const Vector<
 // Corrects the compliance for a rigid structure below the box. The springs at the box's faces assume a
 // half-space of tissue there.
 void add_deep_base_compliance(const CarvedLabels& labels, std::span<const ElasticMaterial> by_label,
-                              const ElasticBox& box, const PredictedContact& contact, LocalCompliance& spot) {
+                              const ElasticBox& box, const PredictedContact& contact,
+                              LocalCompliance& local) {
   const double depth_in_box_mm = to_face_mm(box, contact.at, -contact.outward);
   const double per_mm = mean_inverse_base_depth_per_mm(labels, by_label, contact.at, contact.outward,
                                                        depth_in_box_mm, kSolverSettings.max_base_depth_mm);
   if (per_mm > 0)
-    spot.surroundings_mm_per_N +=
-        layer_base_mm_per_N(1 / per_mm, spot.modulus_N_per_mm2, spot.poissons_ratio);
+    local.surroundings_mm_per_N +=
+        layer_base_mm_per_N(1 / per_mm, local.modulus_N_per_mm2, local.poissons_ratio);
 }
 
 }  // namespace
@@ -152,16 +153,16 @@ bool SoftTissueSolver::step() {
       }
       case Stage::kPreparation:
         if (!region->solver.prepare()) return false;
-        if (begin_spot(now)) {
+        if (begin_patch_solve(now)) {
           now.stage = Stage::kIterations;
           return false;
         }
-        finish_spot(now);
+        finish_patch_solve(now);
         now.next_device();
         break;
       case Stage::kIterations:
         if (!region->solver.iterate(region->unit_mm)) return false;
-        finish_spot(now);
+        finish_patch_solve(now);
         now.next_device();
         break;
     }
@@ -174,9 +175,9 @@ bool SoftTissueSolver::step() {
 bool SoftTissueSolver::place_region(FrameInProgress& now) {
   const Model& model = now.model;
   const DeviceTick& device = now.tick.device[now.device];
-  // computed first, because it reads the previous frame's spot
+  // computed first, because it reads the previous frame's local compliance
   now.force_N = displacing_force_N(now.device, device);
-  frame_.spot[now.device] = {};
+  frame_.local_compliance[now.device] = {};
   if (now.device >= static_cast<std::size_t>(now.tick.devices)) return false;
   const auto contact = expected_contact(model, device);
   if (!contact) return false;
@@ -194,10 +195,10 @@ bool SoftTissueSolver::place_region(FrameInProgress& now) {
 }
 
 // Places the patch, and begins the linear solution under it. Returns whether there is one.
-bool SoftTissueSolver::begin_spot(FrameInProgress& now) {
+bool SoftTissueSolver::begin_patch_solve(FrameInProgress& now) {
   const DeviceTick& device = now.tick.device[now.device];
   Region& region = *regions_[now.device];
-  LocalCompliance& spot = frame_.spot[now.device];
+  LocalCompliance& local = frame_.local_compliance[now.device];
   now.is_first_solve = std::exchange(region.needs_first_solve, false);
 
   const double cell_mm = region.grid().box().cell_mm;
@@ -218,13 +219,13 @@ bool SoftTissueSolver::begin_spot(FrameInProgress& now) {
   now.layer = supported_layer(now.labels, now.by_label, now.at, now.outward,
                               std::max(contact_radius_mm, 0.5 * cell_mm),
                               kSolverSettings.resolved_layer_cells * cell_mm);
-  spot.at = now.at;
-  spot.patch_radius_mm = now.rho_mm;
+  local.at = now.at;
+  local.patch_radius_mm = now.rho_mm;
   if (now.layer) {
     const ElasticConstants constants{now.layer->material.youngs_modulus_kPa,
                                      now.layer->material.poissons_ratio};
-    spot.modulus_N_per_mm2 = contact_modulus_N_per_mm2(constants);
-    spot.poissons_ratio = constants.poissons_ratio;
+    local.modulus_N_per_mm2 = contact_modulus_N_per_mm2(constants);
+    local.poissons_ratio = constants.poissons_ratio;
   }
   region.modulus = now.patch.contact_modulus();
   if (!now.patch.touches()) return false;
@@ -236,44 +237,44 @@ bool SoftTissueSolver::begin_spot(FrameInProgress& now) {
   return true;
 }
 
-// Computes the device's spot from the linear solution, if there is one.
-void SoftTissueSolver::finish_spot(FrameInProgress& now) {
+// Computes the device's local compliance from the linear solution, if there is one.
+void SoftTissueSolver::finish_patch_solve(FrameInProgress& now) {
   Region& region = *regions_[now.device];
-  LocalCompliance& spot = frame_.spot[now.device];
+  LocalCompliance& local = frame_.local_compliance[now.device];
   const double cell_mm = region.grid().box().cell_mm;
   if (now.patch.touches()) {
-    spot.compliance_mm_per_N = now.patch.displacement(region.unit_mm);
+    local.compliance_mm_per_N = now.patch.displacement(region.unit_mm);
     // W = J K^-1 J^T: the patch both applies the load and measures the displacement, hence the factor of 2
-    spot.gradient_per_N = now.patch.gradient_along_surface(region.unit_mm) * 2;
+    local.gradient_per_N = now.patch.gradient_along_surface(region.unit_mm) * 2;
     if (!now.layer) {
-      spot.modulus_N_per_mm2 = region.modulus;
-      spot.poissons_ratio = now.patch.poissons_ratio();
+      local.modulus_N_per_mm2 = region.modulus;
+      local.poissons_ratio = now.patch.poissons_ratio();
     }
   }
-  if (spot.is_known()) {
-    spot.compute_surroundings();
-    add_deep_base_compliance(now.labels, now.by_label, region.grid().box(), {now.at, now.outward}, spot);
-    if (now.layer) blend_with_thin_layer(*now.layer, cell_mm, spot);
+  if (local.is_known()) {
+    local.compute_surroundings();
+    add_deep_base_compliance(now.labels, now.by_label, region.grid().box(), {now.at, now.outward}, local);
+    if (now.layer) blend_with_thin_layer(*now.layer, cell_mm, local);
   } else if (now.layer) {
     // the layer is thinner than a cell, so that all nodes of the cell are constrained
-    blend_with_thin_layer(*now.layer, cell_mm, spot);
-    spot.gradient_per_N = {};
-    spot.compliance_mm_per_N = patch_compliance_mm_per_N(spot.surroundings_mm_per_N, now.rho_mm,
-                                                         spot.modulus_N_per_mm2, spot.poissons_ratio);
+    blend_with_thin_layer(*now.layer, cell_mm, local);
+    local.gradient_per_N = {};
+    local.compliance_mm_per_N = patch_compliance_mm_per_N(local.surroundings_mm_per_N, now.rho_mm,
+                                                          local.modulus_N_per_mm2, local.poissons_ratio);
     // the cells contribute nothing to the displacement
     if (const Tissue* const tissue = now.model.tissue_of(now.layer->label))
-      spot.relaxed.add(tissue->relaxation, now.model.relaxation_times, 1);
+      local.relaxed.add(tissue->relaxation, now.model.relaxation_times, 1);
     return;
   } else {
-    spot = {};
+    local = {};
     return;
   }
   if (region.neo_hookean != nullptr)
-    region.solve_neo_hookean(now.patch, now.depth_mm, now.is_first_solve, spot);
+    region.solve_neo_hookean(now.patch, now.depth_mm, now.is_first_solve, local);
   if (region.relaxation_weights) {
     const RelaxationWeights::Means means = region.relaxation_weights->under(region.grid(), region.unit_mm);
-    spot.relaxed = means.relaxed;
-    spot.strain_stiffening = means.stiffening;
+    local.relaxed = means.relaxed;
+    local.strain_stiffening = means.stiffening;
   }
 }
 
@@ -306,17 +307,17 @@ void SoftTissueSolver::restart(std::uint32_t frame) noexcept {
 
 bool SoftTissueSolver::field_of(std::size_t device, UnitDisplacementField& field) const {
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
-  if (region == nullptr || !frame_.spot[device].is_known()) return false;
+  if (region == nullptr || !frame_.local_compliance[device].is_known()) return false;
   field = {&region->grid().box(), &region->grid().layout(), &region->unit_mm};
   return true;
 }
 
 double SoftTissueSolver::displacing_force_N(std::size_t device, const DeviceTick& device_tick) const {
   const Region* region = device < regions_.size() ? regions_[device].get() : nullptr;
-  if (region == nullptr || !region->relaxation_weights || !frame_.spot[device].is_known())
+  if (region == nullptr || !region->relaxation_weights || !frame_.local_compliance[device].is_known())
     return device_tick.contact_N[0];
-  return instantaneous_force_N(device_tick, contact_law_of(frame_.spot[device]), region->radius_mm,
-                               region->max_N_per_mm);
+  return instantaneous_force_N(device_tick, contact_law_of(frame_.local_compliance[device]),
+                               region->radius_mm, region->max_N_per_mm);
 }
 
 bool VirtualClockSoftTissueSolver::advance(const Model& model, const TickRecord* before) {

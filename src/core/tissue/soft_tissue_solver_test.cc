@@ -14,6 +14,7 @@
 
 #include "base/test_seed.h"
 #include "contact/test_proxy_surfaces.h"
+#include "palpate/contact/neighbour_tools.h"
 #include "palpate/tissue/carved_cells.h"
 #include "palpate/tissue/carving.h"
 #include "palpate/tissue/elastic_contact.h"
@@ -32,7 +33,7 @@ using testing::tool_at;
 double settled_compliance(const Model& model, const TickRecord& record) {
   SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(model, record);
-  return solver.frame().spot[0].compliance_mm_per_N;
+  return solver.frame().local_compliance[0].compliance_mm_per_N;
 }
 
 TEST(SoftTissueSolver, PredictsTheContactOfAnApproachingTool) {
@@ -40,27 +41,27 @@ TEST(SoftTissueSolver, PredictsTheContactOfAnApproachingTool) {
   SoftTissueSolver solver;
   const ComplianceFrame& frame = solver.solve(*model, tool_at({2, 1, 6}));
   EXPECT_EQ(frame.number, 1u);
-  const LocalCompliance& spot = frame.spot[0];
-  ASSERT_TRUE(spot.is_known());
-  EXPECT_LT((spot.at - Point<Patient>(2, 1, 0)).norm(), 0.01);
-  EXPECT_EQ(spot.patch_radius_mm, 4.5);
-  EXPECT_NEAR(spot.modulus_N_per_mm2, 0.0125, 0.0125 * 0.05);
+  const LocalCompliance& local = frame.local_compliance[0];
+  ASSERT_TRUE(local.is_known());
+  EXPECT_LT((local.at - Point<Patient>(2, 1, 0)).norm(), 0.01);
+  EXPECT_EQ(local.patch_radius_mm, 4.5);
+  EXPECT_NEAR(local.modulus_N_per_mm2, 0.0125, 0.0125 * 0.05);
   // a layer of 20 mm on a plate yields less than a half space, but not by much under so small a patch
   const double half_space = 0.6 / (4.5 * 0.01 / (1 - 0.45 * 0.45));
-  EXPECT_LT(spot.compliance_mm_per_N, half_space);
-  EXPECT_GT(spot.compliance_mm_per_N, 0.75 * half_space);
-  EXPECT_FALSE(frame.spot[1].is_known());
+  EXPECT_LT(local.compliance_mm_per_N, half_space);
+  EXPECT_GT(local.compliance_mm_per_N, 0.75 * half_space);
+  EXPECT_FALSE(frame.local_compliance[1].is_known());
 }
 
 TEST(SoftTissueSolver, FirstFrameIsNearTheConvergedSolution) {
   const auto model = soft_block(true);
   const TickRecord still = pressed_at(0, 0);
   SoftTissueSolver solver;
-  const double first = solver.solve(*model, still).spot[0].compliance_mm_per_N;
+  const double first = solver.solve(*model, still).local_compliance[0].compliance_mm_per_N;
   const double end = settled_compliance(*model, still);
   EXPECT_NEAR(first / end, 1, 0.01);
   solver.solve(*model, still);
-  EXPECT_NEAR(solver.frame().spot[0].compliance_mm_per_N / end, 1, 2e-3);
+  EXPECT_NEAR(solver.frame().local_compliance[0].compliance_mm_per_N / end, 1, 2e-3);
 }
 
 TEST(SoftTissueSolver, ComplianceDecreasesTowardsAStiffInclusion) {
@@ -70,12 +71,12 @@ TEST(SoftTissueSolver, ComplianceDecreasesTowardsAStiffInclusion) {
   EXPECT_LT(over, 0.92 * beside);
   SoftTissueSolver solver;
   for (int n = 0; n < 8; ++n) solver.solve(*model, pressed_at(4, 0));
-  const LocalCompliance& spot = solver.frame().spot[0];
-  EXPECT_GT(spot.gradient_per_N.x(), 0);
+  const LocalCompliance& local = solver.frame().local_compliance[0];
+  EXPECT_GT(local.gradient_per_N.x(), 0);
   // within a cell: from cell to cell W varies by a thousandth
   const double change =
       (settled_compliance(*model, pressed_at(4.1, 0)) - settled_compliance(*model, pressed_at(3.9, 0))) / 0.2;
-  EXPECT_NEAR(spot.gradient_per_N.x() / change, 1, 0.15);
+  EXPECT_NEAR(local.gradient_per_N.x() / change, 1, 0.15);
 }
 
 TEST(SoftTissueSolver, DistantStiffBaseReducesCompliance) {
@@ -84,7 +85,7 @@ TEST(SoftTissueSolver, DistantStiffBaseReducesCompliance) {
   model->tissue_cell_mm = 0.9;
   SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_at(0, 0));
-  const LocalCompliance& spot = solver.frame().spot[0];
+  const LocalCompliance& local = solver.frame().local_compliance[0];
 
   // in a box that reaches into the plate and is wider, solved to convergence
   ElasticBox box = elastic_box_of(model->labels->geometry(), {{0, 0, 0}, {1, 1, 1}}, model->tissue_cell_mm);
@@ -93,11 +94,11 @@ TEST(SoftTissueSolver, DistantStiffBaseReducesCompliance) {
   auto grid = ElasticGrid::of_labels(*model->labels, materials_of(*model), box);
   ASSERT_TRUE(grid.ok());
   grid->set_boundary_springs({true, true, true, true, true, true}, Point<Patient>(0, 0, 0));
-  const PressurePatch patch(*grid, spot.at, Vector<Patient>(0, 0, 1), spot.patch_radius_mm);
+  const PressurePatch patch(*grid, local.at, Vector<Patient>(0, 0, 1), local.patch_radius_mm);
   ElasticField unit(grid->layout()), load(grid->layout());
   patch.add(1, load);
   ASSERT_TRUE(ElasticSolver(*grid).solve(load, unit, 200, 1e-5).converged);
-  EXPECT_NEAR(spot.compliance_mm_per_N / patch.displacement(unit), 1, 0.02);
+  EXPECT_NEAR(local.compliance_mm_per_N / patch.displacement(unit), 1, 0.02);
 }
 
 // The analytic compliance between two tools against that of the cells, on a layer of 20 mm on a plate.
@@ -105,7 +106,7 @@ TEST(SoftTissueSolver, InteractionOfTwoToolsMatchesTheSolution) {
   const auto model = soft_block(false);
   SoftTissueSolver solver;
   for (int n = 0; n < 12; ++n) solver.solve(*model, pressed_at(0, 0));
-  const LocalCompliance& spot = solver.frame().spot[0];
+  const LocalCompliance& local = solver.frame().local_compliance[0];
   UnitDisplacementField field;
   ASSERT_TRUE(solver.field_of(0, field));
   const auto grid = ElasticGrid::of_labels(*model->labels, materials_of(*model), *field.box);
@@ -113,17 +114,17 @@ TEST(SoftTissueSolver, InteractionOfTwoToolsMatchesTheSolution) {
   const auto press = [&](const Point<Patient>& at) {
     TissueContact pressed;
     pressed.force_N = 1;
-    pressed.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
-    pressed.base_per_mm = -spot.surroundings_mm_per_N * spot.modulus_N_per_mm2;
+    pressed.modulus_N_per_mm2 = local.modulus_N_per_mm2;
+    pressed.base_per_mm = -local.surroundings_mm_per_N * local.modulus_N_per_mm2;
     pressed.radius_mm = 3;
     pressed.at = at;
     pressed.outward = Vector<Patient>(0, 0, 1);
     return pressed;
   };
   for (const double separation_mm : {7.0, 9.0, 12.0}) {
-    const std::array presses{press(spot.at + Vector<Patient>(separation_mm, 0, 0)), press(spot.at)};
-    const PressurePatch under(*grid, presses[0].at, presses[0].outward, spot.patch_radius_mm);
-    const double own_mm = spot.compliance_mm_per_N;
+    const std::array presses{press(local.at + Vector<Patient>(separation_mm, 0, 0)), press(local.at)};
+    const PressurePatch under(*grid, presses[0].at, presses[0].outward, local.patch_radius_mm);
+    const double own_mm = local.compliance_mm_per_N;
     EXPECT_NEAR(neighbour_effect(presses, 0, presses[0]).displaced_mm, under.displacement(*field.unit_mm),
                 0.06 * own_mm)
         << separation_mm;
@@ -174,8 +175,8 @@ TEST(SoftTissueSolver, DefaultCellsResolveAShallowNodule) {
       record.device[0].contact_N[0] = 0.1;
       SoftTissueSolver solver;
       for (int n = 0; n < 6; ++n) {
-        const LocalCompliance& spot = solver.solve(model, record).spot[0];
-        record.device[0].contact_N[0] = soft_contact_force(contact_law_of(spot), kDepth_mm, 4).force_N;
+        const LocalCompliance& local = solver.solve(model, record).local_compliance[0];
+        record.device[0].contact_N[0] = soft_contact_force(contact_law_of(local), kDepth_mm, 4).force_N;
       }
       return record.device[0].contact_N[0];
     };
@@ -197,7 +198,7 @@ TEST(SoftTissueSolver, RigidBaseBelowTheBoxIsIncluded) {
     record.device[0].depth_mm = kDepth_mm;
     SoftTissueSolver solver;
     for (int n = 0; n < 6; ++n) solver.solve(model, record);
-    return soft_contact_force(contact_law_of(solver.frame().spot[0]), kDepth_mm, 3).force_N;
+    return soft_contact_force(contact_law_of(solver.frame().local_compliance[0]), kDepth_mm, 3).force_N;
   };
   const double hertz_N = 4.0 / 3 * 0.01 / (1 - 0.45 * 0.45) * std::sqrt(3.0);
   EXPECT_GT(force_N(1), 1.03 * hertz_N);
@@ -221,7 +222,8 @@ TEST(SoftTissueSolver, CoarseCellsApproximateFineCells) {
       return cells[0] * cells[1] * cells[2];
     };
     EXPECT_LT(of(coarse_field), of(fine_field) / 3.5);
-    const LocalCompliance &one = fine.frame().spot[0], &other = coarse.frame().spot[0];
+    const LocalCompliance &one = fine.frame().local_compliance[0],
+                          &other = coarse.frame().local_compliance[0];
     ASSERT_TRUE(one.is_known() && other.is_known());
     EXPECT_NEAR(other.surroundings_mm_per_N, one.surroundings_mm_per_N, 0.1 * one.compliance_mm_per_N);
   }
@@ -234,13 +236,13 @@ TEST(SoftTissueSolver, FollowsAToolAcrossNewBoxes) {
   double worst = 0;
   // the box extends 16 mm to each side: three boxes are needed on the way
   for (double x = -22; x < 22; x += kSpeed_mm_s * kSolverFrame_s) {
-    const LocalCompliance& spot = solver.solve(*model, pressed_at(x, 0.3, kSpeed_mm_s)).spot[0];
-    ASSERT_TRUE(spot.is_known());
+    const LocalCompliance& local = solver.solve(*model, pressed_at(x, 0.3, kSpeed_mm_s)).local_compliance[0];
+    ASSERT_TRUE(local.is_known());
     // solved for the tool's predicted position
-    EXPECT_NEAR(spot.at.x(), x + 1.5 * kSpeed_mm_s * kSolverFrame_s, 1e-6);
+    EXPECT_NEAR(local.at.x(), x + 1.5 * kSpeed_mm_s * kSolverFrame_s, 1e-6);
     if (static_cast<int>(std::floor(x)) % 4 != 0) continue;
-    const double end = settled_compliance(*model, pressed_at(spot.at.x(), 0.3));
-    worst = std::max(worst, std::abs(spot.compliance_mm_per_N / end - 1));
+    const double end = settled_compliance(*model, pressed_at(local.at.x(), 0.3));
+    worst = std::max(worst, std::abs(local.compliance_mm_per_N / end - 1));
   }
   EXPECT_LT(worst, 0.025);
 }
@@ -271,7 +273,7 @@ TEST(SoftTissueSolver, StepsGiveTheSameFramesAsWholeCalls) {
       EXPECT_GE(steps, 2);
       EXPECT_EQ(stepped.frame().number, n + 1u);
       EXPECT_EQ(stepped.frame().hash(), whole.solve(model, record).hash()) << n;
-      EXPECT_TRUE(stepped.frame().spot[0].is_known());
+      EXPECT_TRUE(stepped.frame().local_compliance[0].is_known());
     }
   }
 }
@@ -279,19 +281,19 @@ TEST(SoftTissueSolver, StepsGiveTheSameFramesAsWholeCalls) {
 TEST(SoftTissueSolver, ComplianceIsUnknownWithoutSoftTissue) {
   const auto model = soft_block(false);
   SoftTissueSolver solver;
-  EXPECT_FALSE(solver.solve(*model, tool_at({0, 0, 30})).spot[0].is_known());
-  EXPECT_FALSE(solver.solve(*model, tool_at({0, std::nan(""), 1})).spot[0].is_known());
-  EXPECT_FALSE(solver.solve(*model, tool_at({0, 0, 1}, {0, std::nan(""), 0})).spot[0].is_known());
+  EXPECT_FALSE(solver.solve(*model, tool_at({0, 0, 30})).local_compliance[0].is_known());
+  EXPECT_FALSE(solver.solve(*model, tool_at({0, std::nan(""), 1})).local_compliance[0].is_known());
+  EXPECT_FALSE(solver.solve(*model, tool_at({0, 0, 1}, {0, std::nan(""), 0})).local_compliance[0].is_known());
   EXPECT_EQ(solver.frame().number, 3u);
   auto bare = std::make_shared<Model>(*model);
   bare->tissues[0].elastic.reset();
-  EXPECT_FALSE(solver.solve(*bare, tool_at({0, 0, 1})).spot[0].is_known());
+  EXPECT_FALSE(solver.solve(*bare, tool_at({0, 0, 1})).local_compliance[0].is_known());
   UnitDisplacementField field;
   EXPECT_FALSE(solver.field_of(0, field));
   // works again afterwards
   bare->version = 2;
   bare->tissues[0].elastic = ElasticConstants{10, 0.45};
-  EXPECT_TRUE(solver.solve(*bare, tool_at({0, 0, 1})).spot[0].is_known());
+  EXPECT_TRUE(solver.solve(*bare, tool_at({0, 0, 1})).local_compliance[0].is_known());
   EXPECT_TRUE(solver.field_of(0, field));
 }
 
@@ -311,22 +313,22 @@ TickRecord deep_at(double x, double y, double depth_mm = 3, double force_N = 0.1
   record.device[0].contact_N[0] = force_N;
   return record;
 }
-LocalCompliance settled_spot(const Model& model, const TickRecord& record) {
+LocalCompliance settled_local_compliance(const Model& model, const TickRecord& record) {
   SoftTissueSolver solver;
   for (int n = 0; n < 8; ++n) solver.solve(model, record);
-  return solver.frame().spot[0];
+  return solver.frame().local_compliance[0];
 }
 // relative reduction of the depth at a force, compared with the linear body
-double stiffer_part(const LocalCompliance& spot) {
-  return spot.stiffening_mm_per_N2 * spot.reference_force_N / spot.compliance_mm_per_N;
+double stiffer_part(const LocalCompliance& local) {
+  return local.stiffening_mm_per_N2 * local.reference_force_N / local.compliance_mm_per_N;
 }
 
 TEST(SoftTissueSolver, StiffeningIsWeightedByTissueShares) {
   Model model = *soft_block(true, 1, TissueLaw::kExponential);
   model.tissues[0].elastic->stiffening = 20;
   model.tissues[1].elastic->stiffening = 60;
-  const LocalCompliance over = settled_spot(model, deep_at(0, 0)),
-                        beside = settled_spot(model, deep_at(20, 0));
+  const LocalCompliance over = settled_local_compliance(model, deep_at(0, 0)),
+                        beside = settled_local_compliance(model, deep_at(20, 0));
   ASSERT_TRUE(over.is_known() && beside.is_known());
   // the ball is stiff, so that little of the energy is in it
   EXPECT_GT(over.strain_stiffening, 20.05);
@@ -335,7 +337,7 @@ TEST(SoftTissueSolver, StiffeningIsWeightedByTissueShares) {
   // the solution itself is the neo-Hookean one
   Model finite = model;
   finite.tissue_law = TissueLaw::kNeoHookean;
-  const LocalCompliance same = settled_spot(finite, deep_at(20, 0));
+  const LocalCompliance same = settled_local_compliance(finite, deep_at(20, 0));
   EXPECT_EQ(same.strain_stiffening, 0);
   EXPECT_NEAR(same.compliance_mm_per_N, beside.compliance_mm_per_N, 0.05 * same.compliance_mm_per_N);
   EXPECT_EQ(same.has_neo_hookean(), beside.has_neo_hookean());
@@ -343,15 +345,15 @@ TEST(SoftTissueSolver, StiffeningIsWeightedByTissueShares) {
 
 TEST(SoftTissueSolver, NeoHookeanBodyStiffensOnARigidBase) {
   const auto model = finite_block();
-  const LocalCompliance over = settled_spot(*model, deep_at(0, 0)),
-                        beside = settled_spot(*model, deep_at(20, 0));
+  const LocalCompliance over = settled_local_compliance(*model, deep_at(0, 0)),
+                        beside = settled_local_compliance(*model, deep_at(20, 0));
   ASSERT_TRUE(over.has_neo_hookean() && beside.has_neo_hookean());
   EXPECT_GT(stiffer_part(over), stiffer_part(beside) + 0.02);
   // for small strains it equals the linear solution
-  const LocalCompliance slight = settled_spot(*model, deep_at(0, 0, 0.2, 0.002));
+  const LocalCompliance slight = settled_local_compliance(*model, deep_at(0, 0, 0.2, 0.002));
   ASSERT_TRUE(slight.has_neo_hookean());
   EXPECT_LT(std::abs(stiffer_part(slight)), 0.02);
-  EXPECT_FALSE(settled_spot(*soft_block(true), deep_at(0, 0)).has_neo_hookean());
+  EXPECT_FALSE(settled_local_compliance(*soft_block(true), deep_at(0, 0)).has_neo_hookean());
 }
 
 TEST(SoftTissueSolver, NeoHookeanSolutionIsDeterministic) {
@@ -360,7 +362,7 @@ TEST(SoftTissueSolver, NeoHookeanSolutionIsDeterministic) {
   for (int n = 0; n < 6; ++n) {
     const TickRecord record = deep_at(-4 + 1.5 * n, 0.1 * n);
     EXPECT_EQ(one.solve(*model, record).hash(), other.solve(*model, record).hash());
-    EXPECT_TRUE(one.frame().spot[0].has_neo_hookean());
+    EXPECT_TRUE(one.frame().local_compliance[0].has_neo_hookean());
   }
 }
 
@@ -368,17 +370,17 @@ TEST(SoftTissueSolver, FailedNeoHookeanSolutionFallsBackToLinearAndRecovers) {
   const auto model = finite_block();
   SoftTissueSolver solver;
   for (int n = 0; n < 6; ++n) solver.solve(*model, deep_at(0, 0));
-  const LocalCompliance before = solver.frame().spot[0];
+  const LocalCompliance before = solver.frame().local_compliance[0];
   // jumps from one position to another in one frame, far too deep
   for (int n = 0; n < 12; ++n) {
-    const LocalCompliance& spot =
-        solver.solve(*model, deep_at(n % 2 == 0 ? 3 : -3, 0, n % 2 == 0 ? 14 : 0.1, 5)).spot[0];
-    ASSERT_TRUE(spot.is_known());
-    ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_gradient.all_finite());
-    ASSERT_LE(std::abs(stiffer_part(spot)), kSoftTissueSettings.max_stiffening);
+    const LocalCompliance& local =
+        solver.solve(*model, deep_at(n % 2 == 0 ? 3 : -3, 0, n % 2 == 0 ? 14 : 0.1, 5)).local_compliance[0];
+    ASSERT_TRUE(local.is_known());
+    ASSERT_TRUE(std::isfinite(local.stiffening_mm_per_N2) && local.stiffening_gradient.all_finite());
+    ASSERT_LE(std::abs(stiffer_part(local)), kSoftTissueSettings.max_stiffening);
   }
   for (int n = 0; n < 20; ++n) solver.solve(*model, deep_at(0, 0));
-  const LocalCompliance& after = solver.frame().spot[0];
+  const LocalCompliance& after = solver.frame().local_compliance[0];
   ASSERT_TRUE(after.has_neo_hookean());
   EXPECT_NEAR(stiffer_part(after), stiffer_part(before), 0.01);
 }
@@ -415,8 +417,8 @@ double stiffer_part_misaligned(const Eigen::Vector3d& up, double off_mm, bool no
   }
   device.depth_mm = kSphere_mm;
   device.contact_N[0] = 0.33;
-  const LocalCompliance spot = settled_spot(model, record);
-  return spot.has_neo_hookean() ? stiffer_part(spot) : std::numeric_limits<double>::quiet_NaN();
+  const LocalCompliance local = settled_local_compliance(model, record);
+  return local.has_neo_hookean() ? stiffer_part(local) : std::numeric_limits<double>::quiet_NaN();
 }
 
 TEST(SoftTissueSolver, NeoHookeanSolutionExistsForAnySurfaceOffsetInACell) {
@@ -453,11 +455,11 @@ TEST(SoftTissueSolver, FastPressingKeepsTheNeoHookeanSolutionFinite) {
         record = deep_at(x, 0, depth_mm, 1e-3 * tissue_kPa * depth_mm * depth_mm * unit(random));
         record.device[0].velocity_patient_mm_s = {slides_mm_s, 0, -sinking_mm_s};
       }
-      const LocalCompliance& spot = solver.solve(*model, record).spot[0];
-      ASSERT_TRUE(spot.is_known());
-      ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_gradient.all_finite());
-      ASSERT_LE(std::abs(stiffer_part(spot)), kSoftTissueSettings.max_stiffening);
-      finite += spot.has_neo_hookean();
+      const LocalCompliance& local = solver.solve(*model, record).local_compliance[0];
+      ASSERT_TRUE(local.is_known());
+      ASSERT_TRUE(std::isfinite(local.stiffening_mm_per_N2) && local.stiffening_gradient.all_finite());
+      ASSERT_LE(std::abs(stiffer_part(local)), kSoftTissueSettings.max_stiffening);
+      finite += local.has_neo_hookean();
     }
   }
   EXPECT_GT(finite, 8);
@@ -470,9 +472,9 @@ TEST(SoftTissueSolver, DevicesHaveSeparateBoxes) {
   record.device[1] = pressed_at(20, 0).device[0];
   SoftTissueSolver solver;
   for (int n = 0; n < 6; ++n) solver.solve(*model, record);
-  const auto& spot = solver.frame().spot;
-  ASSERT_TRUE(spot[0].is_known() && spot[1].is_known());
-  EXPECT_LT(spot[0].compliance_mm_per_N, 0.92 * spot[1].compliance_mm_per_N);
+  const auto& local = solver.frame().local_compliance;
+  ASSERT_TRUE(local[0].is_known() && local[1].is_known());
+  EXPECT_LT(local[0].compliance_mm_per_N, 0.92 * local[1].compliance_mm_per_N);
 }
 
 // A plate of 200 kPa with its surface at z = 0 on another material; labels extend up to z = top.
@@ -534,18 +536,18 @@ TEST(SoftTissueSolver, TrimmedPlateEqualsAThinPlate) {
     const auto whole = plate_on(support, 0);
     SoftTissueSolver solver;
     for (int n = 0; n < 8; ++n) solver.solve(*whole, pressed_on(0));
-    const double before = solver.frame().spot[0].compliance_mm_per_N;
+    const double before = solver.frame().local_compliance[0].compliance_mm_per_N;
     const auto less = trimmed(whole, kTrimmed_mm);
     for (int n = 0; n < 14; ++n) solver.solve(*less, pressed_on(-kTrimmed_mm));
-    const LocalCompliance& spot = solver.frame().spot[0];
-    ASSERT_TRUE(spot.is_known());
-    EXPECT_NEAR(spot.at.z(), -kTrimmed_mm, 0.05);
+    const LocalCompliance& local = solver.frame().local_compliance[0];
+    ASSERT_TRUE(local.is_known());
+    EXPECT_NEAR(local.at.z(), -kTrimmed_mm, 0.05);
     const double thinner = settled_compliance(*plate_on(support, -kTrimmed_mm), pressed_on(-kTrimmed_mm));
-    EXPECT_NEAR(spot.compliance_mm_per_N / thinner, 1, 0.02);
+    EXPECT_NEAR(local.compliance_mm_per_N / thinner, 1, 0.02);
     if (softer)
-      EXPECT_GT(spot.compliance_mm_per_N, 1.2 * before);
+      EXPECT_GT(local.compliance_mm_per_N, 1.2 * before);
     else
-      EXPECT_LT(spot.compliance_mm_per_N, 0.95 * before);
+      EXPECT_LT(local.compliance_mm_per_N, 0.95 * before);
   }
 }
 
@@ -559,7 +561,7 @@ TEST(SoftTissueSolver, RemovalAndRestorationUpdateCellsInPlace) {
   SoftTissueSolver solver;
   const auto settled = [&](const Model& model) {
     for (int n = 0; n < 14; ++n) solver.solve(model, pressed_at(0, 0));
-    return solver.frame().spot[0].compliance_mm_per_N;
+    return solver.frame().local_compliance[0].compliance_mm_per_N;
   };
   const double before = settled(*whole), after = settled(*cut_away);
   EXPECT_GT(after, 1.01 * before);
@@ -569,9 +571,9 @@ TEST(SoftTissueSolver, RemovalAndRestorationUpdateCellsInPlace) {
   // gradually: in no frame of the cut does a cell lose more than the limit
   SoftTissueSolver other;
   for (int n = 0; n < 8; ++n) other.solve(*whole, pressed_at(0, 0));
-  double last = other.frame().spot[0].compliance_mm_per_N;
+  double last = other.frame().local_compliance[0].compliance_mm_per_N;
   for (int n = 0; n < 10; ++n) {
-    const double now = other.solve(*cut_away, pressed_at(0, 0)).spot[0].compliance_mm_per_N;
+    const double now = other.solve(*cut_away, pressed_at(0, 0)).local_compliance[0].compliance_mm_per_N;
     EXPECT_GE(now, last * 0.999);
     EXPECT_LE(now - last, 0.5 * (after - before));
     last = now;

@@ -8,7 +8,7 @@
 namespace palpate {
 
 void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, double depth_mm,
-                                                 bool is_first_solve, LocalCompliance& spot) {
+                                                 bool is_first_solve, LocalCompliance& local) {
   constexpr double kReductionAfterFailure = 0.7;  // factor of the attempted indentation ratio
   constexpr double kGrowthAfterSuccess = 1.1;     // factor of max_indentation_ratio
   constexpr double kMaxExtrapolation = 2;         // maximum ratio of the displacements of consecutive frames
@@ -21,11 +21,11 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
   const ConstrainedMeans surface = patch.columns(kSolverSettings.min_load_fraction);
 
   // displacement of the patch at the predicted depth, by the last published contact law
-  const double w = spot.compliance_mm_per_N, rho_mm = spot.patch_radius_mm;
+  const double w = local.compliance_mm_per_N, rho_mm = local.patch_radius_mm;
   ContactLaw tissue;
-  tissue.surroundings_mm_per_N = spot.surroundings_mm_per_N;
-  tissue.poissons_ratio = spot.poissons_ratio;
-  tissue.modulus_N_per_mm2 = spot.modulus_N_per_mm2;
+  tissue.surroundings_mm_per_N = local.surroundings_mm_per_N;
+  tissue.poissons_ratio = local.poissons_ratio;
+  tissue.modulus_N_per_mm2 = local.modulus_N_per_mm2;
   tissue.stiffening_mm_per_N2 = body.stiffening_mm_per_N2;
   tissue.reference_force_N = body.reference_force_N;
   const double expected_N = soft_contact_force(tissue, depth_mm, radius_mm).force_N;
@@ -64,8 +64,8 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
     if (at_rest && body.reference_force_N > 0) {
       // The previous result stays in effect, and no greater displacement is attempted until the tool moves:
       // otherwise the force on a resting tool would oscillate with every attempt.
-      spot.reference_force_N = body.reference_force_N;
-      spot.stiffening_mm_per_N2 = body.stiffening_mm_per_N2;
+      local.reference_force_N = body.reference_force_N;
+      local.stiffening_mm_per_N2 = body.stiffening_mm_per_N2;
       body.indentation_mm = indentation_mm;
       body.failed_depth_mm = depth_mm;
     } else {
@@ -87,12 +87,12 @@ void SoftTissueSolver::Region::solve_neo_hookean(const PressurePatch& patch, dou
   solver.solve(body.force_N, body.excess_response_mm,
                is_first_solve ? kSolverSettings.first_iterations : kSolverSettings.tangential_iterations,
                kLinearTolerance);
-  spot.reference_force_N = body.reference_force_N = force_N;
-  spot.stiffening_mm_per_N2 = body.stiffening_mm_per_N2 = w * relative_stiffening / force_N;
-  spot.stiffening_gradient = (spot.gradient_per_N * (0.5 * force_N * (force_N - s)) +
-                              patch.gradient_along_surface(body.excess_response_mm) * s) *
-                             (3 / (force_N * force_N * force_N));
-  if (!spot.stiffening_gradient.all_finite()) spot.stiffening_gradient = {};
+  local.reference_force_N = body.reference_force_N = force_N;
+  local.stiffening_mm_per_N2 = body.stiffening_mm_per_N2 = w * relative_stiffening / force_N;
+  local.stiffening_gradient = (local.gradient_per_N * (0.5 * force_N * (force_N - s)) +
+                               patch.gradient_along_surface(body.excess_response_mm) * s) *
+                              (3 / (force_N * force_N * force_N));
+  if (!local.stiffening_gradient.all_finite()) local.stiffening_gradient = {};
 }
 
 }  // namespace palpate

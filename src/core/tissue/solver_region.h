@@ -159,11 +159,11 @@ struct SoftTissueSolver::Region {
     solver.zero_constrained(neo_hookean->excess_response_mm);
   }
 
-  /// Solves the neo-Hookean body at the tool's predicted depth, and adds F, C and grad C to the spot of the
-  /// linear solution.
+  /// Solves the neo-Hookean body at the tool's predicted depth, and adds F, C and grad C to the local
+  /// compliance of the linear solution.
   /// @param is_first_solve  whether this is the first solve in the box, with more iterations
   void solve_neo_hookean(const PressurePatch& patch, double depth_mm, bool is_first_solve,
-                         LocalCompliance& spot);
+                         LocalCompliance& local);
 };
 
 }  // namespace palpate

@@ -100,9 +100,9 @@ TEST(SoftTissueSolver, LayerForceMatchesTheExactSolution) {
             const double depth_mm = part * thickness_mm;
             double force_N = 0;
             for (int n = 0; n < 6; ++n) {
-              const auto& spot = solver.solve(*model, layer_pressed(depth_mm, force_N)).spot[0];
-              ASSERT_TRUE(spot.is_known());
-              force_N = soft_contact_force(contact_law_of(spot), depth_mm, radius_mm).force_N;
+              const auto& local = solver.solve(*model, layer_pressed(depth_mm, force_N)).local_compliance[0];
+              ASSERT_TRUE(local.is_known());
+              force_N = soft_contact_force(contact_law_of(local), depth_mm, radius_mm).force_N;
             }
             const double modulus = 1e-3 * scene.modulus_kPa / (1 - poissons_ratio * poissons_ratio);
             const double exact_N =

@@ -295,15 +295,15 @@ std::size_t Bricks<T>::bytes() const {
 }
 
 template <class T>
-BricksBySlices<T>::BricksBySlices(const GridGeometry& grid, T outside)
+BricksBuilder<T>::BricksBuilder(const GridGeometry& grid, T outside)
     : bricks_(grid, outside, typename Bricks<T>::Unfilled{}),
       filling_(std::make_unique<typename Bricks<T>::Filling>(bricks_)) {}
 
 template <class T>
-BricksBySlices<T>::~BricksBySlices() = default;
+BricksBuilder<T>::~BricksBuilder() = default;
 
 template <class T>
-void BricksBySlices<T>::add(int slices, const T* voxels) {
+void BricksBuilder<T>::add(int slices, const T* voxels) {
   const std::array<int, 3>& dims = bricks_.geometry().dims;
   const auto slice = static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]);
   buffered_slices_.insert(buffered_slices_.end(), voxels, voxels + slice * static_cast<std::size_t>(slices));
@@ -323,7 +323,7 @@ void BricksBySlices<T>::add(int slices, const T* voxels) {
 }
 
 template <class T>
-Bricks<T> BricksBySlices<T>::take() {
+Bricks<T> BricksBuilder<T>::take() {
   // a grid without voxels has received no slice
   add(0, nullptr);
   filling_->end();
@@ -360,9 +360,9 @@ template class Bricks<std::uint8_t>;
 template class Bricks<std::uint16_t>;
 template class Bricks<std::int16_t>;
 template class Bricks<float>;
-template class BricksBySlices<std::uint8_t>;
-template class BricksBySlices<std::uint16_t>;
-template class BricksBySlices<std::int16_t>;
-template class BricksBySlices<float>;
+template class BricksBuilder<std::uint8_t>;
+template class BricksBuilder<std::uint16_t>;
+template class BricksBuilder<std::int16_t>;
+template class BricksBuilder<float>;
 
 }  // namespace palpate

@@ -307,7 +307,7 @@ TEST(Bricks, SlicesBuildTheSameBricksAsAVolume) {
     const GridGeometry grid = any_grid(random);
     const auto volume = any_volume<std::int16_t>(grid, random);
     const Bricks<std::int16_t> whole(volume, 7);
-    BricksBySlices<std::int16_t> slices(grid, 7);
+    BricksBuilder<std::int16_t> slices(grid, 7);
     const int largest = std::uniform_int_distribution<int>(1, 45)(random);
     for (int k = 0; k < grid.dims[2];) {
       const int count = std::uniform_int_distribution<int>(0, std::min(largest, grid.dims[2] - k))(random);
@@ -321,7 +321,7 @@ TEST(Bricks, SlicesBuildTheSameBricksAsAVolume) {
     EXPECT_EQ(made.outside(), 7);
   }
   const GridGeometry none;
-  EXPECT_EQ(BricksBySlices<float>(none, 2).take().content_hash(),
+  EXPECT_EQ(BricksBuilder<float>(none, 2).take().content_hash(),
             Bricks<float>(Volume<float>(none), 2).content_hash());
 }
 

@@ -71,7 +71,7 @@ void put_bricks(const Bricks<T>& bricks, FieldWriter& out) {
 // the result is only valid if the reader is ok() afterwards
 template <class T>
 Bricks<T> get_bricks(FieldReader& in, const GridGeometry& grid, T outside) {
-  BricksBySlices<T> bricks(grid, outside);
+  BricksBuilder<T> bricks(grid, outside);
   std::vector<T> slice(static_cast<std::size_t>(grid.dims[0]) * static_cast<std::size_t>(grid.dims[1]));
   for (int k = 0; k < grid.dims[2]; ++k) {
     in.get_values(std::span<T>(slice));

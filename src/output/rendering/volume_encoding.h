@@ -37,6 +37,14 @@ class VolumeEncoding {
 
  private:
   class Tile;
+  struct TileGrid;
+  struct PositionedBlock;
+
+  TileGrid tiles_around(const VoxelBox& box, int workers) const;
+  /// Voxels whose encoding changes with labels in a box: those within `reach`; all of the grid's region at
+  /// first, and with a scan, as emptiness is not stored for voxels that show the scan only.
+  VoxelBox affected_by(const VoxelBox& box, const std::array<int, 3>& reach, const TileGrid& grid) const;
+  void store(const std::vector<PositionedBlock>& blocks);
 
   GridGeometry grid_;
   std::vector<StructureAppearance> appearances_;

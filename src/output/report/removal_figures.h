@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "palpate/device/model_change.h"
 #include "palpate/recording/recording.h"
 #include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"

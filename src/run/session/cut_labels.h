@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "palpate/contact/model.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/tissue/carving.h"
 #include "session/cut_list.h"
 

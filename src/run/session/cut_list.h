@@ -5,7 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "palpate/device/telemetry.h"
+#include "palpate/device/model_change.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/tissue/stroke_history.h"
 
 namespace palpate {

@@ -12,6 +12,8 @@
 #include <thread>
 #include <vector>
 
+#include "palpate/device/model_change.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/server/viewer_host.h"
 #include "palpate/tissue/protected_distance.h"
 #include "palpate/tissue/removed_volume.h"

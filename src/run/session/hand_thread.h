@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "palpate/device/model_change.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/palpation/scripted_hand.h"
 #include "palpate/recording/event_log.h"

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "palpate/device/model_change.h"
 #include "palpate/server/viewer_host.h"
 #include "session/live_model.h"
 #include "session/measured_cells.h"

@@ -5,6 +5,7 @@
 #include <mutex>
 #include <span>
 
+#include "palpate/device/model_change.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/recording/recording.h"
 #include "palpate/server/viewer_host.h"

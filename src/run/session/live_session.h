@@ -13,7 +13,9 @@
 #include <string>
 #include <vector>
 
+#include "palpate/device/model_change.h"
 #include "palpate/device/pointer_driver.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/recording/event_log.h"

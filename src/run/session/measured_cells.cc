@@ -61,7 +61,7 @@ std::optional<double> frame_s(const Model& model, const Point<Patient>& at, std:
     for (int axis = 0; axis < 3; ++axis)
       tick.device[d].tip_patient_mm[static_cast<std::size_t>(axis)] = at[axis];
   SoftTissueSolver solver;
-  if (!solver.solve(model, tick).spot[0].is_known()) return std::nullopt;
+  if (!solver.solve(model, tick).local_compliance[0].is_known()) return std::nullopt;
   std::array<double, kFrames> times_s;
   for (double& time_s : times_s) {
     const double started_s = processor_time_s();

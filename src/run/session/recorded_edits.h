@@ -7,7 +7,7 @@
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
 #include "palpate/contact/model.h"
-#include "palpate/device/telemetry.h"
+#include "palpate/device/model_change.h"
 #include "palpate/recording/recording.h"
 #include "palpate/tissue/tissue_laws.h"
 #include "session/cut_list.h"

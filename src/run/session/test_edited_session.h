@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "palpate/device/model_change.h"
 #include "palpate/server/viewer_host.h"
 
 /// Sequence of edits that edited_session makes, so that a reader of its recording knows the expected content.

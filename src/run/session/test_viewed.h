@@ -20,6 +20,7 @@
 #include "palpate/base/mailbox.h"
 #include "palpate/base/reading.h"
 #include "palpate/base/spsc_ring.h"
+#include "palpate/device/model_change.h"
 #include "palpate/direct/direct_methods.h"
 #include "palpate/model/make_model.h"
 #include "palpate/palpation/palpation.h"

@@ -25,9 +25,10 @@ namespace palpate {
 /// A frame is solved in steps, by TissueThread or, in a session without threads, between its ticks
 /// (LiveSession::run_step()).
 ///
-/// If memory runs out, the loop gets a frame without known spots, so that tissue renders as a half-space of
-/// its own modulus (blend_compliance): the last solution would be extrapolated ever farther from the point
-/// for which it holds. Deformation is shown at rest. The solver is reset and retries every kRetry.
+/// If memory runs out, the loop gets a frame without known local compliances, so that tissue renders as a
+/// half-space of its own modulus (blend_compliance): the last solution would be extrapolated ever farther
+/// from the point for which it holds. Deformation is shown at rest. The solver is reset and retries every
+/// kRetry.
 class TissueFrames {
  public:
   using Clock = std::chrono::steady_clock;

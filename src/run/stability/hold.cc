@@ -94,7 +94,8 @@ Result<HoldResult> hold_tip(const Model& model, const Hold& hold, const Progress
   PALPATE_CHECK(model.has(hold.method));
   Loop loop(model, hold);
   HoldResult result{hold.method, {}, 1e6 * hold.device.encoder_step_m, false, false, hold.rate_hz, {}};
-  const long lead = std::lround(kLead_s * hold.rate_hz), rest = std::lround(kHeld_s * hold.rate_hz);
+  const long lead = std::lround(kHoldApproach_s * hold.rate_hz),
+             rest = std::lround(kHoldDuration_s * hold.rate_hz);
   const auto X_PatientWorld = model.X_WorldPatient.inverse();
   const Point<Device> zero = loop.on_device(hold.at);
 

@@ -140,7 +140,7 @@ std::string panel(const Trace& trace, double top_px, double scale_mm) {
 std::string time_axis(double top_px) {
   std::string svg;
   for (const double time_s : {0.0, 0.5, 1.0, 1.5, 2.0}) {
-    const double x = kLeft_px + kPlot_px * time_s / kHeld_s;
+    const double x = kLeft_px + kPlot_px * time_s / kHoldDuration_s;
     svg += path("tick", "M" + pair({x, top_px}) + "v4") +
            text("middle", {x, top_px + 17}, format("%g s", time_s));
   }

@@ -68,7 +68,7 @@ NoGoResult run_no_go_approach(const Model& model, const NoGoApproach& approach, 
   parameters.device[0].delay_s = approach.delay_s;
   parameters.max_force_N = approach.device.peak_force_N;
   // the surface of the labels is between two voxels
-  const auto& tracked = model.distances.structures();
+  const auto& tracked = model.distance_trees.structures();
   const double border_mm = tracked.empty() ? 0 : -tracked[0].tree->nearest({})->distance_mm;
 
   // to the equilibrium of the region's and the hand's springs at this force

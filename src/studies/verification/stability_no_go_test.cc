@@ -79,7 +79,7 @@ TEST(StabilityNoGo, CoincidentRegionAddsNoStiffness) {
   state.device[0].output.gain = 1;
   TickRecord record;
   Wrench sent;
-  const SurfaceTree& wall = *model.distances.structures()[0].tree;
+  const SurfaceTree& wall = *model.distance_trees.structures()[0].tree;
   double last_N = 0;
   for (double x_mm = 1; x_mm > -2; x_mm -= 0.02) {
     const Point<Patient> tip(x_mm, 0.3, 0.2);

@@ -166,12 +166,12 @@ TEST(TissueCampaign, RandomHandsGiveFiniteForcesWithinTheLimit) {
         ASSERT_TRUE(std::isfinite(device.unclamped_force_N) && std::isfinite(device.energy_mJ));
         ASSERT_EQ(device.flags & kFlagNotFinite, 0u);
         touched += device.label != 0;
-        const LocalCompliance& spot = tip.frame().spot[0];
-        if (!spot.is_known()) continue;
+        const LocalCompliance& local = tip.frame().local_compliance[0];
+        if (!local.is_known()) continue;
         ++solved;
-        ASSERT_TRUE(std::isfinite(spot.compliance_mm_per_N) && spot.gradient_per_N.all_finite());
-        ASSERT_GT(spot.modulus_N_per_mm2, 0);
-        ASSERT_TRUE(std::isfinite(spot.stiffening_mm_per_N2) && spot.stiffening_gradient.all_finite());
+        ASSERT_TRUE(std::isfinite(local.compliance_mm_per_N) && local.gradient_per_N.all_finite());
+        ASSERT_GT(local.modulus_N_per_mm2, 0);
+        ASSERT_TRUE(std::isfinite(local.stiffening_mm_per_N2) && local.stiffening_gradient.all_finite());
       }
     };
     for (int stroke = 0; stroke < 6 && !HasFatalFailure(); ++stroke) {

@@ -19,18 +19,18 @@ constexpr double kPresser_mm = 3, kPressed_mm = 2, kHead_mm = 2;
 constexpr int kTruthIterations = 200;
 constexpr double kTruthTolerance = 1e-6;
 
-double pressing_N(const LocalCompliance& spot) {
-  return soft_contact_force(contact_law_of(spot), kPressed_mm, kPresser_mm).force_N;
+double pressing_N(const LocalCompliance& local) {
+  return soft_contact_force(contact_law_of(local), kPressed_mm, kPresser_mm).force_N;
 }
 
 double pressing_N(double compliance, double rho_mm, const PressurePatch& patch) {
-  LocalCompliance spot;
-  spot.compliance_mm_per_N = compliance;
-  spot.modulus_N_per_mm2 = patch.contact_modulus();
-  spot.poissons_ratio = patch.poissons_ratio();
-  spot.patch_radius_mm = rho_mm;
-  spot.compute_surroundings();
-  return pressing_N(spot);
+  LocalCompliance local;
+  local.compliance_mm_per_N = compliance;
+  local.modulus_N_per_mm2 = patch.contact_modulus();
+  local.poissons_ratio = patch.poissons_ratio();
+  local.patch_radius_mm = rho_mm;
+  local.compute_surroundings();
+  return pressing_N(local);
 }
 
 double median_ms(std::vector<double> seconds) {
@@ -159,10 +159,10 @@ Recentring slide_through_boxes(const Model& model, double speed_mm_s) {
     device.normal_patient = {0, 0, 1};
     device.depth_mm = kPressed_mm;
     device.contact_N[0] = last_N;
-    const LocalCompliance& spot = solver.solve(model, tick).spot[0];
+    const LocalCompliance& local = solver.solve(model, tick).local_compliance[0];
     UnitDisplacementField field;
-    if (!spot.is_known() || !solver.field_of(0, field)) continue;
-    const double force_N = pressing_N(spot);
+    if (!local.is_known() || !solver.field_of(0, field)) continue;
+    const double force_N = pressing_N(local);
     const bool anew = last_N > 0 && !(field.box->corner == corner);
     if (anew) {
       result.change_percent = std::max(result.change_percent, 100 * std::abs(force_N / last_N - 1));

@@ -83,9 +83,9 @@ class ConvergedForce {
     device.velocity_patient_mm_s = {};
     double force_N = 0;
     for (int n = 0; n < kSettling; ++n) {
-      const LocalCompliance& spot = solver_.solve(*model_, still).spot[0];
-      if (!spot.is_known()) return 0;
-      force_N = soft_contact_force(contact_law_of(spot), device.depth_mm, kTissueTool_mm).force_N;
+      const LocalCompliance& local = solver_.solve(*model_, still).local_compliance[0];
+      if (!local.is_known()) return 0;
+      force_N = soft_contact_force(contact_law_of(local), device.depth_mm, kTissueTool_mm).force_N;
       device.contact_N[0] = force_N;
     }
     return force_N;

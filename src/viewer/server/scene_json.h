@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "palpate/base/result.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/server/viewer_host.h"
 #include "server/permissions.h"
 

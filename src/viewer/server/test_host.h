@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/device/model_change.h"
+#include "palpate/device/sweep_record.h"
 #include "palpate/server/tick_history.h"
 #include "palpate/server/viewer_server.h"
 

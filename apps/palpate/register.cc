@@ -1,6 +1,4 @@
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -14,7 +12,6 @@
 #include "live_tracker.h"
 #include "palpate/base/file.h"
 #include "palpate/base/printable.h"
-#include "palpate/navigation/pivot.h"
 #include "palpate/navigation/point_files.h"
 #include "palpate/navigation/registration.h"
 #include "palpate/navigation/result_files.h"
@@ -23,71 +20,15 @@
 #include "scene_options.h"
 #include "verb.h"
 
-/// Verbs for tracking: pivot calibration of a tracked tool and registration of the patient, from files or
-/// from the stream of a tracker.
+/// Registration of the patient by points and a surface, from files or from the stream of a tracker.
 namespace palpate::app {
 namespace {
 
-constexpr std::size_t kMaxPoints_bytes = std::size_t{1} << 24, kMaxPoses_bytes = std::size_t{1} << 28;
+constexpr std::size_t kMaxPoints_bytes = std::size_t{1} << 24;
 
 std::string shown_name(const std::string& name) {
   return pad_or_truncate(printable_name(name), 16);
 }
-
-// ---- pivot
-
-struct PivotVerb {
-  std::string poses;  // file, or address of a tracker
-  std::filesystem::path output;
-  StreamOptions stream;
-  std::string quaternion = "xyzw";
-};
-
-Result<std::vector<Transform<Tracker, TrackedTool>>> poses_of(const PivotVerb& options, Console& console) {
-  if (const auto address = stream_named(options.poses)) {
-    const auto settings = stream_settings(*address, options.stream);
-    if (!settings) return settings.error();
-    return collect_pivot(*settings, console);
-  }
-  const auto text = read_file(options.poses, kMaxPoses_bytes);
-  if (!text) return text.error();
-  return parse_poses(*text, options.poses, {options.stream.transform, options.quaternion == "wxyz"});
-}
-
-int pivot(const PivotVerb& options, Console& console) {
-  std::optional<OutputClaim> claim;
-  if (!options.output.empty()) {
-    auto claimed = claim_output(options.output, std::array{std::filesystem::path(options.poses)});
-    if (!claimed) return console.fail(claimed.error());
-    claim.emplace(std::move(*claimed));
-  }
-  const auto poses = poses_of(options, console);
-  if (!poses) return console.fail(poses.error());
-  const auto found = calibrate_pivot(*poses);
-  if (!found) {
-    Error error = found.error();
-    error.where = printable_name(options.poses);
-    return console.fail(error);
-  }
-  const int left_out = static_cast<int>(poses->size()) - found->used;
-  std::printf("tip in the tool's frame     %.3f, %.3f, %.3f mm\n", found->tip.x(), found->tip.y(),
-              found->tip.z());
-  std::printf("tip in the tracker's frame  %.3f, %.3f, %.3f mm\n", found->pivot.x(), found->pivot.y(),
-              found->pivot.z());
-  std::printf("residual                    %.3f mm (root mean square of %d poses)\n", found->rms_mm,
-              found->used);
-  std::printf("error of the tip            %.3f mm (root mean square, expected)\n", found->tip_error_mm);
-  std::printf("rotation                    %.1f degrees about the axis of least rotation\n", found->turn_deg);
-  std::printf("outliers                    %d of %zu poses, left out\n", left_out, poses->size());
-  if (!options.output.empty()) {
-    if (const auto written = write_file(options.output, tip_text(*found)); !written)
-      return console.fail(written.error());
-    console.note("tip: " + options.output.string());
-  }
-  return kExitOk;
-}
-
-// ---- register
 
 struct RegisterVerb {
   std::filesystem::path scan_points, touched, output;
@@ -233,64 +174,57 @@ void print_points(const RegistrationOutcome& outcome, bool declared_targets) {
   }
 }
 
-int register_verb(const RegisterVerb& options, Console& console) {
+// an error in the combination of the options that concern a surface
+Result<void> check_surface_options(const RegisterVerb& options, bool is_live) {
+  const bool is_touched = is_live ? !options.touched.empty() && options.surface.empty()
+                                  : options.surface.empty() != options.touched.empty();
+  if (is_touched || options.surface.empty() != options.structure.empty())
+    return Error{
+        ErrorKind::kUsage, "a surface needs --surface, --structure and --touched", "",
+        "give all three, or none; with a live tracker the surface is traced, and --touched is not needed"};
+  return {};
+}
+
+Result<std::optional<OutputClaim>> claim_output_of(const RegisterVerb& options) {
+  if (options.output.empty()) return std::optional<OutputClaim>();
   std::vector<std::filesystem::path> inputs = input_files({options.surface});
   for (const std::filesystem::path& file :
        {options.scan_points, std::filesystem::path(options.tracked_points), options.touched,
         options.stream.tip})
     if (!file.empty()) inputs.push_back(file);
-  std::optional<OutputClaim> claim;
-  if (!options.output.empty()) {
-    auto claimed = claim_output(options.output, inputs);
-    if (!claimed) return console.fail(claimed.error());
-    claim.emplace(std::move(*claimed));
-  }
-  const bool is_live = stream_named(options.tracked_points).has_value();
-  const bool is_touched = is_live ? !options.touched.empty() && options.surface.empty()
-                                  : options.surface.empty() != options.touched.empty();
-  if (is_touched || options.surface.empty() != options.structure.empty())
-    return console.fail(
-        {ErrorKind::kUsage, "a surface needs --surface, --structure and --touched", "",
-         "give all three, or none; with a live tracker the surface is traced, and --touched is not needed"});
+  auto claimed = claim_output(options.output, inputs);
+  if (!claimed) return claimed.error();
+  return std::optional<OutputClaim>(std::move(*claimed));
+}
 
-  const auto scan = points_of(options.scan_points);
-  if (!scan) return console.fail(scan.error());
-  // before points are collected, so that an error does not waste that effort
-  std::optional<Surface> surface;
-  const auto find_surface = [&]() -> Result<void> {
-    auto found = surface_of(options, console);
-    if (!found) return found.error();
-    surface.emplace(*std::move(found));
-    return {};
-  };
-  if (is_live && !options.surface.empty())
-    if (const auto found = find_surface(); !found) return console.fail(found.error());
-  const auto touched = touched_points(options, *scan, console);
-  if (!touched) return console.fail(touched.error());
-  const std::vector<NamedPoint>& tracked = touched->points;
-  auto pairs = pair_up(*scan, tracked, options, console);
-  if (!pairs) return console.fail(pairs.error());
+// registers by the points alone; `outcome.surface` stays empty
+Result<RegistrationOutcome> register_by_points(const RegisterVerb& options,
+                                               const std::vector<NamedPoint>& scan,
+                                               const TouchedPoints& touched, bool is_live, Console& console) {
+  const std::vector<NamedPoint>& tracked = touched.points;
+  auto pairs = pair_up(scan, tracked, options, console);
+  if (!pairs) return pairs.error();
   const auto with_error = std::count_if(tracked.begin(), tracked.end(),
                                         [](const auto& point) { return point.fle_mm.has_value(); });
   if (!options.fle_mm && with_error > 0 && with_error < std::ssize(tracked))
-    return console.fail({ErrorKind::kBadInput,
-                         "gives the error of only " + std::to_string(with_error) + " of " +
-                             std::to_string(tracked.size()) + " points",
-                         printable_name(options.tracked_points),
-                         "give the error of all points, or of none, or give --fle"});
+    return Error{ErrorKind::kBadInput,
+                 "gives the error of only " + std::to_string(with_error) + " of " +
+                     std::to_string(tracked.size()) + " points",
+                 printable_name(options.tracked_points),
+                 "give the error of all points, or of none, or give --fle"};
   if (options.fle_mm)
     for (PointPair& pair : *pairs) pair.fle_mm = *options.fle_mm;
   auto by_points = register_points(*pairs);
   if (!by_points) {
     Error error = by_points.error();
     error.where = printable_name(options.tracked_points);
-    return console.fail(error);
+    return error;
   }
 
   RegistrationOutcome outcome;
   outcome.by_points = *std::move(by_points);
   for (const PointPair& pair : *pairs) outcome.names.push_back(pair.name);
-  outcome.spread_mm = touched->spread_mm;
+  outcome.spread_mm = touched.spread_mm;
   outcome.is_fle_known = options.fle_mm || with_error > 0;
   outcome.reference = is_live ? options.stream.reference : "";
   for (const std::vector<double>& at : options.targets) outcome.targets.emplace_back(at[0], at[1], at[2]);
@@ -303,31 +237,64 @@ int register_verb(const RegisterVerb& options, Console& console) {
     console.warn()(
         "the points fit without any error, so they were computed from each other: the error of the "
         "registration is unknown");
-  print_points(outcome, !options.targets.empty());
+  return outcome;
+}
 
-  if (!options.surface.empty()) {
-    if (!surface)
-      if (const auto found = find_surface(); !found) return console.fail(found.error());
-    auto found = register_to_surface(*surface, touched->traced, outcome.by_points.patient_from_tracker,
-                                     {.tip_radius_mm = options.tip_radius_mm}, console.progress());
-    if (!found) {
-      Error error = found.error();
-      if (error.kind != ErrorKind::kInterrupted)
-        error.where =
-            options.touched.empty() ? printable_name(options.tracked_points) : options.touched.string();
-      return console.fail(error);
-    }
-    outcome.surface = {options.structure, *std::move(found)};
-    const SurfaceRegistration& onto = outcome.surface->found;
-    const auto trimmed = std::count(onto.is_trimmed.begin(), onto.is_trimmed.end(), true);
-    std::printf("\nrefined on the surface of %s with %zu points, without the %ld worst:\n",
-                printable_name(options.structure).c_str(), touched->traced.size(),
-                static_cast<long>(trimmed));
-    std::printf("  residual %.3f mm (root mean square); moved by %.2f mm and %.2f degrees\n", onto.rms_mm,
-                onto.moved_mm, onto.turned_deg);
+Result<SurfaceRegistration> refine_on_surface(const RegisterVerb& options, const Surface& surface,
+                                              const TouchedPoints& touched,
+                                              const RegistrationOutcome& outcome, Console& console) {
+  auto found = register_to_surface(surface, touched.traced, outcome.by_points.patient_from_tracker,
+                                   {.tip_radius_mm = options.tip_radius_mm}, console.progress());
+  if (found) return found;
+  Error error = found.error();
+  if (error.kind != ErrorKind::kInterrupted)
+    error.where = options.touched.empty() ? printable_name(options.tracked_points) : options.touched.string();
+  return error;
+}
+
+void print_refinement(const RegisterVerb& options, const SurfaceRegistration& onto, std::size_t traced) {
+  const auto trimmed = std::count(onto.is_trimmed.begin(), onto.is_trimmed.end(), true);
+  std::printf("\nrefined on the surface of %s with %zu points, without the %ld worst:\n",
+              printable_name(options.structure).c_str(), traced, static_cast<long>(trimmed));
+  std::printf("  residual %.3f mm (root mean square); moved by %.2f mm and %.2f degrees\n", onto.rms_mm,
+              onto.moved_mm, onto.turned_deg);
+}
+
+int register_verb(const RegisterVerb& options, Console& console) {
+  const auto claim = claim_output_of(options);
+  if (!claim) return console.fail(claim.error());
+  const bool is_live = stream_named(options.tracked_points).has_value();
+  if (const auto checked = check_surface_options(options, is_live); !checked)
+    return console.fail(checked.error());
+
+  const auto scan = points_of(options.scan_points);
+  if (!scan) return console.fail(scan.error());
+  std::optional<Surface> surface;
+  const auto find_surface = [&]() -> Result<void> {
+    if (options.surface.empty() || surface) return {};
+    auto found = surface_of(options, console);
+    if (!found) return found.error();
+    surface.emplace(*std::move(found));
+    return {};
+  };
+  // before points are collected, so that an error does not waste that effort
+  if (is_live)
+    if (const auto found = find_surface(); !found) return console.fail(found.error());
+  const auto touched = touched_points(options, *scan, console);
+  if (!touched) return console.fail(touched.error());
+  auto outcome = register_by_points(options, *scan, *touched, is_live, console);
+  if (!outcome) return console.fail(outcome.error());
+  print_points(*outcome, !options.targets.empty());
+
+  if (const auto found = find_surface(); !found) return console.fail(found.error());
+  if (surface) {
+    auto refined = refine_on_surface(options, *surface, *touched, *outcome, console);
+    if (!refined) return console.fail(refined.error());
+    print_refinement(options, *refined, touched->traced.size());
+    outcome->surface = {options.structure, *std::move(refined)};
   }
   if (!options.output.empty()) {
-    if (const auto written = write_file(options.output, registration_text(outcome)); !written)
+    if (const auto written = write_file(options.output, registration_text(*outcome)); !written)
       return console.fail(written.error());
     console.note("registration: " + options.output.string());
   }
@@ -335,28 +302,6 @@ int register_verb(const RegisterVerb& options, Console& console) {
 }
 
 }  // namespace
-
-void add_pivot(CLI::App& app, Run& run) {
-  auto options = std::make_shared<PivotVerb>();
-  CLI::App* verb = app.add_subcommand("pivot", "Pivot calibration: find the tip of a tracked tool");
-  verb->add_option("poses", options->poses,
-                   "Poses of the tool's markers (tracker from tool): a file with one pose per line (matrix "
-                   "of 16 or 12 numbers, or x y z and a quaternion), a PLUS sequence (.mha), or a live "
-                   "tracking server as HOST:PORT (OpenIGTLink; port 18944 for PLUS)")
-      ->required();
-  add_stream_options(*verb, options->stream);
-  verb->add_option("--quaternion", options->quaternion, "Order of the components of quaternions")
-      ->check(CLI::IsMember({"xyzw", "wxyz"}))
-      ->capture_default_str();
-  verb->add_option("-o,--output", options->output, "File to write the tip and its error to (JSON)");
-  verb->footer(
-      "Keep the tip in a dimple and tilt the tool by 30 degrees or more in all directions, for some hundred\n"
-      "poses. Outliers are left out and counted; poses with too little rotation are refused.\n\n"
-      "Example:\n"
-      "  palpate pivot poses.csv -o tip.json\n"
-      "  palpate pivot localhost:18944 --transform StylusToTracker -o tip.json");
-  verb->callback([options, &run] { run = [options](Console& console) { return pivot(*options, console); }; });
-}
 
 void add_register(CLI::App& app, Run& run) {
   auto options = std::make_shared<RegisterVerb>();
