@@ -6,7 +6,7 @@
 #include <string>
 
 #include "palpate/json/json.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/studies.h"
 #include "verb.h"
 
 /// Outputs of `palpate info` that do not describe one volume.

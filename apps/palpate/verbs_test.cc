@@ -16,7 +16,7 @@
 #include "gmock/gmock.h"
 #include "palpate/base/reading.h"
 #include "palpate/cache/cache.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/placement_options.h"
 
 namespace palpate::app {
 namespace {

@@ -1,14 +1,18 @@
 #pragma once
 
-#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
 #include "palpate/base/progress.h"
 #include "palpate/volume/volume.h"
+#include "palpate/volume_io/label_tables.h"
+#include "palpate/volume_io/placement_options.h"
+#include "palpate/volume_io/studies.h"
+#include "palpate/volume_io/write_volume.h"
 
 /// Reads untrusted files as volumes in LPS millimetres. Supported are NRRD (.nrrd, .nhdr, Slicer's
 /// .seg.nrrd), NIfTI (.nii, .nii.gz, .hdr/.img), MetaImage (.mha, .mhd) and DICOM images (CT, MR and others
@@ -88,37 +92,6 @@ std::string origin_of_names(const LabelFile& labels);
 /// kOn reads from and writes to the cache. Header, names and warnings come from the files in either case.
 enum class VoxelCaching { kOff, kOn };
 
-/// Coordinate system of a surface file.
-enum class MeshSpace { kLps, kRas };
-
-/// Coordinate system and unit of surfaces, which their files do not specify. A value that is not given here
-/// is taken from the file (3D Slicer's "SPACE=LPS"), otherwise inferred from the scan: the one of LPS and
-/// RAS, and of mm, cm and m, for which the points lie within the scan; if several fit, an error asks the
-/// user. Without a scan LPS, with sides unconfirmed, and mm.
-struct MeshPlacementOptions {
-  std::optional<MeshSpace> space;
-  std::optional<double> unit_mm;  ///< Length of a unit of the file; mm, > 0.
-};
-
-/// The two transforms that a NIfTI may contain.
-enum class NiftiForm { kQform, kSform };
-
-/// Position of volumes in the patient where their files leave it open or contradict themselves.
-struct PlacementOptions {
-  MeshPlacementOptions mesh = {};
-  /// Spacing of columns, rows and slices of an image stack (PNG, TIFF, JPEG); > 0.
-  std::optional<Eigen::Vector3d> image_spacing_mm = {};
-  /// Transform to use for a NIfTI that has both; unset: the sform.
-  std::optional<NiftiForm> nifti_form = {};
-  /// Accept labels of which more than half lie outside the scan, because the scan shows only a part of the
-  /// anatomy.
-  bool scan_is_cropped = false;
-};
-/// Sets the placement for the whole process, as palpate/base/reading.h does for limits; settings of a scene
-/// take precedence.
-void set_placement_options(const PlacementOptions& placement_options);
-const PlacementOptions& placement_options();
-
 /// Patient directions of a grid's axes, such as "LPS": the assignment of directions to axes that fits best.
 std::string axis_codes(const Eigen::Matrix3d& direction);
 
@@ -140,59 +113,6 @@ bool is_dicom(const std::filesystem::path& file);
 
 /// Whether it is a DICOM structure set (RTSTRUCT), which is a label map only with the grid of its scan.
 bool is_structure_set(const std::filesystem::path& file);
-
-/// Volumes in a DICOM file or in a folder of DICOM files. Contains no text from the files: no name, no date,
-/// no identifier.
-struct VolumeList {
-  struct Item {
-    std::string what;         ///< Description: "series 1: CT, axial, 512 x 512 x 90, 0.7 x 0.7 x 1.25 mm".
-    std::string fault;        ///< Why it cannot be used, naming the slice; empty if it can.
-    std::string remedy = {};  ///< Remedy, as an imperative.
-  };
-  std::vector<Item> volumes;       ///< Numbered from 1.
-  std::vector<std::string> notes;  ///< Other contents, and files that were left out.
-};
-/// Lists the volumes of a DICOM file or folder.
-/// @pre is_dicom(file)
-/// Errors: no readable image; interrupted.
-Result<VolumeList> list_volumes(const std::filesystem::path& file, const Progress& progress = {});
-
-/// A scan and the labels that were made on it.
-struct Study {
-  std::filesystem::path scan;
-  std::optional<int> volume;                    ///< Number of the scan's volume, if it is DICOM.
-  std::optional<std::filesystem::path> labels;  ///< Unset: a scan without labels.
-  std::vector<std::string> notes;               ///< Relation of the two, and what is unknown about it.
-  /// True if DICOM labels reference images, series or frame of reference of the scan, or if the labels are in
-  /// a format that cannot reference a scan.
-  bool is_declared = true;
-};
-/// Finds the volume among DICOM images on which a DICOM segmentation was made, by the images, the series and
-/// the frame of reference that it references; identifiers are compared in the reader process. Files of other
-/// formats are returned as given.
-/// @param scan    any volume
-/// @param labels  unset: if `scan` is a DICOM folder, the only segmentation in it or below it
-/// @param volume  number of the scan's volume, which overrides the search
-/// Errors: a folder with several segmentations; a segmentation of other images, of a volume that cannot be
-/// used or of several equally related ones; interrupted.
-Result<Study> find_study(const std::filesystem::path& scan,
-                         const std::optional<std::filesystem::path>& labels, std::optional<int> volume,
-                         const Progress& progress = {});
-
-/// A scan and its segmentation.
-struct ScanAndLabels {
-  std::filesystem::path scan, labels;
-};
-/// Identifies the scan and the segmentation among two volumes, named in either order. DICOM images are a
-/// scan; surfaces, folders of masks, DICOM segmentations and structure sets are segmentations. Other files
-/// are classified by their header, else by the first 2^20 voxel values that are not 0, with the criteria of
-/// read_volume(). Where both remain unclear, and where read_as() is set, `first` is the scan.
-/// @param names  a table for the labels; whole numbers are then enough, as for read_volume()
-/// Errors: kUsage, one file given twice; kBadInput, a file that is missing or no volume, two scans, two label
-/// maps.
-Result<ScanAndLabels> identify_scan_and_labels(const std::filesystem::path& first,
-                                               const std::filesystem::path& second,
-                                               const std::optional<std::filesystem::path>& names = {});
 
 /// Error that describes a file or folder that is no volume, with a remedy: DICOM, a surface, a picture, an
 /// archive, a folder, ...; empty for a volume, a text and an unknown format.
@@ -250,52 +170,5 @@ Result<LabelFile> read_labels(const std::filesystem::path& file,
                               const GridGeometry* scan_grid = nullptr,
                               const PlacementOptions& placement_options = {},
                               const std::optional<std::filesystem::path>& scan = {});
-
-/// One row of a label table.
-struct NamedLabel {
-  LabelId value = 0;
-  std::string name;
-  std::optional<Rgb> colour;
-};
-
-/// Parses Slicer's colour table: "value name r g b a", '#' comments; underscores in names are preserved.
-/// `source` names the text in errors, which include the line number.
-Result<std::vector<NamedLabel>> parse_colour_table(std::string_view text, const std::string& source);
-/// Parses a tab-separated table with a header line that contains "value" (or "index", "label", "id") and
-/// "name", and optionally "r","g","b" or "color" (#rrggbb) columns, as in BIDS dseg.tsv.
-Result<std::vector<NamedLabel>> parse_label_tsv(std::string_view text, const std::string& source);
-/// Parses the same columns separated by commas or semicolons, with optional quotation marks; 3D Slicer's
-/// column names "LabelValue" and "Color_R" are accepted too.
-Result<std::vector<NamedLabel>> parse_label_csv(std::string_view text, const std::string& source);
-/// Parses ITK-SNAP's label descriptions: value r g b opacity visible mesh "name".
-Result<std::vector<NamedLabel>> parse_snap_labels(std::string_view text, const std::string& source);
-/// Parses {"1": "femur"} or {"femur": 1}, at top level, under "labels" or as the only table of a task
-/// (TotalSegmentator, nnU-Net, MONAI); segment lists as written by dcmqi and 3D Slicer; and 3D Slicer's
-/// terminologies whose types have numbers.
-Result<std::vector<NamedLabel>> parse_label_json(std::string_view text, const std::string& source);
-/// Reads a table by its extension: .ctbl, .txt and .lut (FreeSurfer) are colour tables or, if the first line
-/// says so, ITK-SNAP's; .label is ITK-SNAP's; .tsv; .csv; .json.
-Result<std::vector<NamedLabel>> read_label_names(const std::filesystem::path& file);
-
-/// Part of a file name that may name a structure without naming a patient: the words that are known to be
-/// anatomy (those of the tissue presets, TotalSegmentator and FreeSurfer), such as "femur_left" of
-/// "doe_femur_left"; empty if there are none.
-std::string structure_in_name(std::string_view text);
-
-/// Parses Slicer's SegmentN_* fields (key, value pairs of an NRRD header) into segments. Keys of other
-/// software are ignored. `source` names the file in errors.
-Result<std::vector<Segment>> parse_segment_fields(
-    const std::vector<std::pair<std::string, std::string>>& fields, int layers, const std::string& source);
-
-/// Writes a volume in the format of the file's extension, compressed; NRRD and MetaImage in LPS, NIfTI in RAS
-/// as its standard requires, so that other software obtains the same geometry. The file appears complete or
-/// not at all (a temporary is renamed). Errors: kOutput.
-Result<void> write_volume(const std::filesystem::path& file, const Volume<float>& volume);
-Result<void> write_volume(const std::filesystem::path& file, const Volume<std::uint8_t>& volume);
-Result<void> write_volume(const std::filesystem::path& file, const Volume<std::uint16_t>& volume);
-Result<void> write_volume(const std::filesystem::path& file, const Volume<std::int16_t>& volume);
-/// Writes labels; the extension .seg.nrrd stores names, colours and layers in Slicer's fields. Errors:
-/// several layers in any other format.
-Result<void> write_labels(const std::filesystem::path& file, const LabelMap& labels);
 
 }  // namespace palpate

@@ -6,7 +6,7 @@
 #include "catalog/digest.h"
 #include "catalog/local_data.h"
 #include "catalog/test_server.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/write_volume.h"
 
 namespace palpate {
 namespace {

@@ -25,7 +25,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/palpation.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/write_volume.h"
 
 namespace palpate {
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "palpate/scene/tissue_presets.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/label_tables.h"
 
 namespace palpate {
 namespace {

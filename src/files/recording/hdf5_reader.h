@@ -1,17 +1,12 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <optional>
 
+#include "recording/hdf5_reading.h"
 #include "recording/stream.h"
 
 namespace palpate::internal {
-
-/// Consecutive ticks without their events: up to `count` from row `first` on.
-struct RowRange {
-  std::uint64_t first = 0, count = 0;
-};
 
 /// Opens a recording with HDF5, validates every name, type and shape in it, and sends it or a refusal. False
 /// if it failed half-way. Call it inside an Hdf5Section, and for untrusted files in a sandboxed process.

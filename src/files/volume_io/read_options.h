@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/placement_options.h"
 
 /// Settings of the process for reading volumes: set_placement_options(), set_read_as().
 namespace palpate::volume_io {

@@ -2,7 +2,7 @@
 #include <filesystem>
 #include <string>
 
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/write_volume.h"
 #include "volume/test_grids.h"
 
 /// Writes some unusual volumes into the given folder, to be read by other software in reopen_check.py, and

@@ -10,7 +10,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/scene/new_scene.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/write_volume.h"
 
 namespace palpate {
 namespace {

@@ -11,7 +11,7 @@
 #include "palpate/palpation/run_setup.h"
 #include "palpate/scene/named_values.h"
 #include "palpate/scene/new_scene.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/write_volume.h"
 #include "palpation/force_sweep.h"
 
 namespace palpate {

@@ -6,7 +6,7 @@
 #include "base/test_files.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/write_volume.h"
 
 namespace palpate {
 namespace {

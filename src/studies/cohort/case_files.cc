@@ -8,7 +8,7 @@
 #include "palpate/cohort/case.h"
 #include "palpate/cohort/cohort_table.h"
 #include "palpate/scene/scene.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/label_tables.h"
 
 namespace palpate {
 namespace {

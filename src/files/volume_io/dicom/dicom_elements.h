@@ -15,6 +15,8 @@
 #include <string>
 #include <vector>
 
+#include "volume_io/dicom/dicom_fault.h"
+
 /// Loading of DICOM files and access to the values of their elements, by DCMTK. The bytes are untrusted.
 namespace palpate::volume_io {
 
@@ -23,11 +25,6 @@ inline constexpr const char* kDecompress =
 inline constexpr const char* kSlicer = "load the series in 3D Slicer and save it as NRRD";
 inline constexpr const char* kExport = "export the series again, as CT or MR images";
 inline constexpr const char* kDamagedStructures = "is a damaged DICOM structure set";
-
-/// Reason for which a file or a frame cannot be used.
-struct Fault {
-  std::string what, remedy;
-};
 
 /// Completeness of a file.
 enum class Loaded {

@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "volume_io/dicom/dicom_file.h"
+#include "volume_io/dicom/dicom_segment_grid.h"
+#include "volume_io/dicom/dicom_segment_names.h"
 #include "volume_io/formats/file_kind.h"
 
 namespace {

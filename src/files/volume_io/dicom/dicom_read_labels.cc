@@ -4,6 +4,8 @@
 #include <set>
 
 #include "palpate/base/file.h"
+#include "volume_io/dicom/dicom_segment_grid.h"
+#include "volume_io/dicom/dicom_segment_names.h"
 #include "volume_io/labels/layered_labels.h"
 #include "volume_io/structure_files.h"
 #include "volume_io/volume_message.h"

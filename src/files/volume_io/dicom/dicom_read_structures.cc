@@ -2,6 +2,7 @@
 
 #include "palpate/base/file.h"
 #include "volume_io/dicom/dicom_read_labels.h"
+#include "volume_io/dicom/dicom_segment_names.h"
 #include "volume_io/labels/layered_labels.h"
 #include "volume_io/structure_files.h"
 #include "volume_io/volume_message.h"

@@ -7,10 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/base/result.h"
 #include "volume_io/dicom/dicom_volumes.h"
 
-/// Contents of a DICOM segmentation (SEG) and the grid of its frames. Plain data, as dicom_volumes.h.
+/// Contents of a DICOM segmentation (SEG). Plain data, as dicom_volumes.h.
 namespace palpate::volume_io {
 
 struct DicomSegment {
@@ -51,29 +50,6 @@ struct DicomSegmentation {
 /// would repeat.
 /// @pre `files` is not empty
 DicomSegmentation join_segmentations(std::vector<DicomSegmentation> files);
-
-/// Grid of a segmentation's frames. Files omit empty frames, so the grid is inferred from the positions of
-/// the others.
-struct SegmentGrid {
-  GridGeometry geometry;  ///< Sheared if the gantry was tilted.
-  std::vector<int> slice_of_frame;
-  std::vector<std::string> notes;  ///< Contradictions in the file, and how they were resolved.
-};
-/// Computes the grid. Errors, without `where`: no frame; frames of several orientations, offset sideways,
-/// between slices, duplicated for one segment and position, or of an undescribed segment.
-Result<SegmentGrid> segment_grid_of(const DicomSegmentation& segmentation);
-
-/// Display name of a segment: its label, or its type if that is known and the label does not contain it; with
-/// its side.
-std::string name_of_segment(const DicomSegment& segment);
-/// Segment description by name only: code, scheme and meaning if the name is one of palpate's types with a
-/// SNOMED CT code, and its side.
-DicomSegment segment_from_name(const std::string& name);
-/// Colour as in Slicer's fields, "0.87 0.68 0.51", converted from CIELab with illuminant D65 (DICOM PS3.3
-/// C.10.7.1.1), or from the palette; empty if the segment has neither.
-std::string colour_of_segment(const DicomSegment& segment);
-/// True for a segment that represents the background (code 125040 of DCM).
-bool is_background(const DicomSegment& segment);
 
 /// Assigns each segment the first layer in which it overlaps no other, in order.
 /// @param overlaps  pairs of segment indices

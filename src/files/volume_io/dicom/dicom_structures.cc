@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "volume_io/dicom/dicom_segment_names.h"
 #include "volume_io/voxel_source.h"
 
 namespace palpate::volume_io {

@@ -68,6 +68,9 @@ std::vector<DicomVolume> sort_into_volumes(std::vector<DicomFrame> frames);
 /// True if some of the volume's images are lossily compressed.
 bool is_lossy(const DicomVolume& volume);
 
+/// Unit normal of an image: along_row x along_column.
+Eigen::Vector3d normal_of(const DicomFrame& frame);
+
 /// Upper bound of the distance between the image corners farthest from the first voxel if one image had the
 /// orientation and spacing of the other; mm.
 double corner_off_mm(const DicomFrame& a, const DicomFrame& b);

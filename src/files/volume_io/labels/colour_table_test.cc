@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/label_tables.h"
 
 namespace palpate {
 namespace {

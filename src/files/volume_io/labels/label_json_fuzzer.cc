@@ -1,4 +1,4 @@
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/label_tables.h"
 
 // name formats other than colour tables and tab-separated tables; the first byte selects one
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

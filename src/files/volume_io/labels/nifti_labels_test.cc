@@ -3,7 +3,7 @@
 #include <cstring>
 #include <random>
 
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/label_tables.h"
 #include "volume_io/formats/headers.h"
 
 namespace palpate::volume_io {

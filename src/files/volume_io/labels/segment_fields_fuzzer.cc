@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/label_tables.h"
 
 // the first byte is the number of layers, followed by "key=value" texts separated by zero bytes
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

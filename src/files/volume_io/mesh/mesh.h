@@ -10,7 +10,7 @@
 
 #include "palpate/base/result.h"
 #include "palpate/geometry/geometry.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/placement_options.h"
 
 /// Surface meshes and their parsers. Plain data; mesh_labels.h rasterises them.
 namespace palpate::volume_io {

@@ -9,7 +9,7 @@
 
 #include "palpate/base/result.h"
 #include "palpate/volume/volume.h"
-#include "palpate/volume_io/volume_io.h"
+#include "palpate/volume_io/placement_options.h"
 #include "volume_io/mesh/mesh.h"
 
 /// Position of a mesh in the patient. A mesh file specifies neither its unit nor, usually, its axes: they are
