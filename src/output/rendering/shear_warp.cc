@@ -233,8 +233,8 @@ std::optional<ShearWarp> ShearWarp::for_region(const GridGeometry& grid, const V
   clip_to_grid(grid, rays, slices, warp, footprint);
   if (!(footprint.x.low <= footprint.x.high) || !(footprint.y.low <= footprint.y.high)) return {};
   lay_out_picture(grid, footprint, warp);
-  add_sampling_planes(grid, rays,
-                      std::min(1.0, max_apart * grid.min_spacing_mm() / footprint.separation_mm), warp);
+  add_sampling_planes(grid, rays, std::min(1.0, max_apart * grid.min_spacing_mm() / footprint.separation_mm),
+                      warp);
   if (warp.planes.empty()) return {};
   return warp;
 }

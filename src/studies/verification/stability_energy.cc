@@ -319,7 +319,8 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
     Exploration free = exploration;
     free.controller = false;
     const Model& model = exploration.flat ? **wall : **ball;
-    const EnergyBalance with = simulate_exploration(model, exploration), without = simulate_exploration(model, free);
+    const EnergyBalance with = simulate_exploration(model, exploration),
+                        without = simulate_exploration(model, free);
     const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s * exploration.rate_hz));
     // energy within one encoder step, which cannot be observed
     const double hidden_mJ = with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;

@@ -223,7 +223,8 @@ TEST(StabilityEnergy, AnExplorationRepeats) {
   ASSERT_TRUE(ball);
   Exploration exploration{*find_plant_device("touch"), *find_plant_hand("firm-grip")};
   exploration.time_s = 3;
-  const EnergyBalance once = simulate_exploration(**ball, exploration), again = simulate_exploration(**ball, exploration);
+  const EnergyBalance once = simulate_exploration(**ball, exploration),
+                      again = simulate_exploration(**ball, exploration);
   EXPECT_EQ(once.last_mJ, again.last_mJ);
   exploration.seed = 2;
   EXPECT_NE(simulate_exploration(**ball, exploration).last_mJ, once.last_mJ);
