@@ -369,9 +369,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
                                  with_cells.warning));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
-    auto started = options.viewers(live);
-    if (!started) return started.error();
-    viewers = *std::move(started);
+    auto served = options.viewers(live);
+    if (!served) return served.error();
+    viewers = *std::move(served);
   }
   LoopSettings settings = options.loop;
   settings.rate_hz = setup->script.rate_hz;
