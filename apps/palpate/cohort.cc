@@ -175,7 +175,7 @@ Result<void> write_results(const CohortResults& cohort, const fs::path& folder) 
   return {};
 }
 
-bool lies_in(const fs::path& what, const fs::path& folder) {
+bool is_within(const fs::path& what, const fs::path& folder) {
   std::error_code failed;
   const fs::path inner = fs::weakly_canonical(fs::absolute(what, failed), failed);
   const fs::path outer = fs::weakly_canonical(fs::absolute(folder, failed), failed);
@@ -200,7 +200,7 @@ Result<void> check_folder(const CohortOptions& options, const std::vector<Cohort
     constexpr const char* kBeside = "holds data; tables next to labels are read as their names";
     for (const fs::path& study : named) {
       if (!fs::is_directory(study, failed)) continue;
-      if (lies_in(options.folder, study)) return refuse(one, "is inside a folder that is read as a study");
+      if (is_within(options.folder, study)) return refuse(one, "is inside a folder that is read as a study");
       if (same_file(fs::absolute(study, failed).lexically_normal().parent_path(), options.folder))
         return refuse(one, kBeside);
     }
@@ -208,7 +208,7 @@ Result<void> check_folder(const CohortOptions& options, const std::vector<Cohort
       if (file.empty()) continue;
       inputs.push_back(file);
       if (!folders.insert(file.parent_path()).second) continue;
-      if (lies_in(file, options.folder / "cases"))
+      if (is_within(file, options.folder / "cases"))
         return refuse(one, "has data in its folder 'cases', where the results go");
       if (role != "script" &&
           same_file(file.parent_path().empty() ? fs::path(".") : file.parent_path(), options.folder))

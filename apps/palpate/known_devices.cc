@@ -21,11 +21,11 @@ namespace palpate::app {
 namespace {
 
 /// Values of an option of the form NAME=VALUE; each name once unless `repeats`.
-class Named {
+class NamedValues {
  public:
-  static Result<Named> parse(const char* option, const std::vector<std::string>& declared,
-                             const std::vector<std::string>& names, bool repeats = false) {
-    Named named;
+  static Result<NamedValues> parse(const char* option, const std::vector<std::string>& declared,
+                                   const std::vector<std::string>& names, bool repeats = false) {
+    NamedValues named;
     std::string all;
     for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
     for (const std::string& each : declared) {
@@ -150,9 +150,9 @@ Result<DeviceRegistry> known_devices(const DeviceOptions& options,
                                      const std::shared_ptr<const Navigation>& navigation,
                                      const std::vector<std::string>& names) {
   const std::vector<std::string> by_library{"force-dimension", "touch"};
-  const auto libraries = Named::parse("--library", options.libraries, by_library);
+  const auto libraries = NamedValues::parse("--library", options.libraries, by_library);
   if (!libraries) return libraries.error();
-  const auto masses = Named::parse("--held-mass", options.held_masses, by_library);
+  const auto masses = NamedValues::parse("--held-mass", options.held_masses, by_library);
   if (!masses) return masses.error();
 
   ForceDimensionSettings force_dimension;
@@ -166,7 +166,7 @@ Result<DeviceRegistry> known_devices(const DeviceOptions& options,
   const auto held_by_touch_kg = masses->number("--held-mass", "touch", kMaxHeld_kg);
   if (!held_by_touch_kg) return held_by_touch_kg.error();
   openhaptics.held_mass_kg = *held_by_touch_kg;
-  const auto configs = Named::parse("--device-config", options.configs, {"touch"}, true);
+  const auto configs = NamedValues::parse("--device-config", options.configs, {"touch"}, true);
   if (!configs) return configs.error();
   openhaptics.names = configs->all();
   if (openhaptics.names.size() > static_cast<std::size_t>(kMaxDevices))

@@ -53,9 +53,9 @@ GaussianOptions gaussian_options(const PrepareOptions& options) {
   return {.sigma_mm = options.sigma_mm, .engine = engine, .threads = options.threads};
 }
 
-/// Whether the target gives a scene: a data set, a scene file, or a scan with its segmentation, for which a
+/// Whether the target is a scene (a data set or a scene file) or a scan with its segmentation, for which a
 /// scene is proposed.
-Result<bool> gives_a_scene(const PrepareOptions& options, const Progress& progress) {
+Result<bool> is_scene_target(const PrepareOptions& options, const Progress& progress) {
   const SceneSource& source = options.source;
   if (find_entry(source.target).ok() || std::filesystem::path(source.target).extension() == ".toml")
     return true;
@@ -239,7 +239,7 @@ int run_prepare(const PrepareOptions& options, Console& console) {
   }
   const auto claimed = claim_output(options.output, input_files(options.source));
   if (!claimed) return console.fail(claimed.error());
-  const auto is_scene = gives_a_scene(options, console.progress());
+  const auto is_scene = is_scene_target(options, console.progress());
   if (!is_scene) return console.fail(is_scene.error());
   if (*is_scene) return prepare_scene(options, console);
   if (!options.threshold.empty() && !(options.threshold[0] < options.threshold[1])) {

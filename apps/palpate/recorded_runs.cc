@@ -59,7 +59,7 @@ Result<std::size_t> each_run(Records& records, const RunFilter& filter,
 
 // adds a run to the section of its task's text; the metrics of a text are listed in the order of its latest
 // run
-void PageOfRuns::visit(const RunRecord& run) {
+void LearnersPageBuilder::visit(const RunRecord& run) {
   LearnersPage::Task& task = tasks_[{run.task, run.task_hash}];
   task.title = run.task;
   task.hash = run.task_hash;
@@ -77,7 +77,7 @@ void PageOfRuns::visit(const RunRecord& run) {
   learner->runs.push_back(std::move(point));
 }
 
-std::string PageOfRuns::html() {
+std::string LearnersPageBuilder::html() {
   LearnersPage page{PALPATE_VERSION " (commit " PALPATE_COMMIT ")", {}};
   for (auto& [key, task] : tasks_) {
     std::ranges::sort(task.learners, {}, &LearnersPage::Learner::name);
@@ -144,7 +144,7 @@ Result<std::string> learners_page_html(const std::filesystem::path& requested, c
   if (!file) return file.error();
   auto records = Records::open_to_read(*file);
   if (!records) return records.error();
-  PageOfRuns page;
+  LearnersPageBuilder page;
   RunFilter filter;
   filter.learner = learner;
   const auto count = each_run(**records, filter, [&](const RunRecord& run) { page.visit(run); });

@@ -24,7 +24,7 @@ Result<std::size_t> each_run(Records& records, const RunFilter& filter,
                              const std::function<void(const RunRecord&)>& visit);
 
 /// Page about a set of runs.
-class PageOfRuns {
+class LearnersPageBuilder {
  public:
   void visit(const RunRecord& run);
   std::string html();

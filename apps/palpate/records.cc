@@ -160,7 +160,7 @@ int export_runs(const RecordsOptions& options, Console& console) {
 }
 
 int write_page(const RecordsOptions& options, Console& console) {
-  PageOfRuns page;
+  LearnersPageBuilder page;
   return write_runs(
       options, console, [&](const RunRecord& run) { page.visit(run); }, [&] { return page.html(); });
 }

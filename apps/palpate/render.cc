@@ -165,18 +165,18 @@ Result<void> write_frames(const std::filesystem::path& folder,
 }
 
 /// Content of the picture: a model, and for a recording its state at the requested time.
-struct Drawn {
+struct PictureContent {
   std::shared_ptr<const Model> model;  ///< Model at the start of the recording
   std::optional<RecordedMoment> moment;
 
   const Model& shown() const { return moment && moment->current_model ? *moment->current_model : *model; }
 };
 
-Result<Drawn> load_drawn(const RenderOptions& options, Console& console) {
+Result<PictureContent> load_content(const RenderOptions& options, Console& console) {
   if (!options.time_s) {
     auto loaded = load_target(options.source, console);
     if (!loaded) return loaded.error();
-    return Drawn{loaded->model, {}};
+    return PictureContent{loaded->model, {}};
   }
   const Progress progress = console.progress();
   const auto recording = RecordingSource::open(options.source.target, progress);
@@ -190,7 +190,7 @@ Result<Drawn> load_drawn(const RenderOptions& options, Console& console) {
     if (error.where.empty()) error.where = options.source.target;
     return error;
   }
-  return Drawn{loaded->model, *std::move(moment)};
+  return PictureContent{loaded->model, *std::move(moment)};
 }
 
 int render(const RenderOptions& options, Console& console) {
@@ -199,7 +199,7 @@ int render(const RenderOptions& options, Console& console) {
                               "choose the moment of the recording to draw with --time S"));
   const auto claimed = check_output(options);
   if (!claimed) return console.fail(claimed.error());
-  const auto drawn_model = load_drawn(options, console);
+  const auto drawn_model = load_content(options, console);
   if (!drawn_model) return console.fail(drawn_model.error());
   const Model& model = drawn_model->shown();
   if (model.labels == nullptr || model.segments.empty())

@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct NewOptions {
+struct SceneNewOptions {
   std::vector<std::string> files;  ///< Positional arguments: LABELS, or SCAN LABELS
   std::string scan, labels, side, modality, title, law, output;
   std::optional<fs::path> names;
@@ -35,7 +35,7 @@ struct NewOptions {
 
 /// Assigns the positional files to scan and labels that --scan and --labels leave open; two files are a scan
 /// and its label map in either order.
-Result<void> assign_files(NewOptions& options) {
+Result<void> assign_files(SceneNewOptions& options) {
   if (options.files.size() == 2 && options.scan.empty() && options.labels.empty()) {
     auto files = identify_scan_and_labels(options.files[0], options.files[1], options.names);
     if (!files) return files.error();
@@ -66,7 +66,7 @@ Result<void> assign_files(NewOptions& options) {
 
 /// Claims the output. A scene file contains manual work, so an existing one is not replaced without --force,
 /// and the input data never.
-Result<std::optional<OutputClaim>> check_new_output(const NewOptions& options) {
+Result<std::optional<OutputClaim>> check_new_output(const SceneNewOptions& options) {
   using Claim = std::optional<OutputClaim>;
   if (options.output.empty()) return Claim();
   std::vector<fs::path> inputs;
@@ -111,7 +111,7 @@ void note_without_preset(const Scene& scene, Console& console) {
 
 /// Selects the volume of a study on which its segmentation was made, and the segmentation if it lies in the
 /// folder of the study.
-Result<void> match_study(NewOptions& options, Console& console) {
+Result<void> match_study(SceneNewOptions& options, Console& console) {
   if (options.labels.empty()) return {};
   const std::string& scan = options.one_file ? options.labels : options.scan;
   if (scan.empty()) return {};
@@ -145,7 +145,7 @@ void print_placement_options(const PlacementOptions& placement_options, NewScene
                                                               : SurfaceUnit::kM;
 }
 
-int run_new(NewOptions options, Console& console) {
+int run_new(SceneNewOptions options, Console& console) {
   if (const auto assigned = assign_files(options); !assigned) return console.fail(assigned.error());
   const auto claimed = check_new_output(options);
   if (!claimed) return console.fail(claimed.error());
@@ -203,11 +203,11 @@ int run_new(NewOptions options, Console& console) {
 
 /// Formatter that prints the description of a positional in the usage line, where CLI11 would print
 /// "[files(0x)]".
-class UsageInWords : public CLI::Formatter {
+class PositionalTextFormatter : public CLI::Formatter {
  public:
   std::string make_option_usage(const CLI::Option* option) const override {
-    const std::string& words = option->get_option_text();
-    return words.empty() ? Formatter::make_option_usage(option) : words;
+    const std::string& text = option->get_option_text();
+    return text.empty() ? Formatter::make_option_usage(option) : text;
   }
 };
 
@@ -223,9 +223,9 @@ std::vector<std::string> known_names(const std::array<NamedValue<Enum>, N>& word
 }  // namespace
 
 void add_scene_new(CLI::App& app, Run& run) {
-  const auto options = std::make_shared<NewOptions>();
+  const auto options = std::make_shared<SceneNewOptions>();
   CLI::App* verb = app.add_subcommand("new", "Write a scene file for a scan, a label map, or both");
-  verb->formatter(std::make_shared<UsageInWords>());
+  verb->formatter(std::make_shared<PositionalTextFormatter>());
   verb->add_option("files", options->files,
                    "The scan and its label map, one of them alone, or a DICOM folder that holds both")
       ->expected(0, 2)

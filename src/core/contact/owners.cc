@@ -26,14 +26,14 @@ std::int16_t joined(std::int16_t a, std::int16_t b) {
 template <class Body>
 void for_each_outer_voxel(const Bricks<LabelId>& labels, int k,
                           const std::vector<std::int16_t>& structure_of_label, const Body& body) {
-  const auto is_out = [&](LabelId label) { return structure_of_label[label] == kNoStructure; };
+  const auto is_unassigned = [&](LabelId label) { return structure_of_label[label] == kNoStructure; };
   const auto& faces = BrickLayout::kFaces;
   const auto visit_piece = [&](const RowPiece<LabelId>& piece) {
     if (piece.uniform) return;
     for (int i = 0; i < piece.count; ++i) {
       const LabelId* const voxel = piece.voxels + i;
-      if (is_out(*voxel)) continue;
-      if (std::any_of(faces.begin(), faces.end(), [&](auto face) { return is_out(voxel[face]); }))
+      if (is_unassigned(*voxel)) continue;
+      if (std::any_of(faces.begin(), faces.end(), [&](auto face) { return is_unassigned(voxel[face]); }))
         body(piece.i + i, piece.j, k, structure_of_label[*voxel]);
     }
   };

@@ -53,16 +53,16 @@ bool is_blocked_without_contact(const UpdateInputs& in, const ProxyLayer& layer)
 // the distance to the tip and a shorter reach yields fewer pairs.
 void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgress& progress,
                   UpdateWorkspace& work) {
-  const double part_mm = layer.contact_count == 0
-                             ? progress.remaining_beyond_segment_mm
-                             : std::min(progress.remaining_beyond_segment_mm, kProxySettings.gathering_mm);
+  const double segment_mm = layer.contact_count == 0
+                                ? progress.remaining_beyond_segment_mm
+                                : std::min(progress.remaining_beyond_segment_mm, kProxySettings.gathering_mm);
   work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position,
-                    part_mm + kProxySettings.substep_mm());
+                    segment_mm + kProxySettings.substep_mm());
   work.friction.clear();
   progress.max_gradient = work.pairs.max_gradient();
-  // the segment is shortened to the reach of the set of pairs, which is less than part_mm where the set is
+  // the segment is shortened to the reach of the set of pairs, which is less than segment_mm where the set is
   // full
-  progress.remaining_in_segment_mm = std::min(part_mm, work.pairs.reach_mm());
+  progress.remaining_in_segment_mm = std::min(segment_mm, work.pairs.reach_mm());
   progress.remaining_beyond_segment_mm -= progress.remaining_in_segment_mm;
 }
 

@@ -92,7 +92,7 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
   const RotatedTool turned_tool(spheres, tool_pose.attitude, layer.attitude);
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!punctured[s]) continue;
-    const auto has_left = [&](std::span<const ToolSphere> tool, const Point<Patient>& at) {
+    const auto is_clear = [&](std::span<const ToolSphere> tool, const Point<Patient>& at) {
       return std::all_of(tool.begin(), tool.end(), [&](const ToolSphere& sphere) {
         const ContactPair pair{surfaces[s].surface.get(), 0, 0, sphere, row_steps(sphere)};
         int queries = 0;
@@ -100,7 +100,7 @@ SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const 
                kProxySettings.closing_mm;
       });
     };
-    if (has_left(spheres, tool_pose.tip) && has_left(turned_tool.spheres(), layer.position))
+    if (is_clear(spheres, tool_pose.tip) && is_clear(turned_tool.spheres(), layer.position))
       punctured[s] = false;
   }
   return punctured;

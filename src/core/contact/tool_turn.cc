@@ -27,10 +27,11 @@ namespace {
 // arc length that a step advances beyond the clearance: the push of a perpendicularly hit surface is as long
 constexpr double kArc_mm = kToolRotationSettings.arc_substeps * kProxySettings.substep_mm();
 
-class Turn {
+/// Rotation of the tool of one layer's proxy in a tick.
+class AttitudeUpdate {
  public:
-  Turn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
-       const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* path)
+  AttitudeUpdate(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+                 const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* path)
       : surfaces_(surfaces),
         spheres_(spheres),
         layer_(layer),
@@ -168,7 +169,7 @@ class Turn {
 ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
                    const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* path) {
   if (state.attitude.coeffs() == attitude.coeffs()) return {};
-  return Turn(surfaces, spheres, layer, attitude, state, path).run();
+  return AttitudeUpdate(surfaces, spheres, layer, attitude, state, path).run();
 }
 
 }  // namespace palpate

@@ -21,8 +21,9 @@ namespace {
 constexpr auto kFirstStatePatience = std::chrono::seconds(1);
 constexpr auto kFirstStatePoll = std::chrono::milliseconds(1);
 
-// update rate: of a pulled device the loop's; of one that does not state its own the lowest assumed for any
-double rate_of_one(const DeviceInfo& info, double pulled_hz) {
+// Update rate of a device; for one that does not state its rate, the lowest rate assumed of any device.
+// @param pulled_hz  rate of pulled devices, which the loop determines
+double update_rate_hz(const DeviceInfo& info, double pulled_hz) {
   if (info.drive == DeviceInfo::Drive::kPulled) return pulled_hz;
   return info.rate_hz && *info.rate_hz > 0 ? *info.rate_hz : ConservativeDevice{}.rate_hz;
 }
@@ -210,16 +211,16 @@ void CompositeDriver::arrange() {
     const DeviceInfo& info = clock_of(part);
     // a device without a force limit exerts none
     const int priority = !info.simulated ? 2 : info.peak_force_N ? 1 : 0;
-    return std::pair(priority, rate_of_one(info, settings_.rate_hz));
+    return std::pair(priority, update_rate_hz(info, settings_.rate_hz));
   };
   owner_ = 0;
   for (std::size_t p = 1; p < parts_.size(); ++p)
     if (rank(parts_[p]) > rank(parts_[owner_])) owner_ = p;
 
-  const double owner_s = 1 / rate_of_one(clock_of(parts_[owner_]), settings_.rate_hz);
+  const double owner_s = 1 / update_rate_hz(clock_of(parts_[owner_]), settings_.rate_hz);
   for (const Part& part : parts_) {
     if (&part == &parts_[owner_]) continue;
-    const double rate_hz = rate_of_one(clock_of(part), settings_.rate_hz);
+    const double rate_hz = update_rate_hz(clock_of(part), settings_.rate_hz);
     for (DeviceInfo& info : std::span(infos_).subspan(part.first, part.count)) {
       info.rate_hz = rate_hz;
       info.delay_s = conservative_delay_s(info) + 1 / rate_hz + owner_s;

@@ -75,15 +75,15 @@ double freshness_at(double age_s) {
 // fraction of the change from `sent` to `requested` that one tick may apply
 double slew_fraction(const Wrench& sent, const Wrench& requested, const OutputLimits& limits,
                      double slew_N_per_s, double dt_s) {
-  const auto part = [](double distance, double largest) {
+  const auto fraction_within = [](double distance, double largest) {
     return distance > largest ? largest / distance : 1.0;
   };
   const double range_fraction = dt_s / kOutputSettings.full_range_s;
-  return std::min({part(magnitude(requested.force_N - sent.force_N), slew_N_per_s * dt_s),
-                   part(magnitude(requested.torque_Nmm - sent.torque_Nmm),
-                        sanitised_limit(limits.peak_torque_Nmm) * range_fraction),
-                   part(std::abs(requested.gripper_N - sent.gripper_N),
-                        sanitised_limit(limits.peak_gripper_N) * range_fraction)});
+  return std::min({fraction_within(magnitude(requested.force_N - sent.force_N), slew_N_per_s * dt_s),
+                   fraction_within(magnitude(requested.torque_Nmm - sent.torque_Nmm),
+                                   sanitised_limit(limits.peak_torque_Nmm) * range_fraction),
+                   fraction_within(std::abs(requested.gripper_N - sent.gripper_N),
+                                   sanitised_limit(limits.peak_gripper_N) * range_fraction)});
 }
 
 // Sets the output to zero after a fault or a stale pose and selects how it recovers: by the slew after the
@@ -109,11 +109,11 @@ double slew_now_N_per_s(const OutputLimits& limits, const Vector<World>& target_
   return state.returning && grows ? std::min(slew_N_per_s, kOutputSettings.return_N_per_s) : slew_N_per_s;
 }
 
-Wrench interpolate_wrench(const Wrench& from, const Wrench& to, double part) {
-  if (part == 1) return to;
-  return {from.force_N + (to.force_N - from.force_N) * part,
-          from.torque_Nmm + (to.torque_Nmm - from.torque_Nmm) * part,
-          from.gripper_N + (to.gripper_N - from.gripper_N) * part};
+Wrench interpolate_wrench(const Wrench& from, const Wrench& to, double fraction) {
+  if (fraction == 1) return to;
+  return {from.force_N + (to.force_N - from.force_N) * fraction,
+          from.torque_Nmm + (to.torque_Nmm - from.torque_Nmm) * fraction,
+          from.gripper_N + (to.gripper_N - from.gripper_N) * fraction};
 }
 
 // force and torque keep their directions and their ratio; the gripper is clamped independently
@@ -126,7 +126,7 @@ Wrench clamp_wrench(const Wrench& w, const OutputLimits& limits, double limit_N)
 
 // torque and gripper force that the device cannot exert are dropped first, so that they do not scale the
 // force
-Wrench within_reach_of(const OutputLimits& limits, Wrench w) {
+Wrench without_unsupported(const OutputLimits& limits, Wrench w) {
   if (sanitised_limit(limits.peak_torque_Nmm) == 0) w.torque_Nmm = {};
   if (sanitised_limit(limits.peak_gripper_N) == 0) w.gripper_N = 0;
   return w;
@@ -154,7 +154,7 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
   const double configured_N = configured_limit_N(limits, max_force_N);
   out.limit_N = next_limit_N(limits, max_force_N, dt_s, state);
   if (out.limit_N < configured_N) out.flags |= kFlagThermal;
-  const Wrench requested = within_reach_of(limits, request.requested);
+  const Wrench requested = without_unsupported(limits, request.requested);
   const Wrench clamped_wrench = clamp_wrench(requested, limits, out.limit_N);
   if (magnitude(clamped_wrench.force_N) < magnitude(requested.force_N) ||
       magnitude(clamped_wrench.torque_Nmm) < magnitude(requested.torque_Nmm))

@@ -138,8 +138,8 @@ void grant_cpu(int cpu, RealtimeGrant& grant) {
 
 // --- stack ---
 
-// bytes of this thread's stack below the caller that may be touched
-std::size_t stack_left() {
+// Unused size of this thread's stack below the caller's frame, less a safety margin; 0: unknown.
+std::size_t remaining_stack_bytes() {
   pthread_attr_t attributes;
   if (::pthread_getattr_np(::pthread_self(), &attributes) != 0) return 0;
   void* lowest = nullptr;
@@ -227,7 +227,7 @@ RealtimeGrant make_this_thread_realtime(const RealtimeRequest& request) {
   grant.memory_locked = lock && lock->is_locked();
   grant.memory = lock ? lock->text() : "not locked (not requested)";
 
-  touch_stack(std::min(kStack_bytes, stack_left()));
+  touch_stack(std::min(kStack_bytes, remaining_stack_bytes()));
 
   // last, so that none of this runs with real-time priority
   grant_scheduler(request, grant);

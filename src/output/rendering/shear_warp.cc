@@ -37,6 +37,133 @@ struct Bounds {
   }
 };
 
+/// Range of slices in front of the eye, from one before the first to one behind the last.
+Bounds slices_before_eye(const GridGeometry& grid, const Rays& rays, const ShearWarp& warp) {
+  const double eye_z = rays.from[warp.z];
+  const double slice_count = grid.dims[static_cast<std::size_t>(warp.z)];
+  return {rays.is_parallel || !warp.is_ascending ? -1.0 : std::max(-1.0, eye_z),
+          rays.is_parallel || warp.is_ascending ? slice_count : std::min(slice_count, eye_z)};
+}
+
+/// Projects pixels along their rays onto the slice warp.z_ref: (x, y) = (U, V) / W.
+/// @param one  1 for a point, 0 for the difference of two points
+Eigen::Vector3d projected_onto_slice(const Rays& rays, const ShearWarp& warp, const Eigen::Vector3d& start,
+                                     const Eigen::Vector3d& direction, double one) {
+  const int x = warp.x, y = warp.y, z = warp.z;
+  if (rays.is_parallel) {
+    const double beyond = one * warp.z_ref - start[z];
+    return {start[x] + beyond * rays.direction[x] / rays.direction[z],
+            start[y] + beyond * rays.direction[y] / rays.direction[z], one};
+  }
+  const Eigen::Vector3d& eye = rays.from;
+  const double off = warp.z_ref - eye[z];
+  return {eye[x] * direction[z] + off * direction[x], eye[y] * direction[z] + off * direction[y],
+          direction[z]};
+}
+
+/// Intersection of the rays of a region with the slice warp.z_ref.
+struct Footprint {
+  Bounds x, y;
+  double pixel_mm = std::numeric_limits<double>::infinity();  ///< Smallest pixel size in that slice
+  double separation_mm = 0;  ///< Largest distance between consecutive slices along a ray
+};
+Footprint footprint_of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
+                       const Region& region, const ShearWarp& warp) {
+  const int z = warp.z;
+  Footprint footprint;
+  for (const PixelRun& run : region.runs)
+    for (const int column : {run.begin, run.end - 1}) {
+      const Eigen::Vector3d at = warp.warp_start + warp.warp_step * column + warp.warp_line * run.row;
+      footprint.x.add(at[0] / at[2]);
+      footprint.y.add(at[1] / at[2]);
+      const Eigen::Vector3d direction = rays.along(column, run.row);
+      const double nearer = rays.is_parallel ? 1 : (warp.z_ref - rays.from[z]) / direction[z];
+      footprint.pixel_mm = std::min(footprint.pixel_mm, camera.mm_per_px() * nearer);
+      footprint.separation_mm =
+          std::max(footprint.separation_mm,
+                   (grid.X_PatientVoxel().linear() * direction).norm() / std::abs(direction[z]));
+    }
+  return footprint;
+}
+
+/// Reduces the footprint to the projection of the grid's slices `slices`.
+void clip_to_grid(const GridGeometry& grid, const Rays& rays, const Bounds& slices, const ShearWarp& warp,
+                  Footprint& footprint) {
+  const int x = warp.x, y = warp.y, z = warp.z;
+  const Eigen::Vector3d& eye = rays.from;
+  Bounds all_x, all_y;
+  for (int corner = 0; corner < 8; ++corner) {
+    Eigen::Vector3d at;
+    for (int a = 0; a < 3; ++a)
+      at[a] = (corner >> a & 1) != 0 ? grid.dims[static_cast<std::size_t>(a)] : -1.0;
+    at[z] = (corner >> z & 1) != 0 ? slices.high : slices.low;
+    const double off = at[z] - warp.z_ref;
+    if (rays.is_parallel) {
+      all_x.add(at[x] - off * rays.direction[x] / rays.direction[z]);
+      all_y.add(at[y] - off * rays.direction[y] / rays.direction[z]);
+    } else if (const double farther = (at[z] - eye[z]) / (warp.z_ref - eye[z]); farther > kMinDepth) {
+      all_x.add(eye[x] + (at[x] - eye[x]) / farther);
+      all_y.add(eye[y] + (at[y] - eye[y]) / farther);
+    } else {
+      // the projection of a corner next to the eye is unbounded
+      all_x = all_y = {-1e12, 1e12};
+      break;
+    }
+  }
+  footprint.x.intersect(all_x);
+  footprint.y.intersect(all_y);
+}
+
+/// Sets the size of the intermediate picture and its mapping to voxels, and makes the warp of final pixels
+/// refer to its pixels.
+void lay_out_picture(const GridGeometry& grid, const Footprint& footprint, ShearWarp& warp) {
+  const double h = grid.min_spacing_mm();
+  const Bounds &x = footprint.x, &y = footprint.y;
+  warp.x_ref_per_u =
+      std::clamp(footprint.pixel_mm, kFinestPixel * h, kCoarsestPixel * h) / grid.spacing_mm[warp.x];
+  warp.y_ref_per_v = std::clamp(footprint.pixel_mm, kMinLine * h, kMaxLine * h) / grid.spacing_mm[warp.y];
+  warp.x_ref_0 = x.low - kRim * warp.x_ref_per_u;
+  warp.y_ref_0 = y.low - kRim * warp.y_ref_per_v;
+  warp.width = static_cast<int>(std::ceil((x.high - x.low) / warp.x_ref_per_u)) + 2 * kRim + 1;
+  warp.height = static_cast<int>(std::ceil((y.high - y.low) / warp.y_ref_per_v)) + 2 * kRim + 1;
+  Eigen::Matrix3d to_pixels = Eigen::Matrix3d::Identity();
+  to_pixels.row(0) << 1 / warp.x_ref_per_u, 0, -warp.x_ref_0 / warp.x_ref_per_u;
+  to_pixels.row(1) << 0, 1 / warp.y_ref_per_v, -warp.y_ref_0 / warp.y_ref_per_v;
+  for (Eigen::Vector3d* point : {&warp.warp_start, &warp.warp_step, &warp.warp_line})
+    *point = to_pixels * *point;
+}
+
+/// Adds the sampling planes in front of the eye: the slices, subdivided if their distance along a ray is too
+/// large. Sets z_first and z_step as well.
+/// @param separation  distance of the planes, at most 1; slices
+void add_sampling_planes(const GridGeometry& grid, const Rays& rays, double separation, ShearWarp& warp) {
+  const int x = warp.x, y = warp.y, z = warp.z;
+  const Eigen::Vector3d& eye = rays.from;
+  const double slice_count = grid.dims[static_cast<std::size_t>(z)];
+  warp.z_step = warp.is_ascending ? separation : -separation;
+  const int count = static_cast<int>(std::ceil((slice_count + 1) / separation - 1e-6)) - 1;
+  for (int n = 0; n < count; ++n) {
+    const double at = warp.is_ascending ? (n + 1) * separation - 1 : slice_count - (n + 1) * separation;
+    const double farther = rays.is_parallel ? 1 : (at - eye[z]) / (warp.z_ref - eye[z]);
+    if (farther <= kMinDepth) continue;
+    if (warp.planes.empty()) warp.z_first = at;
+    SamplePlane plane{};
+    plane.slice = static_cast<int>(std::floor(at));
+    plane.beyond = static_cast<float>(at - plane.slice);
+    plane.x_per_u = warp.x_ref_per_u * farther;
+    plane.u_per_x = 1 / plane.x_per_u;
+    plane.y_per_v = warp.y_ref_per_v * farther;
+    if (rays.is_parallel) {
+      plane.x_0 = warp.x_ref_0 + (at - warp.z_ref) * rays.direction[x] / rays.direction[z];
+      plane.y_0 = warp.y_ref_0 + (at - warp.z_ref) * rays.direction[y] / rays.direction[z];
+    } else {
+      plane.x_0 = eye[x] + (warp.x_ref_0 - eye[x]) * farther;
+      plane.y_0 = eye[y] + (warp.y_ref_0 - eye[y]) * farther;
+    }
+    warp.planes.push_back(plane);
+  }
+}
+
 }  // namespace
 
 Rays::Rays(const GridGeometry& grid, const VolumeCamera& camera) : is_parallel(camera.is_parallel()) {
@@ -86,117 +213,30 @@ std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& cam
   return regions;
 }
 
-std::optional<ShearWarp> ShearWarp::of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
-                                       const Region& region, double max_apart) {
-  ShearWarp f;
-  f.z = region.axis;
-  f.x = region.axis == 0 ? 1 : 0;
-  f.y = region.axis == 2 ? 1 : 2;
-  f.is_ascending = region.is_ascending;
-  const double sign = region.is_ascending ? 1 : -1;
-  const Eigen::Vector3d& eye = rays.from;
-  const double h = grid.min_spacing_mm();
-  const int x = f.x, y = f.y, z = f.z;
+std::optional<ShearWarp> ShearWarp::for_region(const GridGeometry& grid, const VolumeCamera& camera,
+                                               const Rays& rays, const Region& region, double max_apart) {
+  ShearWarp warp;
+  warp.z = region.axis;
+  warp.x = region.axis == 0 ? 1 : 0;
+  warp.y = region.axis == 2 ? 1 : 2;
+  warp.is_ascending = region.is_ascending;
 
-  // slice of the intermediate picture: the middle of the part in front of the eye
-  const Bounds slices{rays.is_parallel || !region.is_ascending ? -1.0 : std::max(-1.0, eye[z]),
-                      rays.is_parallel || region.is_ascending
-                          ? static_cast<double>(grid.dims[static_cast<std::size_t>(z)])
-                          : std::min(static_cast<double>(grid.dims[static_cast<std::size_t>(z)]), eye[z])};
+  // the intermediate picture lies in the middle of the slices in front of the eye
+  const Bounds slices = slices_before_eye(grid, rays, warp);
   if (!(slices.low < slices.high)) return {};
-  f.z_ref = 0.5 * (slices.low + slices.high);
+  warp.z_ref = 0.5 * (slices.low + slices.high);
+  warp.warp_start = projected_onto_slice(rays, warp, rays.from, rays.direction, 1);
+  warp.warp_step = projected_onto_slice(rays, warp, rays.from_step, rays.ray_step, 0);
+  warp.warp_line = projected_onto_slice(rays, warp, rays.from_line, rays.ray_line, 0);
 
-  // projects pixels onto that slice, (x, y) = (U, V) / W
-  const auto to_slice = [&](const Eigen::Vector3d& start, const Eigen::Vector3d& direction, double one) {
-    if (rays.is_parallel) {
-      const double beyond = one * f.z_ref - start[z];
-      return Eigen::Vector3d(start[x] + beyond * rays.direction[x] / rays.direction[z],
-                             start[y] + beyond * rays.direction[y] / rays.direction[z], one);
-    }
-    const double off = f.z_ref - eye[z];
-    return Eigen::Vector3d(eye[x] * direction[z] + off * direction[x],
-                           eye[y] * direction[z] + off * direction[y], direction[z]);
-  };
-  f.warp_start = to_slice(rays.from, rays.direction, 1);
-  f.warp_step = to_slice(rays.from_step, rays.ray_step, 0);
-  f.warp_line = to_slice(rays.from_line, rays.ray_line, 0);
-
-  // visible extent in that slice, pixel size there, and distance between slices along the rays
-  Bounds xs, ys;
-  double pixel_mm = std::numeric_limits<double>::infinity(), separation_mm = 0;
-  for (const PixelRun& run : region.runs)
-    for (const int column : {run.begin, run.end - 1}) {
-      const Eigen::Vector3d at = f.warp_start + f.warp_step * column + f.warp_line * run.row;
-      xs.add(at[0] / at[2]);
-      ys.add(at[1] / at[2]);
-      const Eigen::Vector3d direction = rays.along(column, run.row);
-      const double nearer = rays.is_parallel ? 1 : (f.z_ref - eye[z]) / direction[z];
-      pixel_mm = std::min(pixel_mm, camera.mm_per_px() * nearer);
-      separation_mm = std::max(separation_mm,
-                               (grid.X_PatientVoxel().linear() * direction).norm() / std::abs(direction[z]));
-    }
-  Bounds all_x, all_y;
-  for (int corner = 0; corner < 8; ++corner) {
-    Eigen::Vector3d at;
-    for (int a = 0; a < 3; ++a)
-      at[a] = (corner >> a & 1) != 0 ? grid.dims[static_cast<std::size_t>(a)] : -1.0;
-    at[z] = (corner >> z & 1) != 0 ? slices.high : slices.low;
-    const double off = at[z] - f.z_ref;
-    if (rays.is_parallel) {
-      all_x.add(at[x] - off * rays.direction[x] / rays.direction[z]);
-      all_y.add(at[y] - off * rays.direction[y] / rays.direction[z]);
-    } else if (const double farther = (at[z] - eye[z]) / (f.z_ref - eye[z]); farther > kMinDepth) {
-      all_x.add(eye[x] + (at[x] - eye[x]) / farther);
-      all_y.add(eye[y] + (at[y] - eye[y]) / farther);
-    } else {
-      all_x = all_y = {-1e12, 1e12};
-      break;
-    }
-  }
-  xs.intersect(all_x);
-  ys.intersect(all_y);
-  if (!(xs.low <= xs.high) || !(ys.low <= ys.high)) return {};
-
-  f.x_ref_per_u = std::clamp(pixel_mm, kFinestPixel * h, kCoarsestPixel * h) / grid.spacing_mm[x];
-  f.y_ref_per_v = std::clamp(pixel_mm, kMinLine * h, kMaxLine * h) / grid.spacing_mm[y];
-  f.x_ref_0 = xs.low - kRim * f.x_ref_per_u;
-  f.y_ref_0 = ys.low - kRim * f.y_ref_per_v;
-  f.width = static_cast<int>(std::ceil((xs.high - xs.low) / f.x_ref_per_u)) + 2 * kRim + 1;
-  f.height = static_cast<int>(std::ceil((ys.high - ys.low) / f.y_ref_per_v)) + 2 * kRim + 1;
-  Eigen::Matrix3d to_pixels = Eigen::Matrix3d::Identity();
-  to_pixels.row(0) << 1 / f.x_ref_per_u, 0, -f.x_ref_0 / f.x_ref_per_u;
-  to_pixels.row(1) << 0, 1 / f.y_ref_per_v, -f.y_ref_0 / f.y_ref_per_v;
-  for (Eigen::Vector3d* part : {&f.warp_start, &f.warp_step, &f.warp_line}) *part = to_pixels * *part;
-
-  // sampling planes: the slices, subdivided if their distance along a ray is too large
-  const double separation = std::min(1.0, max_apart * h / separation_mm),
-               slice_count = grid.dims[static_cast<std::size_t>(z)];
-  f.z_step = sign * separation;
-  const int count = static_cast<int>(std::ceil((slice_count + 1) / separation - 1e-6)) - 1;
-  bool is_first = true;
-  for (int n = 0; n < count; ++n) {
-    const double at = region.is_ascending ? (n + 1) * separation - 1 : slice_count - (n + 1) * separation;
-    const double farther = rays.is_parallel ? 1 : (at - eye[z]) / (f.z_ref - eye[z]);
-    if (farther <= kMinDepth) continue;
-    if (is_first) f.z_first = at;
-    is_first = false;
-    SamplePlane plane{};
-    plane.slice = static_cast<int>(std::floor(at));
-    plane.beyond = static_cast<float>(at - plane.slice);
-    plane.x_per_u = f.x_ref_per_u * farther;
-    plane.u_per_x = 1 / plane.x_per_u;
-    plane.y_per_v = f.y_ref_per_v * farther;
-    if (rays.is_parallel) {
-      plane.x_0 = f.x_ref_0 + (at - f.z_ref) * rays.direction[x] / rays.direction[z];
-      plane.y_0 = f.y_ref_0 + (at - f.z_ref) * rays.direction[y] / rays.direction[z];
-    } else {
-      plane.x_0 = eye[x] + (f.x_ref_0 - eye[x]) * farther;
-      plane.y_0 = eye[y] + (f.y_ref_0 - eye[y]) * farther;
-    }
-    f.planes.push_back(plane);
-  }
-  if (f.planes.empty()) return {};
-  return f;
+  Footprint footprint = footprint_of(grid, camera, rays, region, warp);
+  clip_to_grid(grid, rays, slices, warp, footprint);
+  if (!(footprint.x.low <= footprint.x.high) || !(footprint.y.low <= footprint.y.high)) return {};
+  lay_out_picture(grid, footprint, warp);
+  add_sampling_planes(grid, rays, std::min(1.0, max_apart * grid.min_spacing_mm() / footprint.separation_mm),
+                      warp);
+  if (warp.planes.empty()) return {};
+  return warp;
 }
 
 }  // namespace palpate::internal::volume_picture

@@ -42,12 +42,12 @@ struct Region {
 };
 std::vector<Region> regions_of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays);
 
-/// Factorisation for one region of the picture.
+/// Factorisation of the view for one region of the picture.
 struct ShearWarp {
+  /// Factorisation for the rays of `region`; nullopt if none of them intersects the grid.
   /// @param max_apart  maximum sample distance along a ray, in units of the grid's shortest spacing
-  /// Empty if none of the region's rays intersects the grid.
-  static std::optional<ShearWarp> of(const GridGeometry& grid, const VolumeCamera& camera, const Rays& rays,
-                                     const Region& region, double max_apart);
+  static std::optional<ShearWarp> for_region(const GridGeometry& grid, const VolumeCamera& camera,
+                                             const Rays& rays, const Region& region, double max_apart);
 
   int x, y, z;  ///< Axes of the grid: along voxel rows, across them, between slices
   bool is_ascending;

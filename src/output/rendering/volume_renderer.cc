@@ -445,7 +445,7 @@ void VolumeRenderer::render(const VolumeCamera& camera, const VolumeStyle& style
   const Rays rays(grid, camera);
   const double max_apart = style.clip ? kMaxApartClipped : kMaxApart;
   for (const Region& region : regions_of(grid, camera, rays)) {
-    const auto view = ShearWarp::of(grid, camera, rays, region, max_apart);
+    const auto view = ShearWarp::for_region(grid, camera, rays, region, max_apart);
     if (!view) {
       for (const PixelRun& run : region.runs) fill(run, camera.width_px, style.background, rgb);
       continue;

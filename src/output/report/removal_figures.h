@@ -44,7 +44,7 @@ struct RemovalStep {
 };
 
 /// A structure that burrs should spare.
-struct StructureSpared {
+struct SparedStructure {
   LabelId label = 0;
   bool is_protected = false;  ///< Whether burrs were blocked from it; otherwise it can be cut
   double nearest_mm = kGap;   ///< Closest approach (ProtectedDistanceMeter); NaN: not within its range
@@ -58,7 +58,7 @@ struct RemovalChange {
 };
 
 struct RemovalFigures {
-  std::vector<StructureSpared> spared;       ///< In the model's order
+  std::vector<SparedStructure> spared;       ///< In the model's order
   std::vector<StructureRemoval> structures;  ///< In the order of the first cut
   std::vector<RemovalStep> steps;            ///< Ascending in time
   std::vector<RemovalChange> changes;        ///< Ascending in time

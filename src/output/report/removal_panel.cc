@@ -48,7 +48,7 @@ std::string spared_table(const Run& run) {
       "class=\"unit\">mm\u00b3</span></th><th "
       "scope=\"col\">Protection</th></tr></thead><tbody>\n";
   bool all_near = true;
-  for (const StructureSpared& spared : run.removal.spared) {
+  for (const SparedStructure& spared : run.removal.spared) {
     double removed_mm3 = 0;
     for (const StructureRemoval& structure : run.removal.structures)
       if (structure.label == spared.label) removed_mm3 = structure.volume_mm3;

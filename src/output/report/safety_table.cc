@@ -8,7 +8,7 @@ namespace palpate::report {
 namespace {
 
 /// Condition for showing a row.
-enum class Shown {
+enum class RowCondition {
   kAlways,
   kOnRealClock,  ///< On the real clock, otherwise if not zero
   kWhenMet,
@@ -19,74 +19,74 @@ enum class Shown {
 struct Row {
   const char* name;
   std::uint64_t RecordingSummary::*count;
-  Shown shown;
+  RowCondition condition;
   const char* meaning;
 };
 
 constexpr std::array kInterventions{
-    Row{"Clamped", &RecordingSummary::clamped, Shown::kAlways,
+    Row{"Clamped", &RecordingSummary::clamped, RowCondition::kAlways,
         "The computed force was larger than the limit; the limit was sent, in the same direction."},
-    Row{"Not finite", &RecordingSummary::not_finite, Shown::kAlways,
+    Row{"Not finite", &RecordingSummary::not_finite, RowCondition::kAlways,
         "A position or a force was not a number; no force was sent."},
-    Row{"Rotation ignored", &RecordingSummary::rotation_ignored, Shown::kAlways,
+    Row{"Rotation ignored", &RecordingSummary::rotation_ignored, RowCondition::kAlways,
         "The commanded rotation of the object was invalid; the last valid one was kept."},
-    Row{"Thermal limit", &RecordingSummary::thermal, Shown::kWhenMet,
+    Row{"Thermal limit", &RecordingSummary::thermal, RowCondition::kWhenMet,
         "The motors had warmed up; the limit was lowered towards their continuous force."},
-    Row{"Slewed", &RecordingSummary::slewed, Shown::kWhenMet,
+    Row{"Slewed", &RecordingSummary::slewed, RowCondition::kWhenMet,
         "The force would have changed by more than the device may change it in one tick; it took longer."},
-    Row{"Stale", &RecordingSummary::stale, Shown::kOfHand,
+    Row{"Stale", &RecordingSummary::stale, RowCondition::kOfHand,
         "The device's position was more than 5 ms old; the force decayed, and was off when it was 10 ms "
         "old."},
-    Row{"Jumped", &RecordingSummary::jumped, Shown::kWhenMet,
+    Row{"Jumped", &RecordingSummary::jumped, RowCondition::kWhenMet,
         "The tip moved farther in one tick than a hand can; no force was sent, and it came back slowly."},
-    Row{"Device fault", &RecordingSummary::device_faults, Shown::kWhenMet,
+    Row{"Device fault", &RecordingSummary::device_faults, RowCondition::kWhenMet,
         "The device disabled forces by itself, for example by its brake or after a lost connection; none was "
         "sent."},
-    Row{"Halted", &RecordingSummary::halted, Shown::kOnRealClock,
+    Row{"Halted", &RecordingSummary::halted, RowCondition::kOnRealClock,
         "The watchdog had stopped the device because the loop did not answer; no force was sent."},
-    Row{"Emergency stop", &RecordingSummary::emergency_stopped, Shown::kOnRealClock,
+    Row{"Emergency stop", &RecordingSummary::emergency_stopped, RowCondition::kOnRealClock,
         "The emergency stop was pressed; no force was sent."},
 };
 
 constexpr std::array kOthers{
-    Row{"Outside", &RecordingSummary::outside, Shown::kAlways,
+    Row{"Outside", &RecordingSummary::outside, RowCondition::kAlways,
         "The tip was outside the scanned volume. Up to a voxel beyond its border it may still touch the face "
         "where the scan is cut off; farther out there is no contact."},
-    Row{"Paused", &RecordingSummary::paused, Shown::kAlways,
+    Row{"Paused", &RecordingSummary::paused, RowCondition::kAlways,
         "The session was paused; the force faded out and stayed off."},
-    Row{"Pointer at rest", &RecordingSummary::stale, Shown::kOfPointer,
+    Row{"Pointer at rest", &RecordingSummary::stale, RowCondition::kOfPointer,
         "The viewer's pointer was not pressed, or was lost; the force faded out and stayed off."},
-    Row{"Clutched", &RecordingSummary::clutched, Shown::kWhenMet,
+    Row{"Clutched", &RecordingSummary::clutched, RowCondition::kWhenMet,
         "The clutch was pressed, so that the hand could move without the tip; the force faded out and stayed "
         "off."},
-    Row{"Faded", &RecordingSummary::ramped, Shown::kWhenMet,
+    Row{"Faded", &RecordingSummary::ramped, RowCondition::kWhenMet,
         "The force was fading in, over half a second at the start and after every interruption, or fading "
         "out."},
-    Row{"Blended", &RecordingSummary::blended, Shown::kWhenMet,
+    Row{"Blended", &RecordingSummary::blended, RowCondition::kWhenMet,
         "The model, the method or a switch had changed; the force blended into the new one over a tenth of a "
         "second."},
-    Row{"Inside", &RecordingSummary::inside, Shown::kWhenMet,
+    Row{"Inside", &RecordingSummary::inside, RowCondition::kWhenMet,
         "The tip was inside a structure when contact was re-established (start, clutch, pause), so its side "
         "of the surface was unknown; no force until it was free."},
-    Row{"Wedged", &RecordingSummary::wedged, Shown::kWhenMet,
+    Row{"Wedged", &RecordingSummary::wedged, RowCondition::kWhenMet,
         "The tool was wider than the gap that it was in; its position was held."},
-    Row{"Ruptured", &RecordingSummary::ruptured, Shown::kWhenMet,
+    Row{"Ruptured", &RecordingSummary::ruptured, RowCondition::kWhenMet,
         "The tool punctured a structure's surface at its puncture force."},
-    Row{"Damped", &RecordingSummary::passivated, Shown::kWhenMet,
+    Row{"Damped", &RecordingSummary::passivated, RowCondition::kWhenMet,
         "The force would have given the hand more energy than the hand had put in; damping removed the "
         "excess."},
-    Row{"Turn held", &RecordingSummary::rotation_limited, Shown::kWhenMet,
+    Row{"Turn held", &RecordingSummary::rotation_limited, RowCondition::kWhenMet,
         "The object turned slower than commanded, to limit its power on the hand to 5 mW."},
-    Row{"Method missing", &RecordingSummary::method_missing, Shown::kWhenMet,
+    Row{"Method missing", &RecordingSummary::method_missing, RowCondition::kWhenMet,
         "The model was not prepared for the chosen force method; the trilinear one was used."},
 };
 
 std::string row_html(const Run& run, const Row& row) {
   const std::uint64_t count = run.summary.*row.count;
-  if (row.shown == (run.by_pointer() ? Shown::kOfHand : Shown::kOfPointer)) return "";
-  const bool live = row.shown == Shown::kOnRealClock || row.shown == Shown::kOfHand;
-  const bool expected =
-      row.shown == Shown::kAlways || row.shown == Shown::kOfPointer || (live && run.real_clock());
+  if (row.condition == (run.by_pointer() ? RowCondition::kOfHand : RowCondition::kOfPointer)) return "";
+  const bool live = row.condition == RowCondition::kOnRealClock || row.condition == RowCondition::kOfHand;
+  const bool expected = row.condition == RowCondition::kAlways || row.condition == RowCondition::kOfPointer ||
+                        (live && run.real_clock());
   if (count == 0 && !expected) return "";
   const double ticks = static_cast<double>(run.recording.ticks);
   const double percent = ticks > 0 ? 100 * static_cast<double>(count) / ticks : 0;

@@ -43,7 +43,7 @@ class EvenClock final : public ServoClock {
   std::atomic<bool> stop_{false};
 };
 
-Error ended_by(GripTrial::EndReason why, const DeviceDriver& driver, const std::string& device) {
+Error error_of(GripTrial::EndReason why, const DeviceDriver& driver, const std::string& device) {
   const auto error = [&](const char* what, const char* remedy) {
     return Error{ErrorKind::kUnavailable, what, device, remedy};
   };
@@ -151,7 +151,7 @@ Result<GripTrialFigures> run_grip_trial(DeviceDriver& driver, const GripTrialSet
   running.join();
   if (settings.heartbeat) settings.heartbeat->checked_ns.store(Heartbeat::kResting);
   if (interrupted) return Error{ErrorKind::kInterrupted, "stopped", "", ""};
-  if (trial.ended() != GripTrial::EndReason::kDone) return ended_by(trial.ended(), driver, info.name);
+  if (trial.ended() != GripTrial::EndReason::kDone) return error_of(trial.ended(), driver, info.name);
   progress.report("holding " + info.name, 1);
   auto figures = trial.figures();
   if (!figures)

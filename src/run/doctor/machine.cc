@@ -22,16 +22,16 @@ std::string line_of(const std::filesystem::path& file) {
   return line;
 }
 
-std::string who(const std::string& user) {
+std::string account_name(const std::string& user) {
   return user.empty() ? "NAME (the account that palpate is started from)" : user;
 }
 
 // the same for both rights, which are configured in one file
-std::string rights_cure(const std::string& user) {
+std::string rights_remedy(const std::string& user) {
   return "an administrator enters these three lines in a terminal, once:\n"
          "  sudo groupadd -f haptics\n"
          "  sudo usermod -aG haptics " +
-         who(user) +
+         account_name(user) +
          "\n"
          "  printf '@haptics - rtprio 95\\n@haptics - memlock unlimited\\n' | sudo tee "
          "/etc/security/limits.d/palpate.conf\n"
@@ -50,7 +50,7 @@ DoctorLine priority_line(const RealtimeGrant& grant, const std::string& user) {
   line.found = grant.fifo ? "granted in part only (" + grant.scheduler + ")"
                           : "this account may not use it, so other programs can delay the force (" +
                                 grant.scheduler + ")";
-  line.remedy = rights_cure(user);
+  line.remedy = rights_remedy(user);
   return line;
 }
 
@@ -63,7 +63,7 @@ DoctorLine memory_line(const RealtimeGrant& grant, const std::string& user) {
   line.finding = grant.memory_locked ? Finding::kAdvice : Finding::kMissing;
   line.found = (grant.memory_locked ? "granted in part only (" : "this account may not lock its memory (") +
                grant.memory + ")";
-  line.remedy = rights_cure(user);
+  line.remedy = rights_remedy(user);
   return line;
 }
 

@@ -127,7 +127,7 @@ std::vector<Point<Patient>> FreeSpace::path(const Point<Patient>& from, const Po
 
   // A*: ordered by cost so far plus a lower bound of the remaining cost (the straight line through open
   // space); ties are broken by index, so that the path is reproducible
-  const auto left_at_least = [&](const Cell& c) {
+  const auto remaining_lower_bound = [&](const Cell& c) {
     return static_cast<float>((centre(*goal) - centre(c)).norm() * price_of(kFar));
   };
   using Entry = std::pair<float, std::size_t>;
@@ -140,7 +140,7 @@ std::vector<Point<Patient>> FreeSpace::path(const Point<Patient>& from, const Po
                 static_cast<int>(i / cells_[0] / cells_[1])};
   };
   cost[index(*start)] = 0;
-  open.push({left_at_least(*start), index(*start)});
+  open.push({remaining_lower_bound(*start), index(*start)});
   while (!open.empty()) {
     const std::size_t here = open.top().second;
     open.pop();
@@ -158,7 +158,7 @@ std::vector<Point<Patient>> FreeSpace::path(const Point<Patient>& from, const Po
       if (total >= cost[there]) return;
       cost[there] = total;
       previous[there] = static_cast<std::uint32_t>(here);
-      open.push({total + left_at_least(n), there});
+      open.push({total + remaining_lower_bound(n), there});
     });
   }
   if (!std::isfinite(cost[index(*goal)])) return {};

@@ -99,7 +99,7 @@ void Cutter::change_strokes() {
 }
 
 // strokes that can still be undone or redone once the queued requests have been carried out
-std::ptrdiff_t Cutter::strokes_left(const LiveModel::Lock& lock, StrokeAction action) const {
+std::ptrdiff_t Cutter::available_strokes(const LiveModel::Lock& lock, StrokeAction action) const {
   const Carving* const carving = model_.current(lock).carving.get();
   if (carving == nullptr) return 0;
   auto remaining = static_cast<std::ptrdiff_t>(action == StrokeAction::kUndo ? carving->strokes_to_undo()
@@ -116,7 +116,7 @@ Result<void> Cutter::check(const LiveModel::Lock& lock, const StrokeChange& chan
                    "switch off the motor, or release its pedal, first");
   if (loop.strokes() != change.strokes)
     return refusal("another stroke was started after the request", "", "repeat the request for that stroke");
-  if (strokes_left(lock, change.action) > 0) return {};
+  if (available_strokes(lock, change.action) > 0) return {};
   return change.action == StrokeAction::kUndo
              ? refusal("there is no stroke to undo", "",
                        "a stroke is everything cut between start and stop of the motor; the last " +

@@ -82,7 +82,7 @@ class Cutter {
   void cut_and_change() noexcept;
   void cut(std::vector<Cut> cuts);
   void change_strokes();
-  std::ptrdiff_t strokes_left(const LiveModel::Lock& lock, StrokeAction action) const;
+  std::ptrdiff_t available_strokes(const LiveModel::Lock& lock, StrokeAction action) const;
 
   LiveModel& model_;
   SessionLoop& loop_;

@@ -47,7 +47,7 @@ struct Session {
 };
 
 /// Contents of the last displayed status: a key may only answer what the user has been shown.
-struct Shown {
+struct DisplayedStatus {
   std::uint32_t stop = 0;
   std::uint64_t question = 0;
   std::optional<Error> refusal;  // to be displayed next
@@ -78,7 +78,7 @@ class SupervisorKeeper {
   Clock::time_point next_try_;
 };
 
-ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, Shown& shown,
+ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, DisplayedStatus& displayed,
                         const SupervisorKeeper& supervisor) {
   const LoopHealth health = session.loop.health();
   const SessionStatistics::LastSecond last = session.watch.last_second();
@@ -118,32 +118,32 @@ ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, 
   // the code is shown only to a user who sees the device
   if (session.has_operator) status.arming_code = session.live.arming_code();
   status.question = session.live.question();
-  status.refusal = std::exchange(shown.refusal, std::nullopt);
+  status.refusal = std::exchange(displayed.refusal, std::nullopt);
   status.navigation = session.live.navigation();
   if (session.training != nullptr) {
     const ViewedTraining training = session.training->state();
     if (training.phase == ViewedTraining::Phase::kRunning) status.task = training.task;
     status.task_s = training.time_s;
-    status.finished = session.training->finished(shown.runs);
-    shown.runs += status.finished.size();
+    status.finished = session.training->finished(displayed.runs);
+    displayed.runs += status.finished.size();
   }
-  shown.stop = status.stop.value_or(0);
-  shown.question = status.question ? status.question->number : 0;
+  displayed.stop = status.stop.value_or(0);
+  displayed.question = status.question ? status.question->number : 0;
   return status;
 }
 
-void carry_out(ExploreRequest request, const Session& session, Shown& shown) {
+void carry_out(ExploreRequest request, const Session& session, DisplayedStatus& displayed) {
   const auto report_result = [&](const Result<void>& done) {
-    if (!done) shown.refusal = done.error();
+    if (!done) displayed.refusal = done.error();
   };
   switch (request) {
     case ExploreRequest::kEmergencyStop:
       return session.live.stop_by_key();
     case ExploreRequest::kRearm:
-      return report_result(session.live.rearm_by_key(shown.stop));
+      return report_result(session.live.rearm_by_key(displayed.stop));
     case ExploreRequest::kAgree:
     case ExploreRequest::kDecline:
-      return session.live.answer_by_key(shown.question, request == ExploreRequest::kAgree);
+      return session.live.answer_by_key(displayed.question, request == ExploreRequest::kAgree);
     case ExploreRequest::kPause:
       return session.live.pause_by_key();
     case ExploreRequest::kNextMethod:
@@ -165,7 +165,7 @@ void carry_out(ExploreRequest request, const Session& session, Shown& shown) {
 void watch_until_over(const Session& session, const ExploreOptions& options, const Progress& progress,
                       const std::function<void(const ExploreStatus&)>& show, ExploreResult& result) {
   RateMeter rate;
-  Shown shown;
+  DisplayedStatus displayed;
   SupervisorKeeper supervisor(session);
   const Clock::time_point begun = Clock::now();
   Clock::time_point next_status = begun;
@@ -174,11 +174,11 @@ void watch_until_over(const Session& session, const ExploreOptions& options, con
     result.device_lost = !session.loop.running();
     if (result.stopped_by_user || result.device_lost) return;
     supervisor.restart_if_dead();
-    if (options.request) carry_out(options.request(), session, shown);
+    if (options.request) carry_out(options.request(), session, displayed);
     session.live.follow_script();
     if (options.seconds && seconds_since(begun) >= *options.seconds) return;
     if (show && Clock::now() >= next_status) {
-      show(status_of(session, seconds_since(begun), rate, shown, supervisor));
+      show(status_of(session, seconds_since(begun), rate, displayed, supervisor));
       next_status = std::max(next_status + kStatusPeriod, Clock::now());
     }
     std::this_thread::sleep_for(kPoll);
@@ -369,9 +369,9 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
                                  with_cells.warning));
   std::shared_ptr<void> viewers;
   if (options.viewers) {
-    auto shown = options.viewers(live);
-    if (!shown) return shown.error();
-    viewers = *std::move(shown);
+    auto served = options.viewers(live);
+    if (!served) return served.error();
+    viewers = *std::move(served);
   }
   LoopSettings settings = options.loop;
   settings.rate_hz = setup->script.rate_hz;

@@ -15,10 +15,10 @@
 namespace palpate {
 namespace {
 
-/// Enumeration of changes, joined by "and".
-class Words {
+/// Text that lists changes, joined by "and".
+class ChangeList {
  public:
-  Words& add(const std::string& what) {
+  ChangeList& add(const std::string& what) {
     text_ += (text_.empty() ? "" : ", and ") + what;
     return *this;
   }
@@ -79,26 +79,26 @@ bool could_increase_force(const SettingsRequest& request, const Parameters& now)
 }
 
 std::string consent_text(const SettingsRequest& request, const Parameters& now) {
-  Words words;
+  ChangeList changes;
   visit_settings([&](const auto& setting) {
     if (const auto& change = request.*setting.change)
-      words.add(consent_part(setting, *change, now.*setting.value));
+      changes.add(consent_part(setting, *change, now.*setting.value));
   });
-  if (request.law) words.add("use the soft-tissue law " + *request.law);
-  return words.text();
+  if (request.law) changes.add("use the soft-tissue law " + *request.law);
+  return changes.text();
 }
 
 std::string consent_text(const std::string& tissue, const ContactProperties& before,
                          const ContactProperties& after) {
-  Words words;
+  ChangeList changes;
   for (const ContactProperty& property : kContactProperties) {
     const double from = before.*property.value, to = after.*property.value;
     if (from == to) continue;
-    const std::string whose = words.text().empty() ? plain_name(tissue) + "'s " : std::string("its ");
-    words.add("change " + whose + std::string(property.display_name) + " from " + rounded_text(from) +
-              " to " + rounded_text(to) + (property.unit.empty() ? "" : " ") + std::string(property.unit));
+    const std::string whose = changes.text().empty() ? plain_name(tissue) + "'s " : std::string("its ");
+    changes.add("change " + whose + std::string(property.display_name) + " from " + rounded_text(from) +
+                " to " + rounded_text(to) + (property.unit.empty() ? "" : " ") + std::string(property.unit));
   }
-  return words.text();
+  return changes.text();
 }
 
 }  // namespace palpate

@@ -14,7 +14,7 @@ Error cannot_change(std::string what, std::string where, std::string remedy) {
   return {ErrorKind::kUsage, std::move(what), std::move(where), std::move(remedy)};
 }
 
-bool plans_nothing(const PlanFile& plan) {
+bool is_empty_plan(const PlanFile& plan) {
   return plan.trajectories.empty() && plan.regions.empty() && plan.distances.empty();
 }
 
@@ -57,7 +57,7 @@ Result<PlanFile> changed_plan(PlanFile plan, const PlanRequest& request) {
     if (request.entry_mm) trajectory.entry = point_of(*request.entry_mm);
     if (request.target_mm) trajectory.target = point_of(*request.target_mm);
   }
-  if (plans_nothing(plan)) return plan;
+  if (is_empty_plan(plan)) return plan;
   // round trip through the text, so that the values are bit-identical to what the command line would read
   auto read = parse_plan(plan_text(plan), plan.source);
   if (read) return read;
@@ -115,7 +115,7 @@ void SharedPlan::publish() {
                                   trajectory.depth_within_mm});
   next->keep_away = keep_away_;
   next->version = viewed_ ? viewed_->version + 1 : 1;
-  next->saved = plans_nothing(plan_) ? !in_file_ : plan_text(plan_) == saved_;
+  next->saved = is_empty_plan(plan_) ? !in_file_ : plan_text(plan_) == saved_;
   next->can_change = may_change_;
   viewed_ = std::move(next);
 }
@@ -147,7 +147,7 @@ Result<PlanFile> SharedPlan::plan_at(std::uint32_t version) const {
 }
 
 Result<void> SharedPlan::save() {
-  if (plans_nothing(plan_))
+  if (is_empty_plan(plan_))
     return cannot_change("the plan is empty", "", "add a trajectory, or do not save it");
   std::error_code ignored;
   std::optional<std::string> now;

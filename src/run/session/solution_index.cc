@@ -51,11 +51,11 @@ void SolutionIndex::take(const Frame& frame, const TickRecord& input, std::uint6
 const Model& SolutionIndex::model_of(std::uint32_t version) {
   const TissueLaw law = laws_.at(version);
   const double cell_factor = laws_.cell_factor_at(version);
-  const auto is_by = [&](const Model& model) {
+  const auto has_settings = [&](const Model& model) {
     return model.tissue_law == law && model.tissue_cell_factor == cell_factor;
   };
-  if (is_by(*model_)) return *model_;
-  if (!other_ || !is_by(*other_)) {
+  if (has_settings(*model_)) return *model_;
+  if (!other_ || !has_settings(*other_)) {
     other_ = displayed_under_law(*model_, law);
     other_->tissue_cell_factor = cell_factor;
   }

@@ -44,18 +44,18 @@ Result<std::vector<Figure>> cutting_plants_figures(const CuttingTimes& times, co
     exploration.flat = exploration.cuts = true;
     exploration.time_s = times.explored_s;
     if (progress.stopped()) return Progress::interrupted();
-    const EnergyBalance explored = explore_energy(*wall, exploration);
+    const EnergyBalance explored = simulate_exploration(*wall, exploration);
     exploration.presses = true;
     exploration.time_s = times.pressed_s;
-    const EnergyBalance drilling = explore_energy(*wall, exploration);
+    const EnergyBalance drilling = simulate_exploration(*wall, exploration);
     exploration.motor_stops_s = times.pressed_s / 4;
-    const EnergyBalance in_hole = explore_energy(*wall, exploration);
+    const EnergyBalance in_hole = simulate_exploration(*wall, exploration);
     exploration.motor_stops_s = exploration.time_s = times.settled_s;
     if (progress.stopped()) return Progress::interrupted();
-    const EnergyBalance settled = explore_energy(*wall, exploration);
+    const EnergyBalance settled = simulate_exploration(*wall, exploration);
     exploration.cuts = false;
     exploration.time_s = times.pressed_s;
-    const EnergyBalance still = explore_energy(*wall, exploration);
+    const EnergyBalance still = simulate_exploration(*wall, exploration);
 
     const std::string path = std::string("removal/") + device + "/" + grip;
     const auto ticks = [](double seconds) { return static_cast<std::uint64_t>(seconds * kCuttingRate_hz); };

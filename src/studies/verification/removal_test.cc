@@ -93,7 +93,7 @@ TEST(CuttingPlants, AVibratingBurrGivesNothingOut) {
           exploration.flat = exploration.cuts = exploration.vibrates = true;
           exploration.presses = presses;
           exploration.time_s = 2;
-          const EnergyBalance balance = explore_energy(model, exploration);
+          const EnergyBalance balance = simulate_exploration(model, exploration);
           const double hidden_mJ = balance.largest_force_N * 2 * device.encoder_step_m * 1e3;
           EXPECT_LE(-balance.min_mJ, hidden_mJ)
               << device.name << " " << hand.name << " " << revolutions_per_min << (presses ? " presses" : "");

@@ -140,6 +140,21 @@ Transform<Patient, World> pose_of(const Model& model, const Eigen::Quaterniond& 
   return rotated_object_pose(model.X_WorldPatient, rotation).inverse();
 }
 
+Parameters exploration_parameters(const Exploration& exploration, bool is_deformable, const DeviceInfo& info,
+                                  const WorkspaceSettings& workspace) {
+  Parameters parameters;
+  parameters.method = exploration.method;
+  parameters.friction = parameters.viscosity = false;
+  parameters.passivity = exploration.controller;
+  parameters.max_force_N = std::min(exploration.device.continuous_force_N, kUserLimit_N);
+  parameters.device[0] = device_parameters(info, workspace);
+  parameters.device[0].delay_s = exploration.reported_s.value_or(exploration.delay_s);
+  if (is_deformable) parameters.device[0].max_stiffness_N_per_mm = exploration.stiffness_N_per_mm;
+  parameters.motor = exploration.cuts;
+  parameters.vibration = exploration.vibrates;
+  return parameters;
+}
+
 }  // namespace
 
 Result<std::shared_ptr<const Model>> exploration_ball(const Progress& progress) {
@@ -197,33 +212,23 @@ Result<std::shared_ptr<const Model>> soft_ball(double youngs_modulus_kPa, Tissue
   return prepared_for(*made, {&proxy, 1}, {}, progress);
 }
 
-EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) {
-  SimulatedDevice plant(exploration.device, exploration.hand, exploration.delay_s);
-  WorkspaceSettings workspace;
-  // the gain scales a ball of 1 N/mm; deformable tissue has its own stiffness
-  const bool deforms_by_itself = is_elastic(ball.tissue_law);
-  workspace.force_gain = deforms_by_itself ? 1 : exploration.stiffness_N_per_mm;
-  WorkspaceMapping mapping(plant.info(), workspace);
-  Parameters parameters;
-  parameters.method = exploration.method;
-  parameters.friction = parameters.viscosity = false;
-  parameters.passivity = exploration.controller;
-  parameters.max_force_N = std::min(exploration.device.continuous_force_N, kUserLimit_N);
-  parameters.device[0] = device_parameters(plant.info(), workspace);
-  parameters.device[0].delay_s = exploration.reported_s.value_or(exploration.delay_s);
-  if (deforms_by_itself) parameters.device[0].max_stiffness_N_per_mm = exploration.stiffness_N_per_mm;
-
+EnergyBalance simulate_exploration(const Model& object, const Exploration& exploration) {
   PALPATE_CHECK(exploration.jitter == 0 || exploration.delay_s == 0);
-  parameters.motor = exploration.cuts;
-  parameters.vibration = exploration.vibrates;
+  SimulatedDevice plant(exploration.device, exploration.hand, exploration.delay_s);
+  const bool is_deformable = is_elastic(object.tissue_law);
+  WorkspaceSettings workspace;
+  // the gain scales an object of 1 N/mm; deformable tissue has its own stiffness
+  workspace.force_gain = is_deformable ? 1 : exploration.stiffness_N_per_mm;
+  WorkspaceMapping mapping(plant.info(), workspace);
+  Parameters parameters = exploration_parameters(exploration, is_deformable, plant.info(), workspace);
   RandomHand random_hand(exploration.seed, exploration.flat);
   PressingHand pressing_hand(
       kPressed_N * (1 / exploration.stiffness_N_per_mm + 1e3 / exploration.hand.stiffness_N_per_m) -
-      ball.tools[0].radius_mm);
+      object.tools[0].radius_mm);
   std::mt19937_64 unpunctual(exploration.seed + 2);
   std::mt19937_64 random(exploration.seed + 1);
   const auto on_device = [&](const Point<Patient>& at) {
-    return mapping.to_device(ball.X_WorldPatient * at);
+    return mapping.to_device(object.X_WorldPatient * at);
   };
   plant.reset(on_device(exploration.presses ? pressing_hand.start() : random_hand.start()));
 
@@ -234,14 +239,14 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
   TickRecord record;
   Wrench sent;
   EnergyBalance result;
-  std::shared_ptr<const Model> model = std::make_shared<const Model>(ball);
+  std::shared_ptr<const Model> model = std::make_shared<const Model>(object);
   VirtualClockSoftTissueSolver virtual_solver(exploration.rate_hz);
   const long ticks_per_cut = std::lround(kCutEvery_s * exploration.rate_hz);
   std::vector<double> positions_mm, forces_N;  // normal to the plane
   double energy_mJ = 0;
   long touching = 0, damped = 0;
   bool touched = false;
-  Transform<Patient, World> X_PatientWorld = pose_of(ball, state.rotation_applied);
+  Transform<Patient, World> X_PatientWorld = pose_of(object, state.rotation_applied);
   Vector<World> acted;
   const long ticks = std::lround(exploration.time_s * exploration.rate_hz);
   const long ticks_to_stop = std::lround(exploration.motor_stops_s * exploration.rate_hz);
@@ -254,19 +259,19 @@ EnergyBalance explore_energy(const Model& ball, const Exploration& exploration) 
                                    parameters.rotation_target;
     if (n == ticks_to_stop) {
       parameters.motor = false;
-      pressing_hand.press_deeper(ball.tools[0].radius_mm - state.device[0].proxy.position.x());
+      pressing_hand.press_deeper(object.tools[0].radius_mm - state.device[0].proxy.position.x());
     }
     if (exploration.cuts && n % ticks_per_cut == 0)
       if (const auto cuts = finished_cuts(state.device[0].burr, 0); !cuts.empty())
         model = carved_by(*model, cuts)->applied_to(*model);
-    if (deforms_by_itself && virtual_solver.advance(*model, n > 0 ? &record : nullptr))
+    if (is_deformable && virtual_solver.advance(*model, n > 0 ? &record : nullptr))
       parameters.compliance = virtual_solver.frame();
     const DeviceState sensed = mapping.to_world(plant.read(), 0);
     tick(*model, parameters, {&sensed, 1}, dt_s, state, {&sent, 1}, record);
 
     // the object rotates at the end of the tick, under the force that acts then
     const Point<World> tip_in_world(plant.true_tip().eigen());
-    const Transform<Patient, World> X_PatientWorld_turned = pose_of(ball, state.rotation_applied);
+    const Transform<Patient, World> X_PatientWorld_turned = pose_of(object, state.rotation_applied);
     const Point<Patient> now = X_PatientWorld_turned * tip_in_world;
     energy_mJ -= (X_PatientWorld * acted).dot(now - X_PatientWorld * tip_in_world);
     X_PatientWorld = X_PatientWorld_turned;
@@ -314,7 +319,8 @@ Result<std::vector<Figure>> energy_figures(const Progress& progress) {
     Exploration free = exploration;
     free.controller = false;
     const Model& model = exploration.flat ? **wall : **ball;
-    const EnergyBalance with = explore_energy(model, exploration), without = explore_energy(model, free);
+    const EnergyBalance with = simulate_exploration(model, exploration),
+                        without = simulate_exploration(model, free);
     const auto n = static_cast<std::uint64_t>(std::lround(exploration.time_s * exploration.rate_hz));
     // energy within one encoder step, which cannot be observed
     const double hidden_mJ = with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;

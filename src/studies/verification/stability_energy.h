@@ -65,8 +65,9 @@ struct EnergyBalance {
   int contacts = 0;      ///< Number of contacts
   double damped = 0;     ///< Fraction of ticks in contact in which the passivity controller was active
 };
-/// @param ball  exploration_ball(), or flat_wall() if `flat`; with its tool
-EnergyBalance explore_energy(const Model& ball, const Exploration& exploration);
+/// Simulates an exploration on a virtual clock through tick().
+/// @param object  exploration_ball(), soft_ball(), or flat_wall() if exploration.flat; with its tool
+EnergyBalance simulate_exploration(const Model& object, const Exploration& exploration);
 
 /// Figures of a minute of exploration, with and without the passivity controller, at the recommended
 /// stiffness of every delay, and without delay on a rotating object and at twice that stiffness. Errors:

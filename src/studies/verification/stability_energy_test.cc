@@ -24,9 +24,9 @@ void expect_little_energy_generated(const std::string& device_name, const std::s
                    std::to_string(seed));
       Exploration exploration{device, *find_plant_hand(grip), method, *stiffness};
       exploration.seed = seed;
-      const EnergyBalance with = explore_energy(**ball, exploration);
+      const EnergyBalance with = simulate_exploration(**ball, exploration);
       exploration.controller = false;
-      const EnergyBalance without = explore_energy(**ball, exploration);
+      const EnergyBalance without = simulate_exploration(**ball, exploration);
       EXPECT_GT(without.contacts, 20);
       EXPECT_LT(without.min_mJ, -0.5);
       EXPECT_EQ(without.damped, 0);
@@ -68,9 +68,9 @@ TEST(StabilityEnergy, ControllerLimitsReleasedEnergyOnATurningObjectAndAtTwiceTh
         exploration.time_s = 20;
         SCOPED_TRACE(std::string(name_of(method)) + ", " + std::to_string(times) +
                      " times the recommended stiffness, turning " + std::to_string(turning));
-        const EnergyBalance with = explore_energy(**ball, exploration);
+        const EnergyBalance with = simulate_exploration(**ball, exploration);
         exploration.controller = false;
-        const EnergyBalance without = explore_energy(**ball, exploration);
+        const EnergyBalance without = simulate_exploration(**ball, exploration);
         EXPECT_LT(without.min_mJ, -0.4);
         EXPECT_GE(with.min_mJ, 0.05 * without.min_mJ);
         EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * device.encoder_step_m * 1e3);
@@ -119,12 +119,12 @@ TEST(StabilityEnergy, EnergyIsBoundedByTheEncoderErrorIfTheDelayIsReported) {
       Exploration exploration{device, *find_plant_hand(grip), ForceMethod::kProxy, *stiffness};
       exploration.delay_s = delay_s;
       exploration.time_s = 20;
-      const EnergyBalance result = explore_energy(**ball, exploration);
+      const EnergyBalance result = simulate_exploration(**ball, exploration);
       const double hidden_mJ = result.largest_force_N * 2 * device.encoder_step_m * 1e3;
       EXPECT_GE(result.min_mJ, delay_s > 2e-3 ? -2 * hidden_mJ : -hidden_mJ);
       EXPECT_GT(result.contacts, 5);
       exploration.reported_s = 0;
-      const EnergyBalance not_reported = explore_energy(**ball, exploration);
+      const EnergyBalance not_reported = simulate_exploration(**ball, exploration);
       EXPECT_LT(not_reported.min_mJ, -0.12);
       EXPECT_LT(result.deepest_mm, not_reported.deepest_mm + 0.1) << "the wall is as stiff";
     }
@@ -149,11 +149,11 @@ TEST(StabilityEnergy, UnpunctualTicksOnAPlaneAndABallKeepTheBound) {
           exploration.rate_hz = rate_hz;
           exploration.jitter = 0.5;
           exploration.time_s = rate_hz > 1000 ? 2 : 15;
-          const EnergyBalance with = explore_energy(flat ? **wall : **ball, exploration);
+          const EnergyBalance with = simulate_exploration(flat ? **wall : **ball, exploration);
           EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
           EXPECT_GE(with.contacts, 1);
           exploration.controller = false;
-          const EnergyBalance without = explore_energy(flat ? **wall : **ball, exploration);
+          const EnergyBalance without = simulate_exploration(flat ? **wall : **ball, exploration);
           EXPECT_LT(with.deepest_mm, without.deepest_mm + 0.6) << "a wall still";
           generated_mJ = std::max(generated_mJ, -without.min_mJ);
         }
@@ -211,7 +211,7 @@ TEST(StabilityEnergy, UnpunctualTicksOnSeamsAndLayersKeepTheBound) {
           exploration.rate_hz = rate_hz;
           exploration.jitter = 0.5;
           exploration.time_s = 15;
-          const EnergyBalance with = explore_energy(*ball, exploration);
+          const EnergyBalance with = simulate_exploration(*ball, exploration);
           EXPECT_GE(with.min_mJ, -with.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3);
           EXPECT_GT(with.contacts, 3);
         }
@@ -223,10 +223,11 @@ TEST(StabilityEnergy, AnExplorationRepeats) {
   ASSERT_TRUE(ball);
   Exploration exploration{*find_plant_device("touch"), *find_plant_hand("firm-grip")};
   exploration.time_s = 3;
-  const EnergyBalance once = explore_energy(**ball, exploration), again = explore_energy(**ball, exploration);
+  const EnergyBalance once = simulate_exploration(**ball, exploration),
+                      again = simulate_exploration(**ball, exploration);
   EXPECT_EQ(once.last_mJ, again.last_mJ);
   exploration.seed = 2;
-  EXPECT_NE(explore_energy(**ball, exploration).last_mJ, once.last_mJ);
+  EXPECT_NE(simulate_exploration(**ball, exploration).last_mJ, once.last_mJ);
 }
 
 }  // namespace

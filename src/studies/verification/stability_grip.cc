@@ -207,7 +207,7 @@ Result<void> add_hands_with_skin(const Model& wall, const Model& ball, const Pla
         exploration.rate_hz = rate_hz;
         exploration.delay_s = delay_s;
         exploration.time_s = kExplored_s;
-        out_mJ[n] = std::max(out_mJ[n], -explore_energy(ball, exploration).min_mJ);
+        out_mJ[n] = std::max(out_mJ[n], -simulate_exploration(ball, exploration).min_mJ);
       }
     }
     for (std::size_t n = 0; n < grips; ++n) {

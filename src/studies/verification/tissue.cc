@@ -185,7 +185,7 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
         for (const PlantHand& hand : std::span(hands).first(of.hands)) {
           if (progress.stopped()) return Progress::interrupted();
           exploration.hand = hand;
-          const EnergyBalance energy = explore_energy(**ball, exploration);
+          const EnergyBalance energy = simulate_exploration(**ball, exploration);
           const double hidden_mJ = energy.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
           char path[96];
           std::snprintf(path, sizeof path, "tissue/energy/%.0f-kPa%s/%s/%s/", of.kPa, of.name, device,
