@@ -181,7 +181,8 @@ hsize_t DataSet::rows_or_one() const {
   return rank_ == 0 ? 1 : dims_[0];
 }
 
-// Checks chunks individually: counting all chunks of a long run takes several times as long as reading a range of it
+// Checks chunks individually: counting all chunks of a long run takes several times as long as reading a
+// range of it
 void DataSet::require_chunks(const RowRange& range) const {
   const hsize_t first = std::min<hsize_t>(range.first, dims_[0]),
                 end = first + std::min<hsize_t>(range.count, dims_[0] - first);

@@ -14,7 +14,7 @@
 namespace palpate::volume_io {
 namespace {
 
-std::string plane_of(const Vector& normal) {
+std::string plane_of(const Eigen::Vector3d& normal) {
   int axis = 0;
   normal.cwiseAbs().maxCoeff(&axis);
   static constexpr std::array kPlanes{"sagittal", "coronal", "axial"};
