@@ -119,6 +119,7 @@ export class Touching {
   release(): void {
     if (!this.stroke) return;
     this.stroke = null;
+    this.session.isTransferring.value = false;
     this.pointer.release();
   }
 
@@ -151,9 +152,11 @@ export class Touching {
     const path = stroke.freed(
       performance.now(),
       pointer.position,
-      touches ? { at: device.proxy, normal: device.normal } : null,
+      touches ? { at: device.proxy, normal: device.normal, isRigid: !this.session.isDeformed.peek() } : null,
+      device.tip,
       isInside,
     );
+    this.session.isTransferring.value = stroke.isTransferring;
     if (!path) return;
     pointer.divert(path);
     toast(words.setDown);
