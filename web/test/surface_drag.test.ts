@@ -184,6 +184,9 @@ test("a tip is on its way until its contact is where the cursor shows", () => {
   assert.equal(isTransferring(null), true);
   assert.equal(isTransferring({ at: add(target.at, [MAX_DISTANCE_MM + 0.5, 0, 0]), normal }), true);
   assert.equal(isTransferring({ at: add(target.at, [MAX_DISTANCE_MM - 0.5, 0, 0]), normal }), false);
+  // a cursor that has jumped is ahead of the next pose
+  made.follow(under(made, MIDDLE, [35, 20, 20]), 1);
+  assert.equal(made.isTransferring, true);
   made.follow(() => null, 30);
   assert.equal(isTransferring(null), false, "the cursor is on no surface");
 });

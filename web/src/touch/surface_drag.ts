@@ -159,8 +159,8 @@ export class SurfaceDrag {
   /** Surface point that the tip presses on, or is on its way to; null: it is lifted. */
   point: SurfacePoint | null = null;
   /**
-   * Whether the contact is not where the cursor shows, in the latest pose: the tip is on its way to the surface under
-   * the cursor. False while the cursor is on no surface.
+   * Whether the contact is not where the cursor shows, in the latest pose or by a path that has been added since: the
+   * tip is on its way to the surface under the cursor. False while the cursor is on no surface.
    */
   isTransferring = false;
   private end: Vec3; // end of the path so far
@@ -254,8 +254,12 @@ export class SurfaceDrag {
   follow(pick: Pick, pixels: number): PathPoint[] {
     const parts = Math.max(1, Math.ceil(pixels / DRAG_PIXELS));
     const steps: PathPoint[] = [];
+    const { end: before } = this;
     for (let n = 1; n <= parts; n++)
       steps.push(...this.refine(pick, (n - 1) / parts, n / parts, pick(n / parts), HALVINGS));
+    // known before the next pose comes
+    const isLong = steps.some(({ into }) => !into) || length(sub(this.end, before)) > MAX_DISTANCE_MM;
+    this.isTransferring = this.point !== null && (this.isTransferring || isLong);
     return steps;
   }
   /** Follows the surface between two cursor positions, or leaves it where it ends. */

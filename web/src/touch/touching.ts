@@ -106,6 +106,7 @@ export class Touching {
       Math.hypot(to[0] - x, to[1] - y),
     );
     this.pointer.follow(path);
+    this.session.isTransferring.value = stroke.isTransferring;
     if (path.some(({ isSetDown }) => isSetDown)) toast(words.setDown);
   }
   /** Changes the chosen force: more with the wheel towards the user. */
