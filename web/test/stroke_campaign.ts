@@ -42,8 +42,17 @@ const RATES_HZ = [5, 30];
 const DRAG_S = 1.4;
 /** Rate at which a browser records positions of the cursor. */
 const EVENTS_HZ = 60;
-/** Time for which the tip is on its way over a gap of the surface under the cursor. */
+/**
+ * Time for which the tip may be on its way after the surface under the cursor has jumped by more than MAX_DISTANCE_MM,
+ * has come back or faces the other side. The path of the cursor alone decides that, whatever the page does.
+ */
 const CROSSING_S = 0.2;
+/** Cosine between two directions into a structure below which the cursor has come to the other side of a thin one. */
+const OTHER_SIDE = -0.3;
+/** Maximum number of times per drag that the page sets the tip down although the surface has not jumped. */
+const MAX_SET_DOWNS = 0.25;
+/** Maximum time for which the page shows that the tip is on its way, since the latest such jump. */
+const MAX_TRANSFER_S = 0.3;
 /** Picture of the camera and of the scope, CSS pixels. */
 const SIZE = 600;
 
@@ -99,22 +108,41 @@ class Figures {
   samples = 0;
   touched = 0;
   forced = 0;
-  drops = 0;
-  farthest_mm = 0;
+  drops = 0; // that neither the path of the cursor explains nor the page, by setting the tip down
+  setDowns = 0; // that the path of the cursor does not explain
+  farthest_mm = 0; // of the samples in which the page does not show that the tip is on its way
+  crossing = 0; // samples within CROSSING_S of a jump of the surface, of which only the distance counts
+  transferring = 0; // samples in which the page shows that the tip is on its way
+  transfer_s = 0; // longest time for which it does
   unreached = 0;
   halted = 0; // samples while the machine left the loop no processor
   late = 0; // samples while it left the page none
   lateDrops = 0;
   add(other: Figures): void {
-    for (const key of ["samples", "touched", "forced", "drops", "unreached", "halted", "late", "lateDrops"] as const)
+    for (const key of [
+      "samples",
+      "touched",
+      "forced",
+      "drops",
+      "setDowns",
+      "crossing",
+      "transferring",
+      "unreached",
+      "halted",
+      "late",
+      "lateDrops",
+    ] as const)
       this[key] += other[key];
-    this.farthest_mm = Math.max(this.farthest_mm, other.farthest_mm);
+    for (const key of ["farthest_mm", "transfer_s"] as const) this[key] = Math.max(this[key], other[key]);
   }
   get text(): string {
     const percent = (n: number) => `${((100 * n) / Math.max(1, this.samples)).toFixed(1)} %`;
     return (
       `${this.samples} samples: in contact ${percent(this.touched)}, force within 30 % ${percent(this.forced)}, ` +
-      `farthest ${this.farthest_mm.toFixed(2)} mm, ${this.drops} drops, ${this.unreached} drags without contact, ` +
+      `farthest ${this.farthest_mm.toFixed(2)} mm, ${this.drops} drops, ${this.setDowns} set down, ` +
+      `${this.unreached} drags without contact, ` +
+      `${this.crossing} more at jumps of the surface, ${this.transferring} of all on the way, ` +
+      `for at most ${this.transfer_s.toFixed(2)} s, ` +
       `${this.halted} more while the loop was halted, ${this.late} and ${this.lateDrops} drops while the page was`
     );
   }
@@ -131,13 +159,22 @@ interface View {
 
 /** A scene with its session, as on a page. */
 class Subject {
+  private touching: Touching | null = null;
   readonly session = new Session();
   readonly pointer: PointerDevice;
   private readonly connection: Connection;
   readonly punctuality = new Punctuality();
-  private isSoft = false; // tissue yields
-  private lifted_ms = 0; // time of the latest message without a press
-  private recorded: { force_N: number; isWithheld: boolean; isLate: boolean }[] = [];
+  private setDown_ms = 0; // time of the latest message that sets the tip down
+  private setDowns = 0; // number of those that the path of the cursor does not explain
+  private jumped_ms = 0; // time at which the surface under the cursor has jumped, or the cursor has been on none
+  private recorded: {
+    at_ms: number;
+    force_N: number;
+    isExplained: boolean;
+    isSetDown: boolean;
+    isLate: boolean;
+    isOnItsWay: boolean;
+  }[] = [];
 
   constructor(readonly name: string) {
     const nothing = () => {};
@@ -149,9 +186,12 @@ class Subject {
           this.session.setPose(pose);
           const { force, flags } = pose.devices[0]!;
           this.recorded.push({
+            at_ms: performance.now(),
             force_N: length(force),
-            isWithheld: Date.now() - this.lifted_ms < 1000 * CROSSING_S || (flags & HALTED) !== 0,
+            isExplained: this.isCrossing || (flags & HALTED) !== 0,
+            isSetDown: performance.now() - this.setDown_ms < 1000 * CROSSING_S,
             isLate: this.punctuality.isLate,
+            isOnItsWay: this.touching?.stroke?.isTransferring === true,
           });
           if (flags & HALTED) resumed_ms = Date.now() + RAMP_MS;
         },
@@ -161,7 +201,7 @@ class Subject {
         onUnanswered: nothing,
         onAsked: nothing,
         onCut: nothing,
-        onDeformation: () => (this.isSoft = true),
+        onDeformation: () => (this.session.isDeformed.value = true),
         onTask: nothing,
         onDebriefing: nothing,
         onPlan: nothing,
@@ -170,13 +210,10 @@ class Subject {
       },
       null,
     );
-    const { moveTip, setTipDown } = this.connection;
-    this.connection.moveTip = (at, into, force_N) => {
-      if (!into) this.lifted_ms = Date.now();
-      moveTip.call(this.connection, at, into, force_N);
-    };
+    const { setTipDown } = this.connection;
     this.connection.setTipDown = (at) => {
-      this.lifted_ms = Date.now();
+      if (!this.isCrossing) this.setDowns += 1;
+      this.setDown_ms = performance.now();
       setTipDown.call(this.connection, at);
     };
     const always = { device: { value: true } };
@@ -202,6 +239,11 @@ class Subject {
     this.punctuality.end();
   }
 
+  /** Whether the tip may be on its way, because of the path of the cursor. */
+  private get isCrossing(): boolean {
+    return performance.now() - this.jumped_ms < 1000 * CROSSING_S;
+  }
+
   /** Strokes once. */
   async drag(kind: Kind, rate_hz: number): Promise<Figures> {
     const { session, pointer } = this;
@@ -214,7 +256,8 @@ class Subject {
       (at, end) => view.hover(at, end),
       () => "",
     );
-    const { cursors, places } = this.path(view, isTouchable, rate_hz);
+    this.touching = touching;
+    const { cursors, places, jumps } = this.path(view, isTouchable, rate_hz);
     const figures = new Figures();
     if (cursors.length < 3) return figures;
     session.press_N.value = between(0.5, 1.2);
@@ -232,6 +275,7 @@ class Subject {
     else {
       await later(100);
       this.recorded = [];
+      this.setDowns = 0;
       for (let n = 1; n < cursors.length; n++) {
         // positions that the browser has recorded since the previous picture
         const passed = cursors[n]!.map((at) => ({ at }));
@@ -239,8 +283,9 @@ class Subject {
           { ...event, getCoalescedEvents: () => passed } as never,
           (each) => (each as unknown as { at: Position }).at,
         );
-        await later(1000 / rate_hz);
         const place = places[n];
+        if (jumps[n] || !place) this.jumped_ms = performance.now();
+        await later(1000 / rate_hz);
         if (!place) continue;
         if (device().flags & HALTED || Date.now() < resumed_ms) {
           figures.halted += 1;
@@ -253,15 +298,14 @@ class Subject {
         const tool_mm = session.toolOf(device()).radius_mm;
         const force_N = length(device().force);
         // from what the cursor shows; soft tissue is dented below it
-        const contact_mm = this.isSoft
+        const contact_mm = session.isDeformed.value
           ? distanceFrom(place, { at: device().proxy, normal: device().normal })
           : length(sub(device().proxy, place.at));
         const far_mm = touches() ? Math.max(0, contact_mm - tool_mm) : 0;
-        figures.samples += 1;
-        figures.touched += touches() ? 1 : 0;
-        figures.forced += Math.abs(force_N - chosen_N) <= 0.3 * chosen_N ? 1 : 0;
-        figures.farthest_mm = Math.max(figures.farthest_mm, far_mm);
-        if (process.env.STROKE_VERBOSE && (!touches() || far_mm > 2 || Math.abs(force_N - chosen_N) > 0.3 * chosen_N))
+        if (touching.stroke!.isTransferring) figures.transferring += 1;
+        else figures.farthest_mm = Math.max(figures.farthest_mm, far_mm);
+        const isForced = Math.abs(force_N - chosen_N) <= 0.3 * chosen_N;
+        if (process.env.STROKE_VERBOSE && (!touches() || far_mm > 2 || !isForced))
           console.log(
             kind,
             rate_hz,
@@ -274,17 +318,34 @@ class Subject {
             "tip",
             length(sub(device().tip, place.at)).toFixed(2),
           );
+        if (this.isCrossing) {
+          figures.crossing += 1;
+          continue;
+        }
+        figures.samples += 1;
+        figures.touched += touches() && far_mm <= MAX_DISTANCE_MM ? 1 : 0;
+        figures.forced += isForced ? 1 : 0;
       }
-      let wasDropped = false;
-      for (const { force_N, isWithheld, isLate } of this.recorded) {
-        const isDropped = force_N === 0 && !isWithheld;
-        if (isDropped && !wasDropped) figures[isLate ? "lateDrops" : "drops"] += 1;
-        wasDropped = isDropped || isWithheld;
-      }
+      this.count(figures);
     }
     touching.release();
     await until("the release", () => length(device().force) === 0);
     return figures;
+  }
+
+  /** Counts the drops of the force, and how long the tip was on its way. */
+  private count(figures: Figures): void {
+    let wasDropped = false;
+    let begun_ms = NaN;
+    figures.setDowns = this.setDowns;
+    for (const { at_ms, force_N, isExplained, isSetDown, isLate, isOnItsWay } of this.recorded) {
+      const isDropped = force_N === 0 && !isExplained && !isSetDown;
+      if (isDropped && !wasDropped) figures[isLate ? "lateDrops" : "drops"] += 1;
+      wasDropped = isDropped;
+      if (!isOnItsWay || isExplained || isLate) begun_ms = NaN;
+      else if (Number.isNaN(begun_ms)) begun_ms = at_ms;
+      else figures.transfer_s = Math.max(figures.transfer_s, (at_ms - begun_ms) / 1000);
+    }
   }
 
   /** Cursor positions of a drag, and the surface point that each of them shows. */
@@ -292,25 +353,28 @@ class Subject {
     view: View,
     isTouchable: (p: Vec3) => boolean,
     rate_hz: number,
-  ): { cursors: Position[][]; places: (SurfacePoint | null)[] } {
+  ): { cursors: Position[][]; places: (SurfacePoint | null)[]; jumps: boolean[] } {
     // finds surfaces, and remembers the latest one, like the stroke that is tested
     const finder = new SurfaceDrag(this.session.volumes.value!, isTouchable, [0, 0, 0], 0, () => [0, 0, 0]);
     const find = (at: Position) => (finder.point = view.pick(at, finder));
     const cursors: Position[][] = [];
     const places: (SurfacePoint | null)[] = [];
+    const jumps: boolean[] = []; // whether the surface has jumped since the previous picture
     const turn = between(-1.5, 1.5); // rad/s
     const speed = between(20, 60); // mm/s on the picture
     const steps = Math.round(EVENTS_HZ / rate_hz);
     let at = view.start;
     let angle = between(0, 2 * Math.PI);
     let place = find(at);
-    let away = 0; // number of events since the cursor has left a surface, or come to another one
+    let hasJumped = false;
     let passed = [at];
     for (let n = 0; n <= DRAG_S * EVENTS_HZ; n++) {
       if (n % steps === 0) {
         cursors.push(passed);
-        places.push(away === 0 ? place : null);
+        places.push(place);
+        jumps.push(hasJumped);
         passed = [];
+        hasJumped = false;
       }
       angle += turn / EVENTS_HZ;
       const next = view.next(at, place, angle, speed / EVENTS_HZ);
@@ -318,10 +382,13 @@ class Subject {
       passed.push((at = next));
       const before = place;
       place = find(at);
-      const isGap = !place || !before || length(sub(place.at, before.at)) > MAX_DISTANCE_MM;
-      away = isGap ? CROSSING_S * EVENTS_HZ : Math.max(0, away - 1);
+      hasJumped ||=
+        !place ||
+        !before ||
+        length(sub(place.at, before.at)) > MAX_DISTANCE_MM ||
+        dot(place.into, before.into) < OTHER_SIDE;
     }
-    return { cursors, places };
+    return { cursors, places, jumps };
   }
 
   /** A picture that shows a random part of the scene, with a start on a surface. */
@@ -473,5 +540,7 @@ assert.ok(all.touched >= 0.95 * all.samples, "contact");
 assert.ok(all.forced >= 0.95 * all.samples, "force");
 assert.ok(all.farthest_mm <= MAX_DISTANCE_MM, "distance");
 assert.equal(all.drops, 0, "drops");
+assert.ok(all.setDowns <= MAX_SET_DOWNS * Number(count), "set down");
+assert.ok(all.transfer_s <= MAX_TRANSFER_S, "transfer");
 assert.ok(all.unreached <= 0.02 * Number(count), "presses without contact");
 process.exit(0);

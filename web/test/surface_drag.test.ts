@@ -3,7 +3,7 @@ import test from "node:test";
 import { add, dot, length, normalize, scale, sub, type Vec3 } from "../src/base/geometry.js";
 import { Volumes } from "../src/protocol/scene.js";
 import { MAX_DISTANCE_MM, type PathPoint } from "../src/state/pointer.js";
-import { SurfaceDrag, type SurfacePoint } from "../src/touch/surface_drag.js";
+import { isHeldBack, SurfaceDrag, type SurfacePoint } from "../src/touch/surface_drag.js";
 
 const SIZE = 80;
 const VOXEL_MM = 0.5;
@@ -123,32 +123,84 @@ test("a contact that is held back from the cursor is freed, and one that just fo
   const normal = scale(target.into!, -1);
   const contact = (at: Vec3) => ({ at, normal });
   const away = contact(add(target.at, [MAX_DISTANCE_MM + 1, 0, -1]));
-  assert.equal(made.freed(0, target, contact(target.at)), null);
-  assert.equal(made.freed(10, target, away), null);
-  assert.equal(made.freed(100, target, away), null);
-  assert.equal(made.freed(120, target, contact(add(target.at, [1, 0, 0]))), null, "it has come");
-  assert.equal(made.freed(600, { ...target, into: null }, null, true), null, "it is lifted anyway");
+  assert.equal(made.freed(0, target, contact(target.at), target.at), null);
+  assert.equal(made.freed(10, target, away, away.at), null);
+  assert.equal(made.freed(100, target, away, away.at), null);
+  assert.equal(made.freed(120, target, contact(add(target.at, [1, 0, 0])), target.at), null, "it has come");
+  assert.equal(made.freed(600, { ...target, into: null }, null, target.at, true), null, "it is lifted anyway");
   const dent = add(target.at, scale(target.into!, 12));
   for (const now_ms of [700, 900])
-    assert.equal(made.freed(now_ms, target, contact(dent)), null, "soft tissue is dented");
-  assert.equal(made.freed(910, target, contact(target.at)), null);
+    assert.equal(made.freed(now_ms, target, contact(dent), dent), null, "soft tissue is dented");
+  assert.equal(made.freed(910, target, contact(target.at), target.at), null);
   const side = { at: dent, normal: [1, 0, 0] as Vec3 };
-  assert.equal(made.freed(920, target, side), null);
-  assert.ok(made.freed(1080, target, side)![0]!.isSetDown, "on a side it has slid off");
+  assert.equal(made.freed(920, target, side, dent), null);
+  assert.ok(made.freed(1080, target, side, dent)![0]!.isSetDown, "on a side it has slid off");
   for (const [held, isInside] of [
     [away, false],
     [null, true],
   ] as const) {
-    assert.equal(made.freed(1200, target, held, isInside), null);
-    const path = made.freed(1400, target, held, isInside)!;
+    assert.equal(made.freed(1200, target, held, target.at, isInside), null);
+    const path = made.freed(1400, target, held, target.at, isInside)!;
     assert.ok(path[0]!.isSetDown && path.at(-1)!.into !== null);
     assert.ok(length(sub(path[0]!.at, target.at)) <= 3 + 1e-9, "it is set down in front of the surface");
     assert.ok(length(sub(path.at(-1)!.at, target.at)) < 1e-9);
   }
   // one that is held back after the tip was lifted
   const lifted = made.follow(() => null, 30).at(-1)!;
-  assert.equal(made.freed(2000, lifted, away), null);
-  assert.deepEqual(made.freed(2200, lifted, away), [{ at: lifted.at, into: null, isSetDown: true }]);
+  assert.equal(made.freed(2000, lifted, away, away.at), null);
+  assert.deepEqual(made.freed(2200, lifted, away, away.at), [{ at: lifted.at, into: null, isSetDown: true }]);
+});
+
+test("a contact beside the tip, or on the other side of the structure, is freed within two poses", () => {
+  const { stroke: made } = stroke();
+  const target = made.begin(under(made, MIDDLE, MIDDLE)).at(-1)!;
+  const normal = scale(target.into!, -1);
+  const tip = add(target.at, scale(target.into!, 2));
+  // held back by a crease 4 mm aside, although the tip has passed; and a dent 9 mm deep, whose contact follows
+  assert.ok(isHeldBack(tip, target.into!, add(target.at, [4, 0, 0])));
+  assert.ok(!isHeldBack(add(target.at, scale(target.into!, 9)), target.into!, add(target.at, [4, 0, 0])));
+  const beside = { at: add(target.at, [4, 0, 0]), normal };
+  const behind = { at: add(target.at, scale(target.into!, 1)), normal: target.into! };
+  for (const [start_ms, contact, isInside] of [
+    [0, beside, false],
+    [1000, behind, false],
+    [2000, null, true],
+  ] as const) {
+    assert.equal(made.freed(start_ms, target, contact, tip, isInside), null);
+    const path = made.freed(start_ms + 34, target, contact, tip, isInside)!;
+    assert.ok(path[0]!.isSetDown && path.at(-1)!.into !== null);
+    assert.equal(made.freed(start_ms + 50, target, { at: target.at, normal }, tip), null, "it is there");
+  }
+});
+
+test("a tip is on its way until its contact is where the cursor shows", () => {
+  const { stroke: made } = stroke();
+  const target = made.begin(under(made, MIDDLE, MIDDLE)).at(-1)!;
+  const normal = scale(target.into!, -1);
+  const isTransferring = (contact: { at: Vec3; normal: Vec3 } | null) => {
+    made.freed(0, target, contact, target.at);
+    return made.isTransferring;
+  };
+  assert.equal(isTransferring(null), true);
+  assert.equal(isTransferring({ at: add(target.at, [MAX_DISTANCE_MM + 0.5, 0, 0]), normal }), true);
+  assert.equal(isTransferring({ at: add(target.at, [MAX_DISTANCE_MM - 0.5, 0, 0]), normal }), false);
+  // a cursor that has jumped is ahead of the next pose
+  made.follow(under(made, MIDDLE, [35, 20, 20]), 1);
+  assert.equal(made.isTransferring, true);
+  made.follow(() => null, 30);
+  assert.equal(isTransferring(null), false, "the cursor is on no surface");
+});
+
+test("from one side of a thin structure to the other the tip is lifted", () => {
+  const { stroke: made } = stroke();
+  const side = (z: number): SurfacePoint => {
+    const into: Vec3 = [0, 0, z > 3 ? -1 : 1];
+    return { at: [36, 20, z], into, from: into };
+  };
+  made.begin(() => side(3.9));
+  const steps = made.follow((fraction) => side(fraction < 1 ? 3.9 : 2.6), 1);
+  assert.ok(steps.some(({ into }) => into === null));
+  assert.ok(steps.at(-1)!.into![2] > 0.9);
 });
 
 test("a surface that is seen edge-on is followed without lifting the tip", () => {

@@ -254,6 +254,8 @@ function drawToolShape(
     stadium(frame, at(from_mm), at(to_mm), wide, 3, "rgba(6, 9, 11, 0.6)");
     stadium(frame, at(from_mm), at(to_mm), wide, 1.3, colour);
   }
+  // dotted while the tip is on its way to the surface under the cursor
+  const dotted = device.number === 0 && session.isTransferring.value ? [1, 3] : [];
   if (isSeen) {
     const per_mm = projection.pixelsPerMm(shown);
     const end = projection.pixel(add(shown, session.toPatient(pose, rotate(device.orientation, [0, 0, 1]))));
@@ -261,10 +263,10 @@ function drawToolShape(
     const behind: [number, number] =
       Math.abs(device.orientation[0]) > 1 - 1e-9 ? [0.5 * per_mm, -0.8 * per_mm] : [end[0] - tool[0], end[1] - tool[1]];
     drawInstrument(context, session.toolOf(device), tool, radius, behind, per_mm);
-    ring(frame, tool, radius, 1.3, colour);
+    ring(frame, tool, radius, 1.3, colour, dotted);
   } else {
     ring(frame, tool, radius, 4.5, "rgba(6, 9, 11, 0.75)");
-    ring(frame, tool, radius, 2, colour, projection.clearness(shown) < 0.5 ? [4, 3] : []);
+    ring(frame, tool, radius, 2, colour, projection.clearness(shown) < 0.5 ? [4, 3] : dotted);
   }
 }
 

@@ -97,6 +97,7 @@ export class Session {
   /** Returns the position under the mouse, on the section as drawn when called; null: the mouse is on no section. */
   readonly pointed = signal<(() => Vec3 | null) | null>(null);
   readonly isPressing = signal(false); // a press on this page controls the tip
+  readonly isTransferring = signal(false); // the contact of that tip is not yet where the cursor shows
   readonly press_N = signal(1); // force with which a press touches a surface
   /** Voxel values displayed with the appearance of value `as`, to conceal them in a quiz; null: none. */
   readonly concealment = signal<{ values: number[]; as: number } | null>(null);

@@ -25,8 +25,20 @@ const DRAG_PIXELS = 8;
 const HALVINGS = 4;
 /** Component of a direction along a surface below which a key does not stroke over it. */
 const MIN_TANGENTIAL = 0.3;
-/** Time for which the contact may lag more than MAX_DISTANCE_MM behind its target before the tip is lifted. */
+/** Time for which the contact may lag more than MAX_DISTANCE_MM behind its target before the tip is set down. */
 const MAX_LAG_MS = 150;
+/**
+ * The same for a contact that is beside the tip, at a distance of more than HELD_MM and HELD_FRACTION of the depth: a
+ * ridge or a crease holds it back while the tip has passed, and it will not come.
+ */
+const MAX_HELD_MS = 25,
+  HELD_MM = 2,
+  HELD_FRACTION = 0.6;
+/**
+ * Cosine of the angle between two directions into a structure below which they belong to different sides of it. A press
+ * has gone through a thin structure if the contact faces along it.
+ */
+const OTHER_SIDE = -0.3;
 /**
  * Maximum distance between two picks that are connected along the surface: a surface that is seen edge-on has distant
  * points under neighbouring pixels.
@@ -38,8 +50,9 @@ const LEAST_FACING = 0.7;
 /** Maximum depth to which palpate presses (PointerDriver::kMaxPress_mm). */
 const MAX_DENT_MM = 15;
 
-/** Distance in front of a surface from which the tip approaches it. */
-const OUTSIDE_MM = 3;
+/** Distance in front of a surface from which the tip approaches it, and where a contact that was held back is freed. */
+const OUTSIDE_MM = 3,
+  FREED_MM = 1.5;
 /** Path length within which the tip may leave its current contact. */
 const LEAVES_MM = 5;
 /** Candidate detours towards the viewer. */
@@ -76,20 +89,31 @@ function inward(isTouchable: IsTouchable, at: Vec3, voxel_mm: number, directions
 export interface ContactPoint {
   at: Vec3;
   normal: Vec3;
+  isRigid?: boolean; // no tissue yields: a contact below the surface is on another one
 }
 
 /** Distance of a contact from a target, without the depth of the dent that it presses into soft tissue. */
 export function distanceFrom({ at, into }: PathPoint, contact: ContactPoint): number {
   const away = sub(contact.at, at);
   // beside a surface nothing is dented
-  if (!into || dot(contact.normal, into) > -LEAST_FACING) return length(away);
+  if (!into || contact.isRigid || dot(contact.normal, into) > -LEAST_FACING) return length(away);
   const dent_mm = Math.min(Math.max(0, dot(away, into)), MAX_DENT_MM);
   return length(sub(away, scale(into, dent_mm)));
 }
 
-/** Position of a tip in front of a surface, free of contact: closer to it in a gap; null: there is none. */
-function inFrontOf(isTouchable: IsTouchable, surface: Vec3, into: Vec3): Vec3 | null {
-  for (let off_mm = OUTSIDE_MM; off_mm > 0.25; off_mm /= 2) {
+/** Whether a contact is beside the tip that presses into a surface, instead of above it. */
+export function isHeldBack(tip: Vec3, into: Vec3, contact: Vec3): boolean {
+  const away = sub(contact, tip);
+  const depth_mm = -dot(away, into);
+  return length(add(away, scale(into, depth_mm))) > Math.max(HELD_MM, HELD_FRACTION * depth_mm);
+}
+
+/**
+ * Position of a tip in front of a surface, free of contact; null: there is none.
+ * @param off_mm  distance from the surface, less in a gap
+ */
+function inFrontOf(isTouchable: IsTouchable, surface: Vec3, into: Vec3, off_mm = OUTSIDE_MM): Vec3 | null {
+  for (; off_mm > 0.25; off_mm /= 2) {
     const p = sub(surface, scale(into, off_mm));
     if (!isTouchable(p)) return p;
   }
@@ -134,6 +158,11 @@ export type Pick = (fraction: number) => SurfacePoint | null;
 export class SurfaceDrag {
   /** Surface point that the tip presses on, or is on its way to; null: it is lifted. */
   point: SurfacePoint | null = null;
+  /**
+   * Whether the contact is not where the cursor shows, in the latest pose or by a path that has been added since: the
+   * tip is on its way to the surface under the cursor. False while the cursor is on no surface.
+   */
+  isTransferring = false;
   private end: Vec3; // end of the path so far
   private readonly rim: Vec3[]; // offsets from the tip's centre at which its surface is tested
   private away_ms = NaN; // time since which the contact is too far from its target; NaN: it is not
@@ -225,16 +254,28 @@ export class SurfaceDrag {
   follow(pick: Pick, pixels: number): PathPoint[] {
     const parts = Math.max(1, Math.ceil(pixels / DRAG_PIXELS));
     const steps: PathPoint[] = [];
+    const { end: before } = this;
     for (let n = 1; n <= parts; n++)
       steps.push(...this.refine(pick, (n - 1) / parts, n / parts, pick(n / parts), HALVINGS));
+    // known before the next pose comes
+    const isLong = steps.some(({ into }) => !into) || length(sub(this.end, before)) > MAX_DISTANCE_MM;
+    this.isTransferring = this.point !== null && (this.isTransferring || isLong);
     return steps;
   }
   /** Follows the surface between two cursor positions, or leaves it where it ends. */
   private refine(pick: Pick, from: number, to: number, point: SurfacePoint | null, halvings: number): PathPoint[] {
     const { point: last } = this;
-    if (last && point && length(sub(point.at, last.at)) <= STEP_MM) return this.slide(point);
+    const isNear = last !== null && point !== null && length(sub(point.at, last.at)) <= STEP_MM;
+    // nothing leads over the edge of a thin structure to its other side
+    if (isNear && dot(point.into, last.into) < OTHER_SIDE) return this.moveTo(point, to);
+    if (isNear) return this.slide(point);
     if (!last && !point) return this.moveTo(null, to);
-    if (halvings === 0) return (last && point && this.slideAlong(last, point)) ?? this.moveTo(point, to);
+    if (halvings === 0) {
+      if (!last || !point) return this.moveTo(point, to);
+      // over a ledge no higher than what a contact may be from the cursor, the force goes on
+      const isLow = length(sub(point.at, last.at)) <= MAX_DISTANCE_MM && dot(point.into, last.into) >= OTHER_SIDE;
+      return this.slideAlong(last, point) ?? (isLow ? this.slide(point) : this.moveTo(point, to));
+    }
     const middle = (from + to) / 2;
     return [
       ...this.refine(pick, from, middle, pick(middle), halvings - 1),
@@ -300,9 +341,10 @@ export class SurfaceDrag {
     return sub(at, scale(into, this.radius_mm));
   }
   /** Position in front of a surface point. */
-  private outside(point: SurfacePoint): Vec3 {
+  private outside(point: SurfacePoint, off_mm = OUTSIDE_MM): Vec3 {
     const centre = this.centreAt(point);
-    return inFrontOf(this.isBlocked, centre, point.into) ?? inFrontOf(this.isBlocked, centre, point.from) ?? point.at;
+    const inFront = (into: Vec3) => inFrontOf(this.isBlocked, centre, into, off_mm);
+    return inFront(point.into) ?? inFront(point.from) ?? point.at;
   }
   /** Whether the tool would touch anything at a position of its tip. */
   private readonly isBlocked = (p: Vec3): boolean =>
@@ -321,18 +363,31 @@ export class SurfaceDrag {
    * inside of a structure. It replaces the remaining path.
    * @param target  position that the tip has been sent to
    * @param contact  null: no contact
+   * @param tip  position of the tip in the same pose as the contact
    * @param isInside  contact was reset while the tip was inside, as after a halt of the loop: there is no force
    * @returns null: the contact is where it should be, or has just begun to lag
    */
-  freed(now_ms: number, target: PathPoint, contact: ContactPoint | null, isInside = false): PathPoint[] | null {
+  freed(
+    now_ms: number,
+    target: PathPoint,
+    contact: ContactPoint | null,
+    tip: Vec3,
+    isInside = false,
+  ): PathPoint[] | null {
+    const { end, point } = this;
+    this.isTransferring =
+      point !== null && !(contact && distanceFrom({ at: end, into: point.into }, contact) <= MAX_DISTANCE_MM);
     const isFar = contact !== null && distanceFrom(target, contact) > MAX_DISTANCE_MM;
-    const isAway = isFar || (isInside && target.into !== null);
+    const isOpposite = contact !== null && target.into !== null && -dot(contact.normal, target.into) < OTHER_SIDE;
+    const isAway = isFar || isOpposite || (isInside && target.into !== null);
     if (!isAway) this.away_ms = NaN;
     else if (Number.isNaN(this.away_ms)) this.away_ms = now_ms;
-    if (!(now_ms - this.away_ms > MAX_LAG_MS)) return null;
+    const isHeld =
+      isInside || isOpposite || (contact !== null && target.into !== null && isHeldBack(tip, target.into, contact.at));
+    if (!(now_ms - this.away_ms > (isHeld ? MAX_HELD_MS : MAX_LAG_MS))) return null;
     this.away_ms = NaN;
-    const { point } = this;
     if (!point) return [{ at: this.end, into: null, isSetDown: true }];
-    return [{ at: this.outside(point), into: null, isSetDown: true }, ...this.slide(point)];
+    const off_mm = isInside ? OUTSIDE_MM : FREED_MM;
+    return [{ at: this.outside(point, off_mm), into: null, isSetDown: true }, ...this.slide(point)];
   }
 }

@@ -106,6 +106,7 @@ export class Touching {
       Math.hypot(to[0] - x, to[1] - y),
     );
     this.pointer.follow(path);
+    this.session.isTransferring.value = stroke.isTransferring;
     if (path.some(({ isSetDown }) => isSetDown)) toast(words.setDown);
   }
   /** Changes the chosen force: more with the wheel towards the user. */
@@ -119,6 +120,7 @@ export class Touching {
   release(): void {
     if (!this.stroke) return;
     this.stroke = null;
+    this.session.isTransferring.value = false;
     this.pointer.release();
   }
 
@@ -151,9 +153,11 @@ export class Touching {
     const path = stroke.freed(
       performance.now(),
       pointer.position,
-      touches ? { at: device.proxy, normal: device.normal } : null,
+      touches ? { at: device.proxy, normal: device.normal, isRigid: !this.session.isDeformed.peek() } : null,
+      device.tip,
       isInside,
     );
+    this.session.isTransferring.value = stroke.isTransferring;
     if (!path) return;
     pointer.divert(path);
     toast(words.setDown);
