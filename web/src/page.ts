@@ -45,7 +45,7 @@ import { Touching } from "./touch/touching.js";
 import { addVolumeHead } from "./volume/volume_head.js";
 import { VolumeRenderer } from "./volume/volume_renderer.js";
 import { VolumeView } from "./volume/volume_view.js";
-import { Part } from "./words/part.js";
+import { LazyModule } from "./base/lazy_module.js";
 import { versionError } from "./words/errors.js";
 import { words } from "./words/words.js";
 
@@ -71,7 +71,7 @@ export class Page {
   readonly volume: VolumeView;
   readonly sections: SectionView[];
   readonly measures = new Measures(this.history, (measure) => this.moveTo(measure));
-  readonly scope = new Part("scope", async () => {
+  readonly scope = new LazyModule("scope", async () => {
     const { ScopeView } = await import("./volume/scope_view.js");
     const scope = new ScopeView(this.session, this.renderer, this.slicer.isSoftware, this.history, this.pointer);
     this.volume.picture.element.after(scope.picture.element);
@@ -82,7 +82,7 @@ export class Page {
   readonly voxels: VoxelChanges;
   readonly panels: Panels;
   readonly captures: CaptureButtons;
-  readonly deferredPanels = new Part("later", async () => {
+  readonly deferredPanels = new LazyModule("later", async () => {
     const { session, requests, history, permissions, volume, sections } = this;
     const parts = await import("./panels/deferred_panels.js");
     parts.addObliqueHead(sections[0]!, session, history);
@@ -130,7 +130,7 @@ export class Page {
 
     this.voxels = new VoxelChanges(session, slicer, renderer, volume);
     new Graphics(session, slicer, renderer, () => {
-      for (const view of [volume, scope.now]) view?.lost();
+      for (const view of [volume, scope.value]) view?.lost();
     });
     renderer.served = () => {
       const scene = session.scene.value;
@@ -158,7 +158,7 @@ export class Page {
       scope,
       voxels: this.voxels,
       onFirstSection: () => void this.loadDeferredPanels(),
-      onFrame: () => this.captures.capture.now?.drawn(),
+      onFrame: () => this.captures.capture.value?.drawn(),
     });
     effect(() => {
       if (session.layout.value === "inside" || session.layout.value === "scope") void scope.get();
@@ -175,7 +175,7 @@ export class Page {
   /** Whether all visible pictures are drawn completely, for the current layout. */
   get isRedrawn(): boolean {
     const { volume, sections, scope } = this;
-    const views = [volume, ...(scope.now ? [scope.now] : [])];
+    const views = [volume, ...(scope.value ? [scope.value] : [])];
     return (
       this.pictures.every((picture) => picture.isFitted) &&
       !sections.some(({ isCoarse }) => isCoarse) &&
@@ -253,9 +253,9 @@ export class Page {
       s: () => captures.screenshot(),
       o: () => captures.record(),
       d: nextTheme,
-      p: () => (session.scene.value?.recording ? panels.timeline.now?.toggle() : device.togglePause()),
-      b: ({ repeat }) => repeat || panels.training.now?.beginOrEnd(),
-      n: ({ repeat }) => repeat || panels.near.now?.toggleSound(),
+      p: () => (session.scene.value?.recording ? panels.timeline.value?.toggle() : device.togglePause()),
+      b: ({ repeat }) => repeat || panels.training.value?.beginOrEnd(),
+      n: ({ repeat }) => repeat || panels.near.value?.toggleSound(),
       // one stroke per key press, without repeats
       u: ({ repeat, shiftKey }) => repeat || byId(shiftKey ? "redo-stroke" : "undo-stroke").click(),
     });

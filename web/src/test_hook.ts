@@ -123,11 +123,11 @@ export function openToTests(page: Page): void {
       return session.approach.value;
     },
     get tone() {
-      return page.panels.near.now?.approachSound.tone ?? null;
+      return page.panels.near.value?.approachSound.tone ?? null;
     },
     /** State of the tasks: view of the panel, progress of the run, latest results. */
     get training() {
-      const panel = page.panels.training.now;
+      const panel = page.panels.training.value;
       return {
         view: panel?.view ?? "none",
         task: panel?.task?.name ?? null,
@@ -141,13 +141,13 @@ export function openToTests(page: Page): void {
     },
     /** Pose of the scope; patient frame. */
     get scopeFrame() {
-      return page.scope.now?.frame() ?? null;
+      return page.scope.value?.frame() ?? null;
     },
     get scopeWords() {
-      return page.scope.now?.caption ?? "";
+      return page.scope.value?.caption ?? "";
     },
     get isScopeSharp() {
-      return page.scope.now?.isSharp === true;
+      return page.scope.value?.isSharp === true;
     },
     /** Square picture of a scope at a pose: RGBA by rows, base64. */
     async scopePicture(frame: ScopeFrame, size: number) {

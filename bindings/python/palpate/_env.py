@@ -73,7 +73,7 @@ def _above(model: Model, clearance: float) -> np.ndarray:
     return middle + (heights[below[0]] + 0.25) * up
 
 
-class _Hand:
+class _SingleEnv:
     """One environment: a session, and the pose of the tool in it."""
 
     def __init__(self, model: Model, names: List[str], settings: "dict[str, Any]") -> None:
@@ -116,13 +116,13 @@ class _Hand:
         for label, force in zip(record["contact_label"], record["contact_N"]):
             if label in self.index_of_label:
                 by_structure[self.index_of_label[label]] += force
-        seen = {"tip": np.array(record["tip_patient_mm"]), "orientation": self.orientation.copy(),
+        observation = {"tip": np.array(record["tip_patient_mm"]), "orientation": self.orientation.copy(),
                 "velocity": np.array(record["velocity_patient_mm_s"]),
                 "force": self.to_patient @ record["force_world_N"], "torque": self.to_patient @ record["torque_world_Nmm"],
                 "force_by_structure": by_structure, "indentation": record["tip_patient_mm"] - record["proxy_patient_mm"]}
         if patch:
-            seen["section"] = self.model.section_labels("axial", record["tip_patient_mm"], size=patch_mm, pixels=patch)
-        return seen
+            observation["section"] = self.model.section_labels("axial", record["tip_patient_mm"], size=patch_mm, pixels=patch)
+        return observation
 
 
 class Env:
@@ -183,7 +183,7 @@ class Env:
         self.up = _up(self._models[0])
         self.num_envs = 1 if envs is None else int(envs)
         self._has_axis = envs is not None
-        self._hands = [_Hand(self._models[n % len(self._models)], self.structures, settings) for n in range(self.num_envs)]
+        self._single_envs = [_SingleEnv(self._models[n % len(self._models)], self.structures, settings) for n in range(self.num_envs)]
         self._action, self._reward, self._start, self._randomise = action, reward, start, randomise
         self._ticks, self._dt, self._settings = int(ticks), 1 / rate, settings
         self._steps = max(1, round(seconds * control_rate))
@@ -211,10 +211,10 @@ class Env:
             (observation, info).
         """
         if seed is not None:
-            for n, hand in enumerate(self._hands):
-                hand.rng = np.random.default_rng([int(seed), n])
+            for n, env in enumerate(self._single_envs):
+                env.rng = np.random.default_rng([int(seed), n])
         tip = (options or {}).get("tip")
-        return self._stacked(self._each(lambda n: self._begin(self._hands[n], tip))), {}
+        return self._stacked(self._each(lambda n: self._begin(self._single_envs[n], tip))), {}
 
     def step(self, action: Any) -> Tuple[Observation, Any, Any, Any, Dict[str, Any]]:
         """Applies an action for one control step.
@@ -237,15 +237,15 @@ class Env:
             raise c.BadInput(f"action: an array of shape {np.shape(action)}\n  give {shape} for each environment") from error
         if not np.isfinite(actions).all() or (self._action == "pose" and not (np.linalg.norm(actions[:, 3:], axis=1) > 0.5).all()):
             raise c.BadInput("action: not finite, or a quaternion that is not of unit length")
-        if any(hand.is_over and hand.steps == 0 for hand in self._hands):
+        if any(env.is_over and env.steps == 0 for env in self._single_envs):
             raise c.Usage("step: there is no episode\n  call reset() first")
-        results = self._each(lambda n: self._advance(self._hands[n], actions[n]))
-        seen = self._stacked([result[0] for result in results])
+        results = self._each(lambda n: self._advance(self._single_envs[n], actions[n]))
+        observation = self._stacked([result[0] for result in results])
         columns = [np.array(column) for column in zip(*(result[1:] for result in results))]
         if not self._has_axis:
             columns = [column[0].item() for column in columns]
         reward, terminated, truncated, max_force, begun = columns
-        return seen, reward, terminated, truncated, {"max_force": max_force, "begun": begun}
+        return observation, reward, terminated, truncated, {"max_force": max_force, "begun": begun}
 
     def close(self) -> None:
         """Stops the worker threads."""
@@ -258,36 +258,36 @@ class Env:
         numbers = range(self.num_envs)
         return list(self._pool.map(work, numbers)) if self._pool is not None else [work(n) for n in numbers]
 
-    def _stacked(self, seen: Sequence[Observation]) -> Observation:
-        return {name: np.stack([one[name] for one in seen]) for name in seen[0]} if self._has_axis else seen[0]
+    def _stacked(self, observation: Sequence[Observation]) -> Observation:
+        return {name: np.stack([one[name] for one in observation]) for name in observation[0]} if self._has_axis else observation[0]
 
-    def _begin(self, hand: _Hand, tip: Any) -> Observation:
+    def _begin(self, env: _SingleEnv, tip: Any) -> Observation:
         if self._randomise is not None:
-            number = self._hands.index(hand)
-            model = self._randomise(hand.rng, self._models[number % len(self._models)])
-            fresh = _Hand(model, self.structures, self._settings)
-            hand.model, hand.session, hand.index_of_label = fresh.model, fresh.session, fresh.index_of_label
+            number = self._single_envs.index(env)
+            model = self._randomise(env.rng, self._models[number % len(self._models)])
+            fresh = _SingleEnv(model, self.structures, self._settings)
+            env.model, env.session, env.index_of_label = fresh.model, fresh.session, fresh.index_of_label
         if tip is None:
-            tip = self._start(hand.rng, hand.model) if callable(self._start) else self._start
-        at = _above(hand.model, self._clearance) if tip is None else np.array(tip, float)
+            tip = self._start(env.rng, env.model) if callable(self._start) else self._start
+        at = _above(env.model, self._clearance) if tip is None else np.array(tip, float)
         if at.shape != (3,) or not np.isfinite(at).all():
             raise c.BadInput("start: not a position\n  give 3 finite coordinates in mm")
-        return hand.observe(hand.place(at, self._settle, self._dt), self._patch, self._patch_mm)
+        return env.observe(env.place(at, self._settle, self._dt), self._patch, self._patch_mm)
 
-    def _advance(self, hand: _Hand, action: np.ndarray) -> Tuple[Observation, float, bool, bool, float, bool]:
-        if hand.is_over:
-            return self._begin(hand, None), 0.0, False, False, 0.0, True
+    def _advance(self, env: _SingleEnv, action: np.ndarray) -> Tuple[Observation, float, bool, bool, float, bool]:
+        if env.is_over:
+            return self._begin(env, None), 0.0, False, False, 0.0, True
         if self._action == "pose":
             orientation = action[3:] / np.linalg.norm(action[3:])
-            records = hand.move(action[:3], orientation, self._ticks, self._dt)
+            records = env.move(action[:3], orientation, self._ticks, self._dt)
         else:
-            records = hand.push(action, self._ticks, self._dt, self._mass, self._damping)
-        hand.steps += 1
-        seen = hand.observe(records[-1], self._patch, self._patch_mm)
-        reward, terminated = self._reward(seen) if self._reward is not None else (0.0, False)
-        truncated = not terminated and hand.steps >= self._steps
-        hand.is_over = bool(terminated or truncated)
-        return seen, float(reward), bool(terminated), truncated, float(np.linalg.norm(records["force_world_N"], axis=1).max()), False
+            records = env.push(action, self._ticks, self._dt, self._mass, self._damping)
+        env.steps += 1
+        observation = env.observe(records[-1], self._patch, self._patch_mm)
+        reward, terminated = self._reward(observation) if self._reward is not None else (0.0, False)
+        truncated = not terminated and env.steps >= self._steps
+        env.is_over = bool(terminated or truncated)
+        return observation, float(reward), bool(terminated), truncated, float(np.linalg.norm(records["force_world_N"], axis=1).max()), False
 
 
 class Episodes:
@@ -330,14 +330,14 @@ class Episodes:
 
     def reset(self, **options: Any) -> Tuple[Observation, Dict[str, Any]]:
         """As Env.reset(). Episodes that have not ended are not written."""
-        seen, info = self.env.reset(**options)
+        observation, info = self.env.reset(**options)
         self._open = [[] for _ in range(self.env.num_envs)]
-        self._before = seen
-        return seen, info
+        self._before = observation
+        return observation, info
 
     def step(self, action: Any) -> Tuple[Observation, Any, Any, Any, Dict[str, Any]]:
         """As Env.step()."""
-        seen, reward, terminated, truncated, info = self.env.step(action)
+        observation, reward, terminated, truncated, info = self.env.step(action)
         axis = self.env._has_axis
         before = self._before or {}
         actions = np.asarray(action, float).reshape(self.env.num_envs, -1)
@@ -349,12 +349,12 @@ class Episodes:
                 continue
             is_over = bool(of(terminated)) or bool(of(truncated))
             self._open[n].append((actions[n], of(reward), is_over, {k: of(v) for k, v in before.items()},
-                                  {k: of(v) for k, v in seen.items()}))
+                                  {k: of(v) for k, v in observation.items()}))
             if is_over:
                 self._write(self._open[n])
                 self._open[n] = []
-        self._before = seen
-        return seen, reward, terminated, truncated, info
+        self._before = observation
+        return observation, reward, terminated, truncated, info
 
     def _write(self, steps: List[Tuple[Any, ...]]) -> None:
         demo = self._data.create_group(f"demo_{self.count}")
@@ -363,9 +363,9 @@ class Episodes:
         demo.attrs["num_samples"] = len(steps)
         self._data.attrs["total"] += len(steps)
         demo["actions"], demo["rewards"], demo["dones"] = np.stack(actions), np.array(rewards), np.array(dones, np.uint8)
-        for group, seen in (("obs", before), ("next_obs", after)):
-            for name in seen[0]:
-                demo[f"{group}/{name}"] = np.stack([one[name] for one in seen])
+        for group, observation in (("obs", before), ("next_obs", after)):
+            for name in observation[0]:
+                demo[f"{group}/{name}"] = np.stack([one[name] for one in observation])
         self._file.flush()
 
     def close(self) -> None:

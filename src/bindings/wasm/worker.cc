@@ -75,7 +75,7 @@ class WorkerSession {
   GridClock clock_{kRate_hz};
   PointerDriver pointer_;
   LiveSession live_;
-  SessionStatistics watch_;
+  SessionStatistics statistics_;
   std::unique_ptr<ServoLoop> servo_;
 
   WorkerLoop loop_;
@@ -125,7 +125,7 @@ WorkerSession::WorkerSession(const LoadedScene& loaded, MeasuredCells measured)
       parameters_(first_parameters()),
       pointer_(above(workspace_), GridClock::now),
       live_(parts(loaded, std::move(measured.warning))),
-      watch_(*model_, {}) {}
+      statistics_(*model_, {}) {}
 
 LiveSessionParts WorkerSession::parts(const LoadedScene& loaded, std::string coarser_tissue) {
   LiveSessionParts parts;
@@ -149,7 +149,7 @@ Result<void> WorkerSession::begin() {
       ServoLoop::make_unthreaded(model_, pointer_, parameters_, {workspace_}, settings, GridClock::now);
   if (!loop) return loop.error();
   servo_ = *std::move(loop);
-  live_.begin(*servo_, watch_);
+  live_.begin(*servo_, statistics_);
 
   const ViewedScene& scene = live_.scene();
   scale_ = scene.scan ? server::ScanScale::of(*scene.scan) : server::ScanScale{};
@@ -202,7 +202,7 @@ bool WorkerSession::step() {
   std::array<TickRecord, 8> ticks;
   for (std::size_t count = servo_->ring().pop(ticks); count > 0; count = servo_->ring().pop(ticks))
     for (const TickRecord& tick : std::span(ticks).first(count)) {
-      watch_.observe(tick);
+      statistics_.observe(tick);
       live_.observe(tick);
     }
   loop_.run_due();

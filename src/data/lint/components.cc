@@ -26,8 +26,8 @@ std::int32_t with_neighbour(std::int32_t around, LabelId neighbour) {
 }  // namespace
 
 void report_islands(Layer& layer) {
-  LintStudy& study = layer.study;
-  const double voxel_mm3 = study.grid.voxel_volume_mm3();
+  LintContext& context = layer.context;
+  const double voxel_mm3 = context.grid.voxel_volume_mm3();
   const Islands found = islands_and_cavities(layer.runs, layer.components, voxel_mm3);
   struct Sum {
     std::size_t parts = 0, voxels = 0, largest = 0;
@@ -50,29 +50,29 @@ void report_islands(Layer& layer) {
     (cavity.is_hole ? holes : cavities)[layer.id_of(cavity.around)].add(layer.components[cavity.component]);
 
   for (const auto& [id, sum] : islands)
-    study.add(LintKind::kIslands, LintSeverity::kFault, {id},
-              {static_cast<double>(sum.voxels) * voxel_mm3, "mm3", sum.voxels, sum.voxel},
-              study.name_of(id) + " has " + counted(sum.parts, "island") + " of " +
-                  counted(sum.voxels, "voxel") + " in all, " +
-                  figure(static_cast<double>(sum.voxels) * voxel_mm3, "mm3"));
+    context.add(LintKind::kIslands, LintSeverity::kFault, {id},
+                {static_cast<double>(sum.voxels) * voxel_mm3, "mm3", sum.voxels, sum.voxel},
+                context.name_of(id) + " has " + counted(sum.parts, "island") + " of " +
+                    counted(sum.voxels, "voxel") + " in all, " +
+                    figure(static_cast<double>(sum.voxels) * voxel_mm3, "mm3"));
   for (const auto& [id, sum] : holes)
-    study.add(LintKind::kHoles, LintSeverity::kFault, {id},
-              {static_cast<double>(sum.voxels) * voxel_mm3, "mm3", sum.voxels, sum.voxel},
-              study.name_of(id) + " encloses " + counted(sum.parts, "hole") + " of " +
-                  counted(sum.voxels, "voxel") + " in all, " +
-                  figure(static_cast<double>(sum.voxels) * voxel_mm3, "mm3"));
+    context.add(LintKind::kHoles, LintSeverity::kFault, {id},
+                {static_cast<double>(sum.voxels) * voxel_mm3, "mm3", sum.voxels, sum.voxel},
+                context.name_of(id) + " encloses " + counted(sum.parts, "hole") + " of " +
+                    counted(sum.voxels, "voxel") + " in all, " +
+                    figure(static_cast<double>(sum.voxels) * voxel_mm3, "mm3"));
   for (const auto& [id, sum] : cavities)
-    study.add(LintKind::kHoles, LintSeverity::kUndetermined, {id},
-              {static_cast<double>(sum.voxels) * voxel_mm3, "mm3", sum.voxels, sum.voxel},
-              study.name_of(id) + " encloses a cavity of " +
-                  figure(static_cast<double>(sum.voxels) * voxel_mm3, "mm3") +
-                  ", which may be anatomy or a missing label");
+    context.add(LintKind::kHoles, LintSeverity::kUndetermined, {id},
+                {static_cast<double>(sum.voxels) * voxel_mm3, "mm3", sum.voxels, sum.voxel},
+                context.name_of(id) + " encloses a cavity of " +
+                    figure(static_cast<double>(sum.voxels) * voxel_mm3, "mm3") +
+                    ", which may be anatomy or a missing label");
 }
 
 void report_sheets(Layer& layer, RunVolume& thin) {
-  LintStudy& study = layer.study;
+  LintContext& context = layer.context;
   const std::vector<Component> patches = connect(thin);
-  const double voxel_mm2 = std::cbrt(std::pow(study.grid.voxel_volume_mm3(), 2));
+  const double voxel_mm2 = std::cbrt(std::pow(context.grid.voxel_volume_mm3(), 2));
   struct Sum {
     std::size_t voxels = 0, largest = 0;
     std::uint32_t patch = 0;
@@ -80,7 +80,7 @@ void report_sheets(Layer& layer, RunVolume& thin) {
   std::map<LabelId, Sum> sums;
   for (std::uint32_t n = 0; n < patches.size(); ++n) {
     const Component& patch = patches[n];
-    const SegmentStatistics* of = study.statistics_of(layer.id_of(patch.value));
+    const SegmentStatistics* of = context.statistics_of(layer.id_of(patch.value));
     if (of == nullptr || patch.voxels < kPatch_voxels) continue;
     const double area = static_cast<double>(patch.voxels) * voxel_mm2;
     const double fraction = static_cast<double>(patch.voxels) / static_cast<double>(of->voxels);
@@ -96,7 +96,7 @@ void report_sheets(Layer& layer, RunVolume& thin) {
   }
   for (const auto& [id, sum] : sums) {
     const double fraction =
-        static_cast<double>(sum.voxels) / static_cast<double>(study.statistics_of(id)->voxels);
+        static_cast<double>(sum.voxels) / static_cast<double>(context.statistics_of(id)->voxels);
     const double area = static_cast<double>(sum.voxels) * voxel_mm2;
     // the voxel of the largest patch that is nearest to the centre of its bounding box
     const Component& patch = patches[sum.patch];
@@ -116,11 +116,11 @@ void report_sheets(Layer& layer, RunVolume& thin) {
             voxel = at;
           }
         }
-    study.add(LintKind::kOneVoxelSheet,
-              fraction >= kSheetFraction ? LintSeverity::kFault : LintSeverity::kWarning, {id},
-              {area, "mm2", sum.voxels, voxel},
-              study.name_of(id) + " is one voxel thick over " + figure(area, "mm2") + ", " +
-                  figure(100 * fraction, "%") + " of its voxels");
+    context.add(LintKind::kOneVoxelSheet,
+                fraction >= kSheetFraction ? LintSeverity::kFault : LintSeverity::kWarning, {id},
+                {area, "mm2", sum.voxels, voxel},
+                context.name_of(id) + " is one voxel thick over " + figure(area, "mm2") + ", " +
+                    figure(100 * fraction, "%") + " of its voxels");
   }
 }
 

@@ -4,20 +4,20 @@
 #include <map>
 #include <set>
 
-#include "lint/study.h"
+#include "lint/lint_context.h"
 
 namespace palpate {
 namespace {
 
 using internal::figure;
-using internal::LintStudy;
+using internal::LintContext;
 
-void check_slices(LintStudy& study) {
+void check_slices(LintContext& context) {
   constexpr double kThickSlices = 2.5;
-  const Eigen::Vector3d& spacing = study.grid.spacing_mm;
+  const Eigen::Vector3d& spacing = context.grid.spacing_mm;
   const double widest = spacing.maxCoeff(), ratio = widest / spacing.minCoeff();
-  if (ratio < kThickSlices || study.statistics.empty()) return;
-  study.add(
+  if (ratio < kThickSlices || context.statistics.empty()) return;
+  context.add(
       LintKind::kTerraces, LintSeverity::kWarning, {}, {widest, "mm"},
       "slices are " + figure(widest, "mm") + " thick, " + figure(ratio, "") + " times the width of a voxel");
 }
@@ -26,15 +26,15 @@ char grade_of(const std::set<LintKind>& faults, int warnings) {
   return faults.size() > 1 ? 'D' : faults.size() == 1 ? 'C' : warnings > 0 ? 'B' : 'A';
 }
 
-LintReport graded(LintStudy& study) {
+LintReport graded(LintContext& context) {
   LintReport report;
-  report.findings = std::move(study.findings);
+  report.findings = std::move(context.findings);
   std::ranges::stable_sort(report.findings, {},
                            [](const LintFinding& f) { return std::pair(f.severity, f.kind); });
   std::map<LabelId, std::set<LintKind>> faults;
-  for (const Segment& segment : study.labels.segments) {
-    const SegmentStatistics* statistics = study.statistics_of(segment.id);
-    StructureGrade grade{segment.id, study.name_of(segment.id), statistics ? statistics->voxels : 0,
+  for (const Segment& segment : context.labels.segments) {
+    const SegmentStatistics* statistics = context.statistics_of(segment.id);
+    StructureGrade grade{segment.id, context.name_of(segment.id), statistics ? statistics->voxels : 0,
                          statistics ? statistics->volume_mm3 : 0};
     for (const LintFinding& finding : report.findings) {
       if (std::ranges::find(finding.structures, segment.id) == finding.structures.end()) continue;
@@ -69,25 +69,25 @@ Result<LintReport> lint(const LabelMap& labels, const LintOptions& options, cons
                  "the tool's radius is outside " + figure(kMinLintToolRadius_mm, "") + " ... " +
                      figure(kMaxLintToolRadius_mm, "mm"),
                  "tool radius", ""};
-  LintStudy study(labels, options, progress);
+  LintContext context(labels, options, progress);
   const ProgressSpan all{"examining the labels"};
-  check_names(study);
-  check_sides(study);
-  check_overlaps(study);
-  check_slices(study);
+  check_names(context);
+  check_sides(context);
+  check_overlaps(context);
+  check_slices(context);
   const auto layers = static_cast<double>(labels.layers.size());
   for (std::size_t n = 0; n < labels.layers.size(); ++n) {
     const auto at = static_cast<double>(n);
-    if (auto done = check_shapes(study, n, all.part(0.5 * at / layers, 0.5 * (at + 1) / layers)); !done)
+    if (auto done = check_shapes(context, n, all.part(0.5 * at / layers, 0.5 * (at + 1) / layers)); !done)
       return done.error();
   }
   const Volume<LabelId> flat = labels.flattened();
-  if (auto done = check_gaps(study, flat, all.part(0.5, 0.65)); !done) return done.error();
-  if (auto done = check_access(study, flat, all.part(0.65, 0.85)); !done) return done.error();
-  if (auto done = check_body(study, flat, all.part(0.85, 1)); !done) return done.error();
-  if (auto done = check_leaks(study, flat); !done) return done.error();
+  if (auto done = check_gaps(context, flat, all.part(0.5, 0.65)); !done) return done.error();
+  if (auto done = check_access(context, flat, all.part(0.65, 0.85)); !done) return done.error();
+  if (auto done = check_body(context, flat, all.part(0.85, 1)); !done) return done.error();
+  if (auto done = check_leaks(context, flat); !done) return done.error();
   if (progress.stopped()) return Progress::interrupted();
-  return graded(study);
+  return graded(context);
 }
 
 }  // namespace palpate

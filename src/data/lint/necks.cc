@@ -62,8 +62,8 @@ bool has_inner_voxel(const RunVolume& runs, const Component& component, std::uin
 }  // namespace
 
 void report_necks_and_pockets(Layer& layer, RunVolume& inner) {
-  LintStudy& study = layer.study;
-  const double voxel_mm3 = study.grid.voxel_volume_mm3();
+  LintContext& context = layer.context;
+  const double voxel_mm3 = context.grid.voxel_volume_mm3();
   const std::vector<Component> cores = connect(inner);
   const auto whole_of = [&](const Component& core) {
     return layer.runs.find(core.first[0], core.first[1], core.first[2])->node;
@@ -121,15 +121,15 @@ void report_necks_and_pockets(Layer& layer, RunVolume& inner) {
   }
   for (const auto& [id, sum] : bulges) {
     const double mm3 = static_cast<double>(sum.voxels) * voxel_mm3;
-    study.add(LintKind::kNeck, LintSeverity::kWarning, {id}, {mm3, "mm3", sum.voxels, sum.voxel},
-              study.name_of(id) + " has " + counted(sum.parts, "bulge") + " of at least " +
-                  figure(mm3, "mm3") + " behind a neck of at most two voxels");
+    context.add(LintKind::kNeck, LintSeverity::kWarning, {id}, {mm3, "mm3", sum.voxels, sum.voxel},
+                context.name_of(id) + " has " + counted(sum.parts, "bulge") + " of at least " +
+                    figure(mm3, "mm3") + " behind a neck of at most two voxels");
   }
   for (const auto& [id, sum] : pockets) {
     const double mm3 = static_cast<double>(sum.voxels) * voxel_mm3;
-    study.add(LintKind::kOpenCavity, LintSeverity::kWarning, {id}, {mm3, "mm3", sum.voxels, sum.voxel},
-              study.name_of(id) + " has a cavity of at least " + figure(mm3, "mm3") +
-                  " that is open through a passage of at most two voxels");
+    context.add(LintKind::kOpenCavity, LintSeverity::kWarning, {id}, {mm3, "mm3", sum.voxels, sum.voxel},
+                context.name_of(id) + " has a cavity of at least " + figure(mm3, "mm3") +
+                    " that is open through a passage of at most two voxels");
   }
 }
 

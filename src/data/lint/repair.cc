@@ -2,7 +2,7 @@
 #include <map>
 #include <set>
 
-#include "lint/study.h"
+#include "lint/lint_context.h"
 #include "palpate/base/for_each_index.h"
 
 namespace palpate {

@@ -43,10 +43,10 @@ std::vector<Sections> sections_of(const Layer& layer) {
   for (std::size_t value = 1; value < position_of.size(); ++value)
     if (layer.segment_of_value[value] != nullptr) {
       position_of[value] = all.size();
-      all.emplace_back(layer.study.grid.dims);
+      all.emplace_back(layer.context.grid.dims);
     }
   const auto of = [&](LabelId value) { return value == 0 ? nullptr : &all[position_of[value]]; };
-  const auto& dims = layer.study.grid.dims;
+  const auto& dims = layer.context.grid.dims;
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
       for (const VoxelRun& run : layer.runs.row(j, k)) {
@@ -109,7 +109,7 @@ constexpr std::array<const char*, 3> kAxisNames{"i", "j", "k"};
 }  // namespace
 
 void report_sections(Layer& layer) {
-  LintStudy& study = layer.study;
+  LintContext& context = layer.context;
   const std::vector<Sections> all = sections_of(layer);
   struct Plane {
     std::vector<LabelId> structures;
@@ -130,7 +130,7 @@ void report_sections(Layer& layer) {
     if (layer.segment_of_value[value] == nullptr) continue;
     const Sections& sections = all[index++];
     const LabelId id = layer.segment_of_value[value]->id;
-    const SegmentStatistics* of = study.statistics_of(id);
+    const SegmentStatistics* of = context.statistics_of(id);
     if (of == nullptr) continue;
     for (std::size_t a = 0; a < 3; ++a) {
       const auto& change = sections.change[a];
@@ -174,29 +174,29 @@ void report_sections(Layer& layer) {
     for (const auto& [p, plane] : seams[a]) {
       const bool is_shared = plane.structures.size() > 1;
       if (!is_shared && !plane.stands_alone) continue;
-      study.add(LintKind::kSeam, is_shared ? LintSeverity::kFault : LintSeverity::kWarning, plane.structures,
-                {plane.voxels * study.face_mm2(a), "mm2", plane.voxels, plane.voxel},
-                "between slices " + std::to_string(p) + " and " + std::to_string(p + 1) + " along " +
-                    kAxisNames[a] + " the outline of " + study.names_of(plane.structures) + " jumps by " +
-                    figure(plane.voxels * study.face_mm2(a), "mm2"));
+      context.add(LintKind::kSeam, is_shared ? LintSeverity::kFault : LintSeverity::kWarning,
+                  plane.structures, {plane.voxels * context.face_mm2(a), "mm2", plane.voxels, plane.voxel},
+                  "between slices " + std::to_string(p) + " and " + std::to_string(p + 1) + " along " +
+                      kAxisNames[a] + " the outline of " + context.names_of(plane.structures) + " jumps by " +
+                      figure(plane.voxels * context.face_mm2(a), "mm2"));
     }
     if (terraced[a].structures.empty()) continue;
-    const double step_mm = terraced[a].step * study.grid.spacing_mm[static_cast<Eigen::Index>(a)];
-    const SegmentStatistics* first = study.statistics_of(terraced[a].structures.front());
-    study.add(LintKind::kTerraces, LintSeverity::kFault, terraced[a].structures,
-              {step_mm, "mm", terraced[a].voxels,
-               std::array<int, 3>{(first->box_min[0] + first->box_max[0]) / 2,
-                                  (first->box_min[1] + first->box_max[1]) / 2,
-                                  (first->box_min[2] + first->box_max[2]) / 2}},
-              "slices along " + std::string(kAxisNames[a]) + " repeat in groups of " +
-                  std::to_string(terraced[a].step) + " in " + study.names_of(terraced[a].structures) +
-                  ": steps of " + figure(step_mm, "mm"));
+    const double step_mm = terraced[a].step * context.grid.spacing_mm[static_cast<Eigen::Index>(a)];
+    const SegmentStatistics* first = context.statistics_of(terraced[a].structures.front());
+    context.add(LintKind::kTerraces, LintSeverity::kFault, terraced[a].structures,
+                {step_mm, "mm", terraced[a].voxels,
+                 std::array<int, 3>{(first->box_min[0] + first->box_max[0]) / 2,
+                                    (first->box_min[1] + first->box_max[1]) / 2,
+                                    (first->box_min[2] + first->box_max[2]) / 2}},
+                "slices along " + std::string(kAxisNames[a]) + " repeat in groups of " +
+                    std::to_string(terraced[a].step) + " in " + context.names_of(terraced[a].structures) +
+                    ": steps of " + figure(step_mm, "mm"));
   }
 }
 
 void report_cuts(Layer& layer) {
-  LintStudy& study = layer.study;
-  const auto& dims = study.grid.dims;
+  LintContext& context = layer.context;
+  const auto& dims = context.grid.dims;
   struct Sum {
     double mm2 = 0;
     std::size_t voxels = 0;
@@ -206,7 +206,7 @@ void report_cuts(Layer& layer) {
   std::map<LabelId, Sum> sums;
   const auto add = [&](const VoxelRun& run, std::size_t axis, int voxels, const std::array<int, 3>& voxel) {
     Sum& sum = sums[layer.id_of(run.value)];
-    sum.mm2 += voxels * study.face_mm2(axis);
+    sum.mm2 += voxels * context.face_mm2(axis);
     if (voxels <= sum.longest) return;
     sum.longest = voxels;
     sum.voxel = voxel;
@@ -228,8 +228,9 @@ void report_cuts(Layer& layer) {
       }
   for (const auto& [id, sum] : sums)
     if (sum.mm2 >= kCut_mm2)
-      study.add(LintKind::kCutByBorder, LintSeverity::kWarning, {id}, {sum.mm2, "mm2", sum.voxels, sum.voxel},
-                "the volume's border cuts " + study.name_of(id) + " over " + figure(sum.mm2, "mm2"));
+      context.add(LintKind::kCutByBorder, LintSeverity::kWarning, {id},
+                  {sum.mm2, "mm2", sum.voxels, sum.voxel},
+                  "the volume's border cuts " + context.name_of(id) + " over " + figure(sum.mm2, "mm2"));
 }
 
 }  // namespace palpate::internal

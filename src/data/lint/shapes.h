@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "lint/study.h"
+#include "lint/lint_context.h"
 #include "lint/voxel_runs.h"
 
 /// Checks of the structures' shapes in one layer, which check_shapes() runs.
@@ -11,7 +11,7 @@ namespace palpate::internal {
 
 /// State shared by the checks of one layer.
 struct Layer {
-  LintStudy& study;
+  LintContext& context;
   std::size_t number;
   std::vector<const Segment*> segment_of_value;
   RunVolume runs;

@@ -5,7 +5,7 @@
 #include <map>
 #include <tuple>
 
-#include "lint/study.h"
+#include "lint/lint_context.h"
 #include "lint/voxel_bits.h"
 
 /// Checks of the space around structures: gaps, access of the tool, air.
@@ -65,16 +65,17 @@ int longest_gap(double tool_radius_mm, double spacing_mm) {
   return static_cast<int>(std::ceil(2 * tool_radius_mm / spacing_mm - 1e-9)) - 1;
 }
 
-Result<std::vector<GapSpan>> find_spans(LintStudy& study, const Volume<LabelId>& flat,
+Result<std::vector<GapSpan>> find_spans(LintContext& context, const Volume<LabelId>& flat,
                                         const ProgressSpan& span) {
-  const auto& dims = study.grid.dims;
+  const auto& dims = context.grid.dims;
   std::array<int, 3> most;
   for (std::size_t a = 0; a < 3; ++a)
-    most[a] = longest_gap(study.options.tool_radius_mm, study.grid.spacing_mm[static_cast<Eigen::Index>(a)]);
-  const auto row = [&](int j, int k) { return flat.voxels().data() + study.grid.offset(0, j, k); };
-  std::vector<std::vector<GapSpan>> found(static_cast<std::size_t>(study.workers));
+    most[a] =
+        longest_gap(context.options.tool_radius_mm, context.grid.spacing_mm[static_cast<Eigen::Index>(a)]);
+  const auto row = [&](int j, int k) { return flat.voxels().data() + context.grid.offset(0, j, k); };
+  std::vector<std::vector<GapSpan>> found(static_cast<std::size_t>(context.workers));
   const auto slices =
-      for_each_slice(dims[2], study.workers, study.progress, span.part(0, 0.5), [&](int worker, int k) {
+      for_each_slice(dims[2], context.workers, context.progress, span.part(0, 0.5), [&](int worker, int k) {
         auto& out = found[static_cast<std::size_t>(worker)];
         GapScan along_j(dims[0], most[1]);
         for (int j = 0; j < dims[1]; ++j) {
@@ -96,15 +97,16 @@ Result<std::vector<GapSpan>> find_spans(LintStudy& study, const Volume<LabelId>&
       });
   if (!slices) return slices.error();
   if (most[2] > 0) {
-    const auto rows = for_each_slice(
-        dims[1], std::min(study.workers, dims[1]), study.progress, span.part(0.5, 1), [&](int worker, int j) {
-          auto& out = found[static_cast<std::size_t>(worker)];
-          GapScan along_k(dims[0], most[2]);
-          for (int k = 0; k < dims[2]; ++k)
-            along_k.look(k, row(j, k), [&](int i, int gap, LabelId a, LabelId b) {
-              out.push_back({{i, j, k - gap}, 2, gap, a, b});
-            });
-        });
+    const auto rows =
+        for_each_slice(dims[1], std::min(context.workers, dims[1]), context.progress, span.part(0.5, 1),
+                       [&](int worker, int j) {
+                         auto& out = found[static_cast<std::size_t>(worker)];
+                         GapScan along_k(dims[0], most[2]);
+                         for (int k = 0; k < dims[2]; ++k)
+                           along_k.look(k, row(j, k), [&](int i, int gap, LabelId a, LabelId b) {
+                             out.push_back({{i, j, k - gap}, 2, gap, a, b});
+                           });
+                       });
     if (!rows) return rows.error();
   }
   std::vector<GapSpan> all;
@@ -152,10 +154,10 @@ VoxelBits connected_with_border(const VoxelBits& set) {
 /// Structures that a ball with the radius of the tool can touch when it comes from outside the volume, by
 /// id.
 /// @param hard  by id: structures that the ball cannot pass through
-Result<std::vector<bool>> reached(const LintStudy& study, const RunVolume& runs,
+Result<std::vector<bool>> reached(const LintContext& context, const RunVolume& runs,
                                   const std::vector<bool>& hard, const ProgressSpan& span) {
-  const double radius_mm = study.options.tool_radius_mm, widest_mm = study.grid.spacing_mm.maxCoeff();
-  const auto& dims = study.grid.dims;
+  const double radius_mm = context.options.tool_radius_mm, widest_mm = context.grid.spacing_mm.maxCoeff();
+  const auto& dims = context.grid.dims;
   VoxelBits obstacles(dims);
   for (int k = 0; k < dims[2]; ++k)
     for (int j = 0; j < dims[1]; ++j)
@@ -164,13 +166,13 @@ Result<std::vector<bool>> reached(const LintStudy& study, const RunVolume& runs,
   // An obstacle's surface lies half a voxel outside the centres of its voxels, and the tool's centre up to
   // half a voxel away from the centre of a voxel. On average over passages of odd and even width the two
   // amount to a quarter of a voxel.
-  const double blocked_mm = radius_mm + 0.25 * study.grid.min_spacing_mm();
-  auto blocked =
-      obstacles.dilated(blocked_mm, study.grid.spacing_mm, study.workers, study.progress, span.part(0, 0.4));
+  const double blocked_mm = radius_mm + 0.25 * context.grid.min_spacing_mm();
+  auto blocked = obstacles.dilated(blocked_mm, context.grid.spacing_mm, context.workers, context.progress,
+                                   span.part(0, 0.4));
   if (!blocked) return blocked.error();
   blocked->invert();
   const auto touched = connected_with_border(*blocked).dilated(
-      blocked_mm + widest_mm, study.grid.spacing_mm, study.workers, study.progress, span.part(0.5, 1));
+      blocked_mm + widest_mm, context.grid.spacing_mm, context.workers, context.progress, span.part(0.5, 1));
   if (!touched) return touched.error();
   std::vector<bool> out(hard.size());
   for (int k = 0; k < dims[2]; ++k)
@@ -210,11 +212,11 @@ AirThreshold air_limit(const Volume<float>& scan) {
 
 }  // namespace
 
-Result<void> check_gaps(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span) {
-  const auto spans = find_spans(study, flat, span);
+Result<void> check_gaps(LintContext& context, const Volume<LabelId>& flat, const ProgressSpan& span) {
+  const auto spans = find_spans(context, flat, span);
   if (!spans) return spans.error();
-  std::array<VoxelBits, 3> gaps{VoxelBits(study.grid.dims), VoxelBits(study.grid.dims),
-                                VoxelBits(study.grid.dims)};
+  std::array<VoxelBits, 3> gaps{VoxelBits(context.grid.dims), VoxelBits(context.grid.dims),
+                                VoxelBits(context.grid.dims)};
   for (const GapSpan& one : *spans)
     for (int n = 0; n < one.length; ++n) {
       std::array<int, 3> at = one.first;
@@ -231,10 +233,10 @@ Result<void> check_gaps(LintStudy& study, const Volume<LabelId>& flat, const Pro
   for (const GapSpan& one : *spans) {
     if (!is_wide(one, gaps[one.axis])) continue;
     Sum& sum = sums[std::minmax(one.a, one.b)];
-    sum.mm2[one.axis] += study.face_mm2(one.axis);
+    sum.mm2[one.axis] += context.face_mm2(one.axis);
     sum.voxels += static_cast<std::size_t>(one.length);
     sum.narrowest_mm =
-        std::min(sum.narrowest_mm, one.length * study.grid.spacing_mm[static_cast<Eigen::Index>(one.axis)]);
+        std::min(sum.narrowest_mm, one.length * context.grid.spacing_mm[static_cast<Eigen::Index>(one.axis)]);
     sum.middles.push_back(one.middle());
   }
   for (const auto& [pair, sum] : sums) {
@@ -243,72 +245,73 @@ Result<void> check_gaps(LintStudy& study, const Volume<LabelId>& flat, const Pro
     const std::array<int, 3>& middle = sum.middles[sum.middles.size() / 2];
     std::vector<LabelId> ids{pair.first};
     if (pair.second != pair.first) ids.push_back(pair.second);
-    study.add(LintKind::kNarrowGap, LintSeverity::kWarning, ids, {sum.narrowest_mm, "mm", sum.voxels, middle},
-              (ids.size() == 1 ? "a gap within " + study.name_of(pair.first)
-                               : "the gap between " + study.names_of(ids)) +
-                  " is narrower than the tool (" + figure(2 * study.options.tool_radius_mm, "mm") +
-                  ") over " + figure(mm2, "mm2") + ", " + figure(sum.narrowest_mm, "mm") +
-                  " at its narrowest");
+    context.add(
+        LintKind::kNarrowGap, LintSeverity::kWarning, ids, {sum.narrowest_mm, "mm", sum.voxels, middle},
+        (ids.size() == 1 ? "a gap within " + context.name_of(pair.first)
+                         : "the gap between " + context.names_of(ids)) +
+            " is narrower than the tool (" + figure(2 * context.options.tool_radius_mm, "mm") + ") over " +
+            figure(mm2, "mm2") + ", " + figure(sum.narrowest_mm, "mm") + " at its narrowest");
   }
   return {};
 }
 
-Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span) {
+Result<void> check_access(LintContext& context, const Volume<LabelId>& flat, const ProgressSpan& span) {
   std::size_t largest = 0;
-  for (const SegmentStatistics& s : study.statistics) largest = std::max<std::size_t>(largest, s.id);
+  for (const SegmentStatistics& s : context.statistics) largest = std::max<std::size_t>(largest, s.id);
   std::vector<bool> hard(largest + 1), perhaps_hard(largest + 1);
-  for (const SegmentStatistics& s : study.statistics) {
-    const Segment* segment = study.labels.find(s.id);
-    const auto known =
-        study.options.is_hard && !segment->name.empty() ? study.options.is_hard(segment->name) : std::nullopt;
+  for (const SegmentStatistics& s : context.statistics) {
+    const Segment* segment = context.labels.find(s.id);
+    const auto known = context.options.is_hard && !segment->name.empty()
+                           ? context.options.is_hard(segment->name)
+                           : std::nullopt;
     hard[s.id] = known == true;
     perhaps_hard[s.id] = known != false;
   }
   const bool any_hard = std::ranges::find(hard, true) != hard.end();
   const bool any_unknown = hard != perhaps_hard;
   if (!any_hard && !any_unknown) return {};
-  const auto runs = runs_of(flat, study.workers, study.progress, span.part(0, 0.1));
+  const auto runs = runs_of(flat, context.workers, context.progress, span.part(0, 0.1));
   if (!runs) return runs.error();
   const std::vector<bool> all(largest + 1, true);
-  auto surely = any_hard ? reached(study, *runs, hard, span.part(0.1, 0.55)) : Result(all);
+  auto surely = any_hard ? reached(context, *runs, hard, span.part(0.1, 0.55)) : Result(all);
   if (!surely) return surely.error();
-  auto perhaps = any_unknown ? reached(study, *runs, perhaps_hard, span.part(0.55, 1)) : surely;
+  auto perhaps = any_unknown ? reached(context, *runs, perhaps_hard, span.part(0.55, 1)) : surely;
   if (!perhaps) return perhaps.error();
   std::vector<LabelId> undecided;
-  for (const SegmentStatistics& s : study.statistics) {
+  for (const SegmentStatistics& s : context.statistics) {
     const std::array<int, 3> voxel{(s.box_min[0] + s.box_max[0]) / 2, (s.box_min[1] + s.box_max[1]) / 2,
                                    (s.box_min[2] + s.box_max[2]) / 2};
     if (!(*surely)[s.id])
-      study.add(LintKind::kUnreachable, LintSeverity::kWarning, {s.id},
-                {s.volume_mm3, "mm3", s.voxels, voxel},
-                "a tool of " + figure(2 * study.options.tool_radius_mm, "mm") + " cannot reach " +
-                    study.name_of(s.id) + " past the hard structures around it");
+      context.add(LintKind::kUnreachable, LintSeverity::kWarning, {s.id},
+                  {s.volume_mm3, "mm3", s.voxels, voxel},
+                  "a tool of " + figure(2 * context.options.tool_radius_mm, "mm") + " cannot reach " +
+                      context.name_of(s.id) + " past the hard structures around it");
     else if (!(*perhaps)[s.id])
       undecided.push_back(s.id);
   }
   if (!undecided.empty())
-    study.add(LintKind::kUnreachable, LintSeverity::kUndetermined, undecided, {},
-              study.names_of(undecided) + (undecided.size() == 1 ? " is" : " are") +
-                  " enclosed by structures whose names do not tell whether a tool can pass through them");
+    context.add(LintKind::kUnreachable, LintSeverity::kUndetermined, undecided, {},
+                context.names_of(undecided) + (undecided.size() == 1 ? " is" : " are") +
+                    " enclosed by structures whose names do not tell whether a tool can pass through them");
   return {};
 }
 
-Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span) {
-  if (study.statistics.empty()) return {};
-  if (study.options.scan == nullptr) {
-    study.add(LintKind::kOutsideBody, LintSeverity::kUndetermined, {}, {},
-              "without a scan the outside of the body is unknown");
+Result<void> check_body(LintContext& context, const Volume<LabelId>& flat, const ProgressSpan& span) {
+  if (context.statistics.empty()) return {};
+  if (context.options.scan == nullptr) {
+    context.add(LintKind::kOutsideBody, LintSeverity::kUndetermined, {}, {},
+                "without a scan the outside of the body is unknown");
     return {};
   }
-  const auto& dims = study.grid.dims;
+  const auto& dims = context.grid.dims;
   std::optional<Volume<float>> moved;
-  if (!study.options.scan->geometry().same_grid(study.grid)) {
+  if (!context.options.scan->geometry().same_grid(context.grid)) {
     auto resampled =
-        resample_linear(*study.options.scan, study.grid, std::numeric_limits<float>::quiet_NaN());
+        resample_linear(*context.options.scan, context.grid, std::numeric_limits<float>::quiet_NaN());
     if (!resampled) return resampled.error();
     moved = *std::move(resampled);
   }
-  const Volume<float>& scan = moved ? *moved : *study.options.scan;
+  const Volume<float>& scan = moved ? *moved : *context.options.scan;
   const AirThreshold air_is = air_limit(scan);
   const auto limit = static_cast<float>(air_is.below);
   VoxelBits tissue(dims);
@@ -318,9 +321,9 @@ Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const Pro
   };
   std::map<LabelId, Sum> sums;
   for (int k = 0; k < dims[2]; ++k) {
-    if (study.progress.stopped()) return Progress::interrupted();
+    if (context.progress.stopped()) return Progress::interrupted();
     for (int j = 0; j < dims[1]; ++j) {
-      const std::size_t first = study.grid.offset(0, j, k);
+      const std::size_t first = context.grid.offset(0, j, k);
       for (int i = 0; i < dims[0]; ++i) {
         const float value = scan.voxels()[first + static_cast<std::size_t>(i)];
         // values that are not finite lie outside the scan and do not count as air
@@ -333,8 +336,8 @@ Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const Pro
       }
     }
   }
-  auto air = tissue.dilated(1.01 * study.grid.spacing_mm.maxCoeff(), study.grid.spacing_mm, study.workers,
-                            study.progress, span);
+  auto air = tissue.dilated(1.01 * context.grid.spacing_mm.maxCoeff(), context.grid.spacing_mm,
+                            context.workers, context.progress, span);
   if (!air) return air.error();
   air->invert();
   RunVolume runs = air->runs();
@@ -355,7 +358,7 @@ Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const Pro
   });
   for_each_air_run([&](const VoxelRun& run, int j, int k) {
     if (!is_outer[run.node]) return;
-    const std::size_t first = study.grid.offset(0, j, k);
+    const std::size_t first = context.grid.offset(0, j, k);
     for (int i = run.first; i <= run.last; ++i) {
       const LabelId label = flat.voxels()[first + static_cast<std::size_t>(i)];
       if (label == 0) continue;
@@ -366,18 +369,20 @@ Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const Pro
   constexpr double kAirFraction = 0.02, kOutsideFraction = 0.05;
   constexpr std::size_t kAir_voxels = 10;
   for (const auto& [id, sum] : sums) {
-    const auto all = static_cast<double>(study.statistics_of(id)->voxels);
+    const auto all = static_cast<double>(context.statistics_of(id)->voxels);
     const double air_fraction = static_cast<double>(sum.in_air) / all,
                  outside_fraction = static_cast<double>(sum.outside_scan) / all;
     if (sum.in_air >= kAir_voxels && air_fraction >= kAirFraction)
-      study.add(
-          LintKind::kOutsideBody, air_is.is_hounsfield ? LintSeverity::kFault : LintSeverity::kWarning, {id},
-          {100 * air_fraction, "%", sum.in_air, sum.air_voxel},
-          figure(100 * air_fraction, "%") + " of " + study.name_of(id) + " lies in the air around the body");
+      context.add(LintKind::kOutsideBody,
+                  air_is.is_hounsfield ? LintSeverity::kFault : LintSeverity::kWarning, {id},
+                  {100 * air_fraction, "%", sum.in_air, sum.air_voxel},
+                  figure(100 * air_fraction, "%") + " of " + context.name_of(id) +
+                      " lies in the air around the body");
     if (outside_fraction >= kOutsideFraction)
-      study.add(LintKind::kOutsideScan, LintSeverity::kFault, {id},
-                {100 * outside_fraction, "%", sum.outside_scan, sum.outside_voxel},
-                figure(100 * outside_fraction, "%") + " of " + study.name_of(id) + " lies outside the scan");
+      context.add(
+          LintKind::kOutsideScan, LintSeverity::kFault, {id},
+          {100 * outside_fraction, "%", sum.outside_scan, sum.outside_voxel},
+          figure(100 * outside_fraction, "%") + " of " + context.name_of(id) + " lies outside the scan");
   }
   return {};
 }

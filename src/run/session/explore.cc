@@ -38,7 +38,7 @@ struct Session {
   ServoLoop& loop;
   Recorder& recorder;
   TipSource& tip;
-  const SessionStatistics& watch;
+  const SessionStatistics& statistics;
   LiveSession& live;
   Training* training;      // null: there are no tasks
   Supervisor* supervisor;  // null: the session is not supervised
@@ -81,7 +81,7 @@ class SupervisorKeeper {
 ExploreStatus status_of(const Session& session, double time_s, RateMeter& rate, DisplayedStatus& displayed,
                         const SupervisorKeeper& supervisor) {
   const LoopHealth health = session.loop.health();
-  const SessionStatistics::LastSecond last = session.watch.last_second();
+  const SessionStatistics::LastSecond last = session.statistics.last_second();
   const TickRecord tick = session.loop.snapshot();
   const DeviceTick& device = tick.device[0];
   ExploreStatus status;
@@ -227,11 +227,11 @@ void finish(const Session& session, ExploreResult& result) {
     session.training->end();
     result.runs = session.training->finished();
   }
-  result.holds = session.watch.holds();
+  result.holds = session.statistics.holds();
   // a pointer session has no list of structures to be touched: report only those that were
   if (session.tip.pointer())
     std::erase_if(result.holds, [](const HoldFigure& hold) { return hold.peak_force_N == 0; });
-  result.max_force_N = session.watch.max_force_N();
+  result.max_force_N = session.statistics.max_force_N();
   result.limit_N = std::min(session.live.highest_force_limit_N(), session.model.scene_max_force_N);
 }
 
@@ -391,19 +391,19 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   header.device = (*tip)->devices();
   header.devices = static_cast<int>((*loop)->devices().size());
   header.scheduler = (*loop)->scheduling().scheduler;
-  SessionStatistics watch(model, (*tip)->requested());
+  SessionStatistics statistics(model, (*tip)->requested());
   if (training) training->begin_session(header);
-  const auto on_tick = [&watch, &live, &training](const TickRecord& record,
-                                                  std::span<const RecordingEvent> events) {
-    watch.observe(record);
+  const auto on_tick = [&statistics, &live, &training](const TickRecord& record,
+                                                       std::span<const RecordingEvent> events) {
+    statistics.observe(record);
     live.observe(record);
     if (training) training->observe(record, events);
   };
   auto recorder = Recorder::start((*loop)->ring(), recording, header, on_tick, &live.log());
   if (!recorder) return recorder.error();
 
-  // However the session ends, viewers are disconnected before the loop and the watch are destroyed. They stay
-  // connected while finish() scores a run in progress, and receive its results.
+  // However the session ends, viewers are disconnected before the loop and the statistics are destroyed. They
+  // stay connected while finish() scores a run in progress, and receive its results.
   struct EndOfViewing {
     std::shared_ptr<void>& viewers;
     LiveSession& live;
@@ -414,7 +414,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
       tip.end();
     }
   } const end_of_viewing{viewers, live, **tip};
-  live.begin(**loop, watch);
+  live.begin(**loop, statistics);
   const ScriptEdits edits{[&live](StrokeAction action) { live.change_stroke_by_script(action); },
                           [&live] { return live.script_stroke_version(); },
                           [&live](TissueLaw law) { live.change_law_by_script(law); },
@@ -424,7 +424,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
                         **loop,
                         **recorder,
                         **tip,
-                        watch,
+                        statistics,
                         live,
                         training.get(),
                         supervisor->get(),

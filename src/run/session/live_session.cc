@@ -36,8 +36,8 @@ LiveSession::LiveSession(LiveSessionParts parts)
       preparation_(model_, {&law_, &method_}),
       highest_max_force_N_(parts_.parameters.max_force_N) {}
 
-void LiveSession::begin(ServoLoop& loop, const SessionStatistics& watch) {
-  watch_ = &watch;
+void LiveSession::begin(ServoLoop& loop, const SessionStatistics& statistics) {
+  statistics_ = &statistics;
   set_tip_holder({});
   loop_.connect(loop);
   stop_.begin();
@@ -125,7 +125,7 @@ ViewedHealth LiveSession::health() const {
   if (now < health_until_) return health_;
   health_until_ = now + kHealthPeriod;
   const LoopHealth of_all = loop->health();
-  const SessionStatistics::LastSecond last = watch_->last_second();
+  const SessionStatistics::LastSecond last = statistics_->last_second();
   health_ = {rate_.observe(of_all.ticks), last.lateness_p50_us, last.lateness_p99_us, last.lateness_max_us,
              last.compute_p50_us,         of_all.skipped,       of_all.dropped,       of_all.stalls};
   // frees model versions that the loop no longer uses
@@ -143,7 +143,7 @@ ViewedState LiveSession::state() const {
   if (parts_.training != nullptr) state.lesson = parts_.training->lesson();
   state.lesson.is_over = is_over_;
   state.recording = parts_.recording;
-  const auto nearest_mm = loop ? watch_->nearest_mm() : std::map<LabelId, double>();
+  const auto nearest_mm = loop ? statistics_->nearest_mm() : std::map<LabelId, double>();
   const Lock lock = model_.lock();
   state.model_version = model_.current(lock).version;
   state.tissues = viewed_tissues(model_.current(lock));

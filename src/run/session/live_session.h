@@ -95,15 +95,16 @@ class LiveSession final : public LiveHost {
   explicit LiveSession(LiveSessionParts parts);
   ~LiveSession() override { end(); }
   /// Connects the session to the running loop, which must use the model and parameters of LiveSessionParts.
-  /// @param loop, watch  outlive the session
-  void begin(ServoLoop& loop, const SessionStatistics& watch);
+  /// @param loop, statistics  outlive the session
+  void begin(ServoLoop& loop, const SessionStatistics& statistics);
   /// Makes the next steps of solving and removing soft tissue that are due, for a session without threads.
   /// Called between ticks: it takes at most as long as one step of TissueFrames and one of Cutter.
   /// @returns whether another step is due
   bool run_step(std::chrono::steady_clock::time_point now);
-  /// Refuses requests from now on and ends the worker threads. Viewers still observe the loop and the watch.
+  /// Refuses requests from now on and ends the worker threads. Viewers still observe the loop and the
+  /// statistics.
   void close();
-  /// close(), and disconnects the loop and the watch, which may then be destroyed. No viewer may be
+  /// close(), and disconnects the loop and the statistics, which may then be destroyed. No viewer may be
   /// connected.
   void end();
 
@@ -227,7 +228,7 @@ class LiveSession final : public LiveHost {
 
   TickHistory history_;
   SessionLoop loop_;
-  const SessionStatistics* watch_ = nullptr;  // set before the loop is connected
+  const SessionStatistics* statistics_ = nullptr;  // set before the loop is connected
   StopSwitch stop_;
   LiveModel model_;
   MethodChoice method_;

@@ -33,14 +33,14 @@ TEST(SessionStatistics, LastSecondAgreesWithSortedTicks) {
   std::mt19937_64 random(kSeed);
   std::lognormal_distribution<double> lateness_us(2.5, 1.2);
   std::uniform_real_distribution<double> dt_s(0.2e-3, 8e-3);
-  SessionStatistics watch(*testing::loaded_ball().model, {});
+  SessionStatistics statistics(*testing::loaded_ball().model, {});
   std::vector<TickRecord> ticks;
   double time_s = 0;
   for (int n = 0; n < 3000; ++n) {
     // an occasional stall of up to two seconds
     time_s += n % 501 == 500 ? 1e3 * dt_s(random) / 4 : dt_s(random);
     ticks.push_back(tick_at(time_s, lateness_us(random), lateness_us(random)));
-    watch.observe(ticks.back());
+    statistics.observe(ticks.back());
     if (n % 97 != 0) continue;
 
     // the ten tenths of a second that end with the latest tick's
@@ -51,7 +51,7 @@ TEST(SessionStatistics, LastSecondAgreesWithSortedTicks) {
         late.push_back(tick.lateness_s * 1e6);
         computed.push_back(tick.compute_s * 1e6);
       }
-    const auto last = watch.last_second();
+    const auto last = statistics.last_second();
     SCOPED_TRACE("seed " + std::to_string(kSeed) + ", tick " + std::to_string(n));
     // histogram buckets are 1.6 % wide, and times are whole nanoseconds
     const auto expect_close = [](double actual, double expected) {
@@ -65,26 +65,26 @@ TEST(SessionStatistics, LastSecondAgreesWithSortedTicks) {
 }
 
 TEST(SessionStatistics, OneLateTickIsForgottenAfterASecond) {
-  SessionStatistics watch(*testing::loaded_ball().model, {});
-  watch.observe(tick_at(0, 900));
-  for (int n = 1; n < 900; ++n) watch.observe(tick_at(n * 1e-3, 10));
-  EXPECT_DOUBLE_EQ(watch.last_second().lateness_max_us, 900);
-  for (int n = 900; n < 1100; ++n) watch.observe(tick_at(n * 1e-3, 10));
-  EXPECT_DOUBLE_EQ(watch.last_second().lateness_max_us, 10);
+  SessionStatistics statistics(*testing::loaded_ball().model, {});
+  statistics.observe(tick_at(0, 900));
+  for (int n = 1; n < 900; ++n) statistics.observe(tick_at(n * 1e-3, 10));
+  EXPECT_DOUBLE_EQ(statistics.last_second().lateness_max_us, 900);
+  for (int n = 900; n < 1100; ++n) statistics.observe(tick_at(n * 1e-3, 10));
+  EXPECT_DOUBLE_EQ(statistics.last_second().lateness_max_us, 10);
 }
 
 TEST(SessionStatistics, IsEmptyWithoutTicks) {
-  const SessionStatistics watch(*testing::loaded_ball().model, {{testing::kBone, {}}});
-  EXPECT_EQ(watch.last_second().lateness_max_us, 0);
-  EXPECT_EQ(watch.max_force_N(), 0);
-  ASSERT_EQ(watch.holds().size(), 1u);
-  EXPECT_EQ(watch.holds()[0].structure, "ball");
-  EXPECT_EQ(watch.holds()[0].held_s, 0);
+  const SessionStatistics statistics(*testing::loaded_ball().model, {{testing::kBone, {}}});
+  EXPECT_EQ(statistics.last_second().lateness_max_us, 0);
+  EXPECT_EQ(statistics.max_force_N(), 0);
+  ASSERT_EQ(statistics.holds().size(), 1u);
+  EXPECT_EQ(statistics.holds()[0].structure, "ball");
+  EXPECT_EQ(statistics.holds()[0].held_s, 0);
 }
 
 TEST(SessionStatistics, LargestForceIsOfAnyDeviceAndHoldsOfTheirStructure) {
-  SessionStatistics watch(*testing::loaded_ball().model,
-                          {{testing::kBone, {1.0}}, {testing::kCartilage, {1.0, 2.0}}});
+  SessionStatistics statistics(*testing::loaded_ball().model,
+                               {{testing::kBone, {1.0}}, {testing::kCartilage, {1.0, 2.0}}});
   for (int n = 0; n < 400; ++n) {
     TickRecord record = tick_at(n * 1e-3, 1);
     record.devices = 2;
@@ -94,12 +94,12 @@ TEST(SessionStatistics, LargestForceIsOfAnyDeviceAndHoldsOfTheirStructure) {
     record.device[1].force_N = {n == 7 ? 1.5 : 0.1, 0, 0};
     // device number 2 does not exist
     record.device[2].force_N = {9, 9, 9};
-    watch.observe(record);
+    statistics.observe(record);
   }
-  EXPECT_DOUBLE_EQ(watch.max_force_N(), 1.5);
-  EXPECT_NEAR(watch.holds()[0].held_s, 0.259, 1e-9) << "after the break";
-  EXPECT_NEAR(watch.holds()[0].mean_force_N, 1, 1e-3);
-  EXPECT_NEAR(watch.holds()[1].held_s, 0.1, 1e-9);
+  EXPECT_DOUBLE_EQ(statistics.max_force_N(), 1.5);
+  EXPECT_NEAR(statistics.holds()[0].held_s, 0.259, 1e-9) << "after the break";
+  EXPECT_NEAR(statistics.holds()[0].mean_force_N, 1, 1e-3);
+  EXPECT_NEAR(statistics.holds()[1].held_s, 0.1, 1e-9);
 }
 
 }  // namespace

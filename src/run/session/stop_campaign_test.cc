@@ -76,8 +76,8 @@ class CampaignSession {
                                false,
                                Modality::kMr,
                                true}),
-        watch_(*model_, {}) {
-    live_.begin(loop_, watch_);
+        statistics_(*model_, {}) {
+    live_.begin(loop_, statistics_);
     viewers_.push_back({{1, true}});
     for (int n = 0; n < 150; ++n) tick();
   }
@@ -106,7 +106,7 @@ class CampaignSession {
   NoDriver driver_;
   Loop loop_;
   LiveSession live_;
-  SessionStatistics watch_;
+  SessionStatistics statistics_;
 
   std::vector<Onlooker> viewers_;
   std::uint32_t greeted_ = 1, shown_ = 0;

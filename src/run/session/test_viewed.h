@@ -118,8 +118,8 @@ class Viewed : public ::testing::Test {
         ServoLoop::start(model_, *driver_, parameters, {workspace}, {.realtime = false, .ring_s = 30});
     PALPATE_CHECK(loop.ok());
     loop_ = *std::move(loop);
-    watch_.emplace(*model_, std::vector<HoldRequest>{});
-    live_->begin(*loop_, *watch_);
+    statistics_.emplace(*model_, std::vector<HoldRequest>{});
+    live_->begin(*loop_, *statistics_);
   }
   void TearDown() override {
     if (live_) live_->end();
@@ -220,7 +220,7 @@ class Viewed : public ::testing::Test {
   std::optional<HeldDriver> driver_;
   std::optional<LiveSession> live_;
   std::unique_ptr<ServoLoop> loop_;
-  std::optional<SessionStatistics> watch_;
+  std::optional<SessionStatistics> statistics_;
 };
 
 }  // namespace palpate::testing

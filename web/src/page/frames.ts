@@ -8,7 +8,7 @@ import type { Session } from "../state/session.js";
 import type { ScopeView } from "../volume/scope_view.js";
 import type { VolumeRenderer } from "../volume/volume_renderer.js";
 import type { VolumeView } from "../volume/volume_view.js";
-import type { Part } from "../words/part.js";
+import type { LazyModule } from "../base/lazy_module.js";
 import { showReadout } from "../panels/readout.js";
 import type { VoxelChanges } from "./voxels.js";
 
@@ -34,7 +34,7 @@ export interface FramesContext {
   renderer: VolumeRenderer;
   volume: VolumeView;
   sections: SectionView[];
-  scope: Part<ScopeView>;
+  scope: LazyModule<ScopeView>;
   voxels: VoxelChanges;
   /** Called after the first section is drawn. */
   onFirstSection(): void;
@@ -66,7 +66,7 @@ export class Frames {
     const { volume, scope, session } = this.context;
     this.drawSections(Infinity);
     volume.draw(performance.now());
-    scope.now?.draw(performance.now());
+    scope.value?.draw(performance.now());
     session.updateFigures(performance.now());
   }
 
@@ -102,14 +102,14 @@ export class Frames {
       if (!slicer.isDone || now - this.drawn_ms < least_ms) {
         // requests to the volume's renderer do not depend on the sections
         volume.ask(now);
-        scope.now?.ask(now);
+        scope.value?.ask(now);
         return;
       }
       this.drawn_ms = now;
     }
     // every frame, because a sharp picture of the volume follows a pause, and the tool is drawn over each new picture
     volume.draw(now, slicer.isSoftware ? this.leastFrame_ms / 2 : 0);
-    scope.now?.draw(now);
+    scope.value?.draw(now);
     this.drawSectionsIfDue();
     this.context.onFrame();
     if (now - this.figures_ms <= FIGURES_MS) return;

@@ -8,7 +8,7 @@ import type { Requests } from "../state/requests.js";
 import type { Session } from "../state/session.js";
 import type { Vec3 } from "../base/geometry.js";
 import type { VolumeView } from "../volume/volume_view.js";
-import { Part } from "../words/part.js";
+import { LazyModule } from "../base/lazy_module.js";
 import type { VoxelChanges } from "./voxels.js";
 
 export interface PanelsContext {
@@ -25,24 +25,24 @@ export interface PanelsContext {
 }
 
 export class Panels {
-  readonly timeline = new Part("recording", async () => {
+  readonly timeline = new LazyModule("recording", async () => {
     const { session, connection, requests } = this.context;
     return new (await import("../panels/timeline.js")).Timeline(session, connection, requests);
   });
-  readonly training = new Part("training", async () => {
+  readonly training = new LazyModule("training", async () => {
     const { session, connection, requests, volume, voxels, setUpScope } = this.context;
     const { Training, Quiz } = await import("../training/training.js");
     return new Training(session, connection, requests, volume, (toFind) => voxels.hide(toFind, Quiz), setUpScope);
   });
-  readonly lesson = new Part("lesson", async () => {
+  readonly lesson = new LazyModule("lesson", async () => {
     const { session, connection, requests, token } = this.context;
     return new (await import("../training/lesson.js")).Lesson(session, connection, requests, token);
   });
-  readonly near = new Part("near", async () => {
+  readonly near = new LazyModule("near", async () => {
     const { session, connection } = this.context;
     return new (await import("../panels/near_panel.js")).NearPanel(session, connection);
   });
-  readonly plan = new Part("plan", async () => {
+  readonly plan = new LazyModule("plan", async () => {
     const { session, connection, showPosition } = this.context;
     return new (await import("../panels/plan_panel.js")).PlanPanel(session, connection, showPosition);
   });

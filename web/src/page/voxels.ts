@@ -10,7 +10,7 @@ import type { Session } from "../state/session.js";
 import type { Redacted } from "../training/redaction.js";
 import type { VolumeRenderer } from "../volume/volume_renderer.js";
 import type { VolumeView } from "../volume/volume_view.js";
-import { Part } from "../words/part.js";
+import { LazyModule } from "../base/lazy_module.js";
 
 /** Whether voxels can be removed, indexed by the structure's index + 1. */
 const removable = ({ structures, tissues }: Scene): boolean[] => [
@@ -22,8 +22,8 @@ const removable = ({ structures, tissues }: Scene): boolean[] => [
 ];
 
 export class VoxelChanges {
-  private readonly cuts = new Part("cuts", async () => new (await import("../state/cuts.js")).Cuts());
-  private readonly deformation = new Part(
+  private readonly cuts = new LazyModule("cuts", async () => new (await import("../state/cuts.js")).Cuts());
+  private readonly deformation = new LazyModule(
     "deformation",
     async () => new (await import("../state/deformation.js")).Deformation(),
   );
@@ -48,7 +48,7 @@ export class VoxelChanges {
   reset(): void {
     this.reportCut(0, []);
     this.receivedDeformations = [];
-    this.deformation.now?.forget();
+    this.deformation.value?.forget();
     this.isDeformationDue = true;
   }
   /** Discards state of another patient's volumes, and applies to the current ones what was reported. */
@@ -85,7 +85,7 @@ export class VoxelChanges {
   /** Applies sweeps and their undo; those that arrive meanwhile are part of the same update. */
   private cut(): void {
     this.then(async () => {
-      const cuts = this.sweeps.some(([, { length }]) => length > 0) ? await this.cuts.get() : this.cuts.now;
+      const cuts = this.sweeps.some(([, { length }]) => length > 0) ? await this.cuts.get() : this.cuts.value;
       for (const report of this.sweeps.splice(0)) cuts?.receive(...report);
       const volumes = this.session.volumes.value,
         scene = this.session.scene.value;
@@ -130,7 +130,7 @@ export class VoxelChanges {
     this.isDeforming = true;
     const deformation = this.receivedDeformations.some(({ nodes }) => nodes)
       ? await this.deformation.get()
-      : this.deformation.now;
+      : this.deformation.value;
     for (const received of this.receivedDeformations.splice(0)) deformation?.receive(received);
     const by = deformation?.displaced((p) => volumes.structureAt(p) === null);
     if (by || this.displacement) await this.displaceBy(by ? new Displacement(by.nodes, by.mm) : null);
@@ -147,7 +147,7 @@ export class VoxelChanges {
     const { session } = this;
     this.displacement = displacement;
     session.isDeformed.value = displacement !== null;
-    session.displacementAt.value = (position) => this.deformation.now?.displacementAt(position) ?? [0, 0, 0];
+    session.displacementAt.value = (position) => this.deformation.value?.displacementAt(position) ?? [0, 0, 0];
     this.slicer.displace(displacement);
     const isThere = this.renderer.displace(displacement);
     session.edits.value += 1;

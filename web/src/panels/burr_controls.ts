@@ -4,12 +4,12 @@ import { effect } from "@preact/signals-core";
 import { byId, element, press } from "../base/dom.js";
 import type { Connection } from "../protocol/connection.js";
 import type { Session } from "../state/session.js";
-import { Part } from "../words/part.js";
+import { LazyModule } from "../base/lazy_module.js";
 import { setMessages } from "../words/words.js";
 
 export class BurrControls {
   constructor(session: Session, connection: Connection) {
-    const sound = new Part(
+    const sound = new LazyModule(
       "burrSound",
       async () => new (await import("./burr_sound.js")).BurrSound(session, connection),
     );

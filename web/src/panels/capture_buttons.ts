@@ -5,11 +5,11 @@ import { byId, press, write } from "../base/dom.js";
 import { download, fileStem } from "../base/download.js";
 import type { Picture } from "../drawing/picture.js";
 import type { Session } from "../state/session.js";
-import { Part } from "../words/part.js";
+import { LazyModule } from "../base/lazy_module.js";
 import { words } from "../words/words.js";
 
 export class CaptureButtons {
-  readonly capture = new Part("capture", async () => {
+  readonly capture = new LazyModule("capture", async () => {
     const { Capture } = await import("./capture.js");
     return new Capture(this.session, this.pictures, byId("pictures"), this.isRedrawn, (error) => {
       showError(error);
@@ -25,7 +25,7 @@ export class CaptureButtons {
     byId("shot").addEventListener("click", () => void this.screenshot());
     byId("record").addEventListener("click", () => void this.record());
     session.onFigures(() => {
-      const capture = this.capture.now;
+      const capture = this.capture.value;
       write(byId("record"), capture?.isRecording ? words.recording(`${capture.seconds().toFixed(0)} s`) : words.record);
     });
   }

@@ -7,7 +7,7 @@ import { words } from "../words/words.js";
 import type { PointerDevice } from "../state/pointer.js";
 import type { Session } from "../state/session.js";
 import type { SurfaceDrag, SurfacePoint } from "./surface_drag.js";
-import { Part } from "../words/part.js";
+import { LazyModule } from "../base/lazy_module.js";
 
 /** Factor of the chosen force per step of the wheel. */
 const WHEEL_FACTOR = 1.15;
@@ -20,7 +20,7 @@ type Pressing = Pick<PointerEvent, "pointerType" | "pressure">;
 /** Press by a key, which has no pressure of its own. */
 const KEY: Pressing = { pointerType: "", pressure: 0 };
 
-const strokes = new Part("stroke", () => import("./surface_drag.js"));
+const strokes = new LazyModule("stroke", () => import("./surface_drag.js"));
 
 export class Touching {
   stroke: SurfaceDrag | null = null; // stroke of the current press
@@ -64,8 +64,8 @@ export class Touching {
     const device = session.pose.peek()?.devices[0];
     if (!device) return;
     this.cursor = [at, at];
-    if (!strokes.now) return void strokes.get();
-    this.stroke = new strokes.now.SurfaceDrag(
+    if (!strokes.value) return void strokes.get();
+    this.stroke = new strokes.value.SurfaceDrag(
       session.volumes.peek()!,
       this.isTouchable,
       device.tip,

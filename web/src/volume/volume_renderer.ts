@@ -3,7 +3,7 @@
 
 import type { Displacement } from "../drawing/displacement.js";
 import { invert, type Vec3 } from "../base/geometry.js";
-import { fetchPart } from "../words/part.js";
+import { loadModule } from "../base/lazy_module.js";
 import { nextTask, slicesOfPiece } from "../base/pieces.js";
 import { shrunkGrid, type Memory, type Volumes } from "../protocol/scene.js";
 import type { Session } from "../state/session.js";
@@ -126,7 +126,7 @@ export class VolumeRenderer {
     if (!this.isInWorker) return;
     this.isInWorker = false;
     (this.port as Worker).terminate();
-    const service = await fetchPart("volume", () => import("./volume_service.js"));
+    const service = await loadModule("volume", () => import("./volume_service.js"));
     if (service) service.serve(this.openPort(), document.createElement("canvas"));
     else await this.drawThere();
   }
@@ -134,7 +134,7 @@ export class VolumeRenderer {
   private async drawThere(): Promise<void> {
     if (this.isServed) return;
     this.isServed = true;
-    const pictures = await fetchPart("volume", () => import("./served_pictures.js"));
+    const pictures = await loadModule("volume", () => import("./served_pictures.js"));
     pictures?.servePictures(this.openPort(), () => this.served());
   }
   /**

@@ -2,7 +2,7 @@
 
 import { discardAnnouncements } from "../base/announce.js";
 import { byId } from "../base/dom.js";
-import { fetchPart } from "./part.js";
+import { loadModule } from "../base/lazy_module.js";
 import { LANGUAGES, setLanguage, type Language } from "./words.js";
 
 const KEY = "palpate.language";
@@ -30,7 +30,7 @@ export function applyLanguage(): Promise<void> {
 async function change(language: Language): Promise<void> {
   const choice = byId<HTMLSelectElement>("language");
   choice.value = language;
-  const isSpoken = await fetchPart("language", async () => (await setLanguage(language), true));
+  const isSpoken = await loadModule("language", async () => (await setLanguage(language), true));
   if (!isSpoken) choice.value = document.documentElement.lang;
   discardAnnouncements();
 }

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { JSDOM } from "jsdom";
-import { fetchPart, Part } from "../src/words/part.js";
+import { LazyModule, loadModule } from "../src/base/lazy_module.js";
 
 /** Makes a document; returns its text about missing parts, null if none is displayed. */
 function pageOfItsOwn(): () => string | null {
@@ -22,23 +22,23 @@ const make = async (): Promise<string> => {
 test("a part that cannot be loaded is reported on the page until it is loaded", async () => {
   const said = pageOfItsOwn();
   failing.is = true;
-  const part = new Part("training", make);
+  const part = new LazyModule("training", make);
   assert.equal(await part.get(), null);
-  assert.equal(part.now, null);
+  assert.equal(part.value, null);
   assert.match(said()!, /^Could not be loaded: tasks\. .*including the emergency stop/);
-  assert.equal(await fetchPart("language", make), null);
+  assert.equal(await loadModule("language", make), null);
   assert.match(said()!, /tasks, language\./);
   failing.is = false;
-  assert.equal(await fetchPart("language", make), "made");
+  assert.equal(await loadModule("language", make), "made");
   assert.equal(await part.get(), "made");
-  assert.equal(part.now, "made");
+  assert.equal(part.value, "made");
   assert.equal(said(), null);
 });
 
 test("a part is constructed once", async () => {
   pageOfItsOwn();
   let made = 0;
-  const part = new Part("plan", async () => ++made);
+  const part = new LazyModule("plan", async () => ++made);
   assert.deepEqual(await Promise.all([part.get(), part.get()]), [1, 1]);
   assert.equal(await part.get(), 1);
 });

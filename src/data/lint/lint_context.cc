@@ -1,4 +1,4 @@
-#include "lint/study.h"
+#include "lint/lint_context.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 
 namespace palpate::internal {
 
-LintStudy::LintStudy(const LabelMap& map, const LintOptions& input, const Progress& how_far)
+LintContext::LintContext(const LabelMap& map, const LintOptions& input, const Progress& how_far)
     : labels(map),
       options(input),
       progress(how_far),
@@ -16,17 +16,17 @@ LintStudy::LintStudy(const LabelMap& map, const LintOptions& input, const Progre
       workers(worker_count(input.threads, std::max(1, map.geometry().dims[2]))),
       statistics(segment_statistics(map)) {}
 
-const SegmentStatistics* LintStudy::statistics_of(LabelId id) const {
+const SegmentStatistics* LintContext::statistics_of(LabelId id) const {
   const auto at = std::ranges::lower_bound(statistics, id, {}, &SegmentStatistics::id);
   return at != statistics.end() && at->id == id ? &*at : nullptr;
 }
 
-std::string LintStudy::name_of(LabelId id) const {
+std::string LintContext::name_of(LabelId id) const {
   const Segment* segment = labels.find(id);
   return segment == nullptr || segment->name.empty() ? "label " + std::to_string(id) : segment->name;
 }
 
-std::string LintStudy::names_of(const std::vector<LabelId>& ids) const {
+std::string LintContext::names_of(const std::vector<LabelId>& ids) const {
   constexpr std::size_t kMaxNamed = 5;
   std::string text;
   for (std::size_t n = 0; n < std::min(ids.size(), kMaxNamed); ++n)
@@ -35,16 +35,16 @@ std::string LintStudy::names_of(const std::vector<LabelId>& ids) const {
   return text;
 }
 
-Point<Patient> LintStudy::position_of(const std::array<int, 3>& voxel) const {
+Point<Patient> LintContext::position_of(const std::array<int, 3>& voxel) const {
   return grid.X_PatientVoxel() * Point<Voxel>(voxel[0], voxel[1], voxel[2]);
 }
 
-double LintStudy::face_mm2(std::size_t axis) const {
+double LintContext::face_mm2(std::size_t axis) const {
   return grid.voxel_volume_mm3() / grid.spacing_mm[static_cast<Eigen::Index>(axis)];
 }
 
-void LintStudy::add(LintKind kind, LintSeverity severity, std::vector<LabelId> structures,
-                    const Extent& extent, std::string sentence) {
+void LintContext::add(LintKind kind, LintSeverity severity, std::vector<LabelId> structures,
+                      const Extent& extent, std::string sentence) {
   LintFinding finding;
   finding.kind = kind;
   finding.severity = severity;

@@ -18,8 +18,8 @@ inline constexpr double kIslandFraction = 0.02, kIsland_mm3 = 1000;
 inline constexpr double kHoleFraction = 0.02, kHole_mm3 = 1000;
 
 /// Label map being checked, and the findings so far.
-struct LintStudy {
-  LintStudy(const LabelMap& labels, const LintOptions& options, const Progress& progress);
+struct LintContext {
+  LintContext(const LabelMap& labels, const LintOptions& options, const Progress& progress);
 
   const LabelMap& labels;
   const LintOptions& options;
@@ -76,14 +76,14 @@ Islands islands_and_cavities(const RunVolume& runs, const std::vector<Component>
 // ---- the checks; each adds its findings. Errors: kInterrupted.
 
 /// Islands, holes, sheets, necks, open cavities, seams, terraces and cuts by the border, in one layer.
-Result<void> check_shapes(LintStudy& study, std::size_t layer, const ProgressSpan& span);
+Result<void> check_shapes(LintContext& context, std::size_t layer, const ProgressSpan& span);
 /// @param flat  segment id of each voxel; overlapping layers are flattened
-Result<void> check_leaks(LintStudy& study, const Volume<LabelId>& flat);
-Result<void> check_gaps(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span);
-Result<void> check_access(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span);
-Result<void> check_body(LintStudy& study, const Volume<LabelId>& flat, const ProgressSpan& span);
-void check_names(LintStudy& study);
-void check_sides(LintStudy& study);
-void check_overlaps(LintStudy& study);
+Result<void> check_leaks(LintContext& context, const Volume<LabelId>& flat);
+Result<void> check_gaps(LintContext& context, const Volume<LabelId>& flat, const ProgressSpan& span);
+Result<void> check_access(LintContext& context, const Volume<LabelId>& flat, const ProgressSpan& span);
+Result<void> check_body(LintContext& context, const Volume<LabelId>& flat, const ProgressSpan& span);
+void check_names(LintContext& context);
+void check_sides(LintContext& context);
+void check_overlaps(LintContext& context);
 
 }  // namespace palpate::internal

@@ -1,25 +1,25 @@
 // Modules imported on first use. A failure is reported on the page and retried at the next use. Everything else,
 // including the emergency stop, works without the module.
 
-import { byId, write } from "../base/dom.js";
-import { words, type Words } from "./words.js";
+import { byId, write } from "./dom.js";
+import { words, type Words } from "../words/words.js";
 
-export type PartName = keyof Words["parts"];
+export type ModuleName = keyof Words["parts"];
 
-const missing = new Set<PartName>();
+const missing = new Set<ModuleName>();
 
-/** Lists the parts that could not be loaded, in the current language. */
-function reportMissingParts(): void {
+/** Lists the modules that could not be loaded, in the current language. */
+function reportMissingModules(): void {
   const line = byId("missing-parts");
   write(line, missing.size === 0 ? "" : words.partsMissing([...missing].map((name) => words.parts[name]).join(", ")));
   line.hidden = missing.size === 0;
 }
 
 /**
- * Loads and constructs a part.
+ * Loads and constructs a module.
  * @returns null on failure, which is reported on the page
  */
-export async function fetchPart<T>(name: PartName, make: () => Promise<T>): Promise<T | null> {
+export async function loadModule<T>(name: ModuleName, make: () => Promise<T>): Promise<T | null> {
   let made: T | null = null;
   try {
     made = await make();
@@ -28,32 +28,33 @@ export async function fetchPart<T>(name: PartName, make: () => Promise<T>): Prom
     console.error(error);
     missing.add(name);
   }
-  reportMissingParts();
+  reportMissingModules();
   return made;
 }
 
-export class Part<T> {
-  /** The part; null until it is loaded. */
-  now: T | null = null;
+/** Module that is imported and constructed on first use. */
+export class LazyModule<T> {
+  /** The constructed module; null until it is loaded. */
+  value: T | null = null;
   private fetching: Promise<T | null> | null = null;
 
-  /** @param make  import of the module and construction of the part */
+  /** @param make  import of the module and construction of what it provides */
   constructor(
-    private readonly name: PartName,
+    private readonly name: ModuleName,
     private readonly make: () => Promise<T>,
   ) {}
 
   /**
-   * Part, loaded on the first call.
+   * The module, loaded on the first call.
    * @returns null on failure
    */
   get(): Promise<T | null> {
     return (this.fetching ??= this.fetch());
   }
   private async fetch(): Promise<T | null> {
-    this.now = await fetchPart(this.name, this.make);
+    this.value = await loadModule(this.name, this.make);
     // after a failure, the next use retries
-    if (this.now === null) this.fetching = null;
-    return this.now;
+    if (this.value === null) this.fetching = null;
+    return this.value;
   }
 }
