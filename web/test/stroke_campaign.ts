@@ -108,9 +108,9 @@ class Figures {
   samples = 0;
   touched = 0;
   forced = 0;
-  drops = 0; // that neither the path of the cursor explains nor the page, by setting the tip down
-  setDowns = 0; // that the path of the cursor does not explain
-  farthest_mm = 0; // of the samples in which the page does not show that the tip is on its way
+  drops = 0; // losses of force that neither the path of the cursor nor a tip set down by the page explains
+  setDowns = 0; // tips set down where the path of the cursor does not explain it
+  farthest_mm = 0; // largest distance in samples in which the page does not show that the tip is on its way
   crossing = 0; // samples within CROSSING_S of a jump of the surface, of which only the distance counts
   transferring = 0; // samples in which the page shows that the tip is on its way
   transfer_s = 0; // longest time for which it does
