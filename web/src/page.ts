@@ -45,7 +45,7 @@ import { Touching } from "./touch/touching.js";
 import { addVolumeHead } from "./volume/volume_head.js";
 import { VolumeRenderer } from "./volume/volume_renderer.js";
 import { VolumeView } from "./volume/volume_view.js";
-import { LazyModule } from "./base/lazy_module.js";
+import { LazyModule } from "./words/lazy_module.js";
 import { versionError } from "./words/errors.js";
 import { words } from "./words/words.js";
 

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { JSDOM } from "jsdom";
-import { LazyModule, loadModule } from "../src/base/lazy_module.js";
+import { LazyModule, loadModule } from "../src/words/lazy_module.js";
 
 /** Makes a document; returns its text about missing parts, null if none is displayed. */
 function pageOfItsOwn(): () => string | null {

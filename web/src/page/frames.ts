@@ -8,7 +8,7 @@ import type { Session } from "../state/session.js";
 import type { ScopeView } from "../volume/scope_view.js";
 import type { VolumeRenderer } from "../volume/volume_renderer.js";
 import type { VolumeView } from "../volume/volume_view.js";
-import type { LazyModule } from "../base/lazy_module.js";
+import type { LazyModule } from "../words/lazy_module.js";
 import { showReadout } from "../panels/readout.js";
 import type { VoxelChanges } from "./voxels.js";
 

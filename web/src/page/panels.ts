@@ -8,7 +8,7 @@ import type { Requests } from "../state/requests.js";
 import type { Session } from "../state/session.js";
 import type { Vec3 } from "../base/geometry.js";
 import type { VolumeView } from "../volume/volume_view.js";
-import { LazyModule } from "../base/lazy_module.js";
+import { LazyModule } from "../words/lazy_module.js";
 import type { VoxelChanges } from "./voxels.js";
 
 export interface PanelsContext {

@@ -10,7 +10,7 @@ import type { Session } from "../state/session.js";
 import type { Redacted } from "../training/redaction.js";
 import type { VolumeRenderer } from "../volume/volume_renderer.js";
 import type { VolumeView } from "../volume/volume_view.js";
-import { LazyModule } from "../base/lazy_module.js";
+import { LazyModule } from "../words/lazy_module.js";
 
 /** Whether voxels can be removed, indexed by the structure's index + 1. */
 const removable = ({ structures, tissues }: Scene): boolean[] => [

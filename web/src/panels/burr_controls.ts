@@ -4,7 +4,7 @@ import { effect } from "@preact/signals-core";
 import { byId, element, press } from "../base/dom.js";
 import type { Connection } from "../protocol/connection.js";
 import type { Session } from "../state/session.js";
-import { LazyModule } from "../base/lazy_module.js";
+import { LazyModule } from "../words/lazy_module.js";
 import { setMessages } from "../words/words.js";
 
 export class BurrControls {

@@ -5,7 +5,7 @@ import { byId, press, write } from "../base/dom.js";
 import { download, fileStem } from "../base/download.js";
 import type { Picture } from "../drawing/picture.js";
 import type { Session } from "../state/session.js";
-import { LazyModule } from "../base/lazy_module.js";
+import { LazyModule } from "../words/lazy_module.js";
 import { words } from "../words/words.js";
 
 export class CaptureButtons {

@@ -7,7 +7,7 @@ import { words } from "../words/words.js";
 import type { PointerDevice } from "../state/pointer.js";
 import type { Session } from "../state/session.js";
 import type { SurfaceDrag, SurfacePoint } from "./surface_drag.js";
-import { LazyModule } from "../base/lazy_module.js";
+import { LazyModule } from "../words/lazy_module.js";
 
 /** Factor of the chosen force per step of the wheel. */
 const WHEEL_FACTOR = 1.15;

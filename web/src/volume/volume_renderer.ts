@@ -3,7 +3,7 @@
 
 import type { Displacement } from "../drawing/displacement.js";
 import { invert, type Vec3 } from "../base/geometry.js";
-import { loadModule } from "../base/lazy_module.js";
+import { loadModule } from "../words/lazy_module.js";
 import { nextTask, slicesOfPiece } from "../base/pieces.js";
 import { shrunkGrid, type Memory, type Volumes } from "../protocol/scene.js";
 import type { Session } from "../state/session.js";

@@ -2,7 +2,7 @@
 
 import { discardAnnouncements } from "../base/announce.js";
 import { byId } from "../base/dom.js";
-import { loadModule } from "../base/lazy_module.js";
+import { loadModule } from "./lazy_module.js";
 import { LANGUAGES, setLanguage, type Language } from "./words.js";
 
 const KEY = "palpate.language";

@@ -1,8 +1,8 @@
 // Modules imported on first use. A failure is reported on the page and retried at the next use. Everything else,
 // including the emergency stop, works without the module.
 
-import { byId, write } from "./dom.js";
-import { words, type Words } from "../words/words.js";
+import { byId, write } from "../base/dom.js";
+import { words, type Words } from "./words.js";
 
 export type ModuleName = keyof Words["parts"];
 
