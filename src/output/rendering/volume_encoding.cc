@@ -97,6 +97,7 @@ Result<void> VolumeEncoding::encode(const Bricks<LabelId>& labels, const VoxelBo
                                     const Progress& progress) {
   const int workers = worker_count(threads, std::numeric_limits<int>::max());
   const TileGrid grid = tiles_around(box, workers);
+  // a voxel's appearance depends on the 27 around it, its normal on all within the reach of the smoothing
   const VoxelBox changed = affected_by(box, {1, 1, 1}, grid),
                  renormalised = affected_by(box, Tile::margins(*this), grid);
   const int count = grid.count();
