@@ -24,6 +24,7 @@ import viewer_page  # noqa: E402
 TUTORIAL = pathlib.Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "lesson.md"
 LEARNERS = ("L041", "L042", "L043")
 TRAINING = "palpateViewer.training"
+LEAST_N = 0.05  # force that counts as a touch
 # where the page that is driven shows a structure in the volume: the pixel with the most surroundings that show it, too
 PIXEL_OF = """const wanted = palpateViewer.scene.structures.findIndex(({ name }) => name === arguments[0]);
     const { left, top, width, height } = document.querySelector('#picture-volume .stack').getBoundingClientRect();
@@ -185,15 +186,17 @@ class FourWindows(viewer_page.Viewer):
 
     def press(self, structure, within_s=20):
         """Presses on what the volume shows of a structure, runs along it for a few pixels, and lets go; returns the greatest force of the card until
-        it showed any."""
+        it showed any. Presses again if the page was too busy to hold the tip."""
         self.page.run("palpateViewer.draw()")
         at = self.page.run(PIXEL_OF, structure)
         self.assertIsNotNone(at, "the volume shows nothing of " + structure)
         self.page.pointer({"type": "pointerMove", "x": at[0], "y": at[1]}, {"type": "pointerDown", "button": 0})
         most_N, deadline = 0.0, time.monotonic() + within_s
-        while time.monotonic() < deadline and most_N < 0.05:
+        while time.monotonic() < deadline and most_N < LEAST_N:
             most_N = max([most_N, *(self.page.run(f"return {TRAINING}.run?.forces_N ?? []") or [])])
-        if within_s > 0 and most_N < 0.05:
+            if not self.page.run("return palpateViewer.isPressing"):
+                self.page.pointer({"type": "pointerUp", "button": 0}, {"type": "pointerDown", "button": 0})
+        if within_s > 0 and most_N < LEAST_N:
             self.page.screenshot(os.path.join(os.environ.get("PALPATE_TEST_PICTURES", self.folder), "press.png"))
             print("  no force: pressed at", at, self.page.run(f"return [palpateViewer.pose.devices[0], {TRAINING}.run]"), flush=True)
         self.page.pointer({"type": "pause", "duration": 600}, {"type": "pointerMove", "x": at[0] + 3, "y": at[1] + 1, "duration": 200},
@@ -268,7 +271,7 @@ class AsTheTutorialSays(FourWindows):
         # Begin, the tip with the mouse button held, the force bar
         self.at("L041")
         self.begin()
-        self.assertGreater(self.press("medial_meniscus"), 0.05, "the force bar")
+        self.assertGreaterEqual(self.press("medial_meniscus"), LEAST_N, "the force bar")
         self.at("Teacher").wait(f"{TRAINING}.view === 'running'")
         self.name_learner("L042")
         self.page.wait("document.getElementById('toast').innerText.toLowerCase().includes('a run is in progress')")
@@ -290,7 +293,7 @@ class AsTheTutorialSays(FourWindows):
         # to show something yourself: Take the tip; Pass the tip gives it back; such a run is not the learner's own
         self.at("Teacher").click("#lesson-take")
         self.page.wait("palpateViewer.state.pointer")
-        self.assertGreater(self.press("medial_meniscus"), 0.05)
+        self.assertGreaterEqual(self.press("medial_meniscus"), LEAST_N)
         self.click_in_row("L041")
         self.row_says("L041", "moves the tip")
         second = self.at("L041") and (self.page.click("#task-end") or self.debriefed())
@@ -415,7 +418,7 @@ class ATeacherWhoMakesMistakes(FourWindows):
         # the teacher closes the page during the run: it goes on
         self.leave("Teacher")
         self.at("L041")
-        self.assertGreater(self.press("medial_meniscus"), 0.05)
+        self.assertGreaterEqual(self.press("medial_meniscus"), LEAST_N)
         self.close_windows()
 
 

@@ -38,6 +38,10 @@ export function openToTests(page: Page): void {
     get pose() {
       return session.pose.value;
     },
+    /** Whether a press of this page holds the tip. */
+    get isPressing() {
+      return session.isPressing.value;
+    },
     get structureAtTip() {
       const index =
         session.pose.value && session.volumes.value

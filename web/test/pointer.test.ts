@@ -184,6 +184,24 @@ test("after a longer stall, and when the page is hidden, the hold ends with a me
   }
 });
 
+test("a stall on the way to the surface does not end the press", () => {
+  const { device, session, lifts, sent, at, stall, time } = pointer();
+  device.hold(
+    [
+      { at: [40, 0, 0], into: null },
+      { at: [41, 0, 0], into: [1, 0, 0] },
+    ],
+    false,
+  );
+  at(40);
+  assert.ok(sent.length > 0 && sent.at(-1)![0]! < 40);
+  stall(2000);
+  at(time() + 400);
+  assert.equal(session.isPressing.value, true);
+  assert.deepEqual(lifts, { count: 0, releaseByPause: 0 });
+  assert.deepEqual(sent.at(-1), [41, 0, 0]);
+});
+
 test("without force while it is withheld, and never above the limit", () => {
   const { device, session, pressed, at } = pointer();
   session.state.value = { pointer: true, max_force_N: 0.5 } as State;

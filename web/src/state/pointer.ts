@@ -135,8 +135,8 @@ export class PointerDevice {
     }
     this.isAwaited = false;
     const elapsed = now - this.sent_ms;
-    // palpate has let go meanwhile, and would begin inside of the tissue
-    if (this.hasSent && elapsed > HOLD_MS) return this.releaseByPause();
+    // palpate has let go meanwhile, and would begin inside of the tissue; on its way to the surface the tip goes on
+    if (this.hasPressed && elapsed > HOLD_MS) return this.releaseByPause();
     if (elapsed < (this.remainingPath.length === 0 ? KEEP_ALIVE_MS : MIN_INTERVAL_MS)) return;
     this.sent_ms = now;
     this.hasSent = true;
