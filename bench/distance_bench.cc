@@ -41,7 +41,7 @@ Costs costs_of(std::vector<std::int64_t> ns) {
 // queries of a tick, once at every position
 void measure(const char* what, const DistanceTrees& distances, const std::vector<Point<Patient>>& positions,
              nlohmann::json& json) {
-  const std::vector<ToolSphere> point{ToolSphere{}};
+  const std::vector<ToolPart> point{ToolPart{}};
   std::vector<std::int64_t> ticks;
   std::size_t near = 0;
   double all_ns = 0, sum_mm = 0;
@@ -123,7 +123,7 @@ std::vector<Point<Patient>> places_in(const Eigen::Array3d& low, const Eigen::Ar
 // the same surface as triangles, with VTK's search
 void measure_vtk(const SurfaceTree& tree, const std::vector<Point<Patient>>& positions,
                  nlohmann::json& json) {
-  const SignedField& position = tree.surface()->position();
+  const SignedField& position = tree.surface()->distance_field();
   const Volume<float> values = position.values();
   const GridGeometry& grid = values.geometry();
   vtkNew<vtkImageData> image;

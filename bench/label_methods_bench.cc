@@ -9,7 +9,8 @@
 #include "interleaved.h"
 #include "json_file.h"
 #include "palpate/preparation/preparation.h"
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/sphere_filters.h"
+#include "palpate/sampling/stored_normals.h"
 #include "palpate/volume/simd_targets.h"
 #include "work.h"
 

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 namespace palpate::bench {

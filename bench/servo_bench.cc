@@ -23,6 +23,7 @@
 #include "palpate/preparation/preparation.h"
 #include "palpate/scene/scene.h"
 #include "palpate/verification/servo_timing.h"
+#include "palpate/volume/resample.h"
 #include "palpate/volume_io/volume_io.h"
 
 namespace palpate::bench {

@@ -10,7 +10,7 @@
 #include <random>
 
 #include "json_file.h"
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/stored_normals.h"
 
 namespace palpate::bench {
 

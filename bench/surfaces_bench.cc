@@ -96,7 +96,7 @@ PatchOf<LabelId> dig(const PreparedSurface& surface, std::mt19937& random, const
 double bytes_of(const PreparedSurface& surface) {
   std::size_t bytes = surface.intermediates.slopes.size() * sizeof(float);
   for (const Bricks<std::int16_t>* bricks :
-       {&surface.surface.position().bricks(), &surface.surface.normal().bricks(),
+       {&surface.surface.distance_field().bricks(), &surface.surface.normal_field().bricks(),
         &surface.intermediates.distance, &surface.intermediates.broad})
     bytes += bricks->bytes();
   return static_cast<double>(bytes);

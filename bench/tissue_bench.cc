@@ -292,12 +292,12 @@ nlohmann::json ticks(int rounds) {
   finite.local_compliance[0].reference_force_N = 0.15;
   finite.local_compliance[0].stiffening_mm_per_N2 = 2;
   finite.local_compliance[0].stiffening_gradient = Vector<Patient>(1, 0, 0);
-  const ToolSphere sphere{{}, 3};
+  const ToolPart part{{}, 3};
   // four lying shafts with six contacts each
-  std::vector<ToolSphere> shafts;
+  std::vector<ToolPart> shafts;
   for (int n = 0; n < 4; ++n) shafts.push_back({{0, 2.5 * n, 0}, 1, {5, 0, 0}});
   const auto slide = [&](const Model& model, const ComplianceFrame* compliance,
-                         std::span<const ToolSphere> tool) {
+                         std::span<const ToolPart> tool) {
     ProxyState state;
     for (int n = 0; n < kTicks; ++n) {
       const double down = std::max(0.0, 4 - 0.01 * n);
@@ -307,17 +307,17 @@ nlohmann::json ticks(int rounds) {
   };
   const auto times =
       medians_s({[&] {
-                   slide(**spring, nullptr, {&sphere, 1});
+                   slide(**spring, nullptr, {&part, 1});
                  },
                  [&] {
-                   slide(**deformable, &frame, {&sphere, 1});
+                   slide(**deformable, &frame, {&part, 1});
                  },
                  [&] {
-                   slide(**deformable, &finite, {&sphere, 1});
+                   slide(**deformable, &finite, {&part, 1});
                  },
                  [&] { slide(**spring, nullptr, shafts); }, [&] { slide(**deformable, &frame, shafts); }},
                 rounds);
-  std::printf("a sphere's contact     %8.1f ns   with a spring %.1f ns   %+.1f ns\n", 1e9 * times[1] / kTicks,
+  std::printf("a sphere's contact    %8.1f ns   with a spring %.1f ns   %+.1f ns\n", 1e9 * times[1] / kTicks,
               1e9 * times[0] / kTicks, 1e9 * (times[1] - times[0]) / kTicks);
   std::printf("  neo-Hookean          %8.1f ns                           %+.1f ns\n", 1e9 * times[2] / kTicks,
               1e9 * (times[2] - times[0]) / kTicks);

@@ -78,7 +78,7 @@ double compliance(const PressedBody& body, double cell_mm) {
   ElasticField unit_mm(grid.layout()), load_N(grid.layout());
   patch.add(1, load_N);
   ElasticSolver(grid).solve(load_N, unit_mm, 300, 1e-6);
-  return patch.displacement(unit_mm);
+  return patch.displacement_mm(unit_mm);
 }
 
 int run() {

@@ -26,6 +26,7 @@
 #include "large_knee.h"
 #include "palpate/rendering/rendering.h"
 #include "palpate/rendering/volume_renderer.h"
+#include "palpate/volume/resample.h"
 
 // required to create a mapper, although nothing is displayed
 VTK_MODULE_INIT(vtkRenderingOpenGL2);

@@ -90,7 +90,7 @@ Result<std::vector<std::string>> command_of(const CohortOptions& options) {
 
 // ---- one case -------------------------------------------------------------------------------------------
 
-/// Reason why a process ended without a result; the names of its files are removed.
+/// Reason why a process ended without a result, as text without the names of the case's files.
 std::string fault_of(const EndedProcess& ended, const CohortCase& one, const CohortOptions& options) {
   if (ended.signal > 0) {
     const char* name = ::sigabbrev_np(ended.signal);

@@ -20,7 +20,7 @@
 #include "palpate/base/output.h"
 #include "palpate/base/printable.h"
 #include "palpate/device/rendered_stiffness.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/server/viewer_server.h"
 #include "palpate/server/viewer_tokens.h"
 #include "palpate/tracker/tracker_driver.h"

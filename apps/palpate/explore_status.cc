@@ -7,7 +7,7 @@
 #include "apps/command/text.h"
 #include "palpate/base/printable.h"
 #include "palpate/device/rendered_stiffness.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 
 namespace palpate::app {
 namespace {

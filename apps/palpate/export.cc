@@ -9,6 +9,8 @@
 #include "palpate/base/output.h"
 #include "palpate/loading/loading.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/volume/label_map.h"
+#include "palpate/volume/resample.h"
 #include "palpate/volume/volume.h"
 #include "palpate/volume_io/dicom_export.h"
 #include "palpate/volume_io/volume_io.h"

@@ -21,6 +21,7 @@
 #include "palpate/rendering/rendering.h"
 #include "palpate/report/lint_page.h"
 #include "palpate/scene/tissue_presets.h"
+#include "palpate/volume/resample.h"
 #include "palpate/volume_io/volume_io.h"
 #include "palpate_version.h"
 #include "scene_options.h"

@@ -1,4 +1,5 @@
 #include "scene_data.h"
+#include "palpate/volume/resample.h"
 
 #include <utility>
 #include <variant>

@@ -7,7 +7,7 @@
 
 #include "input_files.h"
 #include "palpate/base/output.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/report/report.h"
 #include "report_model.h"

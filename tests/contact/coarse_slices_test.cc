@@ -62,7 +62,7 @@ Slide slide_on_a_plane(double slice_mm, double tilt_deg, double radius_mm, std::
       size / 2 + Eigen::Vector3d(within(random), within(random), within(random)).cwiseProduct(spacing);
   const Body body = body_of(grid_of(size, spacing), radius_mm,
                             [&](const Eigen::Vector3d& p) { return (p - centre).dot(up) < 0; });
-  const ToolSphere tool{{}, radius_mm};
+  const ToolPart tool{{}, radius_mm};
   ProxyState state;
   std::vector<double> forces_N;
   Slide slide;
@@ -116,7 +116,7 @@ TEST(WideTools, FingerIsConstrainedAndReleasedByABall) {
       const Eigen::Vector3d centre(18, 18, 18);
       const Body body = body_of(grid_of({36, 36, 36}, {kInPlane_mm, kInPlane_mm, slice_mm}), radius_mm,
                                 [&](const Eigen::Vector3d& p) { return (p - centre).norm() < kBall_mm; });
-      const ToolSphere tool{{}, radius_mm};
+      const ToolPart tool{{}, radius_mm};
       ProxyState state;
       ProxyResult result;
       const auto to = [&](double height_mm, double angle) {

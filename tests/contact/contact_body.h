@@ -15,6 +15,7 @@
 #include "palpate/contact/proxy.h"
 #include "palpate/loading/loading.h"
 #include "palpate/scene/tissue_presets.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume_io/volume_io.h"
 
 /// Label maps as bodies that a proxy presses on, for tests of contact.

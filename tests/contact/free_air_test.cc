@@ -183,7 +183,7 @@ class FreeAirPress {
   }
 
   const Body& body_;
-  ToolSphere tool_;
+  ToolPart tool_;
   FreeAirFigures& figures_;
   ProxyState state_;
   ProxyResult result_;
@@ -288,7 +288,7 @@ TEST(FreeAir, ToolThatExitedThroughACupIsReleased) {
     for (const double radius_mm : {0.0, 0.5, 1.5}) {
       SCOPED_TRACE(testing::Message() << "wall " << wall_mm << " mm, tool " << radius_mm << " mm");
       const Body body = one_body(soft_and_bone_model(cup_in_a_ball(wall_mm)));
-      const ToolSphere tool{{}, radius_mm};
+      const ToolPart tool{{}, radius_mm};
       ProxyState state;
       ProxyResult result;
       Point<Patient> tip(0, 0, 12);

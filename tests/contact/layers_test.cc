@@ -42,7 +42,7 @@ double error_of_the_sum(const std::vector<double>& stiffnesses) {
   const Body body = one_body(model_of(slabs(count), [&](const Segment& segment) {
     return stiffnesses[static_cast<std::size_t>(segment.id) - 1];
   }));
-  const ToolSphere point{{}, 0};
+  const ToolPart point{{}, 0};
   ProxyState state;
   double worst = 0, sum_N = 0;
   constexpr double kStep_mm = 0.02;
@@ -101,7 +101,7 @@ TEST(ManyLayers, AcceptsThreeHundredLabelsOfFourTissues) {
   const auto shapes = std::count_if(body.surfaces.begin(), body.surfaces.end(),
                                     [](const ContactSurface& surface) { return surface.surface != nullptr; });
   EXPECT_LT(shapes, kLabels);
-  const ToolSphere ball{{}, 1.5};
+  const ToolPart ball{{}, 1.5};
   ProxyState state;
   Vector<Patient> force_N;
   for (double z = 44; z > 34; z -= 0.05)

@@ -172,7 +172,7 @@ struct Counted {
 /// A press with a sphere or a shaft on one structure; the oracle checks the proxy's path.
 class Press {
  public:
-  Press(const ContactSurface& surface, const Oracle& oracle, const ToolSphere& tool)
+  Press(const ContactSurface& surface, const Oracle& oracle, const ToolPart& tool)
       : touchable_(surface), oracle_(oracle), tool_(tool) {}
 
   /// Presses towards `target` along a random direction with a random tilt up to a random force; about half of
@@ -253,7 +253,7 @@ class Press {
 
   const ContactSurface& touchable_;
   const Oracle& oracle_;
-  const ToolSphere tool_;
+  const ToolPart tool_;
   ProxyState state_;
   Point<Patient> tip_;
   double max_mm_ = 0;
@@ -263,7 +263,7 @@ class Press {
 };
 
 struct CountedTools {
-  Counted spheres, shafts;
+  Counted parts, shafts;
 };
 
 CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, Chance& chance,
@@ -280,13 +280,13 @@ CountedTools press_on(const Volume<LabelId>& labels, const Segment& structure, C
     surface.surface = std::make_shared<const Surface>(prepared->front().surface);
     surface.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
     surface.static_friction = surface.friction = preset->values.friction;
-    const Oracle oracle(surface.surface->position());
+    const Oracle oracle(surface.surface->distance_field());
     // centres of voxels lie inside
     const auto targets = places_of(grid, structure.value);
     for (int n = 0; n < presses_a_turn(); ++n) {
       Press press(surface, oracle, {{}, n % 4 == 0 ? 0 : chance.between(0, kWidest_mm)});
       const bool touched = press.run(targets[chance.below(targets.size())], chance);
-      counted.spheres.add({1, touched, press.ticks(), press.deepest_mm()});
+      counted.parts.add({1, touched, press.ticks(), press.deepest_mm()});
     }
     for (int n = 0; n < presses_a_turn(); n += kPressesAShaft) {
       const Vector<Patient> along_mm = shaft_chance.direction() * shaft_chance.between(3, 60);
@@ -313,7 +313,7 @@ void expect_no_pop_through(const std::string& name) {
     SCOPED_TRACE(segment.name);
     ++structures;
     const CountedTools tools = press_on(read->labels.layers.front(), segment, chance, shaft_chance);
-    const Counted& counted = tools.spheres;
+    const Counted& counted = tools.parts;
     std::printf("%-26s %6d presses, %6.2f %% touched, %8ld ticks, deepest %.4f mm\n", segment.name.c_str(),
                 counted.presses, 100.0 * counted.touched / counted.presses, counted.ticks,
                 counted.deepest_mm);

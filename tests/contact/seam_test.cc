@@ -238,7 +238,7 @@ class SeamPress {
 
   const Body& body_;
   const DeepPenetrationOracle& oracle_;
-  ToolSphere tool_;
+  ToolPart tool_;
   Figures& figures_;
   ProxyState state_;
   ProxyResult result_;
@@ -336,7 +336,7 @@ Crossing cross(const Body& body, double radius_mm) {
   double top_mm = 0;
   for (double z = 0; z < 24; z += 0.01)
     if (body.clearance_mm(Point<Patient>(centre.x() - from_mm, centre.y(), z), 0) < 0) top_mm = z;
-  const ToolSphere tool{{}, radius_mm};
+  const ToolPart tool{{}, radius_mm};
   Crossing found;
   double lowest_mm = std::numeric_limits<double>::infinity(), highest_mm = -lowest_mm;
   for (const double heading : {0.0, 0.7, 1.4}) {

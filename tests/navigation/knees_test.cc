@@ -32,7 +32,7 @@ class Traces {
     PALPATE_CHECK(prepared.ok());
     surface_ = prepared->front().surface;
     // places all over it: down the distance from voxels near it
-    const Volume<float> values = surface_.position().values();
+    const Volume<float> values = surface_.distance_field().values();
     const GridGeometry& grid = values.geometry();
     std::vector<Point<Patient>> near;
     for (int k = 0; k < grid.dims[2]; ++k)
@@ -44,7 +44,7 @@ class Traces {
     while (points_.size() < kTraced) {
       Point<Patient> x = near[random_() % near.size()];
       for (int turn = 0; turn < 20; ++turn) {
-        const FieldSample here = sample_central_differences(surface_.position(), x);
+        const FieldSample here = sample_central_differences(surface_.distance_field(), x);
         x = x - here.gradient.normalized() * here.value;
       }
       if (std::abs(surface_.distance_mm(x)) < 0.01) points_.push_back(x);

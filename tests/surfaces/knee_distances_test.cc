@@ -28,7 +28,7 @@ using Corner = Eigen::Vector3d;
 class Triangles {
  public:
   explicit Triangles(const Surface& surface)
-      : voxels_(surface.position().bricks().dense()), steps_(surface.position().steps()) {
+      : voxels_(surface.distance_field().bricks().dense()), steps_(surface.distance_field().steps()) {
     const auto& dims = voxels_.geometry().dims;
     for (int k = -1; k < dims[2]; ++k)
       for (int j = -1; j < dims[1]; ++j)

@@ -85,7 +85,7 @@ VoxelRetention count_retained(const PreparedSurface& s, const Volume<LabelId>& l
 
 /// Angles between the normal and the position's gradient, where the surface crosses the grid, in degrees.
 std::vector<double> angles_on_surface(const Surface& surface) {
-  const Volume<std::int16_t> position = surface.position().bricks().dense();
+  const Volume<std::int16_t> position = surface.distance_field().bricks().dense();
   const GridGeometry& grid = position.geometry();
   std::vector<double> angles;
   for (int k = 1; k + 1 < grid.dims[2]; ++k) {
@@ -98,7 +98,7 @@ std::vector<double> angles_on_surface(const Surface& surface) {
           const double t = here / (here - next);
           const Point<Patient> p =
               grid.X_PatientVoxel() * Point<Voxel>(i + (a == 0) * t, j + (a == 1) * t, k + (a == 2) * t);
-          const auto g = sample_central_differences(surface.position(), p).gradient.normalized();
+          const auto g = sample_central_differences(surface.distance_field(), p).gradient.normalized();
           angles.push_back(std::acos(std::clamp(g.dot(surface.outward(p)), -1.0, 1.0)) * 180 / 3.14159265);
         }
       }
@@ -127,7 +127,7 @@ void expect_thin_tissue_survives(const std::string& name) {
     const VoxelRetention retention = count_retained(s, labels);
     EXPECT_LE(static_cast<double>(retention.outside), 0.05 * static_cast<double>(retention.voxels));
     EXPECT_LE(retention.deepest, 1);
-    const Volume<std::int16_t> position = s.surface.position().bricks().dense();
+    const Volume<std::int16_t> position = s.surface.distance_field().bricks().dense();
     const int components =
         count_components(position.geometry(), [&](int i, int j, int k) { return position.at(i, j, k) <= 0; });
     const int labelled = count_components(labels.geometry(),

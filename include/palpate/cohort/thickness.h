@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "palpate/geometry/geometry.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 namespace palpate {

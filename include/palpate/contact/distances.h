@@ -37,9 +37,9 @@ struct ToolBox {
   Eigen::Array3d low, high;
 };
 /// Bounding box of a tool.
-/// @param spheres  tool parts in the operator's pose
-/// @param tip      position of the tip
-ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& tip);
+/// @param parts  tool parts in the operator's pose
+/// @param tip    position of the tip
+ToolBox box_of_tool(std::span<const ToolPart> parts, const Point<Patient>& tip);
 
 /// Structures with distance trees. Immutable value; with() shares the unchanged parts.
 class DistanceTrees {
@@ -87,9 +87,9 @@ struct ToolDistance {
 /// projections of the nearest surface points onto the axis, then bisection of intervals that may contain a
 /// point nearer by more than kAxisTolerance_mm (the distance is Lipschitz continuous along the axis). Bounded
 /// work; does not allocate, lock or throw.
-/// @param spheres  tool parts in the operator's pose
-/// @param tip      position of the tip
-std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
+/// @param parts  tool parts in the operator's pose
+/// @param tip    position of the tip
+std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolPart> parts,
                                              const Point<Patient>& tip, double within_mm);
 inline constexpr double kAxisTolerance_mm = 0.02;  ///< Tolerance of distance_of_tool() along an axis
 inline constexpr std::size_t kMaxAxisPoints = 16;  ///< Points evaluated per axis
@@ -102,8 +102,8 @@ struct NearStructure {
 /// Reported structures within DistanceTrees::reach_mm of a tool, nearest first, up to the capacity; unused
 /// entries have label 0. The work depends on the number of structures nearby. Does not allocate, lock or
 /// throw.
-std::array<NearStructure, kMaxNearReported> nearest_structures(const DistanceTrees& distances,
-                                                               std::span<const ToolSphere> spheres,
+std::array<NearStructure, kMaxNearReported> nearest_structures(const DistanceTrees& trees,
+                                                               std::span<const ToolPart> parts,
                                                                const Point<Patient>& tip);
 
 }  // namespace palpate

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/normal_encoding.h"
 
 namespace palpate {
 

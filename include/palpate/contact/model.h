@@ -20,6 +20,7 @@
 #include "palpate/contact/tool.h"
 #include "palpate/sampling/sampling.h"
 #include "palpate/volume/bricks.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// The model that is rendered, and its force laws as pure functions of state.

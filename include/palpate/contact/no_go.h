@@ -72,12 +72,12 @@ struct NoGoForce {
 ///
 /// At most kMaxActiveNoGo regions act at a time, the deepest. Stateless; bounded work; does not allocate,
 /// lock or throw.
-/// @param spheres                 tool parts in the operator's pose
+/// @param parts                   tool parts in the operator's pose
 /// @param tip                     position of the tip
 /// @param max_stiffness_N_per_mm  limit in the patient; no region is stiffer than nine tenths of it. 0: no
 ///                                force
-NoGoForce no_go_force(std::span<const NoGoRegion> regions, const DistanceTrees& distances,
-                      std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+NoGoForce no_go_force(std::span<const NoGoRegion> regions, const DistanceTrees& trees,
+                      std::span<const ToolPart> parts, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm = std::numeric_limits<double>::infinity());
 inline constexpr std::size_t kMaxActiveNoGo = 8;  ///< Maximum number of regions that act at a time
 

@@ -127,10 +127,10 @@ struct ProxyResult : ProxyForce {
 ///   with it fit into its holes, it is passed again without force.
 ///
 /// @param surfaces   at most kMaxSurfaces; the same in every call with one `state`
-/// @param spheres    1 ... kMaxToolSpheres tool parts, in the attitude of `tool_pose`
+/// @param parts      1 ... kMaxToolParts tool parts, in the attitude of `tool_pose`
 /// @param tool_pose  pose of the tool
 /// @param state      state of this tool, updated
-ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                           const ToolPose& tool_pose, ProxyState& state, const ProxyOptions& options = {});
 
 /// Transfers the state to a changed set of surfaces. Proxies are unaffected by surfaces whose shape is
@@ -139,14 +139,14 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
 /// which it belongs is unknown.
 /// @param tool_pose        pose of the tool, in whose attitude `spheres` are given
 /// @param correspondences  correspondence for each of `surfaces`; empty: unknown, all surfaces are new
-void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                     const ToolPose& tool_pose, std::span<const SurfaceCorrespondence> correspondences,
                     ProxyState& state);
 
 /// Couples a tip that is inside tissue: each layer's proxy is initialised at the nearest point outside all
 /// surfaces. Returns false if there is none within reach of the distance fields. The caller ramps the force
 /// in.
-bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                       const ToolPose& tool_pose, ProxyState& state);
 
 /// Transfers the state to surfaces whose structures have been assigned to different layers. The outermost
@@ -155,8 +155,8 @@ bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const 
 /// deformation and relaxation states are reset. A tip that was uncoupled before stays without force until it
 /// is in free space. The caller blends the force.
 /// @param correspondences  as for transfer_proxy
-void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
-                                  std::span<const ToolSphere> spheres, const ToolPose& tool_pose,
+void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
+                                  const ToolPose& tool_pose,
                                   std::span<const SurfaceCorrespondence> correspondences, ProxyState& state);
 
 }  // namespace palpate

@@ -22,7 +22,7 @@ struct ProxyPath {
 
 /// advance_proxy() of palpate/contact/proxy.h that also records the path of the outermost proxy.
 /// @param path  receives the path; may be null
-ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                           const ToolPose& tool_pose, ProxyState& state, const ProxyOptions& options,
                           ProxyPath* path);
 

@@ -15,7 +15,7 @@ namespace palpate {
 /// A contact between a sphere or capsule of the tool and a surface.
 struct ProxyContact {
   int surface = -1;          ///< Index into the surfaces
-  int sphere = 0;            ///< Index of the tool part
+  int part = 0;              ///< Index of the tool part
   double axis_fraction = 0;  ///< Position on a capsule's axis, 0 at offset_mm ... 1 at the other end
   Vector<Patient> normal;    ///< Outward surface normal; unit
   /// Constraint multiplier: component along `normal` that this contact contributes to the vector from tip to
@@ -23,9 +23,9 @@ struct ProxyContact {
   double multiplier_mm = 0;
 };
 /// Lever arm: vector from the tip to the contact point.
-inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolSphere& sphere) {
-  return sphere.offset_mm + sphere.axis_mm * contact.axis_fraction -
-         contact.normal * sphere.radius_at_mm(contact.axis_fraction);
+inline Vector<Patient> arm_of(const ProxyContact& contact, const ToolPart& part) {
+  return part.offset_mm + part.axis_mm * contact.axis_fraction -
+         contact.normal * part.radius_at_mm(contact.axis_fraction);
 }
 /// Friction coefficients of a contact.
 struct Friction {
@@ -39,7 +39,7 @@ class RestingContacts {
   struct Constraint {
     Vector<Patient> normal;  ///< Outward normal; unit
     double offset_mm = 0;    ///< Half-space of allowed tip proxies: normal . p >= offset_mm
-    int surface = -1, sphere = 0;
+    int surface = -1, part = 0;
     /// Friction coefficients; empty unless they were evaluated.
     std::optional<Friction> friction = std::nullopt;
   };
@@ -47,8 +47,8 @@ class RestingContacts {
 
   /// Cached half-spaces; empty if the cache does not match these arguments.
   std::span<const Constraint> find(const Point<Patient>& position, const SurfaceSet& punctured,
-                                   std::span<const ToolSphere> spheres) const;
-  void store(const Point<Patient>& position, const SurfaceSet& punctured, std::span<const ToolSphere> spheres,
+                                   std::span<const ToolPart> parts) const;
+  void store(const Point<Patient>& position, const SurfaceSet& punctured, std::span<const ToolPart> parts,
              std::span<const Constraint> constraints);
   void invalidate() { count_ = 0; }
 
@@ -61,10 +61,10 @@ class RestingContacts {
   std::size_t count_ = 0, spheres_ = 0;
   Point<Patient> position_;
   SurfaceSet punctured_;
-  std::array<Sphere, kMaxToolSpheres> sphere_;
+  std::array<Sphere, kMaxToolParts> sphere_;
 };
 /// Maximum number of contacts of a layer: three active half-spaces (a corner) for every part of the tool.
-inline constexpr std::size_t kMaxContacts = 3 * kMaxToolSpheres;
+inline constexpr std::size_t kMaxContacts = 3 * kMaxToolParts;
 
 /// Maximum number of layers (docs/decisions/0077-twelve-layers.md).
 inline constexpr int kMaxLayers = 12;

@@ -90,7 +90,7 @@ Decay decay(double x);
 struct RelaxingContact {
   RelaxationFractions fractions;  ///< Relaxing fractions of the tissue
   Point<Patient> at;              ///< Contact point on the undeformed surface
-  double reach_mm = 1;            ///< Radius of the dent that the tool makes; above 0
+  double dent_radius_mm = 1;      ///< Radius of the dent that the tool makes; above 0
   double blend_s = 1;             ///< Time over which new fractions replace those rendered before; above 0
 };
 

@@ -54,7 +54,6 @@ struct Tool {
     return burr && (switched_on || (burr->pedal >= 0 && (buttons >> burr->pedal & 1u) != 0));
   }
 };
-inline constexpr int kMaxToolParts = static_cast<int>(kMaxToolSpheres);
 
 /// Shape of the burr: "ball", "cylinder" or "cone". Empty: the tool is not a burr.
 std::string burr_shape(const Tool& tool);

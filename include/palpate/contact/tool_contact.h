@@ -120,12 +120,12 @@ class PosedTool {
  public:
   PosedTool(const TickContext& tick, const DeviceContext& context);
   const ToolPose& pose() const { return pose_; }
-  std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
-  /// Replaces the first sphere, which is the head of a burr.
-  void set_first(const ToolSphere& sphere) { spheres_[0] = sphere; }
+  std::span<const ToolPart> parts() const { return {parts_.data(), count_}; }
+  /// Replaces the first part, which is the head of a burr.
+  void set_first(const ToolPart& part) { parts_[0] = part; }
 
  private:
-  std::array<ToolSphere, kMaxToolSpheres> spheres_;
+  std::array<ToolPart, kMaxToolParts> parts_;
   std::size_t count_ = 0;
   ToolPose pose_;
 };
@@ -133,8 +133,9 @@ class PosedTool {
 /// State of the spring and damper between tip and proxy.
 struct CouplingState {
   double stiffness_N_per_mm = 0;  ///< Filtered rendered stiffness. 0: no contact
-  Vector<Patient> multiplier_mm;  ///< Vector from the tip to the proxy
-  /// Velocity of multiplier_mm, including free space; unused without damping
+  /// Spring vector: from the tip to the proxy, times ProxyLayer::stretch_fraction.
+  Vector<Patient> spring_mm;
+  /// Velocity of spring_mm, including free space; unused without damping
   VelocityWindow spring_velocity;
 };
 

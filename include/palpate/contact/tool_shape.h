@@ -12,7 +12,7 @@ namespace palpate {
 
 /// A collision primitive of the tool: a sphere, or a capsule (a sphere swept along a segment) whose radius
 /// may change linearly along its axis. A point tool is a sphere of radius 0.
-struct ToolSphere {
+struct ToolPart {
   Vector<Patient> offset_mm;  ///< Centre relative to the tip, in the tool's current attitude
   double radius_mm = 0;
   /// Axis of a capsule, from the end at offset_mm to the other end; mm. 0: a sphere.
@@ -27,13 +27,13 @@ struct ToolSphere {
   /// @param axis_fraction  position on the axis, 0 at offset_mm ... 1 at the other end
   double radius_at_mm(double axis_fraction) const { return radius_mm + radius_change_mm * axis_fraction; }
 };
-/// Maximum number of spheres and capsules of a tool.
-inline constexpr std::size_t kMaxToolSpheres = 4;
+/// Maximum number of parts of a tool.
+inline constexpr std::size_t kMaxToolParts = 4;
 
 /// Closest approach of a tool part to a surface.
 struct NearestPart {
   /// Signed distance from the nearest point of the part's axis to the surface, minus the increase of the
-  /// capsule's radius from offset_mm to that point; mm. The clearance is distance_mm - ToolSphere::radius_mm.
+  /// capsule's radius from offset_mm to that point; mm. The clearance is distance_mm - ToolPart::radius_mm.
   double distance_mm = 0;
   double axis_fraction = 0;  ///< Position on the axis, 0 ... 1
 };
@@ -42,7 +42,7 @@ struct NearestPart {
 /// @param at         position of the tip
 /// @param cutoff_mm  early-out for capsules: if the distance is nowhere below this, the result may be any
 ///                   lower bound above it
-NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
+NearestPart nearest_part(const Surface& surface, const ToolPart& part, const Point<Patient>& at,
                          double cutoff_mm = std::numeric_limits<double>::infinity());
 
 /// Pose of the tool as held by the operator.
@@ -59,13 +59,12 @@ struct ToolPose {
 /// Tool parts rotated from one attitude to another. Bit-identical to the input if both attitudes are equal.
 class RotatedTool {
  public:
-  /// @param spheres  parts in attitude `from`; at most kMaxToolSpheres
-  RotatedTool(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
-              const Eigen::Quaterniond& to);
-  std::span<const ToolSphere> spheres() const { return {spheres_.data(), count_}; }
+  /// @param parts  parts in attitude `from`; at most kMaxToolParts
+  RotatedTool(std::span<const ToolPart> parts, const Eigen::Quaterniond& from, const Eigen::Quaterniond& to);
+  std::span<const ToolPart> parts() const { return {parts_.data(), count_}; }
 
  private:
-  std::array<ToolSphere, kMaxToolSpheres> spheres_;
+  std::array<ToolPart, kMaxToolParts> parts_;
   std::size_t count_;
 };
 

@@ -15,7 +15,8 @@ namespace palpate {
 /// the tip along that direction, in every tick, until the rendered force has the requested magnitude:
 /// integral control of the depth, whose rate is proportional to the error of the force.
 ///
-///     depth rate = kPressRate_mm_s_N * (force_N - |rendered force|)        limited to kMaxPressSpeed_mm_s
+///     depth rate = kPressGain_mm_per_N_s * (force_N - |rendered force|)        limited to
+///     kMaxPressSpeed_mm_s
 ///
 /// The force is therefore independent of the tissue's stiffness, of the page's frame rate, and of deviations
 /// of the page's surface from the rendered one.
@@ -53,15 +54,15 @@ class PointerDriver final : public DeviceDriver {
   /// rendered force has faded out 0.6 s after the last message.
   static constexpr double kValidity_s = 0.55;
   /// Gain of the force control: stable up to a rendered stiffness of 16 N/mm at 1000 ticks a second.
-  static constexpr double kPressRate_mm_s_N = 100;
+  static constexpr double kPressGain_mm_per_N_s = 100;
   static constexpr double kMaxPressSpeed_mm_s = 100;
   /// Range of the depth of the tip below the position, device mm. Negative values compensate for a position
   /// below the rendered surface.
-  static constexpr double kMinPress_mm = -3, kMaxPress_mm = 15;
+  static constexpr double kMinDepth_mm = -3, kMaxDepth_mm = 15;
   /// Maximum depth while the rendered force is less than kMinForceFraction of the requested one:
   /// either there is no surface, or the force is withheld; from a greater depth a withheld force would return
   /// in a larger step.
-  static constexpr double kMaxSearch_mm = 1.5, kMinForceFraction = 0.1;
+  static constexpr double kMaxSearchDepth_mm = 1.5, kMinForceFraction = 0.1;
 
  private:
   // moves the tip of the sample into the surface, for the force that the previous tick has rendered

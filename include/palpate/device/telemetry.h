@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 
 /// Inputs and outputs of one tick as plain numbers, for the recorder and the viewers. Units are in the names.
 /// Frames: names with `world`, orientations, forces and torques are in World, all others in Patient.

@@ -26,10 +26,10 @@ std::vector<std::filesystem::path> system_library_folders();
 
 /// File that would be loaded: the first of the names that exists in any folder.
 /// Errors: kUnavailable, naming the user's file or every name and folder.
-/// @param whose  product name for the error, e.g. "OpenHaptics"
-/// @param get    remedy for the error: where to obtain the library
+/// @param product  product name for the error, e.g. "OpenHaptics"
+/// @param remedy   remedy for the error: where to obtain the library
 Result<std::filesystem::path> find_vendor_library(const VendorLibraryLocation& location,
-                                                  const std::string& whose, const std::string& get);
+                                                  const std::string& product, const std::string& remedy);
 
 /// A function of a library, and the pointer that receives its address.
 struct VendorFunction {
@@ -42,6 +42,6 @@ struct VendorFunction {
 /// second time. An optional function that is missing gets nullptr.
 /// Errors: kUnavailable, with the system loader's message or naming every missing required function.
 Result<void> load_vendor_library(const std::filesystem::path& file, std::span<const VendorFunction> functions,
-                                 const std::string& whose);
+                                 const std::string& product);
 
 }  // namespace palpate

@@ -6,7 +6,8 @@
 
 #include "palpate/base/force_method.h"
 #include "palpate/sampling/sampling.h"
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/sphere_filters.h"
+#include "palpate/sampling/stored_normals.h"
 
 /// Common interface of the direct force methods. Each provides a value and a gradient at a point, and
 /// F = F_full * value * n with n = -gradient / |gradient|. For the equations see docs/concepts/methods.md.

@@ -12,6 +12,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// Fitness of a segmentation for touch: faults of shape, of names and of placement, a grade for each

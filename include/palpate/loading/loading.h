@@ -16,6 +16,7 @@
 #include "palpate/model/model_preparation.h"
 #include "palpate/recording/recording.h"
 #include "palpate/scene/scene.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// Builds a Model from a scene: reads its volumes, places labels and scan on one grid, and prepares the field

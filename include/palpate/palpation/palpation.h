@@ -14,6 +14,7 @@
 #include "palpate/recording/recording.h"
 #include "palpate/recording/recording_source.h"
 #include "palpate/scene/script.h"
+#include "palpate/volume/label_map.h"
 
 /// Runs scripts, and replays recordings.
 namespace palpate {

@@ -8,6 +8,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// Generated phantoms, composed of geometric primitives (palpate/phantoms/primitives.h): a knee, a hollow

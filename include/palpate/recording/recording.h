@@ -42,7 +42,7 @@ struct RecordingHeader {
   std::string clock = "virtual";  ///< "virtual" or "real"
   std::string scheduler;          ///< Scheduling of the servo thread; empty on the virtual clock
   double tissue_cell_factor = 1;  ///< Model::tissue_cell_factor; 1 in older files without it
-  /// haptic_settings_text() (palpate/servo/settings_tables.h); empty in older files without it
+  /// haptic_settings_text() (palpate/servo/haptic_settings.h); empty in older files without it
   std::string haptic_settings;
   RecordedTask task;        ///< Empty in older files without it
   std::string script_text;  ///< Text of the script

@@ -12,31 +12,31 @@
 namespace palpate {
 
 /// Surface of a structure: the zero level set of a signed distance, positive outside. Two fields on separate
-/// grids represent it. The position field is the distance to a surface net that is as smooth as the labels
-/// allow (docs/decisions/0017); the normal field is smoothed more broadly, so that normals show no voxel
-/// pattern (docs/decisions/archive/0009). Distances are clamped at the field's reach. Immutable; a query does
-/// not allocate, lock or throw.
+/// grids represent it. The distance field is the signed distance to a surface net that is as smooth as the
+/// labels allow (docs/decisions/0017); the normal field is smoothed more broadly, so that normals show no
+/// voxel pattern (docs/decisions/archive/0009). Distances are clamped at the field's reach. Immutable; a
+/// query does not allocate, lock or throw.
 class Surface {
  public:
   Surface() = default;
-  /// @param position      distance in mm, interpolated trilinearly; its value outside the volume is at most
-  ///                      the true distance there
-  /// @param normal        distance in mm of which only the gradient is used
-  /// @param max_gradient  maximum slope of the position field anywhere, including its decrease to the value
-  ///                      outside; at least 1, the slope of an exact distance, is used
-  Surface(SignedField position, SignedField normal, double max_gradient);
+  /// @param distance_field  distance in mm, interpolated trilinearly; its value outside the volume is at most
+  ///                        the true distance there
+  /// @param normal_field    distance in mm of which only the gradient is used
+  /// @param max_gradient    maximum slope of the distance field anywhere, including its decrease to the value
+  ///                        outside; at least 1, the slope of an exact distance, is used
+  Surface(SignedField distance_field, SignedField normal_field, double max_gradient);
   /// A copy with a box of each field replaced (SignedField::with); the rest is shared. The bounding box used
   /// by is_farther_than() is only enlarged, so is_farther_than() stays conservative.
   Surface with(const PatchOf<std::int16_t>& position, const PatchOf<std::int16_t>& normal,
                double max_gradient) const;
 
   /// Signed distance, mm; positive outside. If x is NaN, the value outside the volume.
-  double distance_mm(const Point<Patient>& x) const { return sample_value(position_, x); }
+  double distance_mm(const Point<Patient>& x) const { return sample_value(distance_field_, x); }
   /// Outward unit normal. Zero where both fields are flat: beyond their reach, or on a medial plane.
   Vector<Patient> outward(const Point<Patient>& x) const {
-    const Vector<Patient> slope = sample_central_differences(normal_, x).gradient;
+    const Vector<Patient> slope = sample_central_differences(normal_field_, x).gradient;
     if (slope != Vector<Patient>()) return slope.normalized();
-    return sample_central_differences(position_, x).gradient.normalized();
+    return sample_central_differences(distance_field_, x).gradient.normalized();
   }
 
   /// Whether distance_mm() equals outside_mm() up to rounding everywhere within a distance of x.
@@ -55,14 +55,14 @@ class Surface {
   /// cost.
   double lower_bound_mm(const Point<Patient>& x) const;
 
-  const SignedField& position() const { return position_; }
-  const SignedField& normal() const { return normal_; }
+  const SignedField& distance_field() const { return distance_field_; }
+  const SignedField& normal_field() const { return normal_field_; }
   double max_gradient() const { return max_gradient_; }
   /// Equal for surfaces with equal content, independent of when they were prepared.
   std::uint64_t content_hash() const { return content_hash_; }
 
  private:
-  // inclusive voxel bounds in the position field; empty if first > last
+  // inclusive voxel bounds in the distance field; empty if first > last
   struct Voxels {
     std::array<int, 3> first, last;
   };
@@ -70,12 +70,12 @@ class Surface {
   void update_block_minimum(std::size_t brick);
   void hash_content();
 
-  // bounding box, in the patient frame, of all points with a position other than outside_mm_; read by every
+  // bounding box, in the patient frame, of all points with a distance other than outside_mm_; read by every
   // tick
   Eigen::Array3d low_ = Eigen::Array3d::Zero(), high_ = Eigen::Array3d::Zero();
   double max_gradient_ = 1, outside_mm_ = 0;
-  SignedField position_, normal_;
-  // minimum stored position of every block of cells; the eight blocks of a brick are consecutive, i fastest
+  SignedField distance_field_, normal_field_;
+  // minimum stored distance of every block of cells; the eight blocks of a brick are consecutive, i fastest
   std::vector<std::int16_t> block_minima_ = std::vector<std::int16_t>(8);
   std::uint64_t content_hash_ = 0;
 };

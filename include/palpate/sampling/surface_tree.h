@@ -81,7 +81,7 @@ class SurfaceTree {
   void update_bricks(const SurfaceTree* before);
 
   std::shared_ptr<const Surface> surface_;
-  // indexed by the position field's brick number; null: not crossed by the surface
+  // indexed by the distance field's brick number; null: not crossed by the surface
   std::vector<std::shared_ptr<const internal::BrickTree>> bricks_;
   std::vector<internal::TreeNode> top_;
   std::vector<const internal::BrickTree*> top_leaves_;  // tree of the brick at each leaf of top_

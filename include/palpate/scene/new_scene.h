@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "palpate/scene/scene.h"
+#include "palpate/volume/label_map.h"
 
 /// Proposal of a scene file for a scan or a label map.
 namespace palpate {

@@ -12,6 +12,7 @@
 #include "palpate/contact/model.h"
 #include "palpate/device/workspace.h"
 #include "palpate/preparation/preparation.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// The scene file (TOML): its contents and parser. Unknown keys, absent labels and values out of range are

@@ -8,7 +8,7 @@
 #include <variant>
 #include <vector>
 
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/server/viewed_training.h"
 #include "palpate/volume/bricks.h"

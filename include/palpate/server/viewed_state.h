@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "palpate/base/result.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/volume/volume.h"
 

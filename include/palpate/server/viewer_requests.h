@@ -7,7 +7,7 @@
 
 #include "palpate/base/result.h"
 #include "palpate/device/model_change.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 
 /// Requests of viewers, and their outcomes.
 namespace palpate {

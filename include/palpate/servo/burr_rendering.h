@@ -1,7 +1,7 @@
 #pragma once
 
 #include "palpate/contact/model.h"
-#include "palpate/servo/settings_tables.h"
+#include "palpate/servo/servo_settings.h"
 #include "palpate/tissue/removal.h"
 
 /// Vibration, tangential kick and heating of a burr, from the state of its cutting. The laws and their

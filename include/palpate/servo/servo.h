@@ -14,11 +14,11 @@
 #include "palpate/contact/velocity.h"
 #include "palpate/device/device.h"
 #include "palpate/device/device_parameters.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/device/telemetry.h"
 #include "palpate/device/workspace.h"
 #include "palpate/servo/burr_rendering.h"
-#include "palpate/servo/settings_tables.h"
+#include "palpate/servo/servo_settings.h"
 #include "palpate/tissue/removal.h"
 
 /// The tick: (Model, SessionState, DeviceStates, Parameters, dt) -> (SessionState, Wrenches).

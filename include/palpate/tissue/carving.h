@@ -23,7 +23,7 @@ namespace palpate {
 /// version, which shares all unchanged data. To undo, return to an earlier version.
 ///
 /// With S the prepared signed distance and C the depth within the union of all sweeps (the greatest
-/// SweptShape depth), the value at every voxel of the position's grid is:
+/// SweptShape depth), the value at every voxel of the distance field's grid is:
 ///
 ///     inside and adjacent to the surface   max(S, C)
 ///     free, and free when prepared         S plus the increase of the distance to the nearest material
@@ -42,7 +42,7 @@ namespace palpate {
 /// line through the nearest point. In front of an edge between two sweeps it is slightly too small, so that
 /// no slope is much steeper than that of a distance.
 ///
-/// The normal is the prepared one where nothing was removed, and that of the new position elsewhere.
+/// The normal is the prepared one where nothing was removed, and that of the new distance field elsewhere.
 class CarvedSurface {
  public:
   /// @param original            prepared surface; the axes of its grid must be perpendicular
@@ -64,8 +64,8 @@ class CarvedSurface {
  private:
   std::shared_ptr<const Surface> original_, now_;
   std::vector<std::shared_ptr<const Surface>> protected_surfaces_;
-  Bricks<std::int16_t> cut_;  ///< C, in units of the position's steps
-  /// Greatest slope of each brick of the position that differs from the prepared one; 0: unchanged.
+  Bricks<std::int16_t> cut_;  ///< C, in units of the distance field's steps
+  /// Greatest slope of each brick of the distance field that differs from the prepared one; 0: unchanged.
   std::vector<double> max_gradient_;
   double clearance_error_mm_ = 0;
 };

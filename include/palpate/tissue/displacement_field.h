@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "palpate/geometry/geometry.h"
-#include "palpate/tissue/elastic_grid.h"
+#include "palpate/tissue/elastic_layout.h"
 
 namespace palpate {
 

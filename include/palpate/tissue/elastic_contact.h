@@ -16,7 +16,7 @@ class PressurePatch {
  public:
   PressurePatch() = default;
   /// Circular patch on the plane through `at`. Sample points outside all tissue cells are moved inwards to
-  /// the first such cell, by at most kReach cells.
+  /// the first such cell, by at most kMaxDepth_cells.
   /// @param outward  unit, out of the tissue
   /// @param rho_mm   radius, above 0
   PressurePatch(const ElasticGrid& grid, const Point<Patient>& at, const Vector<Patient>& outward,
@@ -27,15 +27,15 @@ class PressurePatch {
   /// Whether any part of the patch lies on tissue.
   bool touches() const { return modulus_ > 0; }
   /// Contact modulus E / (1 - nu2) of the tissue in the patch's cells, N/mm2, as if the cells were full.
-  double contact_modulus() const { return modulus_; }
+  double contact_modulus_N_per_mm2() const { return modulus_; }
   /// Mean Poisson's ratio of the patch's cells; 0 unless touches().
   double poissons_ratio() const { return poissons_ratio_; }
 
   /// Adds the nodal forces of `force_N` pressing on the patch.
   void add(double force_N, ElasticField& nodes_N) const;
   /// Displacement of the patch into the tissue, J u, mm.
-  double displacement(const ElasticField& u_mm) const;
-  /// Derivative of displacement() when the patch moves along the surface: (dJ) u, mm per mm, tangential.
+  double displacement_mm(const ElasticField& u_mm) const;
+  /// Derivative of displacement_mm() when the patch moves along the surface: (dJ) u, mm per mm, tangential.
   Vector<Patient> gradient_along_surface(const ElasticField& u_mm) const;
   /// Constraints that fix the patch without prescribing a pressure distribution: for each column of nodes
   /// along the axis nearest to `outward` and each component, the mean of the column's nodes weighted by their
@@ -45,7 +45,7 @@ class PressurePatch {
   ConstrainedMeans columns(double min_load_fraction) const;
 
  private:
-  static constexpr double kReach = 2;
+  static constexpr double kMaxDepth_cells = 2;
   using Weight = ConstrainedMeans::Weight;
   /// @param positions  in cells from the box's corner
   void spread(const ElasticGrid& grid, std::span<const Eigen::Vector3d> positions);
@@ -87,8 +87,8 @@ SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const
 /// Compliance matrix W of several patches: entry (n, m) is the displacement of patch n under 1 N on patch m,
 /// mm. Columns are solved one by one.
 /// @param worst_residual  receives the largest residual; may be null
-Eigen::MatrixXd contact_compliance(ElasticSolver& solver, std::span<const PressurePatch> patches,
-                                   double tolerance, double* worst_residual = nullptr);
+Eigen::MatrixXd contact_compliance_mm_per_N(ElasticSolver& solver, std::span<const PressurePatch> patches,
+                                            double tolerance, double* worst_residual = nullptr);
 
 /// Contact forces of a rigid shape without friction and adhesion, by the complementarity problem lambda >= 0,
 /// W lambda - depth >= 0, lambda (W lambda - depth) = 0 for each patch.

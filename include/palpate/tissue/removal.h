@@ -35,7 +35,7 @@ struct Burr {
   double end_radius_mm = 0;  ///< Radius of the last ball, above 0; unused for a ball
 
   /// Head as a part of the tool, with all radii reduced by `inset_mm`, at the hand's attitude.
-  ToolSphere head(double inset_mm) const;
+  ToolPart head(double inset_mm) const;
   double min_radius_mm() const;
   double max_radius_mm() const;
 };
@@ -51,7 +51,7 @@ struct BurrState {
   double penetration_mm = 0;     ///< Actual depth of the head in the surfaces, at most inset_mm
   double unspent_work_mJ = 0;    ///< Motor work that has not been spent on material yet
   double pressed_N = 0;          ///< Press force of the hand in the last tick
-  double edge_mm_per_s = 0;      ///< Mean speed of the cutting edges in the material in the last tick
+  double edge_speed_mm_s = 0;    ///< Mean speed of the cutting edges in the material in the last tick
   double front_mm2 = 0;          ///< Area of the material ahead, projected along the press direction
   double energy_mJ_per_mm3 = 0;  ///< Mean specific cutting energy of that material
   double work_mJ = 0;            ///< Motor work since the start
@@ -93,8 +93,10 @@ struct BurrState {
 /// burr no faster than it cuts.
 ///
 /// Area and speed are averaged over directions ahead in which material is directly in front of the burr; for
-/// a cylinder or cone, over its round ends and its lateral surface. For a rotating axis the area is the one
-/// that sweeps the same volume if all of it moved as far as the faster end. At 0 revolutions the tool cuts
+/// a cylinder or cone, over its round ends and its lateral surface. While the axis rotates, its ends move by
+/// different distances; each direction's share of the area is then reduced to the ratio of the local
+/// displacement to that of the faster end, so that area times the faster end's displacement is the swept
+/// volume. At 0 revolutions the tool cuts
 /// nothing. It cuts in the innermost layer in contact; softer layers around it are displaced.
 ///
 /// No layer's proxy moves any part of the head, with its full radius, deeper into a protected structure than

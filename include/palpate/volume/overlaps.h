@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// Segments of one LabelMap that share voxels.

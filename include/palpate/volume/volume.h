@@ -7,11 +7,10 @@
 #include <cstdint>
 #include <limits>
 #include <new>
-#include <string>
 #include <utility>
 #include <vector>
 
-#include "palpate/base/result.h"
+#include "palpate/base/check.h"
 #include "palpate/geometry/geometry.h"
 
 namespace palpate {
@@ -99,54 +98,5 @@ struct Rgb {
 using LabelId = std::uint16_t;  ///< Segment id; 0 is background.
 /// Number of label values, including background.
 inline constexpr std::size_t kLabelValues = std::size_t{std::numeric_limits<LabelId>::max()} + 1;
-
-/// One structure of a segmentation.
-struct Segment {
-  LabelId id = 0;    ///< Unique in its LabelMap; equals `value` unless layers reuse values.
-  std::string name;  ///< Empty if no file names the segment.
-  Rgb colour;
-  int layer = 0;      ///< Index of the LabelMap's layer that contains it.
-  LabelId value = 0;  ///< Voxel value of the segment in that layer.
-};
-
-/// Segmentation. Usually one layer; overlapping segments (Slicer's .seg.nrrd) need several, all on one grid.
-/// Within a layer each voxel belongs to at most one segment.
-struct LabelMap {
-  std::vector<Volume<LabelId>> layers;  ///< At least one.
-  std::vector<Segment> segments;        ///< Ascending id; contains every non-zero (layer, value) present in
-                                        ///< the voxels.
-
-  const GridGeometry& geometry() const { return layers.front().geometry(); }
-  const Segment* find(LabelId id) const;
-  const Segment* find(const std::string& name) const;  ///< Finds a segment by its exact name.
-  /// Single volume of segment ids; where layers overlap, the one with the highest index wins.
-  Volume<LabelId> flattened() const;
-};
-
-/// Size, extent and connectivity of one segment.
-struct SegmentStatistics {
-  LabelId id = 0;
-  std::size_t voxels = 0;
-  double volume_mm3 = 0;
-  std::array<int, 3> box_min{0, 0, 0}, box_max{0, 0, 0};  ///< Bounding box; inclusive voxel indices.
-  Point<Patient> centroid;                                ///< Mean of the voxel centres.
-  int components = 0;                                     ///< Number of connected components; voxels are
-                                                          ///< connected if they share a face.
-  std::size_t largest_component_voxels = 0;
-};
-
-/// Statistics of each segment with at least one voxel, in order of ascending id.
-std::vector<SegmentStatistics> segment_statistics(const LabelMap& labels);
-
-/// Slices along k that contain no non-zero voxel in any layer.
-std::vector<int> empty_slices(const LabelMap& labels);
-
-/// Resamples a scan onto `grid` by trilinear interpolation; `outside` beyond the scan. Errors: kBadInput if
-/// the two do not overlap.
-Result<Volume<float>> resample_linear(const Volume<float>& scan, const GridGeometry& grid, float outside);
-
-/// Resamples labels onto `grid` by nearest neighbour; 0 beyond the labels. Errors: kBadInput if the two do
-/// not overlap.
-Result<LabelMap> resample_nearest(const LabelMap& labels, const GridGeometry& grid);
 
 }  // namespace palpate

@@ -8,6 +8,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/base/result.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// Export of DICOM objects for a PACS: labels as a segmentation (SEG), images as Secondary Capture. Unless an

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/base/result.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// Tables that name the values of a label map, and other sources of names. The bytes are untrusted.

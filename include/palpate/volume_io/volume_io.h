@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/base/progress.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 #include "palpate/volume_io/label_tables.h"
 #include "palpate/volume_io/placement_options.h"

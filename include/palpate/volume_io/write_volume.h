@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "palpate/base/result.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// Writes volumes and labels as NRRD, MetaImage or NIfTI.

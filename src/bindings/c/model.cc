@@ -232,7 +232,7 @@ plp_model_info info_of(const plp_model& model) {
   return info;
 }
 
-plp_tissue plain(const Tissue& tissue) {
+plp_tissue tissue_of(const Tissue& tissue) {
   plp_tissue plain{};
   plain.name = tissue.name.c_str();
   plain.touchable = tissue.touchable;
@@ -244,7 +244,7 @@ plp_tissue plain(const Tissue& tissue) {
   return plain;
 }
 
-plp_structure plain(const Model& model, const Segment& segment) {
+plp_structure structure_of(const Model& model, const Segment& segment) {
   plp_structure plain{};
   plain.label = segment.id;
   plain.name = segment.name.c_str();
@@ -400,8 +400,8 @@ plp_status plp_model_tissue(const plp_model* model, size_t index, plp_tissue* ti
     if (!is_handle(model)) return PLP_BAD_INPUT;
     if (index >= model->current().tissues.size())
       return fail(PLP_BAD_INPUT, "index: there is no tissue " + std::to_string(index));
-    return palpate::c::write(palpate::c::plain(model->current().tissues[index]), tissue) ? PLP_OK
-                                                                                         : PLP_BAD_INPUT;
+    return palpate::c::write(palpate::c::tissue_of(model->current().tissues[index]), tissue) ? PLP_OK
+                                                                                             : PLP_BAD_INPUT;
   });
 }
 
@@ -410,8 +410,9 @@ plp_status plp_model_structure(const plp_model* model, size_t index, plp_structu
     if (!is_handle(model)) return PLP_BAD_INPUT;
     if (index >= model->current().segments.size())
       return fail(PLP_BAD_INPUT, "index: there is no structure " + std::to_string(index));
-    const auto plain = palpate::c::plain(model->current(), model->current().segments[index]);
-    return palpate::c::write(plain, structure) ? PLP_OK : PLP_BAD_INPUT;
+    const auto structure_record =
+        palpate::c::structure_of(model->current(), model->current().segments[index]);
+    return palpate::c::write(structure_record, structure) ? PLP_OK : PLP_BAD_INPUT;
   });
 }
 

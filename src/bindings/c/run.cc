@@ -8,7 +8,7 @@
 
 #include "c/model.h"
 #include "c/record.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/palpation/palpation.h"
 #include "palpate/servo/servo_loop.h"
 

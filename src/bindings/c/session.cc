@@ -54,8 +54,8 @@ void to_world(const plp_pose& pose, const SessionSetup& setup,
   state.age_s = pose.age_s;
 }
 
-plp_wrench plain(const Wrench& wrench, const SessionSetup& setup,
-                 const Transform<World, Patient>& X_WorldPatient) {
+plp_wrench wrench_of(const Wrench& wrench, const SessionSetup& setup,
+                     const Transform<World, Patient>& X_WorldPatient) {
   const Eigen::Matrix3d R_OutWorld =
       setup.in_patient ? Eigen::Matrix3d(X_WorldPatient.linear().transpose()) : Eigen::Matrix3d::Identity();
   const Eigen::Vector3d force_N = R_OutWorld * wrench.force_N.eigen(),
@@ -104,7 +104,7 @@ void advance(plp_session& session, const Elements<const plp_pose>& poses, std::s
 
 void put_wrenches(const plp_session& session, const Elements<plp_wrench>& wrenches, std::size_t first) {
   for (std::size_t d = 0; d < session.setup.devices; ++d)
-    wrenches.put(first + d, plain(session.wrenches[d], session.setup, session.model->X_WorldPatient));
+    wrenches.put(first + d, wrench_of(session.wrenches[d], session.setup, session.model->X_WorldPatient));
 }
 
 plp_status check_run(const plp_session* session, const plp_pose* poses, std::size_t ticks, double dt_s) {

@@ -65,8 +65,8 @@ Result<void> PreparationThread::wake(const LiveModel::Lock& /*held*/) {
 }
 void PreparationThread::end() {}
 
-// ---- sessions without threads (LiveSessionParts::threads), tasks and plans: WorkerSession makes no others,
-// so that these are not called
+// ---- solver threads, tasks and plans: the sessions of WorkerSession have none, so that these functions are
+// not called
 
 TissueThread::TissueThread(const ServoLoop& loop, TissueFrames& frames) : loop_(loop), frames_(frames) {
   PALPATE_CHECK(false);

@@ -11,7 +11,8 @@ namespace palpate::wasm {
 /// a scan or both, found by their content, a table of names, and files that these name. A scene file (.toml)
 /// is the scene itself. Structures of unknown names are touchable, and no tissue deforms.
 /// @param names  names of the files, one a line
-/// Errors: no volume among them, with what they are instead; more than a label map and a scan.
+/// Errors: none of the files is a volume (the text names what they are); more than one label map and one
+/// scan.
 Result<SceneSource> source_of_files(std::string_view names);
 
 }  // namespace palpate::wasm

@@ -139,7 +139,7 @@ Result<VolumeReader> VolumeReader::open(const std::filesystem::path& file, const
     if (!others.requested()) {
       if (!volume) return volume.error();
       volume->header.has_segments = !volume->segment_fields.empty();
-      // without a demand for memory: whether the file can hold what its header promises
+      // only whether the file is large enough for what its header promises; memory is checked below
       constexpr std::uint64_t kMaxValues = std::uint64_t{1} << 31;
       if (count_values(*volume) < kMaxValues)
         if (auto plausible = check_plausible(*volume, 0); !plausible) return plausible.error();

@@ -1,6 +1,8 @@
 #include "loading/cached_preparation.h"
 
 #include "palpate/surfaces/surfaces.h"
+#include "palpate/volume/label_map.h"
+#include "palpate/volume/resample.h"
 #include "palpate/volume/volume.h"
 
 // A browser's worker keeps nothing between sessions: each function computes its result. The fields of the

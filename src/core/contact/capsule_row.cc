@@ -8,15 +8,15 @@ namespace palpate {
 namespace {
 
 // distance of a step's sphere centre, minus the increase of its radius over the first sphere's
-double distance_of_step(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+double distance_of_step(const Surface& surface, const Point<Patient>& centre, const ToolPart& shape,
                         int steps, int step) {
-  const double part = static_cast<double>(step) / steps;
-  return surface.distance_mm(centre + shape.axis_mm * part) - shape.radius_change_mm * part;
+  const double fraction = static_cast<double>(step) / steps;
+  return surface.distance_mm(centre + shape.axis_mm * fraction) - shape.radius_change_mm * fraction;
 }
 
 class RowSearch {
  public:
-  RowSearch(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape, int steps,
+  RowSearch(const Surface& surface, const Point<Patient>& centre, const ToolPart& shape, int steps,
             double cutoff_mm)
       : surface_(surface),
         centre_(centre),
@@ -55,7 +55,7 @@ class RowSearch {
  private:
   const Surface& surface_;
   const Point<Patient>& centre_;
-  const ToolSphere& shape_;
+  const ToolPart& shape_;
   const int steps_;
   const double rise_mm_;  // maximum change of the distance from one step to the next
   const double enough_mm_;
@@ -66,18 +66,18 @@ class RowSearch {
 
 }  // namespace
 
-int row_steps(const ToolSphere& sphere) {
-  if (sphere.axis_mm == Vector<Patient>()) return 0;
+int row_steps(const ToolPart& part) {
+  if (part.axis_mm == Vector<Patient>()) return 0;
   // between two spheres the outline dips by r - sqrt(r^2 - (pitch / 2)^2), which is below pitch^2 / (8 r) *
   // 1.04 for these values
   const double thinnest_mm =
-      sphere.row_radius_mm > 0 ? sphere.row_radius_mm : std::min(sphere.radius_mm, sphere.radius_at_mm(1));
+      part.row_radius_mm > 0 ? part.row_radius_mm : std::min(part.radius_mm, part.radius_at_mm(1));
   const double pitch_mm =
       std::max(kProxySettings.min_row_pitch_mm, std::sqrt(7.5 * thinnest_mm * kProxySettings.max_row_gap_mm));
-  return static_cast<int>(std::ceil(sphere.axis_mm.norm() / pitch_mm));
+  return static_cast<int>(std::ceil(part.axis_mm.norm() / pitch_mm));
 }
 
-NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolPart& shape,
                             int steps, int begin, double cutoff_mm, int& queries) {
   RowSearch row(surface, centre, shape, steps, cutoff_mm);
   row.evaluate(begin);
@@ -87,17 +87,17 @@ NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre
   return row.nearest();
 }
 
-NearestPart nearest_part(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at,
+NearestPart nearest_part(const Surface& surface, const ToolPart& part, const Point<Patient>& at,
                          double cutoff_mm) {
-  const Point<Patient> centre = at + sphere.offset_mm;
-  const int steps = row_steps(sphere);
+  const Point<Patient> centre = at + part.offset_mm;
+  const int steps = row_steps(part);
   if (steps == 0) return {surface.distance_mm(centre), 0};
   int queries = 0;
-  const NearestInRow nearest = nearest_in_row(surface, centre, sphere, steps, steps / 2, cutoff_mm, queries);
+  const NearestInRow nearest = nearest_in_row(surface, centre, part, steps, steps / 2, cutoff_mm, queries);
   return {nearest.distance_mm, static_cast<double>(nearest.step) / steps};
 }
 
-double middle_of_touching(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+double middle_of_touching(const Surface& surface, const Point<Patient>& centre, const ToolPart& shape,
                           int steps, int step, double beside_mm, int& queries) {
   const auto distance_mm = [&](int at) {
     ++queries;

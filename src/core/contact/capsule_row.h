@@ -13,12 +13,12 @@
 namespace palpate {
 
 /// Number of intervals between the spheres of the row; 0 for a sphere.
-int row_steps(const ToolSphere& sphere);
+int row_steps(const ToolPart& part);
 
 /// Whether any part of the tool is a capsule.
-inline bool has_capsules(std::span<const ToolSphere> spheres) {
-  return std::any_of(spheres.begin(), spheres.end(),
-                     [](const ToolSphere& sphere) { return sphere.axis_mm != Vector<Patient>(); });
+inline bool has_capsules(std::span<const ToolPart> parts) {
+  return std::any_of(parts.begin(), parts.end(),
+                     [](const ToolPart& part) { return part.axis_mm != Vector<Patient>(); });
 }
 
 /// Nearest sphere of a row.
@@ -36,13 +36,13 @@ struct NearestInRow {
 /// @param steps    row_steps() of the capsule
 /// @param begin    step evaluated first; the last known nearest one saves queries
 /// @param queries  incremented by the number of surface queries
-NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+NearestInRow nearest_in_row(const Surface& surface, const Point<Patient>& centre, const ToolPart& shape,
                             int steps, int begin, double cutoff_mm, int& queries);
 
 /// Middle of the interval of a row that touches a surface together with one step, 0 ... 1 along the axis:
 /// mean of the adjacent steps whose distance differs by less than `beside_mm`, weighted linearly by that
 /// difference.
-double middle_of_touching(const Surface& surface, const Point<Patient>& centre, const ToolSphere& shape,
+double middle_of_touching(const Surface& surface, const Point<Patient>& centre, const ToolPart& shape,
                           int steps, int step, double beside_mm, int& queries);
 
 }  // namespace palpate

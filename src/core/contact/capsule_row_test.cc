@@ -54,7 +54,7 @@ TEST(CapsuleRow, NearestSphereEqualsExhaustiveSearch) {
     // every tenth capsule is parallel to the plate
     Vector<Patient> axis_mm = random_direction(random) * (0.1 + 7 * unit(random));
     if (n % 20 == 1) axis_mm = {axis_mm.x(), axis_mm.y(), 0};
-    ToolSphere shape{{}, 0.01 + 2 * unit(random), axis_mm};
+    ToolPart shape{{}, 0.01 + 2 * unit(random), axis_mm};
     // every third capsule is tapered
     if (n % 3 == 2) shape.radius_change_mm = 2 * unit(random) - shape.radius_mm;
     const int steps = row_steps(shape);
@@ -96,7 +96,7 @@ TEST(CapsuleRow, ContactCentreIsTheCentreOfTheSupportedSegment) {
   EXPECT_NEAR(middle_of_touching(*surfaces[0].surface, {-3, 0, 7}, {{}, 1, {9, 0, 0}}, 30, 10, 0.02, queries),
               1.0 / 3, 0.03);
   // a cone with its side along the plate and its axis inclined to it
-  const ToolSphere cone{{}, 1, Vector<Patient>(std::sqrt(99.0), 0, 1), 1};
+  const ToolPart cone{{}, 1, Vector<Patient>(std::sqrt(99.0), 0, 1), 1};
   EXPECT_NEAR(middle_of_touching(*surfaces[1].surface, on_plate, cone, 40, 3, 0.02, queries), 0.5, 0.02);
 }
 

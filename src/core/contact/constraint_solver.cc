@@ -92,7 +92,7 @@ void add_contact(const PairSet& pairs, const ContactOrigin& origin, const Vector
   if (layer.contact_count == static_cast<int>(kMaxContacts)) return;
   const auto n = static_cast<std::size_t>(layer.contact_count++);
   const ContactPair& pair = pairs[origin.pair];
-  layer.contacts[n] = {pair.index, pair.sphere, pair.axis_fraction(origin.step), normal, multiplier_mm};
+  layer.contacts[n] = {pair.index, pair.part, pair.axis_fraction(origin.step), normal, multiplier_mm};
   origins.make(n, origin);
 }
 

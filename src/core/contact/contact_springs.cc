@@ -5,7 +5,7 @@
 
 namespace palpate {
 
-Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<const ToolSphere> spheres,
+Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<const ToolPart> parts,
                           const Vector<Patient>& force_N, double stiffness_N_per_mm) {
   Vector<Patient> torque_Nmm, along_N = force_N;
   double all_mm = 0;
@@ -14,8 +14,8 @@ Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<cons
     all_mm += contact.multiplier_mm;
   }
   for (const ProxyContact& contact : contacts) {
-    const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
-    torque_Nmm += arm_of(contact, sphere)
+    const ToolPart& part = parts[static_cast<std::size_t>(contact.part)];
+    torque_Nmm += arm_of(contact, part)
                       .cross(contact.normal * (contact.multiplier_mm * stiffness_N_per_mm) +
                              along_N * (contact.multiplier_mm / all_mm));
   }
@@ -37,8 +37,8 @@ ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerC
   for (std::size_t n = 0; n < contacts.size(); ++n) {
     const ProxyContact& contact = contacts[n];
     const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
-    const ToolSphere& sphere = in.spheres[static_cast<std::size_t>(contact.sphere)];
-    const Vector<Patient> arm_mm = arm_of(contact, sphere);
+    const ToolPart& part = in.parts[static_cast<std::size_t>(contact.part)];
+    const Vector<Patient> arm_mm = arm_of(contact, part);
     owners_.make(n, owners.at(surfaces_, contact.surface, in.layer.position + arm_mm));
     mean.multiplier_mm += contact.multiplier_mm;
     for (const OwnerFraction& fraction : owners_[n].all()) {
@@ -46,7 +46,7 @@ ContactSprings::LayerMean ContactSprings::average(const SpringInputs& in, OwnerC
       const double multiplier_mm = contact.multiplier_mm * fraction.fraction;
       mean.friction += multiplier_mm * (in.layer.sticking ? structure.static_friction : structure.friction);
       if (structure.plane_strain_modulus_N_per_mm2 > 0) {
-        mean.pressed.add(multiplier_mm, structure, arm_mm, sphere.radius_at_mm(contact.axis_fraction));
+        mean.pressed.add(multiplier_mm, structure, arm_mm, part.radius_at_mm(contact.axis_fraction));
         continue;
       }
       mean.unclamped_stiffness += multiplier_mm * unclamped_.contribution(surface, structure);
@@ -86,7 +86,7 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
   // deformable structures
   if (pressed.any()) {
     const DeformableForce tissue =
-        palpate::press(pressed, {surfaces_, in.spheres, contacts, tip_, in.layer.position, stretched_mm},
+        palpate::press(pressed, {surfaces_, in.parts, contacts, tip_, in.layer.position, stretched_mm},
                        options_, compliance, relaxation);
     relaxed_ = relaxed_ || tissue.relaxed;
     const double fraction = pressed.multiplier_mm / mean.multiplier_mm;
@@ -103,7 +103,7 @@ ProxyForce ContactSprings::add(const SpringInputs& in, OwnerCache& owners, Compl
   }
   force.stiffness_N_per_mm = stiffness;
   force.force_N += stretched_mm * stiffness;
-  force.torque_Nmm = torque_of(contacts, in.spheres, force.force_N, stiffness);
+  force.torque_Nmm = torque_of(contacts, in.parts, force.force_N, stiffness);
 
   // totals over the layers
   path_.begin_layer(stretched_mm, stiffness);

@@ -18,8 +18,8 @@ namespace palpate {
 /// Torque about the tip of a layer's force. Each contact contributes its normal force (stiffness times
 /// multiplier). The remainder of the force is friction, distributed over the contacts in proportion to their
 /// multipliers.
-/// @param spheres  tool parts in the proxy's attitude
-Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<const ToolSphere> spheres,
+/// @param parts  tool parts in the proxy's attitude
+Vector<Patient> torque_of(std::span<const ProxyContact> contacts, std::span<const ToolPart> parts,
                           const Vector<Patient>& force_N, double stiffness_N_per_mm);
 
 /// Division of a structure's stiffness, clamped to the device's limit, among the layers. A layer contributes
@@ -50,7 +50,7 @@ class LayerStiffness {
 /// Inputs of one layer's spring force, after the update of the layer's proxy.
 struct SpringInputs {
   const ProxyLayer& layer;
-  std::span<const ToolSphere> spheres;  ///< Tool parts in the proxy's attitude
+  std::span<const ToolPart> parts;  ///< Tool parts in the proxy's attitude
   const SpringMotion& motion;
   /// Whether the proxy has reached its goal. Otherwise the spring force is not that of an equilibrium, and
   /// nothing is punctured.

@@ -16,8 +16,7 @@ Footprint footprint_under(const DeformableContact& pressed, const PressingTool& 
   const double per_multiplier = 1 / pressed.multiplier_mm, depth_mm = tool.stretched_mm.norm();
   const Footprint one{depth_mm, pressed.weighted_radius_mm2 * per_multiplier, 0, 1,
                       pressed.weighted_arm_mm2 * per_multiplier};
-  if ((tool.spheres.size() == 1 && tool.spheres[0].axis_mm == Vector<Patient>()) || !(depth_mm > 0))
-    return one;
+  if ((tool.parts.size() == 1 && tool.parts[0].axis_mm == Vector<Patient>()) || !(depth_mm > 0)) return one;
   std::array<int, kMaxContacts> touched;
   std::size_t count = 0;
   for (const ProxyContact& contact : tool.contacts) {
@@ -26,7 +25,7 @@ Footprint footprint_under(const DeformableContact& pressed, const PressingTool& 
   }
   std::array<FootprintPoint, kMaxFootprintPoints> points;
   std::size_t found =
-      find_press_points(tool.surfaces, std::span(touched).first(count), tool.spheres, tool.tip, points);
+      find_press_points(tool.surfaces, std::span(touched).first(count), tool.parts, tool.tip, points);
   double deepest_mm = 0;
   for (const FootprintPoint& point : std::span(points).first(found))
     deepest_mm = std::max(deepest_mm, point.depth_mm);

@@ -32,7 +32,7 @@ struct DeformableContact {
 /// Tool that presses on deformable tissue.
 struct PressingTool {
   std::span<const ContactSurface> surfaces;
-  std::span<const ToolSphere> spheres;     ///< Tool parts in the proxy's attitude
+  std::span<const ToolPart> parts;         ///< Tool parts in the proxy's attitude
   std::span<const ProxyContact> contacts;  ///< Contacts of the layer
   Point<Patient> tip, proxy;
   Vector<Patient> stretched_mm;  ///< Spring vector, tip to proxy

@@ -18,20 +18,20 @@ class NearestOfTool {
     nearest_.distance_mm = within_mm;
   }
 
-  void accumulate(const ToolSphere& sphere) {
+  void accumulate(const ToolPart& part) {
     count_ = 0;
-    const double length_mm = sphere.axis_mm.norm();
+    const double length_mm = part.axis_mm.norm();
     if (!(length_mm > 0)) {
-      accumulate(sphere, 0, 0);
+      accumulate(part, 0, 0);
       return;
     }
     // Lipschitz bound of the clearance over the whole axis
-    const double whole_mm = length_mm + std::abs(sphere.radius_change_mm);
-    if (!accumulate(sphere, 0.5, 0.5 * whole_mm)) return;
-    accumulate(sphere, 0, 0);
-    accumulate(sphere, 1, 0);
-    project_nearest(sphere, length_mm);
-    sample_between(sphere, whole_mm);
+    const double whole_mm = length_mm + std::abs(part.radius_change_mm);
+    if (!accumulate(part, 0.5, 0.5 * whole_mm)) return;
+    accumulate(part, 0, 0);
+    accumulate(part, 1, 0);
+    project_nearest(part, length_mm);
+    sample_between(part, whole_mm);
   }
 
   std::optional<ToolDistance> nearest() const { return found_ ? std::optional(nearest_) : std::nullopt; }
@@ -43,7 +43,7 @@ class NearestOfTool {
   };
 
   // fixed-point iteration: projects the nearest surface point onto the axis and evaluates there
-  void project_nearest(const ToolSphere& sphere, double length_mm) {
+  void project_nearest(const ToolPart& part, double length_mm) {
     constexpr int kMaxProjections = 4;
     constexpr double kConverged_mm = 0.01;
     for (int n = 0; n < kMaxProjections; ++n) {
@@ -51,16 +51,16 @@ class NearestOfTool {
           std::min_element(samples_.begin(), samples_.begin() + count_,
                            [](const auto& a, const auto& b) { return a.distance_mm < b.distance_mm; });
       if (!best->on_surface) return;
-      const Vector<Patient> displacement = *best->on_surface - (tip_ + sphere.offset_mm);
+      const Vector<Patient> displacement = *best->on_surface - (tip_ + part.offset_mm);
       const double axis_fraction =
-          std::clamp(displacement.dot(sphere.axis_mm) / (length_mm * length_mm), 0.0, 1.0);
+          std::clamp(displacement.dot(part.axis_mm) / (length_mm * length_mm), 0.0, 1.0);
       if (std::abs(axis_fraction - best->axis_fraction) * length_mm < kConverged_mm) return;
-      accumulate(sphere, axis_fraction, 0);
+      accumulate(part, axis_fraction, 0);
     }
   }
 
   // bisects the interval with the smallest lower bound until it cannot contain a nearer point
-  void sample_between(const ToolSphere& sphere, double whole_mm) {
+  void sample_between(const ToolPart& part, double whole_mm) {
     while (count_ < kMaxAxisPoints) {
       const auto min_mm = [&](std::size_t n) {
         const AxisSample &from = samples_[n], &to = samples_[n + 1];
@@ -71,14 +71,14 @@ class NearestOfTool {
         if (min_mm(n) < min_mm(next)) next = n;
       if (!(min_mm(next) < nearest_.distance_mm - kAxisTolerance_mm)) return;
       const double half = 0.5 * (samples_[next + 1].axis_fraction - samples_[next].axis_fraction);
-      accumulate(sphere, samples_[next].axis_fraction + half, half * whole_mm);
+      accumulate(part, samples_[next].axis_fraction + half, half * whole_mm);
     }
   }
 
   // evaluates one point; true if a surface is within reach; keeps the points sorted along the axis
-  bool accumulate(const ToolSphere& sphere, double axis_fraction, double farther_mm) {
-    const Point<Patient> centre = tip_ + sphere.offset_mm + sphere.axis_mm * axis_fraction;
-    const double radius_mm = sphere.radius_at_mm(axis_fraction);
+  bool accumulate(const ToolPart& part, double axis_fraction, double farther_mm) {
+    const Point<Patient> centre = tip_ + part.offset_mm + part.axis_mm * axis_fraction;
+    const double radius_mm = part.radius_at_mm(axis_fraction);
     const auto near = tree_.nearest(centre, within_mm_ + radius_mm + farther_mm);
     AxisSample here{axis_fraction, within_mm_ + farther_mm, {}};
     if (near) {
@@ -130,43 +130,43 @@ DistanceTrees DistanceTrees::with(std::size_t structure, std::shared_ptr<const S
   return now;
 }
 
-std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolSphere> spheres,
+std::optional<ToolDistance> distance_of_tool(const SurfaceTree& tree, std::span<const ToolPart> parts,
                                              const Point<Patient>& tip, double within_mm) {
   NearestOfTool all(tree, tip, within_mm);
-  for (const ToolSphere& sphere : spheres) all.accumulate(sphere);
+  for (const ToolPart& part : parts) all.accumulate(part);
   return all.nearest();
 }
 
-ToolBox box_of_tool(std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
+ToolBox box_of_tool(std::span<const ToolPart> parts, const Point<Patient>& tip) {
   ToolBox box;
   box.low.setConstant(std::numeric_limits<double>::infinity());
   box.high = -box.low;
-  for (const ToolSphere& sphere : spheres)
-    for (const double part : {0.0, 1.0}) {
-      const Eigen::Array3d at = (tip + sphere.offset_mm + sphere.axis_mm * part).eigen().array();
-      box.low = box.low.min(at - sphere.radius_at_mm(part));
-      box.high = box.high.max(at + sphere.radius_at_mm(part));
+  for (const ToolPart& part : parts)
+    for (const double fraction : {0.0, 1.0}) {
+      const Eigen::Array3d at = (tip + part.offset_mm + part.axis_mm * fraction).eigen().array();
+      box.low = box.low.min(at - part.radius_at_mm(fraction));
+      box.high = box.high.max(at + part.radius_at_mm(fraction));
     }
   return box;
 }
 
-std::array<NearStructure, kMaxNearReported> nearest_structures(const DistanceTrees& distances,
-                                                               std::span<const ToolSphere> spheres,
+std::array<NearStructure, kMaxNearReported> nearest_structures(const DistanceTrees& trees,
+                                                               std::span<const ToolPart> parts,
                                                                const Point<Patient>& tip) {
   std::array<NearStructure, kMaxNearReported> nearest;
-  const ToolBox tool = box_of_tool(spheres, tip);
-  const std::vector<TrackedStructure>& structures = distances.structures();
+  const ToolBox tool = box_of_tool(parts, tip);
+  const std::vector<TrackedStructure>& structures = trees.structures();
   std::size_t count = 0;
   // Structures whose boxes are nearest are evaluated first: once the list is full, its last distance bounds
   // the search for the others.
-  double within_mm = distances.reach_mm(), sampled_mm = -1;
-  for (const double part : {0.1, 0.4, 1.0}) {
-    const double ring_mm = part * distances.reach_mm();
+  double within_mm = trees.reach_mm(), sampled_mm = -1;
+  for (const double fraction : {0.1, 0.4, 1.0}) {
+    const double ring_mm = fraction * trees.reach_mm();
     for (std::size_t s = 0; s < structures.size(); ++s) {
       if (!structures[s].reported) continue;
-      const double min_mm = distances.lower_bound_mm(s, tool);
+      const double min_mm = trees.lower_bound_mm(s, tool);
       if (!(min_mm > sampled_mm && min_mm <= std::min(ring_mm, within_mm))) continue;
-      const auto near = distance_of_tool(*structures[s].tree, spheres, tip, within_mm);
+      const auto near = distance_of_tool(*structures[s].tree, parts, tip, within_mm);
       if (!near || !(near->distance_mm <= within_mm)) continue;
       const NearStructure here{structures[s].label, near->distance_mm};
       const auto end = nearest.begin() + static_cast<std::ptrdiff_t>(count);

@@ -208,7 +208,7 @@ TEST(Distances, ToolDistanceIsThatOfItsNearestPart) {
     };
     const Vector<Patient> from = vector(off), along = vector(length);
     const double first_mm = radius(random), end_mm = radius(random);
-    const std::vector<ToolSphere> tool{{{}, 0.5}, {from, first_mm, along, end_mm - first_mm}};
+    const std::vector<ToolPart> tool{{{}, 0.5}, {from, first_mm, along, end_mm - first_mm}};
     const Point<Patient> tip = Point<Patient>() + vector(part);
     const auto found = distance_of_tool(tree, tool, tip, 40);
     ASSERT_TRUE(found.has_value());
@@ -241,7 +241,7 @@ DistanceTrees many_balls(int count, double reach_mm) {
 
 TEST(Distances, ReportedDistancesAreTheNearestInOrder) {
   const DistanceTrees distances = many_balls(60, 20);
-  const std::vector<ToolSphere> point{{}};
+  const std::vector<ToolPart> point{{}};
   std::mt19937 random(test::test_seed());
   std::uniform_real_distribution<double> any(-60, 60), up(-10, 10);
   int full = 0, none = 0;

@@ -12,8 +12,8 @@ namespace {
 
 // smoothstep of the depth difference: 0 if a is shallower by half a radius or more, 1 if it is as much deeper
 double is_deeper(double a_mm, double b_mm, double radius_mm) {
-  const double part = std::clamp((a_mm - b_mm) / radius_mm + 0.5, 0.0, 1.0);
-  return part * part * (3 - 2 * part);
+  const double fraction = std::clamp((a_mm - b_mm) / radius_mm + 0.5, 0.0, 1.0);
+  return fraction * fraction * (3 - 2 * fraction);
 }
 
 }  // namespace
@@ -85,23 +85,22 @@ Footprint footprint_of(std::span<const FootprintPoint> points, const Vector<Pati
 }
 
 std::size_t find_press_points(std::span<const ContactSurface> surfaces, std::span<const int> touched,
-                              std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+                              std::span<const ToolPart> parts, const Point<Patient>& tip,
                               std::span<FootprintPoint> points) {
   const std::size_t largest =
-      std::min(points.size(), kMaxFootprintPoints) / std::max<std::size_t>(1, spheres.size());
+      std::min(points.size(), kMaxFootprintPoints) / std::max<std::size_t>(1, parts.size());
   std::size_t count = 0;
-  for (const ToolSphere& sphere : spheres) {
-    const double length_mm = sphere.axis_mm.norm();
+  for (const ToolPart& part : parts) {
+    const double length_mm = part.axis_mm.norm();
     // positions on the axis are independent of the capsule's attitude, so that no place appears or vanishes
     // in a rotation
-    const double radius =
-        std::max({sphere.radius_mm, sphere.radius_at_mm(1), kSoftTissueSettings.min_radius_mm});
+    const double radius = std::max({part.radius_mm, part.radius_at_mm(1), kSoftTissueSettings.min_radius_mm});
     const int steps = length_mm > 0
                           ? std::clamp(static_cast<int>(length_mm / radius), 1, static_cast<int>(largest) - 1)
                           : 0;
     for (int n = 0; n <= steps; ++n) {
-      const double part = steps == 0 ? 0 : static_cast<double>(n) / steps;
-      FootprintPoint point{sphere.offset_mm + sphere.axis_mm * part, sphere.radius_at_mm(part), 0};
+      const double fraction = steps == 0 ? 0 : static_cast<double>(n) / steps;
+      FootprintPoint point{part.offset_mm + part.axis_mm * fraction, part.radius_at_mm(fraction), 0};
       for (const int s : touched) {
         const ContactSurface& surface = surfaces[static_cast<std::size_t>(s)];
         if (surface.surface == nullptr) continue;

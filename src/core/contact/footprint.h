@@ -56,12 +56,12 @@ double pair_interaction_per_mm(double lateral_mm, double radius_mm, double base_
 /// are the maximum over the given surfaces.
 /// @param surfaces  all surfaces of the model
 /// @param touched   indices of the surfaces in contact, without duplicates
-/// @param spheres   tool parts
+/// @param parts   tool parts
 /// @param tip       position of the tip
 /// @param points    receives the press points, in the order of the tool's parts
 /// @returns number of press points written
 std::size_t find_press_points(std::span<const ContactSurface> surfaces, std::span<const int> touched,
-                              std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+                              std::span<const ToolPart> parts, const Point<Patient>& tip,
                               std::span<FootprintPoint> points);
 
 }  // namespace palpate

@@ -87,7 +87,7 @@ TEST(Footprint, MatchesTheHalfSpaceSolution) {
                                                                {5, 30, 2, 30.071},
                                                                {2, 5, 1, 3.939},
                                                                {1, 40, 1, 12.921}}) {
-    const ToolSphere shaft{{}, radius_mm, {length_mm, 0, 0}};
+    const ToolPart shaft{{}, radius_mm, {length_mm, 0, 0}};
     std::vector<FootprintPoint> footprint_points(kMaxFootprintPoints);
     const std::size_t count =
         find_press_points({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
@@ -157,7 +157,7 @@ TEST(Footprint, ShaftPressesWithItsSupportedLength) {
       testing::cube_grid(40, {1, 1, 1}), [](const Eigen::Vector3d& p) { return p.z(); }, 12);
   const int edge_contact_front = 0;
   const auto of = [&](const Eigen::Vector3d& along, double deep_mm) {
-    const ToolSphere shaft{{}, 2, Vector<Patient>(along)};
+    const ToolPart shaft{{}, 2, Vector<Patient>(along)};
     std::vector<FootprintPoint> points(kMaxFootprintPoints);
     const std::size_t count = find_press_points({&plane, 1}, {&edge_contact_front, 1}, {&shaft, 1},
                                                 Point<Patient>(0, 0, 2 - deep_mm), points);

@@ -83,13 +83,12 @@ void ResidualForce::limit(double max_N) {
   stored_mJ *= left * left;
 }
 
-double arc_of_rotation_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+double arc_of_rotation_mm(std::span<const ToolPart> parts, const Eigen::Quaterniond& from,
                           const Eigen::Quaterniond& to) {
   if (from.coeffs() == to.coeffs()) return 0;
   double farthest_mm = 0;
-  for (const ToolSphere& sphere : spheres)
-    farthest_mm =
-        std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.axis_mm).norm()});
+  for (const ToolPart& part : parts)
+    farthest_mm = std::max({farthest_mm, part.offset_mm.norm(), (part.offset_mm + part.axis_mm).norm()});
   return farthest_mm * from.angularDistance(to);
 }
 

@@ -98,7 +98,7 @@ struct SlipBudget {
 };
 
 /// Arc length of a rotation at the tool point farthest from the tip.
-double arc_of_rotation_mm(std::span<const ToolSphere> spheres, const Eigen::Quaterniond& from,
+double arc_of_rotation_mm(std::span<const ToolPart> parts, const Eigen::Quaterniond& from,
                           const Eigen::Quaterniond& to);
 
 }  // namespace palpate

@@ -16,7 +16,7 @@ struct HalfSpace {
   /// Signed distance from the boundary plane, mm; negative: outside the half-space.
   double clearance(const Point<Patient>& q) const { return normal.eigen().dot(q.eigen()) - offset; }
 };
-/// Capacity of a constraint set: three active constraints (a corner) for each of kMaxToolSpheres tool parts.
+/// Capacity of a constraint set: three active constraints (a corner) for each of kMaxToolParts tool parts.
 inline constexpr std::size_t kMaxHalfSpaces = 12;
 
 /// Projection of a point onto an intersection of half-spaces, with its active set and multipliers: point = x

@@ -10,7 +10,7 @@ namespace {
 struct AxisBounds {
   Eigen::Array3d low, high;
 
-  AxisBounds(const Point<Patient>& at, const ToolSphere& shape) {
+  AxisBounds(const Point<Patient>& at, const ToolPart& shape) {
     const Eigen::Array3d begin = (at + shape.offset_mm).eigen().array();
     const Eigen::Array3d end = begin + shape.axis_mm.eigen().array();
     low = begin.min(end);
@@ -19,7 +19,7 @@ struct AxisBounds {
 };
 
 // whether the surface's bounding box excludes that any sphere of the part comes within a distance
-bool is_certainly_beyond(const Surface& surface, const ToolSphere& shape, const Point<Patient>& at,
+bool is_certainly_beyond(const Surface& surface, const ToolPart& shape, const Point<Patient>& at,
                          double distance_mm) {
   if (shape.axis_mm == Vector<Patient>()) return surface.is_farther_than(at + shape.offset_mm, distance_mm);
   const AxisBounds box(at, shape);
@@ -28,17 +28,17 @@ bool is_certainly_beyond(const Surface& surface, const ToolSphere& shape, const 
 
 }  // namespace
 
-void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
                      const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
   count_ = 0;
   min_rejected_mm_ = std::numeric_limits<double>::infinity();
-  AxisBounds tool(at, spheres[0]);
+  AxisBounds tool(at, parts[0]);
   double widest_mm = 0;
-  for (const ToolSphere& sphere : spheres) {
-    const AxisBounds box(at, sphere);
+  for (const ToolPart& part : parts) {
+    const AxisBounds box(at, part);
     tool.low = tool.low.min(box.low);
     tool.high = tool.high.max(box.high);
-    widest_mm = std::max({widest_mm, sphere.radius_mm, sphere.radius_at_mm(1)});
+    widest_mm = std::max({widest_mm, part.radius_mm, part.radius_at_mm(1)});
   }
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!can_touch(surfaces, layer, punctured, s)) continue;
@@ -46,13 +46,12 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
     // early-out for the common case: the path does not reach the surface's bounding box
     const bool known_free = surface.outside_mm() > widest_mm + kProxySettings.skin_mm;
     if (known_free && surface.is_farther_than(tool.low, tool.high, reach_mm)) continue;
-    for (std::size_t k = 0; k < spheres.size(); ++k) {
-      const ToolSphere& sphere = spheres[k];
-      if (known_free && is_certainly_beyond(surface, sphere, at, reach_mm)) continue;
-      const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      const ToolPart& part = parts[k];
+      if (known_free && is_certainly_beyond(surface, part, at, reach_mm)) continue;
+      const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), part, row_steps(part)};
       const double far_mm = reach_mm * surface.max_gradient();
-      if (pair.steps == 0 && surface.lower_bound_mm(at + sphere.offset_mm) > far_mm + sphere.radius_mm)
-        continue;
+      if (pair.steps == 0 && surface.lower_bound_mm(at + part.offset_mm) > far_mm + part.radius_mm) continue;
       const Evaluation evaluation = evaluate(pair, at, far_mm, pair.steps / 2);
       if (evaluation.clearance_mm <= far_mm)
         insert(pair, evaluation.clearance_mm / surface.max_gradient(), evaluation);
@@ -61,17 +60,17 @@ void PairSet::gather(std::span<const ContactSurface> surfaces, std::span<const T
   reach_mm_ = std::max(0.0, std::min(reach_mm, min_rejected_mm_));
 }
 
-bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
              const SurfaceSet& punctured, const SurfaceSet& ignored, const Point<Patient>& at) {
   int queries = 0;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (ignored[s] || !can_touch(surfaces, layer, punctured, s)) continue;
     const Surface& surface = *surfaces[s].surface;
-    for (std::size_t k = 0; k < spheres.size(); ++k) {
-      const ToolSphere& sphere = spheres[k];
-      const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), sphere, row_steps(sphere)};
-      const double min_mm = sphere.radius_mm - kProxySettings.outside_mm;
-      if (pair.steps == 0 && surface.lower_bound_mm(at + sphere.offset_mm) >= min_mm) continue;
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      const ToolPart& part = parts[k];
+      const ContactPair pair{&surface, static_cast<int>(s), static_cast<int>(k), part, row_steps(part)};
+      const double min_mm = part.radius_mm - kProxySettings.outside_mm;
+      if (pair.steps == 0 && surface.lower_bound_mm(at + part.offset_mm) >= min_mm) continue;
       if (pair.clearance(at, -kProxySettings.outside_mm, pair.steps / 2, queries).mm <
           -kProxySettings.outside_mm)
         return false;
@@ -113,9 +112,9 @@ double PairSet::middle_of_touching(std::size_t n, const Point<Patient>& proxy, i
                                      step, kProxySettings.load_sharing_mm, queries_);
 }
 
-void PairSet::turn(std::span<const ToolSphere> spheres) {
+void PairSet::turn(std::span<const ToolPart> parts) {
   for (std::size_t n = 0; n < count_; ++n) {
-    const ToolSphere& turned = spheres[static_cast<std::size_t>(pairs_[n].sphere)];
+    const ToolPart& turned = parts[static_cast<std::size_t>(pairs_[n].part)];
     if (pairs_[n].steps > 0) {
       // bound for the displacement of the last sphere beyond that of the first
       evaluations_[n].clearance_mm -=

@@ -37,9 +37,9 @@ inline bool can_touch(std::span<const ContactSurface> surfaces, int layer, const
 /// Pair of a tool part and a surface that it may touch in this tick.
 struct ContactPair {
   const Surface* surface;
-  int index;   ///< Index into the surfaces
-  int sphere;  ///< Index of the tool part
-  ToolSphere shape;
+  int index;  ///< Index into the surfaces
+  int part;   ///< Index of the tool part
+  ToolPart shape;
   int steps;  ///< Number of intervals in a capsule's row of spheres. 0: a sphere
 
   /// Position of a step on the capsule's axis, 0 ... 1.
@@ -74,15 +74,15 @@ class PairSet {
  public:
   /// An empty set.
   PairSet() = default;
-  PairSet(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+  PairSet(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
           const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm) {
-    gather(surfaces, spheres, layer, punctured, at, reach_mm);
+    gather(surfaces, parts, layer, punctured, at, reach_mm);
   }
 
   /// Replaces the set by the pairs that a layer's proxy can touch on a path of length `reach_mm` from `at`.
   /// If there are more than kMaxPairs, reach_mm() is shorter.
-  /// @param spheres  tool parts in the proxy's attitude
-  void gather(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+  /// @param parts  tool parts in the proxy's attitude
+  void gather(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
               const SurfaceSet& punctured, const Point<Patient>& at, double reach_mm);
 
   /// Empties the set.
@@ -114,8 +114,8 @@ class PairSet {
   int queries() const { return queries_; }
 
   /// Rotates the tool of the gathered pairs.
-  /// @param spheres  tool parts in the new attitude
-  void turn(std::span<const ToolSphere> spheres);
+  /// @param parts  tool parts in the new attitude
+  void turn(std::span<const ToolPart> parts);
 
  private:
   // last evaluation of a pair: the clearance decreases by at most the surface's maximum slope per mm
@@ -143,7 +143,7 @@ class PairSet {
 /// Whether no tool part penetrates any surface that the layer's proxy can touch.
 /// @param ignored  surfaces that are ignored
 /// @param at       position of the tip
-bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+bool is_free(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
              const SurfaceSet& punctured, const SurfaceSet& ignored, const Point<Patient>& at);
 
 /// Half-space constraints, each with the sphere-surface pair that it comes from.

@@ -36,12 +36,12 @@ Eigen::Vector3d point_within(double half_mm, std::mt19937& random) {
 }
 
 // clearance of a sphere, or of a capsule as the minimum of its row
-double min_of_row(const Surface& surface, const ToolSphere& sphere, const Point<Patient>& at) {
-  const int steps = std::max(1, row_steps(sphere));
+double min_of_row(const Surface& surface, const ToolPart& part, const Point<Patient>& at) {
+  const int steps = std::max(1, row_steps(part));
   double min_mm = std::numeric_limits<double>::infinity();
   for (int step = 0; step <= steps; ++step) {
-    const Vector<Patient> offset_mm = sphere.offset_mm + sphere.axis_mm * (static_cast<double>(step) / steps);
-    min_mm = std::min(min_mm, surface.distance_mm(at + offset_mm) - sphere.radius_mm);
+    const Vector<Patient> offset_mm = part.offset_mm + part.axis_mm * (static_cast<double>(step) / steps);
+    min_mm = std::min(min_mm, surface.distance_mm(at + offset_mm) - part.radius_mm);
   }
   return min_mm;
 }
@@ -61,25 +61,25 @@ TEST(PairSet, CulledPairsAreNotReachedOnThePath) {
   surfaces[14].covered_by = 30;
   int inspected = 0, cut_short = 0;
   for (int n = 0; n < 400; ++n) {
-    std::vector<ToolSphere> spheres;
+    std::vector<ToolPart> parts;
     for (int k = 0; k <= n % 4; ++k) {
-      spheres.push_back({Vector<Patient>(point_within(15, random)), 2.5 * unit(random)});
-      if ((n + k) % 3 == 0) spheres.back().axis_mm = Vector<Patient>(point_within(10, random));
+      parts.push_back({Vector<Patient>(point_within(15, random)), 2.5 * unit(random)});
+      if ((n + k) % 3 == 0) parts.back().axis_mm = Vector<Patient>(point_within(10, random));
     }
     const Point<Patient> at(point_within(25, random));
-    const PairSet near(surfaces, spheres, 0, punctured, at, 4 * unit(random));
+    const PairSet near(surfaces, parts, 0, punctured, at, 4 * unit(random));
     inspected += static_cast<int>(near.count());
     cut_short += near.count() == kMaxPairs;
     for (int m = 0; m < 10; ++m) {
       const Point<Patient> there =
           at + random_direction(random) * (near.reach_mm() * std::cbrt(unit(random)));
       for (std::size_t s = 0; s < surfaces.size(); ++s) {
-        for (std::size_t k = 0; k < spheres.size(); ++k) {
+        for (std::size_t k = 0; k < parts.size(); ++k) {
           bool listed = punctured[s] || s == 12 || s == 13;
           for (std::size_t i = 0; i < near.count() && !listed; ++i)
-            listed = near[i].index == static_cast<int>(s) && near[i].sphere == static_cast<int>(k);
+            listed = near[i].index == static_cast<int>(s) && near[i].part == static_cast<int>(k);
           if (listed) continue;
-          ASSERT_GT(min_of_row(*surfaces[s].surface, spheres[k], there), -1e-9);
+          ASSERT_GT(min_of_row(*surfaces[s].surface, parts[k], there), -1e-9);
         }
       }
     }
@@ -123,7 +123,7 @@ TEST(PairSet, ClearanceEqualsExhaustiveSearch) {
   for (int scene = 0; scene < 20; ++scene) {
     const std::vector<ContactSurface> surfaces{ball_at(point_within(4, random), 3, random),
                                                ball_at(point_within(4, random), 2, random)};
-    const std::vector<ToolSphere> tool{
+    const std::vector<ToolPart> tool{
         {Vector<Patient>(point_within(3, random)), 1, Vector<Patient>(point_within(8, random))},
         {{}, 0.3, Vector<Patient>(point_within(8, random))},
         {{}, 0.7}};
@@ -135,17 +135,17 @@ TEST(PairSet, ClearanceEqualsExhaustiveSearch) {
       if (n % 3 == 0)
         attitude = Eigen::AngleAxisd(0.05 * unit(random), random_direction(random).eigen()) * attitude;
       const RotatedTool turned(tool, Eigen::Quaterniond::Identity(), attitude);
-      near.turn(turned.spheres());
+      near.turn(turned.parts());
       if (n % 4 != 0) at += random_direction(random) * 0.1;
       const double cutoff_mm = n % 5 == 0 ? std::numeric_limits<double>::infinity() : 2 * unit(random);
       for (std::size_t i = 0; i < near.count(); ++i) {
-        const ToolSphere& sphere = turned.spheres()[static_cast<std::size_t>(near[i].sphere)];
-        const double min_mm = min_of_row(*near[i].surface, sphere, at);
+        const ToolPart& part = turned.parts()[static_cast<std::size_t>(near[i].part)];
+        const double min_mm = min_of_row(*near[i].surface, part, at);
         const double reported_mm = near.clearance(i, at, cutoff_mm);
         if (reported_mm <= cutoff_mm) {
           ASSERT_NEAR(reported_mm, min_mm, 1e-9);
           const Point<Patient> centre = at + near[i].offset_mm(near.step(i));
-          ASSERT_NEAR(near[i].surface->distance_mm(centre) - sphere.radius_mm, min_mm, 1e-9);
+          ASSERT_NEAR(near[i].surface->distance_mm(centre) - part.radius_mm, min_mm, 1e-9);
           ++exact;
         } else {
           ASSERT_LE(reported_mm, min_mm + 1e-9);
@@ -170,18 +170,17 @@ TEST(PairSet, FreeTestEqualsExhaustiveSearch) {
   int free = 0;
   for (int n = 0; n < 2000; ++n) {
     // radii below and above the constant distance outside the surfaces
-    std::vector<ToolSphere> spheres{{Vector<Patient>(point_within(10, random)), 1.6 * unit(random)},
-                                    {{}, 0.5}};
-    if (n % 2 == 0) spheres[0].axis_mm = Vector<Patient>(point_within(6, random));
+    std::vector<ToolPart> parts{{Vector<Patient>(point_within(10, random)), 1.6 * unit(random)}, {{}, 0.5}};
+    if (n % 2 == 0) parts[0].axis_mm = Vector<Patient>(point_within(6, random));
     const Point<Patient> at(point_within(30, random));
     SurfaceSet but;
     but[static_cast<std::size_t>(n % 40)] = true;
     bool expected = true;
     for (std::size_t s = 0; s < surfaces.size(); ++s)
-      for (const ToolSphere& sphere : spheres)
+      for (const ToolPart& part : parts)
         expected = expected && (s == 12 || but[s] ||
-                                min_of_row(*surfaces[s].surface, sphere, at) >= -kProxySettings.outside_mm);
-    ASSERT_EQ(is_free(surfaces, spheres, 0, {}, but, at), expected);
+                                min_of_row(*surfaces[s].surface, part, at) >= -kProxySettings.outside_mm);
+    ASSERT_EQ(is_free(surfaces, parts, 0, {}, but, at), expected);
     free += expected;
   }
   EXPECT_GT(free, 200);
@@ -194,7 +193,7 @@ class GuidedTool {
   explicit GuidedTool(std::vector<ContactSurface> surfaces) : surfaces_(std::move(surfaces)) {}
   const ProxyResult& at(const ToolPose& hand) {
     const RotatedTool tool(kTool, Eigen::Quaterniond::Identity(), hand.attitude);
-    result_ = advance_proxy(surfaces_, tool.spheres(), hand, state_);
+    result_ = advance_proxy(surfaces_, tool.parts(), hand, state_);
     return result_;
   }
   const ProxyState& state() const { return state_; }
@@ -206,14 +205,14 @@ class GuidedTool {
     for (int n = 0; n < kRepeats; ++n) {
       ProxyState state = state_;
       const auto begun = std::chrono::steady_clock::now();
-      advance_proxy(surfaces_, tool.spheres(), hand, state);
+      advance_proxy(surfaces_, tool.parts(), hand, state);
       min_s =
           std::min(min_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
     }
     return min_s;
   }
 
-  inline static const std::vector<ToolSphere> kTool{
+  inline static const std::vector<ToolPart> kTool{
       {{}, 1}, {Vector<Patient>(3, 0, 0), 1}, {Vector<Patient>(0, 3, 0), 1}, {Vector<Patient>(12, 0, 3), 1}};
 
  private:

@@ -31,14 +31,14 @@ void retain_nearest(const NearRegion& one, std::optional<NearRegion>& nearest) {
   if (!nearest || one.distance_mm < nearest->distance_mm) nearest = one;
 }
 
-std::optional<NearRegion> nearest_to(const NoGoPlane& plane, std::span<const ToolSphere> spheres,
+std::optional<NearRegion> nearest_to(const NoGoPlane& plane, std::span<const ToolPart> parts,
                                      const Point<Patient>& tip) {
   std::optional<NearRegion> nearest;
-  for (const ToolSphere& sphere : spheres)
+  for (const ToolPart& part : parts)
     // with a linearly changing radius the extremum is at one of the ends
     for (const double axis_fraction : {0.0, 1.0}) {
-      const Point<Patient> centre = tip + sphere.offset_mm + sphere.axis_mm * axis_fraction;
-      const double radius_mm = sphere.radius_at_mm(axis_fraction);
+      const Point<Patient> centre = tip + part.offset_mm + part.axis_mm * axis_fraction;
+      const double radius_mm = part.radius_at_mm(axis_fraction);
       retain_nearest({plane.outward.dot(centre - plane.point) - radius_mm, centre, plane.outward, radius_mm},
                      nearest);
     }
@@ -46,25 +46,25 @@ std::optional<NearRegion> nearest_to(const NoGoPlane& plane, std::span<const Too
 }
 
 // position on a tapered capsule's axis where the line from the point is perpendicular to its outline
-double nearest_axis_fraction(const ToolSphere& sphere, const Vector<Patient>& to_point) {
-  const double length2 = sphere.axis_mm.squared_norm();
+double nearest_axis_fraction(const ToolPart& part, const Vector<Patient>& to_point) {
+  const double length2 = part.axis_mm.squared_norm();
   if (!(length2 > 0)) return 0;
-  const double foot = to_point.dot(sphere.axis_mm) / length2;
-  const double beside_mm = (to_point - sphere.axis_mm * foot).norm();
-  const double slant2 = length2 - sphere.radius_change_mm * sphere.radius_change_mm;
-  const double ahead = slant2 > 0 ? beside_mm * sphere.radius_change_mm / std::sqrt(slant2 * length2) : 0;
+  const double foot = to_point.dot(part.axis_mm) / length2;
+  const double beside_mm = (to_point - part.axis_mm * foot).norm();
+  const double slant2 = length2 - part.radius_change_mm * part.radius_change_mm;
+  const double ahead = slant2 > 0 ? beside_mm * part.radius_change_mm / std::sqrt(slant2 * length2) : 0;
   return std::clamp(foot + ahead, 0.0, 1.0);
 }
 
-std::optional<NearRegion> nearest_to(const NoGoSphere& ball, std::span<const ToolSphere> spheres,
+std::optional<NearRegion> nearest_to(const NoGoSphere& ball, std::span<const ToolPart> parts,
                                      const Point<Patient>& tip) {
   std::optional<NearRegion> nearest;
-  for (const ToolSphere& sphere : spheres) {
-    const Point<Patient> end = tip + sphere.offset_mm;
-    const double axis_fraction = nearest_axis_fraction(sphere, ball.centre - end);
-    const Point<Patient> centre = end + sphere.axis_mm * axis_fraction;
+  for (const ToolPart& part : parts) {
+    const Point<Patient> end = tip + part.offset_mm;
+    const double axis_fraction = nearest_axis_fraction(part, ball.centre - end);
+    const Point<Patient> centre = end + part.axis_mm * axis_fraction;
     const Vector<Patient> displacement = centre - ball.centre;
-    const double radius_mm = sphere.radius_at_mm(axis_fraction);
+    const double radius_mm = part.radius_at_mm(axis_fraction);
     retain_nearest(
         {displacement.norm() - ball.radius_mm - radius_mm, centre, displacement.normalized(), radius_mm},
         nearest);
@@ -72,23 +72,23 @@ std::optional<NearRegion> nearest_to(const NoGoSphere& ball, std::span<const Too
   return nearest;
 }
 
-std::optional<NearRegion> nearest_to(const NoGoStructure& structure, const DistanceTrees& distances,
-                                     std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+std::optional<NearRegion> nearest_to(const NoGoStructure& structure, const DistanceTrees& trees,
+                                     std::span<const ToolPart> parts, const Point<Patient>& tip,
                                      double within_mm) {
   if (structure.tracked < 0) return {};
   const auto tracked = static_cast<std::size_t>(structure.tracked);
-  if (!(distances.lower_bound_mm(tracked, box_of_tool(spheres, tip)) <= within_mm)) return {};
-  const SurfaceTree& tree = *distances.structures()[tracked].tree;
-  const auto near = distance_of_tool(tree, spheres, tip, within_mm);
+  if (!(trees.lower_bound_mm(tracked, box_of_tool(parts, tip)) <= within_mm)) return {};
+  const SurfaceTree& tree = *trees.structures()[tracked].tree;
+  const auto near = distance_of_tool(tree, parts, tip, within_mm);
   if (!near) return {};
   return NearRegion{near->distance_mm, near->centre, tree.outward(near->centre, near->near), near->radius_mm};
 }
 
-std::optional<NearRegion> nearest_to(const NoGoRegion& region, const DistanceTrees& distances,
-                                     std::span<const ToolSphere> spheres, const Point<Patient>& tip) {
-  if (const auto* plane = std::get_if<NoGoPlane>(&region.shape)) return nearest_to(*plane, spheres, tip);
-  if (const auto* ball = std::get_if<NoGoSphere>(&region.shape)) return nearest_to(*ball, spheres, tip);
-  return nearest_to(*std::get_if<NoGoStructure>(&region.shape), distances, spheres, tip, region.keep_away_mm);
+std::optional<NearRegion> nearest_to(const NoGoRegion& region, const DistanceTrees& trees,
+                                     std::span<const ToolPart> parts, const Point<Patient>& tip) {
+  if (const auto* plane = std::get_if<NoGoPlane>(&region.shape)) return nearest_to(*plane, parts, tip);
+  if (const auto* ball = std::get_if<NoGoSphere>(&region.shape)) return nearest_to(*ball, parts, tip);
+  return nearest_to(*std::get_if<NoGoStructure>(&region.shape), trees, parts, tip, region.keep_away_mm);
 }
 
 /// Active regions in order of decreasing depth, up to the capacity.
@@ -226,8 +226,8 @@ Result<void> check_no_go(std::span<const NoGoRegion> regions) {
   return {};
 }
 
-NoGoForce no_go_force(std::span<const NoGoRegion> regions, const DistanceTrees& distances,
-                      std::span<const ToolSphere> spheres, const Point<Patient>& tip,
+NoGoForce no_go_force(std::span<const NoGoRegion> regions, const DistanceTrees& trees,
+                      std::span<const ToolPart> parts, const Point<Patient>& tip,
                       double max_stiffness_N_per_mm) {
   // a series spring needs a region softer than the limit: at equality its own stiffness would be infinite
   constexpr double kMaxFractionOfLimit = 0.9;
@@ -238,7 +238,7 @@ NoGoForce no_go_force(std::span<const NoGoRegion> regions, const DistanceTrees& 
   ActiveRegions active;
   for (std::size_t r = 0; r < regions.size(); ++r) {
     const NoGoRegion& region = regions[r];
-    const std::optional<NearRegion> near = nearest_to(region, distances, spheres, tip);
+    const std::optional<NearRegion> near = nearest_to(region, trees, parts, tip);
     if (!near || !(near->distance_mm < region.keep_away_mm)) continue;
     const double stiffness =
         capped ? std::min(region.stiffness_N_per_mm, kMaxFractionOfLimit * max_stiffness_N_per_mm)

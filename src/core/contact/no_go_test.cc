@@ -15,7 +15,7 @@ namespace {
 using testing::cube_grid;
 using testing::make_contact_surface;
 
-const std::vector<ToolSphere> kPointTool{ToolSphere{}};
+const std::vector<ToolPart> kPointTool{ToolPart{}};
 
 NoGoRegion plane_region(const Vector<Patient>& outward, double keep_away_mm, double stiffness,
                         const Point<Patient>& at = {}) {
@@ -23,7 +23,7 @@ NoGoRegion plane_region(const Vector<Patient>& outward, double keep_away_mm, dou
 }
 
 NoGoForce pushed(const std::vector<NoGoRegion>& regions, const Point<Patient>& tip, double largest = 2,
-                 const DistanceTrees& distances = {}, const std::vector<ToolSphere>& tool = kPointTool) {
+                 const DistanceTrees& distances = {}, const std::vector<ToolPart>& tool = kPointTool) {
   return no_go_force(regions, distances, tool, tip, largest);
 }
 
@@ -122,7 +122,7 @@ TEST(NoGo, OverlappingEqualRegionsActAsOne) {
 
 TEST(NoGo, ActsOnEveryPartOfTheTool) {
   const std::vector<NoGoRegion> floor{plane_region({0, 0, 1}, 1, 0.5)};
-  const std::vector<ToolSphere> tool{{{}, 0.5}, {{0, 0, 0}, 0.5, {10, 0, -3}}};
+  const std::vector<ToolPart> tool{{{}, 0.5}, {{0, 0, 0}, 0.5, {10, 0, -3}}};
   const NoGoForce force = pushed(floor, {0, 0, 3}, 2, {}, tool);
   EXPECT_NEAR(force.depth_mm, 1.5, 1e-12) << "the shaft's far end";
   EXPECT_NEAR((force.force_N - Vector<Patient>(0, 0, 0.75)).norm(), 0, 1e-12);
@@ -131,7 +131,7 @@ TEST(NoGo, ActsOnEveryPartOfTheTool) {
   const std::vector<NoGoRegion> ball{{"ball", NoGoSphere{{4, 0, 0}, 1}, 1, 0.5}};
   EXPECT_NEAR(pushed(ball, {0, 0, 2}, 2, {}, {{{}, 0.5, {10, 0, 0}}}).depth_mm, 2 + 0.5 - 2, 1e-12);
   // tapered: compared with dense sampling
-  const ToolSphere cone{{0, 0, 2}, 0.4, {8, 1, -0.5}, 0.9};
+  const ToolPart cone{{0, 0, 2}, 0.4, {8, 1, -0.5}, 0.9};
   double min_mm = 1e3;
   for (int n = 0; n <= 100000; ++n) {
     const double part = n / 1e5;

@@ -217,19 +217,19 @@ OwnerFractions Owners::within(const Bricks<LabelId>& labels, const Point<Patient
   OwnerFractions fractions;
   for (int corner = 0; corner < 8; ++corner) {
     std::array<int, 3> voxel{};
-    double part = 1;
+    double weight = 1;
     for (std::size_t a = 0; a < 3; ++a) {
       const bool next = (corner >> a & 1) != 0;
       voxel[a] = first[a] + (next ? 1 : 0);
       const double beyond = p[static_cast<int>(a)] - first[a];
-      part *= next ? beyond : 1 - beyond;
+      weight *= next ? beyond : 1 - beyond;
     }
     const std::int16_t structure = structure_of_label_[labels.anywhere(voxel[0], voxel[1], voxel[2])];
-    if (structure == kNoStructure || !(part > 0)) continue;
+    if (structure == kNoStructure || !(weight > 0)) continue;
     std::size_t n = 0;
     while (n < fractions.count_ && fractions.fraction_[n].structure != structure) ++n;
     if (n == fractions.count_) fractions.fraction_[fractions.count_++] = {structure, 0};
-    fractions.fraction_[n].fraction += part;
+    fractions.fraction_[n].fraction += weight;
   }
   return fractions.count_ > 0 ? in_order(fractions) : at(x);
 }

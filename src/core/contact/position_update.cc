@@ -56,7 +56,7 @@ void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgres
   const double segment_mm = layer.contact_count == 0
                                 ? progress.remaining_beyond_segment_mm
                                 : std::min(progress.remaining_beyond_segment_mm, kProxySettings.gathering_mm);
-  work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position,
+  work.pairs.gather(in.surfaces, in.parts, in.layer, layer.punctured, layer.position,
                     segment_mm + kProxySettings.substep_mm());
   work.friction.clear();
   progress.max_gradient = work.pairs.max_gradient();
@@ -69,7 +69,7 @@ void gather_pairs(const UpdateInputs& in, const ProxyLayer& layer, UpdateProgres
 // Pushes a proxy that starts inside surfaces out of them, at most by kMaxPushOut_mm, and gathers again at the
 // new position. Returns false if there is no position outside within that distance.
 bool push_out(const UpdateInputs& in, ProxyLayer& layer, UpdateProgress& progress, UpdateWorkspace& work) {
-  work.pairs.gather(in.surfaces, in.spheres, in.layer, layer.punctured, layer.position, kMaxPushOut_mm);
+  work.pairs.gather(in.surfaces, in.parts, in.layer, layer.punctured, layer.position, kMaxPushOut_mm);
   progress.max_gradient = work.pairs.max_gradient();
   if (!project_out(work.pairs, kProxySettings.max_corrections, progress.substep_mm(), layer.position))
     return false;
@@ -96,16 +96,15 @@ void adopt_friction(const UpdateInputs& in, const Solution& solution, UpdateProg
 // If not, layer and progress are unchanged and the constraints are empty.
 bool try_stay_at_rest(const UpdateInputs& in, ProxyLayer& layer, ProxyLayerCache& cache,
                       UpdateProgress& progress, UpdateWorkspace& work) {
-  const auto cached = cache.at_rest.find(layer.position, layer.punctured, in.spheres);
+  const auto cached = cache.at_rest.find(layer.position, layer.punctured, in.parts);
   if (cached.empty()) return false;
   work.pairs.clear();
   work.friction.clear();
   for (const RestingContacts::Constraint& one : cached) {
     const ContactSurface& surface = in.surfaces[static_cast<std::size_t>(one.surface)];
-    const ToolSphere& sphere = in.spheres[static_cast<std::size_t>(one.sphere)];
+    const ToolPart& part = in.parts[static_cast<std::size_t>(one.part)];
     const std::size_t index = work.pairs.count();
-    const ContactPair& pair =
-        work.pairs.add_cached({surface.surface.get(), one.surface, one.sphere, sphere, 0});
+    const ContactPair& pair = work.pairs.add_cached({surface.surface.get(), one.surface, one.part, part, 0});
     work.constraints.add_cached(pair, {one.normal, one.offset_mm});
     if (one.friction) work.friction.store(index, *one.friction);
   }
@@ -134,11 +133,11 @@ void cache_contacts_at_rest(const UpdateInputs& in, const ProxyLayer& layer, con
   for (std::size_t n = 0; n < constraints.count(); ++n) {
     const ContactPair& pair = constraints.pair(n);
     const HalfSpace& half_space = constraints.half_space(n);
-    cached[n] = {half_space.normal, half_space.offset, pair.index, pair.sphere, std::nullopt};
+    cached[n] = {half_space.normal, half_space.offset, pair.index, pair.part, std::nullopt};
     if (const Friction* friction = work.friction.find(work.pairs.index_of(pair)))
       cached[n].friction = *friction;
   }
-  cache.at_rest.store(layer.position, layer.punctured, in.spheres,
+  cache.at_rest.store(layer.position, layer.punctured, in.parts,
                       std::span(cached).first(constraints.count()));
 }
 

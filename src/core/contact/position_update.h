@@ -15,7 +15,7 @@ namespace palpate {
 /// Inputs of the update of one layer's proxy position.
 struct UpdateInputs {
   std::span<const ContactSurface> surfaces;
-  std::span<const ToolSphere> spheres;  ///< Tool parts in the proxy's attitude
+  std::span<const ToolPart> parts;  ///< Tool parts in the proxy's attitude
   int layer;
   Point<Patient> tip;
   double max_mm;                   ///< Maximum path length

@@ -9,7 +9,7 @@
 #include "contact/force_continuity.h"
 #include "contact/near_surfaces.h"
 #include "contact/position_update.h"
-#include "contact/proxy_spheres.h"
+#include "contact/proxy_parts.h"
 #include "contact/puncture.h"
 #include "contact/tool_turn.h"
 #include "contact/withdrawal.h"
@@ -40,7 +40,7 @@ namespace {
 /// Inputs of a tick that all layers share.
 struct TickInputs {
   std::span<const ContactSurface> surfaces;
-  std::span<const ToolSphere> spheres;  ///< Tool parts in the operator's attitude
+  std::span<const ToolPart> parts;  ///< Tool parts in the operator's attitude
   const ToolPose& tool_pose;
   Point<Patient> tip_before;  ///< Tip position of the last tick
   const ProxyOptions& options;
@@ -58,26 +58,26 @@ struct ProxyAdvance {
 ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, ProxyLayer& layer,
                            ProxyLayerCache& cache, ProxyPath* path, UpdateWorkspace& work) {
   const std::span<const ContactSurface> surfaces = tick.surfaces;
-  const std::span<const ToolSphere> spheres = tick.spheres;
+  const std::span<const ToolPart> parts = tick.parts;
   const Point<Patient>& tip = tick.tool_pose.tip;
   ProxyAdvance result;
   if (!layer.coupled) {
-    if (!is_free(surfaces, spheres, n, {}, {}, tip)) return result;
+    if (!is_free(surfaces, parts, n, {}, {}, tip)) return result;
     layer = {};
     cache.at_rest.invalidate();
     layer.coupled = true;
     layer.position = tip;
     layer.attitude = tick.tool_pose.attitude;
   }
-  layer.punctured = still_open(surfaces, spheres, tick.tool_pose, layer);
+  layer.punctured = still_open(surfaces, parts, tick.tool_pose, layer);
 
   // rotation
   const Eigen::Quaterniond attitude_before = layer.attitude;
   const Vector<Patient> tip_moved = tick.tip_moved();
   result.spring.last_spring_mm = (layer.position - (tip - tip_moved)) * layer.stretch_fraction;
-  const ToolTurn turn = turn_tool(surfaces, spheres, n, tick.tool_pose.attitude, layer, path);
-  const ProxySpheres proxy_spheres(spheres, tick.tool_pose.attitude, layer.attitude);
-  const double turned_mm = arc_of_rotation_mm(spheres, attitude_before, layer.attitude);
+  const ToolTurn turn = turn_tool(surfaces, parts, n, tick.tool_pose.attitude, layer, path);
+  const ProxyParts proxy_spheres(parts, tick.tool_pose.attitude, layer.attitude);
+  const double turned_mm = arc_of_rotation_mm(parts, attitude_before, layer.attitude);
 
   // Position. Without contact the path may be as long as the distance to the tip; in contact its length per
   // tick is limited.
@@ -88,12 +88,12 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   result.spring.tool_mm = tip_moved.norm() + turned_mm;
   result.spring.tool_since_force_mm = layer.catch_up_mm + result.spring.tool_mm;
   result.spring.max_change_mm = limit.radius_mm;
-  const bool capsules = has_capsules(spheres);
+  const bool capsules = has_capsules(parts);
   const double max_distance_increase = capsules ? std::min(tick.options.max_distance_increase,
                                                            kProxySettings.max_distance_increase_of_capsules)
                                                 : tick.options.max_distance_increase;
   const PositionUpdate update =
-      update_position({surfaces, proxy_spheres.spheres(), n, tip, max_mm, limit, result.spring.last_spring_mm,
+      update_position({surfaces, proxy_spheres.parts(), n, tip, max_mm, limit, result.spring.last_spring_mm,
                        tick.options.friction, capsules, max_distance_increase, path},
                       layer, cache, work);
 
@@ -102,7 +102,7 @@ ProxyAdvance advance_layer(const TickInputs& tick, int n, double max_slip_mm, Pr
   const bool is_far =
       !update.lagging && !turn.lagging && (tip - layer.position).norm() > kProxySettings.lost_mm;
   const bool is_stranded = layer.contact_count == 0 && (update.inside || is_far) &&
-                           is_free(surfaces, spheres, n, layer.punctured, {}, tip);
+                           is_free(surfaces, parts, n, layer.punctured, {}, tip);
   layer.stranded_s = is_stranded ? layer.stranded_s + tick.options.dt_s : 0;
   if (is_stranded && (update.inside || layer.stranded_s > kProxySettings.lost_s)) {
     layer.position = tip;
@@ -125,9 +125,9 @@ void release_layer(const TickInputs& tick, ProxyLayer& layer, ResidualForce& rel
     const Vector<Patient> residual_force_N =
         last_spring_mm * (stiffness * remaining_stretch_mm / last_spring_mm.norm());
     const auto contacts = std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count));
-    const ProxySpheres proxy_spheres(tick.spheres, tool_pose.attitude, layer.attitude);
+    const ProxyParts proxy_spheres(tick.parts, tool_pose.attitude, layer.attitude);
     release.force_N += residual_force_N;
-    release.torque_Nmm += torque_of(contacts, proxy_spheres.spheres(), residual_force_N, stiffness);
+    release.torque_Nmm += torque_of(contacts, proxy_spheres.parts(), residual_force_N, stiffness);
     release.stored_mJ += 0.5 * stiffness * remaining_stretch_mm * remaining_stretch_mm;
   }
   const Vector<Patient> displacement = tool_pose.tip - layer.position;
@@ -142,7 +142,7 @@ void release_layer(const TickInputs& tick, ProxyLayer& layer, ResidualForce& rel
   layer.stretch_fraction = 1;
   layer.spring_N_per_mm = 0;
   layer.catch_up_mm = layer.stranded_s = 0;
-  layer.punctured = still_open(tick.surfaces, tick.spheres, tool_pose, layer);
+  layer.punctured = still_open(tick.surfaces, tick.parts, tool_pose, layer);
 }
 
 // sum of the spring stiffnesses of layer `first` and all layers within it; those of the last tick for layers
@@ -174,11 +174,11 @@ void add_release(const ResidualForce& release, ProxyResult& result) {
 
 }  // namespace
 
-ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                           const ToolPose& tool_pose, ProxyState& state, const ProxyOptions& options,
                           ProxyPath* path) {
-  PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && !spheres.empty() && spheres.size() <= kMaxToolSpheres);
-  const TickInputs tick{surfaces, spheres, tool_pose, state.tip, options};
+  PALPATE_CHECK(surfaces.size() <= kMaxSurfaces && !parts.empty() && parts.size() <= kMaxToolParts);
+  const TickInputs tick{surfaces, parts, tool_pose, state.tip, options};
   ProxyResult result;
   ContactSprings springs(surfaces, tool_pose.tip, options);
   UpdateWorkspace work;
@@ -188,7 +188,7 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   state.stiffness_N_per_mm = 0;
   // Whether the current layer constrains the tool. The outermost layer does until the tool has returned to
   // free space, an inner layer only while the layer that covers it does.
-  bool is_constrained = !has_withdrawn(surfaces, spheres, tool_pose, state);
+  bool is_constrained = !has_withdrawn(surfaces, parts, tool_pose, state);
   if (!is_constrained) state.compliance = {};
   for (int n = 0; n < layer_count(surfaces); ++n) {
     ProxyLayer& layer = state.layer(n);
@@ -218,10 +218,10 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
 
     // force of its spring; only the outermost layer contains deformable structures
     ComplianceState none;
-    const ProxySpheres proxy_spheres(spheres, tool_pose.attitude, layer.attitude);
+    const ProxyParts proxy_spheres(parts, tool_pose.attitude, layer.attitude);
     const bool has_arrived = !advance.lagging && !advance.wedged;
     const ProxyForce force =
-        springs.add({layer, proxy_spheres.spheres(), advance.spring, has_arrived, slip.remaining_N},
+        springs.add({layer, proxy_spheres.parts(), advance.spring, has_arrived, slip.remaining_N},
                     state.cache(n).owners, n == 0 ? state.compliance : none, state.relaxation);
     layer.spring_N_per_mm = force.stiffness_N_per_mm;
     layer.catch_up_mm = layer.contact_count == 0 && advance.lagging ? advance.spring.tool_since_force_mm : 0;
@@ -243,13 +243,13 @@ ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<co
   result.friction = springs.friction();
   result.tissue_contact = springs.tissue_contact();
   springs.path().report(result);
-  result.ruptured = puncture(surfaces, spheres, tool_pose, springs.puncture_forces(), options.holes, state);
+  result.ruptured = puncture(surfaces, parts, tool_pose, springs.puncture_forces(), options.holes, state);
   return result;
 }
 
-ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+ProxyResult advance_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                           const ToolPose& tool_pose, ProxyState& state, const ProxyOptions& options) {
-  return advance_proxy(surfaces, spheres, tool_pose, state, options, nullptr);
+  return advance_proxy(surfaces, parts, tool_pose, state, options, nullptr);
 }
 
 }  // namespace palpate

@@ -60,8 +60,8 @@ TEST(Proxy, FrictionConeHasTheCoefficientOnEveryPlane) {
                                          [&](const Eigen::Vector3d& p) { return up.eigen().dot(p); })};
     run.surfaces[0].static_friction = mu_static;
     run.surfaces[0].friction = mu_dynamic;
-    run.spheres = {{{}, n % 2 == 0 ? 0 : 1.5 * unit(random)}};
-    const double above_mm = run.spheres[0].radius_mm;
+    run.parts = {{{}, n % 2 == 0 ? 0 : 1.5 * unit(random)}};
+    const double above_mm = run.parts[0].radius_mm;
     const auto tip = [&](double path_mm, double height_mm) {
       return Point<Patient>() + along * path_mm + up * (above_mm + height_mm);
     };

@@ -40,7 +40,7 @@ TEST(ProxyLayers, IntegrateStiffnessAlongTheEntryPath) {
     for (const double radius_mm : {0.0, 1.5}) {
       ProxyRun run = layered(c.soft_N_per_mm, c.hard_N_per_mm,
                              [&](const Eigen::Vector3d& p) { return p.z() + c.thick_mm; });
-      run.spheres = {{{}, radius_mm}};
+      run.parts = {{{}, radius_mm}};
       run.at({0, 0, 5});
       for (double depth_mm = -2; depth_mm < c.thick_mm + 5; depth_mm += 0.05) {
         const ProxyResult& result = run.at({0.1, 0.2, radius_mm - depth_mm});
@@ -90,7 +90,7 @@ TEST(ProxyLayers, ToolLiftedOffWithinATickHasNoForce) {
     for (const double above_mm : {0.1, 0.6, 3.0}) {
       SCOPED_TRACE(above_mm);
       ProxyRun run = layered(0.1, 1.5, hard_mm);
-      run.spheres = {{{}, 0.5}, {{0, 0, 4}, 1}};
+      run.parts = {{{}, 0.5}, {{0, 0, 4}, 1}};
       run.at({0, 0, 5});
       run.lead({0, 0, 5}, {0, 0, -4}, 0.02);
       EXPECT_GT(run.result.of_layer[0].force_N.norm(), 0.1);
@@ -157,7 +157,7 @@ TEST(ProxyLayers, OnASlopeUnderFatForceIsTheGradientOfStoredEnergy) {
 TEST(ProxyLayers, AreClampedTogetherToTheDeviceStiffness) {
   ProxyRun run = layered(0.5, 1.5, [](const Eigen::Vector3d& p) { return p.z() + 2; });
   const ProxyOptions options{true, 1.0};
-  const std::array<ToolSphere, 1> point{};
+  const std::array<ToolPart, 1> point{};
   for (const double z : {5.0, -1.0, -2.0, -3.0}) {
     ProxyState state;
     advance_proxy(run.surfaces, point, Point<Patient>(0, 0, 5), state, options);
@@ -259,7 +259,7 @@ TEST(ProxyLayers, HoleOfAnInnerStructureReachesAsDeepAsItsProxy) {
   ProxyRun run = layered(0.05, 1, [](const Eigen::Vector3d& p) { return std::abs(p.z() + 4) - 0.5; });
   run.surfaces[1].puncture_N = 0.5;
   run.surfaces[1].stays_open = true;
-  run.spheres = {{{}, 0.5}};
+  run.parts = {{{}, 0.5}};
   run.at({0, 0, 4});
   run.lead({0, 0, 4}, {0, 0, -7}, 0.02);
   ASSERT_EQ(run.holes.all().size(), 1u);

@@ -53,9 +53,9 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
     }
     // one sphere, three that rotate, or two with a shaft
     const double radius_mm = unit(random);
-    run.spheres = {{{}, radius_mm}};
-    if (scene % 3 == 1) run.spheres.insert(run.spheres.end(), {{{2, 0, 0}, 0.5}, {{0, 2, 1}, 0.7}});
-    if (scene % 5 == 4) run.spheres.push_back({{0, 0, 0.5}, 0.3, {0, 0, 4}});
+    run.parts = {{{}, radius_mm}};
+    if (scene % 3 == 1) run.parts.insert(run.parts.end(), {{{2, 0, 0}, 0.5}, {{0, 2, 1}, 0.7}});
+    if (scene % 5 == 4) run.parts.push_back({{0, 0, 0.5}, 0.3, {0, 0, 4}});
     ProxyState without_cache;
     Holes holes;
     Point<Patient> tip(0, 0, 12);
@@ -69,15 +69,14 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
       if (!is_jittering && scene % 2 == 1)
         attitude = Eigen::AngleAxisd(0.01, random_direction(random).eigen()) * attitude;
       const ToolPose hand(tip, attitude);
-      const auto spheres = run.turned(hand.attitude);
-      const bool knew = !run.state.cache(0)
-                             .at_rest.find(run.state.position, run.state.punctured, spheres.spheres())
-                             .empty();
+      const auto parts = run.turned(hand.attitude);
+      const bool knew =
+          !run.state.cache(0).at_rest.find(run.state.position, run.state.punctured, parts.parts()).empty();
       const ProxyResult is =
-          advance_proxy(run.surfaces, spheres.spheres(), hand, run.state, {.holes = &run.holes});
+          advance_proxy(run.surfaces, parts.parts(), hand, run.state, {.holes = &run.holes});
       for (int layer = 0; layer < kMaxLayers; ++layer) without_cache.cache(layer).at_rest.invalidate();
       const ProxyResult expected =
-          advance_proxy(run.surfaces, spheres.spheres(), hand, without_cache, {.holes = &holes});
+          advance_proxy(run.surfaces, parts.parts(), hand, without_cache, {.holes = &holes});
       ASSERT_EQ(is.force_N, expected.force_N) << "scene " << scene << ", tick " << n;
       ASSERT_EQ(is.torque_Nmm, expected.torque_Nmm);
       ASSERT_EQ(is.normal, expected.normal);
@@ -104,7 +103,7 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
           const ProxyContact &contact = layer.contacts[static_cast<std::size_t>(c)],
                              &again = other.contacts[static_cast<std::size_t>(c)];
           ASSERT_EQ(contact.surface, again.surface);
-          ASSERT_EQ(contact.sphere, again.sphere);
+          ASSERT_EQ(contact.part, again.part);
           ASSERT_EQ(contact.axis_fraction, again.axis_fraction);
           ASSERT_EQ(contact.normal, again.normal);
           ASSERT_EQ(contact.multiplier_mm, again.multiplier_mm);
@@ -121,22 +120,22 @@ TEST(Proxy, CachedContactAtRestEqualsAFreshSearch) {
 
 TEST(Proxy, RestCacheIsKeyedByToolAndPosition) {
   const Point<Patient> position(1, 2, 3);
-  const ToolSphere sphere{{0, 0, 1}, 0.5};
+  const ToolPart part{{0, 0, 1}, 0.5};
   const RestingContacts::Constraint plane{{0, 0, 1}, 2.5, 4, 0};
   RestingContacts touched;
-  EXPECT_TRUE(touched.find(position, {}, {&sphere, 1}).empty());
-  touched.store(position, {}, {&sphere, 1}, {&plane, 1});
-  ASSERT_EQ(touched.find(position, {}, {&sphere, 1}).size(), 1u);
-  EXPECT_EQ(touched.find(position, {}, {&sphere, 1})[0].surface, 4);
-  EXPECT_TRUE(touched.find({1, 2, 3.0000001}, {}, {&sphere, 1}).empty());
-  EXPECT_TRUE(touched.find(position, SurfaceSet(1), {&sphere, 1}).empty());
-  const ToolSphere wider{{0, 0, 1}, 0.6}, turned{{0, 1, 0}, 0.5}, capsule{{0, 0, 1}, 0.5, {0, 0, 2}};
-  for (const ToolSphere& other : {wider, turned, capsule})
+  EXPECT_TRUE(touched.find(position, {}, {&part, 1}).empty());
+  touched.store(position, {}, {&part, 1}, {&plane, 1});
+  ASSERT_EQ(touched.find(position, {}, {&part, 1}).size(), 1u);
+  EXPECT_EQ(touched.find(position, {}, {&part, 1})[0].surface, 4);
+  EXPECT_TRUE(touched.find({1, 2, 3.0000001}, {}, {&part, 1}).empty());
+  EXPECT_TRUE(touched.find(position, SurfaceSet(1), {&part, 1}).empty());
+  const ToolPart wider{{0, 0, 1}, 0.6}, turned{{0, 1, 0}, 0.5}, capsule{{0, 0, 1}, 0.5, {0, 0, 2}};
+  for (const ToolPart& other : {wider, turned, capsule})
     EXPECT_TRUE(touched.find(position, {}, {&other, 1}).empty());
-  const std::array two{sphere, sphere};
+  const std::array two{part, part};
   EXPECT_TRUE(touched.find(position, {}, two).empty());
   touched.invalidate();
-  EXPECT_TRUE(touched.find(position, {}, {&sphere, 1}).empty());
+  EXPECT_TRUE(touched.find(position, {}, {&part, 1}).empty());
 }
 
 // whatever is touched, the work of a tick is bounded and the penetration within tolerance
@@ -162,7 +161,7 @@ TEST(Proxy, RandomPathsOverRandomSurfacesStayOutside) {
           2));
       run.surfaces.back().static_friction = 0.3 * unit(random);
     }
-    run.spheres = {{{}, 1.5 * unit(random)}};
+    run.parts = {{{}, 1.5 * unit(random)}};
     Point<Patient> tip(0, 0, 20);
     run.at(tip);
     ASSERT_TRUE(run.state.coupled);

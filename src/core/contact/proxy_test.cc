@@ -63,7 +63,7 @@ TEST(Proxy, FollowsTheToolAtOnceInFreeSpace) {
 TEST(Proxy, RendersTissueStiffnessForAnyRadius) {
   for (const double radius_mm : {0.0, 0.5, 1.5, 3.0}) {
     ProxyRun run = on_floor();
-    run.spheres = {{{}, radius_mm}};
+    run.parts = {{{}, radius_mm}};
     run.at({1, 2, 5});
     for (const double depth_mm : {0.1, 1.0, 3.7}) {
       run.lead(run.state.position, {1, 2, radius_mm - depth_mm}, 0.3);
@@ -103,7 +103,7 @@ TEST(Proxy, NeverPassesAThinPlateAtAnySpeed) {
         cube_grid(9, kKnee_mm, turned.toRotationMatrix()),
         [&](const Eigen::Vector3d& p) { return std::abs(across.eigen().dot(p)) - half_mm; })};
     const double radius_mm = n % 3 == 0 ? 0 : unit(random);
-    run.spheres = {{{}, radius_mm}};
+    run.parts = {{{}, radius_mm}};
     const Point<Patient> start = Point<Patient>() + across * 4;
     run.at(start);
     // in one tick, and in steps of half a millimetre
@@ -148,7 +148,7 @@ TEST(Proxy, ConstrainsALeverUntilItRotatesBack) {
   ProxyRun run;
   run.surfaces = {make_contact_surface(cube_grid(9, kKnee_mm),
                                        [](const Eigen::Vector3d& p) { return std::abs(p.z()) - 1; })};
-  run.spheres = {{{}, 0.3}, {{5, 0, 0}, 0.5}};
+  run.parts = {{{}, 0.3}, {{5, 0, 0}, 0.5}};
   const Point<Patient> tip(-2, 0, 2);
   const auto turn = [&](double from_rad, double to_rad) {
     for (int n = 1; n <= 200; ++n)
@@ -185,7 +185,7 @@ TEST(Proxy, IsConstrainedInACornerAndAnAcuteWedge) {
       return std::cos(half) * -std::abs(p.x()) + std::sin(half) * p.z();
     })};
     const double radius_mm = 0.6;
-    run.spheres = {{{}, radius_mm}};
+    run.parts = {{{}, radius_mm}};
     run.at({0.3, 0, 8});
     run.lead({0.3, 0, 8}, {0.2, 0, -2}, 0.4);
     for (int n = 0; n < 50; ++n) run.at({0.2, 0, -2});
@@ -220,9 +220,9 @@ TEST(Proxy, FourSpheresInACornerTouchAllThreeFaces) {
   for (int axis = 0; axis < 3; ++axis)
     run.surfaces.push_back(make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
                                                 [axis](const Eigen::Vector3d& p) { return p[axis]; }));
-  run.spheres.clear();
+  run.parts.clear();
   for (const double lateral_mm : {0.0, 0.001, 0.002, 0.003})
-    run.spheres.push_back({Vector<Patient>(lateral_mm, lateral_mm, lateral_mm), 1});
+    run.parts.push_back({Vector<Patient>(lateral_mm, lateral_mm, lateral_mm), 1});
   run.at({3, 3, 3});
   run.lead({3, 3, 3}, {0, -1, 0.5}, 0.2);
   EXPECT_LT((run.state.position - Point<Patient>(1, 1, 1)).norm(), 4e-3);
@@ -245,7 +245,7 @@ TEST(Proxy, ToolWiderThanAGapStaysOutAndIsFlagged) {
           // two balls of 4 mm radius, 1.5 mm apart
           return (p - Eigen::Vector3d(side * 4.75, 0, 0)).norm() - 4;
         }));
-  run.spheres = {{{}, 1.5}};
+  run.parts = {{{}, 1.5}};
   run.at({0, 0, 7});
   run.lead({0, 0, 7}, {0, 0, -1}, 0.2);
   for (int n = 0; n < 100; ++n) run.at({0, 0, -1});
@@ -261,10 +261,10 @@ TEST(Proxy, WedgedTurningToolRecoversWhenItsTipIsFree) {
   run.surfaces = {make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
                   make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
                                        [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
-  run.spheres = {{Vector<Patient>(0, 0, 0.5), 0.4}, {Vector<Patient>(0, 0, -0.5), 0.4}};
+  run.parts = {{Vector<Patient>(0, 0, 0.5), 0.4}, {Vector<Patient>(0, 0, -0.5), 0.4}};
   run.at({0, 0, 1});
   EXPECT_TRUE(run.state.coupled);
-  run.spheres = {{Vector<Patient>(0, 0, 0.9), 0.4}, {Vector<Patient>(0, 0, -0.9), 0.4}};
+  run.parts = {{Vector<Patient>(0, 0, 0.9), 0.4}, {Vector<Patient>(0, 0, -0.9), 0.4}};
   const Point<Patient> stays = run.state.position;
   for (int n = 0; n < 20; ++n) {
     run.at({0, 0, 0.8});
@@ -272,7 +272,7 @@ TEST(Proxy, WedgedTurningToolRecoversWhenItsTipIsFree) {
     EXPECT_EQ(run.state.position, stays);
     EXPECT_EQ(run.result.force_N, Vector<Patient>()) << "which way would be a guess";
   }
-  run.spheres = {{Vector<Patient>(0, 0, 0.5), 0.4}, {Vector<Patient>(0, 0, -0.5), 0.4}};
+  run.parts = {{Vector<Patient>(0, 0, 0.5), 0.4}, {Vector<Patient>(0, 0, -0.5), 0.4}};
   run.at({0, 0, 1});
   EXPECT_FALSE(run.result.wedged);
   EXPECT_EQ(run.state.position, Point<Patient>(0, 0, 1));
@@ -284,12 +284,12 @@ TEST(Proxy, SlightPenetrationByRotationIsCorrectedWithoutANewConstraint) {
   run.surfaces = {make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm),
                   make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
                                        [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
-  run.spheres = {{Vector<Patient>(2, 0, 0), 0.5}, {Vector<Patient>(-2, 0, 0), 0.5}};
+  run.parts = {{Vector<Patient>(2, 0, 0), 0.5}, {Vector<Patient>(-2, 0, 0), 0.5}};
   run.at({0, 0, 1});
   for (int n = 1; n <= 40; ++n) {
     // one sphere moves down and the other up by 10 micrometres per tick
-    run.spheres[0].offset_mm = Vector<Patient>(2, 0, -0.01 * n);
-    run.spheres[1].offset_mm = Vector<Patient>(-2, 0, 0.01 * n);
+    run.parts[0].offset_mm = Vector<Patient>(2, 0, -0.01 * n);
+    run.parts[1].offset_mm = Vector<Patient>(-2, 0, 0.01 * n);
     run.at({0, 0, 0.7});
     ASSERT_FALSE(run.result.wedged) << n;
     ASSERT_LT(run.deepest_mm, kProxySettings.max_penetration_mm) << n;
@@ -304,7 +304,7 @@ TEST(Proxy, PuncturedLayerStaysOpenAroundTheProxy) {
                   make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}), floor_mm)};
   run.surfaces[0].puncture_N = 1;
   for (const double radius_mm : {0.0, 0.5}) {
-    run.spheres = {{{}, radius_mm}};
+    run.parts = {{{}, radius_mm}};
     run.state = {};
     run.at({0, 0, 5});
     run.lead({0, 0, 5}, {0, 0, -1.5}, 0.05);
@@ -325,7 +325,7 @@ ProxyRun on_membrane() {
   run.surfaces[0].stiffness_N_per_mm = 2;
   run.surfaces[0].puncture_N = 1;
   run.surfaces[0].stays_open = true;
-  run.spheres = {{{}, 0.5}};
+  run.parts = {{{}, 0.5}};
   run.at({0, 0, 4});
   return run;
 }
@@ -362,15 +362,15 @@ TEST(Proxy, HoleAdmitsToolsUpToItsWidth) {
   ProxyRun run = on_membrane();
   force_through_N(run, {0, 0, 4}, {0, 0, -4});
   force_through_N(run, {0, 0, -4}, {0, 0, 4});
-  run.spheres = {{{}, 0.8}};
+  run.parts = {{{}, 0.8}};
   EXPECT_NEAR(force_through_N(run, {0, 0, 4}, {0, 0, -4}), 1, 0.1) << "wider";
-  run.spheres = {{{}, 0}};
+  run.parts = {{{}, 0}};
   EXPECT_LT(force_through_N(run, {0.5, 0, -4}, {0.5, 0, 4}), 0.1) << "a point, within";
 }
 
 TEST(Proxy, TwoPartToolPassesThroughItsTwoHoles) {
   ProxyRun run = on_membrane();
-  run.spheres = {{Vector<Patient>(-1.5, 0, 0), 0.5}, {Vector<Patient>(1.5, 0, 0), 0.5}};
+  run.parts = {{Vector<Patient>(-1.5, 0, 0), 0.5}, {Vector<Patient>(1.5, 0, 0), 0.5}};
   run.at({0, 0, 4});
   force_through_N(run, {0, 0, 4}, {0, 0, -4});
   EXPECT_EQ(run.holes.all().size(), 2u);
@@ -433,7 +433,7 @@ ProxyRun two_settings() {
 TEST(Proxy, ContactPropertiesBlendAcrossASeam) {
   ProxyRun run = two_settings();
   for (const double radius_mm : {0.0, 1.5}) {
-    run.spheres = {{{}, radius_mm}};
+    run.parts = {{{}, radius_mm}};
     run.state = {};
     run.at({-5, 0, 5});
     run.lead({-5, 0, 5}, {-5, 0, radius_mm - 1}, 0.05);
@@ -550,7 +550,7 @@ struct Slip {
 Slip slip_off_an_edge(double dt_s, double stiffness_N_per_mm, double radius_mm, double speed_mm_s) {
   ProxyRun run;
   run.dt_s = dt_s;
-  run.spheres = {{{}, radius_mm}};
+  run.parts = {{{}, radius_mm}};
   // a block with an edge rounded by 0.5 mm
   run.surfaces = {make_contact_surface(cube_grid(8, {0.25, 0.25, 0.25}), [](const Eigen::Vector3d& p) {
     const double x = p.x() + 0.5, z = p.z() + 0.5;
@@ -690,13 +690,13 @@ TEST(Proxy, InitialisesAtTheNearestFreePositionOnRequest) {
   ProxyRun run;
   run.surfaces = {make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}),
                                        [](const Eigen::Vector3d& p) { return p.norm() - 8; })};
-  run.spheres = {{{}, 1}};
-  ASSERT_TRUE(initialise_proxy(run.surfaces, run.spheres, Point<Patient>(5, 0, 0), run.state));
+  run.parts = {{{}, 1}};
+  ASSERT_TRUE(initialise_proxy(run.surfaces, run.parts, Point<Patient>(5, 0, 0), run.state));
   EXPECT_NEAR(run.state.position.x(), 9, 0.03);
   run.at({5, 0, 0});
   EXPECT_NEAR(run.result.force_N.x(), 4, 0.1);
   // too deep for the field to have a gradient
-  EXPECT_FALSE(initialise_proxy(run.surfaces, run.spheres, Point<Patient>(0.3, 0, 0), run.state));
+  EXPECT_FALSE(initialise_proxy(run.surfaces, run.parts, Point<Patient>(0.3, 0, 0), run.state));
 }
 
 TEST(Proxy, PuncturesAtItsForceAndClosesBehindTheTool) {
@@ -721,14 +721,14 @@ TEST(Proxy, PuncturesAtItsForceAndClosesBehindTheTool) {
 
 TEST(Proxy, TwoSpheresOnAPlaneShareTheForceAndATiltedToolTurns) {
   ProxyRun run = on_floor();
-  run.spheres = {{Vector<Patient>(3, 0, 0), 0.5}, {Vector<Patient>(-3, 0, 0), 0.5}};
+  run.parts = {{Vector<Patient>(3, 0, 0), 0.5}, {Vector<Patient>(-3, 0, 0), 0.5}};
   run.at({0, 0, 3});
   run.lead({0, 0, 3}, {0, 0, -0.5}, 0.1);
   EXPECT_EQ(run.state.contact_count, 2);
   EXPECT_NEAR(run.result.force_N.z(), 2, 5e-3);
   EXPECT_LT(run.result.torque_Nmm.norm(), 1e-3) << "balanced";
   // one sphere lower than the other: it carries the whole force, with a torque about the tip
-  run.spheres[0].offset_mm = Vector<Patient>(3, 0, -0.3);
+  run.parts[0].offset_mm = Vector<Patient>(3, 0, -0.3);
   run.at({0, 0, -0.5});
   run.at({0, 0, -0.5});
   EXPECT_EQ(run.state.contact_count, 1);
@@ -738,7 +738,7 @@ TEST(Proxy, TwoSpheresOnAPlaneShareTheForceAndATiltedToolTurns) {
 
 TEST(Proxy, CapsuleContactIsCentralWhenFlatAndAtTheEndWhenTilted) {
   ProxyRun run = on_floor();
-  run.spheres = {{Vector<Patient>(-2, 0, 0), 1, Vector<Patient>(6, 0, 0)}};
+  run.parts = {{Vector<Patient>(-2, 0, 0), 1, Vector<Patient>(6, 0, 0)}};
   run.at({0, 0, 3});
   run.lead({0, 0, 3}, {0, 0, -1}, 0.05);
   EXPECT_NEAR(run.result.force_N.z(), 4, 1e-3) << "one spring, however long it is";
@@ -766,7 +766,7 @@ TEST(Proxy, CapsuleRestsBetweenTwoBalls) {
   ProxyRun run;
   run.surfaces = {make_contact_surface(cube_grid(12, {0.4, 0.4, 0.4}), balls, 4)};
   run.surfaces[0].stiffness_N_per_mm = 2;
-  run.spheres = {{Vector<Patient>(-7, 0, 0), 1, Vector<Patient>(14, 0, 0)}};
+  run.parts = {{Vector<Patient>(-7, 0, 0), 1, Vector<Patient>(14, 0, 0)}};
   run.at({0, 0.3, 6});
   run.lead({0, 0.3, 6}, {0, 0, -1}, 0.02);
   EXPECT_LT(run.deepest_mm, kProxySettings.max_penetration_mm + kProxySettings.max_row_gap_mm);
@@ -809,7 +809,7 @@ TEST(Proxy, MoreSurfacesThanTheTickBudgetStillConstrain) {
         cube_grid(7, {0.5, 0.5, 0.5}), [=](const Eigen::Vector3d& p) { return (p - centre).norm() - 2.0; },
         2));
   }
-  run.spheres = {{{}, 1}};
+  run.parts = {{{}, 1}};
   for (int n = 0; n < 30; ++n) {
     const Vector<Patient> side = random_direction(random);
     run.state = {};

@@ -9,7 +9,7 @@ namespace palpate {
 namespace {
 
 // transfer_proxy() for one layer
-void transfer_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+void transfer_layer(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
                     std::span<const SurfaceCorrespondence> correspondences, ProxyLayer& state,
                     ProxyLayerCache& cache) {
   const ProxyLayer old = state;
@@ -21,7 +21,7 @@ void transfer_layer(std::span<const ContactSurface> surfaces, std::span<const To
                    old.punctured[static_cast<std::size_t>(correspondences[s].index)] &&
                    surfaces[s].surface != nullptr && surfaces[s].layer == layer;
   }
-  if (!old.coupled || !is_free(surfaces, spheres, layer, punctured, same, old.position)) {
+  if (!old.coupled || !is_free(surfaces, parts, layer, punctured, same, old.position)) {
     state = {};
     state.position = old.position;
     return;
@@ -46,14 +46,14 @@ void transfer_layer(std::span<const ContactSurface> surfaces, std::span<const To
 
 // initialises a layer's proxy for a tip that is inside tissue
 // @param punctured  surfaces that the tool has punctured
-bool initialise_layer(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
-                      int layer, const ToolPose& tool_pose, const SurfaceSet& punctured, ProxyLayer& state,
+bool initialise_layer(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
+                      const ToolPose& tool_pose, const SurfaceSet& punctured, ProxyLayer& state,
                       ProxyLayerCache& cache) {
   // the first search reaches as far as the distance fields; other surfaces may be nearer at its result
   Point<Patient> position = tool_pose.tip;
-  const auto is_out = [&] { return is_free(surfaces, spheres, layer, punctured, {}, position); };
+  const auto is_out = [&] { return is_free(surfaces, parts, layer, punctured, {}, position); };
   for (int search = 0; search < kProxySettings.max_initial_searches && !is_out(); ++search) {
-    PairSet pairs(surfaces, spheres, layer, punctured, position, kProxySettings.initial_reach_mm);
+    PairSet pairs(surfaces, parts, layer, punctured, position, kProxySettings.initial_reach_mm);
     if (!project_out(pairs, kProxySettings.max_initial_steps, kProxySettings.initial_reach_mm, position))
       return false;
   }
@@ -69,23 +69,23 @@ bool initialise_layer(std::span<const ContactSurface> surfaces, std::span<const 
 
 }  // namespace
 
-void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+void transfer_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                     const ToolPose& tool_pose, std::span<const SurfaceCorrespondence> correspondences,
                     ProxyState& state) {
   PALPATE_CHECK(surfaces.size() <= kMaxSurfaces &&
                 (correspondences.empty() || correspondences.size() == surfaces.size()));
   for (int n = 0; n < kMaxLayers; ++n) {
     ProxyLayer& layer = state.layer(n);
-    transfer_layer(surfaces, RotatedTool(spheres, tool_pose.attitude, layer.attitude).spheres(), n,
+    transfer_layer(surfaces, RotatedTool(parts, tool_pose.attitude, layer.attitude).parts(), n,
                    correspondences, layer, state.cache(n));
   }
 }
 
-bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                       const ToolPose& tool_pose, ProxyState& state) {
   ProxyState initial;
   for (int n = 0; n < layer_count(surfaces); ++n)
-    if (!initialise_layer(surfaces, spheres, n, tool_pose, {}, initial.layer(n), initial.cache(n)) && n == 0)
+    if (!initialise_layer(surfaces, parts, n, tool_pose, {}, initial.layer(n), initial.cache(n)) && n == 0)
       return false;
   initial.free_tip = initial.position;
   initial.free_attitude = initial.attitude;
@@ -93,8 +93,8 @@ bool initialise_proxy(std::span<const ContactSurface> surfaces, std::span<const 
   return true;
 }
 
-void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
-                                  std::span<const ToolSphere> spheres, const ToolPose& tool_pose,
+void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
+                                  const ToolPose& tool_pose,
                                   std::span<const SurfaceCorrespondence> correspondences, ProxyState& state) {
   PALPATE_CHECK(surfaces.size() <= kMaxSurfaces &&
                 (correspondences.empty() || correspondences.size() == surfaces.size()));
@@ -103,8 +103,8 @@ void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
     for (int n = 0; n < kMaxLayers && correspondences[s].index >= 0; ++n)
       through[s] = through[s] || state.layer(n).punctured[static_cast<std::size_t>(correspondences[s].index)];
   const bool was_coupled = state.coupled;
-  transfer_layer(surfaces, RotatedTool(spheres, tool_pose.attitude, state.attitude).spheres(), 0,
-                 correspondences, state, state.cache(0));
+  transfer_layer(surfaces, RotatedTool(parts, tool_pose.attitude, state.attitude).parts(), 0, correspondences,
+                 state, state.cache(0));
   state.reset_inner_layers();
   state.compliance = {};
   state.relaxation = {};
@@ -116,7 +116,7 @@ void transfer_proxy_to_new_layers(std::span<const ContactSurface> surfaces,
   for (int n = state.coupled ? 1 : 0; n < layer_count(surfaces); ++n) {
     const SurfaceSet punctured = state.layer(n).punctured;
     const bool initialised =
-        initialise_layer(surfaces, spheres, n, tool_pose, punctured, state.layer(n), state.cache(n));
+        initialise_layer(surfaces, parts, n, tool_pose, punctured, state.layer(n), state.cache(n));
     if (!initialised || n > 0) continue;
     state.free_tip = state.position;
     state.free_attitude = state.attitude;

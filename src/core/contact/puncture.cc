@@ -17,20 +17,19 @@ bool opens(const ContactSurface& surface, std::size_t index, int structure) {
 
 // visits the contacts of all layers, outermost first, at which the structure has the largest ownership share
 template <class Visit>
-void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                          int structure, const ToolPose& tool_pose, const ProxyState& state,
                          const Visit& visit) {
   for (int n = 0; n < layer_count(surfaces); ++n) {
     const ProxyLayer& layer = state.layer(n);
-    const RotatedTool turned_tool(spheres, tool_pose.attitude, layer.attitude);
+    const RotatedTool turned_tool(parts, tool_pose.attitude, layer.attitude);
     for (const ProxyContact& contact :
          std::span(layer.contacts).first(static_cast<std::size_t>(layer.contact_count))) {
       const auto surface = static_cast<std::size_t>(contact.surface);
       if (!opens(surfaces[surface], surface, structure)) continue;
-      const ToolSphere& sphere = turned_tool.spheres()[static_cast<std::size_t>(contact.sphere)];
-      const double radius_mm = sphere.radius_at_mm(contact.axis_fraction);
-      const Point<Patient> centre =
-          layer.position + sphere.offset_mm + sphere.axis_mm * contact.axis_fraction;
+      const ToolPart& part = turned_tool.parts()[static_cast<std::size_t>(contact.part)];
+      const double radius_mm = part.radius_at_mm(contact.axis_fraction);
+      const Point<Patient> centre = layer.position + part.offset_mm + part.axis_mm * contact.axis_fraction;
       if (owners_at(surfaces, contact.surface, centre - contact.normal * radius_mm).largest() == structure)
         visit(contact, centre, radius_mm);
     }
@@ -39,7 +38,7 @@ void for_each_contact_of(std::span<const ContactSurface> surfaces, std::span<con
 
 // Extends the permanent holes of punctured structures along the tool at the proxy of their layer. A structure
 // that is not punctured is opened without force if all its contacts fit into its holes.
-void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                  const ToolPose& tool_pose, ProxyState& state, Holes& holes) {
   std::array<int, Holes::kCapacity> structures;
   std::size_t count = 0;
@@ -51,14 +50,14 @@ void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
   for (const int structure : std::span(structures).first(count)) {
     const auto s = static_cast<std::size_t>(structure);
     if (const ProxyLayer& layer = state.layer(surfaces[s].layer); layer.punctured[s]) {
-      const RotatedTool turned_tool(spheres, tool_pose.attitude, layer.attitude);
-      for (const ToolSphere& sphere : turned_tool.spheres())
+      const RotatedTool turned_tool(parts, tool_pose.attitude, layer.attitude);
+      for (const ToolPart& part : turned_tool.parts())
         for (const double end : {0.0, 1.0})
-          holes.extend(structure, layer.position + sphere.offset_mm + sphere.axis_mm * end);
+          holes.extend(structure, layer.position + part.offset_mm + part.axis_mm * end);
       continue;
     }
     bool in_contact = false, fits = true;
-    for_each_contact_of(surfaces, spheres, structure, tool_pose, state,
+    for_each_contact_of(surfaces, parts, structure, tool_pose, state,
                         [&](const ProxyContact& /*contact*/, const Point<Patient>& centre, double radius_mm) {
                           in_contact = true;
                           fits = fits &&
@@ -71,37 +70,36 @@ void enter_holes(std::span<const ContactSurface> surfaces, std::span<const ToolS
 }
 
 // creates permanent holes where a structure with stays_open was punctured
-void make_holes(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int structure,
+void make_holes(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int structure,
                 const ToolPose& tool_pose, const ProxyState& state, Holes& holes) {
-  std::bitset<kMaxToolSpheres> done;
-  for_each_contact_of(surfaces, spheres, structure, tool_pose, state,
+  std::bitset<kMaxToolParts> done;
+  for_each_contact_of(surfaces, parts, structure, tool_pose, state,
                       [&](const ProxyContact& contact, const Point<Patient>& centre, double radius_mm) {
                         // one hole per tool part, at its contact in the outermost layer
-                        if (done[static_cast<std::size_t>(contact.sphere)]) return;
-                        done[static_cast<std::size_t>(contact.sphere)] = true;
+                        if (done[static_cast<std::size_t>(contact.part)]) return;
+                        done[static_cast<std::size_t>(contact.part)] = true;
                         holes.add({structure, centre, -contact.normal, 0, radius_mm});
                       });
 }
 
 }  // namespace
 
-SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                       const ToolPose& tool_pose, const ProxyLayer& layer) {
   SurfaceSet punctured = layer.punctured;
   if (punctured.none()) return punctured;
-  const RotatedTool turned_tool(spheres, tool_pose.attitude, layer.attitude);
+  const RotatedTool turned_tool(parts, tool_pose.attitude, layer.attitude);
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!punctured[s]) continue;
-    const auto is_clear = [&](std::span<const ToolSphere> tool, const Point<Patient>& at) {
-      return std::all_of(tool.begin(), tool.end(), [&](const ToolSphere& sphere) {
-        const ContactPair pair{surfaces[s].surface.get(), 0, 0, sphere, row_steps(sphere)};
+    const auto is_clear = [&](std::span<const ToolPart> tool, const Point<Patient>& at) {
+      return std::all_of(tool.begin(), tool.end(), [&](const ToolPart& part) {
+        const ContactPair pair{surfaces[s].surface.get(), 0, 0, part, row_steps(part)};
         int queries = 0;
         return pair.clearance(at, kProxySettings.closing_mm, pair.steps / 2, queries).mm >
                kProxySettings.closing_mm;
       });
     };
-    if (is_clear(spheres, tool_pose.tip) && is_clear(turned_tool.spheres(), layer.position))
-      punctured[s] = false;
+    if (is_clear(parts, tool_pose.tip) && is_clear(turned_tool.parts(), layer.position)) punctured[s] = false;
   }
   return punctured;
 }
@@ -121,16 +119,16 @@ void open_structure(std::span<const ContactSurface> surfaces, int structure, Pro
   }
 }
 
-bool puncture(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+bool puncture(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
               const ToolPose& tool_pose, const PunctureForces& forces, Holes* holes, ProxyState& state) {
-  if (holes != nullptr && !holes->empty()) enter_holes(surfaces, spheres, tool_pose, state, *holes);
+  if (holes != nullptr && !holes->empty()) enter_holes(surfaces, parts, tool_pose, state, *holes);
   bool any = false;
   for (std::size_t n = 0; n < forces.count(); ++n) {
     const int structure = forces.structure(n);
     const ContactSurface& surface = surfaces[static_cast<std::size_t>(structure)];
     if (!(forces.force_N(n) > surface.puncture_N)) continue;
     if (holes != nullptr && surface.stays_open)
-      make_holes(surfaces, spheres, structure, tool_pose, state, *holes);
+      make_holes(surfaces, parts, structure, tool_pose, state, *holes);
     open_structure(surfaces, structure, state);
     any = true;
   }

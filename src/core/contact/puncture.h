@@ -12,7 +12,7 @@ namespace palpate {
 /// Punctured surfaces of a layer that are still open. A surface closes when the tool is farther than
 /// ProxySettings::closing_mm from it both in the operator's pose and in the proxy's: a tip may have emerged
 /// from the surface while its proxy is still inside.
-SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+SurfaceSet still_open(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                       const ToolPose& tool_pose, const ProxyLayer& layer);
 
 /// Whether the surface of any contact of the last tick was punctured, so that the proxy is released without a
@@ -53,7 +53,7 @@ class PunctureForces {
 /// force exceeds puncture_N. A punctured structure with stays_open keeps a permanent hole.
 /// @param holes  permanent holes of all tools; null: every puncture closes
 /// @return whether any structure was punctured
-bool puncture(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+bool puncture(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
               const ToolPose& tool_pose, const PunctureForces& forces, Holes* holes, ProxyState& state);
 
 }  // namespace palpate

@@ -87,7 +87,7 @@ double advance_relaxation(const RelaxationTimes& times, double elastic_N, const 
   // fraction of the dent's depth at the tool
   double dent_fraction = 1;
   if (contact != nullptr && elastic_N > 0) {
-    if (!state.presses) dent_fraction = 1 - (contact->at - state.at).norm() / contact->reach_mm;
+    if (!state.presses) dent_fraction = 1 - (contact->at - state.at).norm() / contact->dent_radius_mm;
     if (!state.is_active() || !(dent_fraction > 0)) {
       state = {};
       state.fractions = contact->fractions;

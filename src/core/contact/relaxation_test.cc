@@ -33,7 +33,7 @@ RelaxationTimes times_of(const Relaxation& relaxation) {
 struct Relaxing {
   explicit Relaxing(const Relaxation& relaxation) : times(times_of(relaxation)) {
     contact.fractions.add(relaxation, times, 1);
-    contact.reach_mm = 6;
+    contact.dent_radius_mm = 6;
     contact.blend_s = 1.0 / 64;
   }
   double at(double elastic_N, double dt_s) {
@@ -344,7 +344,7 @@ struct RelaxingFloor {
         make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
     run.surfaces[0].plane_strain_modulus_N_per_mm2 = kModulus_N_per_mm2;
     run.surfaces[0].relaxed.add(relaxation, times, 1);
-    run.spheres[0].radius_mm = 3;
+    run.parts[0].radius_mm = 3;
     run.relaxation_times = &times;
   }
   void wait(const Point<Patient>& at, double time_s) {

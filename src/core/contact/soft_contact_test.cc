@@ -325,7 +325,7 @@ ProxyRun on_soft_floor(double friction = 0) {
       make_contact_surface(cube_grid(12, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); })};
   run.surfaces[0].plane_strain_modulus_N_per_mm2 = kModulus;
   run.surfaces[0].static_friction = run.surfaces[0].friction = friction;
-  run.spheres[0].radius_mm = 3;
+  run.parts[0].radius_mm = 3;
   return run;
 }
 

@@ -79,7 +79,7 @@ inline ContactSurface make_contact_surface(const GridGeometry& grid, const Dista
 /// A tool moved through a sequence of poses, and the results of its proxy.
 struct ProxyRun {
   std::vector<ContactSurface> surfaces;
-  std::vector<ToolSphere> spheres{ToolSphere{}};  ///< tool parts with the identity attitude
+  std::vector<ToolPart> parts{ToolPart{}};  ///< tool parts with the identity attitude
   ProxyState state;
   ProxyResult result;
   double dt_s = 0.001;
@@ -95,7 +95,7 @@ struct ProxyRun {
     ProxyPath path;
     const ProxyState before = state;
     result = advance_proxy(
-        surfaces, turned(hand.attitude).spheres(), hand, state,
+        surfaces, turned(hand.attitude).parts(), hand, state,
         {.dt_s = dt_s, .compliance = compliance, .relaxation_times = relaxation_times, .holes = &holes},
         &path);
     // a released proxy is reset to the tip
@@ -118,16 +118,15 @@ struct ProxyRun {
 
   /// Tool parts in an attitude.
   RotatedTool turned(const Eigen::Quaterniond& attitude) const {
-    return {spheres, Eigen::Quaterniond::Identity(), attitude};
+    return {parts, Eigen::Quaterniond::Identity(), attitude};
   }
 
  private:
   void scan_along(const ToolPose& a, const ToolPose& b) {
     constexpr double kEvery_mm = 0.01;
     double farthest_mm = 0;
-    for (const ToolSphere& sphere : spheres)
-      farthest_mm =
-          std::max({farthest_mm, sphere.offset_mm.norm(), (sphere.offset_mm + sphere.axis_mm).norm()});
+    for (const ToolPart& part : parts)
+      farthest_mm = std::max({farthest_mm, part.offset_mm.norm(), (part.offset_mm + part.axis_mm).norm()});
     const double path_mm = (b.tip - a.tip).norm() + farthest_mm * a.attitude.angularDistance(b.attitude);
     const int pieces = static_cast<int>(path_mm / kEvery_mm) + 1;
     for (int n = 0; n <= pieces;) {
@@ -143,8 +142,8 @@ struct ProxyRun {
         const int outer = surfaces[s].covered_by;
         const bool covered = outer >= 0 && !state.punctured[static_cast<std::size_t>(outer)];
         if (state.punctured[s] || covered) continue;
-        for (const ToolSphere& sphere : tool.spheres())
-          free_mm = std::min(free_mm, scan_row(*surfaces[s].surface, p, sphere));
+        for (const ToolPart& part : tool.parts())
+          free_mm = std::min(free_mm, scan_row(*surfaces[s].surface, p, part));
       }
       n += std::max(1, static_cast<int>(free_mm / kEvery_mm));
     }
@@ -153,15 +152,15 @@ struct ProxyRun {
   /// Checks a capsule's outline, not its row of spheres, every 0.1 mm where it may exceed the deepest
   /// penetration so far.
   /// @returns distance in mm that it may move without exceeding it
-  double scan_row(const Surface& surface, const Point<Patient>& tip, const ToolSphere& sphere) {
+  double scan_row(const Surface& surface, const Point<Patient>& tip, const ToolPart& part) {
     constexpr double kAlong_mm = 0.1;
-    const double length_mm = sphere.axis_mm.norm();
+    const double length_mm = part.axis_mm.norm();
     const int count = length_mm > 0 ? static_cast<int>(length_mm / kAlong_mm) + 1 : 0;
     double free_mm = 1e3;
     for (int index = 0; index <= count;) {
-      const double part = count > 0 ? static_cast<double>(index) / count : 0;
+      const double fraction = count > 0 ? static_cast<double>(index) / count : 0;
       const double outside_mm =
-          surface.distance_mm(tip + sphere.offset_mm + sphere.axis_mm * part) - sphere.radius_mm;
+          surface.distance_mm(tip + part.offset_mm + part.axis_mm * fraction) - part.radius_mm;
       deepest_mm = std::max(deepest_mm, -outside_mm);
       const double its_mm = (outside_mm + deepest_mm) / (1.001 * surface.max_gradient());
       free_mm = std::min(free_mm, its_mm);

@@ -19,8 +19,8 @@ namespace palpate::testing {
 class SurfaceOracle {
  public:
   explicit SurfaceOracle(const Surface& surface)
-      : voxels_(surface.position().bricks().dense()),
-        steps_(surface.position().steps()),
+      : voxels_(surface.distance_field().bricks().dense()),
+        steps_(surface.distance_field().steps()),
         X_PatientVoxel_(voxels_.geometry().X_PatientVoxel()) {
     const auto& dims = voxels_.geometry().dims;
     for (int k = -1; k < dims[2]; ++k)

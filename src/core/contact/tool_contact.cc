@@ -4,7 +4,7 @@
 #include <cmath>
 #include <span>
 
-#include "contact/proxy_spheres.h"
+#include "contact/proxy_parts.h"
 #include "palpate/base/insertion_sort.h"
 #include "palpate/contact/contact_settings.h"
 #include "palpate/device/rendered_stiffness.h"
@@ -65,9 +65,9 @@ Vector<Patient> normal_of(const ProxyResult& result) {
 
 // contact point on the surface
 Point<Patient> position_of(const ProxyContact& contact, const ProxyLayer& layer,
-                           std::span<const ToolSphere> spheres) {
-  const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
-  return layer.position + arm_of(contact, sphere);
+                           std::span<const ToolPart> parts) {
+  const ToolPart& part = parts[static_cast<std::size_t>(contact.part)];
+  return layer.position + arm_of(contact, part);
 }
 
 // distribution of a layer's force over its contacts: along each normal, in sum the spring force
@@ -75,7 +75,7 @@ struct LayerContacts {
   const ProxyLayer& layer;
   OwnerCache& owners;
   double force_N_per_mm;  // force per multiplier
-  std::span<const ToolSphere> spheres;
+  std::span<const ToolPart> parts;
 };
 
 // appends a layer's contacts by decreasing force, up to the capacity; returns their number
@@ -89,8 +89,8 @@ std::size_t append_contacts(const Model& model, const LayerContacts& layer_conta
   std::size_t n = 0;
   for (; n < std::min(count, contacts.size()); ++n) {
     const ProxyContact& contact = *order[n];
-    const Point<Patient> position = position_of(contact, layer_contacts.layer, layer_contacts.spheres);
-    contacts[n] = {label_under(model, contact, position, layer_contacts.owners), contact.sphere, position,
+    const Point<Patient> position = position_of(contact, layer_contacts.layer, layer_contacts.parts);
+    contacts[n] = {label_under(model, contact, position, layer_contacts.owners), contact.part, position,
                    std::max(0.0, contact.multiplier_mm * layer_contacts.force_N_per_mm)};
   }
   return n;
@@ -120,9 +120,9 @@ std::array<PathStructure, kMaxStructuresReported> path_of_proxy(const Model& mod
   static_assert(kMaxStructuresReported == kMaxPathSegments);
   std::array<PathStructure, kMaxStructuresReported> path;
   for (int n = 0; n < result.path_segments; ++n) {
-    const PathSegment& part = result.path[static_cast<std::size_t>(n)];
-    path[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(part.structure)],
-                                         part.depth_mm, part.fraction};
+    const PathSegment& segment = result.path[static_cast<std::size_t>(n)];
+    path[static_cast<std::size_t>(n)] = {model.label_of_surface[static_cast<std::size_t>(segment.structure)],
+                                         segment.depth_mm, segment.fraction};
   }
   // inside a punctured structure only viscosity acts
   if (result.path_segments == 0) path[0] = single_structure_path(strongest);
@@ -133,11 +133,11 @@ std::array<PathStructure, kMaxStructuresReported> path_of_proxy(const Model& mod
 // stiffness. The rendered stiffness is low-pass filtered, so that it is continuous across the seam of two
 // structures; it starts at the contacts' value. The damper's velocity is averaged over a window that includes
 // free space, so the damping builds up with the spring; it reduces the spring force to zero at most.
-double coupling_force_ratio(const ProxyForce& spring, const Vector<Patient>& multiplier_mm,
+double coupling_force_ratio(const ProxyForce& spring, const Vector<Patient>& spring_mm,
                             double damping_N_s_per_mm, double dt_s, CouplingState& state) {
-  if (damping_N_s_per_mm > 0) state.spring_velocity.push(multiplier_mm - state.multiplier_mm, dt_s);
-  state.multiplier_mm = multiplier_mm;
-  const double stiffness = spring.stiffness_N_per_mm, length_mm = multiplier_mm.norm();
+  if (damping_N_s_per_mm > 0) state.spring_velocity.push(spring_mm - state.spring_mm, dt_s);
+  state.spring_mm = spring_mm;
+  const double stiffness = spring.stiffness_N_per_mm, length_mm = spring_mm.norm();
   if (!(stiffness > 0) || !(length_mm > 0)) {
     state.stiffness_N_per_mm = 0;
     return 1;
@@ -148,7 +148,7 @@ double coupling_force_ratio(const ProxyForce& spring, const Vector<Patient>& mul
       rendered > 0 && !spring.deformable
           ? rendered + (stiffness - rendered) * -std::expm1(-dt_s / kContactSettings.stiffness_filter_s)
           : stiffness;
-  const double speed_mm_s = state.spring_velocity.velocity_mm_s().dot(multiplier_mm) / length_mm;
+  const double speed_mm_s = state.spring_velocity.velocity_mm_s().dot(spring_mm) / length_mm;
   const double force_N = rendered * length_mm + damping_N_s_per_mm * speed_mm_s;
   return std::max(0.0, force_N) / (stiffness * length_mm);
 }
@@ -185,10 +185,10 @@ PosedTool::PosedTool(const TickContext& tick, const DeviceContext& context)
             Eigen::Quaterniond(Eigen::Matrix3d(tick.X_PatientWorld.linear() * context.R_WorldTool))) {
   const auto in_patient = [&](const Eigen::Vector3d& of_tool) { return context.in_patient(tick, of_tool); };
   for (const Eigen::Vector3d& offset_mm : context.tool.points_mm)
-    spheres_[count_++] = {in_patient(offset_mm), context.tool.radius_mm};
+    parts_[count_++] = {in_patient(offset_mm), context.tool.radius_mm};
   for (const ToolCapsule& capsule : context.tool.capsules)
-    spheres_[count_++] = {in_patient(capsule.from_mm), capsule.radius_mm,
-                          in_patient(capsule.to_mm - capsule.from_mm)};
+    parts_[count_++] = {in_patient(capsule.from_mm), capsule.radius_mm,
+                        in_patient(capsule.to_mm - capsule.from_mm)};
 }
 
 ProxyOptions proxy_options(const TickContext& tick, const DeviceContext& context) {
@@ -214,7 +214,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context
                            ProxyState& proxy, const ProxyResult& result, CouplingState& coupling) {
   const Model& model = tick.model;
   const DeviceParameters& gains = context.device;
-  const Vector<Patient> multiplier_mm =
+  const Vector<Patient> spring_mm =
       proxy.coupled ? (proxy.position - context.tip) * proxy.stretch_fraction : Vector<Patient>();
   const double max_N_s_per_mm = context.max_damping_N_s_per_mm();
   const double damping_N_s_per_mm =
@@ -222,7 +222,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context
   // inner layers are not filtered: their force starts from zero depth anyway
   const ProxyForce& outermost = result.of_layer[0];
   const double force_ratio =
-                   coupling_force_ratio(outermost, multiplier_mm, damping_N_s_per_mm, tick.dt_s, coupling),
+                   coupling_force_ratio(outermost, spring_mm, damping_N_s_per_mm, tick.dt_s, coupling),
                reduction = 1 - force_ratio;
   ToolContact tool;
   std::size_t contacts = 0;
@@ -230,11 +230,11 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context
     const ProxyLayer& layer = proxy.layer(n);
     if (!layer.coupled || layer.contact_count == 0) continue;
     // tool parts in the proxy's attitude
-    const ProxySpheres turned(posed_tool.spheres(), posed_tool.pose().attitude, layer.attitude);
+    const ProxyParts turned(posed_tool.parts(), posed_tool.pose().attitude, layer.attitude);
     const double layer_N_per_mm =
         result.of_layer[static_cast<std::size_t>(n)].stiffness_N_per_mm * layer.stretch_fraction;
     const LayerContacts force{layer, proxy.cache(n).owners,
-                              n == 0 ? layer_N_per_mm * force_ratio : layer_N_per_mm, turned.spheres()};
+                              n == 0 ? layer_N_per_mm * force_ratio : layer_N_per_mm, turned.parts()};
     contacts += append_contacts(model, force, std::span(tool.contacts).subspan(contacts));
   }
   tool.strongest = strongest_of(model, proxy, tool.contacts[0], context.tip, result,
@@ -252,7 +252,7 @@ ToolContact touch_by_proxy(const TickContext& tick, const DeviceContext& context
                               (gains.force_gain / gains.scale);
   const double stored_mJ = outermost.deformable
                                ? outermost.stored_mJ
-                               : 0.5 * coupling.stiffness_N_per_mm * multiplier_mm.squared_norm();
+                               : 0.5 * coupling.stiffness_N_per_mm * spring_mm.squared_norm();
   tool.stored_mJ = (stored_mJ + result.stored_mJ - outermost.stored_mJ) * (gains.force_gain / gains.scale);
   tool.tissue_contact = result.tissue_contact;
   if (context.device_index < tick.tissue_contacts.size()) {

@@ -60,8 +60,8 @@ class ToolRun {
       const DeviceContext hand{
           model_.tools[0], device_, Eigen::Matrix3d::Identity(), from + (to - from) * n / kTicks, {}};
       const PosedTool posed_tool(tick, hand);
-      const ProxyResult result = advance_proxy(model_.surfaces, posed_tool.spheres(), posed_tool.pose(),
-                                               proxy_, proxy_options(tick, hand));
+      const ProxyResult result = advance_proxy(model_.surfaces, posed_tool.parts(), posed_tool.pose(), proxy_,
+                                               proxy_options(tick, hand));
       contact = touch_by_proxy(tick, hand, posed_tool, proxy_, result, coupling_);
     }
     return contact;

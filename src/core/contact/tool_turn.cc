@@ -30,16 +30,16 @@ constexpr double kArc_mm = kToolRotationSettings.arc_substeps * kProxySettings.s
 /// Rotation of the tool of one layer's proxy in a tick.
 class AttitudeUpdate {
  public:
-  AttitudeUpdate(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+  AttitudeUpdate(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
                  const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* path)
       : surfaces_(surfaces),
-        spheres_(spheres),
+        parts_(parts),
         layer_(layer),
         attitude_(attitude),
         state_(state),
         path_(path),
-        remaining_queries_(has_capsules(spheres) ? kToolRotationSettings.max_queries_of_capsules
-                                                 : kToolRotationSettings.max_queries) {}
+        remaining_queries_(has_capsules(parts) ? kToolRotationSettings.max_queries_of_capsules
+                                               : kToolRotationSettings.max_queries) {}
 
   /// Runs the rotation until the attitude is reached, blocked, or the work limit ends it.
   ToolTurn run() {
@@ -55,13 +55,13 @@ class AttitudeUpdate {
   bool run_leg() {
     const Eigen::Quaterniond start_attitude = state_.attitude;
     const Eigen::AngleAxisd remaining(attitude_ * start_attitude.conjugate());
-    const RotatedTool tool(spheres_, attitude_, start_attitude);
+    const RotatedTool tool(parts_, attitude_, start_attitude);
     farthest_mm_ = 0;
-    for (std::size_t k = 0; k < tool.spheres().size(); ++k) {
+    for (std::size_t k = 0; k < tool.parts().size(); ++k) {
       // the ends of a capsule's axis bound the arcs of all points between them
-      const ToolSphere& sphere = tool.spheres()[k];
-      radius_mm_[k] = std::max(remaining.axis().cross(sphere.offset_mm.eigen()).norm(),
-                               remaining.axis().cross((sphere.offset_mm + sphere.axis_mm).eigen()).norm());
+      const ToolPart& part = tool.parts()[k];
+      radius_mm_[k] = std::max(remaining.axis().cross(part.offset_mm.eigen()).norm(),
+                               remaining.axis().cross((part.offset_mm + part.axis_mm).eigen()).norm());
       farthest_mm_ = std::max(farthest_mm_, radius_mm_[k]);
     }
     const double remaining_arc_mm = remaining.angle() * farthest_mm_;
@@ -71,7 +71,7 @@ class AttitudeUpdate {
                                ? kToolRotationSettings.leg_mm / farthest_mm_
                                : remaining.angle();
     PairSet pairs(
-        surfaces_, tool.spheres(), layer_, state_.punctured, state_.position,
+        surfaces_, tool.parts(), layer_, state_.punctured, state_.position,
         kToolRotationSettings.gathering_legs * leg_rad * farthest_mm_ + kProxySettings.substep_mm());
     // the push of a step is at most substep_mm() and is added to the arc
     reach_mm_ = pairs.reach_mm() - kProxySettings.substep_mm();
@@ -107,7 +107,7 @@ class AttitudeUpdate {
     double angle_rad = std::min(max_rad, reach_mm_ / farthest_mm_);
     for (std::size_t n = 0; n < pairs.count(); ++n) {
       const double slope =
-          pairs[n].surface->max_gradient() * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)];
+          pairs[n].surface->max_gradient() * radius_mm_[static_cast<std::size_t>(pairs[n].part)];
       clearance_mm_[n] = std::max(
           0.0, pairs.clearance(n, state_.position, std::max(kProxySettings.skin_mm, slope * angle_rad)));
       if (slope * angle_rad > clearance_mm_[n] + kArc_mm) angle_rad = (clearance_mm_[n] + kArc_mm) / slope;
@@ -119,7 +119,7 @@ class AttitudeUpdate {
       if (tries > 0 && has_turned_ && pairs.queries() >= max_queries_) return 0;
       const Eigen::Quaterniond turned =
           (Eigen::AngleAxisd(done_rad + angle_rad, remaining.axis()) * start_attitude).normalized();
-      pairs.turn(RotatedTool(spheres_, attitude_, turned).spheres());
+      pairs.turn(RotatedTool(parts_, attitude_, turned).parts());
       Point<Patient> position = state_.position;
       if (!project_out(pairs, kProxySettings.max_corrections, substep_mm, position)) continue;
       const double push_mm = (position - state_.position).norm();
@@ -136,7 +136,7 @@ class AttitudeUpdate {
   // whether no sphere penetrates beyond the tolerance between the ends of a step
   bool is_safe(const PairSet& pairs, double angle_rad, double push_mm) const {
     for (std::size_t n = 0; n < pairs.count(); ++n) {
-      const double length_mm = angle_rad * radius_mm_[static_cast<std::size_t>(pairs[n].sphere)] + push_mm;
+      const double length_mm = angle_rad * radius_mm_[static_cast<std::size_t>(pairs[n].part)] + push_mm;
       if (pairs[n].surface->max_gradient() * length_mm > clearance_mm_[n] + kProxySettings.substep_mm())
         return false;
     }
@@ -148,14 +148,14 @@ class AttitudeUpdate {
   }
 
   std::span<const ContactSurface> surfaces_;
-  std::span<const ToolSphere> spheres_;
+  std::span<const ToolPart> parts_;
   const int layer_;
   const Eigen::Quaterniond attitude_;
   ProxyLayer& state_;
   ProxyPath* path_;
   ToolTurn result_;
-  std::array<double, kMaxToolSpheres> radius_mm_{};  // radii of the spheres' arcs
-  double farthest_mm_ = 0;                           // maximum of radius_mm_
+  std::array<double, kMaxToolParts> radius_mm_{};  // radii of the spheres' arcs
+  double farthest_mm_ = 0;                         // maximum of radius_mm_
   double reach_mm_ = 0;  // displacement of any sphere for which the gathered surfaces are complete
   std::array<double, kMaxPairs> clearance_mm_{};
   int remaining_steps_ = kToolRotationSettings.max_steps;
@@ -166,10 +166,10 @@ class AttitudeUpdate {
 
 }  // namespace
 
-ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
                    const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* path) {
   if (state.attitude.coeffs() == attitude.coeffs()) return {};
-  return AttitudeUpdate(surfaces, spheres, layer, attitude, state, path).run();
+  return AttitudeUpdate(surfaces, parts, layer, attitude, state, path).run();
 }
 
 }  // namespace palpate

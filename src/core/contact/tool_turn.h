@@ -17,11 +17,11 @@ struct ToolTurn {
 /// out of surfaces that the tool rotates into: the attitude has priority over the position. Swept in steps;
 /// between the ends of a step no sphere penetrates deeper than ProxySettings::max_penetration_mm. If no free
 /// position is found, the attitude lags behind. Bounded work; does not allocate, lock or throw.
-/// @param spheres   tool parts in `attitude`
+/// @param parts     tool parts in `attitude`
 /// @param attitude  target attitude
 /// @param state     proxy of the layer, updated
 /// @param path      receives the pose after every step; may be null
-ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres, int layer,
+ToolTurn turn_tool(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts, int layer,
                    const Eigen::Quaterniond& attitude, ProxyLayer& state, ProxyPath* path);
 
 }  // namespace palpate

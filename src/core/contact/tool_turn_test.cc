@@ -34,7 +34,7 @@ ContactSurface plate() {
 ProxyRun lever_over_plate(double lever_mm, double radius_mm, double height_mm) {
   ProxyRun run;
   run.surfaces = {plate()};
-  run.spheres = {{Vector<Patient>(lever_mm, 0, 0), radius_mm}};
+  run.parts = {{Vector<Patient>(lever_mm, 0, 0), radius_mm}};
   run.at(Point<Patient>(-lever_mm, 0, height_mm));
   return run;
 }
@@ -67,7 +67,7 @@ TEST(ToolTurn, LeverPassesNoPlateAndGivesTorque) {
     EXPECT_NEAR(run.result.torque_Nmm.y(), -offset.x() * run.result.force_N.z(),
                 1e-3 * turned.lever_mm * run.result.force_N.z());
     ASSERT_EQ(run.state.contact_count, 1);
-    EXPECT_EQ(run.state.contacts[0].sphere, 0);
+    EXPECT_EQ(run.state.contacts[0].part, 0);
 
     // back again
     for (double angle = end_rad; angle > 0; angle -= turned.speed_rad_s * turned.tick_s)
@@ -82,7 +82,7 @@ TEST(ToolTurn, RemainingTurnContinuesInTheNextTick) {
   // a third of a turn in one tick, without obstacles
   ProxyRun run;
   run.surfaces = {plate()};
-  run.spheres = {{Vector<Patient>(100, 0, 0), 1}};
+  run.parts = {{Vector<Patient>(100, 0, 0), 1}};
   const Point<Patient> tip(0, 0, 500);
   run.at(tip);
   int ticks = 0;
@@ -107,7 +107,7 @@ TEST(ToolTurn, BlockedAttitudeLagsBehind) {
       make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}), [](const Eigen::Vector3d& p) { return p.z(); }),
       make_contact_surface(cube_grid(9, {0.5, 0.5, 0.5}),
                            [](const Eigen::Vector3d& p) { return 2 - p.z(); })};
-  run.spheres = {{Vector<Patient>(2, 0, 0), 0.5}, {Vector<Patient>(-2, 0, 0), 0.5}};
+  run.parts = {{Vector<Patient>(2, 0, 0), 0.5}, {Vector<Patient>(-2, 0, 0), 0.5}};
   const Point<Patient> tip(0, 0, 1);
   run.at(tip);
   const double max_rad = std::asin(0.25);
@@ -131,7 +131,7 @@ TEST(ToolTurn, PointToolIgnoresTurns) {
   std::mt19937 random(kTurnSeed);
   ProxyRun still, turned;
   still.surfaces = turned.surfaces = {plate()};
-  still.spheres = turned.spheres = {{{}, 0.7}};
+  still.parts = turned.parts = {{{}, 0.7}};
   for (int n = 0; n < 400; ++n) {
     const Point<Patient> tip(0.01 * n - 2, 0, 3 - 0.01 * n);
     still.at(tip);
@@ -148,7 +148,7 @@ TEST(ToolTurn, ShaftTouchesBetweenItsEnds) {
   run.surfaces = {make_contact_surface(
       cube_grid(9, {0.4, 0.4, 0.4}), [](const Eigen::Vector3d& p) { return p.norm() - 2; }, reach_mm)};
   run.surfaces[0].stiffness_N_per_mm = 2;
-  run.spheres = {{{}, 1, Vector<Patient>(60, 0, 0)}};
+  run.parts = {{{}, 1, Vector<Patient>(60, 0, 0)}};
   // starts above the ball, which is 20 mm along the shaft, and ends with the operator's shaft below it
   const Point<Patient> tip(-20, 0, 8);
   run.at(tip);
@@ -210,13 +210,13 @@ TEST(ToolTurn, RandomTurnsOverRandomSurfacesStayOutside) {
     }
     // a lever from the tip to the surfaces, or a cluster of spheres around it
     const double lever_mm = scene % 2 == 0 ? 100 * unit(random) : 0;
-    run.spheres.clear();
+    run.parts.clear();
     for (int k = 0; k <= scene % 4; ++k)
-      run.spheres.push_back(
+      run.parts.push_back(
           {Vector<Patient>(lever_mm, 0, 0) + random_direction(random) * 4.0, 0.8 * unit(random)});
     if (scene >= kWithoutCapsules) {
-      run.spheres[0].radius_mm = 0.3 + 0.7 * unit(random);
-      run.spheres[0].axis_mm = lever_mm > 0 ? run.spheres[0].offset_mm * -0.9 : random_direction(random) * 8;
+      run.parts[0].radius_mm = 0.3 + 0.7 * unit(random);
+      run.parts[0].axis_mm = lever_mm > 0 ? run.parts[0].offset_mm * -0.9 : random_direction(random) * 8;
     }
     Point<Patient> midpoint(0, 0, 16);
     Eigen::Quaterniond attitude = Eigen::Quaterniond::Identity();

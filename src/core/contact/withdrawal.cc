@@ -12,13 +12,13 @@ namespace {
 // Whether the tool is clear of the outermost layer and has a collision-free straight path to another pose
 // (linear tip motion, spherical interpolation of the attitude). Sphere tracing (Hart 1996); false if that
 // exceeds the work limit of a tick.
-bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                   const SurfaceSet& punctured, const ToolPose& tool_pose, const ToolPose& to) {
   const Vector<Patient> displacement_mm = to.tip - tool_pose.tip;
-  const double arc_mm = arc_of_rotation_mm(spheres, tool_pose.attitude, to.attitude);
+  const double arc_mm = arc_of_rotation_mm(parts, tool_pose.attitude, to.attitude);
   const double length_mm = displacement_mm.norm() + arc_mm,
                reach_mm = std::max(length_mm, kProxySettings.withdrawal_clearance_mm);
-  PairSet pairs(surfaces, spheres, 0, punctured, tool_pose.tip, reach_mm);
+  PairSet pairs(surfaces, parts, 0, punctured, tool_pose.tip, reach_mm);
   if (pairs.reach_mm() < reach_mm) return false;
   const auto clearance_mm = [&](const Point<Patient>& at) {
     double min_mm = std::numeric_limits<double>::infinity();
@@ -34,8 +34,8 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
     if (traced_mm >= length_mm) return true;
     const double fraction = traced_mm / length_mm;
     if (arc_mm > 0)
-      pairs.turn(RotatedTool(spheres, tool_pose.attitude, tool_pose.attitude.slerp(fraction, to.attitude))
-                     .spheres());
+      pairs.turn(
+          RotatedTool(parts, tool_pose.attitude, tool_pose.attitude.slerp(fraction, to.attitude)).parts());
     free_mm = clearance_mm(tool_pose.tip + displacement_mm * fraction);
   }
   return false;
@@ -43,7 +43,7 @@ bool is_path_free(std::span<const ContactSurface> surfaces, std::span<const Tool
 
 }  // namespace
 
-bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                    const ToolPose& tool_pose, ProxyState& state) {
   if (state.contact_count == 0 ||
       (tool_pose.tip - state.last_search_tip).norm() < kProxySettings.withdrawal_pitch_mm)
@@ -51,11 +51,11 @@ bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const Too
   state.last_search_tip = tool_pose.tip;
   // early-out: the tip usually lies below the surface in contact
   const ProxyContact& contact = state.contacts[0];
-  const ToolSphere& sphere = spheres[static_cast<std::size_t>(contact.sphere)];
+  const ToolPart& part = parts[static_cast<std::size_t>(contact.part)];
   const Surface& surface = *surfaces[static_cast<std::size_t>(contact.surface)].surface;
-  const double cutoff_mm = sphere.radius_mm + kProxySettings.withdrawal_clearance_mm;
-  if (nearest_part(surface, sphere, tool_pose.tip, cutoff_mm).distance_mm < cutoff_mm) return false;
-  return is_path_free(surfaces, spheres, state.punctured, tool_pose, {state.free_tip, state.free_attitude});
+  const double cutoff_mm = part.radius_mm + kProxySettings.withdrawal_clearance_mm;
+  if (nearest_part(surface, part, tool_pose.tip, cutoff_mm).distance_mm < cutoff_mm) return false;
+  return is_path_free(surfaces, parts, state.punctured, tool_pose, {state.free_tip, state.free_attitude});
 }
 
 }  // namespace palpate

@@ -16,7 +16,7 @@ inline bool coincides_with(const ProxyLayer& layer, const ToolPose& tool_pose) {
 
 /// Whether the tool is back in free space on the side from which contact began. Any remaining contacts then
 /// constrain the proxy elsewhere, e.g. in a pocket into which it was pressed.
-bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolSphere> spheres,
+bool has_withdrawn(std::span<const ContactSurface> surfaces, std::span<const ToolPart> parts,
                    const ToolPose& tool_pose, ProxyState& state);
 
 }  // namespace palpate

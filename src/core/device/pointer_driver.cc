@@ -57,9 +57,10 @@ void PointerDriver::press(DeviceSample& sample, double rendered_N, double dt_s) 
   const double most_mm = kMaxPressSpeed_mm_s * dt_s;
   if (requested_.force_N > 0) {
     into_ = (into_ + (requested_.into - into_) * std::min(1.0, dt_s / kTurn_s)).normalized();
-    const double by_mm = kPressRate_mm_s_N * (requested_.force_N - rendered_N) * dt_s;
-    const double max_mm = rendered_N < kMinForceFraction * requested_.force_N ? kMaxSearch_mm : kMaxPress_mm;
-    const double target_mm = std::clamp(depth_mm_ + by_mm, kMinPress_mm, max_mm);
+    const double by_mm = kPressGain_mm_per_N_s * (requested_.force_N - rendered_N) * dt_s;
+    const double max_mm =
+        rendered_N < kMinForceFraction * requested_.force_N ? kMaxSearchDepth_mm : kMaxDepth_mm;
+    const double target_mm = std::clamp(depth_mm_ + by_mm, kMinDepth_mm, max_mm);
     depth_mm_ += std::clamp(target_mm - depth_mm_, -most_mm, most_mm);
   } else {
     depth_mm_ -= std::clamp(depth_mm_, -most_mm, most_mm);

@@ -268,7 +268,7 @@ TEST(PointerDriver, LongPageStallExpiresThePose) {
 TEST(PointerDriver, PressReachesItsForceForAnyStiffness) {
   for (const double stiffness_N_per_mm : {0.2, 1.0, 3.0, 10.0}) {
     for (const double target_N : {0.3, 1.0, 2.0}) {
-      if (target_N / stiffness_N_per_mm > PointerDriver::kMaxPress_mm - 1) continue;
+      if (target_N / stiffness_N_per_mm > PointerDriver::kMaxDepth_mm - 1) continue;
       SCOPED_TRACE(std::to_string(stiffness_N_per_mm) + " N/mm, " + std::to_string(target_N) + " N");
       PointerDriver driver(Point<Device>(0, 0, 1), virtual_time);
       // the rendered surface is an undulation about z = 0 that the page does not know
@@ -330,7 +330,7 @@ TEST(PointerDriver, PressEndsWithoutWindup) {
         EXPECT_TRUE(driver.move(Point<Device>(0, 0, 0), press).ok());
       },
       [](const auto&) { return 0.0; });
-  EXPECT_NEAR(observed[399].tip.z(), -PointerDriver::kMaxSearch_mm, 1e-9);
+  EXPECT_NEAR(observed[399].tip.z(), -PointerDriver::kMaxSearchDepth_mm, 1e-9);
   EXPECT_EQ(observed.back().tip, Point<Device>(0, 0, 0));
   for (std::size_t n = 1; n < observed.size(); ++n)
     EXPECT_LE((observed[n].tip - observed[n - 1].tip).norm(),

@@ -23,8 +23,8 @@ void apply_to_surfaces(int index, const Tissue& tissue, Model& model) {
 
 // scales the existing trilinear field down if the stiffest tissue is now softer than when it was computed
 std::shared_ptr<const ForceField> scaled_trilinear(const Model& current, const Model& prepared) {
-  const double part = std::min(1.0, current.max_stiffness_N_per_mm() / prepared.max_stiffness_N_per_mm());
-  const double full_force_N = prepared.force_field(ForceMethod::kTrilinear).full_force_N() * part;
+  const double fraction = std::min(1.0, current.max_stiffness_N_per_mm() / prepared.max_stiffness_N_per_mm());
+  const double full_force_N = prepared.force_field(ForceMethod::kTrilinear).full_force_N() * fraction;
   return std::make_shared<const ForceField>(prepared.field, full_force_N);
 }
 

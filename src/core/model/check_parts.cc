@@ -80,7 +80,7 @@ Result<void> check_burr(const Tool& tool, const std::string& where) {
 Result<void> check_tool(const Tool& tool, std::size_t index) {
   const std::string where = element("tools", index);
   const std::size_t parts = tool.points_mm.size() + tool.capsules.size();
-  if (tool.points_mm.empty() || parts > static_cast<std::size_t>(kMaxToolParts))
+  if (tool.points_mm.empty() || parts > kMaxToolParts)
     return bad_part(where, "give at least one point, and at most 4 points and capsules together",
                     "the tool has ", tool.points_mm.size(), " points and ", tool.capsules.size(),
                     " capsules");

@@ -1,4 +1,5 @@
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/label_voxels.h"
+#include "palpate/sampling/sphere_filters.h"
 
 #include <limits>
 

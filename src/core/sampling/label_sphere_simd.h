@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/sphere_filters.h"
 
 namespace palpate::internal::label_sphere {
 

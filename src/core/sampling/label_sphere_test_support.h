@@ -9,7 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/sphere_filters.h"
+#include "palpate/sampling/stored_normals.h"
 #include "sampling/test_targets.h"
 
 // Helpers of the tests of the label methods.

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/stored_normals.h"
 
 namespace palpate {
 namespace {

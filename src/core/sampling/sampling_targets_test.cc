@@ -4,6 +4,7 @@
 #include <cstring>
 #include <iostream>
 
+#include "palpate/sampling/stored_normals.h"
 #include "sampling/label_sphere_test_support.h"
 #include "sampling/test_oracles.h"
 

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/stored_normals.h"
 #include "sampling/octahedral.h"
 #include "sampling/stored_normals_simd.h"
 

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/sampling/voxel_methods.h"
+#include "palpate/sampling/stored_normals.h"
 
 namespace palpate::internal::stored_normals {
 

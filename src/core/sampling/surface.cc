@@ -63,13 +63,13 @@ void find_different(const Bricks<std::int16_t>& bricks, std::size_t number, cons
 Surface::Surface(SignedField position, SignedField normal, double max_gradient)
     : max_gradient_(std::max(1.0, max_gradient)),
       outside_mm_(position.outside()),
-      position_(std::move(position)),
-      normal_(std::move(normal)) {
-  const Bricks<std::int16_t>& bricks = position_.bricks();
+      distance_field_(std::move(position)),
+      normal_field_(std::move(normal)) {
+  const Bricks<std::int16_t>& bricks = distance_field_.bricks();
   const std::array<int, 3>& counts = bricks.counts();
   block_minima_.resize(8 * static_cast<std::size_t>(counts[0]) * static_cast<std::size_t>(counts[1]) *
                        static_cast<std::size_t>(counts[2]));
-  Voxels different{position_.geometry().dims, {-1, -1, -1}};
+  Voxels different{distance_field_.geometry().dims, {-1, -1, -1}};
   std::size_t brick = 0;
   for (int c = 0; c < counts[2]; ++c) {
     for (int b = 0; b < counts[1]; ++b) {
@@ -90,10 +90,10 @@ Surface Surface::with(const PatchOf<std::int16_t>& position, const PatchOf<std::
                       double max_gradient) const {
   Surface now = *this;
   now.max_gradient_ = std::max(1.0, max_gradient);
-  now.position_ = position_.with(position);
-  now.normal_ = normal_.with(normal);
-  const Bricks<std::int16_t>& before = position_.bricks();
-  const Bricks<std::int16_t>& after = now.position_.bricks();
+  now.distance_field_ = distance_field_.with(position);
+  now.normal_field_ = normal_field_.with(normal);
+  const Bricks<std::int16_t>& before = distance_field_.bricks();
+  const Bricks<std::int16_t>& after = now.distance_field_.bricks();
   for (std::size_t brick = 0; brick < block_minima_.size() / 8; ++brick)
     if (after.brick(brick) != before.brick(brick)) now.update_block_minimum(brick);
   if (!position.values.empty()) {
@@ -112,7 +112,7 @@ Surface Surface::with(const PatchOf<std::int16_t>& position, const PatchOf<std::
 void Surface::extend_bounds(const Voxels& different) {
   // margin for rounding
   constexpr double kRounding_mm = 1e-6;
-  const auto X_PatientVoxel = position_.geometry().X_PatientVoxel();
+  const auto X_PatientVoxel = distance_field_.geometry().X_PatientVoxel();
   for (unsigned corner = 0; corner < 8; ++corner) {
     const auto end = [&](unsigned axis) -> double {
       return (corner >> axis & 1) != 0 ? different.last[axis] + 1 : different.first[axis] - 1;
@@ -124,8 +124,8 @@ void Surface::extend_bounds(const Voxels& different) {
 }
 
 void Surface::update_block_minimum(std::size_t brick) {
-  const Bricks<std::int16_t>& bricks = position_.bricks();
-  const std::int16_t outside = position_.steps().outside;
+  const Bricks<std::int16_t>& bricks = distance_field_.bricks();
+  const std::int16_t outside = distance_field_.steps().outside;
   std::int16_t* const least = &block_minima_[8 * brick];
   const std::int16_t* const voxels = bricks.brick(brick);
   if (bricks.is_uniform(brick)) {
@@ -148,22 +148,22 @@ void Surface::update_block_minimum(std::size_t brick) {
 
 void Surface::hash_content() {
   std::uint64_t hash = kHashSeed;
-  hash_field(hash, position_);
-  hash_field(hash, normal_);
+  hash_field(hash, distance_field_);
+  hash_field(hash, normal_field_);
   hash_double(hash, max_gradient_);
   content_hash_ = hash_finish(hash);
 }
 
 double Surface::lower_bound_mm(const Point<Patient>& x) const {
-  const Point<Voxel> p = position_.X_VoxelPatient() * x;
-  const std::array<int, 3>& dims = position_.geometry().dims;
+  const Point<Voxel> p = distance_field_.X_VoxelPatient() * x;
+  const std::array<int, 3>& dims = distance_field_.geometry().dims;
   std::array<std::size_t, 3> offset;
   for (int axis = 0; axis < 3; ++axis) {
     const auto a = static_cast<std::size_t>(axis);
     if (!(p[axis] >= -1 && p[axis] < dims[a])) return outside_mm_;
     offset[a] = static_cast<std::size_t>(p[axis] + Brick::kBorder);
   }
-  const std::array<int, 3>& counts = position_.bricks().counts();
+  const std::array<int, 3>& counts = distance_field_.bricks().counts();
   constexpr std::size_t kCells = Brick::kCells;
   const auto brick = [&](std::size_t axis) { return offset[axis] / kCells; };
   const auto half = [&](std::size_t axis) { return offset[axis] % kCells / kBlock; };
@@ -173,7 +173,7 @@ double Surface::lower_bound_mm(const Point<Patient>& x) const {
       4 * half(2) + 2 * half(1) + half(0);
   // margin for rounding by the interpolation
   constexpr double kRounding_mm = 1e-9;
-  return position_.steps().offset + position_.steps().scale * block_minima_[block] - kRounding_mm;
+  return distance_field_.steps().offset + distance_field_.steps().scale * block_minima_[block] - kRounding_mm;
 }
 
 }  // namespace palpate

@@ -17,10 +17,10 @@ using internal::TreeNode;
 using TreeLayout = BrickLayout;
 
 /// Trilinear interpolant of one cell, in cell coordinates 0 ... 1.
-class CellOfSurface {
+class TrilinearCell {
  public:
   /// @param corner_mm  corner values; bit 0 of the index along i, bit 1 along j, bit 2 along k
-  explicit CellOfSurface(const std::array<double, 8>& corner_mm) : corner_mm_(corner_mm) {}
+  explicit TrilinearCell(const std::array<double, 8>& corner_mm) : corner_mm_(corner_mm) {}
 
   /// Value in mm and its gradient in cell coordinates.
   double at(const Eigen::Vector3d& p, Eigen::Vector3d& slope) const {
@@ -30,7 +30,7 @@ class CellOfSurface {
       row_slopes[n] = corner_mm_[static_cast<std::size_t>(2 * n + 1)] - from;
       rows[n] = from + p[0] * row_slopes[n];
     }
-    const auto lerp = [](double from, double to, double part) { return from + part * (to - from); };
+    const auto lerp = [](double from, double to, double fraction) { return from + fraction * (to - from); };
     const double low = lerp(rows[0], rows[1], p[1]), high = lerp(rows[2], rows[3], p[1]);
     slope[0] = lerp(lerp(row_slopes[0], row_slopes[1], p[1]), lerp(row_slopes[2], row_slopes[3], p[1]), p[2]);
     slope[1] = lerp(rows[1] - rows[0], rows[3] - rows[2], p[2]);
@@ -49,13 +49,13 @@ bool is_crossed(const std::array<double, 8>& corner_mm) {
   return inside != 0 && inside != 8;
 }
 
-/// Value and gradient of the position field's interpolant at a point.
+/// Value and gradient of the distance field's interpolant at a point.
 struct FieldValue {
   double value_mm;
   Vector<Patient> slope;
 };
 
-/// Evaluates the position field's interpolant with its exact gradient.
+/// Evaluates the distance field's interpolant with its exact gradient.
 class PositionReader {
  public:
   explicit PositionReader(const SignedField& field)
@@ -67,13 +67,13 @@ class PositionReader {
     const Point<Voxel> p = field_.X_VoxelPatient() * x;
     const auto& dims = field_.geometry().dims;
     std::array<std::ptrdiff_t, 3> cell;
-    Eigen::Vector3d part;
+    Eigen::Vector3d fraction;
     for (int axis = 0; axis < 3; ++axis) {
       const auto a = static_cast<std::size_t>(axis);
       if (!(p[axis] >= -1 && p[axis] < dims[a])) return {field_.outside(), {}};
       const double floor = std::floor(p[axis]);
       cell[a] = static_cast<std::ptrdiff_t>(floor);
-      part[axis] = p[axis] - floor;
+      fraction[axis] = p[axis] - floor;
     }
     const std::int16_t* const voxel = view_.cell(cell[0], cell[1], cell[2]);
     std::array<double, 8> corner_mm;
@@ -82,7 +82,7 @@ class PositionReader {
                      field_.steps().scale *
                          voxel[(n & 1) + (n >> 1 & 1) * TreeLayout::kRow + (n >> 2) * TreeLayout::kSlice];
     Eigen::Vector3d slope;
-    const double value_mm = CellOfSurface(corner_mm).at(part, slope);
+    const double value_mm = TrilinearCell(corner_mm).at(fraction, slope);
     return {value_mm, Vector<Patient>(slope_map_ * slope)};
   }
 
@@ -117,7 +117,7 @@ class PieceMaker {
           steps_.offset +
           steps_.scale * voxel[(n & 1) + (n >> 1 & 1) * TreeLayout::kRow + (n >> 2) * TreeLayout::kSlice];
     if (!is_crossed(corner_mm)) return;
-    const CellOfSurface cell(corner_mm);
+    const TrilinearCell cell(corner_mm);
     const Eigen::Array3d size = parts_.cast<double>().inverse();
     for (int k = 0; k < parts_[2]; ++k)
       for (int j = 0; j < parts_[1]; ++j)
@@ -126,7 +126,7 @@ class PieceMaker {
   }
 
  private:
-  void add_piece(const CellOfSurface& cell, const Eigen::Array3d& low, const Eigen::Array3d& size,
+  void add_piece(const TrilinearCell& cell, const Eigen::Array3d& low, const Eigen::Array3d& size,
                  const Eigen::Vector3d& first, std::vector<BoundingCylinder>& piece_bounds) const {
     std::array<double, 8> corner_mm;
     Eigen::Vector3d slope;
@@ -146,8 +146,8 @@ class PieceMaker {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         const std::size_t other = n | std::size_t{1} << axis;
         if (other == n || (corner_mm[n] < 0) == (corner_mm[other] < 0)) continue;
-        const double part = corner_mm[n] / (corner_mm[n] - corner_mm[other]);
-        crossing[count] = corner(n) + part * (corner(other) - corner(n));
+        const double fraction = corner_mm[n] / (corner_mm[n] - corner_mm[other]);
+        crossing[count] = corner(n) + fraction * (corner(other) - corner(n));
         mean += crossing[count++];
       }
     mean /= static_cast<double>(count);
@@ -174,7 +174,7 @@ class PieceMaker {
   // from the tangent plane is trilinear and largest at a corner, so the surface lies between two parallel
   // planes; the point of that slab farthest from the axis is on an edge of the piece.
   template <class Corner>
-  std::pair<double, double> extent_of_piece(const CellOfSurface& cell, const Eigen::Vector3d& centre,
+  std::pair<double, double> extent_of_piece(const TrilinearCell& cell, const Eigen::Vector3d& centre,
                                             const Eigen::Vector3d& slope, const Eigen::Vector3d& normal,
                                             const Corner& corner,
                                             const std::array<double, 8>& corner_mm) const {
@@ -204,8 +204,8 @@ class PieceMaker {
           from = std::clamp(std::min(a, b), 0.0, 1.0);
           to = std::clamp(std::max(a, b), 0.0, 1.0);
         }
-        for (const double part : {from, to}) {
-          const Eigen::Vector3d at = path[n] + part * (path[other] - path[n]);
+        for (const double fraction : {from, to}) {
+          const Eigen::Vector3d at = path[n] + fraction * (path[other] - path[n]);
           const double above_mm = normal.dot(at);
           if (std::abs(above_mm) <= half_mm + 1e-9)
             radius_mm = std::max(radius_mm, (at - normal * above_mm).norm());
@@ -215,13 +215,13 @@ class PieceMaker {
   }
 
   // Newton's method from the mean of the edge crossings; the crossing nearest to it if that leaves the piece
-  static Eigen::Vector3d on_surface(const CellOfSurface& cell, const Eigen::Vector3d& from,
+  static Eigen::Vector3d on_surface(const TrilinearCell& cell, const Eigen::Vector3d& from,
                                     const Eigen::Array3d& low, const Eigen::Array3d& size,
                                     std::span<const Eigen::Vector3d> crossings) {
     constexpr double kNear_mm = 1e-6;
-    constexpr int kSteps = 6;
+    constexpr int kMaxSteps = 6;
     Eigen::Vector3d p = from, slope;
-    for (int step = 0; step < kSteps; ++step) {
+    for (int step = 0; step < kMaxSteps; ++step) {
       const double value_mm = cell.at(p, slope);
       if (std::abs(value_mm) <= kNear_mm) return p;
       p -= slope * (value_mm / slope.squaredNorm());
@@ -325,7 +325,7 @@ std::vector<TreeNode> tree_of(std::vector<TreeNode> leaves) {
 }
 
 // tree of a brick's pieces; null if the surface does not cross it
-std::shared_ptr<const BrickTree> brick_tree_of(const SignedField& field, const PieceMaker& make,
+std::shared_ptr<const BrickTree> brick_tree_of(const SignedField& field, const PieceMaker& pieces,
                                                std::size_t number, const std::array<int, 3>& brick) {
   const Bricks<std::int16_t>& bricks = field.bricks();
   if (bricks.is_uniform(number)) return nullptr;
@@ -341,9 +341,9 @@ std::shared_ptr<const BrickTree> brick_tree_of(const SignedField& field, const P
   for (int k = begin[2]; k < end[2]; ++k)
     for (int j = begin[1]; j < end[1]; ++j)
       for (int i = begin[0]; i < end[0]; ++i)
-        make.add(voxels + (TreeLayout::kBefore + i) + (TreeLayout::kBefore + j) * TreeLayout::kRow +
-                     (TreeLayout::kBefore + k) * TreeLayout::kSlice,
-                 Eigen::Vector3d(low[0] + i, low[1] + j, low[2] + k), piece_bounds);
+        pieces.add(voxels + (TreeLayout::kBefore + i) + (TreeLayout::kBefore + j) * TreeLayout::kRow +
+                       (TreeLayout::kBefore + k) * TreeLayout::kSlice,
+                   Eigen::Vector3d(low[0] + i, low[1] + j, low[2] + k), piece_bounds);
   if (piece_bounds.empty()) return nullptr;
   std::vector<TreeNode> leaves;
   leaves.reserve(piece_bounds.size());
@@ -370,8 +370,8 @@ Eigen::Vector3d middle_of(const BoundingCylinder& bounds) {
 // projects a point onto the surface by Newton's method; false if that fails
 bool project_onto_surface(const PositionReader& position, Point<Patient>& p, Vector<Patient>& slope) {
   constexpr double kNear_mm = 2e-4, kLongest_mm = 1;
-  constexpr int kSteps = 5;
-  for (int step = 0; step <= kSteps; ++step) {
+  constexpr int kMaxSteps = 5;
+  for (int step = 0; step <= kMaxSteps; ++step) {
     const FieldValue here = position.at(p);
     slope = here.slope;
     const double steep2 = slope.squared_norm();
@@ -389,39 +389,40 @@ bool project_onto_surface(const PositionReader& position, Point<Patient>& p, Vec
 // curvature's effect from the previous step.
 double refine_nearest(const PositionReader& position, const Point<Patient>& x, Point<Patient>& p) {
   constexpr double kEnough_mm = 5e-4, kLongest_mm = 0.5;
-  constexpr int kTries = 8;
+  constexpr int kMaxTries = 8;
   double best_mm = (x - p).norm();
   Point<Patient> at = p;
   Vector<Patient> slope;
   if (!project_onto_surface(position, at, slope)) return best_mm;
-  const auto lateral_of = [&](const Point<Patient>& at_position, const Vector<Patient>& at_slope) {
-    const Vector<Patient> displacement = x - at_position;
+  const auto lateral_of = [&](const Point<Patient>& best_position, const Vector<Patient>& at_slope) {
+    const Vector<Patient> displacement = x - best_position;
     return displacement - at_slope * (displacement.dot(at_slope) / at_slope.squared_norm());
   };
-  double part = 1;
-  for (int tries = 0; tries < kTries; ++tries) {
+  double step_fraction = 1;
+  for (int tries = 0; tries < kMaxTries; ++tries) {
     const Vector<Patient> lateral = lateral_of(at, slope);
-    const double lateral_mm = lateral.norm(), step_mm = std::min(part * lateral_mm, kLongest_mm);
+    const double lateral_mm = lateral.norm(), step_mm = std::min(step_fraction * lateral_mm, kLongest_mm);
     if (!(lateral_mm * step_mm > 2 * kEnough_mm * std::max(best_mm, kEnough_mm))) break;
     const Vector<Patient> along = lateral * (1 / lateral_mm);
     Point<Patient> next = at + along * step_mm;
     Vector<Patient> next_slope;
     if (!project_onto_surface(position, next, next_slope)) {
-      part *= 0.3;
+      step_fraction *= 0.3;
       continue;
     }
     const double advanced_mm = lateral_mm - lateral_of(next, next_slope).dot(along);
-    const double relaxation = advanced_mm > 0 ? std::clamp(step_mm / advanced_mm, 0.05 * part, 1.0) : 1.0;
+    const double relaxation =
+        advanced_mm > 0 ? std::clamp(step_mm / advanced_mm, 0.05 * step_fraction, 1.0) : 1.0;
     const double next_mm = (x - next).norm();
     if (next_mm < best_mm) {
       const bool enough = best_mm - next_mm < kEnough_mm;
       best_mm = next_mm;
       p = at = next;
       slope = next_slope;
-      part = relaxation;
+      step_fraction = relaxation;
       if (enough) break;
     } else {
-      part = std::min(relaxation, 0.5 * part);
+      step_fraction = std::min(relaxation, 0.5 * step_fraction);
     }
   }
   return best_mm;
@@ -436,7 +437,7 @@ SurfaceTree::SurfaceTree(std::shared_ptr<const Surface> surface) : surface_(std:
 
 SurfaceTree SurfaceTree::with(std::shared_ptr<const Surface> surface) const {
   PALPATE_CHECK(surface != nullptr &&
-                surface->position().bricks().counts() == surface_->position().bricks().counts());
+                surface->distance_field().bricks().counts() == surface_->distance_field().bricks().counts());
   SurfaceTree now = *this;
   now.surface_ = std::move(surface);
   now.update_bricks(this);
@@ -444,9 +445,9 @@ SurfaceTree SurfaceTree::with(std::shared_ptr<const Surface> surface) const {
 }
 
 void SurfaceTree::update_bricks(const SurfaceTree* before) {
-  const SignedField& position = surface_->position();
+  const SignedField& position = surface_->distance_field();
   const Bricks<std::int16_t>& bricks = position.bricks();
-  const PieceMaker make(position);
+  const PieceMaker pieces(position);
   const std::array<int, 3>& counts = bricks.counts();
   bricks_.resize(static_cast<std::size_t>(counts[0]) * static_cast<std::size_t>(counts[1]) *
                  static_cast<std::size_t>(counts[2]));
@@ -459,9 +460,9 @@ void SurfaceTree::update_bricks(const SurfaceTree* before) {
   for (int c = 0; c < counts[2]; ++c)
     for (int b = 0; b < counts[1]; ++b)
       for (int a = 0; a < counts[0]; ++a, ++number) {
-        const bool known =
-            before != nullptr && before->surface_->position().bricks().brick(number) == bricks.brick(number);
-        if (!known) bricks_[number] = brick_tree_of(position, make, number, {a, b, c});
+        const bool known = before != nullptr &&
+                           before->surface_->distance_field().bricks().brick(number) == bricks.brick(number);
+        if (!known) bricks_[number] = brick_tree_of(position, pieces, number, {a, b, c});
         const auto& brick = bricks_[number];
         if (brick == nullptr) continue;
         const BoundingCylinder& bounds = brick->nodes.front().bounds;
@@ -488,15 +489,15 @@ std::optional<NearestSurfacePoint> SurfaceTree::nearest(const Point<Patient>& x,
   if (top_.empty() || !x.all_finite()) return {};
   struct Waiting {
     const TreeNode* node;
-    const TreeNode* of;  // array that its child indices refer to
+    const TreeNode* nodes;  // array that its child indices refer to
     double min_mm;
   };
   // one sibling is pending at every level of both trees
   constexpr std::size_t kDeepest = 96;
   std::array<Waiting, kDeepest> waiting;
   std::size_t count = 0;
-  const PositionReader position(surface_->position());
-  Point<Patient> at_position;
+  const PositionReader position(surface_->distance_field());
+  Point<Patient> best_position;
   bool found = false;
   const bool inside = surface_->distance_mm(x) < 0;
   double best_mm = inside ? std::numeric_limits<double>::infinity() : within_mm;
@@ -506,14 +507,14 @@ std::optional<NearestSurfacePoint> SurfaceTree::nearest(const Point<Patient>& x,
     if (!(now.min_mm < (found ? best_mm - kSlack_mm : best_mm))) continue;
     const TreeNode& node = *now.node;
     if (node.first >= 0) {
-      const TreeNode* const a = now.of + node.first;
+      const TreeNode* const a = now.nodes + node.first;
       const TreeNode* const b = a + 1;
       const double a_mm = min_mm(a->bounds, x.eigen()), b_mm = min_mm(b->bounds, x.eigen());
       // the nearer child is visited first
       const bool swap = a_mm < b_mm;
-      waiting[count++] = {swap ? b : a, now.of, swap ? b_mm : a_mm};
-      waiting[count++] = {swap ? a : b, now.of, swap ? a_mm : b_mm};
-    } else if (now.of == top_.data()) {
+      waiting[count++] = {swap ? b : a, now.nodes, swap ? b_mm : a_mm};
+      waiting[count++] = {swap ? a : b, now.nodes, swap ? a_mm : b_mm};
+    } else if (now.nodes == top_.data()) {
       const TreeNode* const brick = top_leaves_[static_cast<std::size_t>(~node.first)]->nodes.data();
       waiting[count++] = {brick, brick, now.min_mm};
     } else {
@@ -522,23 +523,23 @@ std::optional<NearestSurfacePoint> SurfaceTree::nearest(const Point<Patient>& x,
       if (now.min_mm < here_mm - kSlack_mm) here_mm = refine_nearest(position, x, here);
       if (!(here_mm < best_mm)) continue;
       best_mm = here_mm;
-      at_position = here;
+      best_position = here;
       found = true;
     }
   }
   if (!found) return {};
-  return NearestSurfacePoint{inside ? -best_mm : best_mm, at_position};
+  return NearestSurfacePoint{inside ? -best_mm : best_mm, best_position};
 }
 
 Vector<Patient> SurfaceTree::outward(const Point<Patient>& x, const NearestSurfacePoint& near) const {
   // closer than this, the direction to the nearest point is dominated by its error
   constexpr double kReliable_mm = 0.3;
   const double away_mm = std::abs(near.distance_mm);
-  const Vector<Patient> displacement =
+  const Vector<Patient> direction =
       near.distance_mm < 0 ? (near.position - x).normalized() : (x - near.position).normalized();
-  if (away_mm >= kReliable_mm) return displacement;
-  const double part = away_mm / kReliable_mm;
-  return (displacement * part + surface_->outward(near.position) * (1 - part)).normalized();
+  if (away_mm >= kReliable_mm) return direction;
+  const double fraction = away_mm / kReliable_mm;
+  return (direction * fraction + surface_->outward(near.position) * (1 - fraction)).normalized();
 }
 
 }  // namespace palpate

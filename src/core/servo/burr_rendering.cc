@@ -19,14 +19,15 @@ double vibration_hz(const BurrSettings& burr, double dt_s) {
 }
 
 double vibration_amplitude_N(const BurrSettings& burr, const BurrState& state, double hz) {
-  const bool cuts = state.front_mm2 > 0 && state.edge_mm_per_s > 0 && state.energy_mJ_per_mm3 > 0 &&
+  const bool cuts = state.front_mm2 > 0 && state.edge_speed_mm_s > 0 && state.energy_mJ_per_mm3 > 0 &&
                     std::isfinite(state.energy_mJ_per_mm3);
   if (!cuts || !(hz > 0)) return 0;
   const double cutting_N = burr.grip * state.pressed_N;
-  const double feed_mm_per_s = cutting_N * state.edge_mm_per_s / (state.energy_mJ_per_mm3 * state.front_mm2);
+  const double feed_speed_mm_s =
+      cutting_N * state.edge_speed_mm_s / (state.energy_mJ_per_mm3 * state.front_mm2);
   // an edge's passing, or a revolution of which the rendered frequency is a sub-harmonic
   const double real_hz = std::max(hz, burr.revolutions_per_s);
-  const double depth_mm = feed_mm_per_s / real_hz;
+  const double depth_mm = feed_speed_mm_s / real_hz;
   return cutting_N * kRendering.runout_mm / (kRendering.runout_mm + depth_mm);
 }
 

@@ -12,6 +12,7 @@
 #include "base/test_chart.h"
 #include "base/test_seed.h"
 #include "palpate/servo/burr_rendering.h"
+#include "palpate/tissue/tissue_settings.h"
 #include "servo/test_guided_burr.h"
 
 namespace palpate {
@@ -43,7 +44,7 @@ double component(const std::vector<double>& signal, double hz, double dt_s) {
 /// A burr that is guided into the bone, once with and once without vibration: the path is the same, and so
 /// the forces differ by what is rendered.
 struct Drilling {
-  double speed_mm_per_s = 2, rate_hz = 1000, energy_mJ_per_mm3 = 100, max_force_N = 10, time_s = 1.5;
+  double speed_mm_s = 2, rate_hz = 1000, energy_mJ_per_mm3 = 100, max_force_N = 10, time_s = 1.5;
   BurrSettings burr = burr_of(60000, 8);
   bool vibrates = true;
 
@@ -69,7 +70,7 @@ struct Drilling {
                         up = model.X_WorldPatient * Vector<Patient>(0, 0, 1);
     const long ticks_a_carve = std::lround(0.02 * rate_hz), count = std::lround(time_s * rate_hz);
     for (long n = 0; n < count; ++n) {
-      guided.device.tip = guided.above(0.1 - speed_mm_per_s * dt_s * static_cast<double>(n));
+      guided.device.tip = guided.above(0.1 - speed_mm_s * dt_s * static_cast<double>(n));
       if (n % ticks_a_carve == 0) guided.carve();
       tick(*guided.model, guided.parameters, {&guided.device, 1}, dt_s, guided.state, {&guided.wrench, 1},
            guided.record);
@@ -127,13 +128,13 @@ TEST(BurrVibration, AmplitudeFollowsTheCuttingForceAndTheDepthOfCut) {
     const BurrSettings burr = burr_of(between(1000, 80000), 8);
     BurrState state;
     state.pressed_N = between(0, 5);
-    state.edge_mm_per_s = between(10, 10000);
+    state.edge_speed_mm_s = between(10, 10000);
     state.front_mm2 = between(0.1, 20);
     state.energy_mJ_per_mm3 = between(1, 200);
     const double hz = vibration_hz(burr, 1e-3);
     const double amplitude_N = vibration_amplitude_N(burr, state, hz);
     // independently: the volume that a revolution removes, or an edge, over the area ahead
-    const double power_mW = burr.grip * state.pressed_N * state.edge_mm_per_s;
+    const double power_mW = burr.grip * state.pressed_N * state.edge_speed_mm_s;
     const double cuts_per_s = hz == burr.revolutions_per_s * burr.flutes ? hz : burr.revolutions_per_s;
     const double depth_mm = power_mW / state.energy_mJ_per_mm3 / cuts_per_s / state.front_mm2;
     const double law_N = burr.grip * state.pressed_N / (1 + depth_mm / kBurrRenderingSettings.runout_mm);
@@ -185,10 +186,10 @@ TEST(BurrVibration, SpectrumHasItsPeakAtTheStatedFrequency) {
 }
 
 TEST(BurrVibration, IsStrongerInDenserBoneAndUnderMoreLoad) {
-  const auto amplitude_N = [](double energy_mJ_per_mm3, double speed_mm_per_s) {
+  const auto amplitude_N = [](double energy_mJ_per_mm3, double speed_mm_s) {
     Drilling drilling;
     drilling.energy_mJ_per_mm3 = energy_mJ_per_mm3;
-    drilling.speed_mm_per_s = speed_mm_per_s;
+    drilling.speed_mm_s = speed_mm_s;
     return component(drilling.run().rendered_N(0.5), 200, 1e-3);
   };
   double before_N = 0;
@@ -223,7 +224,7 @@ TEST(BurrVibration, StaysWithinTheRemainingForceLimit) {
   for (const double limit_N : {0.2, 0.5, 1.0}) {
     Drilling drilling;
     drilling.max_force_N = limit_N;
-    drilling.speed_mm_per_s = 6;
+    drilling.speed_mm_s = 6;
     drilling.run();
     double least_N = 1;
     for (std::size_t n = 0; n < drilling.ticks.size(); ++n) {
@@ -256,7 +257,7 @@ TEST(BurrKick, RollsTheHeadClockwiseViewedFromTheHandle) {
   for (const double sign : {1.0, -1.0}) {
     Drilling drilling;
     drilling.burr.spindle = {sign, 0, 0};
-    drilling.speed_mm_per_s = 20;
+    drilling.speed_mm_s = 20;
     drilling.time_s = 0.1;
     drilling.run();
     const std::vector<double> rendered_N = drilling.rendered_N(drilling.time_s);
@@ -275,7 +276,7 @@ TEST(BurrKick, IsSmallAlongTheSpindle) {
   const auto largest_N = [](const Eigen::Vector3d& spindle) {
     Drilling drilling;
     drilling.burr.spindle = spindle;
-    drilling.speed_mm_per_s = 5;
+    drilling.speed_mm_s = 5;
     drilling.time_s = 0.1;
     drilling.run();
     double kick_N = 0;
@@ -288,7 +289,7 @@ TEST(BurrKick, IsSmallAlongTheSpindle) {
 
 // drills towards a cavity whose roof is `wall_mm` thick, and returns the delay from the tick in which the
 // foot of the head is free to the first one that reports it, in ms; -1: reported before
-double report_delay_ms(const Model& model, double wall_mm, double speed_mm_per_s) {
+double report_delay_ms(const Model& model, double wall_mm, double speed_mm_s) {
   GuidedSession guided(model);
   constexpr double kCavity_mm = 4;
   const double roof_mm = kBoneRadius_mm - wall_mm;
@@ -300,7 +301,7 @@ double report_delay_ms(const Model& model, double wall_mm, double speed_mm_per_s
   int free = -1;
   for (int n = 0; n < 4000; ++n) {
     if (n % 20 == 0) guided.carve();
-    guided.lead_to(guided.above(0.2 - speed_mm_per_s * kBurrTick_s * n), 1);
+    guided.lead_to(guided.above(0.2 - speed_mm_s * kBurrTick_s * n), 1);
     const DeviceTick& tick = guided.record.device[0];
     const double foot_mm = tick.proxy_patient_mm[2] - kBurrRadius_mm - kCuttingSettings.lookahead_mm;
     if (free < 0 && foot_mm < roof_mm) free = n;
@@ -312,10 +313,10 @@ double report_delay_ms(const Model& model, double wall_mm, double speed_mm_per_s
 TEST(BurrBreakThrough, IsReportedWithinTenMilliseconds) {
   const Model model = burr_model(0.5);
   for (const double wall_mm : {0.6, 2.0})
-    for (const double speed_mm_per_s : {1.0, 10.0}) {
-      const double delay_ms = report_delay_ms(model, wall_mm, speed_mm_per_s);
+    for (const double speed_mm_s : {1.0, 10.0}) {
+      const double delay_ms = report_delay_ms(model, wall_mm, speed_mm_s);
       // between voxels the roof of the cavity reads up to a twentieth of a millimetre lower
-      EXPECT_LE(delay_ms, 10 + 50 / speed_mm_per_s) << wall_mm << " mm, " << speed_mm_per_s << " mm/s";
+      EXPECT_LE(delay_ms, 10 + 50 / speed_mm_s) << wall_mm << " mm, " << speed_mm_s << " mm/s";
       EXPECT_GE(delay_ms, -1);
     }
 }

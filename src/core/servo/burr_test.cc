@@ -381,7 +381,7 @@ double foot_depth_mm(const GuidedSession& guided) {
 
 // Force at a constant feed by the stated law: energy * volume rate = grip * force * mean speed of the edges
 // in the material, for a ball that is pressed along z into a ball, with its spindle along x.
-double law_N(double energy_mJ_per_mm3, double feed_mm_per_s, double depth_mm) {
+double law_N(double energy_mJ_per_mm3, double feed_speed_mm_s, double depth_mm) {
   const double centre_mm = kBoneRadius_mm + kBurrRadius_mm - depth_mm;
   double area_mm2 = 0, speed = 0;
   constexpr double kStep_mm = 0.01;
@@ -395,15 +395,15 @@ double law_N(double energy_mJ_per_mm3, double feed_mm_per_s, double depth_mm) {
       speed += kStep_mm * kStep_mm * std::hypot(y, z) / kBurrRadius_mm;
     }
   const BurrSettings burr;
-  const double edge_mm_per_s =
+  const double edge_speed_mm_s =
       2 * std::numbers::pi * burr.revolutions_per_s * kBurrRadius_mm * speed / area_mm2;
-  return energy_mJ_per_mm3 * area_mm2 * feed_mm_per_s / (burr.grip * edge_mm_per_s);
+  return energy_mJ_per_mm3 * area_mm2 * feed_speed_mm_s / (burr.grip * edge_speed_mm_s);
 }
 
 // means of the ticks in which a burr was within 0.1 mm of a depth
 struct Passage {
-  double force_N = 0;        // mean
-  double feed_mm_per_s = 0;  // mean
+  double force_N = 0;          // mean
+  double feed_speed_mm_s = 0;  // mean
 };
 
 // Passages of a hand that moves down at a constant speed. Its spring is compressed first, so the burr's own
@@ -420,13 +420,13 @@ std::vector<Passage> passages_of(GuidedSession& guided, double hand_mm_per_s,
     for (std::size_t d = 0; d < depths_mm.size(); ++d) {
       if (std::abs(from_mm - depths_mm[d]) > 0.1) continue;
       passages[d].force_N += guided.burr().pressed_N;
-      passages[d].feed_mm_per_s += (foot_depth_mm(guided) - from_mm) / kBurrTick_s;
+      passages[d].feed_speed_mm_s += (foot_depth_mm(guided) - from_mm) / kBurrTick_s;
       ++ticks[d];
     }
   }
   for (std::size_t d = 0; d < passages.size(); ++d) {
     passages[d].force_N /= ticks[d];
-    passages[d].feed_mm_per_s /= ticks[d];
+    passages[d].feed_speed_mm_s /= ticks[d];
   }
   return passages;
 }
@@ -441,7 +441,7 @@ TEST(BurrDensity, ForceFollowsFeedDepthAndDensityByTheStatedLaw) {
       const double energy = 100 * density_ratio(HU, kFull_HU);
       const std::vector<Passage> passages = passages_of(guided, hand_mm_per_s, depths_mm);
       for (std::size_t d = 0; d < depths_mm.size(); ++d) {
-        const double ratio = passages[d].force_N / law_N(energy, passages[d].feed_mm_per_s, depths_mm[d]);
+        const double ratio = passages[d].force_N / law_N(energy, passages[d].feed_speed_mm_s, depths_mm[d]);
         if (HU == kFull_HU) full_ratios.push_back(ratio);
         const auto where = [&] {
           return std::to_string(hand_mm_per_s) + " mm/s, " + std::to_string(HU) + " HU, " +

@@ -28,7 +28,7 @@ bool is_material(const std::vector<ContactSurface>& surfaces, const ProxyLayer& 
 }
 
 // Foremost point of a head in a direction; the first ball's centre is at `at`.
-Point<Patient> foremost(const ToolSphere& head, const Point<Patient>& at, const Vector<Patient>& ahead) {
+Point<Patient> foremost(const ToolPart& head, const Point<Patient>& at, const Vector<Patient>& ahead) {
   const double end = head.axis_mm.dot(ahead) + head.radius_change_mm > 0 ? 1 : 0;
   return at + head.axis_mm * end + ahead * head.radius_at_mm(end);
 }
@@ -43,7 +43,7 @@ Vector<Patient> press_direction_of(const SessionState::DeviceSession& session) {
 
 // Updates whether a burr is about to break through: material is directly ahead of the head's foremost point,
 // and ends within free_mm. Returns whether that material ended in this tick under pressure.
-bool breaks_through(const std::vector<ContactSurface>& surfaces, const ToolSphere& head,
+bool breaks_through(const std::vector<ContactSurface>& surfaces, const ToolPart& head,
                     const BurrSnapshot& before, SessionState::DeviceSession& session) {
   const BurrState& burr = session.burr;
   const int number = std::max(burr.layer, 0);

@@ -91,7 +91,7 @@ double slew_fraction(const Wrench& sent, const Wrench& requested, const OutputLi
 void drop_output(const OutputRequest& request, std::uint32_t faults, OutputState& state) {
   const bool is_short = request.age_s <= kOutputSettings.short_dropout_s &&
                         (state.in_dropout || state.since_fault_s >= kOutputSettings.ramp_in_s);
-  state.in_dropout = faults == 0 && !request.off && request.age_s >= kOutputSettings.stale_s && is_short;
+  state.in_dropout = faults == 0 && !request.fade_out && request.age_s >= kOutputSettings.stale_s && is_short;
   if (!state.in_dropout) state.gain = 0;
   state.sent = {};
   state.since_fault_s = 0;
@@ -161,8 +161,8 @@ Output make_output(const OutputRequest& request, const OutputLimits& limits, dou
     out.flags |= kFlagClamped;
 
   // ramp, then slew
-  state.gain = request.off ? std::max(0.0, state.gain - dt_s / kOutputSettings.ramp_out_s)
-                           : std::min(1.0, state.gain + dt_s / kOutputSettings.ramp_in_s);
+  state.gain = request.fade_out ? std::max(0.0, state.gain - dt_s / kOutputSettings.ramp_out_s)
+                                : std::min(1.0, state.gain + dt_s / kOutputSettings.ramp_in_s);
   if (state.gain < 1) out.flags |= kFlagRamp;
   const Wrench target = scale_wrench(clamped_wrench, state.gain);
   const double fraction =

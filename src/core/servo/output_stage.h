@@ -12,7 +12,7 @@ struct OutputRequest {
   Wrench requested;          ///< Requested wrench, gains applied
   double age_s = 0;          ///< Age of the state; not finite or below -clock_jitter_s: no state at all
   std::uint32_t faults = 0;  ///< TickFlag bits of kFaultFlags
-  bool off = false;          ///< Fade out: paused or clutched
+  bool fade_out = false;     ///< Whether the force fades out and stays off: paused or clutched
   double unclamped_N = 0;    ///< Magnitude of the requested force before any reduction, for the record
 };
 

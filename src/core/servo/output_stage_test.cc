@@ -348,7 +348,7 @@ OutputRequest any_request(int n, std::mt19937& random) {
   OutputRequest request;
   request.requested = {Vector<World>(6 * unit(random) - 3, 2, 4 * unit(random)),
                        Vector<World>(30 * unit(random), 0, 1), 2 * unit(random)};
-  request.off = random() % 20000 == 0;
+  request.fade_out = random() % 20000 == 0;
   request.age_s = random() % 10 ? 0 : 0.006 * unit(random);
   if (!is_wild(n)) return request;
   if (random() % 2) request.requested = {any_vector(random), any_vector(random), any_number(random)};

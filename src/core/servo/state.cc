@@ -55,14 +55,14 @@ void hash_surfaces(WordHasher& hash, const SurfaceSet& surfaces) {
   for (int n = 0; n < proxy.contact_count; ++n) {
     const ProxyContact& contact = proxy.contacts[static_cast<std::size_t>(n)];
     const std::uint64_t of =
-        static_cast<std::uint64_t>(contact.surface) << 8 | static_cast<std::uint64_t>(contact.sphere);
+        static_cast<std::uint64_t>(contact.surface) << 8 | static_cast<std::uint64_t>(contact.part);
     hash.add(of, contact.normal.x(), contact.normal.y(), contact.normal.z(), contact.axis_fraction,
              contact.multiplier_mm);
   }
 }
 
 void hash_burr(WordHasher& hash, const BurrState& burr) {
-  hash.add(burr.inset_mm, burr.penetration_mm, burr.unspent_work_mJ, burr.pressed_N, burr.edge_mm_per_s,
+  hash.add(burr.inset_mm, burr.penetration_mm, burr.unspent_work_mJ, burr.pressed_N, burr.edge_speed_mm_s,
            burr.front_mm2, burr.energy_mJ_per_mm3, burr.work_mJ, burr.removed_mm3, burr.sweep_age_s);
   hash.add(static_cast<std::uint64_t>(burr.layer) << 2 | static_cast<std::uint64_t>(burr.sweep_closed) << 1 |
            static_cast<std::uint64_t>(burr.sweeps_full));
@@ -109,7 +109,7 @@ void hash_device(WordHasher& hash, const SessionState::DeviceSession& session) {
   if (session.tissue_contact.is_known()) hash_part(hash, session.tissue_contact);
   const CouplingState& coupling = session.coupling;
   hash.add(session.proxy_version, session.pushed_by_direct_method, coupling.stiffness_N_per_mm);
-  hash_point(hash, coupling.multiplier_mm);
+  hash_point(hash, coupling.spring_mm);
   hash_part(hash, coupling.spring_velocity);
   // only burrs have this state
   if (session.burr.sweep_age_s > 0) hash_burr(hash, session.burr);

@@ -117,7 +117,7 @@ struct RenderedContact {
 // which the tip lies. While the force is still fading out, the proxy is advanced as usual.
 ProxyChange prepare_contact(const Model& model, const DeviceInputs& in, const OutputRequest& request,
                             SessionState::DeviceSession& session) {
-  const bool lost = (request.faults & kFlagJump) != 0 || (request.off && session.output.gain == 0);
+  const bool lost = (request.faults & kFlagJump) != 0 || (request.fade_out && session.output.gain == 0);
   const CarvedMaterial carved =
       model.carving != nullptr ? model.carving->carved(in.device_index) : CarvedMaterial();
   const ProxyChange change{session.proxy_version != model.version, in.surfaces.correspondences,
@@ -165,7 +165,7 @@ void apply_passivity(const SharedInputs& shared, const DeviceInputs& in, const R
   const Vector<World> delayed_force_N =
       advance_delay_line(session.output.sent.force_N, dt_s, delay_s, session.delay);
   // a force that is not rendered does no work: the energy balance starts again from zero
-  const bool faded_out = request.off && session.output.gain == 0;
+  const bool faded_out = request.fade_out && session.output.gain == 0;
   if (faded_out || request.faults != 0 || !request.requested.force_N.all_finite()) {
     session.passivity = {};
     return;
@@ -207,7 +207,7 @@ MotorState motor_of(const SharedInputs& shared, const DeviceInputs& in, const To
   // a gain of 0 renders no force at all
   if (!tool.burr || !(in.parameters.force_gain > 0)) return {.stroke = shared.stroke};
   const bool is_on = tool.motor_is_on(shared.parameters.motor, in.state.buttons);
-  const bool is_rendered = !request.off && request.faults == 0 && output.gain == 1 && !output.in_dropout;
+  const bool is_rendered = !request.fade_out && request.faults == 0 && output.gain == 1 && !output.in_dropout;
   const double limit_N = next_limit_N(in.parameters.limits, in.max_force_N, shared.tick.dt_s, output);
   return {is_on && is_rendered, limit_N / in.parameters.force_gain, shared.stroke};
 }
@@ -245,7 +245,7 @@ ToolContact touch(const SharedInputs& shared, const DeviceInputs& in, const Devi
   // Deep inside, where direct methods give no force, the proxy would start at a distant surface and pull with
   // the full force limit.
   const bool pushes = tool.strongest.is_contact() && tool.strongest.force_N != Vector<Patient>();
-  session.pushed_by_direct_method = pushes && !request.off && request.faults == 0;
+  session.pushed_by_direct_method = pushes && !request.fade_out && request.faults == 0;
   return tool;
 }
 
@@ -304,7 +304,7 @@ void tick_device(const SharedInputs& shared, const DeviceInputs& in, SessionStat
   const bool clutched = (in.state.status & kDeviceClutched) != 0;
   OutputRequest request{
       {}, in.state.age_s, faults_of(in.state, parameters, in.parameters.scale, dt_s, session), false};
-  request.off = parameters.paused || clutched;
+  request.fade_out = parameters.paused || clutched;
 
   ToolContact tool;
   if (request.faults & kFlagNotFinite) {

@@ -33,7 +33,8 @@ TEST(Tick, ProxyInsideNewSurfacesIsUncoupled) {
 
 // the same shape, prepared again
 std::shared_ptr<const Surface> anew(const Surface& surface) {
-  return std::make_shared<const Surface>(surface.position(), surface.normal(), surface.max_gradient());
+  return std::make_shared<const Surface>(surface.distance_field(), surface.normal_field(),
+                                         surface.max_gradient());
 }
 
 ContactSurface ball_beside(const Model& model, const Eigen::Vector3d& centre, double radius_mm) {

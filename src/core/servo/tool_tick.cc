@@ -49,17 +49,17 @@ ToolContact advance_tool(const TickContext& tick, const DeviceContext& context, 
   }
   const unsigned coupled_before = coupled_layers(proxy);
   if (change.surfaces_changed && change.layers_reassigned)
-    transfer_proxy_to_new_layers(surfaces, posed_tool.spheres(), posed_tool.pose(), change.correspondences,
+    transfer_proxy_to_new_layers(surfaces, posed_tool.parts(), posed_tool.pose(), change.correspondences,
                                  proxy);
   else if (change.surfaces_changed)
-    transfer_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), change.correspondences, proxy);
+    transfer_proxy(surfaces, posed_tool.parts(), posed_tool.pose(), change.correspondences, proxy);
   const bool released = coupled_layers(proxy) != coupled_before;
   if (change.was_pushed_directly && !proxy.coupled)
-    initialise_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), proxy);
+    initialise_proxy(surfaces, posed_tool.parts(), posed_tool.pose(), proxy);
   const ProxyOptions options = proxy_options(tick, context);
   const ProxyResult result =
       burr ? advance_burr(surfaces, *burr, posed_tool.pose(), proxy, session.burr, options)
-           : advance_proxy(surfaces, posed_tool.spheres(), posed_tool.pose(), proxy, options);
+           : advance_proxy(surfaces, posed_tool.parts(), posed_tool.pose(), proxy, options);
   if (burr) posed_tool.set_first(burr->head(session.burr.penetration_mm));
   ToolContact contact = touch_by_proxy(tick, context, posed_tool, proxy, result, session.coupling);
   contact.released = released;
@@ -78,14 +78,14 @@ void add_no_go_force(const TickContext& tick, const DeviceContext& context, Tool
   if (const auto burr = burr_of(tick, context, {})) posed_tool.set_first(burr->head(0));
 
   // structures near the tool
-  const auto near = nearest_structures(model.distance_trees, posed_tool.spheres(), context.tip);
+  const auto near = nearest_structures(model.distance_trees, posed_tool.parts(), context.tip);
   for (std::size_t n = 0; n < near.size(); ++n) {
     out.near_label[n] = near[n].label;
     out.near_mm[n] = near[n].distance_mm;
   }
 
   // force of the no-go regions
-  const NoGoForce push = no_go_force(model.no_go, model.distance_trees, posed_tool.spheres(), context.tip,
+  const NoGoForce push = no_go_force(model.no_go, model.distance_trees, posed_tool.parts(), context.tip,
                                      context.max_stiffness_N_per_mm());
   if (push.region < 0) return;
   out.flags |= kFlagNoGo;

@@ -16,9 +16,9 @@ namespace palpate::internal {
 
 namespace {
 
-/// Iterations of the solver, and number of bending steps. More bent iterations also bend flat regions and
-/// restore terraces.
-constexpr int kMembraneRounds = 60, kCurvatureIterations = 24, kCurvatureUpdates = 3;
+/// Maximum numbers of iterations of solve() for the membrane and after each curvature update, and number of
+/// these updates. More iterations with curvature would bend flat regions and restore terraces.
+constexpr int kMembraneIterations = 60, kCurvatureIterations = 24, kCurvatureUpdates = 3;
 /// Largest displacement of a node per iteration, in voxels, at which the solution is accepted.
 constexpr float kTolerance = 3e-4f;
 /// Decay factor of the slowest wave to be levelled, per iteration that moves each node to the mean of its
@@ -69,10 +69,11 @@ class RedBlackSor {
  public:
   RedBlackSor(const SurfaceNet& net, const Span3& known, int threads);
 
-  /// Projected over-relaxation, at most `rounds` iterations, until no node moves beyond the tolerance.
-  Result<void> solve(int rounds, const Progress& progress);
+  /// Projected over-relaxation, at most `max_iterations` iterations, until no node moves beyond the
+  /// tolerance.
+  Result<void> solve(int max_iterations, const Progress& progress);
   /// Updates the nodes' offsets from their neighbours' mean, from the current curvature.
-  void bend();
+  void update_curvature();
   void write_positions(SurfaceNet& net) const;
 
  private:
@@ -201,8 +202,8 @@ void RedBlackSor::compute_border_divisors() {
   }
   curvature_divisor_.resize(positions_.size());
   for (std::size_t n = 0; n < positions_.size(); ++n) {
-    const float part = separation_mm[n] / kBorder_mm;
-    curvature_divisor_[n] = 1 / std::max(part * part * part * part, kMinTrust);
+    const float fraction = separation_mm[n] / kBorder_mm;
+    curvature_divisor_[n] = 1 / std::max(fraction * fraction * fraction * fraction, kMinTrust);
   }
 }
 
@@ -220,10 +221,10 @@ void RedBlackSor::write_positions(SurfaceNet& net) const {
 /// Even and odd nodes alternately move beyond the mean of their neighbours by a factor that increases from 1
 /// to the optimum for the slowest waves (Chebyshev acceleration; Varga, Matrix iterative analysis, 2000),
 /// then are projected back into their cells.
-Result<void> RedBlackSor::solve(int rounds, const Progress& progress) {
+Result<void> RedBlackSor::solve(int max_iterations, const Progress& progress) {
   std::vector<float> moved(positions_.size() / kChunk + 2);
   float omega = 1;
-  for (int round = 0; round < rounds; ++round) {
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
     if (progress.stopped()) return Progress::interrupted();
     float largest = 0;
     for (const bool odd : {false, true}) {
@@ -241,7 +242,7 @@ Result<void> RedBlackSor::solve(int rounds, const Progress& progress) {
         moved[(first - begin) / kChunk] = farthest.maxCoeff();
       });
       largest = std::max(largest, *std::max_element(moved.begin(), moved.end()));
-      const bool at_first = round == 0 && !odd;
+      const bool at_first = iteration == 0 && !odd;
       omega = 1 / (1 - (at_first ? 0.5f : 0.25f * omega) * kJacobiSpectralRadius * kJacobiSpectralRadius);
     }
     if (largest < kTolerance) break;
@@ -324,12 +325,12 @@ void RedBlackSor::smooth(std::vector<CellPosition>& values, float sigma_mm) cons
   }
 }
 
-void RedBlackSor::bend() {
+void RedBlackSor::update_curvature() {
   relink_unpaired();
   const std::vector<CellPosition> normal = normals();
   // Curvature from the rotation of the normals. Computed from positions, a small error of the normal would
   // turn displacements along the surface, caused by the cells' borders, into curvature.
-  std::vector<CellPosition> bent(positions_.size());
+  std::vector<CellPosition> curvature_and_area(positions_.size());
   std::vector<float> area(positions_.size());
   over_nodes([&](std::size_t first, std::size_t last) {
     for (std::size_t n = first; n < last; ++n) {
@@ -340,22 +341,23 @@ void RedBlackSor::bend() {
         turn += ((normal[m] - normal[n]) * distance_mm(n, f)).sum();
         square += square_along(n, f, normal[n]);
       }
-      bent[n] << -0.5f * turn, 0.25f * square, 0.0f, 0.0f;
+      curvature_and_area[n] << -0.5f * turn, 0.25f * square, 0.0f, 0.0f;
       area[n] = 0.25f * square;
     }
   });
-  std::vector<CellPosition> nearby = bent;
+  std::vector<CellPosition> nearby = curvature_and_area;
   smooth(nearby, kEdge_mm);
   for (std::size_t n = 0; n < positions_.size(); ++n) {
     const float edge = nearby[n][0] / (kEdgeCurvature * std::max(nearby[n][1], 1e-9f));
-    bent[n] /= (1 + edge * edge * edge * edge) * (curvature_divisor_.empty() ? 1 : curvature_divisor_[n]);
+    curvature_and_area[n] /=
+        (1 + edge * edge * edge * edge) * (curvature_divisor_.empty() ? 1 : curvature_divisor_[n]);
   }
-  smooth(bent, kCurvature_mm);
+  smooth(curvature_and_area, kCurvature_mm);
   for (const Unpaired& u : unpaired_) area[u.node] -= 0.25f * square_along(u.node, u.link, normal[u.node]);
   unlink_unpaired();
   const CellPosition per_mm = (spacing_ + CellPosition(0, 0, 0, 1)).inverse();
   for (std::size_t n = 0; n < positions_.size(); ++n) {
-    const float curvature = bent[n][0] / std::max(bent[n][1], 1e-9f);
+    const float curvature = curvature_and_area[n][0] / std::max(curvature_and_area[n][1], 1e-9f);
     rest_[n] = links_.offset[n] - normal[n] * per_mm * (curvature * area[n] * links_.fraction[n]);
   }
 }
@@ -365,11 +367,11 @@ void RedBlackSor::bend() {
 Result<void> relax_net(SurfaceNet& net, const Span3& known, int threads, const Progress& progress,
                        const ProgressSpan& span) {
   RedBlackSor relaxation(net, known, threads);
-  for (int bending = 0; bending <= kCurvatureUpdates; ++bending) {
-    if (bending > 0) relaxation.bend();
-    const auto done = relaxation.solve(bending == 0 ? kMembraneRounds : kCurvatureIterations, progress);
+  for (int update = 0; update <= kCurvatureUpdates; ++update) {
+    if (update > 0) relaxation.update_curvature();
+    const auto done = relaxation.solve(update == 0 ? kMembraneIterations : kCurvatureIterations, progress);
     if (!done) return done;
-    progress.report(span.stage, span.from + (span.to - span.from) * (bending + 1) / (kCurvatureUpdates + 1));
+    progress.report(span.stage, span.from + (span.to - span.from) * (update + 1) / (kCurvatureUpdates + 1));
   }
   relaxation.write_positions(net);
   return {};

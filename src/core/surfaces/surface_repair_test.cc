@@ -22,7 +22,7 @@ Quality measure(const Surface& s, const Shape& shape, std::mt19937& random) {
     const Eigen::Vector3d on = shape.point(random), normal = shape.normal(on);
     const double t = test::crossing(s, on - 1.2 * normal, normal, 2.4) - 1.2;
     const Point<Patient> p(Eigen::Vector3d(on + t * normal));
-    const Eigen::Vector3d gradient = sample_central_differences(s.position(), p).gradient.eigen();
+    const Eigen::Vector3d gradient = sample_central_differences(s.distance_field(), p).gradient.eigen();
     q.direction_deg += std::pow(test::angle_deg(gradient, normal), 2) / kRays;
     q.position_mm += t * t / kRays;
   }
@@ -66,7 +66,7 @@ Surface smoothed(const Volume<LabelId>& labels) {
 /// Signed distance of the labels before smoothing.
 Surface unsmoothed(const Volume<LabelId>& labels) {
   const PreparedSurface s = prepare_with(labels, 0);
-  const SignedField distance(s.intermediates.distance.dense(), s.surface.position().steps());
+  const SignedField distance(s.intermediates.distance.dense(), s.surface.distance_field().steps());
   return {distance, distance, 3};
 }
 
@@ -131,7 +131,7 @@ TEST(SurfaceRepair, MovesTheSurfaceByLessThanHalfAVoxel) {
     auto labels = ball.labels;
     for (auto& v : labels.voxels()) v = random() % 50 == 0 ? (v == 0 ? test::kTissue : LabelId{0}) : v;
     const PreparedSurface s = prepare_with(labels, sigma_mm);
-    const Volume<std::int16_t> position = s.surface.position().bricks().dense();
+    const Volume<std::int16_t> position = s.surface.distance_field().bricks().dense();
     const GridGeometry& grid = position.geometry();
     double largest = 0;
     for (int k = 0; k + 1 < grid.dims[2]; ++k) {

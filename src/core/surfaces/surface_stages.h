@@ -60,7 +60,7 @@ struct SurfacePlan {
   GridGeometry fine;
   NormalGrid normal;
   double reach_mm, broad_reach_mm;
-  Index3 window, broad_window;  ///< Reach of the distance, and of the part of it that broad() uses
+  Index3 window, broad_window;  ///< Reach of the distance in voxels at reach_mm, and at broad_reach_mm
   PositionFilter position_filter;
   BroadFilter broad_filter;
   NormalFilter normal_filter;
@@ -81,6 +81,8 @@ struct SurfaceStage {
 struct SurfaceStages {
   const SurfacePlan& plan;
 
+  /// Signed distance to the nearest voxel centre of the other class, up to plan.reach_mm.
+  /// @param without  runs of the label that count as outside (dropped components)
   SurfaceStage distance(const Bricks<LabelId>& labels, LabelId label, const std::vector<LabelRun>& without,
                         const Target<std::int16_t>& out) const;
   /// Filtered distance, whose zero crossings place the net's nodes initially.
@@ -96,9 +98,13 @@ struct SurfaceStages {
   /// Distance to the net where it is stale, elsewhere the value of `was`.
   SurfaceStage updated_position(const NetTriangles& net, const StepsSource& distance, const StepsSource& was,
                                 const Block<std::uint8_t>& stale, const Target<std::int16_t>& out) const;
+  /// Position, clamped at plan.broad_reach_mm and smoothed by the broad filter, on the normal's grid.
   SurfaceStage broad(const StepsSource& position, const Target<std::int16_t>& out) const;
+  /// Normal field: the broad distance, blended with the position where its gradient is misleading
+  /// (NormalFilter), on the normal's grid.
   SurfaceStage normal(const StepsSource& broad, const StepsSource& position,
                       const Target<std::int16_t>& out) const;
+  /// Squared greatest slope of the position in every stretch of kStretch cells along i.
   SurfaceStage slopes(const StepsSource& position, const Target<float>& out) const;
 
   /// Runs independent stages by slabs on the plan's threads, with a slab thickness that lets all threads

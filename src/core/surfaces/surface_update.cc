@@ -228,7 +228,7 @@ SurfacePatch prepare_patch(const PreparedSurface& old, const Bricks<LabelId>& la
     patch.is_applicable = patch.is_applicable && stages.run(together, {}, {"preparing surfaces"}).ok();
   };
   const Span3 fine = full_span(plan.fine), coarse = full_span(plan.normal.geometry);
-  const Bricks<std::int16_t>& was = old.surface.position().bricks();
+  const Bricks<std::int16_t>& was = old.surface.distance_field().bricks();
   const auto old_position = StepsSource::of(was);
   const auto distance = StepsSource::of(old.intermediates.distance).with(patch.distance);
   const auto position = old_position.with(patch.position);
@@ -280,7 +280,7 @@ Result<PreparedSurface> update_surface(const PreparedSurface& old, const Bricks<
                       .strays = old.strays,
                       .box = old.box,
                       .intermediates = old.intermediates};
-  const GridGeometry& fine = old.surface.position().geometry();
+  const GridGeometry& fine = old.surface.distance_field().geometry();
   now.intermediates.distance = old.intermediates.distance.with(patch.distance);
   now.intermediates.broad = old.intermediates.broad.with(patch.broad);
   write(patch.slopes, internal::stretches(fine).high, now.intermediates.slopes);

@@ -86,7 +86,7 @@ TEST(Surfaces, NormalsOfBallsPointOutward) {
 /// Every voxel stays on its side, so that the components are those of the mask (26-neighbourhood) and no
 /// labelled centre is outside.
 void expect_sides_preserved(const PreparedSurface& s, const Volume<LabelId>& labels) {
-  const Volume<std::int16_t> position = s.surface.position().bricks().dense();
+  const Volume<std::int16_t> position = s.surface.distance_field().bricks().dense();
   const GridGeometry& grid = position.geometry();
   std::size_t wrong = 0;
   for (int k = 0; k < grid.dims[2]; ++k) {
@@ -146,7 +146,7 @@ TEST(Surfaces, AreClampedToTheirReachWithoutAStep) {
   for (const double reach : {2.0, 4.0}) {
     const test::RandomBall ball(3, kClinicalSpacings[1], random);
     const PreparedSurface s = prepared_surfaces(ball.labels, {.reach_mm = reach});
-    const Volume<std::int16_t> position = s.surface.position().bricks().dense();
+    const Volume<std::int16_t> position = s.surface.distance_field().bricks().dense();
     const auto limit = static_cast<std::int16_t>(reach / kSurfaceStep_mm);
     const GridGeometry& grid = position.geometry();
     for (int k = 0; k < grid.dims[2]; ++k) {
@@ -161,7 +161,7 @@ TEST(Surfaces, AreClampedToTheirReachWithoutAStep) {
         }
       }
     }
-    EXPECT_DOUBLE_EQ(s.surface.position().outside(), reach);
+    EXPECT_DOUBLE_EQ(s.surface.distance_field().outside(), reach);
     EXPECT_DOUBLE_EQ(s.surface.distance_mm({1000, 0, 0}), reach);
   }
 }
@@ -193,7 +193,7 @@ void expect_bounds_hold(const Surface& s) {
   const auto seed = test::test_seed();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937 random(seed);
-  const GridGeometry& grid = s.position().geometry();
+  const GridGeometry& grid = s.distance_field().geometry();
   const auto X = grid.X_PatientVoxel();
   std::array<std::uniform_real_distribution<double>, 3> along;
   for (std::size_t axis = 0; axis < 3; ++axis)
@@ -212,10 +212,11 @@ void expect_same(const PreparedSurface& a, const PreparedSurface& b) {
   EXPECT_EQ(a.box, b.box);
   EXPECT_EQ(a.intermediates.extent, b.intermediates.extent);
   EXPECT_TRUE(a.intermediates.distance.dense().voxels() == b.intermediates.distance.dense().voxels());
-  EXPECT_TRUE(a.surface.position().bricks().dense().voxels() ==
-              b.surface.position().bricks().dense().voxels());
+  EXPECT_TRUE(a.surface.distance_field().bricks().dense().voxels() ==
+              b.surface.distance_field().bricks().dense().voxels());
   EXPECT_TRUE(a.intermediates.broad.dense().voxels() == b.intermediates.broad.dense().voxels());
-  EXPECT_TRUE(a.surface.normal().bricks().dense().voxels() == b.surface.normal().bricks().dense().voxels());
+  EXPECT_TRUE(a.surface.normal_field().bricks().dense().voxels() ==
+              b.surface.normal_field().bricks().dense().voxels());
   EXPECT_TRUE(a.intermediates.slopes == b.intermediates.slopes);
   EXPECT_EQ(a.surface.max_gradient(), b.surface.max_gradient());
   EXPECT_EQ(a.volume_mm3, b.volume_mm3);

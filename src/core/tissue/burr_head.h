@@ -23,11 +23,11 @@ class BurrTool {
   const Burr& operator*() const { return burr_; }
   const Burr* operator->() const { return &burr_; }
   bool is_ball() const { return !(burr_.length_mm > 0); }
-  ToolSphere head(const Eigen::Quaterniond& attitude) const {
-    return RotatedTool({&head_, 1}, hand_.attitude, attitude).spheres()[0];
+  ToolPart head(const Eigen::Quaterniond& attitude) const {
+    return RotatedTool({&head_, 1}, hand_.attitude, attitude).parts()[0];
   }
   /// Unit vector of its spindle.
-  Vector<Patient> spindle(const ToolSphere& head) const {
+  Vector<Patient> spindle(const ToolPart& head) const {
     return is_ball() ? burr_.axis : head.axis_mm / burr_.length_mm;
   }
   /// Pose interpolated between two poses. A ball always has the final attitude.
@@ -40,7 +40,7 @@ class BurrTool {
  private:
   const Burr& burr_;
   const ToolPose& hand_;
-  ToolSphere head_;
+  ToolPart head_;
 };
 
 /// Displacements of both ends of a head's axis.

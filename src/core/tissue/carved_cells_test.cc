@@ -217,7 +217,7 @@ class CarvedCellsTest : public ::testing::Test {
     ElasticField load(cells.grid().layout()), u(cells.grid().layout());
     patch.add(1, load);
     solution = solver.solve(load, u, 200, 1e-6);
-    return patch.displacement(u);
+    return patch.displacement_mm(u);
   }
 
   std::shared_ptr<const Model> model_;

@@ -83,7 +83,7 @@ PatchOf<Steps> cropped(const PatchOf<Steps>& patch, const Bricks<Steps>& before)
 
 /// Normal field where a box of the position has changed.
 PatchOf<Steps> normal_of(const Surface& original, const SignedField& position, const VoxelBox& changed) {
-  const SignedField& normal = original.normal();
+  const SignedField& normal = original.normal_field();
   const auto X_PatientVoxel = position.geometry().X_PatientVoxel();
   Eigen::Array3d low = Eigen::Array3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
   for (unsigned corner = 0; corner < 8; ++corner) {
@@ -106,12 +106,14 @@ PatchOf<Steps> normal_of(const Surface& original, const SignedField& position, c
     for (int j = box.low()[1]; j < box.high()[1]; ++j) {
       for (int i = box.low()[0]; i < box.high()[0]; ++i, ++n) {
         const Point<Patient> at = X_PatientNormal * Point<Voxel>(i, j, k);
-        const double now = sample_value(position, at), moved = now - sample_value(original.position(), at);
-        const double part = std::min(1.0, std::abs(moved) / kCuttingSettings.stale_normal_mm);
+        const double now = sample_value(position, at),
+                     moved = now - sample_value(original.distance_field(), at);
+        const double fraction = std::min(1.0, std::abs(moved) / kCuttingSettings.stale_normal_mm);
         const double was = normal.steps().offset + normal.steps().scale * prepared[n];
-        const double steps = (was + part * (now - was) - normal.steps().offset) / normal.steps().scale;
-        patch.values.push_back(
-            part == 0 ? prepared[n] : static_cast<Steps>(std::lround(std::clamp(steps, -32767.0, 32767.0))));
+        const double steps = (was + fraction * (now - was) - normal.steps().offset) / normal.steps().scale;
+        patch.values.push_back(fraction == 0
+                                   ? prepared[n]
+                                   : static_cast<Steps>(std::lround(std::clamp(steps, -32767.0, 32767.0))));
       }
     }
   }
@@ -121,7 +123,7 @@ PatchOf<Steps> normal_of(const Surface& original, const SignedField& position, c
 // maximum clearance error along a sweep, where it removed material
 double sweep_clearance_error_mm(const Surface& original, const Surface& now, const Sweep& sweep) {
   double clearance_error_mm = 0;
-  for_balls_of(sweep, 0.5 * original.position().geometry().min_spacing_mm(),
+  for_balls_of(sweep, 0.5 * original.distance_field().geometry().min_spacing_mm(),
                [&](const Point<Patient>& at, double radius_mm) {
                  if (original.distance_mm(at) < radius_mm)
                    clearance_error_mm = std::max(clearance_error_mm, radius_mm - now.distance_mm(at));
@@ -136,8 +138,9 @@ CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> original,
     : original_(std::move(original)),
       now_(original_),
       protected_surfaces_(std::move(protected_surfaces)),
-      cut_(original_->position().geometry(), static_cast<Steps>(-original_->position().steps().outside)) {
-  PALPATE_CHECK(original_->position().steps().offset == 0);
+      cut_(original_->distance_field().geometry(),
+           static_cast<Steps>(-original_->distance_field().steps().outside)) {
+  PALPATE_CHECK(original_->distance_field().steps().offset == 0);
   const std::array<int, 3>& bricks = cut_.counts();
   max_gradient_.resize(static_cast<std::size_t>(bricks[0]) * static_cast<std::size_t>(bricks[1]) *
                        static_cast<std::size_t>(bricks[2]));
@@ -145,8 +148,8 @@ CarvedSurface::CarvedSurface(std::shared_ptr<const Surface> original,
 
 CarvedSurface CarvedSurface::with(std::span<const Sweep> sweeps) const {
   CarvedSurface next = *this;
-  const SignedField& position = now_->position();
-  CarvedBlock carved(original_->position(), position.bricks(), cut_, sweeps, protected_surfaces_);
+  const SignedField& position = now_->distance_field();
+  CarvedBlock carved(original_->distance_field(), position.bricks(), cut_, sweeps, protected_surfaces_);
   if (carved.empty()) return next;
   next.cut_ = cut_.with(cropped(carved.cut(), cut_));
   const PatchOf<Steps> patch = cropped(carved.position(), position.bricks());

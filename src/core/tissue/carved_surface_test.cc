@@ -132,8 +132,8 @@ TEST(CarvedSurface, EveryVoxelMatchesTheDefinition) {
     const auto made = testing::surface_to_carve(10, spacing_mm, ball, testing::turned_by(turn));
     const std::vector<Sweep> sweeps = random_sweeps(random, 6);
     const CarvedSurface carved = CarvedSurface(made).with(sweeps);
-    const CarvingOracle oracle(made->position(), sweeps);
-    const Bricks<std::int16_t>& voxels = carved.surface()->position().bricks();
+    const CarvingOracle oracle(made->distance_field(), sweeps);
+    const Bricks<std::int16_t>& voxels = carved.surface()->distance_field().bricks();
     const GridGeometry& grid = voxels.geometry();
     int different = 0, moved = 0;
     for (int k = 0; k < grid.dims[2]; ++k)
@@ -143,7 +143,7 @@ TEST(CarvedSurface, EveryVoxelMatchesTheDefinition) {
           // the oracle computes in double, and steps are rounded
           EXPECT_LE(std::abs(is - expected), 1) << i << ' ' << j << ' ' << k;
           if (is != expected) ++different;
-          if (is != made->position().bricks().at(i, j, k)) ++moved;
+          if (is != made->distance_field().bricks().at(i, j, k)) ++moved;
         }
     EXPECT_GT(moved, 500);
     EXPECT_LT(different, moved / 50);

@@ -47,15 +47,15 @@ double swept_fraction(const SweptShape& shape, const GridGeometry& grid,
   if (depth_mm <= -half_diagonal_mm) return 0;
   if (depth_mm >= half_diagonal_mm) return 1;
   const double width_mm = 0.5 * grid.spacing_mm.mean();
-  double part = 0;
+  double fraction = 0;
   for (int eighth = 0; eighth < 8; ++eighth) {
     const auto along = [&](int voxel, int axis) {
       return voxel + ((eighth >> axis & 1) != 0 ? 0.25 : -0.25);
     };
     const double mm = shape.depth_mm(X_PatientVoxel * Point<Voxel>(along(i, 0), along(j, 1), along(k, 2)));
-    part += std::clamp(0.5 + mm / width_mm, 0.0, 1.0) / 8;
+    fraction += std::clamp(0.5 + mm / width_mm, 0.0, 1.0) / 8;
   }
-  return part;
+  return fraction;
 }
 
 }  // namespace
@@ -191,8 +191,8 @@ void Carving::record_removed_fractions(const Sweep& sweep) {
         remaining_.removed_fraction->copy_row(box.first[0], j, k, box.size[0], &*value);
       for (int i = box.first[0]; i < box.first[0] + box.size[0]; ++i, ++value) {
         if (*value == 255 || !is_cuttable_[original_labels_->at(i, j, k)]) continue;
-        const double part = swept_fraction(shape, grid, X_PatientVoxel, i, j, k);
-        const auto removed = static_cast<std::uint8_t>(std::lround(255 * part));
+        const double fraction = swept_fraction(shape, grid, X_PatientVoxel, i, j, k);
+        const auto removed = static_cast<std::uint8_t>(std::lround(kFullyRemoved * fraction));
         differs = differs || removed > *value;
         *value = std::max(*value, removed);
       }

@@ -80,7 +80,7 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
     const CarvedCells cells = solver_box_cells(model, by_label, {first, press.at});
     const ElasticGrid& grid = cells.grid();
     const double cell_mm = grid.box().cell_mm, min_mm = kSolverSettings.min_patch_cells * cell_mm;
-    const double modulus = PressurePatch(grid, press.at, press.outward, min_mm).contact_modulus();
+    const double modulus = PressurePatch(grid, press.at, press.outward, min_mm).contact_modulus_N_per_mm2();
     if (!(modulus > 0)) continue;
     const double touched_mm = cube_root(0.75 * pressed_N * press.radius_mm / modulus);
     const double rho_mm =
@@ -93,8 +93,8 @@ void DisplacedTissue::solve(const Model& model, const TickRecord& record) {
     double force_N = pressed_N;
     if (RelaxationWeights::is_needed_for(model)) {
       LocalCompliance local;
-      local.compliance_mm_per_N = patch.displacement(unit_mm);
-      local.modulus_N_per_mm2 = patch.contact_modulus();
+      local.compliance_mm_per_N = patch.displacement_mm(unit_mm);
+      local.modulus_N_per_mm2 = patch.contact_modulus_N_per_mm2();
       local.patch_radius_mm = rho_mm;
       local.poissons_ratio = patch.poissons_ratio();
       local.compute_surroundings();

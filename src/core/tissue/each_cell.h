@@ -1,6 +1,6 @@
 #pragma once
 
-#include "palpate/tissue/elastic_grid.h"
+#include "palpate/tissue/elastic_layout.h"
 
 namespace palpate {
 

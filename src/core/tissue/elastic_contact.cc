@@ -128,7 +128,7 @@ void PressurePatch::spread(const ElasticGrid& grid, std::span<const Eigen::Vecto
   double modulus = 0, poissons_ratio = 0;
   for (const Eigen::Vector3d& at : positions) {
     CellSample sample;
-    if (!find_cell(grid, at, -outward_, kReach, sample)) continue;
+    if (!find_cell(grid, at, -outward_, kMaxDepth_cells, sample)) continue;
     samples.push_back(sample);
     const std::size_t cell = grid.layout().cell(sample.cell[0], sample.cell[1], sample.cell[2]);
     const double mu = grid.mu()[cell] / grid.fill()[cell], lambda = grid.lambda()[cell] / grid.fill()[cell];
@@ -182,7 +182,7 @@ void PressurePatch::add(double force_N, ElasticField& nodes_N) const {
   for (const auto& [value, weight] : weights_) nodes_N.values[value] += static_cast<float>(force_N * weight);
 }
 
-double PressurePatch::displacement(const ElasticField& u_mm) const {
+double PressurePatch::displacement_mm(const ElasticField& u_mm) const {
   return product(weights_, u_mm);
 }
 
@@ -233,7 +233,7 @@ SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const
     std::fill(load_N.values.begin(), load_N.values.end(), 0.0f);
     patch.add(1, load_N);
     contact.solution = solver.solve(load_N, unit_mm, max_iterations, tolerance);
-    const double w = patch.displacement(unit_mm), modulus = patch.contact_modulus();
+    const double w = patch.displacement_mm(unit_mm), modulus = patch.contact_modulus_N_per_mm2();
     const double force = force_at(depth_mm, w, rho_mm, radius_mm, modulus);
     contact.force_N = force;
     contact.compliance_mm_per_N = w;
@@ -247,8 +247,8 @@ SphereContact press_sphere(const ElasticGrid& grid, ElasticSolver& solver, const
   return contact;
 }
 
-Eigen::MatrixXd contact_compliance(ElasticSolver& solver, std::span<const PressurePatch> patches,
-                                   double tolerance, double* worst_residual) {
+Eigen::MatrixXd contact_compliance_mm_per_N(ElasticSolver& solver, std::span<const PressurePatch> patches,
+                                            double tolerance, double* worst_residual) {
   constexpr int kMaxIterations = 200;
   const auto count = static_cast<Eigen::Index>(patches.size());
   Eigen::MatrixXd w(count, count);
@@ -259,7 +259,8 @@ Eigen::MatrixXd contact_compliance(ElasticSolver& solver, std::span<const Pressu
     std::fill(u.values.begin(), u.values.end(), 0.0f);
     patches[static_cast<std::size_t>(m)].add(1, load);
     worst = std::max(worst, solver.solve(load, u, kMaxIterations, tolerance).residual);
-    for (Eigen::Index n = 0; n < count; ++n) w(n, m) = patches[static_cast<std::size_t>(n)].displacement(u);
+    for (Eigen::Index n = 0; n < count; ++n)
+      w(n, m) = patches[static_cast<std::size_t>(n)].displacement_mm(u);
   }
   if (worst_residual != nullptr) *worst_residual = worst;
   return w;

@@ -47,7 +47,7 @@ TEST_F(TissueWithNodule, ComplianceIsSymmetricAndPositive) {
   for (int n = 0; n < 8; ++n)
     patches.emplace_back(grid_, at(coordinate(random), coordinate(random)), outward(), 2.2);
   double residual = 1;
-  const Eigen::MatrixXd w = contact_compliance(solver_, patches, 1e-6, &residual);
+  const Eigen::MatrixXd w = contact_compliance_mm_per_N(solver_, patches, 1e-6, &residual);
   EXPECT_LE(residual, 1e-6);
   EXPECT_LE((w - w.transpose()).cwiseAbs().maxCoeff(), 1e-4 * w.cwiseAbs().maxCoeff());
   EXPECT_GT(w.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
@@ -60,10 +60,10 @@ TEST_F(TissueWithNodule, PatchReproducesALinearField) {
       for (int i = 0; i <= 23; ++i)
         u.values[grid_.layout().node(i, j, k, 2)] = static_cast<float>(-0.1 - 0.02 * i + 0.03 * j);
   const PressurePatch patch(grid_, at(9.3, 11.2), outward(), 2.5);
-  EXPECT_NEAR(patch.displacement(u), 0.1 + 0.02 * 9.3 - 0.03 * 11.2, 2e-3);
+  EXPECT_NEAR(patch.displacement_mm(u), 0.1 + 0.02 * 9.3 - 0.03 * 11.2, 2e-3);
   const Eigen::Vector3d change = grid_.box().axes.transpose() * patch.gradient_along_surface(u).eigen();
   EXPECT_LE((change - Eigen::Vector3d(0.02, -0.03, 0)).norm(), 1e-6);
-  EXPECT_NEAR(patch.contact_modulus(), 0.01 / (1 - 0.45 * 0.45), 1e-6);
+  EXPECT_NEAR(patch.contact_modulus_N_per_mm2(), 0.01 / (1 - 0.45 * 0.45), 1e-6);
 }
 
 TEST_F(TissueWithNodule, EmptySpaceGivesNoForce) {
@@ -103,7 +103,7 @@ TEST_F(TissueWithNodule, TangentialForceIsTheComplianceGradient) {
     std::fill(load_.values.begin(), load_.values.end(), 0.0f);
     patch.add(1, load_);
     solver_.solve(load_, u_, 200, 1e-5);
-    return force_N * force_N / 2 * patch.displacement(u_);
+    return force_N * force_N / 2 * patch.displacement_mm(u_);
   };
   const double fall = energy(x1) - energy(x0);
   EXPECT_LT(fall, 0);

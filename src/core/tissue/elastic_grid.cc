@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/geometry/decompositions.h"
 #include "palpate/tissue/label_cells.h"
 #include "tissue/each_cell.h"
 
@@ -34,35 +33,6 @@ Result<void> check_elastic_material(const ElasticMaterial& material) {
   return {};
 }
 
-CellBox CellBox::joined(const CellBox& other) const {
-  if (empty()) return other;
-  if (other.empty()) return *this;
-  CellBox both = *this;
-  for (int axis = 0; axis < 3; ++axis) {
-    both.low[axis] = std::min(low[axis], other.low[axis]);
-    both.high[axis] = std::max(high[axis], other.high[axis]);
-  }
-  return both;
-}
-
-CellBox CellBox::grown(int by) const {
-  CellBox box = *this;
-  for (int axis = 0; axis < 3; ++axis) {
-    box.low[axis] -= by;
-    box.high[axis] += by;
-  }
-  return box;
-}
-
-CellBox CellBox::clipped(const std::array<int, 3>& cells) const {
-  CellBox box = *this;
-  for (int axis = 0; axis < 3; ++axis) {
-    box.low[axis] = std::max(low[axis], 0);
-    box.high[axis] = std::min(high[axis], cells[axis]);
-  }
-  return box;
-}
-
 ElasticCell step_towards(const ElasticCell& from, const ElasticCell& to, double max_change) {
   if (from.matter == Matter::kRigid || to.matter == Matter::kRigid) return to;
   const double distance = static_cast<double>(to.fill) - from.fill;
@@ -70,9 +40,9 @@ ElasticCell step_towards(const ElasticCell& from, const ElasticCell& to, double 
   const double fill = std::max(from.fill + (distance > 0 ? max_change : -max_change), kMinFill);
   // if the remaining change is larger, at least one of the two is soft
   const ElasticCell& solid = to.matter == Matter::kSoft ? to : from;
-  const double part = fill / solid.fill;
-  return {Matter::kSoft, static_cast<float>(fill), static_cast<float>(part * solid.mu),
-          static_cast<float>(part * solid.lambda), solid.stiffening};
+  const double fraction = fill / solid.fill;
+  return {Matter::kSoft, static_cast<float>(fill), static_cast<float>(fraction * solid.mu),
+          static_cast<float>(fraction * solid.lambda), solid.stiffening};
 }
 
 ElasticGrid::ElasticGrid(const ElasticBox& box)
@@ -151,22 +121,6 @@ ElasticGrid::ElasticGrid(const ElasticBox& box, const MaterialAt& material, int 
     });
     return mixture.cell();
   });
-}
-
-ElasticBox elastic_box_of(const GridGeometry& grid, const VoxelBox& region, double cell_mm) {
-  const SingularVectors svd = singular_vectors(grid.direction);
-  ElasticBox box;
-  box.axes = svd.u * svd.v.transpose();
-  box.cell_mm = cell_mm;
-  Point<Voxel> corner;
-  for (int a = 0; a < 3; ++a) {
-    corner[a] = region.first[a] - 0.5;
-    // a last sliver that contains no voxel centre gets no cell
-    if (cell_mm > 0)
-      box.cells[a] = static_cast<int>(std::ceil(region.size[a] * grid.spacing_mm[a] / cell_mm - 1e-6));
-  }
-  box.corner = grid.X_PatientVoxel() * corner;
-  return box;
 }
 
 Result<ElasticGrid> ElasticGrid::of_labels(const Bricks<LabelId>& labels,

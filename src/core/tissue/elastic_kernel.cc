@@ -1,4 +1,5 @@
 #include "tissue/elastic_kernel.h"
+#include "palpate/tissue/elastic_grid.h"
 
 // The stiffness of a cube by the Walsh transform of its eight corners (docs/concepts/tissue.md).
 //

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "palpate/tissue/elastic_grid.h"
+#include "palpate/tissue/elastic_layout.h"
 
 namespace palpate::internal::elastic {
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/tissue/elastic_grid.h"
+#include "palpate/tissue/elastic_layout.h"
 #include "tissue/elastic_kernel.h"
 
 namespace palpate::internal::elastic {

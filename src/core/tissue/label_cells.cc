@@ -33,15 +33,15 @@ std::pair<Eigen::Array3d, Eigen::Array3d> bounds_of(const Eigen::Array3d& low, c
 
 void ElasticMixture::add(const ElasticMaterial& material, int samples, double solid) {
   samples_ += samples;
-  const double part = samples * solid;
-  if (material.matter == Matter::kRigid) rigid_ += part;
+  const double fraction = samples * solid;
+  if (material.matter == Matter::kRigid) rigid_ += fraction;
   if (material.matter != Matter::kSoft) return;
-  soft_ += part;
+  soft_ += fraction;
   const double e = material.youngs_modulus_kPa * kN_per_mm2_of_kPa, nu = material.poissons_ratio;
   const double mu = e / (2 * (1 + nu));
-  per_mu_ += part / mu;
-  stiffening_ += part * material.stiffening;
-  per_confined_ += part * (1 - 2 * nu) / (2 * mu * (1 - nu));
+  per_mu_ += fraction / mu;
+  stiffening_ += fraction * material.stiffening;
+  per_confined_ += fraction * (1 - 2 * nu) / (2 * mu * (1 - nu));
 }
 
 ElasticCell ElasticMixture::cell() const {

@@ -17,21 +17,21 @@ constexpr double kMinSampleDepth_mm = kCuttingSettings.lookahead_mm / 2;
 
 }  // namespace
 
-bool is_certainly_beyond(const Surface& surface, const ToolSphere& head, const Point<Patient>& at,
+bool is_certainly_beyond(const Surface& surface, const ToolPart& head, const Point<Patient>& at,
                          double within_mm) {
   if (head.axis_mm == Vector<Patient>()) return surface.is_farther_than(at, within_mm);
   const Eigen::Array3d begin = at.eigen().array(), end = (at + head.axis_mm).eigen().array();
   return surface.is_farther_than(begin.min(end), begin.max(end), within_mm);
 }
 
-bool is_farther(const Surface& surface, const ToolSphere& head, const Point<Patient>& at, double mm) {
+bool is_farther(const Surface& surface, const ToolPart& head, const Point<Patient>& at, double mm) {
   const double wider_mm = std::max(0.0, head.radius_change_mm);
   const double beside_mm = 0.5 * head.axis_mm.norm() * surface.max_gradient();
   return surface.lower_bound_mm(at + head.axis_mm * 0.5) >= mm + wider_mm + beside_mm;
 }
 
 MaterialSampler::MaterialSampler(std::span<const ContactSurface> surfaces, const BurrTool& burr,
-                                 const ToolSphere& head, const ProxyLayer& layer, int number,
+                                 const ToolPart& head, const ProxyLayer& layer, int number,
                                  const Point<Patient>& at, const BurrState& state)
     : surfaces_(surfaces),
       burr_(*burr),
@@ -94,7 +94,7 @@ CuttingFront MaterialSampler::edge_contact_front(const ProxyLayer& layer) const 
     // the contact normal is smoothed and may point past the edge
     const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
     const Vector<Patient> outward =
-        sample_central_differences(surface.surface->position(), centre).gradient.normalized();
+        sample_central_differences(surface.surface->distance_field(), centre).gradient.normalized();
     // between voxels the distance to the edge may be underestimated
     const double radius_mm = head_.radius_at_mm(contact.axis_fraction);
     const Point<Patient> start = centre - outward * surface.clearance_error_mm;
@@ -113,7 +113,7 @@ CuttingFront MaterialSampler::thin_contact_front(const ProxyLayer& layer,
     const Point<Patient> centre = at_ + head_.axis_mm * contact.axis_fraction;
     const ContactSurface& surface = surfaces_[static_cast<std::size_t>(contact.surface)];
     const Vector<Patient> inward =
-        -sample_central_differences(surface.surface->position(), centre).gradient.normalized();
+        -sample_central_differences(surface.surface->distance_field(), centre).gradient.normalized();
     const double radius_mm = head_.radius_at_mm(contact.axis_fraction);
     const double share_mm2 = std::numbers::pi * radius_mm * radius_mm / kCuttingSettings.directions;
     const double into = std::max(inward.dot(displacement.along[0]), inward.dot(displacement.along[1]));
@@ -127,8 +127,8 @@ CuttingFront MaterialSampler::thin_contact_front(const ProxyLayer& layer,
 
 CuttingFront MaterialSampler::front_of(const Sum& sum) const {
   if (!(sum.area_mm2 > 0)) return {};
-  const double peripheral_speed_mm_per_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
-  return {sum.area_mm2, peripheral_speed_mm_per_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2,
+  const double peripheral_speed_mm_s = 2 * std::numbers::pi * burr_.revolutions_per_s * burr_.radius_mm;
+  return {sum.area_mm2, peripheral_speed_mm_s * sum.speed / sum.area_mm2, sum.energy / sum.area_mm2,
           sum.thin_energy > 0 ? sum.thin_energy / sum.energy : 0};
 }
 

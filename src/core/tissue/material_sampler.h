@@ -13,17 +13,17 @@
 namespace palpate {
 
 /// Whether a surface's bounds prove that no centre of the head's balls is within `within_mm`
-bool is_certainly_beyond(const Surface& surface, const ToolSphere& head, const Point<Patient>& at,
+bool is_certainly_beyond(const Surface& surface, const ToolPart& head, const Point<Patient>& at,
                          double within_mm);
 /// Whether the lower bound of the distance field proves for every ball of the head that the distance of its
 /// centre, minus the excess of its radius over the first ball's, is at least `mm`. Conservative: may be false
 /// where that holds.
-bool is_farther(const Surface& surface, const ToolSphere& head, const Point<Patient>& at, double mm);
+bool is_farther(const Surface& surface, const ToolPart& head, const Point<Patient>& at, double mm);
 
 /// Material directly in front of a burr, projected along its displacement.
 struct CuttingFront {
   double area_mm2 = 0;
-  double edge_mm_per_s = 0;      // mean over the area
+  double edge_speed_mm_s = 0;    // mean over the area
   double energy_mJ_per_mm3 = 0;  // mean over the area
   double thin_fraction = 0;      // fraction of the energy that is of thin bone
 };
@@ -33,7 +33,7 @@ class MaterialSampler {
  public:
   /// @param head  at the layer's attitude
   /// @param at    position of the head in that layer
-  MaterialSampler(std::span<const ContactSurface> surfaces, const BurrTool& burr, const ToolSphere& head,
+  MaterialSampler(std::span<const ContactSurface> surfaces, const BurrTool& burr, const ToolPart& head,
                   const ProxyLayer& layer, int number, const Point<Patient>& at, const BurrState& state);
 
   CuttingFront along(const HeadDisplacement& displacement) const;
@@ -100,7 +100,7 @@ class MaterialSampler {
   std::span<const ContactSurface> surfaces_;
   const Burr& burr_;
   const Vector<Patient> spindle_;
-  const ToolSphere head_;
+  const ToolPart head_;
   const Point<Patient> at_;
   std::array<int, 8> near_surfaces_{};
   std::size_t near_count_ = 0;

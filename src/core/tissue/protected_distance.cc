@@ -49,7 +49,7 @@ Vector<Patient> ProtectedDistanceMeter::row_mm(const BurrSettings& burr, const T
 
 void ProtectedDistanceMeter::observe(const Sweep& sweep) {
   for (const ProtectedStructure& structure : protected_)
-    for_balls_of(sweep, structure.surface->position().geometry().min_spacing_mm(),
+    for_balls_of(sweep, structure.surface->distance_field().geometry().min_spacing_mm(),
                  [&](const Point<Patient>& at, double radius_mm) { observe(at, radius_mm, structure); });
 }
 

@@ -48,7 +48,7 @@ double penetration_mm(std::span<const ContactSurface> surfaces, const BurrTool& 
     const bool covered =
         surface.covered_by >= 0 && !layer.punctured[static_cast<std::size_t>(surface.covered_by)];
     if (surface.surface == nullptr || !layer.coupled || layer.punctured[s] || covered) continue;
-    const ToolSphere head = burr.head(layer.attitude);
+    const ToolPart head = burr.head(layer.attitude);
     if (is_farther(*surface.surface, head, layer.position, radius_mm)) continue;
     const NearestPart nearest = nearest_part(*surface.surface, head, layer.position, radius_mm);
     depth_mm = std::max(depth_mm, radius_mm - nearest.distance_mm);
@@ -67,7 +67,7 @@ double missing_clearance_mm(std::span<const ContactSurface> surfaces, const Burr
         !proxy.layer(surface.layer).coupled)
       continue;
     const Point<Patient>& at = proxy.layer(surface.layer).position;
-    const ToolSphere head = burr.head(proxy.layer(surface.layer).attitude);
+    const ToolPart head = burr.head(proxy.layer(surface.layer).attitude);
     if (is_farther(*surface.original_surface, head, at, radius_mm - largest)) continue;
     const NearestPart nearest = nearest_part(*surface.original_surface, head, at, radius_mm - largest);
     largest = std::max(largest, std::min(surface.clearance_error_mm, radius_mm - nearest.distance_mm));
@@ -122,23 +122,24 @@ void move_to(const HeadPose& pose, const Point<Patient>& tip, ProxyLayer& layer,
 // surfaces can cause, is resolved at recovery_mm per tick.
 HeadPose outside_protected(const BurrTool& burr, const HeadPose& from, const HeadPose& to) {
   if (burr->protected_structures.empty()) return to;
-  const ToolSphere was = burr.head(from.attitude), is = burr.head(to.attitude);
+  const ToolPart head_before = burr.head(from.attitude), head_after = burr.head(to.attitude);
   Point<Patient> position = to.at;
   for (int n = 0; n < kCuttingSettings.max_iterations; ++n) {
     bool clear = true;
     for (const ProtectedStructure& structure : burr->protected_structures) {
       const Surface& surface = *structure.surface;
-      if (!structure.is_protected || is_certainly_beyond(surface, is, position, burr->max_radius_mm()))
+      if (!structure.is_protected ||
+          is_certainly_beyond(surface, head_after, position, burr->max_radius_mm()))
         continue;
-      const NearestPart nearest = nearest_part(surface, is, position, burr->radius_mm);
+      const NearestPart nearest = nearest_part(surface, head_after, position, burr->radius_mm);
       if (nearest.distance_mm >= burr->radius_mm) continue;
       const double min_mm =
-          std::min(burr->radius_mm, nearest_part(surface, was, from.at, burr->radius_mm).distance_mm +
+          std::min(burr->radius_mm, nearest_part(surface, head_before, from.at, burr->radius_mm).distance_mm +
                                         kCuttingSettings.recovery_mm);
       const double correction_mm = min_mm - nearest.distance_mm;
       if (correction_mm <= kCuttingSettings.contact_tolerance_mm) continue;
       clear = false;
-      position += surface.outward(position + is.axis_mm * nearest.axis_fraction) * correction_mm;
+      position += surface.outward(position + head_after.axis_mm * nearest.axis_fraction) * correction_mm;
     }
     if (clear) return {position, to.attitude};
   }
@@ -157,7 +158,7 @@ struct MotorWork {
       : cuts(burr.revolutions_per_s > 0 && !state.sweeps_full),
         in_material(cuts && state.front_mm2 > 0 && std::isfinite(state.energy_mJ_per_mm3)),
         feed_volume(state.front_mm2, burr.max_radius_mm()),
-        mJ_per_N(in_material ? burr.grip * state.edge_mm_per_s * dt_s : 0),
+        mJ_per_N(in_material ? burr.grip * state.edge_speed_mm_s * dt_s : 0),
         pressed_N(state.pressed_N),
         mJ_per_mm3(state.energy_mJ_per_mm3) {}
 
@@ -272,13 +273,13 @@ void sample_front(std::span<const ContactSurface> surfaces, const BurrTool& burr
   if (!(front.area_mm2 > 0)) front = ahead.edge_contact_front(layer);
   if (!(front.area_mm2 > 0)) front = ahead.thin_contact_front(layer, {push, push});
   state.front_mm2 = front.area_mm2;
-  state.edge_mm_per_s = front.edge_mm_per_s;
+  state.edge_speed_mm_s = front.edge_speed_mm_s;
   state.energy_mJ_per_mm3 = front.energy_mJ_per_mm3;
 }
 
 }  // namespace
 
-ToolSphere Burr::head(double inset_mm) const {
+ToolPart Burr::head(double inset_mm) const {
   if (!(length_mm > 0)) return {Vector<Patient>(), radius_mm - inset_mm};
   // sample spacing independent of the inset: otherwise the head might not fit where it has just been
   return {Vector<Patient>(), radius_mm - inset_mm, axis * length_mm, end_radius_mm - radius_mm,
@@ -331,7 +332,7 @@ ProxyResult advance_burr(std::span<const ContactSurface> surfaces, const Burr& b
 
   const int layer_before = state.layer;
   const LayerPoses before(proxy);
-  const ToolSphere head = burr.head(state.inset_mm);
+  const ToolPart head = burr.head(state.inset_mm);
   // the motor's work limits the displacement, not the slip rate
   ProxyOptions guided = options;
   guided.max_slip_N_per_s = std::numeric_limits<double>::infinity();

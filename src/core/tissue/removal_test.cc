@@ -71,7 +71,7 @@ class GuidedBurr {
       surface.clearance_error_mm = carved_.clearance_error_mm();
     }
     rebase_burr(surfaces_, burr_, pose(), count, proxy_, state_);
-    const ToolSphere head = burr_.head(state_.inset_mm);
+    const ToolPart head = burr_.head(state_.inset_mm);
     std::vector<SurfaceCorrespondence> before;
     for (std::int16_t n = 0; n < static_cast<std::int16_t>(surfaces_.size()); ++n)
       before.push_back({n, false});
@@ -102,14 +102,14 @@ class GuidedBurr {
 TEST(Removal, StoppedBurrEqualsABall) {
   GuidedBurr off(0);
   ProxyState ball;
-  const ToolSphere sphere{Vector<Patient>(), 2};
+  const ToolPart part{Vector<Patient>(), 2};
   off.lead_to(Point<Patient>(0, 0, 2.5), 1);
-  (void)advance_proxy(off.surfaces_, {&sphere, 1}, ToolPose(off.tip_), ball, off.options_);
+  (void)advance_proxy(off.surfaces_, {&part, 1}, ToolPose(off.tip_), ball, off.options_);
   for (int n = 1; n <= 200; ++n) {
     const Point<Patient> tip(0.02 * n, 0.01 * n, 2.5 - 0.01 * n);
     const ProxyResult is = off.lead_to(tip, 1);
     const ProxyResult expected =
-        advance_proxy(off.surfaces_, {&sphere, 1}, ToolPose(off.tip_), ball, off.options_);
+        advance_proxy(off.surfaces_, {&part, 1}, ToolPose(off.tip_), ball, off.options_);
     ASSERT_EQ(is.force_N, expected.force_N);
     ASSERT_EQ(off.proxy_.position, ball.position);
   }
@@ -338,14 +338,14 @@ TEST(Removal, RotatingHeadPathIsSwept) {
       const Eigen::Quaterniond was = burr.attitude_;
       for (int n = 1; n <= 20; ++n) {
         burr.lead_to(from + displacement * (0.05 * n), was.slerp(0.05 * n, aim), 1);
-        const ToolSphere head = burr.burr_.head(0);
-        const ToolSphere sphere = RotatedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
+        const ToolPart head = burr.burr_.head(0);
+        const ToolPart part = RotatedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).parts()[0];
         for (int m = 0; m < 40; ++m) {
-          const double part = unit(random);
+          const double fraction = unit(random);
           const Vector<Patient> out(about(random), about(random), about(random));
           // almost on its outline
-          const Point<Patient> at = burr.proxy_.position + sphere.axis_mm * part +
-                                    out.normalized() * (sphere.radius_at_mm(part) - 0.02);
+          const Point<Patient> at = burr.proxy_.position + part.axis_mm * fraction +
+                                    out.normalized() * (part.radius_at_mm(fraction) - 0.02);
           if (burr.carved_.original()->distance_mm(at) < -0.02) been.push_back(at);
         }
       }
@@ -382,12 +382,12 @@ TEST(Removal, CylinderDoesNotCutALateralProtectedStructure) {
     const Eigen::Quaterniond was = burr.attitude_;
     for (int n = 1; n <= 10; ++n) {
       for (int tick = 1; tick <= 20; ++tick) {
-        const double part = (n - 1 + 0.05 * tick) / 10;
-        burr.lead_to(from + aim_mm * part, was.slerp(part, aim), 1);
-        const ToolSphere head = burr.burr_.head(0);
-        const ToolSphere sphere = RotatedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).spheres()[0];
+        const double fraction = (n - 1 + 0.05 * tick) / 10;
+        burr.lead_to(from + aim_mm * fraction, was.slerp(fraction, aim), 1);
+        const ToolPart head = burr.burr_.head(0);
+        const ToolPart part = RotatedTool({&head, 1}, burr.attitude_, burr.proxy_.attitude).parts()[0];
         const double gap_mm =
-            nearest_part(*structure.surface, sphere, burr.proxy_.position).distance_mm - burr.burr_.radius_mm;
+            nearest_part(*structure.surface, part, burr.proxy_.position).distance_mm - burr.burr_.radius_mm;
         nearest_mm = std::min(nearest_mm, gap_mm);
         deepest_mm = std::max(deepest_mm, -gap_mm);
       }

@@ -207,12 +207,14 @@ bool SoftTissueSolver::begin_patch_solve(FrameInProgress& now) {
   region.radius_mm = radius_mm;
   region.max_N_per_mm = max_deformable_stiffness_N_per_mm(now.model);
   const double min_mm = kSolverSettings.min_patch_cells * cell_mm;
-  if (!(region.modulus > 0))
-    region.modulus = PressurePatch(region.grid(), now.at, now.outward, min_mm).contact_modulus();
+  if (!(region.modulus_N_per_mm2 > 0))
+    region.modulus_N_per_mm2 =
+        PressurePatch(region.grid(), now.at, now.outward, min_mm).contact_modulus_N_per_mm2();
   now.depth_mm = expected_depth_mm(device, {now.at, now.outward}, radius_mm);
   const double contact_radius_mm =
-      region.modulus > 0 ? radius_at_depth_mm(device, now.force_N, now.depth_mm, radius_mm, region.modulus)
-                         : 0;
+      region.modulus_N_per_mm2 > 0
+          ? radius_at_depth_mm(device, now.force_N, now.depth_mm, radius_mm, region.modulus_N_per_mm2)
+          : 0;
   now.rho_mm =
       std::clamp(contact_radius_mm, min_mm, kMaxPatchRadiusFraction * region.grid().box().cells[1] * cell_mm);
   now.patch = PressurePatch(region.grid(), now.at, now.outward, now.rho_mm);
@@ -227,7 +229,7 @@ bool SoftTissueSolver::begin_patch_solve(FrameInProgress& now) {
     local.modulus_N_per_mm2 = contact_modulus_N_per_mm2(constants);
     local.poissons_ratio = constants.poissons_ratio;
   }
-  region.modulus = now.patch.contact_modulus();
+  region.modulus_N_per_mm2 = now.patch.contact_modulus_N_per_mm2();
   if (!now.patch.touches()) return false;
   std::fill(region.load_N.values.begin(), region.load_N.values.end(), 0.0f);
   now.patch.add(1, region.load_N);
@@ -243,11 +245,11 @@ void SoftTissueSolver::finish_patch_solve(FrameInProgress& now) {
   LocalCompliance& local = frame_.local_compliance[now.device];
   const double cell_mm = region.grid().box().cell_mm;
   if (now.patch.touches()) {
-    local.compliance_mm_per_N = now.patch.displacement(region.unit_mm);
+    local.compliance_mm_per_N = now.patch.displacement_mm(region.unit_mm);
     // W = J K^-1 J^T: the patch both applies the load and measures the displacement, hence the factor of 2
     local.gradient_per_N = now.patch.gradient_along_surface(region.unit_mm) * 2;
     if (!now.layer) {
-      local.modulus_N_per_mm2 = region.modulus;
+      local.modulus_N_per_mm2 = region.modulus_N_per_mm2;
       local.poissons_ratio = now.patch.poissons_ratio();
     }
   }

@@ -98,7 +98,7 @@ TEST(SoftTissueSolver, DistantStiffBaseReducesCompliance) {
   ElasticField unit(grid->layout()), load(grid->layout());
   patch.add(1, load);
   ASSERT_TRUE(ElasticSolver(*grid).solve(load, unit, 200, 1e-5).converged);
-  EXPECT_NEAR(local.compliance_mm_per_N / patch.displacement(unit), 1, 0.02);
+  EXPECT_NEAR(local.compliance_mm_per_N / patch.displacement_mm(unit), 1, 0.02);
 }
 
 // The analytic compliance between two tools against that of the cells, on a layer of 20 mm on a plate.
@@ -125,7 +125,7 @@ TEST(SoftTissueSolver, InteractionOfTwoToolsMatchesTheSolution) {
     const std::array presses{press(local.at + Vector<Patient>(separation_mm, 0, 0)), press(local.at)};
     const PressurePatch under(*grid, presses[0].at, presses[0].outward, local.patch_radius_mm);
     const double own_mm = local.compliance_mm_per_N;
-    EXPECT_NEAR(neighbour_effect(presses, 0, presses[0]).displaced_mm, under.displacement(*field.unit_mm),
+    EXPECT_NEAR(neighbour_effect(presses, 0, presses[0]).displaced_mm, under.displacement_mm(*field.unit_mm),
                 0.06 * own_mm)
         << separation_mm;
   }

@@ -75,7 +75,7 @@ struct SoftTissueSolver::Region {
   /// u1, the displacements under 1 N on the patch, and the patch's nodal forces.
   ElasticField unit_mm, load_N;
   std::optional<RelaxationWeights> relaxation_weights;  ///< Unset: no tissue relaxes or stiffens
-  double modulus = 0;                                   ///< Contact modulus under the patch in the last frame
+  double modulus_N_per_mm2 = 0;                         ///< Contact modulus under the patch in the last frame
   double radius_mm = 0;                                 ///< Radius of the tool in the last frame
   /// max_deformable_stiffness_N_per_mm() in the last frame
   double max_N_per_mm = std::numeric_limits<double>::infinity();

@@ -8,8 +8,8 @@ namespace {
 
 // distance of a point from the path of a ball's centre; `from` is relative to the path's start
 double to_path_mm(const Vector<Patient>& displacement, double squared, const Vector<Patient>& from) {
-  const double part = squared > 0 ? std::clamp(from.dot(displacement) / squared, 0.0, 1.0) : 0.0;
-  return (from - displacement * part).norm();
+  const double fraction = squared > 0 ? std::clamp(from.dot(displacement) / squared, 0.0, 1.0) : 0.0;
+  return (from - displacement * fraction).norm();
 }
 
 }  // namespace
@@ -48,16 +48,16 @@ SweptShape::SweptShape(const Sweep& sweep)
 }
 
 double SweptShape::head_depth_mm(const Vector<Patient>& from) const {
-  double part = 0;
+  double fraction = 0;
   if (sine_ > 0) {
     const double foot = from.dot(sweep_.axis_mm) / axis_squared_;
     const double height_mm = (from - sweep_.axis_mm * foot).norm();
-    part = std::clamp(foot + slope_ * height_mm / (sine_ * std::sqrt(axis_squared_)), 0.0, 1.0);
+    fraction = std::clamp(foot + slope_ * height_mm / (sine_ * std::sqrt(axis_squared_)), 0.0, 1.0);
   } else {
     // one ball contains the other
-    part = slope_ > 0 ? 1 : 0;
+    fraction = slope_ > 0 ? 1 : 0;
   }
-  return sweep_.radius_mm + radius_change_mm_ * part - (from - sweep_.axis_mm * part).norm();
+  return sweep_.radius_mm + radius_change_mm_ * fraction - (from - sweep_.axis_mm * fraction).norm();
 }
 
 double SweptShape::depth_mm(const Point<Patient>& at) const {

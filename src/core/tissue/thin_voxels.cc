@@ -32,7 +32,7 @@ class InnermostSurfaces {
   // whether a ball covers a point; a smaller one where the range of the distances does not reach its centre
   bool has_ball_around(const Point<Patient>& at, double radius_mm) const {
     for (const Surface* const surface : surfaces_) {
-      const SignedField& position = surface->position();
+      const SignedField& position = surface->distance_field();
       const double range_mm = position.steps().outside * position.steps().scale;
       const double within_mm = std::min(radius_mm, 0.9 * range_mm);
       const double distance_mm = surface->distance_mm(at);

@@ -2,6 +2,7 @@
 #include <span>
 
 #include "palpate/base/disjoint_sets.h"
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 /// Connected components by run-length union-find. A run is a maximal interval of one value along i. Each run

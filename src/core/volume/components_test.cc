@@ -3,6 +3,7 @@
 #include <map>
 #include <random>
 
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 #include "volume/test_grids.h"
 

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 
 namespace palpate {

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "palpate/volume/label_map.h"
 #include "palpate/volume/volume.h"
 #include "volume/test_grids.h"
 

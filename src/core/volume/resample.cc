@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "palpate/volume/label_map.h"
+#include "palpate/volume/resample.h"
 #include "palpate/volume/volume.h"
 
 namespace palpate {

@@ -2,6 +2,8 @@
 
 #include <random>
 
+#include "palpate/volume/label_map.h"
+#include "palpate/volume/resample.h"
 #include "palpate/volume/volume.h"
 #include "volume/test_grids.h"
 

@@ -6,6 +6,7 @@
 
 #include "lint/voxel_runs.h"
 #include "palpate/lint/lint.h"
+#include "palpate/volume/label_map.h"
 
 /// State and helpers shared by the checks of lint().
 namespace palpate::internal {

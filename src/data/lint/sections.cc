@@ -106,95 +106,113 @@ int step_of_terraces(const std::vector<std::uint32_t>& change, int low, int high
 
 constexpr std::array<const char*, 3> kAxisNames{"i", "j", "k"};
 
+/// Plane between two slices in which outlines jump.
+struct SeamPlane {
+  std::vector<LabelId> structures;
+  bool stands_alone = false;  ///< Is a seam although only one structure's outline jumps.
+  std::uint32_t voxels = 0,
+                most = 0;      ///< Changed faces of all structures, and of the structure with the most.
+  std::array<int, 3> voxel{};  ///< Middle of that structure's box, in the plane.
+};
+using SeamPlanes = std::map<int, SeamPlane>;  // by the slice in front of the plane
+
+std::array<int, 3> middle_of(const SegmentStatistics& of) {
+  return {(of.box_min[0] + of.box_max[0]) / 2, (of.box_min[1] + of.box_max[1]) / 2,
+          (of.box_min[2] + of.box_max[2]) / 2};
+}
+
+// Adds the planes along an axis at which a structure's cross-section changes more than around them.
+void find_seams(const Sections& sections, const SegmentStatistics& of, std::size_t axis, SeamPlanes& planes) {
+  const auto& change = sections.change[axis];
+  const int low = of.box_min[axis] + 1, high = of.box_max[axis] - 1;
+  for (int p = low + 1; p + 1 < high; ++p) {
+    const std::uint32_t here = change[static_cast<std::size_t>(p)];
+    if (here < kSeam_voxels) continue;
+    std::vector<std::uint32_t> others;
+    for (int q = std::max(low, p - kSeamWindow); q <= std::min(high - 1, p + kSeamWindow); ++q)
+      if (q != p) others.push_back(change[static_cast<std::size_t>(q)]);
+    std::ranges::sort(others);
+    const std::uint32_t median = std::max<std::uint32_t>(others[others.size() / 2], 2);
+    const std::uint32_t one = sections.area[axis][static_cast<std::size_t>(p)],
+                        other = sections.area[axis][static_cast<std::size_t>(p) + 1];
+    const auto exceeds = [&](const SeamRatios& ratios) {
+      return here >= ratios.over_median * median && here >= ratios.over_most * others.back();
+    };
+    if (!exceeds(kSharedSeam) || here < kSeamFraction * std::min(one, other)) continue;
+    SeamPlane& plane = planes[p];
+    plane.structures.push_back(of.id);
+    // a shifted cross-section keeps its area; a part of the structure that ends in a flat face does not
+    plane.stands_alone = exceeds(kLoneSeam) && here >= kLoneSeam_voxels &&
+                         2 * (std::max(one, other) - std::min(one, other)) < here;
+    plane.voxels += here;
+    if (here <= plane.most) continue;
+    plane.most = here;
+    plane.voxel = middle_of(of);
+    plane.voxel[axis] = p;
+  }
+}
+
+void report_seams(LintContext& context, std::size_t axis, const SeamPlanes& planes) {
+  for (const auto& [p, plane] : planes) {
+    const bool is_shared = plane.structures.size() > 1;
+    if (!is_shared && !plane.stands_alone) continue;
+    context.add(LintKind::kSeam, is_shared ? LintSeverity::kFault : LintSeverity::kWarning, plane.structures,
+                {plane.voxels * context.face_mm2(axis), "mm2", plane.voxels, plane.voxel},
+                "between slices " + std::to_string(p) + " and " + std::to_string(p + 1) + " along " +
+                    kAxisNames[axis] + " the outline of " + context.names_of(plane.structures) +
+                    " jumps by " + figure(plane.voxels * context.face_mm2(axis), "mm2"));
+  }
+}
+
+/// Structures with terraces along one axis.
+struct Terraces {
+  std::vector<LabelId> structures;
+  int step = 0;  ///< Greatest height of their steps, slices.
+  std::size_t voxels = 0;
+};
+
+void report_terraces(LintContext& context, std::size_t axis, const Terraces& terraces) {
+  if (terraces.structures.empty()) return;
+  const double step_mm = terraces.step * context.grid.spacing_mm[static_cast<Eigen::Index>(axis)];
+  const SegmentStatistics* first = context.statistics_of(terraces.structures.front());
+  context.add(LintKind::kTerraces, LintSeverity::kFault, terraces.structures,
+              {step_mm, "mm", terraces.voxels, middle_of(*first)},
+              "slices along " + std::string(kAxisNames[axis]) + " repeat in groups of " +
+                  std::to_string(terraces.step) + " in " + context.names_of(terraces.structures) +
+                  ": steps of " + figure(step_mm, "mm"));
+}
+
 }  // namespace
 
-void report_sections(Layer& layer) {
+void report_seams_and_terraces(Layer& layer) {
   LintContext& context = layer.context;
   const std::vector<Sections> all = sections_of(layer);
-  struct Plane {
-    std::vector<LabelId> structures;
-    bool stands_alone = false;
-    std::uint32_t voxels = 0;
-    std::array<int, 3> voxel{};
-    std::uint32_t most = 0;
-  };
-  std::array<std::map<int, Plane>, 3> seams;
-  struct Terraced {
-    std::vector<LabelId> structures;
-    int step = 0;
-    std::size_t voxels = 0;
-  };
-  std::array<Terraced, 3> terraced;
+  std::array<SeamPlanes, 3> seams;
+  std::array<Terraces, 3> terraces;
   std::size_t index = 0;
   for (std::size_t value = 1; value < layer.segment_of_value.size(); ++value) {
     if (layer.segment_of_value[value] == nullptr) continue;
     const Sections& sections = all[index++];
-    const LabelId id = layer.segment_of_value[value]->id;
-    const SegmentStatistics* of = context.statistics_of(id);
+    const SegmentStatistics* of = context.statistics_of(layer.segment_of_value[value]->id);
     if (of == nullptr) continue;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const auto& change = sections.change[a];
-      const int low = of->box_min[a] + 1, high = of->box_max[a] - 1;
-      if (const int step = step_of_terraces(change, low, high); step > 0) {
-        terraced[a].structures.push_back(id);
-        terraced[a].step = std::max(terraced[a].step, step);
-        terraced[a].voxels += of->voxels;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const int step = step_of_terraces(sections.change[axis], of->box_min[axis] + 1, of->box_max[axis] - 1);
+      if (step == 0) {
+        find_seams(sections, *of, axis, seams[axis]);
         continue;
       }
-      for (int p = low + 1; p + 1 < high; ++p) {
-        const std::uint32_t here = change[static_cast<std::size_t>(p)];
-        if (here < kSeam_voxels) continue;
-        std::vector<std::uint32_t> others;
-        for (int q = std::max(low, p - kSeamWindow); q <= std::min(high - 1, p + kSeamWindow); ++q)
-          if (q != p) others.push_back(change[static_cast<std::size_t>(q)]);
-        std::ranges::sort(others);
-        const std::uint32_t median = std::max<std::uint32_t>(others[others.size() / 2], 2);
-        const std::uint32_t one = sections.area[a][static_cast<std::size_t>(p)],
-                            other = sections.area[a][static_cast<std::size_t>(p) + 1];
-        const auto exceeds = [&](const SeamRatios& ratios) {
-          return here >= ratios.over_median * median && here >= ratios.over_most * others.back();
-        };
-        if (!exceeds(kSharedSeam) || here < kSeamFraction * std::min(one, other)) continue;
-        Plane& plane = seams[a][p];
-        plane.structures.push_back(id);
-        // a shifted cross-section keeps its area; a part of the structure that ends in a flat face does not
-        plane.stands_alone = exceeds(kLoneSeam) && here >= kLoneSeam_voxels &&
-                             2 * (std::max(one, other) - std::min(one, other)) < here;
-        plane.voxels += here;
-        if (here > plane.most) {
-          plane.most = here;
-          plane.voxel = {(of->box_min[0] + of->box_max[0]) / 2, (of->box_min[1] + of->box_max[1]) / 2,
-                         (of->box_min[2] + of->box_max[2]) / 2};
-          plane.voxel[a] = p;
-        }
-      }
+      terraces[axis].structures.push_back(of->id);
+      terraces[axis].step = std::max(terraces[axis].step, step);
+      terraces[axis].voxels += of->voxels;
     }
   }
-  for (std::size_t a = 0; a < 3; ++a) {
-    for (const auto& [p, plane] : seams[a]) {
-      const bool is_shared = plane.structures.size() > 1;
-      if (!is_shared && !plane.stands_alone) continue;
-      context.add(LintKind::kSeam, is_shared ? LintSeverity::kFault : LintSeverity::kWarning,
-                  plane.structures, {plane.voxels * context.face_mm2(a), "mm2", plane.voxels, plane.voxel},
-                  "between slices " + std::to_string(p) + " and " + std::to_string(p + 1) + " along " +
-                      kAxisNames[a] + " the outline of " + context.names_of(plane.structures) + " jumps by " +
-                      figure(plane.voxels * context.face_mm2(a), "mm2"));
-    }
-    if (terraced[a].structures.empty()) continue;
-    const double step_mm = terraced[a].step * context.grid.spacing_mm[static_cast<Eigen::Index>(a)];
-    const SegmentStatistics* first = context.statistics_of(terraced[a].structures.front());
-    context.add(LintKind::kTerraces, LintSeverity::kFault, terraced[a].structures,
-                {step_mm, "mm", terraced[a].voxels,
-                 std::array<int, 3>{(first->box_min[0] + first->box_max[0]) / 2,
-                                    (first->box_min[1] + first->box_max[1]) / 2,
-                                    (first->box_min[2] + first->box_max[2]) / 2}},
-                "slices along " + std::string(kAxisNames[a]) + " repeat in groups of " +
-                    std::to_string(terraced[a].step) + " in " + context.names_of(terraced[a].structures) +
-                    ": steps of " + figure(step_mm, "mm"));
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    report_seams(context, axis, seams[axis]);
+    report_terraces(context, axis, terraces[axis]);
   }
 }
 
-void report_cuts(Layer& layer) {
+void report_border_cuts(Layer& layer) {
   LintContext& context = layer.context;
   const auto& dims = context.grid.dims;
   struct Sum {

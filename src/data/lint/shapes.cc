@@ -20,8 +20,8 @@ Result<void> check_shapes(LintContext& context, std::size_t number, const Progre
   layer.components = connect(layer.runs);
   if (context.progress.stopped()) return Progress::interrupted();
   report_islands(layer);
-  report_sections(layer);
-  report_cuts(layer);
+  report_seams_and_terraces(layer);
+  report_border_cuts(layer);
   if (context.progress.stopped()) return Progress::interrupted();
   auto cubes = cube_morphology(voxels, context.workers, context.progress, span.part(0.5, 0.8));
   if (!cubes) return cubes.error();

@@ -32,8 +32,8 @@ void report_sheets(Layer& layer, RunVolume& thin);
 /// @param inner  voxels that remain after erosion by one voxel (cube_morphology())
 void report_necks_and_pockets(Layer& layer, RunVolume& inner);
 /// Reports seams, at which the cross-section changes abruptly, and terraces.
-void report_sections(Layer& layer);
+void report_seams_and_terraces(Layer& layer);
 /// Reports structures that the border of the volume cuts.
-void report_cuts(Layer& layer);
+void report_border_cuts(Layer& layer);
 
 }  // namespace palpate::internal

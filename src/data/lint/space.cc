@@ -7,6 +7,7 @@
 
 #include "lint/lint_context.h"
 #include "lint/voxel_bits.h"
+#include "palpate/volume/resample.h"
 
 /// Checks of the space around structures: gaps, access of the tool, air.
 namespace palpate::internal {

@@ -8,6 +8,7 @@
 #include "palpate/base/reading.h"
 #include "palpate/cache/entries.h"
 #include "palpate/cache/fields.h"
+#include "palpate/volume/resample.h"
 
 namespace palpate {
 namespace {
@@ -229,8 +230,8 @@ std::optional<SignedField> get_field(FieldReader& in) {
 }
 
 void put_surface(const Surface& surface, FieldWriter& out) {
-  put_field(surface.position(), out);
-  put_field(surface.normal(), out);
+  put_field(surface.distance_field(), out);
+  put_field(surface.normal_field(), out);
   out.put(surface.max_gradient());
   out.put(surface.content_hash());
 }

@@ -9,6 +9,7 @@
 #include "palpate/model/model_preparation.h"
 #include "palpate/phantoms/phantoms.h"
 #include "palpate/preparation/preparation.h"
+#include "palpate/volume/label_map.h"
 
 /// Cached versions of the slow preparation steps (docs/guide/cache.md). Each is the function of
 /// palpate/preparation/preparation.h, ramps.h, surfaces.h, phantoms.h or volume.h with the same parameters,

@@ -25,6 +25,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/model/changed_model.h"
 #include "palpate/palpation/palpation.h"
+#include "palpate/volume/resample.h"
 #include "palpate/volume_io/write_volume.h"
 
 namespace palpate {

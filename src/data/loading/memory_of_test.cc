@@ -18,8 +18,8 @@ MemoryForecast measured_memory(const Model& model) {
   std::set<const Surface*> visited;
   for (const ContactSurface& surface : model.surfaces)
     if (surface.surface && visited.insert(surface.surface.get()).second)
-      memory.surfaces +=
-          surface.surface->position().bricks().bytes() + surface.surface->normal().bricks().bytes();
+      memory.surfaces += surface.surface->distance_field().bricks().bytes() +
+                         surface.surface->normal_field().bricks().bytes();
   return memory;
 }
 

@@ -131,7 +131,7 @@ std::string elastic_preset_table() {
   for (const TissuePreset& preset : tissue_presets()) {
     const ElasticPreset* elastic = elastic_preset(preset.name);
     if (elastic == nullptr) {
-      text += "| `" + preset.name + "` | — | — | — | does not yield | — | — | |\n";
+      text += "| `" + preset.name + "` | — | — | — | rigid | — | — | |\n";
       continue;
     }
     const auto& [low_kPa, high_kPa] = elastic->range_kPa;

@@ -191,7 +191,7 @@ std::optional<Fault> range_error(const KeySpec& key, double value) {
   return std::nullopt;
 }
 
-std::string_view nearest(std::string_view text, const std::vector<std::string_view>& candidates) {
+std::string_view closest_match(std::string_view text, const std::vector<std::string_view>& candidates) {
   // a mistyped name is short; this bounds the cost of comparing longer texts
   constexpr std::size_t kMaxCompared = 100;
   text = text.substr(0, kMaxCompared);
@@ -211,7 +211,7 @@ std::string_view nearest(std::string_view text, const std::vector<std::string_vi
 
 std::string did_you_mean(std::string_view text, const std::vector<std::string_view>& candidates,
                          std::string_view quote) {
-  const std::string_view candidate = nearest(text, candidates);
+  const std::string_view candidate = closest_match(text, candidates);
   return candidate.empty() ? "" : concat({"did you mean ", quote, candidate, quote, "? "});
 }
 

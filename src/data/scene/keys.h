@@ -99,8 +99,8 @@ std::string number_text(double value);
 
 /// The candidate of which `text` is most likely a misspelling: at most a third of its letters edited,
 /// ignoring case. Empty: none is that close.
-std::string_view nearest(std::string_view text, const std::vector<std::string_view>& candidates);
-/// "did you mean stiffness? " with the result of nearest() between `quote`s; "" if there is none.
+std::string_view closest_match(std::string_view text, const std::vector<std::string_view>& candidates);
+/// "did you mean stiffness? " with the result of closest_match() between `quote`s; "" if there is none.
 std::string did_you_mean(std::string_view text, const std::vector<std::string_view>& candidates,
                          std::string_view quote = "");
 

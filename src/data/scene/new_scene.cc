@@ -78,7 +78,7 @@ std::vector<Group> group_structures(const LabelMap& labels, bool touch_unknown) 
   } else {
     groups.push_back(std::move(others));
   }
-  // a known name without a preset is of air, of a fluid, or of contents whose stiffness nobody published
+  // a name that is known but has no preset denotes air, a fluid, or contents of unpublished stiffness
   if (touch_unknown && none_known)
     for (Group& group : groups)
       group.is_touched_unknown =
@@ -173,7 +173,7 @@ std::string tissue_text(const Group& group, const std::vector<Group>& groups,
             " N/mm, friction " + number_text(values.friction);
     if (is_elastic(law))
       text += values.elastic ? ", E " + number_text(values.elastic->youngs_modulus_kPa) + " kPa"
-                             : std::string(", does not yield");
+                             : std::string(", rigid");
     if (law == TissueLaw::kExponential && values.elastic && values.elastic->stiffening > 0)
       text += ", stiffening " + number_text(values.elastic->stiffening);
     text += "\n" + source_of_preset(group);

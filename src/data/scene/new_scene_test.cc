@@ -271,7 +271,7 @@ TEST(NewScene, SoftTissueYieldsUnlessLayersAreAskedFor) {
   EXPECT_FALSE(scene.tissues[0].elastic.has_value());
   EXPECT_EQ(scene.tissues[1].elastic, (ElasticConstants{14, 0.45}));
   const std::string text = *new_scene_text(elastic, "/");
-  EXPECT_THAT(text, HasSubstr("friction 0.2, does not yield"));
+  EXPECT_THAT(text, HasSubstr("friction 0.2, rigid"));
   EXPECT_THAT(text, HasSubstr("friction 0.1, E 14 kPa"));
 }
 

@@ -50,7 +50,7 @@ void read_elastic(const TableReader& reader, TissueSettings& tissue, Problems& p
       (*tissue.elastic).*member = *value;
     else if (!reader.has("youngs_modulus"))
       problems.add(reader.line(key), "tissue \"" + tissue.name + "\" has " + what + " but no modulus",
-                   "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
+                   "add youngs_modulus = 10, in kPa; without it the tissue is rigid");
   };
   set("poissons_ratio", "a Poisson's ratio", &ElasticConstants::poissons_ratio);
   set("stiffening", "a stiffening", &ElasticConstants::stiffening);
@@ -79,7 +79,7 @@ void read_relaxation(const TableReader& reader, TissueSettings& tissue, Problems
                  "the sum of the fractions must be below 1");
   if (tissue.relaxation.relaxes() && !tissue.elastic && !reader.has("youngs_modulus"))
     wrong("has a relaxation but no modulus",
-          "add youngs_modulus = 10, in kPa; without it the tissue does not yield");
+          "add youngs_modulus = 10, in kPa; without it the tissue is rigid");
 }
 
 TissueSettings read_tissue(const TableReader& reader, Problems& problems) {

@@ -207,7 +207,7 @@ TEST(ParseScene, DefaultsAreTheDocumentedOnes) {
   EXPECT_EQ(scene->force.settings.normals, NormalEncoding::kBytes);
   EXPECT_EQ(keys.force.find("normals")->default_text, "\"bytes\"");
   EXPECT_EQ(scene->force.settings.coupling_damping_N_s_per_mm, default_of(keys.force, "coupling_damping"));
-  EXPECT_FALSE(tissue.elastic.has_value()) << "it does not yield";
+  EXPECT_FALSE(tissue.elastic.has_value()) << "it is rigid";
   EXPECT_EQ(ElasticConstants().poissons_ratio, default_of(keys.tissue, "poissons_ratio"));
   EXPECT_EQ(scene->deformation.law, TissueLaw::kLayers);
   EXPECT_EQ(keys.deformation.find("law")->default_text, "\"layers\"");
@@ -793,16 +793,16 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(Nearest, SuggestsOnlyLikelyMisspellings) {
   const std::vector<std::string_view> names{"femur", "tibia", "femoral_cartilage"};
-  EXPECT_EQ(nearest("tibea", names), "tibia");
-  EXPECT_EQ(nearest("Tibia", names), "tibia");
-  EXPECT_EQ(nearest("FEMUR", names), "femur");
-  EXPECT_EQ(nearest("femru", names), "femur");
-  EXPECT_EQ(nearest("femoral cartilage", names), "femoral_cartilage");
-  EXPECT_EQ(nearest("femorale_cartilages", names), "femoral_cartilage");
-  EXPECT_EQ(nearest("fibula", names), "");
-  EXPECT_EQ(nearest("up", names), "");
-  EXPECT_EQ(nearest("", names), "");
-  EXPECT_EQ(nearest("femur", {}), "");
+  EXPECT_EQ(closest_match("tibea", names), "tibia");
+  EXPECT_EQ(closest_match("Tibia", names), "tibia");
+  EXPECT_EQ(closest_match("FEMUR", names), "femur");
+  EXPECT_EQ(closest_match("femru", names), "femur");
+  EXPECT_EQ(closest_match("femoral cartilage", names), "femoral_cartilage");
+  EXPECT_EQ(closest_match("femorale_cartilages", names), "femoral_cartilage");
+  EXPECT_EQ(closest_match("fibula", names), "");
+  EXPECT_EQ(closest_match("up", names), "");
+  EXPECT_EQ(closest_match("", names), "");
+  EXPECT_EQ(closest_match("femur", {}), "");
   EXPECT_EQ(did_you_mean("tibea", names, "'"), "did you mean 'tibia'? ");
   EXPECT_EQ(did_you_mean("up", names), "");
 }

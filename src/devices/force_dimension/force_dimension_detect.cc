@@ -55,8 +55,9 @@ DeviceReport detect_dhd(const ForceDimensionSettings& settings) {
     const auto id = static_cast<char>(opened);
     const dhd::Identity identity = dhd::identity_of(*library, id);
     const bool ready = dhd::is_initialised(*library, id);
-    const dhd::Words words = dhd::words_for(
-        dhd::model_of(identity.type).by_hand ? dhd::Failure::kByHand : dhd::Failure::kNotInitialised);
+    const dhd::Words words =
+        dhd::words_for(dhd::model_of(identity.type).by_hand ? dhd::Failure::kNeedsManualInitialisation
+                                                            : dhd::Failure::kNotInitialised);
     const std::string state = ready ? "ready" : words.what;
     dhd::close_device(*library, id);
     report.connected.push_back({dhd::name_of(identity), state});

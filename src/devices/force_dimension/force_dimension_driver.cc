@@ -81,7 +81,8 @@ bool is_by_hand(int cause) {
 // with an unknown arm position the library's gravity compensation would act in a wrong direction
 bool is_unlocated(DhdFailure failure) {
   return failure == DhdFailure::kNoPower || failure == DhdFailure::kNotInitialised ||
-         failure == DhdFailure::kByHand || failure == DhdFailure::kError || failure == DhdFailure::kBroken;
+         failure == DhdFailure::kNeedsManualInitialisation || failure == DhdFailure::kError ||
+         failure == DhdFailure::kBroken;
 }
 
 // rotation from a matrix whose rows are the device's axes, only approximately orthonormal. Empty: not a
@@ -317,7 +318,7 @@ class ForceDimensionDriver::Core {
     }
     DhdFailure failure = unit.status_failure;
     if (unit.is_broken) failure = DhdFailure::kBroken;
-    if (failure == DhdFailure::kNone && unit.unheard_since_ns != 0) failure = DhdFailure::kSilent;
+    if (failure == DhdFailure::kNone && unit.unheard_since_ns != 0) failure = DhdFailure::kCallFailed;
     sample.velocity_mm_s = Vector<Device>(kNoValue, kNoValue, kNoValue);
     if (library_->dhdGetLinearVelocity(&velocity_m_s[0], &velocity_m_s[1], &velocity_m_s[2], id) >= 0 &&
         velocity_m_s.allFinite())
@@ -341,7 +342,7 @@ class ForceDimensionDriver::Core {
   DhdFailure read_status(DhdUnit& unit) {
     const char id = unit.id.load();
     std::array<int, dhd::kStatusFields> status{};
-    if (library_->dhdGetStatus(status.data(), id) < 0) return DhdFailure::kSilent;
+    if (library_->dhdGetStatus(status.data(), id) < 0) return DhdFailure::kCallFailed;
     if (!status[dhd::kConnected]) return DhdFailure::kLost;
     unit.motors_on = status[dhd::kForce];
     // a cause set by the operator persists until forces are enabled, whatever the device reports meanwhile
@@ -353,7 +354,7 @@ class ForceDimensionDriver::Core {
     if (!status[dhd::kPower]) return DhdFailure::kNoPower;
     if (status[dhd::kError]) return DhdFailure::kError;
     if (!dhd::is_initialised(*library_, id))
-      return unit.model.by_hand ? DhdFailure::kByHand : DhdFailure::kNotInitialised;
+      return unit.model.by_hand ? DhdFailure::kNeedsManualInitialisation : DhdFailure::kNotInitialised;
     if (unit.off_since_ns != 0) {
       // the cause "software" comes from a halt after the device's own reason
       if (!unit.motors_on && why != dhd::kBySoftware) unit.off_why = error_of_cause(why);
@@ -383,7 +384,7 @@ class ForceDimensionDriver::Core {
 
   void fail(DhdUnit& unit, std::int64_t now_ns) {
     unit.sample.fault = true;
-    unit.failure.store(DhdFailure::kSilent);
+    unit.failure.store(DhdFailure::kCallFailed);
     if (unit.failing_since_ns == 0) unit.failing_since_ns = now_ns;
     if (now_ns - unit.failing_since_ns > to_ns(kAbandoned_s)) lose(unit);
   }
@@ -490,7 +491,7 @@ class ForceDimensionDriver::Core {
       }
       const auto id = static_cast<char>(opened);
       if (dhd::identity_of(*library_, id) != unit.identity) {
-        why = DhdFailure::kOther;
+        why = DhdFailure::kOtherDevice;
       } else if (!unit.model.by_hand && !dhd::is_initialised(*library_, id)) {
         // closed again meanwhile, so that the vendor's program can initialise it
         why = DhdFailure::kNotInitialised;

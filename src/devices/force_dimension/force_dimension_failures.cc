@@ -10,7 +10,7 @@ Words words_for(Failure failure) {
     case Failure::kInUse:
       return {"the device is connected but cannot be opened",
               "close the program that uses it; palpate doctor checks the permissions of this account"};
-    case Failure::kOther:
+    case Failure::kOtherDevice:
       return {"a different device is connected", "connect the device with which the session started"};
     case Failure::kNoPower:
       return {"the device has no power", "switch on its power supply"};
@@ -18,7 +18,7 @@ Words words_for(Failure failure) {
       return {"the arm is not initialised, so its position is unknown",
               "keep clear of it and initialise it with the vendor's program (HapticInit): the session then "
               "resumes by itself. Or end the session and restart it with --may-move"};
-    case Failure::kByHand:
+    case Failure::kNeedsManualInitialisation:
       return {"the position of the grip is not calibrated yet",
               "pull the grip all the way out and push it all the way in, until the lights turn"};
     case Failure::kError:
@@ -40,7 +40,7 @@ Words words_for(Failure failure) {
     case Failure::kForceOff:
       return {"the device has disabled its forces without giving a reason",
               "press its force button, or restart the session"};
-    case Failure::kSilent:
+    case Failure::kCallFailed:
       return {"the device does not answer", "check its USB cable"};
     case Failure::kNone:
       break;

@@ -10,21 +10,21 @@ namespace palpate::dhd {
 /// Reasons for the absence of force, the most serious first.
 enum class Failure : std::uint8_t {
   kNone,
-  kLost,   ///< Calls fail, and the device is searched for
-  kInUse,  ///< It is connected, but cannot be opened
-  kOther,  ///< Another device is in its place
+  kLost,         ///< Calls fail, and the device is searched for
+  kInUse,        ///< It is connected, but cannot be opened
+  kOtherDevice,  ///< Another device is in its place
   kNoPower,
-  kNotInitialised,  ///< Its arm's position is unknown
-  kByHand,          ///< It has to be moved through its workspace manually
-  kError,           ///< It reports an error
-  kBroken,          ///< Its pose is not finite
-  kButton,          ///< Forces were disabled at the device
-  kVelocity,        ///< It exceeded its speed limit
-  kWatchdog,        ///< Its watchdog expired
+  kNotInitialised,             ///< Its arm's position is unknown
+  kNeedsManualInitialisation,  ///< It has to be moved through its workspace manually
+  kError,                      ///< It reports an error
+  kBroken,                     ///< Its pose is not finite
+  kButton,                     ///< Forces were disabled at the device
+  kVelocity,                   ///< It exceeded its speed limit
+  kWatchdog,                   ///< Its watchdog expired
   kUsb,
-  kDeadman,   ///< Its dead man's switch is released
-  kForceOff,  ///< Forces are disabled for an unknown reason
-  kSilent,    ///< A call failed
+  kDeadman,     ///< Its dead man's switch is released
+  kForceOff,    ///< Forces are disabled for an unknown reason
+  kCallFailed,  ///< A call failed
 };
 
 /// Description of a failure for the user, and its remedy; empty texts for kNone.

@@ -152,7 +152,7 @@ class HaplyDriver::Core {
     for (int count = 0;; ++count) {
       const std::int64_t checked_ns = monotonic_ns();
       if (count == kMaxDrained || checked_ns > started_ns + kDraining_ns) {
-        pace_.doubt(checked_ns);
+        pace_.assume_queued(checked_ns);
         return true;
       }
       switch (connection_->receive(text_, checked_ns)) {

@@ -16,11 +16,11 @@ class SenderPace {
   void observe(int count, std::int64_t now_ns) {
     const bool stalled = now_ns - observed_ns_ > kStall_ns;
     observed_ns_ = now_ns;
-    if (stalled) return doubt(now_ns);
+    if (stalled) return assume_queued(now_ns);
     count_ += count;
     const double window_s = static_cast<double>(now_ns - started_ns_) * 1e-9;
     const bool explained = count_ <= kSurplus + kAbove * pace_hz_ * window_s;
-    if (!queued_ && !explained) return doubt(now_ns);
+    if (!queued_ && !explained) return assume_queued(now_ns);
     if (window_s < kWindow_s) return;
     const double hz = count_ / window_s;
     steady_windows_ = std::abs(hz - before_hz_) * window_s <= kSurplus + kSteady * before_hz_ * window_s
@@ -36,7 +36,7 @@ class SenderPace {
     count_ = 0;
   }
   /// States may be queued from now on.
-  void doubt(std::int64_t now_ns) {
+  void assume_queued(std::int64_t now_ns) {
     if (!queued_) steady_windows_ = 0;
     queued_ = true;
     observed_ns_ = started_ns_ = now_ns;

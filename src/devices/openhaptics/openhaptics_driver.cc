@@ -554,7 +554,7 @@ class OpenHapticsDriver::Core {
         if (unit.handle == hd::kBadHandle)
           note(HdFailure::kLost, d);
         else if (!all)
-          note(HdFailure::kOther, d);
+          note(HdFailure::kOtherDevice, d);
         if (all && !prepare(unit)) {
           all = false;
           note(HdFailure::kLost, d);

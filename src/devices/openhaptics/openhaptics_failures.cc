@@ -14,7 +14,7 @@ Words words_for(Failure failure) {
     case Failure::kStalled:
       return {"the scheduler of the library has stalled",
               "it is restarted. Is the machine overloaded? If this persists, restart the session"};
-    case Failure::kOther:
+    case Failure::kOtherDevice:
       return {"a different device is connected", "connect the device with which the session started"};
     case Failure::kBroken:
       return {"the device reports an invalid position", "switch it off and on again"};

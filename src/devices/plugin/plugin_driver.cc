@@ -111,7 +111,7 @@ void convert(const plp_driver_sample& from, std::int64_t taken_ns, DeviceSample&
   to.taken_ns = taken_ns - to_ns(std::clamp(from.age_s, 0.0, 1.0));
 }
 
-plp_driver_command plain(const DeviceCommand& command) {
+plp_driver_command command_of(const DeviceCommand& command) {
   plp_driver_command made{};
   made.size = sizeof made;
   for (int axis = 0; axis < 3; ++axis) {
@@ -391,7 +391,7 @@ class PluginDriver::Core {
     Request request;
     request.kind = Request::Kind::kWrite;
     request.halts_ended = halts_ended_.load();
-    for (std::size_t n = 0; n < commands.size(); ++n) request.commands[n] = plain(commands[n]);
+    for (std::size_t n = 0; n < commands.size(); ++n) request.commands[n] = command_of(commands[n]);
     ::send(socket_, &request, sizeof request, MSG_NOSIGNAL | MSG_DONTWAIT);
   }
 

@@ -6,7 +6,7 @@
 
 #include "palpate/base/force_method.h"
 #include "palpate/device/device.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/recording/recording.h"
 
 // The switches have no default, so that the compiler reports a new enumerator without a name.

@@ -23,6 +23,7 @@ struct LabelReader {
   VolumeFile volume;
 };
 
+/// Files of one kind, each with one structure or more, that make up a segmentation.
 struct StructureFiles {
   std::vector<std::filesystem::path> files;  ///< Ordered by name.
   std::vector<std::filesystem::path> roots;  ///< Files and folders that the process may open, including their
@@ -30,8 +31,9 @@ struct StructureFiles {
   std::vector<std::string> notes;            ///< About files that were left out.
   bool is_cut_off = false;                   ///< The folder contains more files than were examined.
 };
-/// @param named              such a file, or a folder, of which the files directly in it count, except hidden
-///                           ones
+/// Finds the files of a segmentation.
+/// @param named              a file of that kind, or a folder; of a folder, the files directly in it are
+///                           examined, except hidden ones
 /// @param is_structure_file  predicate: a regular file is of this kind
 /// @param kind               name of the kind: "surface"
 StructureFiles find_structure_files(
@@ -75,7 +77,7 @@ Result<LabelReader> open_sliced_files(
         inspect,
     const char* too_large);
 
-/// Starts a process that reads the files as one structure each.
+/// Starts a process that reads the files as structures, which may overlap.
 /// @param inspect    called in that process; it must call `should_continue` regularly and set `fraction` to
 ///                   the completed fraction of its work, 0 ... 1
 /// @param too_large  remedy if the data do not fit into memory

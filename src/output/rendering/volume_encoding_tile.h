@@ -31,8 +31,8 @@ struct VoxelAppearance {
 /// A box of voxels, with all data that determine their appearance.
 class VolumeEncoding::Tile {
  public:
-  /// @param changed  voxels whose appearance differs from the stored blocks
-  /// @param renormalised   voxels whose normals may differ; includes `changed`
+  /// @param changed       voxels whose appearance differs from the stored blocks
+  /// @param renormalised  voxels whose normals may differ; includes `changed`
   Tile(const VolumeEncoding& encoding, const Bricks<LabelId>& labels, const VoxelBox& box,
        const VoxelBox& changed, const VoxelBox& renormalised);
   static std::array<int, 3> margins(const VolumeEncoding& encoding) {
@@ -157,9 +157,9 @@ class VolumeEncoding::Tile {
       }
     }
   };
-  /// @param along       axis of the block
-  /// @param at          its first voxel
-  /// @param first, end  voxels whose normals may differ
+  /// @param along   axis of the block
+  /// @param at      its first voxel
+  /// @param first,  end  voxels whose normals may differ
   NormalWords normal_words(std::size_t along, const std::array<int, 3>& at, int first, int end) const;
   /// @param along  0: i fastest, 1: j fastest
   std::size_t normal_offset(std::size_t along, int i, int j, int k) const {

@@ -7,7 +7,7 @@
 #include "palpate/tissue/displayed_law.h"
 #include "report/html.h"
 #include "report/overlay.h"
-#include "report/parts.h"
+#include "report/page_sections.h"
 #include "report/strain_map.h"
 
 namespace palpate::report {
@@ -218,11 +218,11 @@ std::string panel(const Run& run, std::size_t index, const std::string& picture,
       return deformed.displacement_mm(at_rest);
     };
     sections.style.moved = moved;
-    sections.marks.tool = tool_parts(model, shown.peak, contact.device);
+    sections.marks.tool = overlay_parts(model, shown.peak, contact.device);
     // the contact point on the undeformed surface, displaced with the tissue
     const auto& contact_mm = shown.at_peak().contact_patient_mm;
     const Vector<Patient> dent = moved(Point<Patient>(contact_mm[0], contact_mm[1], contact_mm[2]));
-    for (ToolPart& part : sections.marks.tool) part.from += dent;
+    for (OverlayPart& part : sections.marks.tool) part.from += dent;
   }
   for (const View& view : kViews) html += section_figure(sections, view);
   return html + "</div>\n" + deformation_html(sections) + legend(run, contact.label, sections.seen) +

@@ -3,7 +3,7 @@
 #include "palpate/tissue/soft_tissue_solver.h"
 #include "report/html.h"
 #include "report/overlay.h"
-#include "report/parts.h"
+#include "report/page_sections.h"
 
 namespace palpate::report {
 namespace {

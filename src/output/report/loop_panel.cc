@@ -1,7 +1,7 @@
 #include <cmath>
 
 #include "report/html.h"
-#include "report/parts.h"
+#include "report/page_sections.h"
 
 namespace palpate::report {
 namespace {

@@ -9,7 +9,7 @@
 #include "palpate/tissue/displayed_law.h"
 #include "palpate/tissue/tissue_laws.h"
 #include "report/contacts.h"
-#include "report/parts.h"
+#include "report/page_sections.h"
 #include "report/removal_figures.h"
 #include "report/timed_ticks.h"
 #include "report/tool_marks.h"

@@ -109,7 +109,7 @@ std::string draw_contact(const SectionPlane& plane, const Point<Patient>& contac
 
 /// Intersection of a tool primitive with the plane: the convex hull of the circles in which the plane cuts
 /// spheres along the axis. The hull is exact because the primitive is convex.
-std::string draw_tool(const SectionPlane& plane, const ToolPart& part) {
+std::string draw_tool(const SectionPlane& plane, const OverlayPart& part) {
   constexpr int kSteps = 64, kAround = 96;
   const Vector<Patient> normal = plane.right.cross(plane.down);
   struct Cut {
@@ -217,14 +217,14 @@ Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int 
   return in_patient(model.X_WorldPatient, tick, Vector<World>(f[0], f[1], f[2]));
 }
 
-std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int device) {
+std::vector<OverlayPart> overlay_parts(const Model& model, const TickRecord& tick, int device) {
   const DeviceTick& device_tick = tick.device[device];
   const Tool& tool = model.tool_of(static_cast<std::size_t>(device));
   const Point<Patient> proxy(device_tick.proxy_patient_mm[0], device_tick.proxy_patient_mm[1],
                              device_tick.proxy_patient_mm[2]);
   const auto& w = device_tick.orientation_wxyz;
   const Eigen::Quaterniond rotation(w[0], w[1], w[2], w[3]);
-  std::vector<ToolPart> parts;
+  std::vector<OverlayPart> parts;
   if (!proxy.all_finite() || !rotation.coeffs().allFinite() || !(rotation.squaredNorm() > 0)) return parts;
   const auto turned = [&](const Eigen::Vector3d& of_tool) {
     return tool_in_patient(model.X_WorldPatient, tick, device_tick, of_tool);
@@ -253,7 +253,7 @@ std::string section_svg(const SectionPlane& plane, const SectionMarks& marks,
       if (section.touching == touching) svg += draw_path(plane, section);
     }
   }
-  for (const ToolPart& part : marks.tool) svg += draw_tool(plane, part);
+  for (const OverlayPart& part : marks.tool) svg += draw_tool(plane, part);
   svg += draw_force(plane, marks) + draw_contact(plane, marks.contact) + "</g>";
   svg += draw_scale_bar(plane);
   if (marks.oriented) svg += draw_letters(plane);

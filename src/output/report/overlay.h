@@ -44,7 +44,7 @@ class PathRecorder {
 Vector<Patient> patient_force_N(const Model& model, const TickRecord& tick, int device);
 
 /// A collision primitive of the tool: a sphere, or a capsule or cone with round ends.
-struct ToolPart {
+struct OverlayPart {
   Point<Patient> from;
   double radius_mm = 0;
   Vector<Patient> along_mm = {};  ///< Vector to the other end of the axis; 0: a sphere
@@ -52,7 +52,7 @@ struct ToolPart {
 };
 /// Tool primitives of a tick at the proxy, i.e. on the surface of the undeformed tissue. The row of a burr is
 /// one primitive.
-std::vector<ToolPart> tool_parts(const Model& model, const TickRecord& tick, int device);
+std::vector<OverlayPart> overlay_parts(const Model& model, const TickRecord& tick, int device);
 
 struct SectionMarks {
   Point<Patient> contact;
@@ -62,7 +62,7 @@ struct SectionMarks {
   std::vector<std::string> doubts;  ///< From markup::doubt_marks
   bool oriented = true;             ///< Whether the patient orientation of the volume is known
   std::vector<PathSection> paths;
-  std::vector<ToolPart> tool;  ///< Drawn as intersections with the plane
+  std::vector<OverlayPart> tool;  ///< Drawn as intersections with the plane
   /// Entry and target of a planned trajectory; both in the plane.
   std::optional<std::array<Point<Patient>, 2>> planned = {};
 };

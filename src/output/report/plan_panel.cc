@@ -4,7 +4,7 @@
 
 #include "palpate/rendering/rendering.h"
 #include "report/html.h"
-#include "report/parts.h"
+#include "report/page_sections.h"
 
 namespace palpate::report {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "palpate/report/report.h"
 #include "report/html.h"
-#include "report/parts.h"
+#include "report/page_sections.h"
 #include "report/test_example_run.h"
 
 namespace palpate::report {

@@ -67,7 +67,7 @@ double deepest_mm(const Surface& surface, const Sweep& sweep) {
 double depth_below_mm(const Surface& surface, const Point<Patient>& x) {
   constexpr double kMinReach_mm = 0.5;
   // closer to the limit of the distance field, a cell may have corners beyond it
-  const double reach_mm = surface.outside_mm() - surface.position().geometry().spacing_mm.norm();
+  const double reach_mm = surface.outside_mm() - surface.distance_field().geometry().spacing_mm.norm();
   const double depth_mm = -surface.distance_mm(x);
   if (depth_mm < reach_mm || reach_mm < kMinReach_mm) return depth_mm;
   // Where the distance is saturated, the surface is at least reach_mm away in every direction: each ray

@@ -3,7 +3,7 @@
 #include "palpate/base/file.h"
 #include "report/assets.h"
 #include "report/html.h"
-#include "report/parts.h"
+#include "report/page_sections.h"
 
 namespace palpate::report {
 namespace {

@@ -2,7 +2,7 @@
 
 #include "palpate/base/hash.h"
 #include "report/html.h"
-#include "report/parts.h"
+#include "report/page_sections.h"
 
 namespace palpate::report {
 namespace {

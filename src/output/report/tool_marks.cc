@@ -8,7 +8,7 @@ Point<Patient> proxy_position(const TickRecord& tick, int device) {
 }
 
 void add_tool(std::vector<VolumeMark>& marks, const Model& model, const TickRecord& tick, int device) {
-  for (const ToolPart& part : tool_parts(model, tick, device))
+  for (const OverlayPart& part : overlay_parts(model, tick, device))
     marks.push_back({part.from, part.from + part.along_mm, part.radius_mm,
                      part.radius_mm + part.radius_change_mm, kToolColour, 0});
 }

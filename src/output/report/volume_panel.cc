@@ -6,7 +6,7 @@
 #include "palpate/rendering/volume_picture.h"
 #include "report/html.h"
 #include "report/overlay.h"
-#include "report/parts.h"
+#include "report/page_sections.h"
 #include "report/tool_marks.h"
 
 namespace palpate::report {

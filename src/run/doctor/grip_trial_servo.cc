@@ -153,7 +153,7 @@ Eigen::Vector3d GripTrial::push(double time_s) {
 Eigen::Vector3d GripTrial::spring(const Eigen::Vector3d& tip_mm, double time_s) {
   const double within_s = time_s - spring_started_s_;
   if (within_s >= kSpring_s) {
-    judge();
+    evaluate_spring();
     if (ended_.load() != EndReason::kNone) return Eigen::Vector3d::Zero();
     spring_started_s_ = time_s;
     // follow the slow drift of the hand
@@ -173,7 +173,7 @@ Eigen::Vector3d GripTrial::spring(const Eigen::Vector3d& tip_mm, double time_s) 
   return requested;
 }
 
-void GripTrial::judge() {
+void GripTrial::evaluate_spring() {
   const double early = early_ > 0 ? std::sqrt(early_mm2_ / static_cast<double>(early_)) : 0;
   const double late = late_ > 0 ? std::sqrt(late_mm2_ / static_cast<double>(late_)) : 0;
   if (late_max_mm_ > threshold_mm_ && late > kPersistentRatio * early) {

@@ -76,7 +76,8 @@ class GripTrial final : public ServoFunction {
   Eigen::Vector3d force(const DeviceSample& sample, double time_s);
   Eigen::Vector3d push(double time_s);
   Eigen::Vector3d spring(const Eigen::Vector3d& tip_mm, double time_s);
-  void judge();
+  /// Decides whether the current spring is stable; sets the next stiffness, or ends the trial.
+  void evaluate_spring();
 
   const GripTrialSettings settings_;
   const TimeSource now_;

@@ -12,7 +12,7 @@
 #include "palpate/palpation/palpation.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/recorded_model.h"
-#include "palpate/servo/settings_tables.h"
+#include "palpate/servo/haptic_settings.h"
 #include "palpate/tissue/soft_tissue_solver.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 
 #include "loading/test_loading.h"
 #include "palpate/palpation/palpation.h"
-#include "palpate/servo/settings_tables.h"
+#include "palpate/servo/haptic_settings.h"
 
 namespace palpate {
 namespace {

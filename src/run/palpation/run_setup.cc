@@ -5,7 +5,7 @@
 #include "palpate/direct/force_field.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/palpation/run_setup.h"
-#include "palpate/servo/settings_tables.h"
+#include "palpate/servo/haptic_settings.h"
 #include "palpate/stability/limited_stiffness.h"
 #include "palpate/volume/simd_targets.h"
 #include "palpate_version.h"

@@ -105,7 +105,7 @@ std::string cover_of(const Model& model, LabelId structure) {
 // no-go region that repels the outline of the tool at a place; null: none
 const NoGoRegion* no_go_at(const Model& model, const Point<Patient>& tip) {
   if (model.no_go.empty()) return nullptr;
-  const ToolSphere outline{{}, tool_reach_mm(model.tool_of(0))};
+  const ToolPart outline{{}, tool_reach_mm(model.tool_of(0))};
   const NoGoForce push = no_go_force(model.no_go, model.distance_trees, {&outline, 1}, tip);
   return push.region < 0 ? nullptr : &model.no_go[static_cast<std::size_t>(push.region)];
 }

@@ -391,7 +391,7 @@ Result<ExploreResult> explore(const LoadedScene& loaded, const std::optional<Scr
   header.device = (*tip)->devices();
   header.devices = static_cast<int>((*loop)->devices().size());
   header.scheduler = (*loop)->scheduling().scheduler;
-  SessionStatistics statistics(model, (*tip)->requested());
+  SessionStatistics statistics(model, (*tip)->hold_requests());
   if (training) training->begin_session(header);
   const auto on_tick = [&statistics, &live, &training](const TickRecord& record,
                                                        std::span<const RecordingEvent> events) {

@@ -32,7 +32,7 @@ struct ScriptEdits {
 /// contact, because the force can be re-armed only without contact, and returns once the force is on.
 class HandThread {
  public:
-  /// @param log    log of the script's commands to the loop; outlives the hand
+  /// @param log     log of the script's commands to the loop; outlives the hand
   /// @param repeat  begin again when the script has ended
   HandThread(ScriptedHand hand, const WorkspaceSettings& workspace, SimulatedDriver& driver, ServoLoop& loop,
              EventLog& log, ScriptEdits edits, bool repeat);

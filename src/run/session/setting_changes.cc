@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/palpation/plain_vectors.h"
 #include "palpate/scene/named_values.h"
 
@@ -74,8 +74,8 @@ SettingsRequest changes_of(SettingsRequest request, const Parameters& now, Tissu
 
 bool could_increase_force(const SettingsRequest& request, const Parameters& now) {
   return request.law || (request.max_force_N && *request.max_force_N > now.max_force_N) ||
-         std::ranges::any_of(kSwitches,
-                             [&](const SwitchInfo& info) { return request.*info.change == info.restricted; });
+         std::ranges::any_of(
+             kSwitches, [&](const SwitchInfo& info) { return request.*info.change == info.riskier_value; });
 }
 
 std::string consent_text(const SettingsRequest& request, const Parameters& now) {

@@ -38,8 +38,8 @@ class TickBlocks {
   /// Last tick not after `at_s`, if its block has been read; the block is read with priority from now on.
   /// Until then, during playback, a tick of the nearest cached block between `from_s` and `at_s`: if reading
   /// is slower than playback the picture still advances.
-  /// @param direction     1: forwards, -1: backwards, 0: paused
-  /// @param from_s  position at which playback began
+  /// @param direction  1: forwards, -1: backwards, 0: paused
+  /// @param from_s     position at which playback began
   std::optional<TickRecord> tick_at(double at_s, int direction, double from_s);
   /// Tick in a row, if its block is cached.
   std::optional<TickRecord> stored_at(std::uint64_t row) const;

@@ -16,7 +16,7 @@ class ScriptSource final : public TipSource {
       : model_(setup.model),
         workspace_(setup.workspace),
         device_name_(setup.script.device),
-        requested_(hand.requested()),
+        hold_requests_(hand.requested()),
         planned_(std::move(hand)),
         driver_(resting_at(setup, planned_->start())),
         repeat_(repeat) {}
@@ -24,7 +24,7 @@ class ScriptSource final : public TipSource {
   DeviceDriver& driver() override { return driver_; }
   const char* name() const override { return "script"; }
   std::string devices() const override { return device_name_; }
-  std::vector<HoldRequest> requested() const override { return requested_; }
+  std::vector<HoldRequest> hold_requests() const override { return hold_requests_; }
   Result<void> begin(ServoLoop& loop, EventLog& log, ScriptEdits edits) override {
     hand_.emplace(*std::move(planned_), workspace_, driver_, loop, log, std::move(edits), repeat_);
     return hand_->begin();
@@ -49,7 +49,7 @@ class ScriptSource final : public TipSource {
   const std::shared_ptr<const Model> model_;
   const WorkspaceSettings workspace_;
   const std::string device_name_;
-  const std::vector<HoldRequest> requested_;
+  const std::vector<HoldRequest> hold_requests_;
   std::optional<ScriptedHand> planned_;
   SimulatedDriver driver_;
   const bool repeat_;
@@ -66,8 +66,8 @@ std::vector<HoldRequest> all_touched(const Model& model) {
 /// Tip led by a person, locally or remotely: it needs no start and is never done.
 class GuidedSource : public TipSource {
  public:
-  explicit GuidedSource(const RunSetup& setup) : requested_(all_touched(*setup.model)) {}
-  std::vector<HoldRequest> requested() const override { return requested_; }
+  explicit GuidedSource(const RunSetup& setup) : hold_requests_(all_touched(*setup.model)) {}
+  std::vector<HoldRequest> hold_requests() const override { return hold_requests_; }
   Result<void> begin(ServoLoop& /*loop*/, EventLog& /*log*/, ScriptEdits /*edits*/) override { return {}; }
   bool done() const override { return false; }
   double progress() const override { return 0; }
@@ -76,7 +76,7 @@ class GuidedSource : public TipSource {
   std::vector<TouchFigure> touches() const override { return {}; }
 
  private:
-  const std::vector<HoldRequest> requested_;
+  const std::vector<HoldRequest> hold_requests_;
 };
 
 /// Tip moved by messages: of a viewer (kPointer), or of a node (kRos2Hand).
@@ -136,7 +136,7 @@ class CombinedSources final : public TipSource {
     return all;
   }
   std::vector<TickingThread> followers() const override { return driver_.followers(); }
-  std::vector<HoldRequest> requested() const override { return sources_[0]->requested(); }
+  std::vector<HoldRequest> hold_requests() const override { return sources_[0]->hold_requests(); }
   PointerDriver* pointer() override {
     for (const auto& source : sources_)
       if (PointerDriver* pointer = source->pointer()) return pointer;

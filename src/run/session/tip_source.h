@@ -24,7 +24,7 @@ class TipSource {
   virtual std::vector<TickingThread> followers() const { return {}; }
 
   /// Structures whose holds are measured.
-  virtual std::vector<HoldRequest> requested() const = 0;
+  virtual std::vector<HoldRequest> hold_requests() const = 0;
   /// Driver of a viewer's pointer; null if there is none.
   virtual PointerDriver* pointer() { return nullptr; }
 
@@ -43,8 +43,8 @@ class TipSource {
 };
 
 /// Creates the devices of a session and opens those that are physical: a single source, or several combined.
-/// @param setup  receives each device's limits; conservative bounds among them are added to its problems
-/// @param warning   receives these bounds again, one per line
+/// @param setup    receives each device's limits; conservative bounds among them are added to its problems
+/// @param warning  receives these bounds again, one per line
 /// Errors: those of check_devices(), of ScriptedHand::create() and of opening a driver.
 Result<std::unique_ptr<TipSource>> tip_source_for(RunSetup& setup, const ExploreOptions& options,
                                                   const Progress& progress, std::string& warning);

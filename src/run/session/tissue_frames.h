@@ -36,7 +36,7 @@ class TissueFrames {
   /// Begins the next frame, or solves all of it. May throw std::bad_alloc.
   using Solve = std::function<void(SoftTissueSolver& solver, const Model& model, const TickRecord& tick)>;
 
-  /// @param model   returns the current model version; called by run_step()
+  /// @param model  returns the current model version; called by run_step()
   /// @param solve  replaced in tests only
   TissueFrames(ServoLoop& loop, EventLog& log, std::function<std::shared_ptr<const Model>()> model,
                Solve solve);

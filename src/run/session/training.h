@@ -23,7 +23,7 @@ namespace palpate {
 class Training {
  public:
   /// Looks the tasks up in the scene.
-  /// @param model  with its surfaces
+  /// @param model    with its surfaces
   /// @param devices  number of devices of the session: a task with a scope needs two
   /// Errors: those of resolve_task(), if the tasks have to fit; kInterrupted.
   static Result<std::unique_ptr<Training>> start(const TrainingOptions& options, const Model& model,

@@ -8,7 +8,7 @@ namespace palpate {
 
 /// Model data as published to viewers: volumes, structures, tissues, tools. Fields about devices and
 /// permitted changes keep their defaults.
-/// @param devices  number of devices of the session, at least one: each has its tool
+/// @param devices   number of devices of the session, at least one: each has its tool
 /// @param declared  modality that the scene declares; if unknown, it is inferred from the scan's values
 ViewedScene viewed_scene(const Model& model, std::size_t devices, Modality declared);
 

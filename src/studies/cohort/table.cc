@@ -6,7 +6,7 @@
 
 #include "palpate/base/printable.h"
 #include "palpate/cohort/cohort_table.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/scene/scene.h"
 
 namespace palpate {

@@ -16,7 +16,7 @@ Result<PresetComparison> compare_with_preset(const IndentationCurve& curve) {
     return error("there is no preset \"" + printable_name(curve.preset) + "\"",
                  "palpate scene presets lists them; name one in the column preset, or with --preset");
   if (!preset->values.elastic)
-    return error("the preset " + preset->name + " does not yield", "compare the curve with a soft tissue");
+    return error("the preset " + preset->name + " is rigid", "compare the curve with a soft tissue");
   const double limit_mm = indentation_limit_mm(curve.setup);
   const auto [low_kPa, high_kPa] = preset->range_kPa;
   const auto force_N = [&](double kPa, double depth_mm) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <optional>
 
@@ -11,6 +10,7 @@
 #include "palpate/loading/loading.h"
 #include "palpate/surfaces/surfaces.h"
 #include "verification/accuracy_random.h"
+#include "verification/figure_names.h"
 
 namespace palpate {
 namespace {
@@ -69,11 +69,11 @@ Result<std::vector<ContactSurface>> surfaces_of(const Volume<LabelId>& labels,
 class FrictionlessTip {
  public:
   FrictionlessTip(const std::vector<ContactSurface>& surfaces, double radius_mm)
-      : surfaces_(surfaces), sphere_{{}, radius_mm} {}
+      : surfaces_(surfaces), part_{{}, radius_mm} {}
 
   const ProxyResult& at(const Eigen::Vector3d& tip, double dt_s = 1e-3) {
-    result_ = advance_proxy(surfaces_, {&sphere_, 1}, Point<Patient>(tip), state_,
-                            {.friction = false, .dt_s = dt_s});
+    result_ =
+        advance_proxy(surfaces_, {&part_, 1}, Point<Patient>(tip), state_, {.friction = false, .dt_s = dt_s});
     return result_;
   }
   const ProxyResult& to(const Eigen::Vector3d& from, const Eigen::Vector3d& end) {
@@ -85,7 +85,7 @@ class FrictionlessTip {
 
  private:
   const std::vector<ContactSurface>& surfaces_;
-  const ToolSphere sphere_;
+  const ToolPart part_;
   ProxyState state_;
   ProxyResult result_;
 };
@@ -99,12 +99,6 @@ double p99_of(std::vector<double> values) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(0.99 * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
   return *at;
-}
-
-std::string number_of(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
 }
 
 // ---- terraces
@@ -200,7 +194,7 @@ Result<void> add_terraces(const LabelContactEffort& effort, const Progress& prog
         if (!plane) return plane.error();
         for (const double radius_mm : kRadii_mm) worst.add(terrace(*plane, radius_mm));
       }
-      const std::string suffix = "/" + std::string(grid.name) + "/" + number_of(tilt_deg) + "deg";
+      const std::string suffix = "/" + std::string(grid.name) + "/" + short_number(tilt_deg) + "deg";
       const TerraceLimits limits = limits_of(tilt_deg, grid);
       const std::string path = "contact/terraces/";
       found[0].push_back(
@@ -267,7 +261,7 @@ Result<void> add_seams(const Progress& progress, std::vector<Figure>& figures) {
 
 // ---- layers beneath
 
-struct Beneath {
+struct SoftLayer {
   const char* name;
   double soft_N_per_mm, thick_mm;
 };
@@ -275,8 +269,8 @@ struct Beneath {
 // presses into soft tissue on bone of 1.5 N/mm, from above, 5 mm into the bone
 Result<void> add_layers(const Progress& progress, std::vector<Figure>& figures) {
   constexpr double kBone_N_per_mm = 1.5, kIntoBone_mm = 5;
-  for (const Beneath& soft :
-       {Beneath{"fat-10mm", 0.036, 10}, Beneath{"meniscus-4mm", 0.25, 4}, Beneath{"cartilage-2mm", 0.9, 2}}) {
+  for (const SoftLayer& soft : {SoftLayer{"fat-10mm", 0.036, 10}, SoftLayer{"meniscus-4mm", 0.25, 4},
+                                SoftLayer{"cartilage-2mm", 0.9, 2}}) {
     if (progress.stopped()) return Progress::interrupted();
     double error_percent = 0, share_error_percent = 0;
     std::uint64_t n = 0;
@@ -337,7 +331,7 @@ Result<void> add_sheets(const LabelContactEffort& effort, const Progress& progre
       all.detected += one->detected;
       all.through += one->through;
     }
-    const std::string path = "contact/sheets/" + number_of(voxels) + "-voxel/";
+    const std::string path = "contact/sheets/" + short_number(voxels) + "-voxel/";
     const auto n = static_cast<std::uint64_t>(all.presses);
     figures.push_back({path + "through", static_cast<double>(all.through), "presses", n, 0});
     figures.push_back({path + "not-felt", static_cast<double>(all.presses - all.detected), "presses", n, 0});
@@ -407,10 +401,11 @@ Result<SuiteReport> run_label_contact(const Progress& progress) {
   if (!figures) return figures.error();
   SuiteReport report;
   report.figures = *std::move(figures);
-  report.notes = {{"felt",
-                   "by the proxy, from labels as a scene is prepared, without friction, at 20 mm/s; 1 "
-                   "N at 1 N/mm on planes and seams"},
-                  {"chance", "seed " + std::to_string(kLabelContactSeed)}};
+  report.notes = {
+      {"contact",
+       "proxy without friction, on surfaces prepared from labels as for a scene, at 20 mm/s; 1 N at "
+       "1 N/mm on planes and seams"},
+      {"random", "seed " + std::to_string(kLabelContactSeed)}};
   return report;
 }
 

@@ -97,7 +97,7 @@ class BurrHand {
     touchable_.original_surface = carved_.original();
     touchable_.clearance_error_mm = carved_.clearance_error_mm();
     rebase_burr({&touchable_, 1}, burr_, ToolPose(tip_), count, proxy_, burr_state_);
-    const ToolSphere head = burr_.head(burr_state_.inset_mm);
+    const ToolPart head = burr_.head(burr_state_.inset_mm);
     const SurfaceCorrespondence before{0, false};
     transfer_proxy({&touchable_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
     taken_.is_coupled = taken_.is_coupled && proxy_.coupled;

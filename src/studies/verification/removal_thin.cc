@@ -109,7 +109,9 @@ Result<std::shared_ptr<const Model>> thin_model(const ThinStructure& structure, 
 }
 
 struct Account {
-  double paid_mm3 = 0, lost_mm3 = 0;  ///< Volume by the motor's work and debt, and of the voxels removed
+  double paid_mm3 =
+      0;  ///< Volume whose cutting energy equals the motor's work, including its outstanding debt
+  double lost_mm3 = 0;  ///< Volume of the removed voxels
 };
 
 /// A hand of 100 g with a damping of 10 N s/m that presses with 2 N and is moved sideways.
@@ -189,7 +191,7 @@ class ThinBoneHand {
     settle_burr(carving->carved(0), state_);
     burr_.model = model_.get();
     rebase_burr(model_->surfaces, burr_, ToolPose(tip_), carving->sweeps(0), proxy_, state_);
-    const ToolSphere head = burr_.head(state_.inset_mm);
+    const ToolPart head = burr_.head(state_.inset_mm);
     const SurfaceCorrespondence before{0, false};
     transfer_proxy(model_->surfaces, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
   }
@@ -231,7 +233,8 @@ Result<std::vector<Figure>> thin_bone_figures(const ThinBoneOptions& options, co
             if (!options.all && (rate_hz != 1000 || along_mm_s == 0)) continue;
             if (rate_hz != 1000 && voxel_mm != 0.3) continue;
             const Account account = ThinBoneHand(*model, rate_hz, along_mm_s).run(options.cut_s);
-            // nothing removed is a burr that rests on the structure without cutting it
+            // if no voxel was removed, the burr rested on the structure without cutting it: counts as an
+            // error of 100 %
             const double off = account.lost_mm3 > 0 ? account.paid_mm3 / account.lost_mm3 - 1 : 1;
             error_percent = std::max(error_percent, 100 * std::abs(off));
             ++runs;

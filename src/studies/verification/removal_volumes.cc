@@ -225,7 +225,7 @@ class GuidedTip {
     touchable_.original_surface = carved_.original();
     touchable_.clearance_error_mm = carved_.clearance_error_mm();
     rebase_burr({&touchable_, 1}, burr_, ToolPose(tip_), count, proxy_, state_);
-    const ToolSphere head = burr_.head(state_.inset_mm);
+    const ToolPart head = burr_.head(state_.inset_mm);
     const SurfaceCorrespondence before{0, false};
     transfer_proxy({&touchable_, 1}, {&head, 1}, ToolPose(tip_), {&before, 1}, proxy_);
   }

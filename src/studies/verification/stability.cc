@@ -1,13 +1,13 @@
 #include "verification/stability.h"
 
 #include "palpate/stability/critical_stiffness.h"
+#include "verification/figure_names.h"
 #include "verification/stability_buzz.h"
 #include "verification/stability_contact.h"
 #include "verification/stability_dropout.h"
 #include "verification/stability_energy.h"
 #include "verification/stability_following.h"
 #include "verification/stability_grip.h"
-#include "verification/stability_names.h"
 #include "verification/stability_no_go.h"
 #include "verification/stability_theory.h"
 
@@ -136,7 +136,7 @@ Result<SuiteReport> run_stability(const Progress& progress) {
   report.notes = {
       {"hold", "1 N on a single wall, touched at 0, 0.1 and 0.5 m/s; the least of them"},
       {"limit cycle", "above two encoder steps in the 2nd second of the hold, and not dying down"},
-      {"chance", "seed " + std::to_string(Exploration{}.seed) + " of energy, seed " +
+      {"random", "seed " + std::to_string(Exploration{}.seed) + " of energy, seed " +
                      std::to_string(kContactSeed) + " of friction, drift and pop-through"}};
   return report;
 }

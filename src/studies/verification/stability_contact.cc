@@ -67,14 +67,14 @@ struct Plane {
     const double max_gradient = 1 + kSurfaceStep_mm * grid.spacing_mm.cwiseInverse().norm();
     contact.surface = std::make_shared<const Surface>(field, field, max_gradient);
     // half of all tools are points
-    sphere.radius_mm = std::max(0.0, random.between(-1.5, 1.5));
+    part.radius_mm = std::max(0.0, random.between(-1.5, 1.5));
   }
 
   /// Moves the tool; a negative height is below the surface.
   void lead(double height_mm, double along_mm, double across_mm = 0) {
-    const Point<Patient> tip = Point<Patient>() + up * (sphere.radius_mm + height_mm) + along * along_mm +
-                               up.cross(along) * across_mm;
-    force_N = advance_proxy({&contact, 1}, {&sphere, 1}, tip, state).force_N;
+    const Point<Patient> tip =
+        Point<Patient>() + up * (part.radius_mm + height_mm) + along * along_mm + up.cross(along) * across_mm;
+    force_N = advance_proxy({&contact, 1}, {&part, 1}, tip, state).force_N;
   }
   void press(double depth_mm) {
     for (double height_mm = 1; height_mm > -depth_mm; height_mm -= kLowered_mm) lead(height_mm, 0);
@@ -88,7 +88,7 @@ struct Plane {
 
   Vector<Patient> up, along;
   ContactSurface contact;
-  ToolSphere sphere;
+  ToolPart part;
   ProxyState state;
   Vector<Patient> force_N;
 };
@@ -268,7 +268,7 @@ struct Pressed {
 Pressed press(const ContactSurface& surface, const DistanceOracle& oracle, const Point<Patient>& target,
               AccuracyRandom& random) {
   constexpr double kBefore_mm = 0.5, kMaxMisaligned = 0.6, kFurther_mm = 6;
-  const ToolSphere tool{{}, std::max(0.0, random.between(-1, kWidest_mm))};
+  const ToolPart tool{{}, std::max(0.0, random.between(-1, kWidest_mm))};
   const auto clearance_mm = [&](const Point<Patient>& at) { return oracle.distance_mm(at) - tool.radius_mm; };
   const Vector<Patient> inward = random_direction(random);
   const Vector<Patient> lateral = inward.cross(random_direction(random)).normalized();
@@ -356,7 +356,7 @@ Result<std::vector<Figure>> pop_through_figures(const ContactEffort& effort, con
     surface.surface = std::make_shared<const Surface>((*prepared)[s].surface);
     surface.stiffness_N_per_mm = preset->values.stiffness_N_per_mm;
     surface.set_friction(preset->values.friction);
-    const DistanceOracle oracle(surface.surface->position());
+    const DistanceOracle oracle(surface.surface->distance_field());
     const auto targets = centres_of(labels, structures[s]);
     Pressed all;
     int missed = 0;

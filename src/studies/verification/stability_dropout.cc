@@ -7,7 +7,7 @@
 #include "palpate/device/workspace.h"
 #include "palpate/servo/servo.h"
 #include "palpate/stability/stability.h"
-#include "verification/stability_names.h"
+#include "verification/figure_names.h"
 #include "verification/stability_wall.h"
 
 namespace palpate {

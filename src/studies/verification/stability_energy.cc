@@ -14,7 +14,7 @@
 #include "palpate/stability/stability.h"
 #include "palpate/tissue/removal.h"
 #include "palpate/tissue/soft_tissue_solver.h"
-#include "verification/stability_names.h"
+#include "verification/figure_names.h"
 #include "verification/stability_wall.h"
 
 namespace palpate {

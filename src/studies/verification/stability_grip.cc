@@ -10,8 +10,8 @@
 #include "palpate/device/device_parameters.h"
 #include "palpate/servo/servo.h"
 #include "palpate/stability/stability.h"
+#include "verification/figure_names.h"
 #include "verification/stability_energy.h"
-#include "verification/stability_names.h"
 #include "verification/stability_wall.h"
 
 namespace palpate {

@@ -8,6 +8,7 @@
 #include "palpate/contact/model.h"
 #include "palpate/device/simulated_device.h"
 #include "palpate/verification/verification.h"
+#include "palpate/volume/label_map.h"
 
 namespace palpate {
 

@@ -5,7 +5,7 @@
 
 #include "palpate/device/simulated_device.h"
 #include "palpate/stability/critical_stiffness.h"
-#include "verification/stability_names.h"
+#include "verification/figure_names.h"
 
 namespace palpate {
 namespace {

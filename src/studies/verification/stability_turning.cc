@@ -116,13 +116,13 @@ class TurningHand {
   double clearance_mm(const Point<Patient>& at, const Eigen::Quaterniond& attitude) const {
     double min_mm = std::numeric_limits<double>::infinity();
     const RotatedTool tool = tool_at(attitude);
-    for (const ToolSphere& sphere : tool.spheres()) {
+    for (const ToolPart& part : tool.parts()) {
       // evaluates the outline of a shaft, not the row of spheres that represents it
-      const int count = static_cast<int>(sphere.axis_mm.norm() / kAlong_mm);
+      const int count = static_cast<int>(part.axis_mm.norm() / kAlong_mm);
       for (int index = 0; index <= count; ++index) {
-        const Vector<Patient> along_mm = sphere.axis_mm * (static_cast<double>(index) / std::max(1, count));
-        const double distance_mm = plate_.contact.surface->distance_mm(at + sphere.offset_mm + along_mm);
-        min_mm = std::min(min_mm, distance_mm - sphere.radius_mm);
+        const Vector<Patient> along_mm = part.axis_mm * (static_cast<double>(index) / std::max(1, count));
+        const double distance_mm = plate_.contact.surface->distance_mm(at + part.offset_mm + along_mm);
+        min_mm = std::min(min_mm, distance_mm - part.radius_mm);
       }
     }
     return min_mm;
@@ -136,7 +136,7 @@ class TurningHand {
     const bool known = state_.coupled;
     ProxyPath path;
     const ProxyResult result =
-        advance_proxy({&plate_.contact, 1}, tool_at(hand.attitude).spheres(), hand, state_, {}, &path);
+        advance_proxy({&plate_.contact, 1}, tool_at(hand.attitude).parts(), hand, state_, {}, &path);
     PALPATE_CHECK(path.count < path.vertices.size());
     if (!state_.coupled) return;
     turned_.detected = turned_.detected || result.force_N.norm() > kDetectedTurn_N;
@@ -162,7 +162,7 @@ class TurningHand {
   Eigen::Vector3d lever_, axis_;
   double begin_rad_ = 0, end_rad_ = 0, speed_rad_s_ = 0, tick_s_ = 0, jitter_ = 0;
   Point<Patient> tip_;
-  std::vector<ToolSphere> tool_;
+  std::vector<ToolPart> tool_;
   ProxyState state_;
   TurnedLever turned_;
 };

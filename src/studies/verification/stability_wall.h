@@ -5,6 +5,7 @@
 
 #include "palpate/base/progress.h"
 #include "palpate/contact/model.h"
+#include "palpate/volume/label_map.h"
 
 namespace palpate {
 

@@ -52,7 +52,7 @@ constexpr Suite kSuites[] = {
     {"removal", "what a burr takes out of bone: volume, work and steps at any rate and on any grid", removal},
     {"outside", "your measured indentation curves against presets and fits: verify outside CURVES.csv",
      run_outside},
-    {"tissue", "soft tissue that yields against analytic cases, and what a frame of it costs", tissue},
+    {"tissue", "deformable soft tissue compared with analytic solutions, and the cost of its frames", tissue},
 };
 
 const Suite* find_suite(const std::string& name) {

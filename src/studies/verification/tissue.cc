@@ -7,8 +7,8 @@
 #include <span>
 
 #include "palpate/stability/stability.h"
+#include "verification/figure_names.h"
 #include "verification/stability_energy.h"
-#include "verification/stability_names.h"
 #include "verification/tissue_cases.h"
 #include "verification/tissue_frame.h"
 #include "verification/tissue_removal.h"
@@ -143,13 +143,13 @@ Result<void> relaxation_figures(const Progress& progress, std::vector<Figure>& f
 
 // energy that simulated hands and devices gain
 Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& figures) {
-  struct At {
+  struct LoopCase {
     double rate_hz, delay_s;
   };
-  constexpr At kLoops[] = {{1000, 0},    {4000, 0},    {1000, 1e-3}, {1000, 3e-3},
-                           {1000, 2e-3}, {2000, 0},    {2000, 1e-3}, {2000, 2e-3},
-                           {2000, 3e-3}, {4000, 1e-3}, {4000, 2e-3}, {4000, 3e-3}};
-  struct Of {
+  constexpr LoopCase kLoops[] = {{1000, 0},    {4000, 0},    {1000, 1e-3}, {1000, 3e-3},
+                                 {1000, 2e-3}, {2000, 0},    {2000, 1e-3}, {2000, 2e-3},
+                                 {2000, 3e-3}, {4000, 1e-3}, {4000, 2e-3}, {4000, 3e-3}};
+  struct BallCase {
     double kPa;
     const char* name;
     Relaxation relaxation;
@@ -157,23 +157,23 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
     TissueLaw law = TissueLaw::kElastic;
   };
   // a neo-Hookean frame costs three times as much: only the softest ball, which deforms most, and one device
-  constexpr Of kBalls[] = {{10, "", {}, std::size(kLoops), 2, 4},
-                           {100, "", {}, 4, 2, 2},
-                           {1000, "", {}, 4, 2, 2},
-                           {100, "-that-relaxes", {{{{0.5, 0.3}, {}}}}, 1, 2, 2},
-                           {10, "-neo-hookean", {}, 4, 1, 2, TissueLaw::kNeoHookean}};
-  constexpr const char* kOn[] = {"premium-1.5", "touch"};
+  constexpr BallCase kBalls[] = {{10, "", {}, std::size(kLoops), 2, 4},
+                                 {100, "", {}, 4, 2, 2},
+                                 {1000, "", {}, 4, 2, 2},
+                                 {100, "-that-relaxes", {{{{0.5, 0.3}, {}}}}, 1, 2, 2},
+                                 {10, "-neo-hookean", {}, 4, 1, 2, TissueLaw::kNeoHookean}};
+  constexpr const char* kDevices[] = {"premium-1.5", "touch"};
   // the documented hands, and one with less damping
   const std::vector<PlantHand> hands{*find_plant_hand("light-grip"),
                                      *find_plant_hand("firm-grip"),
                                      *find_plant_hand("whole-arm"),
                                      {"loose-grip", 0.15, 0.3, 80}};
   constexpr double kTime_s = 6;
-  for (const Of& of : kBalls) {
-    const auto ball = soft_ball(of.kPa, of.law, progress, of.relaxation);
+  for (const BallCase& ball_case : kBalls) {
+    const auto ball = soft_ball(ball_case.kPa, ball_case.law, progress, ball_case.relaxation);
     if (!ball) return ball.error();
-    for (const At& loop : std::span(kLoops).first(of.loops))
-      for (const char* device : std::span(kOn).first(of.devices)) {
+    for (const LoopCase& loop : std::span(kLoops).first(ball_case.loops))
+      for (const char* device : std::span(kDevices).first(ball_case.devices)) {
         Exploration exploration{*find_plant_device(device), {}};
         const auto stiffness =
             recommended_stiffness_N_per_mm(exploration.device, loop.rate_hz, loop.delay_s, progress);
@@ -182,14 +182,14 @@ Result<void> energy_of_tissue(const Progress& progress, std::vector<Figure>& fig
         exploration.rate_hz = loop.rate_hz;
         exploration.delay_s = loop.delay_s;
         exploration.time_s = kTime_s;
-        for (const PlantHand& hand : std::span(hands).first(of.hands)) {
+        for (const PlantHand& hand : std::span(hands).first(ball_case.hands)) {
           if (progress.stopped()) return Progress::interrupted();
           exploration.hand = hand;
           const EnergyBalance energy = simulate_exploration(**ball, exploration);
           const double hidden_mJ = energy.largest_force_N * 2 * exploration.device.encoder_step_m * 1e3;
           char path[96];
-          std::snprintf(path, sizeof path, "tissue/energy/%.0f-kPa%s/%s/%s/", of.kPa, of.name, device,
-                        hand.name.c_str());
+          std::snprintf(path, sizeof path, "tissue/energy/%.0f-kPa%s/%s/%s/", ball_case.kPa, ball_case.name,
+                        device, hand.name.c_str());
           figures.push_back({path + loop_name(loop.rate_hz, loop.delay_s) + "/given-out", 0 - energy.min_mJ,
                              "mJ", static_cast<std::uint64_t>(std::lround(kTime_s * loop.rate_hz)),
                              loop.delay_s == 0 ? std::optional(hidden_mJ) : std::nullopt});
@@ -297,7 +297,7 @@ Result<SuiteReport> run_tissue(const Progress& progress) {
       {"cases", "docs/results/tissue.md; a sphere's contact has the radius of 1, 2 and 4 cells"},
       {"frame",
        "two iterations from the last solution while a sphere slides at 20 mm/s, 60 frames a second, "
-       "39 105 cells that yield; processor time of one thread"},
+       "39 105 deformable cells; processor time of one thread"},
       {"kernel", "K u for a cell, compared with a plain loop over the same number of bytes"}};
   return report;
 }

@@ -303,7 +303,7 @@ Eigen::MatrixXd ring_compliance(const ElasticGrid& grid, const std::vector<NodeR
   std::vector<PressurePatch> patches;
   for (const NodeRing& ring : rings) patches.emplace_back(grid, ring.nodes, Vector<Patient>(0, 0, 1));
   ElasticSolver solver(grid);
-  return contact_compliance(solver, patches, 1e-4);
+  return contact_compliance_mm_per_N(solver, patches, 1e-4);
 }
 
 }  // namespace

@@ -26,7 +26,7 @@ double pressing_N(const LocalCompliance& local) {
 double pressing_N(double compliance, double rho_mm, const PressurePatch& patch) {
   LocalCompliance local;
   local.compliance_mm_per_N = compliance;
-  local.modulus_N_per_mm2 = patch.contact_modulus();
+  local.modulus_N_per_mm2 = patch.contact_modulus_N_per_mm2();
   local.poissons_ratio = patch.poissons_ratio();
   local.patch_radius_mm = rho_mm;
   local.compute_surroundings();
@@ -80,12 +80,12 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
       update_s.push_back(followed - begin);
       frame_s.push_back(tissue_thread_seconds() - begin);
     }
-    const double w = patch.displacement(unit);
+    const double w = patch.displacement_mm(unit);
     const double force_N = pressing_N(w, rho_mm, patch);
 
     converged = unit;
     solver.solve(load, converged, kTruthIterations, kTruthTolerance);
-    result.lag_percent = std::max(result.lag_percent, deviation_percent(w, patch.displacement(converged)));
+    result.lag_percent = std::max(result.lag_percent, deviation_percent(w, patch.displacement_mm(converged)));
     // every few frames it is compared with cells that are cut all at once
     constexpr int kWhole = 8;
     if (frame % kWhole == kWhole - 1) {
@@ -97,7 +97,7 @@ CutTissue cut_frame_by_frame(const Model& model, int frames, const std::function
       fresh.zero_constrained(converged);
       fresh.solve(load, converged, kTruthIterations, kTruthTolerance);
       result.behind_percent =
-          std::max(result.behind_percent, deviation_percent(w, there.displacement(converged)));
+          std::max(result.behind_percent, deviation_percent(w, there.displacement_mm(converged)));
     }
     if (frame > 0)
       result.change_percent = std::max(result.change_percent, deviation_percent(force_N, last_N));

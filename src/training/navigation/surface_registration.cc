@@ -41,7 +41,7 @@ struct SurfaceProjection {
 };
 
 std::optional<SurfaceProjection> project_by_field(const Surface& surface, const Eigen::Vector3d& x) {
-  const FieldSample here = sample_central_differences(surface.position(), Point<Patient>(x));
+  const FieldSample here = sample_central_differences(surface.distance_field(), Point<Patient>(x));
   const double slope = here.gradient.norm();
   // beyond its reach the distance field is constant
   if (slope < 0.5) return {};
@@ -50,7 +50,7 @@ std::optional<SurfaceProjection> project_by_field(const Surface& surface, const 
 
 Cloud sample_surface(const Surface& surface) {
   Cloud cloud;
-  const Volume<float> values = surface.position().values();
+  const Volume<float> values = surface.distance_field().values();
   const GridGeometry& grid = values.geometry();
   const Transform<Patient, Voxel> X_PatientVoxel = grid.X_PatientVoxel();
   const double near_mm = 0.5 * X_PatientVoxel.linear().colwise().norm().maxCoeff();

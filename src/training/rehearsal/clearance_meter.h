@@ -10,9 +10,9 @@ namespace palpate {
 /// Measures the clearance between a tool's head and each structure.
 class ClearanceMeter {
  public:
-  /// @param distances  have to outlive this object
-  /// @param requested_mm   required clearance by label
-  /// @param intervals  number of intervals of the time series
+  /// @param distances     have to outlive this object
+  /// @param requested_mm  required clearance by label
+  /// @param intervals     number of intervals of the time series
   ClearanceMeter(const std::vector<StructureDistance>& distances,
                  const std::map<LabelId, double>& requested_mm, std::size_t intervals);
 

@@ -52,9 +52,9 @@ StructureDistance::StructureDistance(LabelId label, std::shared_ptr<const Surfac
     : label_(label), surface_(std::move(surface)) {
   // closer to the reach, a cell may have corners beyond it
   near_mm_ =
-      std::max(kMinNear_mm, surface_->outside_mm() - surface_->position().geometry().spacing_mm.norm());
+      std::max(kMinNear_mm, surface_->outside_mm() - surface_->distance_field().geometry().spacing_mm.norm());
   std::map<std::array<int, 3>, std::vector<Eigen::Vector3f>> cubes;
-  for (const Eigen::Vector3f& position : edge_cuts(surface_->position(), surface_->max_gradient())) {
+  for (const Eigen::Vector3f& position : edge_cuts(surface_->distance_field(), surface_->max_gradient())) {
     const Eigen::Array3f cube = (position.array() / static_cast<float>(kBlock_mm)).floor();
     cubes[{static_cast<int>(cube[0]), static_cast<int>(cube[1]), static_cast<int>(cube[2])}].push_back(
         position);

@@ -32,8 +32,8 @@ class LineFit {
 /// Measures the execution of one trajectory (TrajectoryResult).
 class TrajectoryMeter {
  public:
-  /// @param entry_structures     structures by LabelId; empty: the entry is a free point
-  /// @param distances  have to outlive this object
+  /// @param entry_structures  structures by LabelId; empty: the entry is a free point
+  /// @param distances         have to outlive this object
   TrajectoryMeter(const PlanTrajectory& planned, std::vector<bool> entry_structures,
                   const std::vector<StructureDistance>& distances);
 

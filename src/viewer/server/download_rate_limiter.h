@@ -26,7 +26,7 @@ class DownloadRateLimiter {
     Clock::time_point not_before;  ///< Earliest time of sending
   };
   /// Next part of a download whose previous part has been sent.
-  /// @param left_bytes  remaining bytes, at least one
+  /// @param left_bytes      remaining bytes, at least one
   /// @param is_only_viewer  whether there is at most one viewer, with no more downloads than it needs
   Chunk next(std::size_t left_bytes, bool is_only_viewer, Clock::time_point now);
 

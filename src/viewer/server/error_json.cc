@@ -6,7 +6,7 @@
 #include "palpate/base/contact_properties.h"
 #include "palpate/base/force_method.h"
 #include "palpate/base/printable.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 
 namespace palpate::server {
 namespace {

@@ -47,7 +47,7 @@ class Hub {
   /// A single viewer downloads scan and labels concurrently.
   static constexpr std::ptrdiff_t kDownloadsPerViewer = 2;
 
-  /// @param loop, host, site, volumes, pictures  outlive the hub
+  /// @param loop,     host, site, volumes, pictures  outlive the hub
   /// @param pictures  null: no pictures of the volume are rendered
   Hub(EventLoop& loop, ViewerHost& host, Site& site, PayloadStore& volumes, PictureStore* pictures,
       DownloadRateLimiter downloads, FaultLog log, std::function<void(int)> on_viewer_count);

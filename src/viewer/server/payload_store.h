@@ -61,9 +61,9 @@ class PayloadStore {
 };
 
 /// Returns the generator for the volumes of a scene.
-/// @param scan    may be null if it is never requested
-/// @param redacted  labels as learners see them; null if never requested
-/// @param wide_labels, wide_redacted  needs_wide_labels() of each
+/// @param scan          may be null if it is never requested
+/// @param redacted      labels as learners see them; null if never requested
+/// @param wide_labels,  wide_redacted  needs_wide_labels() of each
 PayloadStore::Generator volume_generator(std::shared_ptr<const Volume<float>> scan, const ScanScale& scale,
                                          std::shared_ptr<const Bricks<LabelId>> labels, bool wide_labels,
                                          std::shared_ptr<const Bricks<LabelId>> redacted = nullptr,

@@ -11,7 +11,7 @@
 
 #include "palpate/base/contact_properties.h"
 #include "palpate/base/file.h"
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 #include "palpate/server/tick_history.h"
 #include "palpate/server/viewer_host.h"
 #include "server/bundle_message.h"

@@ -49,7 +49,7 @@ std::string state_json(const ViewedState& state, const StateRecipient& recipient
 
 /// Rounded to 0.01 mm.
 std::string navigation_json(const ViewedNavigation& navigation);
-/// @param has_tasks   whether the scene has tasks
+/// @param has_tasks    whether the scene has tasks
 /// @param stores_runs  Site::stores_runs
 std::string welcome_json(const AuthenticatedViewer& who, bool has_tasks, bool stores_runs);
 /// @param first  index of the first of them, from 0

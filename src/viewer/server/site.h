@@ -55,7 +55,7 @@ VolumeFacts facts_of(const ViewedScene& scene, const ScanScale& scale);
 
 class Site {
  public:
-  /// @param host  outlives the site, as does its scene
+  /// @param host       outlives the site, as does its scene
   /// @param redaction  applies to learners during a quiz; outlives the site; null: none
   Site(ViewerHost& host, Access access, VolumeFacts facts, const Redaction* redaction = nullptr);
 

@@ -101,8 +101,8 @@ export class Frames {
         : this.leastFrame_ms;
       if (!slicer.isDone || now - this.drawn_ms < least_ms) {
         // requests to the volume's renderer do not depend on the sections
-        volume.ask(now);
-        scope.value?.ask(now);
+        volume.requestPicture(now);
+        scope.value?.requestPicture(now);
         return;
       }
       this.drawn_ms = now;

@@ -47,7 +47,7 @@ const EDGE_ON_MM = 12;
 
 /** Component of a dented surface's normal against the direction of the press. */
 const LEAST_FACING = 0.7;
-/** Maximum depth to which palpate presses (PointerDriver::kMaxPress_mm). */
+/** Maximum depth to which palpate presses (PointerDriver::kMaxDepth_mm). */
 const MAX_DENT_MM = 15;
 
 /** Distance in front of a surface from which the tip approaches it, and where a contact that was held back is freed. */

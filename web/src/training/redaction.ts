@@ -20,8 +20,8 @@ export interface Redacted {
 /** Fraction of votes from which a structure replaces a whole component, as in src/viewer/server/redacted_labels.cc. */
 const UNIFORM_SHARE = 0.75;
 
-/** Bounding box of the voxels with wanted values; null: none. */
-function boxOf(volumes: Volumes, isWanted: boolean[]): { lo: Vec3; size: Vec3 } | null {
+/** Bounding box of the voxels with concealed values; null: none. */
+function boxOf(volumes: Volumes, isConcealed: boolean[]): { lo: Vec3; size: Vec3 } | null {
   const {
     dims: [nx, ny, nz],
     structure,
@@ -31,7 +31,7 @@ function boxOf(volumes: Volumes, isWanted: boolean[]): { lo: Vec3; size: Vec3 } 
   for (let k = 0, n = 0; k < nz; k++)
     for (let j = 0; j < ny; j++)
       for (let i = 0; i < nx; i++, n++) {
-        if (!isWanted[structure[n]!]) continue;
+        if (!isConcealed[structure[n]!]) continue;
         [i, j, k].forEach((at, axis) => {
           lo[axis] = Math.min(lo[axis]!, at);
           hi[axis] = Math.max(hi[axis]!, at);
@@ -69,16 +69,16 @@ for (const k of [-1, 0, 1])
     for (const i of [-1, 0, 1]) if (k > 0 || (k === 0 && (j > 0 || (j === 0 && i > 0)))) DIRECTIONS.push([i, j, k]);
 
 /**
- * Replaces wanted voxels of a box, none of them in its outermost layer, by the rule of
- * src/viewer/server/redacted_labels.h: a straight line of wanted voxels between two voxels of the same structure is
+ * Replaces concealed voxels of a box, none of them in its outermost layer, by the rule of
+ * src/viewer/server/redacted_labels.h: a straight line of concealed voxels between two voxels of the same structure is
  * evidence that this structure continues through it; air (0) is not counted.
  */
-function fill(box: Uint8Array, size: Vec3, isWanted: boolean[]): void {
+function fill(box: Uint8Array, size: Vec3, isConcealed: boolean[]): void {
   const strides: Vec3 = [1, size[0], size[0] * size[1]];
   const stride = (d: Vec3) => d[0] * strides[0] + d[1] * strides[1] + d[2] * strides[2];
   const faces = strides.flatMap((by) => [by, -by]);
   const hidden = new Map<number, Votes>();
-  for (let at = 0; at < box.length; at++) if (isWanted[box[at]!]) hidden.set(at, new Votes());
+  for (let at = 0; at < box.length; at++) if (isConcealed[box[at]!]) hidden.set(at, new Votes());
 
   // visits each line once, from its first voxel
   for (const by of DIRECTIONS.map(stride))
@@ -140,11 +140,11 @@ function fill(box: Uint8Array, size: Vec3, isWanted: boolean[]): void {
 
 /** Replacement of all voxels of some labels by their surroundings; null: no such voxels. */
 export function redact(scene: Scene, volumes: Volumes, labels: number[]): Redacted | null {
-  const isWanted = Array.from(
+  const isConcealed = Array.from(
     { length: MAX_STRUCTURES + 1 },
     (_, value) => value > 0 && labels.includes(scene.structures[value - 1]?.label ?? -1),
   );
-  const box = boxOf(volumes, isWanted);
+  const box = boxOf(volumes, isConcealed);
   if (!box) return null;
   const { lo, size } = box;
   const {
@@ -166,13 +166,13 @@ export function redact(scene: Scene, volumes: Volumes, labels: number[]): Redact
       return from[i + 1 + wide[0] * (j + 1 + wide[1] * (k + 1))]!;
     });
   const before = inner(around);
-  fill(around, wide, isWanted);
+  fill(around, wide, isConcealed);
   const now = inner(around);
   const became = new Votes();
   before.forEach((value, n) => {
-    if (isWanted[value]) became.add(now[n]!, 1);
+    if (isConcealed[value]) became.add(now[n]!, 1);
   });
-  const values = isWanted.flatMap((is, value) => (is ? [value] : []));
+  const values = isConcealed.flatMap((is, value) => (is ? [value] : []));
   return { lo, size, before, now, values, as: became.winner() };
 }
 

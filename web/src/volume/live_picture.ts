@@ -58,9 +58,9 @@ export class LivePicture<Camera> {
       this.sharp = false;
     } else if (!this.sharp && now - renderer.moved_ms > STILL_AFTER_MS && !isDragging && !renderer.isGivingWay)
       this.isWanted = this.sharp = true; // the sharp picture, which follows the coarse one
-    this.ask();
+    this.requestPicture();
   }
-  private ask(): void {
+  private requestPicture(): void {
     if (
       !this.isWanted ||
       !this.shoot ||
@@ -92,7 +92,7 @@ export class LivePicture<Camera> {
       this.pendingQuality = "";
       if (!drawn) this.sharp = false;
       // requests the picture of motion meanwhile without waiting for the next frame
-      this.ask();
+      this.requestPicture();
     }
     if (!drawn) return;
     this.latest?.bitmap.close();

@@ -233,13 +233,13 @@ export class ScopeView {
   }
 
   draw(now: number): void {
-    if (this.ask(now)) this.drawOver();
+    if (this.requestPicture(now)) this.drawOver();
   }
   /**
    * Requests a picture if needed.
    * @returns whether the picture is visible
    */
-  ask(now: number): boolean {
+  requestPicture(now: number): boolean {
     const { session, picture } = this;
     const resized = picture.fit();
     const frame = picture.isShown && session.volumes.value && session.scene.value ? this.frame() : null;

@@ -216,13 +216,13 @@ export class VolumeView {
    * @param min_ms  minimum interval between drawings of the tool
    */
   draw(now: number, min_ms = 0): void {
-    if (this.ask(now) && (min_ms === 0 || now - this.overlayDrawn_ms > min_ms)) this.drawOver();
+    if (this.requestPicture(now) && (min_ms === 0 || now - this.overlayDrawn_ms > min_ms)) this.drawOver();
   }
   /**
    * Requests a picture if needed.
    * @returns whether the picture is visible
    */
-  ask(now: number): boolean {
+  requestPicture(now: number): boolean {
     const { session, picture, camera } = this;
     const resized = picture.fit();
     if (!picture.isShown || !session.volumes.value || !session.scene.value) return false;

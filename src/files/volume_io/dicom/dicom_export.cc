@@ -6,7 +6,7 @@
 
 #include "palpate/base/file.h"
 #include "volume_io/dicom/dicom.h"
-#include "volume_io/dicom/dicom_file.h"
+#include "volume_io/dicom/dicom_library.h"
 #include "volume_io/dicom/dicom_segment_names.h"
 #include "volume_io/dicom/dicom_segments.h"
 #include "volume_io/labels/label_text.h"

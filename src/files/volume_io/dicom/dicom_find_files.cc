@@ -190,7 +190,7 @@ Result<FoundFiles> find_files(const fs::path& named, const Progress& progress) {
 
 Result<DicomLibrary*> ready_dicom_library() {
   const ItkSection section;
-  auto library = load_dicom_files();
+  auto library = load_dicom_library();
   if (!library) return library.error();
   if (auto loaded = (*library)->load_dictionary(); !loaded) return loaded.error();
   return *library;

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "volume_io/dicom/dicom_file.h"
+#include "volume_io/dicom/dicom_library.h"
 #include "volume_io/dicom/dicom_segment_grid.h"
 #include "volume_io/dicom/dicom_segment_names.h"
 #include "volume_io/formats/file_kind.h"
@@ -22,9 +22,9 @@ void must(bool condition) {
 
 DicomLibrary& library() {
   static DicomLibrary& files = [&]() -> DicomLibrary& {
-    must(palpate_dicom_files()->load_dictionary().ok());
-    palpate_dicom_files()->begin_reading();
-    return *palpate_dicom_files();
+    must(palpate_dicom_library()->load_dictionary().ok());
+    palpate_dicom_library()->begin_reading();
+    return *palpate_dicom_library();
   }();
   return files;
 }

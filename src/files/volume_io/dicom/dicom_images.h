@@ -1,7 +1,7 @@
 #pragma once
 
 #include "volume_io/dicom/dicom_elements.h"
-#include "volume_io/dicom/dicom_file.h"
+#include "volume_io/dicom/dicom_library.h"
 
 /// Description of the images of a DICOM file: size, values, position and compression.
 namespace palpate::volume_io {

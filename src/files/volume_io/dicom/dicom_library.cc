@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "volume_io/dicom/dicom_file.h"
+#include "volume_io/dicom/dicom_library.h"
 
 namespace palpate::volume_io {
 namespace {
@@ -18,17 +18,17 @@ Result<DicomLibrary*> open_dicom_library() {
   };
   void* library = ::dlopen(kDicomLibrary, RTLD_NOW | RTLD_LOCAL);
   if (!library) return missing();
-  const auto files =
-      reinterpret_cast<decltype(&palpate_dicom_files)>(::dlsym(library, "palpate_dicom_files"));
-  if (!files) return missing();
-  return files();
+  const auto entry_point =
+      reinterpret_cast<decltype(&palpate_dicom_library)>(::dlsym(library, "palpate_dicom_library"));
+  if (!entry_point) return missing();
+  return entry_point();
 }
 
 }  // namespace
 
-Result<DicomLibrary*> load_dicom_files() {
-  static const Result<DicomLibrary*> files = open_dicom_library();
-  return files;
+Result<DicomLibrary*> load_dicom_library() {
+  static const Result<DicomLibrary*> library = open_dicom_library();
+  return library;
 }
 
 }  // namespace palpate::volume_io

@@ -10,7 +10,7 @@
 
 #include "palpate/reader/reader_process.h"
 #include "volume_io/dicom/dicom.h"
-#include "volume_io/dicom/dicom_file.h"
+#include "volume_io/dicom/dicom_library.h"
 #include "volume_io/dicom/dicom_volumes.h"
 #include "volume_io/formats/file_kind.h"
 #include "volume_io/volume_message.h"

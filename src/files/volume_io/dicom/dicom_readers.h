@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "volume_io/dicom/dicom_file.h"
+#include "volume_io/dicom/dicom_library.h"
 
 /// Readers of DICOM files behind DicomLibrary, one source each. They throw std::bad_alloc for a length in the
 /// file, which is untrusted; their errors are those of the members of DicomLibrary.

@@ -165,7 +165,7 @@ class Parser {
 
   Result<NrrdHeader> parse() {
     using Step = Result<void> (Parser::*)();
-    for (const Step step : {&Parser::parse_axes, &Parser::remove_layer_axis, &Parser::check_geometry,
+    for (const Step step : {&Parser::parse_axes, &Parser::remove_layer_axis, &Parser::parse_geometry,
                             &Parser::parse_value_type, &Parser::parse_offsets})
       if (auto done = (this->*step)(); !done) return done.error();
     header_.segment_fields = std::move(lines_.segment_fields);
@@ -224,7 +224,7 @@ class Parser {
     return {};
   }
 
-  Result<void> check_geometry() {
+  Result<void> parse_geometry() {
     if (const std::string* spacings = field("spacings")) {
       const auto parts = split_spaces(*spacings);
       if (parts.size() != header_.axes.size() + header_.has_layer_axis)
@@ -243,11 +243,11 @@ class Parser {
                          ", but only millimetres are supported",
                      "convert it to millimetres");
     }
-    return check_directions();
+    return parse_space_and_origin();
   }
 
   // dimension of the space that the header names; 0: it names none
-  Result<std::size_t> parse_space() {
+  Result<std::size_t> parse_space_dimension() {
     const std::string* name = field("space");
     const std::string* dimension = field("spacedimension");
     if (name != nullptr && dimension != nullptr) return bad("states both a space and a space dimension");
@@ -290,8 +290,8 @@ class Parser {
     return Eigen::Vector3d::Ones();
   }
 
-  Result<void> check_directions() {
-    const auto dimension = parse_space();
+  Result<void> parse_space_and_origin() {
+    const auto dimension = parse_space_dimension();
     if (!dimension) return dimension.error();
     const std::string* text = field("spacedirections");
     const std::string* origin = field("spaceorigin");

@@ -124,8 +124,8 @@ struct PlanePoint {
 PlanePoint intersect_edge(const Vec3& from, const Vec3& to, double z) {
   const bool upwards = from.z() < to.z();
   const Vec3 &low = upwards ? from : to, &high = upwards ? to : from;
-  const double part = (z - low.z()) / (high.z() - low.z());
-  return {low.x() + part * (high.x() - low.x()), low.y() + part * (high.y() - low.y())};
+  const double fraction = (z - low.z()) / (high.z() - low.z());
+  return {low.x() + fraction * (high.x() - low.x()), low.y() + fraction * (high.y() - low.y())};
 }
 
 // Changes of the winding number along the rows of a slice, each stored at the first voxel to which it
@@ -145,8 +145,8 @@ class WindingChanges {
     const double first = std::max(std::floor(low.y) + 1, 0.0),
                  last = std::min(std::floor(high.y), rows_ - 1.0);
     for (double row = first; row <= last; ++row) {
-      const double part = (row - low.y) / (high.y - low.y);
-      const double x = std::ceil(low.x + part * (high.x - low.x));
+      const double fraction = (row - low.y) / (high.y - low.y);
+      const double x = std::ceil(low.x + fraction * (high.x - low.x));
       if (x >= columns_) continue;
       const auto voxel = static_cast<std::size_t>(std::max(x, 0.0));
       changes_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + voxel] +=

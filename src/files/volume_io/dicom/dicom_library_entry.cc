@@ -1,4 +1,4 @@
-#include "volume_io/dicom/dicom_file.h"
+#include "volume_io/dicom/dicom_library.h"
 
 #include <dcmtk/config/osconfig.h>
 
@@ -82,7 +82,7 @@ class DcmtkFiles : public DicomLibrary {
 }  // namespace
 }  // namespace palpate::volume_io
 
-palpate::volume_io::DicomLibrary* palpate_dicom_files() {
+palpate::volume_io::DicomLibrary* palpate_dicom_library() {
   static palpate::volume_io::DcmtkFiles files;
   return &files;
 }

@@ -1,4 +1,4 @@
-#include "palpate/device/settings.h"
+#include "palpate/device/session_settings.h"
 
 namespace palpate {
 namespace {

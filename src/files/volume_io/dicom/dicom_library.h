@@ -19,8 +19,8 @@
 /// it in a reader process (dicom.h).
 ///
 /// DCMTK links libxml2 and ICU, which take longer to load than the program itself. The code that uses it
-/// (dicom_file.cc and the readers of dicom_readers.h) is therefore a library of its own, libpalpate_dicom.so,
-/// which is loaded when DICOM is first needed.
+/// (dicom_library_entry.cc and the readers of dicom_readers.h) is therefore a library of its own,
+/// libpalpate_dicom.so, which is loaded when DICOM is first needed.
 namespace palpate::volume_io {
 
 /// Images of one file. DicomFrame::series of its frames is 0.
@@ -87,9 +87,9 @@ class DicomLibrary {
 
 /// Loads the library once, by the search path of the dynamic linker. Errors: kUnavailable if the library or
 /// one of its dependencies is missing.
-Result<DicomLibrary*> load_dicom_files();
+Result<DicomLibrary*> load_dicom_library();
 
 }  // namespace palpate::volume_io
 
 /// Entry point of the library.
-extern "C" __attribute__((visibility("default"))) palpate::volume_io::DicomLibrary* palpate_dicom_files();
+extern "C" __attribute__((visibility("default"))) palpate::volume_io::DicomLibrary* palpate_dicom_library();

@@ -1,4 +1,4 @@
-#include "palpate/servo/settings_tables.h"
+#include "palpate/servo/haptic_settings.h"
 
 #include <gtest/gtest.h>
 

@@ -90,7 +90,7 @@ struct SwitchInfo {
   bool is_haptic;   ///< Whether a viewer needs the permission to change haptic properties
   bool is_blended;  ///< Whether a change is blended in; the state hash contains those switches
   /// State that may increase the force or release a restriction: consent to it is also needed after a stop.
-  bool restricted;
+  bool riskier_value;
 };
 
 /// All switches.
@@ -104,7 +104,7 @@ inline constexpr std::array<SwitchInfo, 6> kSwitches{
       .changed = kSettingFriction,
       .is_haptic = true,
       .is_blended = true,
-      .restricted = true},
+      .riskier_value = true},
      {.value = &Switches::viscosity,
       .change = &SwitchChanges::viscosity,
       .name = "viscosity",
@@ -114,7 +114,7 @@ inline constexpr std::array<SwitchInfo, 6> kSwitches{
       .changed = kSettingViscosity,
       .is_haptic = true,
       .is_blended = true,
-      .restricted = true},
+      .riskier_value = true},
      {.value = &Switches::passivity,
       .change = &SwitchChanges::passivity,
       .name = "passivity",
@@ -124,7 +124,7 @@ inline constexpr std::array<SwitchInfo, 6> kSwitches{
       .changed = kSettingPassivity,
       .is_haptic = true,
       .is_blended = true,
-      .restricted = false},
+      .riskier_value = false},
      {.value = &Switches::paused,
       .change = &SwitchChanges::paused,
       .name = "paused",
@@ -134,7 +134,7 @@ inline constexpr std::array<SwitchInfo, 6> kSwitches{
       .changed = kSettingPaused,
       .is_haptic = false,
       .is_blended = false,
-      .restricted = false},
+      .riskier_value = false},
      {.value = &Switches::motor,
       .change = &SwitchChanges::motor,
       .name = "motor",
@@ -144,7 +144,7 @@ inline constexpr std::array<SwitchInfo, 6> kSwitches{
       .changed = kSettingMotor,
       .is_haptic = false,
       .is_blended = false,
-      .restricted = true},
+      .riskier_value = true},
      {.value = &Switches::vibration,
       .change = &SwitchChanges::vibration,
       .name = "vibration",
@@ -154,7 +154,7 @@ inline constexpr std::array<SwitchInfo, 6> kSwitches{
       .changed = kSettingVibration,
       .is_haptic = true,
       .is_blended = true,
-      .restricted = true}}};
+      .riskier_value = true}}};
 
 /// Whether the table lists all switches, each with texts, and with bits of its own.
 constexpr bool lists_every_switch() {
