@@ -61,8 +61,7 @@ PatchOf<Steps> CarvedBlock::position() {
   const std::vector<char> original_band = dilate(original_, [](Steps value) { return value < 0; });
   const Surroundings all{nearby(original_, original_band), nearby(current_, surface_band_),
                          removed_material()};
-  constexpr int kLargest = 16;
-  fill_blocks(changing_, kLargest, all);
+  fill_blocks(changing_, 0, all);
   return {changing_.voxels(), std::move(position_)};
 }
 
@@ -161,8 +160,8 @@ NearSurfaceVoxels CarvedBlock::removed_material() const {
   return nearby(previous_, dilate(more, [](Steps changed) { return changed != 0; }));
 }
 
-std::optional<CarvedBlock::Surroundings> CarvedBlock::surroundings(const Surroundings& all,
-                                                                   const Box& block) const {
+bool CarvedBlock::select_surroundings(const Surroundings& all, const Box& block,
+                                      Surroundings& selected) const {
   int greatest = -1;
   bool was_inside = false;
   for_voxels(block, [&](int i, int j, int k) {
@@ -171,7 +170,7 @@ std::optional<CarvedBlock::Surroundings> CarvedBlock::surroundings(const Surroun
     was_inside = was_inside || value < 0;
     if (value < far_) greatest = std::max<int>(greatest, value);
   });
-  if (greatest < 0 && !was_inside) return std::nullopt;
+  if (greatest < 0 && !was_inside) return false;
   const Eigen::Array3d low = block.low().cast<double>() * grid_.spacing_mm.array();
   const Eigen::Array3d high = (block.high() - 1).cast<double>() * grid_.spacing_mm.array();
   const Eigen::Array3f middle = (0.5 * (low + high)).cast<float>();
@@ -179,19 +178,19 @@ std::optional<CarvedBlock::Surroundings> CarvedBlock::surroundings(const Surroun
   // Removed material was nearest only if its distance was no larger than the stored one, which is at most a
   // cell larger when found from voxels.
   const auto least = static_cast<float>(greatest * step_mm_ + grid_.spacing_mm.norm());
-  NearSurfaceVoxels removed = all.removed.near(middle, radius, least);
-  if (removed.size() == 0 && !was_inside) return std::nullopt;
+  selected.removed.select(all.removed, middle, radius, least);
+  if (selected.removed.size() == 0 && !was_inside) return false;
   const auto reach = static_cast<float>(reach_mm());
-  return Surroundings{all.original.near(middle, radius, reach), all.current.near(middle, radius, reach),
-                      std::move(removed)};
+  selected.original.select(all.original, middle, radius, reach);
+  selected.current.select(all.current, middle, radius, reach);
+  return true;
 }
 
-void CarvedBlock::fill_blocks(const Box& box, int edge, const Surroundings& around) {
-  constexpr int kSmallest = 2;
-  for_blocks(box, edge, [&](const Box& block) {
-    const std::optional<Surroundings> near = surroundings(around, block);
-    if (!near) return;
-    edge > kSmallest ? fill_blocks(block, edge / 2, *near) : fill(block, *near);
+void CarvedBlock::fill_blocks(const Box& box, std::size_t level, const Surroundings& around) {
+  for_blocks(box, kEdges[level], [&](const Box& block) {
+    Surroundings& selected = surroundings_[level];
+    if (!select_surroundings(around, block, selected)) return;
+    level + 1 < kEdges.size() ? fill_blocks(block, level + 1, selected) : fill(block, selected);
   });
 }
 

@@ -1,11 +1,11 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -59,42 +59,58 @@ inline std::vector<Steps> read(const Bricks<Steps>& bricks, const Box& box) {
 class NearSurfaceVoxels {
   // Eigen expression; bit-identical for any SIMD width, because roots and sums are rounded exactly.
   auto distances_mm(const Eigen::Array3f& at_mm) const {
-    return ((voxels_.col(0) - at_mm[0]).square() + (voxels_.col(1) - at_mm[1]).square() +
-            (voxels_.col(2) - at_mm[2]).square())
+    return ((voxels_.col(0).head(size_) - at_mm[0]).square() +
+            (voxels_.col(1).head(size_) - at_mm[1]).square() +
+            (voxels_.col(2).head(size_) - at_mm[2]).square())
                .sqrt() +
-           voxels_.col(3);
+           voxels_.col(3).head(size_);
   }
 
  public:
-  /// Least sum of a stored voxel's distance from `at_mm` and its own distance to the surface.
-  float distance_mm(const Eigen::Array3f& at_mm) const {
-    return size() == 0 ? std::numeric_limits<float>::infinity() : distances_mm(at_mm).minCoeff();
-  }
-  /// Subset that can contain the minimum for any point within `radius_mm` of `at_mm`, if the minimum is below
-  /// `max_mm` there.
-  NearSurfaceVoxels near(const Eigen::Array3f& at_mm, float radius_mm, float max_mm) const {
-    NearSurfaceVoxels nearest;
-    if (size() == 0) return nearest;
-    const Eigen::ArrayXf paths = distances_mm(at_mm);
-    // margin for rounding
-    const float largest = std::min(max_mm + radius_mm, paths.minCoeff() + 2 * radius_mm) + 1e-3f;
-    const Eigen::Index count = (paths <= largest).count();
-    nearest.voxels_.resize(count, 4);
-    for (Eigen::Index n = 0, to = 0; to < count; ++n)
-      if (paths[n] <= largest) nearest.voxels_.row(to++) = voxels_.row(n);
-    return nearest;
-  }
-  Eigen::Index size() const { return voxels_.rows(); }
-
+  NearSurfaceVoxels() = default;
   /// Allocates `count` entries for set().
-  explicit NearSurfaceVoxels(std::size_t count = 0) : voxels_(static_cast<Eigen::Index>(count), 4) {}
+  explicit NearSurfaceVoxels(std::size_t count)
+      : voxels_(static_cast<Eigen::Index>(count), 4), size_(static_cast<Eigen::Index>(count)) {}
   /// @param at_mm  position from the grid's first voxel, along its axes
   void set(std::size_t n, const Eigen::Array3f& at_mm, float distance_mm) {
     voxels_.row(static_cast<Eigen::Index>(n)) << at_mm[0], at_mm[1], at_mm[2], distance_mm;
   }
 
+  Eigen::Index size() const { return size_; }
+  /// Least sum of a stored voxel's distance from `at_mm` and its own distance to the surface.
+  float distance_mm(const Eigen::Array3f& at_mm) const {
+    return size_ == 0 ? std::numeric_limits<float>::infinity() : distances_mm(at_mm).minCoeff();
+  }
+  /// Replaces the voxels by those of `all` that can have the least sum for a point within `radius_mm` of
+  /// `at_mm`, if the sum is below `max_mm` there. Memory is kept from call to call.
+  void select(const NearSurfaceVoxels& all, const Eigen::Array3f& at_mm, float radius_mm, float max_mm) {
+    size_ = 0;
+    if (all.size_ == 0) return;
+    if (voxels_.rows() < all.size_) {
+      voxels_.resize(all.size_, 4);
+      paths_.resize(all.size_);
+    }
+    auto paths = paths_.head(all.size_);
+    paths = all.distances_mm(at_mm);
+    // margin for rounding
+    const float largest = std::min(max_mm + radius_mm, paths.minCoeff() + 2 * radius_mm) + 1e-3f;
+    std::array<float*, 4> to;
+    std::array<const float*, 4> from;
+    for (std::size_t column = 0; column < 4; ++column) {
+      to[column] = voxels_.col(static_cast<Eigen::Index>(column)).data();
+      from[column] = all.voxels_.col(static_cast<Eigen::Index>(column)).data();
+    }
+    // without branches: an entry that is not selected is overwritten by the next one
+    for (Eigen::Index n = 0; n < all.size_; ++n) {
+      for (std::size_t column = 0; column < 4; ++column) to[column][size_] = from[column][n];
+      size_ += paths_[n] <= largest ? 1 : 0;
+    }
+  }
+
  private:
-  Eigen::Array<float, Eigen::Dynamic, 4> voxels_;  // position and distance
+  Eigen::Array<float, Eigen::Dynamic, 4> voxels_;  // position and distance; the first size_ rows are in use
+  Eigen::ArrayXf paths_;                           // of select()
+  Eigen::Index size_ = 0;
 };
 
 template <class F>
@@ -153,12 +169,13 @@ class CarvedBlock {
   struct Surroundings {
     NearSurfaceVoxels original, current, removed;
   };
-  // empty if no distance in the block can have changed
-  std::optional<Surroundings> surroundings(const Surroundings& all, const Box& block) const;
+  // Selects the candidates for a block. False if no distance in the block can have changed.
+  bool select_surroundings(const Surroundings& all, const Box& block, Surroundings& selected) const;
 
-  // Fills a box by blocks of an edge length. Candidates are narrowed down for large blocks first, then for
-  // those of half the edge inside.
-  void fill_blocks(const Box& box, int edge, const Surroundings& around);
+  // Fills a box by blocks. Candidates are selected for large blocks first, then for those of half the edge
+  // inside.
+  // @param level  index into kEdges
+  void fill_blocks(const Box& box, std::size_t level, const Surroundings& around);
 
   void fill(const Box& block, const Surroundings& around);
   int in_steps(float mm) const {
@@ -167,6 +184,9 @@ class CarvedBlock {
 
   template <class F>
   static void for_blocks(const Box& box, int size, const F& run);
+
+  static constexpr std::array<int, 5> kEdges{32, 16, 8, 4, 2};
+
   GridGeometry grid_;
   Transform<Patient, Voxel> X_PatientVoxel_;
   double step_mm_;
@@ -177,6 +197,7 @@ class CarvedBlock {
   std::vector<Steps> original_, cut_, previous_, current_;
   std::vector<char> surface_band_;  // voxels that are inside now, or have a neighbour that is
   std::vector<Steps> position_;     // in the box that changes
+  std::array<Surroundings, kEdges.size()> surroundings_;  // of the current block of each level
 };
 
 }  // namespace palpate::internal
