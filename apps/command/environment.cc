@@ -1,5 +1,7 @@
 #include "environment.h"
 
+#include <malloc.h>
+
 #include <cstdlib>
 #include <initializer_list>
 
@@ -18,6 +20,14 @@ void sanitise_environment() {
            "GCONV_PATH", "LOCPATH", "NLSPATH",  // glibc's conversions
        })
     ::unsetenv(name);
+}
+
+void keep_freed_memory() {
+  // larger blocks, such as whole volumes, are returned when they are freed
+  constexpr int kMaxKeptBlock_bytes = 64 << 20;
+  constexpr int kMaxKept_bytes = 256 << 20;
+  ::mallopt(M_MMAP_THRESHOLD, kMaxKeptBlock_bytes);
+  ::mallopt(M_TRIM_THRESHOLD, kMaxKept_bytes);
 }
 
 }  // namespace palpate::app

@@ -10,6 +10,7 @@
 // verb
 int main(int argc, char** argv) {
   palpate::app::sanitise_environment();
+  palpate::app::keep_freed_memory();
   std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
   arguments.insert(arguments.begin(), "verify");
   const palpate::app::Program program{"", {palpate::app::add_verify}, {}, {}};

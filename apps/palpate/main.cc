@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   if (argc > 1 && std::string_view(argv[1]) == "serve-plugin")
     return palpate::serve_plugin({argv + 2, argv + argc});
   palpate::app::sanitise_environment();
+  palpate::app::keep_freed_memory();
   // disables core dumps, which would contain patient data
   ::prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
   const std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);

@@ -118,7 +118,7 @@ double temporary_bytes(const Body& body, const Eigen::Vector3d& spacing_mm, doub
 
 // Adds the program itself and the freed memory that malloc retains: measured.
 double with_heap(double bytes) {
-  constexpr double kProgram_bytes = 24 << 20, kMaxRetained_bytes = 150 << 20, kRetainedFraction = 0.8;
+  constexpr double kProgram_bytes = 30 << 20, kMaxRetained_bytes = 150 << 20, kRetainedFraction = 0.8;
   return bytes + kProgram_bytes + std::min(kMaxRetained_bytes, kRetainedFraction * bytes);
 }
 
