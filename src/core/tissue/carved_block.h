@@ -109,7 +109,7 @@ class NearSurfaceVoxels {
 
  private:
   Eigen::Array<float, Eigen::Dynamic, 4> voxels_;  // position and distance; the first size_ rows are in use
-  Eigen::ArrayXf paths_;                           // of select()
+  Eigen::ArrayXf paths_;                           // scratch memory of select()
   Eigen::Index size_ = 0;
 };
 
@@ -197,7 +197,7 @@ class CarvedBlock {
   std::vector<Steps> original_, cut_, previous_, current_;
   std::vector<char> surface_band_;  // voxels that are inside now, or have a neighbour that is
   std::vector<Steps> position_;     // in the box that changes
-  std::array<Surroundings, kEdges.size()> surroundings_;  // of the current block of each level
+  std::array<Surroundings, kEdges.size()> surroundings_;  // candidates for the current block of each level
 };
 
 }  // namespace palpate::internal
